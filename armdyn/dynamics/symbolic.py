@@ -1,0 +1,193 @@
+"""Pinocchio's dynamics as CasADi Functions."""
+
+import hashlib
+import struct
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+
+from armdyn.errors import BridgeError, SpecError
+from armdyn.models.robot import Robot
+
+_ROTATING = ("JointModelR", "JointModelRevolute")
+
+Value = Any
+"""A numpy array, list or number, or a casadi DM, SX or MX: what goes in is what comes out."""
+
+
+class Dynamics:
+    """Equations of motion D(q) a + C(q, v) v + g(q) = tau, from Pinocchio's own templated algorithms.
+
+    Every method takes numpy arrays, and returns one, or casadi DM, SX or MX, and returns that.
+    Joint coordinates throughout: q has one number per joint, also for continuous joints.
+
+    Attributes:
+        robot: what it was built from.
+        nv: number of joints.
+        payload_frame: the frame that carries the symbolic payload, or None.
+        functions: the casadi Functions by name.
+    """
+
+    def __init__(self, robot: Robot, payload_frame: str | None = None):
+        """Build, or take from the cache, the Functions of a robot.
+
+        Args:
+            robot: an arm.
+            payload_frame: with a frame's name every method takes one more argument, the ten dynamic
+                parameters (see `payload_parameters`) of a body fixed to that frame's joint.
+
+        Raises:
+            BridgeError: the installed casadi is not the one the bridge was built for.
+            SpecError: no such frame, or it does not move.
+        """
+        self.robot = robot
+        self.nv = robot.nv
+        self.payload_frame = payload_frame
+        joint = -1
+        if payload_frame is not None:
+            if not robot.model.existFrame(payload_frame):
+                raise SpecError(f"no frame {payload_frame!r} in {robot.source}")
+            joint = robot.model.frames[robot.model.getFrameId(payload_frame)].parentJoint - 1
+            if joint < 0:
+                raise SpecError(f"frame {payload_frame!r} of {robot.source} does not move")
+        self._tree = _tree(robot.model, joint)
+        self.functions = _functions(*self._tree)
+
+    def aba(self, q: Value, v: Value, tau: Value, *payload: Value) -> Any:
+        """Acceleration a [rad/s²], shape (nv,), of torque tau [N m]: the articulated-body algorithm."""
+        return self._call("aba", q, v, tau, *payload)
+
+    def rnea(self, q: Value, v: Value, a: Value, *payload: Value) -> Any:
+        """Torque tau [N m], shape (nv,), of acceleration a [rad/s²]: recursive Newton-Euler."""
+        return self._call("rnea", q, v, a, *payload)
+
+    def crba(self, q: Value, *payload: Value) -> Any:
+        """Joint-space inertia D(q) [kg m²], shape (nv, nv), both triangles filled."""
+        return self._call("crba", q, *payload)
+
+    def nle(self, q: Value, v: Value, *payload: Value) -> Any:
+        """Coriolis, centrifugal and gravity torque C(q, v) v + g(q) [N m], shape (nv,)."""
+        return self._call("nle", q, v, *payload)
+
+    def gravity(self, q: Value, *payload: Value) -> Any:
+        """Gravity torque g(q) [N m], shape (nv,): what holds the arm still."""
+        return self._call("gravity", q, *payload)
+
+    def kinetic_energy(self, q: Value, v: Value, *payload: Value) -> Any:
+        """½ vᵀ D(q) v [J], without the armature's share."""
+        return self._call("kinetic_energy", q, v, *payload)
+
+    def potential_energy(self, q: Value, *payload: Value) -> Any:
+        """Potential energy in gravity [J], zero with all mass at the world's origin."""
+        return self._call("potential_energy", q, *payload)
+
+    def frame_placement(self, q: Value, frame: str) -> tuple[Any, Any]:
+        """Rotation, shape (3, 3), and origin [m], shape (3,), of a frame in the world.
+
+        Raises:
+            SpecError: no such frame.
+        """
+        model = self.robot.model
+        if not model.existFrame(frame):
+            raise SpecError(f"no frame {frame!r} in {self.robot.source}")
+        fixed = model.frames[model.getFrameId(frame)]
+        rotation, origin = fixed.placement.rotation, fixed.placement.translation
+        j = fixed.parentJoint - 1
+        if j < 0:
+            return rotation.copy(), origin.copy()
+        extra = () if self.payload_frame is None else (np.zeros(10),)
+        all_joints = self._call("placements", q, *extra)
+        R, p = all_joints[:, 4 * j : 4 * j + 3], all_joints[:, 4 * j + 3]
+        return R @ rotation, R @ origin + p
+
+    def payload_parameters(self, inertia: pin.Inertia) -> np.ndarray:
+        """The ten numbers that the payload argument takes, shape (10,).
+
+        Args:
+            inertia: of the payload, in `payload_frame`.
+
+        Returns:
+            m [kg], m c [kg m], and Ixx, Ixy, Iyy, Ixz, Iyz, Izz [kg m²] about the joint's origin.
+        """
+        if self.payload_frame is None:
+            raise SpecError("these Dynamics have no symbolic payload; give payload_frame")
+        frame = self.robot.model.frames[self.robot.model.getFrameId(self.payload_frame)]
+        return np.array(frame.placement.act(inertia).toDynamicParameters())
+
+    def digest(self) -> str:
+        """A hash of everything that the Functions depend on."""
+        data = repr((self._tree, ca.CasadiMeta.version())).encode()
+        return hashlib.sha256(data).hexdigest()
+
+    def _call(self, name: str, *arguments: Value) -> Any:
+        function = self.functions[name]
+        if any(isinstance(x, ca.SX | ca.MX | ca.DM) for x in arguments):
+            return function(*arguments)
+        for x, expected in zip(arguments, function.name_in(), strict=True):
+            if np.size(x) != function.numel_in(expected):
+                raise SpecError(
+                    f"{name}: {expected} has {np.size(x)} numbers; expected {function.numel_in(expected)}"
+                )
+        out = np.array(function(*(np.asarray(x, dtype=float).ravel() for x in arguments)), dtype=float)
+        if name.endswith("energy"):
+            return float(out.item())
+        return out if name in ("crba", "placements") else out.reshape(-1)
+
+
+def _tree(model: pin.Model, payload_joint: int) -> tuple[Any, ...]:
+    """The bridge's arguments, hashable: see _bridge/tree.hpp."""
+    parent, prismatic, axis, placement, inertia = [], [], [], [], []
+    for i in range(1, model.njoints):
+        joint = model.joints[i]
+        parent.append(model.parents[i] - 1)
+        prismatic.append(not joint.shortname().startswith(_ROTATING))
+        axis += _axis(joint)
+        placement += [*model.jointPlacements[i].rotation.ravel(), *model.jointPlacements[i].translation]
+        inertia += list(model.inertias[i].toDynamicParameters())
+    numbers = [struct.pack(f"{len(x)}d", *x) for x in (axis, placement, inertia)]
+    armature, gravity = bytes(np.array(model.armature)), bytes(np.array(model.gravity.linear))
+    return tuple(parent), tuple(prismatic), *numbers, armature, gravity, payload_joint
+
+
+def _axis(joint: Any) -> list[float]:
+    name = joint.shortname()
+    if name.endswith(("X", "Y", "Z")):
+        return [float(name.endswith(letter)) for letter in "XYZ"]
+    return [float(x) for x in joint.extract().axis]
+
+
+@lru_cache(maxsize=64)
+def _functions(
+    parent: tuple[int, ...],
+    prismatic: tuple[bool, ...],
+    axis: bytes,
+    placement: bytes,
+    inertia: bytes,
+    armature: bytes,
+    gravity: bytes,
+    payload_joint: int,
+) -> dict[str, ca.Function]:
+    import _armdyn_bridge as bridge
+
+    built, here = bridge.casadi_version, ca.CasadiMeta.version()
+    if built.split(".")[:2] != here.split(".")[:2]:
+        raise BridgeError(
+            f"armdyn's bridge was built with casadi {built} but casadi {here} is installed; "
+            f"serialized Functions fit one minor version only: reinstall armdyn, or casadi~={built}"
+        )
+    numbers = {
+        name: np.frombuffer(data).tolist()
+        for name, data in (("axis", axis), ("placement", placement), ("inertia", inertia))
+    }
+    serialized = bridge.build(
+        parent=list(parent),
+        prismatic=list(prismatic),
+        **numbers,
+        armature=np.frombuffer(armature).tolist(),
+        gravity=np.frombuffer(gravity).tolist(),
+        payload_joint=payload_joint,
+    )
+    return {name: ca.Function.deserialize(text) for name, text in serialized.items()}

@@ -1,0 +1,66 @@
+"""What can be wrong with an input, as one family of exceptions that carry the facts.
+
+Bad input raises. A solve that does not converge is no bad input: it returns a `Solution` that says so.
+"""
+
+from collections.abc import Sequence
+
+
+class ArmdynError(Exception):
+    """Root of all errors that armdyn raises on purpose."""
+
+
+class SpecError(ArmdynError, ValueError):
+    """A length, mass, inertia or limit of an `ArmSpec` or `Payload` is not physical."""
+
+
+class UrdfError(ArmdynError, ValueError):
+    """A URDF cannot be read or is not physical.
+
+    Attributes:
+        source: the file, or what the text was called.
+        element: the link or joint at fault, if it is one.
+    """
+
+    def __init__(self, source: str, what: str, element: str | None = None):
+        self.source = source
+        self.element = element
+        super().__init__(f"{source}: {f'{element}: ' if element else ''}{what}")
+
+
+class UnsupportedJointError(UrdfError):
+    """A joint is neither revolute, continuous, prismatic nor fixed."""
+
+
+class UnknownRobotError(ArmdynError, KeyError):
+    """No robot of that name.
+
+    Attributes:
+        name: what was asked for.
+        known: the names that would have been right.
+    """
+
+    def __init__(self, name: str, known: Sequence[str]):
+        self.name = name
+        self.known = tuple(known)
+        super().__init__(f"no robot named {name!r}; known: {', '.join(known)}")
+
+    def __str__(self) -> str:
+        """The message itself: KeyError would print its repr."""
+        return str(self.args[0])
+
+
+class ProblemError(ArmdynError, ValueError):
+    """A motion problem is ill-posed: wrong length, not finite, outside the limits, start = goal."""
+
+
+class TrajectoryError(ArmdynError, ValueError):
+    """The arrays of a trajectory do not fit each other, or its file cannot be read."""
+
+
+class BridgeError(ArmdynError, RuntimeError):
+    """The compiled bridge does not fit the installed casadi."""
+
+
+class ArmdynWarning(UserWarning):
+    """A problem that can be solved but may not mean what its author thinks."""

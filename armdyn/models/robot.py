@@ -1,0 +1,327 @@
+"""A robot arm: Pinocchio's model and the limits of its joints."""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from armdyn.errors import SpecError, UnknownRobotError, UnsupportedJointError, UrdfError
+from armdyn.models.spec import ArmSpec, Payload
+from armdyn.models.urdf import POINT_INERTIA, TIP, urdf_from_spec
+from armdyn.models.urdf_check import parse_urdf, read_urdf
+
+Array = NDArray[np.float64]
+
+LIBRARY_LOCKS: dict[str, dict[str, float]] = {
+    "panda": {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0},
+}
+"""Joints of the library's robots that are no arm joints, and where `from_library` locks them by default."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointLimits:
+    """Limits of every joint, each of shape (nv,); infinite where there is none.
+
+    Attributes:
+        position_lower: [rad or m].
+        position_upper: [rad or m].
+        velocity: largest speed [rad/s or m/s].
+        effort_lower: [N m or N].
+        effort_upper: [N m or N].
+    """
+
+    position_lower: Array
+    position_upper: Array
+    velocity: Array
+    effort_lower: Array
+    effort_upper: Array
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            array = np.array(value, dtype=float)
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Robot:
+    """An arm of revolute, continuous and prismatic joints.
+
+    All of armdyn speaks of *joint coordinates*: one number per joint, an angle [rad] or a
+    displacement [m], also for continuous joints, which Pinocchio stores as cosine and sine.
+    `configuration` leads from one to the other.
+
+    Attributes:
+        name: from the URDF.
+        model: Pinocchio's model; locked joints are gone from it, the payload is in it.
+        limits: of every joint.
+        joint_names: the moving joints, in the order of every vector.
+        urdf: the text it was read from.
+        source: the file it came from, or what made it.
+        package_dirs: folders in which `package://` is looked up.
+        locked: joint name to the position it is locked at [rad or m].
+        payload: what it carries, None if nothing was added.
+        tip: the frame at the end of the arm.
+    """
+
+    name: str
+    model: pin.Model
+    limits: JointLimits
+    joint_names: tuple[str, ...]
+    urdf: str = field(repr=False)
+    source: str
+    package_dirs: tuple[str, ...] = ()
+    locked: Mapping[str, float] = field(default_factory=dict)
+    payload: Payload | None = None
+    tip: str = TIP
+
+    @property
+    def nv(self) -> int:
+        """Number of joints."""
+        return int(self.model.nv)
+
+    @classmethod
+    def from_spec(cls, spec: ArmSpec, payload: Payload | None = None) -> Self:
+        """A generated planar arm, its payload a link of its own at the tip."""
+        if payload is not None and payload.frame not in (None, TIP):
+            raise SpecError(f"a generated arm carries its payload at {TIP!r}, not {payload.frame!r}")
+        robot = cls._from_text(urdf_from_spec(spec, payload), source=f"ArmSpec {spec.name!r}")
+        return replace(robot, payload=payload)
+
+    @classmethod
+    def from_urdf(
+        cls,
+        path: str | os.PathLike[str],
+        payload: Payload | None = None,
+        lock: Mapping[str, float] | None = None,
+        effort_limit: ArrayLike | None = None,
+        velocity_limit: ArrayLike | None = None,
+        armature: ArrayLike | None = None,
+        package_dirs: Sequence[str | os.PathLike[str]] = (),
+    ) -> Self:
+        """An arm from a URDF file.
+
+        Args:
+            path: the file.
+            payload: fixed to `payload.frame`, by default the end of the longest chain.
+            lock: joints to fix, name to position [rad or m].
+            effort_limit: instead of the URDF's: one number, or one per joint [N m or N].
+            velocity_limit: instead of the URDF's: one number, or one per joint [rad/s or m/s].
+            armature: reflected rotor inertia: one number, or one per joint [kg m² or kg].
+            package_dirs: where `package://` meshes are; only looked at to draw.
+
+        Raises:
+            UrdfError: the file cannot be read or is not physical.
+            SpecError: a limit, a lock or the payload does not fit the robot.
+        """
+        path = Path(path)
+        text = read_urdf(path)
+        folders = (*map(str, package_dirs), str(path.parent))
+        robot = cls._from_text(text, source=str(path), lock=lock, package_dirs=folders)
+        return robot._with(payload, effort_limit, velocity_limit, armature)
+
+    @classmethod
+    def from_library(
+        cls,
+        name: str,
+        payload: Payload | None = None,
+        lock: Mapping[str, float] | None = None,
+        effort_limit: ArrayLike | None = None,
+        velocity_limit: ArrayLike | None = None,
+        armature: ArrayLike | None = None,
+    ) -> Self:
+        """An arm of example-robot-data, such as "panda", "ur5", "talos_arm", "z1".
+
+        Args:
+            name: the library's name for it.
+            payload: see `from_urdf`.
+            lock: see `from_urdf`; None locks what `LIBRARY_LOCKS` names (a hand's fingers).
+            effort_limit: see `from_urdf`.
+            velocity_limit: see `from_urdf`.
+            armature: see `from_urdf`.
+
+        Raises:
+            UnknownRobotError: the library has no such robot.
+            UrdfError: its URDF is no fixed-base arm.
+        """
+        path, shared = library_urdf(name)
+        if lock is None:
+            lock = LIBRARY_LOCKS.get(name, {})
+        return cls.from_urdf(path, payload, lock, effort_limit, velocity_limit, armature, (shared,))
+
+    @classmethod
+    def _from_text(
+        cls,
+        text: str,
+        source: str,
+        lock: Mapping[str, float] | None = None,
+        package_dirs: tuple[str, ...] = (),
+    ) -> Self:
+        parse_urdf(text, source)
+        try:
+            model = pin.buildModelFromXML(text)
+        except (RuntimeError, ValueError) as error:
+            raise UrdfError(source, f"Pinocchio cannot read it ({str(error).strip()})") from None
+        lock = dict(lock or {})
+        for name, value in lock.items():
+            if name not in list(model.names)[1:]:
+                raise SpecError(
+                    f"cannot lock {name!r}: {source} has joints {', '.join(list(model.names)[1:])}"
+                )
+            if not np.isfinite(value):
+                raise SpecError(f"cannot lock {name!r} at {value}")
+        if lock:
+            at = configuration(model, [lock.get(name, 0.0) for name in list(model.names)[1:]])
+            model = pin.buildReducedModel(model, [model.getJointId(name) for name in lock], at)
+        if model.nv == 0:
+            raise UrdfError(source, "has no moving joint")
+        for joint, name in zip(list(model.joints)[1:], list(model.names)[1:], strict=True):
+            if joint.nv != 1 or "Mimic" in joint.shortname() or "Helical" in joint.shortname():
+                raise UnsupportedJointError(
+                    source, f"{joint.shortname()} is not supported", f"joint {name!r}"
+                )
+        _check_inertia(model, source)
+        first = [joint.idx_q for joint in list(model.joints)[1:]]
+        continuous = np.array([joint.nq == 2 for joint in list(model.joints)[1:]])
+        limits = JointLimits(
+            position_lower=np.where(continuous, -np.inf, model.lowerPositionLimit[first]),
+            position_upper=np.where(continuous, np.inf, model.upperPositionLimit[first]),
+            velocity=_or_infinite(model.upperVelocityLimit),
+            effort_lower=-_or_infinite(model.upperEffortLimit),
+            effort_upper=_or_infinite(model.upperEffortLimit),
+        )
+        return cls(
+            name=str(model.name),
+            model=model,
+            limits=limits,
+            joint_names=tuple(list(model.names)[1:]),
+            urdf=text,
+            source=source,
+            package_dirs=package_dirs,
+            locked=lock,
+            tip=_tip(model),
+        )
+
+    def _with(
+        self,
+        payload: Payload | None,
+        effort_limit: ArrayLike | None,
+        velocity_limit: ArrayLike | None,
+        armature: ArrayLike | None,
+    ) -> Self:
+        """This robot with what its URDF does not say; the model is copied before it is changed."""
+        model = self.model.copy()
+        limits = self.limits
+        if effort_limit is not None:
+            effort = self.per_joint(effort_limit, "effort_limit")
+            limits = replace(limits, effort_lower=-effort, effort_upper=effort)
+        if velocity_limit is not None:
+            limits = replace(limits, velocity=self.per_joint(velocity_limit, "velocity_limit"))
+        if armature is not None:
+            model.armature = self.per_joint(armature, "armature")
+        if payload is not None and payload.mass > 0:
+            frame_name = payload.frame or self.tip
+            if not model.existFrame(frame_name):
+                raise SpecError(f"no frame {frame_name!r} for the payload in {self.source}")
+            frame = model.frames[model.getFrameId(frame_name)]
+            if frame.parentJoint == 0:
+                raise SpecError(
+                    f"frame {frame_name!r} of {self.source} does not move: no payload can be there"
+                )
+            model.appendBodyToJoint(frame.parentJoint, payload_inertia(payload), frame.placement)
+        return replace(self, model=model, limits=limits, payload=payload)
+
+    def per_joint(self, value: ArrayLike, what: str) -> Array:
+        """One number, or one per joint, as an array of shape (nv,).
+
+        Raises:
+            SpecError: wrong length, NaN, or negative.
+        """
+        array = np.asarray(value, dtype=float)
+        if array.shape not in ((), (self.nv,)):
+            raise SpecError(
+                f"{what} has shape {array.shape}; expected one number or {self.nv}, one per joint"
+            )
+        array = np.broadcast_to(array, (self.nv,)).copy()
+        for name, number in zip(self.joint_names, array, strict=True):
+            if not number >= 0:
+                raise SpecError(f"{what} of joint {name!r} is {number}; it must not be negative")
+        return array
+
+    def configuration(self, q: ArrayLike) -> Array:
+        """Pinocchio's configuration vector, shape (model.nq,), of joint coordinates q, shape (nv,)."""
+        return configuration(self.model, q)
+
+
+def configuration(model: pin.Model, q: ArrayLike) -> Array:
+    """Pinocchio's configuration of joint coordinates: (cos, sin) for a continuous joint."""
+    q = np.asarray(q, dtype=float)
+    if model.nq == model.nv:
+        return q
+    full = np.empty(model.nq)
+    for joint, angle in zip(list(model.joints)[1:], q, strict=True):
+        full[joint.idx_q : joint.idx_q + joint.nq] = (
+            angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
+        )
+    return full
+
+
+def payload_inertia(payload: Payload) -> pin.Inertia:
+    """Pinocchio's inertia of a payload, in the frame that it is fixed to."""
+    moments = np.maximum(payload.inertia, POINT_INERTIA)
+    return pin.Inertia(payload.mass, np.array(payload.offset), np.diag(moments))
+
+
+def library_urdf(name: str) -> tuple[Path, str]:
+    """A library robot's URDF file, and the folder in which its `package://` is.
+
+    Raises:
+        UnknownRobotError: the library has no such robot.
+        UrdfError: the robot is not described by a URDF.
+    """
+    from example_robot_data.robots_loader import ROBOTS, getModelPath
+
+    if name not in ROBOTS:
+        raise UnknownRobotError(name, sorted(ROBOTS))
+    loader = ROBOTS[name]
+    if not loader.urdf_filename:
+        raise UrdfError(name, "the library describes it by an SDF, not a URDF")
+    inside = Path(loader.path, loader.urdf_subpath, loader.urdf_filename)
+    root = Path(loader.model_path or getModelPath(str(inside)))
+    return Path(os.path.normpath(root / inside)), os.path.normpath(root.parent.parent)
+
+
+def _or_infinite(limit: Array) -> Array:
+    """Pinocchio writes a missing limit as the largest double or as infinity."""
+    return np.where(np.asarray(limit) >= np.finfo(float).max, np.inf, limit)
+
+
+def _tip(model: pin.Model) -> str:
+    """The frame at the end of the arm: the link furthest from the base, in joints and then in frames."""
+    if model.existFrame(TIP):
+        return TIP
+
+    def depth(frame: pin.Frame) -> int:
+        steps = 0
+        while frame.parentFrame:
+            frame, steps = model.frames[frame.parentFrame], steps + 1
+        return steps
+
+    bodies = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
+    last = max(bodies, key=lambda frame: (len(model.supports[frame.parentJoint]), depth(frame)))
+    return str(last.name)
+
+
+def _check_inertia(model: pin.Model, source: str) -> None:
+    """Every joint must move some mass, or no torque gives a finite acceleration."""
+    inertia = pin.crba(model, model.createData(), pin.neutral(model))
+    for name, own in zip(list(model.names)[1:], np.diag(inertia), strict=True):
+        if not own > 0:
+            raise UrdfError(
+                source, f"moves no inertia ({own} kg m²); give its link a mass", f"joint {name!r}"
+            )

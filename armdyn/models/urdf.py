@@ -1,0 +1,123 @@
+"""From an `ArmSpec` to a URDF, written by yourdfpy."""
+
+import re
+
+import numpy as np
+
+from armdyn.models.spec import ArmSpec, Payload
+
+TIP = "tip"
+POINT_INERTIA = 1e-12
+"""Stands for zero in a point mass's tensor [kg m²]: positive definite, and far below what shows in a duration."""
+
+_ROD_RADIUS = 0.012
+_JOINT_RADIUS = 0.019
+_DENSITY = 2700.0  # [kg/m³], aluminium: how large a payload looks
+_COLORS = {
+    "base": (0.20, 0.22, 0.25, 1.0),
+    "joint": (0.20, 0.22, 0.25, 1.0),
+    "link1": (0.16, 0.44, 0.72, 1.0),
+    "link2": (0.93, 0.54, 0.14, 1.0),
+    "link3": (0.20, 0.62, 0.36, 1.0),
+    "payload": (0.80, 0.15, 0.18, 1.0),
+}
+
+
+def _pose(x: float = 0.0, z: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> np.ndarray:
+    pose = np.eye(4)
+    c, s = np.cos(pitch), np.sin(pitch)
+    pose[:3, :3] = [[c, 0, s], [0, 1, 0], [-s, 0, c]]
+    if roll:
+        c, s = np.cos(roll), np.sin(roll)
+        pose[:3, :3] = pose[:3, :3] @ [[1, 0, 0], [0, c, -s], [0, s, c]]
+    pose[:3, 3] = x, 0.0, z
+    return np.round(pose, 12) + 0.0  # no 6e-17 and no -0.0 in the file
+
+
+def urdf_from_spec(spec: ArmSpec, payload: Payload | None = None) -> str:
+    """A URDF of a planar arm in the world's x-z plane, its payload on a fixed joint at the tip.
+
+    The same input gives the same bytes.
+
+    Args:
+        spec: the arm.
+        payload: at the tip; None or zero mass: none.
+
+    Returns:
+        The URDF's text.
+    """
+    import yourdfpy as yp  # slow to import (trimesh), and only whoever writes a URDF needs it
+    from lxml import etree
+
+    def material(name: str) -> yp.Material:
+        rgba = _COLORS.get(name, _COLORS["link1"])
+        return yp.Material(name=name, color=yp.Color(rgba=np.array(rgba)))
+
+    def visual(name: str, origin: np.ndarray, color: str, **shape: object) -> yp.Visual:
+        return yp.Visual(name=name, origin=origin, geometry=yp.Geometry(**shape), material=material(color))
+
+    robot = yp.Robot(name=spec.name)
+    base = yp.Link(name="base")
+    base.visuals = [
+        visual("foot", _pose(z=-0.035), "base", cylinder=yp.Cylinder(radius=0.045, length=0.03)),
+        visual("post", _pose(z=-0.01), "base", box=yp.Box(size=np.array([0.03, 0.05, 0.04]))),
+    ]
+    robot.links = [base]
+    robot.joints = []
+    parent, reach = base, 0.0
+    for i, link in enumerate(spec.links, start=1):
+        # A rod about its own axis; across it the given inertia, in both directions.
+        axial = min(0.5 * link.mass * _ROD_RADIUS**2, link.inertia)
+        body = yp.Link(
+            name=f"link{i}",
+            inertial=yp.Inertial(
+                origin=_pose(x=link.com), mass=link.mass, inertia=np.diag([axial, link.inertia, link.inertia])
+            ),
+        )
+        rod = yp.Cylinder(radius=_ROD_RADIUS, length=link.length)
+        hub = yp.Cylinder(radius=_JOINT_RADIUS, length=0.042)
+        body.visuals = [
+            visual("rod", _pose(x=link.length / 2, pitch=np.pi / 2), f"link{i}", cylinder=rod),
+            visual("hub", _pose(roll=np.pi / 2), "joint", cylinder=hub),
+        ]
+        robot.links.append(body)
+        robot.joints.append(
+            yp.Joint(
+                name=f"joint{i}",
+                type="revolute",
+                parent=parent.name,
+                child=body.name,
+                origin=_pose(x=reach),
+                axis=np.array([0.0, -1.0, 0.0]),  # positive turns up
+                limit=yp.Limit(
+                    effort=spec.effort_limit,
+                    velocity=spec.velocity_limit,
+                    lower=-spec.position_limit,
+                    upper=spec.position_limit,
+                ),
+            )
+        )
+        parent, reach = body, link.length
+
+    def attach(link: yp.Link, to: str, origin: np.ndarray) -> None:
+        robot.links.append(link)
+        robot.joints.append(
+            yp.Joint(name=f"{link.name}_joint", type="fixed", parent=to, child=link.name, origin=origin)
+        )
+
+    attach(yp.Link(name=TIP), parent.name, _pose(x=reach))
+    if payload is not None and payload.mass > 0:
+        place = np.eye(4)
+        place[:3, 3] = payload.offset
+        inertia = np.diag([max(i, POINT_INERTIA) for i in payload.inertia])
+        load = yp.Link(
+            name="payload", inertial=yp.Inertial(origin=np.eye(4), mass=payload.mass, inertia=inertia)
+        )
+        radius = float(np.cbrt(payload.mass / _DENSITY * 3 / (4 * np.pi)))
+        load.visuals = [
+            visual("ball", np.eye(4), "payload", sphere=yp.Sphere(radius=round(max(radius, 0.016), 4)))
+        ]
+        attach(load, TIP, place)
+    tree = yp.URDF(robot=robot, build_scene_graph=False, load_meshes=False).write_xml()
+    text = etree.tostring(tree, pretty_print=True, encoding="unicode")
+    return re.sub(r'(?<=[" ])-0\.0(?=[" ])', "0.0", text)
