@@ -1,13 +1,23 @@
 """Time-optimal and closed-loop motion of robot arms, from a URDF."""
 
+from armdyn.control import PAPER_GAINS, PidGains, PidRun, closed_loop_eigenvalues, simulate_pid
 from armdyn.dynamics import Dynamics
 from armdyn.errors import ArmdynError, ArmdynWarning
 from armdyn.models import PAPER_PAYLOADS, ArmSpec, JointLimits, LinkSpec, Payload, Robot, urdf_from_spec
+from armdyn.optimal import (
+    MinimumTimeOptions,
+    MinimumTimeProblem,
+    Solution,
+    Status,
+    replay_torques,
+    solve_minimum_time,
+)
 from armdyn.trajectory import Sample, Trajectory
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "PAPER_GAINS",
     "PAPER_PAYLOADS",
     "ArmSpec",
     "ArmdynError",
@@ -15,10 +25,20 @@ __all__ = [
     "Dynamics",
     "JointLimits",
     "LinkSpec",
+    "MinimumTimeOptions",
+    "MinimumTimeProblem",
     "Payload",
+    "PidGains",
+    "PidRun",
     "Robot",
     "Sample",
+    "Solution",
+    "Status",
     "Trajectory",
     "__version__",
+    "closed_loop_eigenvalues",
+    "replay_torques",
+    "simulate_pid",
+    "solve_minimum_time",
     "urdf_from_spec",
 ]

@@ -12,7 +12,10 @@ import pinocchio as pin
 from armdyn.errors import BridgeError, SpecError
 from armdyn.models.robot import Robot
 
-_ROTATING = ("JointModelR", "JointModelRevolute")
+_NO_MASS = 1e-100
+"""Stands for the zero mass of a body with moments or a payload [kg]: its centre, m c / m, stays finite."""
+
+_CASADI = (ca.SX, ca.MX, ca.DM)
 
 Value = Any
 """A numpy array, list or number, or a casadi DM, SX or MX: what goes in is what comes out."""
@@ -48,9 +51,7 @@ class Dynamics:
         self.payload_frame = payload_frame
         joint = -1
         if payload_frame is not None:
-            if not robot.model.existFrame(payload_frame):
-                raise SpecError(f"no frame {payload_frame!r} in {robot.source}")
-            joint = robot.model.frames[robot.model.getFrameId(payload_frame)].parentJoint - 1
+            joint = robot.frame(payload_frame).parentJoint - 1
             if joint < 0:
                 raise SpecError(f"frame {payload_frame!r} of {robot.source} does not move")
         self._tree = _tree(robot.model, joint)
@@ -90,14 +91,12 @@ class Dynamics:
         Raises:
             SpecError: no such frame.
         """
-        model = self.robot.model
-        if not model.existFrame(frame):
-            raise SpecError(f"no frame {frame!r} in {self.robot.source}")
-        fixed = model.frames[model.getFrameId(frame)]
+        fixed = self.robot.frame(frame)
         rotation, origin = fixed.placement.rotation, fixed.placement.translation
         j = fixed.parentJoint - 1
         if j < 0:
-            return rotation.copy(), origin.copy()
+            kind = type(q) if isinstance(q, _CASADI) else np.array
+            return kind(rotation), kind(origin)
         extra = () if self.payload_frame is None else (np.zeros(10),)
         all_joints = self._call("placements", q, *extra)
         R, p = all_joints[:, 4 * j : 4 * j + 3], all_joints[:, 4 * j + 3]
@@ -114,7 +113,7 @@ class Dynamics:
         """
         if self.payload_frame is None:
             raise SpecError("these Dynamics have no symbolic payload; give payload_frame")
-        frame = self.robot.model.frames[self.robot.model.getFrameId(self.payload_frame)]
+        frame = self.robot.frame(self.payload_frame)
         return np.array(frame.placement.act(inertia).toDynamicParameters())
 
     def digest(self) -> str:
@@ -124,7 +123,9 @@ class Dynamics:
 
     def _call(self, name: str, *arguments: Value) -> Any:
         function = self.functions[name]
-        if any(isinstance(x, ca.SX | ca.MX | ca.DM) for x in arguments):
+        if len(arguments) != function.n_in():
+            raise SpecError(f"{name} takes {', '.join(function.name_in())}; got {len(arguments)} arguments")
+        if any(isinstance(x, _CASADI) for x in arguments):
             return function(*arguments)
         for x, expected in zip(arguments, function.name_in(), strict=True):
             if np.size(x) != function.numel_in(expected):
@@ -143,20 +144,17 @@ def _tree(model: pin.Model, payload_joint: int) -> tuple[Any, ...]:
     for i in range(1, model.njoints):
         joint = model.joints[i]
         parent.append(model.parents[i] - 1)
-        prismatic.append(not joint.shortname().startswith(_ROTATING))
-        axis += _axis(joint)
+        linear, angular = np.ravel(joint.createData().S).reshape(2, 3)  # its motion subspace: one axis
+        prismatic.append(bool(np.any(linear)))
+        axis += list(linear + angular)
         placement += [*model.jointPlacements[i].rotation.ravel(), *model.jointPlacements[i].translation]
-        inertia += list(model.inertias[i].toDynamicParameters())
+        body = model.inertias[i].toDynamicParameters()
+        if body[0] == 0 and (np.any(body) or i - 1 == payload_joint):
+            body[0] = _NO_MASS
+        inertia += list(body)
     numbers = [struct.pack(f"{len(x)}d", *x) for x in (axis, placement, inertia)]
     armature, gravity = bytes(np.array(model.armature)), bytes(np.array(model.gravity.linear))
     return tuple(parent), tuple(prismatic), *numbers, armature, gravity, payload_joint
-
-
-def _axis(joint: Any) -> list[float]:
-    name = joint.shortname()
-    if name.endswith(("X", "Y", "Z")):
-        return [float(name.endswith(letter)) for letter in "XYZ"]
-    return [float(x) for x in joint.extract().axis]
 
 
 @lru_cache(maxsize=64)

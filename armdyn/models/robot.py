@@ -22,6 +22,8 @@ LIBRARY_LOCKS: dict[str, dict[str, float]] = {
 }
 """Joints of the library's robots that are no arm joints, and where `from_library` locks them by default."""
 
+_OTHER_FRAMES = (pin.FrameType.OP_FRAME, pin.FrameType.FIXED_JOINT, pin.FrameType.JOINT, pin.FrameType.SENSOR)
+
 
 @dataclass(frozen=True, kw_only=True)
 class JointLimits:
@@ -123,7 +125,7 @@ class Robot:
         text = read_urdf(path)
         folders = (*map(str, package_dirs), str(path.parent))
         robot = cls._from_text(text, source=str(path), lock=lock, package_dirs=folders)
-        return robot._with(payload, effort_limit, velocity_limit, armature)
+        return robot._with_inertia(payload, armature).with_limits(effort_limit, velocity_limit)
 
     @classmethod
     def from_library(
@@ -175,6 +177,7 @@ class Robot:
                 )
             if not np.isfinite(value):
                 raise SpecError(f"cannot lock {name!r} at {value}")
+        whole = model
         if lock:
             at = configuration(model, [lock.get(name, 0.0) for name in list(model.names)[1:]])
             model = pin.buildReducedModel(model, [model.getJointId(name) for name in lock], at)
@@ -204,37 +207,39 @@ class Robot:
             source=source,
             package_dirs=package_dirs,
             locked=lock,
-            tip=_tip(model),
+            tip=_tip(model, whole),
         )
 
-    def _with(
-        self,
-        payload: Payload | None,
-        effort_limit: ArrayLike | None,
-        velocity_limit: ArrayLike | None,
-        armature: ArrayLike | None,
-    ) -> Self:
-        """This robot with what its URDF does not say; the model is copied before it is changed."""
-        model = self.model.copy()
+    def with_limits(self, effort_limit: ArrayLike | None, velocity_limit: ArrayLike | None) -> Self:
+        """This robot with other limits: one number, or one per joint; None keeps its own.
+
+        Raises:
+            SpecError: wrong length, NaN, or negative.
+        """
         limits = self.limits
         if effort_limit is not None:
             effort = self.per_joint(effort_limit, "effort_limit")
             limits = replace(limits, effort_lower=-effort, effort_upper=effort)
         if velocity_limit is not None:
             limits = replace(limits, velocity=self.per_joint(velocity_limit, "velocity_limit"))
+        return replace(self, limits=limits)
+
+    def _with_inertia(self, payload: Payload | None, armature: ArrayLike | None) -> Self:
+        """This robot carrying something; the model is copied before it is changed."""
+        model = self.model.copy()
         if armature is not None:
             model.armature = self.per_joint(armature, "armature")
+            if not np.all(np.isfinite(model.armature)):
+                raise SpecError(f"armature is {armature}; it must be finite")
         if payload is not None and payload.mass > 0:
             frame_name = payload.frame or self.tip
-            if not model.existFrame(frame_name):
-                raise SpecError(f"no frame {frame_name!r} for the payload in {self.source}")
-            frame = model.frames[model.getFrameId(frame_name)]
+            frame = self.frame(frame_name)
             if frame.parentJoint == 0:
                 raise SpecError(
                     f"frame {frame_name!r} of {self.source} does not move: no payload can be there"
                 )
             model.appendBodyToJoint(frame.parentJoint, payload_inertia(payload), frame.placement)
-        return replace(self, model=model, limits=limits, payload=payload)
+        return replace(self, model=model, payload=payload)
 
     def per_joint(self, value: ArrayLike, what: str) -> Array:
         """One number, or one per joint, as an array of shape (nv,).
@@ -252,6 +257,17 @@ class Robot:
             if not number >= 0:
                 raise SpecError(f"{what} of joint {name!r} is {number}; it must not be negative")
         return array
+
+    def frame(self, name: str) -> pin.Frame:
+        """A frame of the model by name; the link where a joint has the same name.
+
+        Raises:
+            SpecError: no such frame.
+        """
+        for kind in (pin.FrameType.BODY, *_OTHER_FRAMES):
+            if self.model.existFrame(name, kind):
+                return self.model.frames[self.model.getFrameId(name, kind)]
+        raise SpecError(f"no frame {name!r} in {self.source}")
 
     def configuration(self, q: ArrayLike) -> Array:
         """Pinocchio's configuration vector, shape (model.nq,), of joint coordinates q, shape (nv,)."""
@@ -301,20 +317,28 @@ def _or_infinite(limit: Array) -> Array:
     return np.where(np.asarray(limit) >= np.finfo(float).max, np.inf, limit)
 
 
-def _tip(model: pin.Model) -> str:
-    """The frame at the end of the arm: the link furthest from the base, in joints and then in frames."""
+def _tip(model: pin.Model, whole: pin.Model) -> str:
+    """The frame at the end of the arm: the link furthest from the base, in joints and then in frames.
+
+    Among equals the one behind the fewest locked joints: a hand rather than its fingers.
+
+    Args:
+        model: the arm.
+        whole: the same before joints were locked; pin 4.1's reduced models lose the way from a locked
+            joint's frame to the base (it becomes its own parent).
+    """
     if model.existFrame(TIP):
         return TIP
 
-    def depth(frame: pin.Frame) -> int:
-        steps = 0
+    def rank(body: pin.Frame) -> tuple[int, int, int]:
+        moving = len(model.supports[body.parentJoint])
+        frame = whole.frames[whole.getFrameId(body.name, pin.FrameType.BODY)]
+        joints, frames = len(whole.supports[frame.parentJoint]), 0
         while frame.parentFrame:
-            frame, steps = model.frames[frame.parentFrame], steps + 1
-        return steps
+            frame, frames = whole.frames[frame.parentFrame], frames + 1
+        return moving, frames, moving - joints
 
-    bodies = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
-    last = max(bodies, key=lambda frame: (len(model.supports[frame.parentJoint]), depth(frame)))
-    return str(last.name)
+    return str(max((f for f in model.frames if f.type == pin.FrameType.BODY), key=rank).name)
 
 
 def _check_inertia(model: pin.Model, source: str) -> None:

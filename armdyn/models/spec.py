@@ -52,7 +52,7 @@ PAPER_ARMS: tuple[PaperArm, ...] = ("r", "rr", "rrr")
 
 @dataclass(frozen=True, kw_only=True)
 class ArmSpec:
-    """A planar arm of revolute joints: R, RR, RRR, …
+    """A planar arm of revolute joints: R, RR, RRR and so on.
 
     Joint angles are relative; all zero is the arm stretched out horizontally; positive turns up,
     against gravity.

@@ -8,7 +8,7 @@ from armdyn.models.spec import ArmSpec, Payload
 
 TIP = "tip"
 POINT_INERTIA = 1e-12
-"""Stands for zero in a point mass's tensor [kg m²]: positive definite, and far below what shows in a duration."""
+"""Stands for zero in a point mass's tensor [kg m²]: positive definite, far below what shows in a duration."""
 
 _ROD_RADIUS = 0.012
 _JOINT_RADIUS = 0.019
@@ -21,6 +21,12 @@ _COLORS = {
     "link3": (0.20, 0.62, 0.36, 1.0),
     "payload": (0.80, 0.15, 0.18, 1.0),
 }
+
+
+def urdf_file_name(spec: ArmSpec, payload: Payload | None = None) -> str:
+    """What a generated file is called: rr.urdf, rr_100.6g.urdf."""
+    load = f"_{1000 * payload.mass:g}g" if payload is not None and payload.mass > 0 else ""
+    return f"{spec.name}{load}.urdf"
 
 
 def _pose(x: float = 0.0, z: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> np.ndarray:

@@ -70,7 +70,7 @@ def parse_urdf(text: str, source: str) -> ElementTree.Element:
 
 def _parse_xml(text: str, source: str) -> ElementTree.Element:
     builder = ElementTree.TreeBuilder()
-    parser = expat.ParserCreate(namespace_separator=" ")
+    parser = expat.ParserCreate("utf-8", " ")  # the text was decoded: whatever its XML declaration says
     depth = 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:

@@ -1,0 +1,87 @@
+"""How commands speak: to people on a terminal, to machines as one JSON object."""
+
+import json
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from armdyn.errors import ArmdynError, ArmdynWarning
+
+DONE, BAD_INPUT, NOT_CERTIFIED, INTERRUPTED = 0, 2, 3, 130
+"""Exit codes."""
+
+console = Console(highlight=False)
+errors = Console(stderr=True, highlight=False)
+
+
+@dataclass
+class Answer:
+    """What a command found out; filled in as it goes.
+
+    Attributes:
+        facts: for the JSON object.
+        code: the exit code.
+    """
+
+    facts: dict[str, object] = field(default_factory=dict)
+    code: int = DONE
+
+
+@contextmanager
+def answering(as_json: bool) -> Iterator[Answer]:
+    """Turns what happens within into output and an exit code; no traceback leaves it.
+
+    Raises:
+        typer.Exit: always, with the code.
+    """
+    answer = Answer()
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("ignore")
+        warnings.simplefilter("always", ArmdynWarning)
+        try:
+            yield answer
+        except ArmdynError as error:
+            answer.facts |= {"success": False, "status": "bad_input", "message": str(error)}
+            answer.code = BAD_INPUT
+        except OSError as error:
+            answer.facts |= {"success": False, "status": "bad_input", "message": f"{error.strerror}: {error.filename}"}
+            answer.code = BAD_INPUT
+        except KeyboardInterrupt:
+            answer.facts |= {"success": False, "status": "interrupted", "message": "interrupted"}
+            answer.code = INTERRUPTED
+    messages = list(dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, ArmdynWarning)))
+    for message in messages:
+        errors.print(f"[yellow]warning:[/] {escape(message)}")
+    if as_json:
+        answer.facts["warnings"] = messages
+        sys.stdout.write(json.dumps(answer.facts, allow_nan=False) + "\n")
+    if answer.code in (BAD_INPUT, INTERRUPTED) and "message" in answer.facts and not as_json:
+        errors.print(f"[bold red]armdyn:[/] {escape(str(answer.facts['message']))}")
+    raise typer.Exit(answer.code)
+
+
+@contextmanager
+def working(what: str, as_json: bool) -> Iterator[Callable[[str], None]]:
+    """A spinner on standard error while something runs; the function it gives updates its words."""
+    if as_json or not errors.is_terminal:
+        yield lambda text: None
+        return
+    with errors.status(escape(what)) as status:
+        yield lambda text: status.update(escape(f"{what}: {text}"))
+
+
+def facts_table(title: str, facts: dict[str, str]) -> Table:
+    """Two columns, what and how much."""
+    table = Table(title=escape(title), title_justify="left", title_style="bold", show_header=False, box=None)
+    table.add_column(style="dim")
+    table.add_column()
+    for key, value in facts.items():
+        table.add_row(escape(key), escape(value))
+    return table

@@ -1,0 +1,181 @@
+"""Commands that move one robot: mintime, pid, replay."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from armdyn.cli.arguments import (
+    EffortLimit,
+    Json,
+    Lock,
+    Out,
+    PayloadMass,
+    QGoal,
+    QStart,
+    RobotName,
+    VelocityLimit,
+    load_robot,
+    number,
+    numbers,
+    poses,
+    slug,
+)
+from armdyn.cli.console import INTERRUPTED, NOT_CERTIFIED, answering, console, facts_table, working
+from armdyn.errors import ProblemError, TrajectoryError
+from armdyn.trajectory import Trajectory
+
+
+def mintime(
+    robot: RobotName,
+    q_start: QStart = None,
+    q_goal: QGoal = None,
+    payload: PayloadMass = 0.0,
+    lock: Lock = None,
+    effort_limit: EffortLimit = None,
+    velocity_limit: VelocityLimit = None,
+    intervals: Annotated[int, typer.Option(help="Of the first mesh.")] = 50,
+    time_limit: Annotated[float, typer.Option(metavar="S", help="For the whole solve \\[s].")] = 300.0,
+    seed: Annotated[int, typer.Option(help="Of the guesses after the first.")] = 0,
+    out: Out = None,
+    json: Json = False,
+) -> None:
+    """Fastest motion between two poses that the actuators allow.
+
+    The torques found are replayed through Pinocchio's forward dynamics by an independent integrator;
+    success means that the replay lands on the goal.
+
+    [dim]armdyn mintime rr --payload 0.1006
+    armdyn mintime panda --q-start 0,-0.785,0,-2.356,0,1.571,0.785 --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5[/]
+    """
+    with answering(json) as answer:
+        from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Status, solve_minimum_time
+        from armdyn.show.report import minimum_time_summary, write_run
+
+        arm = load_robot(robot, payload, lock, effort_limit, velocity_limit)
+        start, goal = poses(arm, robot, "mintime", q_start, q_goal)
+        problem = MinimumTimeProblem(arm, q_start=start, q_goal=goal)
+        options = MinimumTimeOptions(intervals=intervals, time_limit=time_limit, seed=seed)
+        with working(f"minimum time of {arm.name}", json) as progress:
+            solution = solve_minimum_time(problem, options, progress)
+            progress("figure and replay")
+            folder = out or Path("results") / f"mintime-{slug(robot)}"
+            title = f"{arm.name}, {1000 * payload:g} g: minimum time {solution.duration:.4f} s"
+            summary = minimum_time_summary(solution)
+            files = write_run(folder, arm, solution.trajectory, summary, title)
+        answer.facts |= {"robot": arm.name, **summary, "files": [str(file) for file in files]}
+        if not solution.success:
+            answer.code = INTERRUPTED if solution.status is Status.INTERRUPTED else NOT_CERTIFIED
+        if not json:
+            replayed = f"{solution.replay_error:.1e} rad, {solution.replay_velocity_error:.1e} rad/s at the goal"
+            console.print(
+                facts_table(
+                    f"{arm.name}: minimum time",
+                    {
+                        "status": solution.message if not solution.success else str(solution.status),
+                        "duration": f"{solution.duration:.6f} s",
+                        "replay error": replayed,
+                        "mesh": f"{solution.intervals} intervals, {solution.iterations} iterations",
+                        "solved in": f"{solution.solve_time:.1f} s",
+                        "results": str(folder),
+                    },
+                )
+            )
+
+
+def pid(
+    robot: RobotName,
+    q_start: QStart = None,
+    q_goal: QGoal = None,
+    payload: PayloadMass = 0.0,
+    lock: Lock = None,
+    effort_limit: EffortLimit = None,
+    gains: Annotated[str, typer.Option(metavar="KP,KI,KD", help="The same for every joint.")] = "30,50,10",
+    form: Annotated[
+        str,
+        typer.Option(
+            help="acceleration (the paper's), torque (a real controller, saturated), or computed_torque.",
+        ),
+    ] = "acceleration",
+    duration: Annotated[float, typer.Option(metavar="S", help="How long to simulate \\[s].")] = 10.0,
+    out: Out = None,
+    json: Json = False,
+) -> None:
+    """What a PID loop does between two poses.
+
+    [dim]armdyn pid rr --payload 0.1006
+    armdyn pid rr --form torque --gains 30,50,3[/]
+    """
+    with answering(json) as answer:
+        from armdyn.control import PidGains, simulate_pid
+        from armdyn.show.report import pid_summary, write_run
+
+        arm = load_robot(robot, payload, lock, effort_limit)
+        start, goal = poses(arm, robot, "pid", q_start, q_goal)
+        values = numbers(gains, "--gains")
+        if len(values) != 3:
+            raise ProblemError(f"--gains: {gains!r} has {len(values)} numbers; give three, KP,KI,KD")
+        with working(f"PID loop of {arm.name}", json) as progress:
+            run = simulate_pid(
+                arm,
+                q_start=start,
+                q_goal=goal,
+                gains=PidGains(kp=values[0], ki=values[1], kd=values[2]),
+                duration=duration,
+                form=form,  # type: ignore[arg-type]  # simulate_pid refuses what it does not know
+            )
+            progress("figure and replay")
+            folder = out or Path("results") / f"pid-{slug(robot)}"
+            summary = pid_summary(run)
+            title = f"{arm.name}, {1000 * payload:g} g: PID loop"
+            files = write_run(folder, arm, run.trajectory, summary, title)
+        answer.facts |= {"robot": arm.name, **summary, "files": [str(file) for file in files]}
+        answer.code = 0 if run.arrival_time is not None else NOT_CERTIFIED
+        if not json:
+            arrival = "-" if run.arrival_time is None else f"{run.arrival_time:.4f} s"
+            console.print(
+                facts_table(
+                    f"{arm.name}: PID loop",
+                    {
+                        "status": f"{run.status}: {run.message}",
+                        "arrival": arrival,
+                        "overshoot": ", ".join(f"{x:.4f}" for x in run.overshoot) + " rad",
+                        "max Re λ": f"{run.max_real_eigenvalue:.4f} 1/s",
+                        "results": str(folder),
+                    },
+                )
+            )
+
+
+def replay(
+    robot: RobotName,
+    trajectories: Annotated[list[Path], typer.Argument(metavar="FILE.npz…", help="What mintime and pid wrote.")],
+    payload: PayloadMass = 0.0,
+    lock: Lock = None,
+    slow_motion: Annotated[
+        str | None, typer.Option(metavar="X", help="Seconds shown per second of motion; by default it is chosen.")
+    ] = None,
+    out: Out = None,
+    json: Json = False,
+) -> None:
+    """One self-contained HTML page in which the robot moves; several files move side by side.
+
+    [dim]armdyn replay rr results/mintime-rr/trajectory.npz results/pid-rr/trajectory.npz --payload 0.1006[/]
+    """
+    with answering(json) as answer:
+        from armdyn.show.replay import write_html
+
+        arm = load_robot(robot, payload, lock)
+        motions = [Trajectory.load(path) for path in trajectories]
+        for path, motion in zip(trajectories, motions, strict=True):
+            if motion.q.shape[1] != arm.nv:
+                raise TrajectoryError(f"{path}: moves {motion.q.shape[1]} joints, {arm.name} has {arm.nv}")
+        folder = out or Path("results") / f"replay-{slug(robot)}"
+        folder.mkdir(parents=True, exist_ok=True)
+        slow = None if slow_motion is None else number(slow_motion, "--slow-motion")
+        with working(f"replay of {arm.name}", json):
+            page = write_html(arm, motions, folder / "replay.html", slow_motion=slow)
+        answer.facts |= {"success": True, "status": "written", "files": [str(page)]}
+        if not json:
+            console.print(f"{escape(str(page))}  ({page.stat().st_size / 1e6:.1f} MB, opens in any browser)")

@@ -1,0 +1,107 @@
+"""The equations of motion that a controller closes the loop around, as numbers."""
+
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from armdyn.models import Robot
+
+Array = NDArray[np.float64]
+
+
+class EquationsOfMotion(Protocol):
+    """D(q) a + C(q, v) v + g(q) = tau, for instance hand-derived ones; all in joint coordinates."""
+
+    def inertia(self, q: Array) -> Array:
+        """D(q) [kg m²], shape (nv, nv)."""
+
+    def coriolis(self, q: Array, v: Array) -> Array:
+        """C(q, v) v [N m], shape (nv,)."""
+
+    def gravity(self, q: Array) -> Array:
+        """g(q) [N m], shape (nv,)."""
+
+
+class Motion(Protocol):
+    """What closing the loop and linearising it ask of equations of motion."""
+
+    def inertia(self, q: Array) -> Array:
+        """D(q) [kg m²], shape (nv, nv)."""
+
+    def bias(self, q: Array, v: Array) -> Array:
+        """C(q, v) v + g(q) [N m], shape (nv,)."""
+
+    def acceleration(self, q: Array, v: Array, tau: Array) -> Array:
+        """D⁻¹ (tau - C v - g) [rad/s²], shape (nv,)."""
+
+    def stiffness(self, q: Array, tau: Array) -> Array:
+        """∂a/∂q [1/s²] at rest under a constant tau, shape (nv, nv)."""
+
+
+def motion_of(robot: Robot, dynamics: EquationsOfMotion | None) -> Motion:
+    """The robot's own equations by Pinocchio, or the given ones in their place."""
+    return PinocchioMotion(robot) if dynamics is None else GivenMotion(dynamics)
+
+
+class PinocchioMotion:
+    """A robot's equations of motion by Pinocchio's numeric algorithms: microseconds a call."""
+
+    def __init__(self, robot: Robot):
+        self._model = robot.model
+        self._data = robot.model.createData()
+        self._configuration = robot.configuration
+
+    def inertia(self, q: Array) -> Array:
+        """D(q) by the composite-rigid-body algorithm, whose Python binding fills both triangles."""
+        return np.array(pin.crba(self._model, self._data, self._configuration(q)))
+
+    def bias(self, q: Array, v: Array) -> Array:
+        """C v + g by the recursive Newton-Euler algorithm."""
+        return np.array(pin.nonLinearEffects(self._model, self._data, self._configuration(q), v))
+
+    def acceleration(self, q: Array, v: Array, tau: Array) -> Array:
+        """By the articulated-body algorithm."""
+        return np.array(pin.aba(self._model, self._data, self._configuration(q), v, tau))
+
+    def stiffness(self, q: Array, tau: Array) -> Array:
+        """By Pinocchio's analytic derivatives of the articulated-body algorithm: exact."""
+        rest = np.zeros(self._model.nv)
+        pin.computeABADerivatives(self._model, self._data, self._configuration(q), rest, tau)
+        return np.array(self._data.ddq_dq)
+
+
+_STEP = 1e-3
+"""Of the five-point stencil [rad]: its truncation, ~h⁴/30, is then as small as its rounding, ~1e-16/h."""
+
+
+class GivenMotion:
+    """Equations of motion from D, C v and g. D need not be symmetric: the paper's printed (7) is not."""
+
+    def __init__(self, dynamics: EquationsOfMotion):
+        self._dynamics = dynamics
+
+    def inertia(self, q: Array) -> Array:
+        """D(q), as given."""
+        return np.asarray(self._dynamics.inertia(q), dtype=float)
+
+    def bias(self, q: Array, v: Array) -> Array:
+        """C v + g, as given."""
+        return np.asarray(self._dynamics.coriolis(q, v) + self._dynamics.gravity(q), dtype=float)
+
+    def acceleration(self, q: Array, v: Array, tau: Array) -> Array:
+        """By solving with D."""
+        return np.linalg.solve(self.inertia(q), tau - self.bias(q, v))
+
+    def stiffness(self, q: Array, tau: Array) -> Array:
+        """By a five-point stencil, good to about 1e-11 of the acceleration's scale."""
+        rest = np.zeros(q.size)
+        columns = []
+        for step in _STEP * np.eye(q.size):
+            near, far = (
+                self.acceleration(q + k * step, rest, tau) - self.acceleration(q - k * step, rest, tau)
+                for k in (1, 2)
+            )
+            columns.append((8 * near - far) / (12 * _STEP))
+        return np.column_stack(columns)

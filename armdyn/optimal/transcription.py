@@ -1,0 +1,264 @@
+"""From an arm to a nonlinear program: direct collocation, written once for every tableau.
+
+The unknowns stand in the order of time, and the final time is copied to every knot, so that the
+Jacobian is block bidiagonal and the Hessian block tridiagonal:
+
+    w = [knot_0 | inner_0 | knot_1 | inner_1 | … | knot_N]
+    knot_k  = q, v, T, and the torque if it is linear between knots
+    inner_k = the stages that are no knots, the torque if it is constant, the accelerations if the
+              dynamics are inverse
+
+One interval is differentiated symbolically, once, and mapped N times: building costs the same for
+ten intervals and for a thousand.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.dynamics.symbolic import Dynamics
+from armdyn.optimal.tableau import TABLEAUS, Tableau
+
+Array = NDArray[np.float64]
+Control = Literal["linear", "constant"]
+DynamicsForm = Literal["forward", "inverse"]
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """How motion becomes unknowns and equations.
+
+    Attributes:
+        method: name of a tableau.
+        control: torque between knots. Linear and constant both stay within their bounds everywhere.
+        dynamics: "forward", acceleration from the articulated-body algorithm; or "inverse", torque from
+            recursive Newton-Euler with the accelerations as unknowns.
+    """
+
+    method: str = "lobatto3"
+    control: Control = "linear"
+    dynamics: DynamicsForm = "forward"
+
+    def __post_init__(self) -> None:
+        for value, known in (
+            (self.method, tuple(TABLEAUS)),
+            (self.control, ("linear", "constant")),
+            (self.dynamics, ("forward", "inverse")),
+        ):
+            if value not in known:
+                raise ValueError(f"{value!r} is none of {', '.join(known)}")
+
+    @property
+    def tableau(self) -> Tableau:
+        """The coefficients."""
+        return TABLEAUS[self.method]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where in a block of unknowns what stands; every range counts scaled numbers."""
+
+    nv: int
+    scheme: Scheme
+
+    @property
+    def knot(self) -> int:
+        """Size of a knot's block: q, v, T and, if linear, the torque."""
+        return 2 * self.nv + 1 + (self.nv if self.scheme.control == "linear" else 0)
+
+    @property
+    def stages(self) -> int:
+        """Size of the states of the inner stages of an interval."""
+        return 2 * self.nv * len(self.scheme.tableau.inner)
+
+    @property
+    def inner(self) -> int:
+        """Size of an interval's own block."""
+        constant = self.nv if self.scheme.control == "constant" else 0
+        accelerations = self.nv * self.scheme.tableau.c.size if self.scheme.dynamics == "inverse" else 0
+        return self.stages + constant + accelerations
+
+    def size(self, intervals: int) -> int:
+        """Number of all unknowns."""
+        return (self.knot + self.inner) * intervals + self.knot
+
+
+PARAMETERS = 4
+"""Of an NLP, besides nv torque scales and the interval fractions: scales of T, q and v, and w."""
+
+
+def _interval(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    """Unknowns y = (knot, inner, next knot), parameters, defects and cost of one interval, all scaled.
+
+    Parameters: its fraction of the duration; the scales of T, q and v; w; the scales of the torques.
+    """
+    n, tableau, layout = dynamics.nv, scheme.tableau, Layout(dynamics.nv, scheme)
+    y = ca.SX.sym("y", 2 * layout.knot + layout.inner)
+    p = ca.SX.sym("p", 1 + PARAMETERS + n)
+    fraction, time, length, speed, weight = ca.vertsplit(p[:5])
+    effort = p[5:]
+    left, inner, right = y[: layout.knot], y[layout.knot : layout.knot + layout.inner], y[-layout.knot :]
+    scale = ca.vertcat(ca.repmat(length, n, 1), ca.repmat(speed, n, 1))
+
+    h = fraction * time * left[2 * n]
+    states = [inner[2 * n * i : 2 * n * (i + 1)] for i in range(len(tableau.inner))]
+    if tableau.starts_at_knot:
+        states.insert(0, left[: 2 * n])
+    if tableau.ends_at_knot:
+        states.append(right[: 2 * n])
+    if scheme.control == "linear":
+        u = [(1 - c) * left[2 * n + 1 :] + c * right[2 * n + 1 :] for c in tableau.c]
+    else:
+        u = [inner[layout.stages : layout.stages + n]] * tableau.c.size
+
+    defects, rates = [], []
+    for i, (x, torque) in enumerate(zip(states, u, strict=True)):
+        q, v = length * x[:n], speed * x[n:]
+        if scheme.dynamics == "forward":
+            a = dynamics.aba(q, v, effort * torque)
+        else:
+            first = layout.inner - n * (tableau.c.size - i)
+            a = inner[first : first + n] * speed / time
+            defects.append(dynamics.rnea(q, v, a) / effort - torque)
+        rates.append(ca.vertcat(v, a) / scale)
+    start = left[: 2 * n]
+    for i in range(tableau.c.size):
+        if np.any(tableau.A[i]):
+            rise = sum(tableau.A[i, j] * rates[j] for j in range(tableau.c.size))
+            defects.append(states[i] - start - h * rise)
+    if not tableau.ends_at_knot:
+        defects.append(right[: 2 * n] - start - h * sum(b * f for b, f in zip(tableau.b, rates, strict=True)))
+    defects.append(right[2 * n] - left[2 * n])
+
+    square = sum(b * ca.sumsqr(effort * torque) for b, torque in zip(tableau.b, u, strict=True))
+    cost = fraction * left[2 * n] * (1 + weight / 2 * square)
+    return y, p, ca.vertcat(*defects), cost
+
+
+@dataclass(frozen=True)
+class Nlp:
+    """A nonlinear program with its exact derivatives, ready for `casadi.nlpsol`.
+
+    Attributes:
+        layout: where what stands.
+        intervals: their number N.
+        functions: x, p, f, g for nlpsol.
+        jacobian: (x, p) -> (g, ∂g/∂x).
+        hessian: (x, p, σ, λ) -> upper triangle of ∂²(σ f + λᵀg)/∂x².
+        defects: equations per interval.
+    """
+
+    layout: Layout
+    intervals: int
+    functions: dict[str, ca.MX]
+    jacobian: ca.Function
+    hessian: ca.Function
+    defects: int
+
+
+def build_nlp(dynamics: Dynamics, scheme: Scheme, intervals: int) -> Nlp:
+    """The NLP of an arm: depends on the model and the mesh's size only, not on poses, limits or scales.
+
+    Parameters p: interval fractions (N), scales of T, q, v, the effort weight w, torque scales (nv).
+    """
+    layout, N = Layout(dynamics.nv, scheme), intervals
+    one = _cached_interval(_Key(dynamics, scheme))
+    block, width = layout.knot + layout.inner, 2 * layout.knot + layout.inner
+    size, rows = layout.size(N), one.defects
+
+    x = ca.MX.sym("x", size)
+    p = ca.MX.sym("p", N + PARAMETERS + dynamics.nv)
+    # The unknowns of interval k: its own block and the next knot.
+    index = block * np.arange(N)[None, :] + np.arange(width)[:, None]
+    y = ca.reshape(x[index.ravel(order="F").tolist()], width, N)
+    parameters = ca.vertcat(p[:N].T, ca.repmat(p[N:], 1, N))
+
+    g, cost = one.values.map(N)(y, parameters)
+    g = ca.vec(g)
+
+    nonzeros = one.jacobian.map(N)(y, parameters)
+    jacobian = _assemble(one.jacobian_pattern, (rows, block), (rows * N, size), nonzeros)
+
+    sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", rows * N)
+    nonzeros = one.hessian.map(N)(y, parameters, ca.repmat(sigma, 1, N), ca.reshape(lam, rows, N))
+    hessian = _assemble(one.hessian_pattern, (block, block), (size, size), nonzeros)
+
+    return Nlp(
+        layout=layout,
+        intervals=N,
+        functions={"x": x, "p": p, "f": ca.sum2(cost), "g": g},
+        jacobian=ca.Function("nlp_jac_g", [x, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
+        hessian=ca.Function(
+            "nlp_hess_l", [x, p, sigma, lam], [hessian], ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
+        ),
+        defects=rows,
+    )
+
+
+def _assemble(pattern: ca.Sparsity, step: tuple[int, int], shape: tuple[int, int], nonzeros: ca.MX) -> ca.MX:
+    """The sparse matrix of which every interval has the same pattern, `step` further down and right.
+
+    Args:
+        pattern: of one interval.
+        step: rows and columns from one interval to the next.
+        shape: of the whole.
+        nonzeros: a column per interval; what falls on the same place is added.
+    """
+    shift = np.arange(nonzeros.shape[1])
+    row, col = (np.array(x, dtype=int) for x in pattern.get_triplet())
+    rows = (row[:, None] + step[0] * shift).ravel(order="F")
+    cols = (col[:, None] + step[1] * shift).ravel(order="F")
+    places, which = np.unique(cols * shape[0] + rows, return_inverse=True)  # column by column, as CasADi stores
+    sparsity = ca.Sparsity.triplet(*shape, (places % shape[0]).tolist(), (places // shape[0]).tolist())
+    gather = ca.Sparsity.triplet(places.size, rows.size, which.tolist(), list(range(rows.size)))
+    return ca.MX(sparsity, ca.mtimes(ca.MX(ca.DM(gather, 1.0)), ca.vec(nonzeros)))
+
+
+@dataclass(frozen=True)
+class _IntervalFunctions:
+    """One interval's values and the nonzeros of its derivatives."""
+
+    values: ca.Function
+    defects: int
+    jacobian: ca.Function
+    jacobian_pattern: ca.Sparsity
+    hessian: ca.Function
+    hessian_pattern: ca.Sparsity
+
+
+class _Key:
+    """Lets the cache know an interval by the model's numbers, not by the object that holds them."""
+
+    def __init__(self, dynamics: Dynamics, scheme: Scheme):
+        self.dynamics, self.scheme = dynamics, scheme
+        self.identity = (dynamics.digest(), scheme)
+
+    def __hash__(self) -> int:
+        return hash(self.identity)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Key) and self.identity == other.identity
+
+
+@lru_cache(maxsize=16)
+def _cached_interval(key: _Key) -> _IntervalFunctions:
+    y, p, g, cost = _interval(key.dynamics, key.scheme)
+    sigma, lam = ca.SX.sym("sigma"), ca.SX.sym("lam", g.numel())
+    jacobian = ca.jacobian(g, y)
+    hessian = ca.triu(ca.hessian(sigma * cost + ca.dot(lam, g), y)[0])
+    return _IntervalFunctions(
+        values=ca.Function("interval", [y, p], [g, cost]),
+        defects=g.numel(),
+        jacobian=ca.Function("interval_jacobian", [y, p], [_nonzeros(jacobian)]),
+        jacobian_pattern=jacobian.sparsity(),
+        hessian=ca.Function("interval_hessian", [y, p, sigma, lam], [_nonzeros(hessian)]),
+        hessian_pattern=hessian.sparsity(),
+    )
+
+
+def _nonzeros(matrix: ca.SX) -> ca.SX:
+    return ca.vertcat(*matrix.nonzeros())

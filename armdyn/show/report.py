@@ -1,0 +1,75 @@
+"""What is left on disk of a run: trajectory, figure, replay and a summary, in one folder."""
+
+import json
+from pathlib import Path
+
+from armdyn.control import PidRun
+from armdyn.models.robot import Robot
+from armdyn.optimal import Solution
+from armdyn.show.files import write_whole
+from armdyn.show.plots import plot_trajectories, save_figure
+from armdyn.show.replay import write_html
+from armdyn.trajectory import Trajectory
+
+
+def minimum_time_summary(solution: Solution) -> dict[str, object]:
+    """A solution as JSON says it: numbers that are not finite are null, units as in `Solution`."""
+    worst = solution.worst_violation
+    return {
+        "success": solution.success,
+        "status": str(solution.status),
+        "message": solution.message,
+        "duration": solution.duration,
+        "replay_error": _finite(solution.replay_error),
+        "replay_velocity_error": _finite(solution.replay_velocity_error),
+        "intervals": solution.intervals,
+        "iterations": solution.iterations,
+        "solve_time": round(solution.solve_time, 3),
+        "worst_violation": None if worst is None else str(worst),
+    }
+
+
+def pid_summary(run: PidRun) -> dict[str, object]:
+    """A closed-loop run as JSON says it: success is that it arrived; units as in `PidRun`."""
+    return {
+        "success": run.arrival_time is not None,
+        "status": str(run.status),
+        "message": run.message,
+        "arrival_time": run.arrival_time,
+        "overshoot": [float(x) for x in run.overshoot],
+        "max_real_eigenvalue": _finite(run.max_real_eigenvalue),
+        "duration": run.trajectory.duration,
+    }
+
+
+def write_run(
+    folder: Path, robot: Robot, trajectory: Trajectory, summary: dict[str, object], title: str
+) -> list[Path]:
+    """Write trajectory.npz, figure.png, figure.pdf, replay.html and result.json.
+
+    Args:
+        folder: made if it is not there.
+        robot: that moved.
+        trajectory: its motion.
+        summary: what result.json says, besides the files.
+        title: of the figure.
+
+    Returns:
+        The files written.
+
+    Raises:
+        OSError: the folder cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [trajectory.save(folder / "trajectory.npz")]
+    figure = plot_trajectories([trajectory], limits=robot.limits, title=title)
+    files += [save_figure(figure, folder / f"figure.{suffix}") for suffix in ("png", "pdf")]
+    files.append(write_html(robot, [trajectory], folder / "replay.html"))
+    result = folder / "result.json"
+    names = [path.name for path in [*files, result]]
+    write_whole(result, (json.dumps({**summary, "files": names}, indent=1, allow_nan=False) + "\n").encode())
+    return [*files, result]
+
+
+def _finite(number: float) -> float | None:
+    return number if abs(number) < float("inf") else None

@@ -1,0 +1,238 @@
+"""What a robot looks like: the shapes of its URDF, on the joints that carry them."""
+
+import os
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import pinocchio as pin
+import trimesh
+from meshcat import geometry as mg
+from numpy.typing import NDArray
+
+from armdyn.errors import ArmdynWarning
+from armdyn.models import Robot
+from armdyn.models.urdf_check import parse_urdf
+
+Array = NDArray[np.float64]
+
+_GREY = (0.62, 0.66, 0.70, 1.0)
+_BONE = (0.35, 0.42, 0.50, 1.0)
+_PAYLOAD = (0.80, 0.15, 0.18, 1.0)
+_DENSITY = 2700.0  # [kg/m³], aluminium: how large a payload looks
+_CREASE = np.radians(35.0)  # faces that meet at a sharper angle show an edge
+_MAX_MESH_BYTES = 256 * 2**20
+_THREE_CYLINDER = pin.rpy.rpyToMatrix(np.pi / 2, 0.0, 0.0)
+"""three.js has a cylinder's axis along y, a URDF along z."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One coloured body, fixed to a joint.
+
+    Attributes:
+        joint: index in `robot.model.joints`; 0 is the world.
+        placement: in the joint's frame, shape (4, 4) [m].
+        geometry: meshcat's.
+        rgba: each 0..1.
+    """
+
+    joint: int
+    placement: Array
+    geometry: Any
+    rgba: tuple[float, float, float, float]
+
+
+class _NormalGeometry(mg.TriangularMeshGeometry):  # type: ignore[misc]
+    """A triangle mesh that brings its normals, so that edges stay sharp and curves smooth."""
+
+    def __init__(self, mesh: trimesh.Trimesh) -> None:
+        super().__init__(mesh.vertices, mesh.faces)
+        self.normals = np.asarray(mesh.vertex_normals, dtype=np.float32)
+
+    def lower(self, object_data: dict[str, Any]) -> dict[str, Any]:
+        lowered: dict[str, Any] = super().lower(object_data)
+        lowered["data"]["attributes"]["normal"] = mg.pack_numpy_array(self.normals.T)
+        return lowered
+
+
+def robot_shapes(robot: Robot) -> list[Shape]:
+    """Every visual of the robot's URDF, its payload, and plain rods where nothing else can be drawn.
+
+    The URDF is read here and not by Pinocchio, which stops at the first mesh that it cannot find
+    and would follow a mesh path out of the robot's folders.
+
+    Warns:
+        ArmdynWarning: a mesh is missing, outside the robot's folders or unreadable.
+    """
+    root = parse_urdf(robot.urdf, robot.source)
+    colors = {str(m.get("name")): rgba for m in root.findall("material") if (rgba := _rgba(m))}
+    shapes: list[Shape] = []
+    troubles: list[str] = []
+    for link in root.findall("link"):
+        name = str(link.get("name"))
+        if not robot.model.existFrame(name, pin.FrameType.BODY):
+            continue
+        frame = robot.model.frames[robot.model.getFrameId(name, pin.FrameType.BODY)]
+        for visual in link.findall("visual"):
+            material = visual.find("material")
+            own = None if material is None else _rgba(material) or colors.get(str(material.get("name")))
+            try:
+                at = frame.placement.homogeneous @ _origin(visual)
+                shapes += [
+                    replace(shape, joint=frame.parentJoint, placement=at @ shape.placement)
+                    for shape in _visual_shapes(visual, robot.package_dirs, own)
+                ]
+            except Exception as error:  # whatever a stranger's mesh provokes, the motion is still shown
+                troubles.append(f"link {name!r}: {error}")
+    if troubles:
+        warnings.warn(
+            f"{robot.source}: drawn without {len(troubles)} of its visuals ({'; '.join(troubles[:3])})",
+            ArmdynWarning,
+            stacklevel=3,
+        )
+    shapes += _payload_ball(robot)
+    return shapes + list(_bones(robot, {shape.joint for shape in shapes}))
+
+
+def _rgba(material: Element) -> tuple[float, float, float, float] | None:
+    color = material.find("color")
+    words = [] if color is None else str(color.get("rgba", "")).split()
+    try:
+        r, g, b, a = (min(max(float(word), 0.0), 1.0) for word in words)
+    except ValueError:
+        return None
+    return r, g, b, a
+
+
+def _numbers(text: str | None, n: int, default: float) -> Array:
+    values = np.full(n, default) if text is None else np.array([float(word) for word in text.split()])
+    if values.shape == (1,):
+        values = np.repeat(values, n)
+    if values.shape != (n,) or not np.all(np.isfinite(values)):
+        raise ValueError(f"{text!r} is not {n} finite numbers")
+    return values
+
+
+def _origin(visual: Element) -> Array:
+    origin = visual.find("origin")
+    if origin is None:
+        return np.eye(4)
+    rpy = _numbers(origin.get("rpy"), 3, 0.0)
+    matrix: Array = pin.SE3(pin.rpy.rpyToMatrix(rpy), _numbers(origin.get("xyz"), 3, 0.0)).homogeneous
+    return matrix
+
+
+def _visual_shapes(
+    visual: Element, folders: tuple[str, ...], rgba: tuple[float, float, float, float] | None
+) -> Iterator[Shape]:
+    holder = visual.find("geometry")
+    for body in () if holder is None else holder:
+        placement, geometry = np.eye(4), None
+        if body.tag == "box":
+            geometry = mg.Box(_numbers(body.get("size"), 3, 1.0).tolist())
+        elif body.tag == "sphere":
+            geometry = mg.Sphere(float(_numbers(body.get("radius"), 1, 1.0)[0]))
+        elif body.tag in ("cylinder", "capsule"):
+            length, radius = (float(_numbers(body.get(key), 1, 1.0)[0]) for key in ("length", "radius"))
+            placement[:3, :3] = _THREE_CYLINDER
+            geometry = mg.Cylinder(length, radius)
+        elif body.tag == "mesh":
+            path = resolve_mesh(str(body.get("filename", "")), folders)
+            scale = _numbers(body.get("scale"), 3, 1.0)
+            for mesh, color in _load_meshes(path, scale):
+                yield Shape(0, np.eye(4), _NormalGeometry(mesh), rgba or color)
+        if geometry is not None:
+            yield Shape(0, placement, geometry, rgba or _GREY)
+
+
+def resolve_mesh(name: str, folders: tuple[str, ...]) -> Path:
+    """The file of a URDF's mesh, which must lie inside one of the folders.
+
+    Raises:
+        FileNotFoundError: there is none.
+        PermissionError: there is one, but not inside.
+    """
+    outside = False
+    for folder in folders:
+        home = Path(os.path.realpath(folder))
+        for prefix in ("package://", "model://", "file://"):
+            if name.startswith(prefix):
+                found = Path(os.path.realpath(home / name.removeprefix(prefix)))
+                break
+        else:
+            found = Path(os.path.realpath(home / name))
+        if not found.is_relative_to(home):
+            outside = True
+        elif found.is_file():
+            return found
+    if outside:
+        raise PermissionError(f"mesh {name!r} is outside the robot's folders")
+    raise FileNotFoundError(f"no mesh {name!r}")
+
+
+def _load_meshes(
+    path: Path, scale: Array
+) -> Iterator[tuple[trimesh.Trimesh, tuple[float, float, float, float]]]:
+    """The triangles of a file, one mesh per colour."""
+    if path.stat().st_size > _MAX_MESH_BYTES:
+        raise ValueError(f"mesh {path.name!r} is larger than {_MAX_MESH_BYTES} bytes")
+    scene = trimesh.load_scene(path)
+    by_color: dict[tuple[float, float, float, float], list[trimesh.Trimesh]] = {}
+    for node in scene.graph.nodes_geometry:
+        matrix, name = scene.graph[node]
+        mesh = scene.geometry[name]
+        if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces):
+            bare = trimesh.Trimesh(mesh.vertices, mesh.faces)
+            bare.apply_transform(matrix)
+            bare.apply_transform(np.diag([*scale, 1.0]))
+            by_color.setdefault(_mesh_color(mesh), []).append(bare)
+    if not by_color:
+        raise ValueError(f"mesh {path.name!r} has no triangles")
+    for color, meshes in by_color.items():
+        yield trimesh.graph.smooth_shade(trimesh.util.concatenate(meshes), angle=_CREASE), color
+
+
+def _mesh_color(mesh: trimesh.Trimesh) -> tuple[float, float, float, float]:
+    visual: Any = mesh.visual
+    if visual is None or not visual.defined:
+        return _GREY
+    material = getattr(visual, "material", None)
+    color = visual.main_color if material is None else material.main_color
+    r, g, b, a = (float(x) / 255.0 for x in np.asarray(color)[:4])
+    return r, g, b, a or 1.0
+
+
+def _payload_ball(robot: Robot) -> list[Shape]:
+    payload = robot.payload
+    if payload is None or payload.mass <= 0 or robot.model.existFrame("payload", pin.FrameType.BODY):
+        return []
+    frame = robot.model.frames[robot.model.getFrameId(payload.frame or robot.tip)]
+    placement = frame.placement.homogeneous.copy()
+    placement[:3, 3] = frame.placement.act(np.array(payload.offset))
+    radius = max(float(np.cbrt(payload.mass / _DENSITY * 3 / (4 * np.pi))), 0.016)
+    return [Shape(frame.parentJoint, placement, mg.Sphere(radius), _PAYLOAD)]
+
+
+def _bones(robot: Robot, drawn: set[int]) -> Iterator[Shape]:
+    """A rod from joint to joint for every joint on which nothing else is drawn."""
+    model = robot.model
+    tip = model.frames[model.getFrameId(robot.tip)]
+    ends = [(int(model.parents[j]), model.jointPlacements[j].translation) for j in range(1, model.njoints)]
+    ends.append((int(tip.parentJoint), tip.placement.translation))
+    reach = sum(float(np.linalg.norm(end)) for _, end in ends)
+    radius = 0.015 * reach
+    for joint in set(range(1, model.njoints)) - drawn:
+        yield Shape(joint, np.eye(4), mg.Sphere(1.4 * radius), _BONE)
+    for joint, end in ends:
+        length = float(np.linalg.norm(end))
+        if joint in drawn or length < 1e-6:
+            continue
+        placement = np.eye(4)
+        placement[:3, :3] = pin.Quaternion.FromTwoVectors(np.array([0.0, 1.0, 0.0]), end).matrix()
+        placement[:3, 3] = end / 2
+        yield Shape(joint, placement, mg.Cylinder(length, radius), _BONE)

@@ -1,0 +1,242 @@
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+import pytest
+from oracles import (
+    LIBRARY_ROBOTS,
+    PinDynamics,
+    assert_close,
+    locks,
+    random_states,
+    robot_named,
+    two_links,
+)
+
+import armdyn.dynamics.symbolic as symbolic
+from armdyn.dynamics import Dynamics
+from armdyn.errors import BridgeError, SpecError
+from armdyn.models import PAPER_ARMS, ArmSpec, Payload, Robot
+from armdyn.models.robot import library_urdf, payload_inertia
+
+# Both sides round every operation, in another order; torques and accelerations reach 1e5 on these
+# robots, so the error is taken relative to the largest entry once that exceeds one.
+TOLERANCE = 1e-10
+ROBOTS = (*PAPER_ARMS, *LIBRARY_ROBOTS, "double_pendulum_continuous")
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_agrees_with_pin(name):
+    robot = robot_named(name)
+    dynamics, oracle = Dynamics(robot), PinDynamics(robot)
+    for q, v, u in random_states(robot.nv):
+        for method, arguments in (
+            ("aba", (q, v, u)),
+            ("rnea", (q, v, u)),
+            ("crba", (q,)),
+            ("nle", (q, v)),
+            ("gravity", (q,)),
+            ("kinetic_energy", (q, v)),
+            ("potential_energy", (q,)),
+        ):
+            expected = getattr(oracle, method)(*arguments)
+            assert_close(getattr(dynamics, method)(*arguments), expected, TOLERANCE)
+        for got, expected in zip(
+            dynamics.frame_placement(q, robot.tip), oracle.frame_placement(q, robot.tip), strict=True
+        ):
+            assert_close(got, expected, TOLERANCE)
+
+
+@pytest.mark.parametrize("name", ["rrr", "panda", "kinova"])
+def test_inertia_is_symmetric(name):
+    robot = robot_named(name)
+    for q, _, _ in random_states(robot.nv):
+        D = Dynamics(robot).crba(q)
+        assert_close(D, D.T, TOLERANCE)
+
+
+@pytest.mark.parametrize("kind", [ca.DM, ca.SX, ca.MX])
+def test_what_goes_in_comes_out(kind):
+    robot = robot_named("rr")
+    dynamics = Dynamics(robot)
+    x = [0.1, 0.2]
+    q = kind(x) if kind is ca.DM else kind.sym("q", 2)
+    for out in (
+        dynamics.aba(q, q, q),
+        dynamics.rnea(q, q, q),
+        dynamics.crba(q),
+        dynamics.nle(q, q),
+        dynamics.gravity(q),
+        dynamics.kinetic_energy(q, q),
+        dynamics.potential_energy(q),
+        *dynamics.frame_placement(q, "tip"),
+        *dynamics.frame_placement(q, "base"),
+    ):
+        assert type(out) is kind
+    rotation, origin = dynamics.frame_placement(q, "tip")
+    assert rotation.shape == (3, 3)
+    assert origin.shape == (3, 1)
+
+
+@pytest.mark.parametrize("kind", [ca.SX, ca.MX])
+def test_symbols_mean_the_same_as_numbers(kind):
+    robot = robot_named("rrr")
+    dynamics = Dynamics(robot)
+    q, v, tau = (kind.sym(name, 3) for name in ("q", "v", "tau"))
+    function = ca.Function("f", [q, v, tau], [dynamics.aba(q, v, tau), dynamics.frame_placement(q, "tip")[1]])
+    for numbers in random_states(3, count=2):
+        a, origin = function(*numbers)
+        assert_close(np.ravel(a), dynamics.aba(*numbers), TOLERANCE)
+        assert_close(np.ravel(origin), dynamics.frame_placement(numbers[0], "tip")[1], TOLERANCE)
+
+
+def test_lists_and_numpy_give_numpy():
+    dynamics = Dynamics(robot_named("rr"))
+    assert isinstance(dynamics.gravity([0.0, 0.0]), np.ndarray)
+    assert dynamics.gravity([0.0, 0.0]).shape == (2,)
+    assert dynamics.crba(np.zeros(2)).shape == (2, 2)
+    assert isinstance(dynamics.kinetic_energy([0, 0], [1, 1]), float)
+    rotation, origin = dynamics.frame_placement([0, 0], "base")
+    assert (rotation.shape, origin.shape) == ((3, 3), (3,))
+
+
+def test_one_joint_keeps_its_shapes():
+    dynamics = Dynamics(robot_named("r"))
+    assert dynamics.aba(0.1, 0.2, 0.3).shape == (1,)
+    assert dynamics.crba(0.1).shape == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("name", "frame"), [("rr", "tip"), ("rrr", "link2"), ("panda", "panda_hand_tcp"), ("z1", "gripperStator")]
+)
+def test_symbolic_payload_is_the_robots_payload(name, frame):
+    payload = Payload(mass=0.7, offset=(0.02, -0.03, 0.05), inertia=(1e-3, 2e-3, 2.5e-3), frame=frame)
+    bare = robot_named(name)
+    symbolic_payload = Dynamics(bare, payload_frame=frame)
+    p = symbolic_payload.payload_parameters(payload_inertia(payload))
+    assert p.shape == (10,)
+    model = bare.model.copy()
+    place = bare.frame(frame)
+    model.appendBodyToJoint(place.parentJoint, payload_inertia(payload), place.placement)
+    for q, v, u in random_states(bare.nv, count=2):
+        loaded = pin.aba(model, model.createData(), bare.configuration(q), v, u)
+        assert_close(symbolic_payload.aba(q, v, u, p), loaded, TOLERANCE)
+        torque = pin.rnea(model, model.createData(), bare.configuration(q), v, u)
+        assert_close(symbolic_payload.rnea(q, v, u, p), torque, TOLERANCE)
+    if name != "rrr":
+        lock = locks(name)
+        robot = (
+            Robot.from_spec(ArmSpec.paper(name), payload)
+            if name == "rr"
+            else Robot.from_library(name, payload, lock=lock)
+        )
+        numbers = next(random_states(bare.nv))
+        assert_close(symbolic_payload.aba(*numbers, p), Dynamics(robot).aba(*numbers), TOLERANCE)
+
+
+@pytest.mark.parametrize("name", ["rrr", "panda"])
+def test_zero_payload_is_none(name):
+    robot = robot_named(name)
+    plain, loaded = Dynamics(robot), Dynamics(robot, payload_frame=robot.tip)
+    q, v, u = next(random_states(robot.nv))
+    none = np.zeros(10)
+    assert_close(loaded.aba(q, v, u, none), plain.aba(q, v, u), TOLERANCE)
+    assert_close(loaded.crba(q, none), plain.crba(q), TOLERANCE)
+    assert_close(loaded.potential_energy(q, none), plain.potential_energy(q), TOLERANCE)
+    assert_close(loaded.frame_placement(q, robot.tip)[1], plain.frame_placement(q, robot.tip)[1], TOLERANCE)
+
+
+def test_payload_stays_a_symbol():
+    dynamics = Dynamics(robot_named("rr"), payload_frame="tip")
+    p = ca.SX.sym("p", 10)
+    slope = ca.Function("slope", [p], [ca.jacobian(dynamics.gravity(ca.SX([0.0, 0.0]), p), p[0])])
+    # Stretched out horizontally, a kilogram at the tip of lever L1 + L2 costs g (L1 + L2); payload_parameters
+    # are taken at the joint, so the mass alone there has the lever L1, and m c brings the rest.
+    assert_close(np.ravel(slope(np.zeros(10))), [9.81 * 0.25, 0.0], TOLERANCE)
+
+
+def test_armature_is_added_to_the_inertia():
+    path, _ = library_urdf("ur5")
+    armature = np.arange(1, 7) / 10
+    robot = Robot.from_urdf(path, armature=armature)
+    q, v, u = next(random_states(6))
+    assert_close(
+        Dynamics(robot).crba(q),
+        robot_named("ur5_plain" if False else "ur5")
+        and Dynamics(robot_named("ur5")).crba(q) + np.diag(armature),
+        TOLERANCE,
+    )
+    assert_close(Dynamics(robot).aba(q, v, u), PinDynamics(robot).aba(q, v, u), TOLERANCE)
+    assert_close(Dynamics(robot).rnea(q, v, u), PinDynamics(robot).rnea(q, v, u), TOLERANCE)
+    assert Dynamics(robot).digest() != Dynamics(robot_named("ur5")).digest()
+
+
+def test_prismatic_joint_and_oblique_axis(tmp_path):
+    for kind in ("revolute", "prismatic", "continuous"):
+        inside = '<axis xyz="0.6 0 0.8"/><limit lower="-1" upper="1" effort="2" velocity="3"/>'
+        from oracles import joint
+
+        path = tmp_path / f"{kind}.urdf"
+        path.write_text(two_links(joint=joint("j", "base", "arm", kind, inside)))
+        robot = Robot.from_urdf(path)
+        for q, v, u in random_states(1):
+            assert_close(Dynamics(robot).aba(q, v, u), PinDynamics(robot).aba(q, v, u), TOLERANCE)
+            for got, expected in zip(
+                Dynamics(robot).frame_placement(q, "arm"),
+                PinDynamics(robot).frame_placement(q, "arm"),
+                strict=True,
+            ):
+                assert_close(got, expected, TOLERANCE)
+
+
+def test_equal_robots_share_functions_and_digest():
+    one, other = (Dynamics(Robot.from_spec(ArmSpec.paper("rr"))) for _ in range(2))
+    assert one.functions is other.functions
+    assert one.digest() == other.digest()
+    heavier = Dynamics(Robot.from_spec(ArmSpec.paper("rr"), Payload(mass=0.1)))
+    assert heavier.digest() != one.digest()
+
+
+def test_wrong_sizes_are_refused():
+    dynamics = Dynamics(robot_named("rr"))
+    with pytest.raises(SpecError, match="q has 3 numbers; expected 2"):
+        dynamics.gravity([0.0, 0.0, 0.0])
+    with pytest.raises(SpecError, match="tau has 1 numbers; expected 2"):
+        dynamics.aba([0, 0], [0, 0], 1.0)
+    with pytest.raises(SpecError, match="got 4 arguments"):
+        dynamics.aba([0, 0], [0, 0], [0, 0], np.zeros(10))
+    with pytest.raises(SpecError, match="got 1 arguments"):
+        Dynamics(robot_named("rr"), payload_frame="tip").gravity([0, 0])
+
+
+def test_unknown_and_unmoving_frames_are_refused():
+    robot = robot_named("rr")
+    with pytest.raises(SpecError, match="no frame 'hand'"):
+        Dynamics(robot, payload_frame="hand")
+    with pytest.raises(SpecError, match="does not move"):
+        Dynamics(robot, payload_frame="base")
+    with pytest.raises(SpecError, match="no frame 'hand'"):
+        Dynamics(robot).frame_placement([0, 0], "hand")
+    with pytest.raises(SpecError, match="no symbolic payload"):
+        Dynamics(robot).payload_parameters(pin.Inertia.Zero())
+
+
+def test_another_casadi_is_refused(monkeypatch):
+    import _armdyn_bridge
+
+    monkeypatch.setattr(_armdyn_bridge, "casadi_version", "3.5.1")
+    symbolic._functions.cache_clear()  # or the check would not run for a robot that was built before
+    with pytest.raises(BridgeError, match=r"built with casadi 3\.5\.1 but casadi"):
+        Dynamics(robot_named("r"))
+    monkeypatch.undo()
+    Dynamics(robot_named("r"))
+
+
+def test_massless_link_with_rotor_inertia(tmp_path):
+    """Legal in a URDF: a mass of zero with moments of inertia."""
+    from oracles import link
+
+    rotor = '<inertial><mass value="0"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.2"/></inertial>'
+    path = tmp_path / "rotor.urdf"
+    path.write_text(two_links(link=link("arm", rotor)))
+    robot = Robot.from_urdf(path)
+    assert_close(Dynamics(robot).crba([0.1]), PinDynamics(robot).crba([0.1]), TOLERANCE)

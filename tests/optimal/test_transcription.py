@@ -1,0 +1,73 @@
+import casadi as ca
+import numpy as np
+import pytest
+from problems import paper_arm
+
+from armdyn.dynamics import Dynamics
+from armdyn.optimal.mesh import Scales, to_trajectory, to_unknowns
+from armdyn.optimal.transcription import Scheme, build_nlp
+from armdyn.trajectory import Trajectory
+
+SCHEMES = [
+    Scheme(control=control, dynamics=form) for control in ("linear", "constant") for form in ("forward", "inverse")
+]
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=str)
+def test_assembled_derivatives_are_those_of_the_whole(scheme):
+    """Interval blocks put in place equal CasADi's derivatives of the whole NLP, which knows no intervals."""
+    nlp = build_nlp(Dynamics(paper_arm("rr")), scheme, 5)
+    x, p, f, g = (nlp.functions[name] for name in "xpfg")
+    random = np.random.default_rng(0)
+    at = random.normal(size=x.numel()), random.uniform(0.5, 2, size=p.numel())
+    sigma, lam = ca.MX.sym("sigma"), ca.MX.sym("lam", g.numel())
+    weights = random.normal(), random.normal(size=g.numel())
+
+    whole = ca.Function("J", [x, p], [ca.jacobian(g, x)])(*at)
+    scale = np.max(np.abs(whole))
+    # The same operations in another order: a few ulp of the largest entry.
+    assert np.max(np.abs(nlp.jacobian(*at)[1] - whole)) < 1e-13 * scale
+
+    hessian = ca.triu(ca.hessian(sigma * f + ca.dot(lam, g), x)[0])
+    whole = ca.Function("H", [x, p, sigma, lam], [hessian])(*at, *weights)
+    assert np.max(np.abs(nlp.hessian(*at, *weights) - whole)) < 1e-12 * np.max(np.abs(whole))
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=str)
+def test_defects_vanish_on_a_motion_that_collocation_integrates_exactly(scheme):
+    """With no gravity torque change and constant acceleration q is quadratic: no defect but rounding."""
+    robot = paper_arm("r")
+    robot.model.gravity.linear = np.zeros(3)
+    dynamics = Dynamics(robot)
+    tau, t = 0.7, np.linspace(0, 0.4, 9)
+    a = float(dynamics.aba([0.0], [0.0], [tau])[0])
+    motion = Trajectory(t, (-1 + a * t[:, None] ** 2 / 2), a * t[:, None], np.full((9, 1), tau))
+    nlp = build_nlp(dynamics, scheme, 8)
+    scales, fractions = Scales(0.4, 1.0, 2.5, np.array([3.0])), np.full(8, 1 / 8)
+    x = to_unknowns(motion, nlp.layout, fractions, scales)
+    parameters = np.concatenate([fractions, scales.parameters(0.0)])
+    g = ca.Function("g", [nlp.functions["x"], nlp.functions["p"]], [nlp.functions["g"], nlp.functions["f"]])
+    defects, cost = g(x, parameters)
+    # Inverse dynamics take the guess's acceleration by central differences, good to 1e-9 of tau's scale.
+    assert np.max(np.abs(defects)) < 1e-9
+    assert float(cost) * scales.time == pytest.approx(0.4, rel=1e-14)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=str)
+def test_unknowns_and_back(scheme):
+    random = np.random.default_rng(1)
+    t = np.linspace(0, 1, 7)
+    tau = np.repeat(random.normal(size=(1, 2)), 7, axis=0)  # constant, so that every control can say it
+    motion = Trajectory(t, random.normal(size=(7, 2)), random.normal(size=(7, 2)), tau)
+    layout = build_nlp(Dynamics(paper_arm("rr")), scheme, 6).layout
+    scales, fractions = Scales(1.0, 2.0, 3.0, np.array([3.0, 4.0])), np.full(6, 1 / 6)
+    back = to_trajectory(to_unknowns(motion, layout, fractions, scales), layout, fractions, scales, ())
+    # Scaling there and back: an ulp or two.
+    np.testing.assert_allclose(back(t).q, motion.q, atol=1e-14)
+    np.testing.assert_allclose(back(t).v, motion.v, atol=1e-12)
+    np.testing.assert_allclose(back(t).tau, motion.tau, atol=1e-14)
+
+
+def test_unknown_names_are_refused():
+    with pytest.raises(ValueError, match="euler"):
+        Scheme(method="euler")

@@ -1,0 +1,69 @@
+"""A real Chromium without a network, for looking at replays.
+
+`python tests/show/browser.py replay.html picture.png [time]` takes a screenshot at a time [s].
+"""
+
+import contextlib
+import shutil
+import sys
+from pathlib import Path
+from urllib.parse import urlsplit
+
+FLAGS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+]
+
+
+def find_chromium():
+    names = ("chromium", "chromium-browser", "google-chrome", "chrome")
+    found = next((path for path in map(shutil.which, names) if path), None)
+    assert found, f"no browser on PATH ({', '.join(names)}); on Debian: apt-get install chromium"
+    return found
+
+
+@contextlib.contextmanager
+def open_page(path, width=1280, height=800):
+    """The page of a replay, its requests (URLs) and its errors."""
+    from playwright.sync_api import sync_playwright
+
+    requests, errors = [], []
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=find_chromium(), headless=True, args=FLAGS)
+        try:
+            context = browser.new_context(viewport={"width": width, "height": height}, offline=True)
+            page = context.new_page()
+            session = context.new_cdp_session(page)
+            session.send("Network.enable")
+            session.on("Network.requestWillBeSent", lambda event: requests.append(event["request"]["url"]))
+            page.on("pageerror", lambda error: errors.append(str(error)))
+            page.on("console", lambda line: errors.append(line.text) if line.type == "error" else None)
+            page.goto(Path(path).resolve().as_uri())
+            page.wait_for_function("window.armdyn !== undefined", timeout=60_000)
+            yield page, requests, errors
+        finally:
+            browser.close()
+
+
+def left_the_page(requests):
+    return [url for url in requests if urlsplit(url).scheme not in ("file", "data", "blob")]
+
+
+def screenshot(page, time, path=None):
+    """The page at a time of the motion [s], as png bytes."""
+    page.evaluate("t => { armdyn.pause(); armdyn.seek(t); }", time)
+    page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    return page.screenshot(path=path)
+
+
+if __name__ == "__main__":
+    with open_page(sys.argv[1]) as (page, _, _):
+        screenshot(page, float(sys.argv[3]) if len(sys.argv) > 3 else 0.0, sys.argv[2])
