@@ -2,7 +2,6 @@
 
 import os
 import tempfile
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -55,7 +54,10 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         for field in _ARRAYS:
-            array = np.array(getattr(self, field), dtype=float)
+            try:
+                array = np.array(getattr(self, field)).astype(float, casting="same_kind")
+            except (TypeError, ValueError):
+                raise TrajectoryError(f"{field} is not an array of numbers") from None
             array.setflags(write=False)
             object.__setattr__(self, field, array)
             if not np.all(np.isfinite(array)):
@@ -137,7 +139,7 @@ class Trajectory:
         try:
             with np.load(path, allow_pickle=False) as file:
                 if "format" not in file or str(file["format"]) != _FORMAT:
-                    raise TrajectoryError(f"{path}: not a trajectory of format {_FORMAT}")
+                    raise TrajectoryError(f"not a trajectory of format {_FORMAT}")
                 return Trajectory(
                     **{field: file[field] for field in _ARRAYS},
                     joint_names=tuple(map(str, file["joint_names"])),
@@ -147,13 +149,5 @@ class Trajectory:
             raise TrajectoryError(f"{path}: {error}") from None
         except FileNotFoundError:
             raise TrajectoryError(f"{path}: no such file") from None
-        except (
-            OSError,
-            EOFError,
-            KeyError,
-            ValueError,
-            TypeError,
-            AttributeError,
-            zipfile.BadZipFile,
-        ) as error:
+        except Exception as error:  # a damaged file sets off all that zipfile, zlib and numpy can raise
             raise TrajectoryError(f"{path}: not a readable npz trajectory ({error})") from None

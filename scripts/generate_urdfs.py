@@ -27,7 +27,8 @@ def contents() -> dict[str, str]:
 def differing(folder: Path, files: dict[str, str]) -> list[str]:
     """Names of files that are missing, that differ, or that should not be there."""
     there = {path.name: path.read_bytes() for path in folder.glob("*.urdf")}
-    return sorted(name for name in {*there, *files} if there.get(name) != files.get(name, "").encode())
+    wanted = {name: text.encode() for name, text in files.items()}
+    return sorted(name for name in there | wanted if there.get(name) != wanted.get(name))
 
 
 def main() -> int:

@@ -109,7 +109,6 @@ def _remarks(robot: Robot) -> list[str]:
     findings = {
         "no torque limit: minimum time needs --effort-limit": [j for j in joints if j["effort_upper"] is None],
         "torque limit 0: minimum time needs --effort-limit": [j for j in joints if j["effort_upper"] == 0],
-        "velocity limit 0: minimum time needs --velocity-limit": [j for j in joints if j["velocity"] == 0],
         "damping or friction in the URDF, read but not applied": [
             j for j in joints if j["damping"] or j["friction"]
         ],

@@ -38,10 +38,11 @@ _RTOL, _ATOL = 1e-9, 1e-10
 """Of the integrator, per component. Arrival times then move by less than 1e-6 s when both shrink tenfold."""
 _SUBSAMPLES = 4
 """Points per integrator step that are searched for crossings; a step is a small part of any oscillation."""
-_MAX_STEPS = 200_000
-"""Integrator steps after which a run is given up: a settling 10 s run takes about a thousand."""
-_POSITION_BOUND, _VELOCITY_BOUND = 1e3, 1e4
-"""Distance from the goal [rad or m] and speed [rad/s or m/s] beyond which a run counts as diverged."""
+_MAX_STEPS = 30_000
+"""Integrator steps after which a run is given up, in seconds: a settling 10 s run takes about a thousand."""
+_POSITION_BOUND, _VELOCITY_BOUND = 100.0, 1000.0
+"""Distance from the goal [rad or m] and speed [rad/s or m/s] beyond which a run counts as diverged:
+sixteen turns and ten times the fastest robot. A start beyond a tenth of them moves them out."""
 _CLAMP_BAND = 0.01
 """Excess torque, as a part of the effort limit, over which the integral fades from running to halted."""
 
@@ -55,9 +56,9 @@ class PidRun:
         arrival_time: first time in the final position [s], by `arrival_rule`; None if there is none. A rule
             that asks to *stay* has none where the loop is unstable at the goal, or the run broke off.
         arrival_rule: see `ArrivalRule`.
-        status: "settled": all joints came within the tolerance and stayed, and the loop is stable at the goal;
-            "not_settled": the run is whole but they did not; "diverged": stopped at a bound of the state;
-            "failed": the integrator gave up.
+        status: "settled": all joints came within the tolerance and stayed, and the loop is stable at
+            the goal; "not_settled": the run is whole but they did not; "diverged": stopped at a bound of
+            the state; "failed": the integrator gave up.
         message: the status in a sentence, with its numbers.
         overshoot: how far each joint went past its goal [rad or m], shape (nv,), never negative; for a joint
             that starts at its goal, how far it strayed.
@@ -238,8 +239,8 @@ class _Loop:
 def _integrate(loop: _Loop, x0: Array, duration: float) -> tuple[OdeSolution, tuple[Status, str] | None]:
     """The motion as a continuous function, and why it broke off before `duration`, if it did."""
     nv = loop.goal.size
-    position_bound = max(_POSITION_BOUND, 10 * np.abs(x0[nv : 2 * nv] - loop.goal).max())
-    velocity_bound = max(_VELOCITY_BOUND, 10 * np.abs(x0[2 * nv :]).max())
+    start = 10 * float(np.abs(x0[nv:] - np.concatenate([loop.goal, np.zeros(nv)])).max())
+    away_bound, speed_bound = max(_POSITION_BOUND, start), max(_VELOCITY_BOUND, start)
     solver = LSODA(loop.rate, 0.0, x0, duration, rtol=_RTOL, atol=_ATOL)
     times, pieces = [0.0], []
     stopped: tuple[Status, str] | None = None
@@ -254,11 +255,11 @@ def _integrate(loop: _Loop, x0: Array, duration: float) -> tuple[OdeSolution, tu
                 break
             times.append(solver.t)
             pieces.append(solver.dense_output())
-            if (
-                np.abs(solver.y[nv : 2 * nv] - loop.goal).max() > position_bound
-                or np.abs(solver.y[2 * nv :]).max() > velocity_bound
-            ):
-                stopped = ("diverged", f"diverged at t = {solver.t:.6g} s")
+            away = np.abs(solver.y[nv : 2 * nv] - loop.goal).max()
+            speed = np.abs(solver.y[2 * nv :]).max()
+            if away > away_bound or speed > speed_bound:
+                where = f"a joint is {away:.4g} off its goal, at speed {speed:.4g}"
+                stopped = ("diverged", f"diverged at t = {solver.t:.6g} s: {where}")
             elif len(pieces) >= _MAX_STEPS and solver.status == "running":
                 stopped = ("failed", f"gave up at t = {solver.t:.6g} s after {_MAX_STEPS} integrator steps")
     if not pieces:
@@ -310,15 +311,19 @@ class _Course:
         """Farthest past the goal, seen from the start [rad or m], shape (nv,)."""
         beyond = -np.sign(self._error[:, :1]) * self._error
         past = np.where(self._error[:, :1] == 0, np.abs(self._error), beyond)
-        worst = np.maximum(past.max(axis=1), 0.0)
-        for joint, k in enumerate(past.argmax(axis=1)):
-            before, after = max(k - 1, 0), min(k + 1, self._t.size - 1)
-            if self._v[joint, before] * self._v[joint, after] < 0:
-                nv = self._goal.size
-                t = brentq(lambda t, j=joint: self._motion(t)[2 * nv + j], self._t[before], self._t[after])
-                q = self._motion(t)[nv + joint]
-                worst[joint] = max(worst[joint], abs(q - self._goal[joint]) if worst[joint] > 0 else 0.0)
-        return np.asarray(worst)
+        return np.array([self._peak(joint, past[joint]) for joint in range(self._goal.size)])
+
+    def _peak(self, joint: int, past: Array) -> float:
+        """Largest of a joint's values past the goal [rad or m], at rest between the points if it is there."""
+        k = int(past.argmax())
+        if past[k] <= 0:
+            return 0.0
+        a, b = max(k - 1, 0), min(k + 1, self._t.size - 1)
+        if self._v[joint, a] * self._v[joint, b] >= 0:
+            return float(past[k])
+        nv = self._goal.size
+        rest = brentq(lambda t: self._motion(t)[2 * nv + joint], self._t[a], self._t[b])
+        return max(float(past[k]), float(abs(self._motion(rest)[nv + joint] - self._goal[joint])))
 
 
 def _verdict(
@@ -332,7 +337,7 @@ def _verdict(
     """Status and message of a run."""
     notes = []
     if growth >= 0:
-        notes.append(f"the loop is unstable at the goal, max Re λ = {growth:+.4g} 1/s")
+        notes.append(f"the loop is not stable at the goal, max Re λ = {growth:+.4g} 1/s")
     if unholdable:
         notes.append(f"the effort limit of {', '.join(unholdable)} does not hold the arm at the goal")
     if stopped is not None:

@@ -18,7 +18,7 @@ class EquationsOfMotion(Protocol):
         """D(q) [kg m²], shape (nv, nv)."""
 
     def coriolis(self, q: Array, v: Array) -> Array:
-        """C(q, v) v [N m], shape (nv,)."""
+        """C(q, v) [N m s], shape (nv, nv)."""
 
     def gravity(self, q: Array) -> Array:
         """g(q) [N m], shape (nv,)."""
@@ -88,11 +88,11 @@ class GivenMotion:
 
     def bias(self, q: Array, v: Array) -> Array:
         """C v + g, as given."""
-        return np.asarray(self._dynamics.coriolis(q, v) + self._dynamics.gravity(q), dtype=float)
+        return np.asarray(self._dynamics.coriolis(q, v) @ v + self._dynamics.gravity(q), dtype=float)
 
     def acceleration(self, q: Array, v: Array, tau: Array) -> Array:
         """By solving with D."""
-        return np.linalg.solve(self.inertia(q), tau - self.bias(q, v))
+        return np.asarray(np.linalg.solve(self.inertia(q), tau - self.bias(q, v)), dtype=float)
 
     def stiffness(self, q: Array, tau: Array) -> Array:
         """By a five-point stencil, good to about 1e-11 of the acceleration's scale."""

@@ -69,7 +69,7 @@ def _gain(name: str, value: ArrayLike) -> float | tuple[float, ...]:
     if array.ndim > 1 or array.size == 0:
         raise ProblemError(f"{name} has shape {array.shape}; expected a number, or one per joint")
     if not np.all(np.isfinite(array) & (array >= 0)):
-        raise ProblemError(f"{name} is {value}; gains must be finite and not negative")
+        raise ProblemError(f"{name} is {value!r}; gains must be finite and not negative")
     return float(array) if array.ndim == 0 else tuple(map(float, array))
 
 

@@ -55,11 +55,12 @@ def closed_loop_matrix(
     kd = kd if derivative_sign == "corrected" else -kd
     motion = motion_of(robot, dynamics)
     nv = robot.nv
-    B, S = np.eye(nv), np.zeros((nv, nv))
+    B: Array = np.eye(nv)
+    S: Array = np.zeros((nv, nv))
     if form == "acceleration":
         S = motion.stiffness(goal, np.zeros(nv))
     elif form == "torque":
-        B = np.linalg.inv(motion.inertia(goal))
+        B = np.asarray(np.linalg.inv(motion.inertia(goal)), dtype=float)
         S = motion.stiffness(goal, motion.bias(goal, np.zeros(nv)))
     A = np.block(
         [

@@ -92,11 +92,12 @@ class Dynamics:
             SpecError: no such frame.
         """
         fixed = self.robot.frame(frame)
-        rotation, origin = fixed.placement.rotation, fixed.placement.translation
+        rotation, origin = fixed.placement.rotation.copy(), fixed.placement.translation.copy()
         j = fixed.parentJoint - 1
+        if isinstance(q, _CASADI):
+            rotation, origin = type(q)(rotation), type(q)(origin)
         if j < 0:
-            kind = type(q) if isinstance(q, _CASADI) else np.array
-            return kind(rotation), kind(origin)
+            return rotation, origin
         extra = () if self.payload_frame is None else (np.zeros(10),)
         all_joints = self._call("placements", q, *extra)
         R, p = all_joints[:, 4 * j : 4 * j + 3], all_joints[:, 4 * j + 3]

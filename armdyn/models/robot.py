@@ -61,7 +61,8 @@ class Robot:
     Attributes:
         name: from the URDF.
         model: Pinocchio's model; locked joints are gone from it, the payload is in it.
-        limits: of every joint.
+        limits: of every joint. A URDF's range without width, or velocity limit of zero, counts as none
+            given; a torque limit of zero stays, and minimum time then asks for `effort_limit`.
         joint_names: the moving joints, in the order of every vector.
         urdf: the text it was read from.
         source: the file it came from, or what made it.
@@ -190,11 +191,14 @@ class Robot:
                 )
         _check_inertia(model, source)
         first = [joint.idx_q for joint in list(model.joints)[1:]]
-        continuous = np.array([joint.nq == 2 for joint in list(model.joints)[1:]])
+        lower, upper = model.lowerPositionLimit[first], model.upperPositionLimit[first]
+        # A range without width and a velocity limit of zero are a URDF's way to say nothing.
+        unbounded = np.array([joint.nq == 2 for joint in list(model.joints)[1:]]) | (lower == upper)
+        velocity = _or_infinite(model.upperVelocityLimit)
         limits = JointLimits(
-            position_lower=np.where(continuous, -np.inf, model.lowerPositionLimit[first]),
-            position_upper=np.where(continuous, np.inf, model.upperPositionLimit[first]),
-            velocity=_or_infinite(model.upperVelocityLimit),
+            position_lower=np.where(unbounded, -np.inf, lower),
+            position_upper=np.where(unbounded, np.inf, upper),
+            velocity=np.where(velocity == 0, np.inf, velocity),
             effort_lower=-_or_infinite(model.upperEffortLimit),
             effort_upper=_or_infinite(model.upperEffortLimit),
         )

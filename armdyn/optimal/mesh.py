@@ -71,7 +71,9 @@ def to_unknowns(guess: Trajectory, layout: Layout, fractions: Array, scales: Sca
         inner.append(guess((knots[:-1] + knots[1:]) / 2).tau / scales.effort)
     if scheme.dynamics == "inverse":
         step = 1e-3 * duration / N
-        a = (guess(stage_times + step).v - guess(stage_times - step).v) / (2 * step)
+        before = np.maximum(stage_times - step, guess.t[0])
+        after = np.minimum(stage_times + step, guess.t[-1])
+        a = (guess(after).v - guess(before).v) / (after - before)[..., None]
         inner.append((a * scales.time / scales.speed).reshape(N, -1))
     blocks = np.concatenate([*(k[:-1] for k in knot), *inner], axis=1)
     return np.concatenate([blocks.ravel(), *(k[-1] for k in knot)])

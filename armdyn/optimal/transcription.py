@@ -168,7 +168,7 @@ def build_nlp(dynamics: Dynamics, scheme: Scheme, intervals: int) -> Nlp:
     layout, N = Layout(dynamics.nv, scheme), intervals
     one = _cached_interval(_Key(dynamics, scheme))
     block, width = layout.knot + layout.inner, 2 * layout.knot + layout.inner
-    size, rows = layout.size(N), one.defects
+    size, rows = layout.size(N), one.defects.numel_out(0)
 
     x = ca.MX.sym("x", size)
     p = ca.MX.sym("p", N + PARAMETERS + dynamics.nv)
@@ -177,8 +177,8 @@ def build_nlp(dynamics: Dynamics, scheme: Scheme, intervals: int) -> Nlp:
     y = ca.reshape(x[index.ravel(order="F").tolist()], width, N)
     parameters = ca.vertcat(p[:N].T, ca.repmat(p[N:], 1, N))
 
-    g, cost = one.values.map(N)(y, parameters)
-    g = ca.vec(g)
+    g = ca.vec(one.defects.map(N)(y, parameters))
+    f = ca.sum2(one.cost.map(N)(y, parameters))
 
     nonzeros = one.jacobian.map(N)(y, parameters)
     jacobian = _assemble(one.jacobian_pattern, (rows, block), (rows * N, size), nonzeros)
@@ -190,7 +190,7 @@ def build_nlp(dynamics: Dynamics, scheme: Scheme, intervals: int) -> Nlp:
     return Nlp(
         layout=layout,
         intervals=N,
-        functions={"x": x, "p": p, "f": ca.sum2(cost), "g": g},
+        functions={"x": x, "p": p, "f": f, "g": g},
         jacobian=ca.Function("nlp_jac_g", [x, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
         hessian=ca.Function(
             "nlp_hess_l", [x, p, sigma, lam], [hessian], ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
@@ -222,8 +222,8 @@ def _assemble(pattern: ca.Sparsity, step: tuple[int, int], shape: tuple[int, int
 class _IntervalFunctions:
     """One interval's values and the nonzeros of its derivatives."""
 
-    values: ca.Function
-    defects: int
+    defects: ca.Function
+    cost: ca.Function
     jacobian: ca.Function
     jacobian_pattern: ca.Sparsity
     hessian: ca.Function
@@ -251,8 +251,8 @@ def _cached_interval(key: _Key) -> _IntervalFunctions:
     jacobian = ca.jacobian(g, y)
     hessian = ca.triu(ca.hessian(sigma * cost + ca.dot(lam, g), y)[0])
     return _IntervalFunctions(
-        values=ca.Function("interval", [y, p], [g, cost]),
-        defects=g.numel(),
+        defects=ca.Function("interval_defects", [y, p], [g]),
+        cost=ca.Function("interval_cost", [y, p], [cost]),  # apart: its gradient needs no dynamics
         jacobian=ca.Function("interval_jacobian", [y, p], [_nonzeros(jacobian)]),
         jacobian_pattern=jacobian.sparsity(),
         hessian=ca.Function("interval_hessian", [y, p, sigma, lam], [_nonzeros(hessian)]),

@@ -1,0 +1,145 @@
+"""The command line as a user runs it: a process of its own, its output and its exit code."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from problems import CART
+
+import armdyn as ad
+
+COMMAND = [sys.executable, "-c", "from armdyn.cli import main; main()"]
+
+
+def run(*arguments, cwd=None):
+    return subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, timeout=300)
+
+
+def run_json(*arguments, code=0, cwd=None):
+    done = run(*arguments, "--json", cwd=cwd)
+    assert done.returncode == code, done.stderr
+    assert "Traceback" not in done.stderr
+    return json.loads(done.stdout)  # one object and nothing else
+
+
+def test_mintime(tmp_path):
+    answer = run_json("mintime", "rr", "--payload", 0.1006, "--out", tmp_path / "run")
+    assert answer["success"] and answer["status"] == "solved"
+    assert 0.2106 < answer["duration"] < 0.22
+    assert answer["replay_error"] < 1e-3
+    names = {Path(file).name for file in answer["files"]}
+    assert names == {"trajectory.npz", "figure.png", "figure.pdf", "replay.html", "result.json"}
+    assert all(Path(file).stat().st_size > 0 for file in answer["files"])
+    trajectory = ad.Trajectory.load(tmp_path / "run" / "trajectory.npz")
+    assert trajectory.duration == pytest.approx(answer["duration"], rel=1e-12)
+    assert json.loads((tmp_path / "run" / "result.json").read_text())["duration"] == answer["duration"]
+
+
+def test_mintime_of_a_urdf_file_with_poses_and_limits(tmp_path):
+    (tmp_path / "cart.urdf").write_text(CART)
+    answer = run_json("mintime", "cart.urdf", "--q-start", "0", "--q-goal", "-2", "--effort-limit", "4", cwd=tmp_path)
+    # Four newtons instead of one halve the 2√2 s.
+    assert answer["duration"] == pytest.approx(2**0.5, rel=1e-3)
+    assert (tmp_path / "results" / "mintime-cart" / "replay.html").exists()
+
+
+def test_pid_and_replay_of_both(tmp_path):
+    # 4.5535 s: RR_Ex5, reading tip, first joint's last entry into 0.005 rad.
+    answer = run_json("pid", "rr", "--payload", 0.1006, "--out", tmp_path)
+    assert answer["success"] and answer["arrival_time"] == pytest.approx(4.5535, abs=2e-3)
+    file = tmp_path / "trajectory.npz"
+    page = run_json("replay", "rr", file, file, "--payload", 0.1006, "--out", tmp_path / "both")
+    assert Path(page["files"][0]).read_text().count("<script") >= 1
+
+
+def test_pid_that_never_settles_is_exit_3(tmp_path):
+    answer = run_json("pid", "rrr", "--out", tmp_path, code=3)
+    assert not answer["success"] and answer["arrival_time"] is None
+    assert answer["max_real_eigenvalue"] > 0
+
+
+def test_urdf(tmp_path):
+    text = run("urdf", "rr", "--payload", 0.1006).stdout
+    (file,) = run_json("urdf", "rr", "--payload", 0.1006, "--out", tmp_path)["files"]
+    assert Path(file).name == "rr_100.6g.urdf"
+    assert Path(file).read_text() == text == run_json("urdf", "rr", "--payload", 0.1006)["urdf"]
+
+
+def test_doctor(tmp_path):
+    assert run_json("doctor")["status"] == "healthy"
+    answer = run_json("doctor", "panda")
+    assert len(answer["joints"]) == 7 and answer["dynamics_error"] < 1e-10
+    assert any("locked" in remark for remark in answer["remarks"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["mintime", "nosuch"], "no robot named 'nosuch'"),
+        (["mintime", "missing.urdf"], "missing.urdf: no such file"),
+        (["mintime", "rr", "--q-goal", "1"], "q_goal has shape"),
+        (["mintime", "rr", "--q-goal", "1,x"], "'x' is not a number"),
+        (["mintime", "rr", "--q-goal", "nan,0"], "not finite"),
+        (["mintime", "rr", "--q-goal", "4,0"], "outside its limits"),
+        (["mintime", "rr", "--q-start", "0,0", "--q-goal", "0,0"], "same state"),
+        (["mintime", "rr", "--payload", "-1"], "payload mass is -1"),
+        (["mintime", "rr", "--lock", "joint1=0"], "--lock"),
+        (["mintime", "panda"], "give --q-start with 7 angles"),
+        (["mintime", "rr", "--intervals", "0"], "intervals is 0"),
+        (["pid", "rr", "--gains", "1,2"], "give three"),
+        (["pid", "rr", "--form", "magic"], "magic"),
+        (["replay", "rr", "missing.npz"], "missing.npz: no such file"),
+        (["urdf", "rrrr"], "no arm 'rrrr'"),
+    ],
+)
+def test_bad_input_is_exit_2_without_traceback(arguments, message, tmp_path):
+    done = run(*arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert message in " ".join(done.stderr.split())
+    assert "Traceback" not in done.stderr
+    assert not list(tmp_path.iterdir())  # nothing is left behind
+    answer = run_json(*arguments, code=2, cwd=tmp_path)
+    assert answer["success"] is False and message in answer["message"]
+
+
+def test_bad_usage_is_exit_2():
+    assert run("mintime").returncode == 2
+    assert run("mintime", "rr", "--no-such-option").returncode == 2
+    assert run("nosuch").returncode == 2
+
+
+def test_not_converged_is_exit_3(tmp_path):
+    answer = run_json("mintime", "rrr", "--time-limit", 0.001, "--out", tmp_path, code=3)
+    assert answer["success"] is False and answer["status"] == "time_limit"
+    assert (tmp_path / "trajectory.npz").exists()
+
+
+def test_interrupt_is_exit_130_with_partial_results(tmp_path):
+    arguments = ["mintime", "rrr", "--intervals", "400", "--out", str(tmp_path / "run"), "--json"]
+    process = subprocess.Popen([*COMMAND, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    time.sleep(6)  # imports and the build take two or three seconds, the solve far longer than the rest
+    os.kill(process.pid, signal.SIGINT)
+    output, errors = process.communicate(timeout=120)
+    assert process.returncode == 130, errors
+    assert json.loads(output)["status"] == "interrupted"
+    assert "Traceback" not in errors
+
+
+@pytest.mark.parametrize("command", ["", "mintime", "pid", "reproduce", "replay", "urdf", "doctor"])
+def test_help_teaches(command):
+    done = run(*command.split(), "--help")
+    assert done.returncode == 0
+    if command:
+        assert "--json" in done.stdout
+    if command in ("mintime", "pid"):
+        assert "[kg]" in done.stdout and "[rad]" in done.stdout
+
+
+def test_importing_the_package_is_light():
+    code = "import sys, armdyn; sys.exit(any(m in sys.modules for m in ('matplotlib', 'meshcat', 'yourdfpy')))"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

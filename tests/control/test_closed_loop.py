@@ -1,0 +1,309 @@
+"""Simulated loops against reference times, a closed form, another integrator, and Newton's law."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from control.loops import example, loaded_arm
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+import armdyn as ad
+from armdyn.control import PidGains, simulate_pid
+from armdyn.dynamics.closed_form import PlanarArm
+from armdyn.dynamics.printed import PrintedArm
+from armdyn.errors import ProblemError
+
+# Last entry of |e1| into 0.005 rad [s], by payload reading and mass [g]: R Example 4, RR Example 5.
+ARRIVALS = {
+    ("mM", 21.2): (4.2657, 4.1692),
+    ("mM", 51.8): (4.2924, 4.3890),
+    ("mM", 100.6): (4.3236, 4.6670),
+    ("mM", 200): (4.3637, 5.0876),
+    ("mM", 500): (4.4162, None),
+    ("mM", 1000): (4.4458, None),
+    ("tip", 21.2): (4.2213, 4.1427),
+    ("tip", 51.8): (4.1986, 4.3181),
+    ("tip", 100.6): (4.1735, 4.5535),
+    ("tip", 200): (4.1436, 4.9310),
+    ("tip", 500): (4.1080, 9.5208),
+    ("tip", 1000): (4.0896, None),
+}
+SAMPLING = 2e-3  # the references were read off grids of 1e-4 to 5e-4 s
+
+
+@pytest.mark.parametrize(("reading", "grams"), ARRIVALS)
+def test_arrival_in_the_papers_examples(reading, grams):
+    for name, expected in zip(("R Ex4", "RR Ex5"), ARRIVALS[reading, grams], strict=True):
+        robot, poses = example(name, reading, grams)
+        run = simulate_pid(robot, **poses)
+        if expected is None:
+            assert run.arrival_time is None
+            assert not run.settled
+            assert run.max_real_eigenvalue > 0
+            assert "not stable" in run.message
+        else:
+            assert run.arrival_time == pytest.approx(expected, abs=SAMPLING)
+
+
+def test_arrival_rules():
+    robot, poses = example("RR Ex5", "mM", 100.6)
+    all_joints = simulate_pid(robot, **poses, arrival_rule="last_entry_all_joints")
+    assert all_joints.arrival_time == pytest.approx(6.1211, abs=SAMPLING)
+    assert all_joints.settled
+    robot, poses = example("R Ex4", "mM", 100.6)
+    crossing = simulate_pid(robot, **poses, arrival_rule="first_crossing")
+    assert crossing.arrival_time == pytest.approx(1.976, abs=SAMPLING)
+    assert crossing.arrival_rule == "first_crossing"
+
+
+def test_arrival_lies_on_the_tolerance():
+    robot, poses = example("R Ex4")
+    run = simulate_pid(robot, **poses, samples=20001)
+    error = np.abs(poses["q_goal"][0] - run.trajectory(run.arrival_time).q)
+    assert error == pytest.approx(0.005, abs=1e-9)  # cubic between samples 0.5 ms apart
+    after = run.trajectory.t > run.arrival_time
+    assert np.abs(poses["q_goal"][0] - run.trajectory.q[after, 0]).max() < 0.005
+
+
+def test_torque_of_example_4():
+    """The applied torque D u, not the u that the paper calls torque."""
+    for reading, expected in (("mM", 0.5637241638067403), ("tip", 0.6141519011908051)):
+        robot, poses = example("R Ex4", reading, 100.6)
+        tau = simulate_pid(robot, **poses).trajectory(4.317).tau
+        assert tau == pytest.approx(expected, abs=1e-6)  # linear between samples 10 ms apart
+
+
+@pytest.mark.parametrize("grams", [0, 100.6, 1000])
+@pytest.mark.parametrize("arm", ["r", "rrr"])
+def test_computed_torque_is_the_same_for_every_payload(arm, grams):
+    robot, poses = example({"r": "R Ex4", "rrr": "RRR Ex6"}[arm], grams=grams)
+    run = simulate_pid(robot, **poses, form="computed_torque")
+    assert run.settled
+    assert run.arrival_time == pytest.approx(3.2321, abs=1e-4)
+    assert run.overshoot[0] == pytest.approx(0.5921, abs=1e-4)
+
+
+def test_computed_torque_against_the_matrix_exponential():
+    """e''' + kd e'' + kp e' + ki e = 0 in every joint, by x' = A x with x = (∫e, e, e')."""
+    robot, poses = example("RRR Ex6", grams=500)
+    kp, ki, kd = np.array([30.0, 20, 40]), np.array([50.0, 10, 0]), np.array([10.0, 9, 8])
+    v_start = np.array([0.5, -1.0, 2.0])
+    run = simulate_pid(
+        robot, **poses, v_start=v_start, gains=PidGains(kp, ki, kd), form="computed_torque", duration=3.0,
+        samples=7,
+    )  # fmt: skip
+    for j in range(3):
+        A = np.array([[0, 1, 0], [0, 0, 1], [-ki[j], -kp[j], -kd[j]]])
+        x0 = np.array([0.0, poses["q_goal"][j] - poses["q_start"][j], -v_start[j]])
+        exact = np.array([expm(A * t) @ x0 for t in run.trajectory.t])
+        # The integrator's rtol of 1e-9 per step, over some hundred steps.
+        np.testing.assert_allclose(poses["q_goal"][j] - run.trajectory.q[:, j], exact[:, 1], atol=2e-7)
+        np.testing.assert_allclose(-run.trajectory.v[:, j], exact[:, 2], atol=2e-7)
+
+
+@pytest.mark.parametrize("form", ["acceleration", "torque", "computed_torque"])
+def test_torque_obeys_newton(form):
+    """pin.aba under the recorded torque is the time derivative of the recorded velocity."""
+    robot, poses = example("RR Ex2", grams=100.6)
+    run = simulate_pid(robot, **poses, form=form, duration=2.0, samples=20001, saturate=False)
+    t, q, v, tau = (getattr(run.trajectory, name) for name in ("t", "q", "v", "tau"))
+    data = robot.model.createData()
+    a = np.array([pin.aba(robot.model, data, *state) for state in zip(q, v, tau, strict=True)])
+    late = slice(2000, -1)  # the loop's first transient is faster than the differences
+    numeric = (v[2:] - v[:-2]) / (t[2:] - t[:-2])[:, None]
+    # Central differences over 2e-4 s: h²/6 v''' ~ 1e-5, and 1e-9 rad/s of the solution over h.
+    np.testing.assert_allclose(a[1:-1][late], numeric[late], atol=1e-3)
+    moved = q[2:] - q[:-2]
+    np.testing.assert_allclose(moved[late], (v[1:-1] * (t[2:] - t[:-2])[:, None])[late], atol=1e-7)
+
+
+def test_energy_balance():
+    """What the torque delivers is what the arm gains in energy."""
+    robot, poses = example("RRR Ex6", grams=100.6)
+    run = simulate_pid(robot, **poses, form="computed_torque", duration=2.0, samples=20001)
+    data = robot.model.createData()
+
+    def energy(k):
+        q, v = run.trajectory.q[k], run.trajectory.v[k]
+        kinetic = pin.computeKineticEnergy(robot.model, data, q, v)
+        return kinetic + pin.computePotentialEnergy(robot.model, data, q)
+
+    work = np.trapezoid(np.sum(run.trajectory.tau * run.trajectory.v, axis=1), run.trajectory.t)
+    # The trapezoidal rule over 1e-4 s steps of a power that changes by ~1e3 W/s² squared per second.
+    assert energy(-1) - energy(0) == pytest.approx(work, abs=1e-5)
+
+
+def test_another_integrator_agrees():
+    """Equations of the loop (24) written down anew, DOP853 instead of LSODA."""
+    robot, poses = example("RR Ex2", "mM", 51.8)
+    goal, data = np.array(poses["q_goal"]), robot.model.createData()
+
+    def rate(_, x):
+        z, q, v = np.split(x, 3)
+        free = pin.aba(robot.model, data, q, v, np.zeros(2))
+        return np.concatenate([goal - q, v, free + 30 * (goal - q) + 50 * z - 10 * v])
+
+    x0 = np.concatenate([np.zeros(2), poses["q_start"], np.zeros(2)])
+    other = solve_ivp(rate, (0, 5), x0, "DOP853", rtol=1e-11, atol=1e-12)
+    run = simulate_pid(robot, **poses, duration=5.0)
+    np.testing.assert_allclose(run.trajectory.q[-1], other.y[2:4, -1], atol=1e-6)
+
+
+def test_unstable_loop_of_three_joints_returns():
+    """Loop (24) keeps swinging: gravity and Coriolis torques are not compensated."""
+    robot, poses = example("RRR Ex6", grams=100.6)
+    run = simulate_pid(robot, **poses)
+    assert run.arrival_time is None
+    assert run.status == "not_settled"
+    assert not run.settled
+    assert "max Re λ = +1.303" in run.message
+    assert run.trajectory.duration == 10.0
+
+
+@pytest.mark.parametrize("name", ["R Ex4", "RR Ex5", "RRR Ex6"])
+def test_printed_sign_diverges(name):
+    robot, poses = example(name, grams=100.6)
+    run = simulate_pid(robot, **poses, derivative_sign="printed")
+    assert run.status == "diverged"
+    assert run.message.startswith("diverged at t = ")
+    assert run.arrival_time is None
+    assert run.max_real_eigenvalue > 5
+    assert 0 < run.trajectory.duration < 10  # up to there, and all of it finite: Trajectory checks
+
+
+def test_passing_the_goal_of_an_unstable_loop_is_no_arrival():
+    robot, poses = example("R Ex4")
+    crossing = simulate_pid(robot, **poses, derivative_sign="printed", arrival_rule="first_crossing")
+    staying = simulate_pid(robot, **poses, derivative_sign="printed")
+    assert crossing.arrival_time is not None
+    assert staying.arrival_time is None
+
+
+def test_torque_saturates_at_the_effort_limits():
+    robot, poses = example("R Ex4", grams=100.6)
+    run = simulate_pid(robot, **poses, form="torque")
+    free = simulate_pid(robot, **poses, form="torque", saturate=False)
+    assert np.abs(run.trajectory.tau).max() == 3.0
+    assert np.abs(free.trajectory.tau).max() > 50
+    assert run.settled
+    assert free.settled
+    still = run.trajectory.tau[-1]
+    held = pin.computeGeneralizedGravity(robot.model, robot.model.createData(), np.array(poses["q_goal"]))
+    assert still == pytest.approx(held, abs=1e-2)  # 0.005 rad from the goal or nearer
+
+
+def test_saturation_does_not_change_a_loop_that_never_reaches_it():
+    robot, poses = example("RR Ex5", grams=100.6)
+    free, clipped = (simulate_pid(robot, **poses, saturate=on) for on in (False, True))
+    assert np.abs(free.trajectory.tau).max() < 3.0
+    np.testing.assert_array_equal(free.trajectory.q, clipped.trajectory.q)
+
+
+def test_anti_windup():
+    """With its integral halted, a torque at its limit leaves it as soon as the goal is passed."""
+    robot, poses = example("R Ex4", grams=500)
+    gains = PidGains(kp=8, ki=16, kd=1.5)
+    run = simulate_pid(robot, **poses, gains=gains, form="torque", duration=20.0)
+    assert run.settled
+    goal, data = poses["q_goal"][0], robot.model.createData()
+
+    def wound_up(_, x):
+        z, q, v = x
+        tau = np.clip(8 * (goal - q) + 16 * z - 1.5 * v, -3, 3)
+        return [goal - q, v, pin.aba(robot.model, data, np.array([q]), np.array([v]), np.array([tau]))[0]]
+
+    plain = solve_ivp(wound_up, (0, 20), [0, poses["q_start"][0], 0], rtol=1e-8, atol=1e-8)
+    assert run.overshoot[0] < 0.6 * (plain.y[1].max() - goal)
+
+
+def test_a_goal_that_the_limits_cannot_hold():
+    robot, poses = example("RRR Ex6", grams=1000)
+    run = simulate_pid(robot, **poses, form="torque", gains=PidGains(30, 20, 2))
+    assert not run.settled
+    assert "effort limit of joint1, joint2 does not hold" in run.message
+
+
+def test_given_equations_of_motion():
+    robot, poses = example("RRR Ex6", grams=100.6)
+    arm = PlanarArm.from_spec(ad.ArmSpec.paper("rrr"), ad.Payload(mass=0.1006))
+    own, given = (simulate_pid(robot, **poses, dynamics=d, duration=1.0) for d in (None, arm))
+    # A point mass has moments of 1e-9 kg m² in a URDF.
+    np.testing.assert_allclose(given.trajectory.q, own.trajectory.q, atol=1e-4)
+    np.testing.assert_allclose(given.trajectory.tau, own.trajectory.tau, atol=1e-3)
+
+
+def test_equation_7_as_printed_settles():
+    robot, poses = example("RRR Ex6")
+    run = simulate_pid(robot, **poses, dynamics=PrintedArm.from_spec(ad.ArmSpec.paper("rrr"), 0.1006))
+    assert run.settled
+    assert run.arrival_time == pytest.approx(8.2955, abs=SAMPLING)
+
+
+def test_a_library_robot_settles_under_torque():
+    robot = ad.Robot.from_library("ur5")
+    run = simulate_pid(
+        robot,
+        q_start=[0, -1, 1, 0, 0, 0],
+        q_goal=[0.5, -1.2, 1.3, 0, 0.2, 0],
+        gains=PidGains(500, 300, 50),
+        form="torque",
+        arrival_rule="last_entry_all_joints",
+    )
+    assert run.settled
+    assert run.trajectory.joint_names == robot.joint_names
+    assert np.all(np.abs(run.trajectory.tau) <= robot.limits.effort_upper)
+    np.testing.assert_allclose(run.trajectory.q[-1], [0.5, -1.2, 1.3, 0, 0.2, 0], atol=0.005)
+
+
+def test_start_at_the_goal():
+    robot, poses = example("R Ex4")
+    at_goal = {"q_start": poses["q_goal"], "q_goal": poses["q_goal"]}
+    still = simulate_pid(robot, **at_goal, form="computed_torque")
+    assert still.settled
+    assert still.arrival_time == 0.0
+    assert still.overshoot[0] < 1e-9
+    # Loop (24) first sinks under gravity, until the integral has learnt it.
+    sinking = simulate_pid(robot, **at_goal)
+    assert sinking.overshoot[0] > 0.1
+    assert sinking.arrival_time > 1
+
+
+def test_a_start_far_away_is_not_divergence():
+    robot = loaded_arm("r", "tip", 0.0)
+    run = simulate_pid(robot, q_start=[5e3], q_goal=[0.0], form="computed_torque", duration=20.0)
+    assert run.settled
+
+
+def test_uniform_samples():
+    robot, poses = example("R Ex4")
+    run = simulate_pid(robot, **poses, duration=2.5, samples=26)
+    np.testing.assert_allclose(run.trajectory.t, np.linspace(0, 2.5, 26), atol=1e-15)
+    np.testing.assert_array_equal(run.trajectory.q[0], poses["q_start"])
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        ({"q_start": [0.0]}, "q_start has shape"),
+        ({"q_start": [0.0, 0.0, 0.0]}, "q_start has shape"),
+        ({"q_start": 0.0}, "q_start has shape"),
+        ({"q_start": ["a", "b"]}, "q_start"),
+        ({"q_goal": [0.0, np.inf]}, "q_goal of joint 'joint2' is inf"),
+        ({"v_start": [0.0, np.nan]}, "v_start of joint 'joint2' is nan"),
+        ({"duration": 0.0}, "duration is 0.0 s"),
+        ({"duration": -1.0}, "duration"),
+        ({"duration": np.nan}, "duration"),
+        ({"duration": np.inf}, "duration"),
+        ({"arrival_tolerance": 0.0}, "arrival_tolerance"),
+        ({"form": "force"}, "form is 'force'; it is one of 'acceleration'"),
+        ({"derivative_sign": "plus"}, "derivative_sign"),
+        ({"arrival_rule": "any"}, "arrival_rule"),
+        ({"samples": 1}, "samples"),
+        ({"samples": 2.5}, "samples"),
+        ({"gains": PidGains([1, 2, 3], 1, 1)}, "kp has 3 numbers"),
+    ],
+)
+def test_bad_input(change, match):
+    robot, poses = example("RR Ex5")
+    with pytest.raises(ProblemError, match=match):
+        simulate_pid(robot, **(poses | change))
