@@ -68,9 +68,7 @@ class Trajectory:
         for field in _ARRAYS[1:]:
             shape = getattr(self, field).shape
             if len(shape) != 2 or shape[0] != n:
-                raise TrajectoryError(
-                    f"{field} has shape {shape}; expected ({n}, joints) as t has {n} samples"
-                )
+                raise TrajectoryError(f"{field} has shape {shape}; expected ({n}, joints) as t has {n} samples")
         if self.v.shape != self.tau.shape:
             raise TrajectoryError(f"v has shape {self.v.shape} but tau {self.tau.shape}")
         object.__setattr__(self, "joint_names", tuple(self.joint_names))
@@ -88,10 +86,10 @@ class Trajectory:
         Returns:
             A `Sample` whose arrays have the shape of `time` plus one axis for the joints.
         """
-        time = np.clip(np.asarray(time, dtype=float), self.t[0], self.t[-1])
-        k = np.clip(np.searchsorted(self.t, time, side="right") - 1, 0, self.t.size - 2)
+        at: Array = np.clip(np.asarray(time, dtype=float), self.t[0], self.t[-1])
+        k = np.clip(np.searchsorted(self.t, at, side="right") - 1, 0, self.t.size - 2)
         h = (self.t[k + 1] - self.t[k])[..., None]
-        s = (time - self.t[k])[..., None] / h
+        s = (at - self.t[k])[..., None] / h
         rise = self.q[k + 1] - self.q[k]
         # Cubic Hermite in s: https://en.wikipedia.org/wiki/Cubic_Hermite_spline, in Horner form.
         c2 = 3 * rise - h * (2 * self.v[k] + self.v[k + 1])
@@ -122,8 +120,8 @@ class Trajectory:
                     joint_names=np.array(self.joint_names, dtype=str),
                     **{field: getattr(self, field) for field in _ARRAYS},
                 )
-            os.chmod(scratch, 0o644)
-            os.replace(scratch, path)
+            Path(scratch).chmod(0o644)
+            Path(scratch).replace(path)
         except BaseException:
             Path(scratch).unlink(missing_ok=True)
             raise

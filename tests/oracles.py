@@ -86,9 +86,7 @@ def link(name, inertial=INERTIAL):
 
 
 def joint(name, parent, child, kind="revolute", inside=f'<axis xyz="0 -1 0"/>{LIMIT}'):
-    return (
-        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{inside}</joint>'
-    )
+    return f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{inside}</joint>'
 
 
 def urdf(*parts):

@@ -12,7 +12,8 @@ POSES = {
 """Start and goal of the paper's Examples 1 to 3 [rad]."""
 
 CART = """<robot name="cart"><link name="base"/>
-<link name="body"><inertial><mass value="1"/><inertia ixx=".1" ixy="0" ixz="0" iyy=".1" iyz="0" izz=".1"/></inertial></link>
+<link name="body"><inertial><mass value="1"/>
+<inertia ixx=".1" ixy="0" ixz="0" iyy=".1" iyz="0" izz=".1"/></inertial></link>
 <joint name="slide" type="prismatic"><parent link="base"/><child link="body"/><axis xyz="1 0 0"/>
 <limit lower="-1000" upper="1000" effort="1" velocity="1000"/></joint></robot>"""
 """The double integrator: 1 kg on a level rail, at most 1 N."""

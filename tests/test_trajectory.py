@@ -1,6 +1,6 @@
-import os
 import zipfile
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,9 +27,7 @@ def torque(t):
 
 @pytest.fixture
 def motion():
-    return Trajectory(
-        t=T, q=position(T), v=velocity(T), tau=torque(T), joint_names=("one", "zwei"), name="motion"
-    )
+    return Trajectory(t=T, q=position(T), v=velocity(T), tau=torque(T), joint_names=("one", "zwei"), name="motion")
 
 
 def test_cubics_and_linear_torques_are_met_exactly(motion):
@@ -66,9 +64,7 @@ def test_jump_of_one_ulp():
     t = [0.0, switch, after, 1.0]
     v = [0.0, 1.5, 1.5, 0.0]
     q = [0.0, 0.375, 0.375, 0.75]
-    bang = Trajectory(
-        t=t, q=np.reshape(q, (4, 1)), v=np.reshape(v, (4, 1)), tau=[[3.0], [3.0], [-3.0], [-3.0]]
-    )
+    bang = Trajectory(t=t, q=np.reshape(q, (4, 1)), v=np.reshape(v, (4, 1)), tau=[[3.0], [3.0], [-3.0], [-3.0]])
     assert bang(np.array([0.0, 0.25, switch, after, 0.75, 1.0])).tau.ravel().tolist() == [3, 3, 3, -3, -3, -3]
     times = np.linspace(0, 1, 41)
     sample = bang(times)
@@ -155,7 +151,7 @@ def test_failed_save_keeps_the_old_file(motion, tmp_path, monkeypatch, failing):
     def fail(*_, **__):
         raise OSError("disk full")
 
-    monkeypatch.setattr(np if failing == "savez_compressed" else os, failing, fail)
+    monkeypatch.setattr(np if failing == "savez_compressed" else Path, failing, fail)
     with pytest.raises(OSError, match="disk full"):
         replace(motion, name="second").save(path)
     monkeypatch.undo()

@@ -30,9 +30,7 @@ Lock = Annotated[
     list[str] | None,
     typer.Option(metavar="JOINT=Q", help="Fix a joint at a position \\[rad or m]; may be given again."),
 ]
-EffortLimit = Annotated[
-    str | None, typer.Option(metavar="T[,T…]", help="Torque limits instead of the URDF's \\[N m].")
-]
+EffortLimit = Annotated[str | None, typer.Option(metavar="T[,T…]", help="Torque limits instead of the URDF's \\[N m].")]
 VelocityLimit = Annotated[
     str | None, typer.Option(metavar="V[,V…]", help="Velocity limits instead of the URDF's \\[rad/s]; inf for none.")
 ]

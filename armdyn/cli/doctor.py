@@ -57,13 +57,13 @@ def doctor(
 
 
 def _installation() -> dict[str, object]:
-    import _armdyn_bridge as bridge
+    from armdyn.dynamics.symbolic import bridge_versions
 
     return {
         "python": platform.python_version(),
         "cores": os.cpu_count() or 1,
         **{name: version(name) for name in _PACKAGES},
-        "bridge built with": f"casadi {bridge.casadi_version}, pinocchio {bridge.pinocchio_version}",
+        "bridge built with": bridge_versions(),
     }
 
 
@@ -109,9 +109,7 @@ def _remarks(robot: Robot) -> list[str]:
     findings = {
         "no torque limit: minimum time needs --effort-limit": [j for j in joints if j["effort_upper"] is None],
         "torque limit 0: minimum time needs --effort-limit": [j for j in joints if j["effort_upper"] == 0],
-        "damping or friction in the URDF, read but not applied": [
-            j for j in joints if j["damping"] or j["friction"]
-        ],
+        "damping or friction in the URDF, read but not applied": [j for j in joints if j["damping"] or j["friction"]],
     }
     remarks = [f"{name} is locked at {value:g}" for name, value in robot.locked.items()]
     for finding, found in findings.items():

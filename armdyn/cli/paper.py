@@ -88,5 +88,3 @@ def urdf(
             answer.facts["urdf"] = text
         else:
             sys.stdout.write(text)
-
-

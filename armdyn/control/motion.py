@@ -95,13 +95,12 @@ class GivenMotion:
         return np.asarray(np.linalg.solve(self.inertia(q), tau - self.bias(q, v)), dtype=float)
 
     def stiffness(self, q: Array, tau: Array) -> Array:
-        """By a five-point stencil, good to about 1e-11 of the acceleration's scale."""
+        """By a five-point stencil, good to about 1e-9 of the largest entry."""
         rest = np.zeros(q.size)
         columns = []
         for step in _STEP * np.eye(q.size):
             near, far = (
-                self.acceleration(q + k * step, rest, tau) - self.acceleration(q - k * step, rest, tau)
-                for k in (1, 2)
+                self.acceleration(q + k * step, rest, tau) - self.acceleration(q - k * step, rest, tau) for k in (1, 2)
             )
             columns.append((8 * near - far) / (12 * _STEP))
         return np.column_stack(columns)

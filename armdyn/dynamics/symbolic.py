@@ -130,13 +130,18 @@ class Dynamics:
             return function(*arguments)
         for x, expected in zip(arguments, function.name_in(), strict=True):
             if np.size(x) != function.numel_in(expected):
-                raise SpecError(
-                    f"{name}: {expected} has {np.size(x)} numbers; expected {function.numel_in(expected)}"
-                )
+                raise SpecError(f"{name}: {expected} has {np.size(x)} numbers; expected {function.numel_in(expected)}")
         out = np.array(function(*(np.asarray(x, dtype=float).ravel() for x in arguments)), dtype=float)
         if name.endswith("energy"):
             return float(out.item())
         return out if name in ("crba", "placements") else out.reshape(-1)
+
+
+def bridge_versions() -> str:
+    """What the compiled bridge was built with, for people."""
+    import _armdyn_bridge as bridge
+
+    return f"casadi {bridge.casadi_version}, pinocchio {bridge.pinocchio_version}"
 
 
 def _tree(model: pin.Model, payload_joint: int) -> tuple[Any, ...]:

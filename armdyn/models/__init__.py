@@ -1,6 +1,7 @@
 """Arms: as numbers, as URDF, as Pinocchio models."""
 
-from armdyn.models.robot import JointLimits, Robot
+from armdyn.models.limits import JointLimits
+from armdyn.models.robot import Robot
 from armdyn.models.spec import PAPER_ARMS, PAPER_PAYLOADS, ArmSpec, LinkSpec, Payload
 from armdyn.models.urdf import urdf_from_spec
 

@@ -10,44 +10,16 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.errors import SpecError, UnknownRobotError, UnsupportedJointError, UrdfError
+from armdyn.errors import SpecError, UnsupportedJointError, UrdfError
+from armdyn.models.library import LIBRARY_LOCKS, library_urdf
+from armdyn.models.limits import JointLimits
 from armdyn.models.spec import ArmSpec, Payload
 from armdyn.models.urdf import POINT_INERTIA, TIP, urdf_from_spec
 from armdyn.models.urdf_check import parse_urdf, read_urdf
 
 Array = NDArray[np.float64]
 
-LIBRARY_LOCKS: dict[str, dict[str, float]] = {
-    "panda": {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0},
-}
-"""Joints of the library's robots that are no arm joints, and where `from_library` locks them by default."""
-
 _OTHER_FRAMES = (pin.FrameType.OP_FRAME, pin.FrameType.FIXED_JOINT, pin.FrameType.JOINT, pin.FrameType.SENSOR)
-
-
-@dataclass(frozen=True, kw_only=True)
-class JointLimits:
-    """Limits of every joint, each of shape (nv,); infinite where there is none.
-
-    Attributes:
-        position_lower: [rad or m].
-        position_upper: [rad or m].
-        velocity: largest speed [rad/s or m/s].
-        effort_lower: [N m or N].
-        effort_upper: [N m or N].
-    """
-
-    position_lower: Array
-    position_upper: Array
-    velocity: Array
-    effort_lower: Array
-    effort_upper: Array
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            array = np.array(value, dtype=float)
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -173,9 +145,7 @@ class Robot:
         lock = dict(lock or {})
         for name, value in lock.items():
             if name not in list(model.names)[1:]:
-                raise SpecError(
-                    f"cannot lock {name!r}: {source} has joints {', '.join(list(model.names)[1:])}"
-                )
+                raise SpecError(f"cannot lock {name!r}: {source} has joints {', '.join(list(model.names)[1:])}")
             if not np.isfinite(value):
                 raise SpecError(f"cannot lock {name!r} at {value}")
         whole = model
@@ -186,9 +156,7 @@ class Robot:
             raise UrdfError(source, "has no moving joint")
         for joint, name in zip(list(model.joints)[1:], list(model.names)[1:], strict=True):
             if joint.nv != 1 or "Mimic" in joint.shortname() or "Helical" in joint.shortname():
-                raise UnsupportedJointError(
-                    source, f"{joint.shortname()} is not supported", f"joint {name!r}"
-                )
+                raise UnsupportedJointError(source, f"{joint.shortname()} is not supported", f"joint {name!r}")
         _check_inertia(model, source)
         first = [joint.idx_q for joint in list(model.joints)[1:]]
         lower, upper = model.lowerPositionLimit[first], model.upperPositionLimit[first]
@@ -239,9 +207,7 @@ class Robot:
             frame_name = payload.frame or self.tip
             frame = self.frame(frame_name)
             if frame.parentJoint == 0:
-                raise SpecError(
-                    f"frame {frame_name!r} of {self.source} does not move: no payload can be there"
-                )
+                raise SpecError(f"frame {frame_name!r} of {self.source} does not move: no payload can be there")
             model.appendBodyToJoint(frame.parentJoint, payload_inertia(payload), frame.placement)
         return replace(self, model=model, payload=payload)
 
@@ -253,9 +219,7 @@ class Robot:
         """
         array = np.asarray(value, dtype=float)
         if array.shape not in ((), (self.nv,)):
-            raise SpecError(
-                f"{what} has shape {array.shape}; expected one number or {self.nv}, one per joint"
-            )
+            raise SpecError(f"{what} has shape {array.shape}; expected one number or {self.nv}, one per joint")
         array = np.broadcast_to(array, (self.nv,)).copy()
         for name, number in zip(self.joint_names, array, strict=True):
             if not number >= 0:
@@ -285,9 +249,7 @@ def configuration(model: pin.Model, q: ArrayLike) -> Array:
         return q
     full = np.empty(model.nq)
     for joint, angle in zip(list(model.joints)[1:], q, strict=True):
-        full[joint.idx_q : joint.idx_q + joint.nq] = (
-            angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
-        )
+        full[joint.idx_q : joint.idx_q + joint.nq] = angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
     return full
 
 
@@ -295,25 +257,6 @@ def payload_inertia(payload: Payload) -> pin.Inertia:
     """Pinocchio's inertia of a payload, in the frame that it is fixed to."""
     moments = np.maximum(payload.inertia, POINT_INERTIA)
     return pin.Inertia(payload.mass, np.array(payload.offset), np.diag(moments))
-
-
-def library_urdf(name: str) -> tuple[Path, str]:
-    """A library robot's URDF file, and the folder in which its `package://` is.
-
-    Raises:
-        UnknownRobotError: the library has no such robot.
-        UrdfError: the robot is not described by a URDF.
-    """
-    from example_robot_data.robots_loader import ROBOTS, getModelPath
-
-    if name not in ROBOTS:
-        raise UnknownRobotError(name, sorted(ROBOTS))
-    loader = ROBOTS[name]
-    if not loader.urdf_filename:
-        raise UrdfError(name, "the library describes it by an SDF, not a URDF")
-    inside = Path(loader.path, loader.urdf_subpath, loader.urdf_filename)
-    root = Path(loader.model_path or getModelPath(str(inside)))
-    return Path(os.path.normpath(root / inside)), os.path.normpath(root.parent.parent)
 
 
 def _or_infinite(limit: Array) -> Array:
@@ -350,6 +293,4 @@ def _check_inertia(model: pin.Model, source: str) -> None:
     inertia = pin.crba(model, model.createData(), pin.neutral(model))
     for name, own in zip(list(model.names)[1:], np.diag(inertia), strict=True):
         if not own > 0:
-            raise UrdfError(
-                source, f"moves no inertia ({own} kg m²); give its link a mass", f"joint {name!r}"
-            )
+            raise UrdfError(source, f"moves no inertia ({own} kg m²); give its link a mass", f"joint {name!r}")

@@ -118,9 +118,7 @@ class Payload:
                 raise SpecError(f"payload {field} is {value} {unit}; it must be three finite numbers")
         a, b, c = sorted(self.inertia)
         if a < 0 or a + b < c * (1 - 1e-9):
-            raise SpecError(
-                f"payload inertia {self.inertia} kg m² is negative or breaks the triangle inequality"
-            )
+            raise SpecError(f"payload inertia {self.inertia} kg m² is negative or breaks the triangle inequality")
 
     @classmethod
     def at_last_com(cls, spec: ArmSpec, mass: float) -> Self:

@@ -116,13 +116,9 @@ def urdf_from_spec(spec: ArmSpec, payload: Payload | None = None) -> str:
         place = np.eye(4)
         place[:3, 3] = payload.offset
         inertia = np.diag([max(i, POINT_INERTIA) for i in payload.inertia])
-        load = yp.Link(
-            name="payload", inertial=yp.Inertial(origin=np.eye(4), mass=payload.mass, inertia=inertia)
-        )
+        load = yp.Link(name="payload", inertial=yp.Inertial(origin=np.eye(4), mass=payload.mass, inertia=inertia))
         radius = float(np.cbrt(payload.mass / _DENSITY * 3 / (4 * np.pi)))
-        load.visuals = [
-            visual("ball", np.eye(4), "payload", sphere=yp.Sphere(radius=round(max(radius, 0.016), 4)))
-        ]
+        load.visuals = [visual("ball", np.eye(4), "payload", sphere=yp.Sphere(radius=round(max(radius, 0.016), 4)))]
         attach(load, TIP, place)
     tree = yp.URDF(robot=robot, build_scene_graph=False, load_meshes=False).write_xml()
     text = etree.tostring(tree, pretty_print=True, encoding="unicode")

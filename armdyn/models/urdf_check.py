@@ -86,9 +86,7 @@ def _parse_xml(text: str, source: str) -> ElementTree.Element:
         builder.end(tag)
 
     def refuse(*_: object) -> None:
-        raise UrdfError(
-            source, "has a DTD or entity declaration; a URDF needs none, and they are not expanded"
-        )
+        raise UrdfError(source, "has a DTD or entity declaration; a URDF needs none, and they are not expanded")
 
     parser.StartElementHandler = start
     parser.EndElementHandler = end
@@ -113,9 +111,7 @@ def _named(root: ElementTree.Element, tag: str, source: str) -> dict[str, Elemen
     return found
 
 
-def _numbers(
-    element: ElementTree.Element | None, keys: tuple[str, ...], source: str, where: str
-) -> list[float]:
+def _numbers(element: ElementTree.Element | None, keys: tuple[str, ...], source: str, where: str) -> list[float]:
     """Attributes as finite numbers; a missing element is an error, a missing attribute too."""
     if element is None:
         raise UrdfError(source, f"lacks the element with {', '.join(keys)}", where)
@@ -171,9 +167,7 @@ def _check_link(link: ElementTree.Element, source: str, where: str) -> None:
         )  # fmt: skip
 
 
-def _check_joint(
-    joint: ElementTree.Element, source: str, where: str, links: dict[str, ElementTree.Element]
-) -> None:
+def _check_joint(joint: ElementTree.Element, source: str, where: str, links: dict[str, ElementTree.Element]) -> None:
     kind = joint.get("type", "")
     if kind not in (*MOVING, "fixed"):
         raise UnsupportedJointError(source, f"type {kind!r} is none of {', '.join(MOVING)}, fixed", where)
@@ -194,12 +188,8 @@ def _check_joint(
     if limit is None:
         if kind == "continuous":
             return
-        raise UrdfError(
-            source, f"a {kind} joint needs <limit lower upper effort velocity>; it has none", where
-        )
-    for key, value in zip(
-        ("effort", "velocity"), _numbers(limit, ("effort", "velocity"), source, where), strict=True
-    ):
+        raise UrdfError(source, f"a {kind} joint needs <limit lower upper effort velocity>; it has none", where)
+    for key, value in zip(("effort", "velocity"), _numbers(limit, ("effort", "velocity"), source, where), strict=True):
         if value < 0:
             raise UrdfError(source, f"{key} limit is {value}; it must not be negative", where)
     if kind != "continuous":
@@ -210,9 +200,7 @@ def _check_joint(
             raise UrdfError(source, f"lower limit {lower} is above upper limit {upper}", where)
 
 
-def _check_tree(
-    links: dict[str, ElementTree.Element], joints: dict[str, ElementTree.Element], source: str
-) -> None:
+def _check_tree(links: dict[str, ElementTree.Element], joints: dict[str, ElementTree.Element], source: str) -> None:
     parent: dict[str, str] = {}
     for name, joint in joints.items():
         up, down = (str(joint.find(tag).get("link")) for tag in ("parent", "child"))  # type: ignore[union-attr]

@@ -113,7 +113,8 @@ def solve_minimum_time(
     form: DynamicsForm = "forward" if problem.robot.nv <= 3 else "inverse"
     scheme = Scheme(options.method, options.control, form if options.dynamics == "auto" else options.dynamics)
 
-    iterations, best = 0, None
+    iterations = 0
+    best: Solution | None = None
     with stopping(options.time_limit) as stop:
         for start, guess in zip(range(options.max_starts), starts(problem, options.seed), strict=False):
             mesh, refine = options.intervals, True
@@ -129,7 +130,8 @@ def solve_minimum_time(
                 mesh, guess = 2 * mesh, attempt.trajectory
             if attempt.status is Status.SOLVED or stop:
                 break
-    assert best is not None
+    if best is None:
+        raise AssertionError("there is always a first start")
     return best
 
 

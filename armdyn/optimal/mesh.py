@@ -133,9 +133,7 @@ def bounds(problem: MinimumTimeProblem, nlp: Nlp, scales: Scales) -> tuple[Array
         side = np.concatenate([np.tile(np.concatenate([knot, inner]), N), knot])
         side[: 2 * layout.nv] = _states(np.asarray(problem.q_start), np.asarray(problem.v_start), scales)
         first = side.size - layout.knot
-        side[first : first + 2 * layout.nv] = _states(
-            np.asarray(problem.q_goal), np.asarray(problem.v_goal), scales
-        )
+        side[first : first + 2 * layout.nv] = _states(np.asarray(problem.q_goal), np.asarray(problem.v_goal), scales)
         sides.append(side)
     return sides[0], sides[1]
 
@@ -143,7 +141,7 @@ def bounds(problem: MinimumTimeProblem, nlp: Nlp, scales: Scales) -> tuple[Array
 def worst_violation(
     problem: MinimumTimeProblem, nlp: Nlp, x: Array, g: Array, fractions: Array, scales: Scales
 ) -> Violation:
-    """The equation of motion that unknowns violate most. (IPOPT keeps bounds, so no limit is.)"""
+    """The equation of motion that unknowns violate most; IPOPT keeps bounds, so it is no limit."""
     n, layout = nlp.layout.nv, nlp.layout
     defects = np.abs(g.reshape(nlp.intervals, nlp.defects))
     interval, row = np.unravel_index(np.argmax(np.nan_to_num(defects, nan=np.inf)), defects.shape)

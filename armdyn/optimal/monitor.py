@@ -54,7 +54,7 @@ def stopping(seconds: float) -> Iterator[Stop]:
         signal.signal(signal.SIGINT, before)
 
 
-class Monitor(ca.Callback):  # type: ignore[misc]
+class Monitor(ca.Callback):
     """An iteration callback of `casadi.nlpsol` that asks a `Stop`.
 
     Attributes:
@@ -68,16 +68,21 @@ class Monitor(ca.Callback):  # type: ignore[misc]
         self.construct("monitor", {})
 
     def get_n_in(self) -> int:
+        """What nlpsol puts out goes in."""
         return int(ca.nlpsol_n_out())
 
     def get_n_out(self) -> int:
+        """One: whether to stop."""
         return 1
 
     def get_name_in(self, i: int) -> str:
+        """As nlpsol calls it."""
         return str(ca.nlpsol_out(i))
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        """Dense columns."""
         return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i)], 1)
 
-    def eval(self, arguments: list[Any]) -> list[int]:
+    def eval(self, arguments: Any) -> list[int]:
+        """Not zero: stop."""
         return [int(bool(self.stop))]

@@ -8,7 +8,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.errors import ArmdynWarning, ProblemError
-from armdyn.models.robot import JointLimits, Robot
+from armdyn.models.limits import JointLimits
+from armdyn.models.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -66,19 +67,21 @@ class MinimumTimeProblem:
         object.__setattr__(self, "limits", self._resolve_limits())
         for q, v, name in ((self.q_start, self.v_start, "start"), (self.q_goal, self.v_goal, "goal")):
             self._check_state(np.asarray(q), np.asarray(v), name)
-        if np.array_equal(self.q_start, self.q_goal) and np.array_equal(self.v_start, self.v_goal):
-            raise ProblemError(f"start and goal are the same state, q = {self.q_start}: nothing is to be moved")
+        if np.array_equal(self.x_start, self.x_goal):
+            raise ProblemError(
+                f"start and goal are the same state, q = {self.x_start[: self.robot.nv]}: nothing is to be moved"
+            )
         self._warn_if_not_held()
 
     @property
     def x_start(self) -> Array:
         """Start state (q, v), shape (2 nv,)."""
-        return np.concatenate([self.q_start, self.v_start])
+        return np.concatenate([np.asarray(self.q_start), np.asarray(self.v_start)])
 
     @property
     def x_goal(self) -> Array:
         """Goal state (q, v), shape (2 nv,)."""
-        return np.concatenate([self.q_goal, self.v_goal])
+        return np.concatenate([np.asarray(self.q_goal), np.asarray(self.v_goal)])
 
     def holding_torque(self) -> Array:
         """Torque that holds the arm still at the goal [N m or N], shape (nv,)."""

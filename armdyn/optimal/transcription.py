@@ -261,4 +261,6 @@ def _cached_interval(key: _Key) -> _IntervalFunctions:
 
 
 def _nonzeros(matrix: ca.SX) -> ca.SX:
-    return ca.vertcat(*matrix.nonzeros())
+    column = ca.SX(ca.Sparsity.dense(matrix.nnz(), 1), 0)
+    column.nz[:] = matrix.nz[:]
+    return column

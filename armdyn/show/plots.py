@@ -167,9 +167,7 @@ def _add_legends(figure: Figure, trajectories: Sequence[Trajectory], joints: int
         for name, color in zip(names, _colors(joints), strict=True)
     ]
     if limits:
-        handles.append(
-            Line2D([], [], color=_INK, linestyle=(0, (4, 3)), linewidth=0.9, alpha=0.5, label="limit")
-        )
+        handles.append(Line2D([], [], color=_INK, linestyle=(0, (4, 3)), linewidth=0.9, alpha=0.5, label="limit"))
     figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 5), handlelength=2.6)
     if len(trajectories) > 1:
         runs = []

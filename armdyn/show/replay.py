@@ -194,12 +194,12 @@ def _poses(robot: Robot, q: Array) -> tuple[Array, Array]:
         Position [m] and quaternion (x, y, z, w), shape (n, nv, 7); the tip [m], shape (n, 3).
     """
     data = robot.model.createData()
-    tip = robot.model.getFrameId(robot.tip)
+    tip = robot.frame(robot.tip)
     poses, tips = np.empty((len(q), robot.nv, 7)), np.empty((len(q), 3))
     for k, angles in enumerate(q):
-        pin.framesForwardKinematics(robot.model, data, robot.configuration(angles))
+        pin.forwardKinematics(robot.model, data, robot.configuration(angles))
         poses[k] = [pin.SE3ToXYZQUAT(pose) for pose in list(data.oMi)[1:]]
-        tips[k] = data.oMf[tip].translation
+        tips[k] = data.oMi[tip.parentJoint].act(tip.placement.translation)
     return poses, tips
 
 
@@ -228,7 +228,7 @@ def _tube(centres: Array, radius: float) -> mg.TriangularMeshGeometry:
 
 def _reach(robot: Robot) -> float:
     """Upper bound of the distance from base to tip [m]."""
-    tip = robot.model.frames[robot.model.getFrameId(robot.tip)]
+    tip = robot.frame(robot.tip)
     steps = [*list(robot.model.jointPlacements)[1:], tip.placement]
     return max(sum(float(np.linalg.norm(step.translation)) for step in steps), 1e-3)
 
@@ -236,7 +236,7 @@ def _reach(robot: Robot) -> float:
 def _is_planar(robot: Robot) -> bool:
     """Whether it moves in the world's x-z plane: every joint turns about y."""
     data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, pin.neutral(robot.model))
+    pin.forwardKinematics(robot.model, data, pin.neutral(robot.model))
     speeds = pin.computeJointJacobians(robot.model, data, pin.neutral(robot.model))
     return bool(np.all(np.abs(speeds[[1, 3, 5]]) < 1e-9))
 
@@ -248,6 +248,5 @@ def _has_slider(robot: Robot) -> bool:
 def _named_points(robot: Robot) -> list[tuple[str, int, list[float]]]:
     """Every frame's name, its joint, and its origin in that joint's frame [m]."""
     return [
-        (str(frame.name), int(frame.parentJoint), frame.placement.translation.tolist())
-        for frame in robot.model.frames
+        (str(frame.name), int(frame.parentJoint), frame.placement.translation.tolist()) for frame in robot.model.frames
     ]

@@ -42,9 +42,7 @@ def pid_summary(run: PidRun) -> dict[str, object]:
     }
 
 
-def write_run(
-    folder: Path, robot: Robot, trajectory: Trajectory, summary: dict[str, object], title: str
-) -> list[Path]:
+def write_run(folder: Path, robot: Robot, trajectory: Trajectory, summary: dict[str, object], title: str) -> list[Path]:
     """Write trajectory.npz, figure.png, figure.pdf, replay.html and result.json.
 
     Args:

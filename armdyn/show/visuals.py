@@ -175,9 +175,7 @@ def resolve_mesh(name: str, folders: tuple[str, ...]) -> Path:
     raise FileNotFoundError(f"no mesh {name!r}")
 
 
-def _load_meshes(
-    path: Path, scale: Array
-) -> Iterator[tuple[trimesh.Trimesh, tuple[float, float, float, float]]]:
+def _load_meshes(path: Path, scale: Array) -> Iterator[tuple[trimesh.Trimesh, tuple[float, float, float, float]]]:
     """The triangles of a file, one mesh per colour."""
     if path.stat().st_size > _MAX_MESH_BYTES:
         raise ValueError(f"mesh {path.name!r} is larger than {_MAX_MESH_BYTES} bytes")
@@ -211,7 +209,7 @@ def _payload_ball(robot: Robot) -> list[Shape]:
     payload = robot.payload
     if payload is None or payload.mass <= 0 or robot.model.existFrame("payload", pin.FrameType.BODY):
         return []
-    frame = robot.model.frames[robot.model.getFrameId(payload.frame or robot.tip)]
+    frame = robot.frame(payload.frame or robot.tip)
     placement = frame.placement.homogeneous.copy()
     placement[:3, 3] = frame.placement.act(np.array(payload.offset))
     radius = max(float(np.cbrt(payload.mass / _DENSITY * 3 / (4 * np.pi))), 0.016)
@@ -221,7 +219,7 @@ def _payload_ball(robot: Robot) -> list[Shape]:
 def _bones(robot: Robot, drawn: set[int]) -> Iterator[Shape]:
     """A rod from joint to joint for every joint on which nothing else is drawn."""
     model = robot.model
-    tip = model.frames[model.getFrameId(robot.tip)]
+    tip = robot.frame(robot.tip)
     ends = [(int(model.parents[j]), model.jointPlacements[j].translation) for j in range(1, model.njoints)]
     ends.append((int(tip.parentJoint), tip.placement.translation))
     reach = sum(float(np.linalg.norm(end)) for _, end in ends)

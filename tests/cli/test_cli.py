@@ -9,9 +9,9 @@ import time
 from pathlib import Path
 
 import pytest
-from problems import CART
 
 import armdyn as ad
+from problems import CART
 
 COMMAND = [sys.executable, "-c", "from armdyn.cli import main; main()"]
 

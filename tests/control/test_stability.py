@@ -3,8 +3,6 @@
 import casadi as ca
 import numpy as np
 import pytest
-from control.loops import POSES, example
-from oracles import PinDynamics, robot_named
 
 from armdyn.control import PAPER_GAINS, PidGains, closed_loop_eigenvalues
 from armdyn.control.stability import closed_loop_matrix
@@ -13,6 +11,8 @@ from armdyn.dynamics.closed_form import PlanarArm
 from armdyn.dynamics.printed import PrintedArm
 from armdyn.errors import ProblemError
 from armdyn.models import ArmSpec, Payload
+from control.loops import POSES, example
+from oracles import PinDynamics, robot_named
 
 # Largest real parts [1/s] of an independent Lagrangian model, by payload reading and mass [g].
 REFERENCE = {
@@ -99,8 +99,8 @@ def test_given_equations_of_motion(form):
     arm = PlanarArm.from_spec(ArmSpec.paper("rrr"), Payload(mass=0.1006))
     own = closed_loop_matrix(robot, poses["q_goal"], form=form)
     given = closed_loop_matrix(robot, poses["q_goal"], form=form, dynamics=arm)
-    # Truncation h⁴/30 times a fifth derivative, and the 1e-9 kg m² that a point mass has in a URDF.
-    np.testing.assert_allclose(given, own, rtol=1e-5, atol=1e-6 * np.abs(own).max())
+    # The stencil's rounding, times the condition of D: 4e-10 of the largest entry measured.
+    np.testing.assert_allclose(given, own, rtol=0, atol=5e-9 * np.abs(own).max())
 
 
 @pytest.mark.parametrize(("grams", "expected"), [(0, -1.393593196865138), (100.6, -1.3583095355056778)])

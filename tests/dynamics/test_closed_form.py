@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from oracles import PinDynamics, assert_close, random_states
 from scipy.integrate import solve_ivp
 
 from armdyn.dynamics import Dynamics
 from armdyn.dynamics.closed_form import PlanarArm
 from armdyn.errors import SpecError
 from armdyn.models import PAPER_ARMS, PAPER_PAYLOADS, ArmSpec, LinkSpec, Payload, Robot
+from oracles import PinDynamics, assert_close, random_states
 
 # A few hundred roundings of terms of order one. The payload's stand-in tensor of 1e-12 kg m² in the
 # URDF, times accelerations of order one, is below it too.

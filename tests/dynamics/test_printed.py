@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from oracles import assert_close, random_states
 from scipy.integrate import solve_ivp
 
 from armdyn.dynamics.closed_form import PlanarArm
@@ -8,6 +7,7 @@ from armdyn.dynamics.printed import PrintedArm
 from armdyn.errors import SpecError
 from armdyn.models import ArmSpec, LinkSpec, Payload
 from armdyn.models.spec import GRAVITY
+from oracles import assert_close, random_states
 
 TOLERANCE = 1e-14  # the same sums in another order
 RRR = ArmSpec.paper("rrr")
@@ -49,18 +49,14 @@ def test_equation_7_with_numbers_worked_out_by_hand():
     c12 = -0.5 * (1 + 2 + 2) - (2 + 4 + 4) - 2 * (0.5 + 2 + 2) - 0.5 * 4
     c22 = 0.5 * (0.5 + 2 + 2)
     quarter = np.array([0, np.pi / 2, 0])
-    assert_close(
-        arm.coriolis(quarter, np.array([1, 2, 4])), [[0, c12, 0], [0, c22, 0], [0, c22, 0]], TOLERANCE
-    )
+    assert_close(arm.coriolis(quarter, np.array([1, 2, 4])), [[0, c12, 0], [0, c22, 0], [0, c22, 0]], TOLERANCE)
     # q2 = -pi/2, q3 = pi/2: s2 = -1, s23 = 0, s3 = 1.
     c12 = 0.5 * (1 + 2 + 2) + (2 + 4 + 4)
     c13 = 2 * (-0.5 * (1 + 4) - 0.5 - 0.75 * 2)
     c22, c23 = -0.5 * 2.5, 2 * (-0.5 * (0.5 + 2 + 4) + 0.25)
     c33 = 0.5 * (1 - 2)
     bent = np.array([0, -np.pi / 2, np.pi / 2])
-    assert_close(
-        arm.coriolis(bent, np.array([1, 2, 4])), [[0, c12, c13], [0, c22, c23], [0, c22, c33]], TOLERANCE
-    )
+    assert_close(arm.coriolis(bent, np.array([1, 2, 4])), [[0, c12, c13], [0, c22, c23], [0, c22, c33]], TOLERANCE)
 
 
 def test_equation_7_departs_from_the_mechanics_it_describes():
@@ -106,9 +102,7 @@ def test_equation_7_is_triangular_and_does_not_conserve_energy():
     def drift(arm):
         def rhs(_, x):
             q, v = x[:3], x[3:]
-            return np.concatenate(
-                (v, np.linalg.solve(arm.inertia(q), -arm.coriolis(q, v) @ v - arm.gravity(q)))
-            )
+            return np.concatenate((v, np.linalg.solve(arm.inertia(q), -arm.coriolis(q, v) @ v - arm.gravity(q))))
 
         def energy(x):
             right = PlanarArm.from_spec(spec)

@@ -2,6 +2,12 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
+
+import armdyn.dynamics.symbolic as symbolic
+from armdyn.dynamics import Dynamics
+from armdyn.errors import BridgeError, SpecError
+from armdyn.models import PAPER_ARMS, ArmSpec, Payload, Robot
+from armdyn.models.robot import library_urdf, payload_inertia
 from oracles import (
     LIBRARY_ROBOTS,
     LIMIT,
@@ -14,12 +20,6 @@ from oracles import (
     robot_named,
     two_links,
 )
-
-import armdyn.dynamics.symbolic as symbolic
-from armdyn.dynamics import Dynamics
-from armdyn.errors import BridgeError, SpecError
-from armdyn.models import PAPER_ARMS, ArmSpec, Payload, Robot
-from armdyn.models.robot import library_urdf, payload_inertia
 
 # Both sides round every operation, in another order; torques and accelerations reach 1e5 on these
 # robots, so the error is taken relative to the largest entry once that exceeds one.
@@ -182,9 +182,7 @@ def test_any_axis(kind, axis, tmp_path):
     dynamics, oracle = Dynamics(robot), PinDynamics(robot)
     for q, v, u in random_states(1, count=2):
         assert_close(dynamics.aba(q, v, u), oracle.aba(q, v, u), TOLERANCE)
-        for got, expected in zip(
-            dynamics.frame_placement(q, "arm"), oracle.frame_placement(q, "arm"), strict=True
-        ):
+        for got, expected in zip(dynamics.frame_placement(q, "arm"), oracle.frame_placement(q, "arm"), strict=True):
             assert_close(got, expected, TOLERANCE)
 
 
@@ -231,9 +229,7 @@ def test_another_casadi_is_refused(monkeypatch):
     Dynamics(robot_named("r"))
 
 
-ROTOR = (
-    '<inertial><mass value="0"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.2"/></inertial>'
-)
+ROTOR = '<inertial><mass value="0"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.2"/></inertial>'
 
 
 def test_rotor_without_mass_keeps_its_moments(tmp_path):

@@ -2,11 +2,11 @@ import time
 
 import numpy as np
 import pytest
-from oracles import INERTIAL, LIMIT, joint, link, two_links, urdf
 
 from armdyn.errors import ArmdynError, UnsupportedJointError, UrdfError
 from armdyn.models import Robot
 from armdyn.models.urdf_check import MAX_BYTES, MAX_DEPTH, parse_urdf, read_urdf
+from oracles import INERTIAL, LIMIT, joint, link, two_links, urdf
 
 BASE = '<link name="base"/>'
 
@@ -82,9 +82,7 @@ BAD = {
         "cycle through a, b",
     ),
     "two parents": (
-        urdf(
-            BASE, link("a"), link("b"), joint("i", "base", "a"), joint("j", "base", "b"), joint("k", "a", "b")
-        ),
+        urdf(BASE, link("a"), link("b"), joint("i", "base", "a"), joint("j", "base", "b"), joint("k", "a", "b")),
         "joint 'k'",
         "child of two joints",
     ),

@@ -6,11 +6,11 @@ import time
 
 import numpy as np
 import pytest
-from problems import cart, paper_problem
 
 import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.optimal.starts import spline, starts
+from problems import cart, paper_problem
 
 # Exact bang-bang durations of Example 1 [s], by quadrature of the energy integral (independent of this code).
 R_EXACT = {0.0212: 0.14821160378169002, 0.1006: 0.17949750225056943, 1.0: 0.3850872149537221}

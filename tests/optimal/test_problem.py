@@ -3,10 +3,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from problems import POSES, paper_arm, paper_problem
 
 import armdyn as ad
 from armdyn.errors import ProblemError
+from problems import POSES, paper_arm, paper_problem
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,8 @@
 import numpy as np
 import pinocchio as pin
-from problems import cart, paper_arm
 
 import armdyn as ad
+from problems import cart, paper_arm
 
 
 def test_double_integrator_with_a_jump_of_the_force_is_exact(tmp_path):
@@ -20,7 +20,8 @@ def test_energy_is_what_the_torque_puts_in():
     random = np.random.default_rng(0)
     t = np.linspace(0, 0.3, 31)
     rest = np.zeros((31, 3))
-    replay = ad.replay_torques(robot, ad.Trajectory(t, rest + [0.1, -0.4, 0.8], rest, random.normal(size=(31, 3))))
+    bent = np.tile([0.1, -0.4, 0.8], (31, 1))
+    replay = ad.replay_torques(robot, ad.Trajectory(t, bent, rest, random.normal(size=(31, 3))))
     model, data = robot.model, robot.model.createData()
 
     def energy(k):

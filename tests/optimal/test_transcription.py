@@ -1,12 +1,12 @@
 import casadi as ca
 import numpy as np
 import pytest
-from problems import paper_arm
 
 from armdyn.dynamics import Dynamics
 from armdyn.optimal.mesh import Scales, to_trajectory, to_unknowns
 from armdyn.optimal.transcription import Scheme, build_nlp
 from armdyn.trajectory import Trajectory
+from problems import paper_arm
 
 SCHEMES = [
     Scheme(control=control, dynamics=form) for control in ("linear", "constant") for form in ("forward", "inverse")

@@ -14,9 +14,7 @@ def quintic(robot, q_start, q_goal, duration, name="", n=60):
     a = rise * (60 * s - 180 * s**2 + 120 * s**3) / duration**2
     data = robot.model.createData()
     tau = [pin.rnea(robot.model, data, robot.configuration(q[k]), v[k], a[k]) for k in range(n)]
-    return ad.Trajectory(
-        t=duration * s[:, 0], q=q, v=v, tau=np.array(tau), joint_names=robot.joint_names, name=name
-    )
+    return ad.Trajectory(t=duration * s[:, 0], q=q, v=v, tau=np.array(tau), joint_names=robot.joint_names, name=name)
 
 
 def paper_arm(arm="rr", payload=0.1006):

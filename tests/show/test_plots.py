@@ -5,11 +5,11 @@ import sys
 
 import numpy as np
 import pytest
-from show.motions import HANGING, RAISED, paper_arm, quintic
 
 import armdyn as ad
 from armdyn.errors import TrajectoryError
 from armdyn.show import plots
+from show.motions import HANGING, RAISED, paper_arm, quintic
 
 
 def bang_bang():
@@ -69,8 +69,7 @@ def test_limits_are_drawn_only_where_finite_and_near():
     )
     figure = plots.plot_trajectories([bang_bang()], limits=limits)
     levels = [
-        {float(line.get_ydata()[0]) for line in panel.lines if len(line.get_xdata()) == 2}
-        for panel in figure.axes
+        {float(line.get_ydata()[0]) for line in panel.lines if len(line.get_xdata()) == 2} for panel in figure.axes
     ]
     assert {-3.0, 3.0} <= levels[2]
     assert 1000.0 not in levels[1]
@@ -80,10 +79,7 @@ def test_limits_are_drawn_only_where_finite_and_near():
 
 @pytest.mark.parametrize("suffix, magic", [("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")])
 def test_the_same_figure_gives_the_same_bytes(tmp_path, suffix, magic):
-    paths = [
-        plots.save_figure(plots.plot_trajectories([bang_bang()]), tmp_path / f"{i}.{suffix}")
-        for i in range(2)
-    ]
+    paths = [plots.save_figure(plots.plot_trajectories([bang_bang()]), tmp_path / f"{i}.{suffix}") for i in range(2)]
     first, second = (path.read_bytes() for path in paths)
     assert first == second
     assert first.startswith(magic)
@@ -107,7 +103,5 @@ def test_names_that_are_no_mathematics(tmp_path):
 
 
 def test_importing_armdyn_loads_no_graphics():
-    code = (
-        "import sys, armdyn, armdyn.show; assert not {'matplotlib', 'meshcat', 'trimesh'} & set(sys.modules)"
-    )
+    code = "import sys, armdyn, armdyn.show; assert not {'matplotlib', 'meshcat', 'trimesh'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)

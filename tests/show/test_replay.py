@@ -10,12 +10,12 @@ import numpy as np
 import pinocchio as pin
 import psutil
 import pytest
-from show.browser import left_the_page, open_page, screenshot
-from show.motions import HANGING, RAISED, paper_arm, quintic
 
 import armdyn as ad
 from armdyn.errors import ArmdynWarning, TrajectoryError
 from armdyn.show import replay, visuals
+from show.browser import left_the_page, open_page, screenshot
+from show.motions import HANGING, RAISED, paper_arm, quintic
 
 MESH_ARM = """
 <robot name="stranger">
@@ -127,9 +127,7 @@ def test_names_from_strangers_stay_text(tmp_path):
         assert not errors
 
 
-@pytest.mark.parametrize(
-    "mesh", ["package://nowhere/x.stl", "broken.stl", "../secret.stl", "file:///etc/passwd"]
-)
+@pytest.mark.parametrize("mesh", ["package://nowhere/x.stl", "broken.stl", "../secret.stl", "file:///etc/passwd"])
 def test_a_mesh_that_cannot_be_drawn_becomes_a_rod(tmp_path, mesh):
     home = tmp_path / "home"
     home.mkdir()
