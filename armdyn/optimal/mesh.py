@@ -69,6 +69,8 @@ def to_unknowns(guess: Trajectory, layout: Layout, fractions: Array, scales: Sca
     inner = [_states(at_inner.q, at_inner.v, scales).reshape(N, -1)]
     if scheme.control == "constant":
         inner.append(guess((knots[:-1] + knots[1:]) / 2).tau / scales.effort)
+    if scheme.control == "stage":
+        inner.append((guess(stage_times).tau / scales.effort).reshape(N, -1))
     if scheme.dynamics == "inverse":
         step = 1e-3 * duration / N
         before = np.maximum(stage_times - step, guess.t[0])
@@ -129,7 +131,8 @@ def bounds(problem: MinimumTimeProblem, nlp: Nlp, scales: Scales) -> tuple[Array
         inner = np.full(layout.inner, end * np.inf)
         inner[: layout.stages] = np.tile(state, stages)
         if not linear:
-            inner[layout.stages : layout.stages + layout.nv] = torque
+            own = layout.torques // layout.nv
+            inner[layout.stages : layout.stages + layout.torques] = np.tile(torque, own)
         side = np.concatenate([np.tile(np.concatenate([knot, inner]), N), knot])
         side[: 2 * layout.nv] = _states(np.asarray(problem.q_start), np.asarray(problem.v_start), scales)
         first = side.size - layout.knot

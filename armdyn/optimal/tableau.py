@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+_R3, _R6, _R15 = np.sqrt(3.0), np.sqrt(6.0), np.sqrt(15.0)
+
 
 @dataclass(frozen=True)
 class Tableau:
@@ -69,4 +71,53 @@ LOBATTO_3 = Tableau(
 )
 """Three-stage Lobatto IIIA: Hermite-Simpson, the paper's "three-stage Lobatto formula"."""
 
-TABLEAUS = {tableau.name: tableau for tableau in (LOBATTO_3,)}
+# Hairer, Wanner: Solving ODEs II, table IV.5.5 and 5.6 (Radau IIA), IV.5.1 and 5.2 (Gauss).
+RADAU_2 = Tableau(
+    name="radau2",
+    A=np.array([[5 / 12, -1 / 12], [3 / 4, 1 / 4]]),
+    b=np.array([3 / 4, 1 / 4]),
+    c=np.array([1 / 3, 1]),
+    order=3,
+)
+"""Two-stage Radau IIA: stiffly accurate, L-stable."""
+
+RADAU_3 = Tableau(
+    name="radau3",
+    A=np.array(
+        [
+            [(88 - 7 * _R6) / 360, (296 - 169 * _R6) / 1800, (-2 + 3 * _R6) / 225],
+            [(296 + 169 * _R6) / 1800, (88 + 7 * _R6) / 360, (-2 - 3 * _R6) / 225],
+            [(16 - _R6) / 36, (16 + _R6) / 36, 1 / 9],
+        ]
+    ),
+    b=np.array([(16 - _R6) / 36, (16 + _R6) / 36, 1 / 9]),
+    c=np.array([(4 - _R6) / 10, (4 + _R6) / 10, 1]),
+    order=5,
+)
+"""Three-stage Radau IIA: stiffly accurate, L-stable."""
+
+GAUSS_2 = Tableau(
+    name="gauss2",
+    A=np.array([[1 / 4, 1 / 4 - _R3 / 6], [1 / 4 + _R3 / 6, 1 / 4]]),
+    b=np.array([1 / 2, 1 / 2]),
+    c=np.array([1 / 2 - _R3 / 6, 1 / 2 + _R3 / 6]),
+    order=4,
+)
+"""Two-stage Gauss: no stage is a knot; the highest order that two stages can have."""
+
+GAUSS_3 = Tableau(
+    name="gauss3",
+    A=np.array(
+        [
+            [5 / 36, 2 / 9 - _R15 / 15, 5 / 36 - _R15 / 30],
+            [5 / 36 + _R15 / 24, 2 / 9, 5 / 36 - _R15 / 24],
+            [5 / 36 + _R15 / 30, 2 / 9 + _R15 / 15, 5 / 36],
+        ]
+    ),
+    b=np.array([5 / 18, 4 / 9, 5 / 18]),
+    c=np.array([1 / 2 - _R15 / 10, 1 / 2, 1 / 2 + _R15 / 10]),
+    order=6,
+)
+"""Three-stage Gauss: no stage is a knot; the highest order that three stages can have."""
+
+TABLEAUS = {tableau.name: tableau for tableau in (LOBATTO_3, RADAU_2, RADAU_3, GAUSS_2, GAUSS_3)}

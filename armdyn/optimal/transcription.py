@@ -5,7 +5,7 @@ Jacobian is block bidiagonal and the Hessian block tridiagonal:
 
     w = [knot_0 | inner_0 | knot_1 | inner_1 | … | knot_N]
     knot_k  = q, v, T, and the torque if it is linear between knots
-    inner_k = the stages that are no knots, the torque if it is constant, the accelerations if the
+    inner_k = the stages that are no knots, the torques if they are not linear, the accelerations if the
               dynamics are inverse
 
 One interval is differentiated symbolically, once, and mapped N times: building costs the same for
@@ -24,7 +24,7 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.tableau import TABLEAUS, Tableau
 
 Array = NDArray[np.float64]
-Control = Literal["linear", "constant"]
+Control = Literal["linear", "constant", "stage"]
 DynamicsForm = Literal["forward", "inverse"]
 
 
@@ -34,7 +34,9 @@ class Scheme:
 
     Attributes:
         method: name of a tableau.
-        control: torque between knots. Linear and constant both stay within their bounds everywhere.
+        control: torque between knots. Linear and constant both stay within their bounds everywhere;
+            "stage", a value for every stage, does so only where it is fixed, as on the arcs of a known
+            structure.
         dynamics: "forward", acceleration from the articulated-body algorithm; or "inverse", torque from
             recursive Newton-Euler with the accelerations as unknowns.
     """
@@ -46,7 +48,7 @@ class Scheme:
     def __post_init__(self) -> None:
         for value, known in (
             (self.method, tuple(TABLEAUS)),
-            (self.control, ("linear", "constant")),
+            (self.control, ("linear", "constant", "stage")),
             (self.dynamics, ("forward", "inverse")),
         ):
             if value not in known:
@@ -78,9 +80,13 @@ class Layout:
     @property
     def inner(self) -> int:
         """Size of an interval's own block."""
-        constant = self.nv if self.scheme.control == "constant" else 0
         accelerations = self.nv * self.scheme.tableau.c.size if self.scheme.dynamics == "inverse" else 0
-        return self.stages + constant + accelerations
+        return self.stages + self.torques + accelerations
+
+    @property
+    def torques(self) -> int:
+        """Size of an interval's own torques, which come after its stages."""
+        return self.nv * {"linear": 0, "constant": 1, "stage": self.scheme.tableau.c.size}[self.scheme.control]
 
     def size(self, intervals: int) -> int:
         """Number of all unknowns."""
@@ -113,7 +119,8 @@ def _interval(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX, 
     if scheme.control == "linear":
         u = [(1 - c) * left[2 * n + 1 :] + c * right[2 * n + 1 :] for c in tableau.c]
     else:
-        u = [inner[layout.stages : layout.stages + n]] * tableau.c.size
+        own = ca.vertsplit(inner[layout.stages : layout.stages + layout.torques], n)
+        u = own if scheme.control == "stage" else own * tableau.c.size
 
     defects, rates = [], []
     for i, (x, torque) in enumerate(zip(states, u, strict=True)):

@@ -1,0 +1,230 @@
+"""The structure of a motion: which limit every joint is on, and from when to when."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.problem import MinimumTimeProblem
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_NEAR = 2e-3
+"""How close to a limit, as a part of it, a coarse solution counts as on it: IPOPT's barrier leaves 1e-4."""
+_SWITCH = 2
+"""So many intervals off all limits in a row are a switch; more are an arc of their own."""
+
+
+class Mode(StrEnum):
+    """What determines a joint's torque on an arc."""
+
+    UPPER = "torque upper"
+    LOWER = "torque lower"
+    VELOCITY_UPPER = "velocity upper"
+    VELOCITY_LOWER = "velocity lower"
+    POSITION_UPPER = "position upper"
+    POSITION_LOWER = "position lower"
+    FREE = "free"
+    """On no limit: singular, or smooth if effort has a weight."""
+
+
+BANG = (Mode.UPPER, Mode.LOWER)
+VELOCITY = (Mode.VELOCITY_UPPER, Mode.VELOCITY_LOWER)
+POSITION = (Mode.POSITION_UPPER, Mode.POSITION_LOWER)
+
+
+@dataclass(frozen=True)
+class Arc:
+    """A part of a motion on which no joint changes its mode.
+
+    Attributes:
+        duration: [s].
+        modes: one per joint.
+        touches: joints that touch a position limit at its end, and do not stay: (joint, mode) pairs.
+    """
+
+    duration: float
+    modes: tuple[Mode, ...]
+    touches: tuple[tuple[int, Mode], ...] = ()
+
+    @property
+    def singular(self) -> bool:
+        """Some joint is on no limit."""
+        return Mode.FREE in self.modes
+
+
+@dataclass(frozen=True)
+class Event:
+    """A joint changes its mode, or touches a position limit."""
+
+    time: float
+    joint: int
+    mode: Mode
+    touch: bool = False
+
+
+def detect(problem: MinimumTimeProblem, trajectory: Trajectory, intervals: int) -> list[Arc]:
+    """The arcs of a collocation solution with constant torques on equal intervals.
+
+    Args:
+        problem: its limits.
+        trajectory: the solution.
+        intervals: of its mesh.
+    """
+    duration, limits = trajectory.duration, problem.limits
+    knots = np.linspace(0, duration, intervals + 1)
+    middle = trajectory((knots[:-1] + knots[1:]) / 2)
+    at_knots = trajectory(knots)
+    centre = (limits.effort_upper + limits.effort_lower) / 2
+    level = (middle.tau - centre) / (limits.effort_upper - centre)
+    first: list[Mode] = []
+    events: list[Event] = []
+    for i in range(problem.robot.nv):
+        # Constant torque cannot hold a limit exactly: both ends of an interval near it are enough.
+        slow = np.minimum(np.abs(at_knots.v[:-1, i]), np.abs(at_knots.v[1:, i]))
+        bounds = np.array([limits.position_lower[i], limits.position_upper[i]])
+        room = np.min(np.abs(at_knots.q[:, i, None] - bounds), axis=1)
+        scale = max(float(np.ptp(at_knots.q[:, i])), 0.1)
+        touching = room < 1e-4 * scale
+        modes = [
+            _mode(level[k, i], slow[k], middle.v[k, i], limits.velocity[i], touching[k : k + 2], middle.q[k, i], bounds)
+            for k in range(intervals)
+        ]
+        runs = _runs(modes)
+        first.append(_first_mode(runs, level[:, i]))
+        events += _switches(runs, level[:, i], knots, i)
+        inner = np.flatnonzero(touching[1:-1]) + 1
+        on_limit = [k for k in inner if modes[k] not in POSITION and modes[k - 1] not in POSITION]
+        for run in np.split(on_limit, np.flatnonzero(np.diff(on_limit) > 1) + 1):
+            if len(run):
+                k = int(run[len(run) // 2])
+                side = Mode.POSITION_UPPER if at_knots.q[k, i] > np.mean(bounds) else Mode.POSITION_LOWER
+                events.append(Event(float(knots[k]), i, side, touch=True))
+    return arcs_between(first, events, duration)
+
+
+def arcs_between(first: Sequence[Mode], events: Sequence[Event], duration: float) -> list[Arc]:
+    """Arcs of given length from the modes at the start and what changes them.
+
+    Args:
+        first: modes at the start, one per joint.
+        events: in any order, with times within the motion [s].
+        duration: of the whole motion [s].
+    """
+    ordered = sorted(events, key=lambda event: event.time)
+    modes, arcs = list(first), []
+    times = [0.0, *(event.time for event in ordered), duration]
+    for k, (t0, t1) in enumerate(pairwise(times)):
+        event = ordered[k] if k < len(ordered) else None
+        touches = ((event.joint, event.mode),) if event and event.touch else ()
+        arcs.append(Arc(max(t1 - t0, 1e-3 * duration), tuple(modes), touches))
+        if event and not event.touch:
+            modes[event.joint] = event.mode
+    total = sum(arc.duration for arc in arcs)
+    return [Arc(arc.duration * duration / total, arc.modes, arc.touches) for arc in arcs]
+
+
+def without_short(arcs: Sequence[Arc], shortest: float) -> list[Arc]:
+    """The same structure when arcs shorter than `shortest` [s] are taken out.
+
+    Between two switches of different joints the order is turned; an arc that a joint enters and
+    leaves by the same mode, or that stands at an end, goes.
+    """
+    out = list(arcs)
+    k = next((k for k, arc in enumerate(out) if arc.duration < shortest), None)
+    if k is None:
+        return out
+    if out[k].touches or len(out) == 1:
+        return [*out[:k], *out[k + 1 :]] if len(out) > 1 else out
+    if 0 < k < len(out) - 1:
+        before, after = out[k - 1].modes, out[k + 1].modes
+        turned = tuple(
+            a if now != b else c for b, now, a, c in zip(before, out[k].modes, before, after, strict=True)
+        )
+        if before != after and turned not in (before, after, out[k].modes):
+            out[k] = Arc(10 * shortest, turned)
+            return out
+    del out[k]
+    return merged(out)
+
+
+def merged(arcs: Sequence[Arc]) -> list[Arc]:
+    """Neighbours of the same modes become one arc."""
+    out: list[Arc] = []
+    for arc in arcs:
+        if out and out[-1].modes == arc.modes and not out[-1].touches:
+            out[-1] = Arc(out[-1].duration + arc.duration, arc.modes, arc.touches)
+        else:
+            out.append(arc)
+    return out
+
+
+def _mode(
+    level: float, speed: float, v: float, fastest: float, touching: NDArray[np.bool_], q: float, bounds: Array
+) -> Mode:
+    if speed > fastest * (1 - _NEAR):
+        return Mode.VELOCITY_UPPER if v > 0 else Mode.VELOCITY_LOWER
+    if np.all(touching):
+        return Mode.POSITION_UPPER if q > np.mean(bounds) else Mode.POSITION_LOWER
+    if level > 1 - _NEAR:
+        return Mode.UPPER
+    return Mode.LOWER if level < -1 + _NEAR else Mode.FREE
+
+
+def _runs(modes: Sequence[Mode]) -> list[tuple[Mode, int, int]]:
+    """Maximal runs of one mode: (mode, first interval, one past the last)."""
+    edges = [0, *(k for k in range(1, len(modes)) if modes[k] is not modes[k - 1]), len(modes)]
+    return [(modes[a], a, b) for a, b in pairwise(edges)]
+
+
+def _is_switch(runs: Sequence[tuple[Mode, int, int]], r: int) -> bool:
+    mode, start, stop = runs[r]
+    return mode is Mode.FREE and stop - start <= _SWITCH
+
+
+def _first_mode(runs: Sequence[tuple[Mode, int, int]], level: Array) -> Mode:
+    if not _is_switch(runs, 0):
+        return runs[0][0]
+    after = runs[1][0] if len(runs) > 1 else Mode.FREE
+    # The switch lies within the first intervals: it must come from the other side.
+    return {Mode.UPPER: Mode.LOWER, Mode.LOWER: Mode.UPPER}.get(after, Mode.UPPER if level[0] > 0 else Mode.LOWER)
+
+
+def _switches(runs: Sequence[tuple[Mode, int, int]], level: Array, knots: Array, joint: int) -> list[Event]:
+    """The switches of one joint, each where the mean torque of the intervals around it puts it."""
+    events: list[Event] = []
+    sign = {Mode.UPPER: 1.0, Mode.LOWER: -1.0}
+    opposite = {Mode.UPPER: Mode.LOWER, Mode.LOWER: Mode.UPPER}
+    mode = _first_mode(runs, level)
+    for r, (here, start, stop) in enumerate(runs):
+        t0, t1 = float(knots[start]), float(knots[stop])
+        if not _is_switch(runs, r):
+            if here is not mode:
+                if not events or events[-1].time < t0 or events[-1].mode is not here:
+                    events.append(Event(t0, joint, here))
+                mode = here
+            continue
+        after = runs[r + 1][0] if r + 1 < len(runs) else opposite.get(mode, Mode.FREE)
+        if r + 1 < len(runs) and _is_switch(runs, r + 1):
+            continue
+        part = float(np.mean((level[start:stop] + 1) / 2))  # of the time on the upper limit
+        if after is mode:  # there and back: a short arc on the other limit
+            if mode not in sign:
+                continue
+            there = (1 - part) if mode is Mode.UPPER else part
+            half = there * (t1 - t0) / 2
+            if there > 0.02:
+                centre = (t0 + t1) / 2
+                events += [Event(centre - half, joint, opposite[mode]), Event(centre + half, joint, mode)]
+            continue
+        if mode in sign and after in sign:
+            share = part if mode is Mode.UPPER else 1 - part
+            events.append(Event(t0 + share * (t1 - t0), joint, after))
+        else:
+            events.append(Event((t0 + t1) / 2, joint, after))
+        mode = after
+    return events

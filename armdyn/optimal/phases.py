@@ -1,0 +1,282 @@
+"""Arcs of known structure as one nonlinear program whose durations are unknown.
+
+Every arc is a phase of Radau IIA collocation on which the torque (or the velocity, or the position)
+of each joint stays on its limit. What is left to find are the durations: within a phase the motion
+is smooth, so that the collocation's error falls with its full order, and t_f is exact to rounding.
+The multipliers of the defects are the costates.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.dynamics.symbolic import Dynamics
+from armdyn.optimal.arcs import BANG, POSITION, VELOCITY, Arc, Mode
+from armdyn.optimal.mesh import Scales, bounds, split, to_unknowns
+from armdyn.optimal.monitor import Monitor, Stop
+from armdyn.optimal.problem import MinimumTimeProblem
+from armdyn.optimal.transcription import DynamicsForm, Layout, Nlp, Scheme, build_nlp
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_TOLERANCE = 1e-10
+"""Of IPOPT on the scaled problem: durations then hold to about as much."""
+_SUBSAMPLES = 6
+"""Torque samples per interval on an arc where the torque is not constant."""
+
+
+@dataclass(frozen=True, eq=False)
+class Phases:
+    """A solved multi-phase problem.
+
+    Attributes:
+        converged: IPOPT's word.
+        message: the same.
+        arcs: with the durations found.
+        t: times of the knots [s], shape (K + 1,).
+        q: positions at the knots, shape (K + 1, nv).
+        v: velocities, shape (K + 1, nv).
+        costate: ρ = ∂(time to go)/∂(q, v) at the knots, from the multipliers, shape (K + 1, 2 nv).
+        tau: torques at the stages, shape (K, stages, nv).
+        arc_of: which arc an interval is in, shape (K,).
+        pull: at each stage of an interval, how fast the cost would fall if a held velocity or position
+            gave way outward, shape (K, nv); not negative where the arc is worth its while.
+        torques: the torque over time, its states only a guess: for `replay_torques`.
+        iterations: of IPOPT.
+    """
+
+    converged: bool
+    message: str
+    arcs: tuple[Arc, ...]
+    t: Array
+    q: Array
+    v: Array
+    costate: Array
+    tau: Array
+    arc_of: NDArray[np.int_]
+    pull: Array
+    torques: Trajectory
+    iterations: int
+
+    @property
+    def duration(self) -> float:
+        """t_f [s]."""
+        return float(self.t[-1])
+
+
+def solve_phases(
+    problem: MinimumTimeProblem,
+    arcs: Sequence[Arc],
+    guess: Trajectory,
+    dynamics: Dynamics,
+    form: DynamicsForm,
+    per_arc: int,
+    stop: Stop,
+) -> Phases:
+    """Durations of arcs, by Newton's method in the shape of IPOPT.
+
+    Args:
+        problem: what is to be solved.
+        arcs: the structure, and guesses of its durations.
+        guess: states to start from, at the times that the durations say.
+        dynamics: of the problem's robot.
+        form: forward or inverse.
+        per_arc: collocation intervals on each arc.
+        stop: asked at every iteration.
+    """
+    n, N = problem.robot.nv, per_arc * len(arcs)
+    nlp, solver, monitor = _solver(_Key(dynamics, Scheme("radau3", "stage", form), N))
+    layout = nlp.layout
+    scales = Scales.of(problem, guess)
+    arc_of = np.repeat(np.arange(len(arcs)), per_arc)
+    durations = np.array([arc.duration for arc in arcs])
+    share = durations[arc_of] / per_arc / durations.sum()
+    x = to_unknowns(guess, layout, share, scales)
+    lower, upper = bounds(problem, nlp, scales)
+    _fix_modes(problem, arcs, arc_of, nlp, scales, lower, upper)
+    times = _time_columns(layout, N)
+    x[times] = np.append(durations[arc_of], durations[-1]) / scales.time
+    lower[times] = 1e-9
+    x = np.clip(x, lower, upper)
+
+    lbg = np.zeros((N, nlp.defects))
+    lbg[np.flatnonzero(np.diff(arc_of)), -1] = -np.inf  # every arc has a duration of its own
+    for i in range(n):  # a held position: its defects say 0 = 0
+        held = np.array([arcs[a].modes[i] in POSITION for a in arc_of])
+        rows = _defect_rows(layout, nlp)[:, i]
+        lbg[np.ix_(held, rows)] = -np.inf
+    parameters = np.concatenate([np.full(N, 1 / per_arc), scales.parameters(problem.effort_weight)])
+    monitor.stop = stop
+    result = solver(x0=x, p=parameters, lbx=lower, ubx=upper, lbg=lbg.ravel(), ubg=-lbg.ravel())
+    stats = solver.stats()
+    x, lam = np.array(result["x"]).ravel(), np.array(result["lam_g"]).ravel()
+    word = str(stats["return_status"])
+    converged = word in ("Solve_Succeeded", "Solved_To_Acceptable_Level") and bool(np.all(np.isfinite(x)))
+
+    knots, inner = split(x, layout, N)
+    lengths = np.maximum(knots[:-1, 2 * n] * scales.time / per_arc, 1e-12)
+    t = np.concatenate([[0], np.cumsum(lengths)])
+    stages = layout.scheme.tableau.c.size
+    tau = inner[:, layout.stages : layout.stages + layout.torques].reshape(N, stages, n) * scales.effort
+    found = tuple(replace(arc, duration=float(lengths[arc_of == a].sum())) for a, arc in enumerate(arcs))
+    costate, pull = _multipliers(nlp, x, parameters, lam, scales, arcs, arc_of)
+    q, v = knots[:, :n] * scales.length, knots[:, n : 2 * n] * scales.speed
+    return Phases(
+        converged=converged,
+        message=word.replace("_", " "),
+        arcs=found,
+        t=t,
+        q=q,
+        v=v,
+        costate=costate,
+        tau=tau,
+        arc_of=arc_of,
+        pull=pull,
+        torques=_torque_trajectory(problem, layout, found, arc_of, t, q, v, tau),
+        iterations=int(stats["iter_count"]),
+    )
+
+
+def _time_columns(layout: Layout, intervals: int) -> NDArray[np.int_]:
+    return np.arange(intervals + 1) * (layout.knot + layout.inner) + 2 * layout.nv
+
+
+def _defect_rows(layout: Layout, nlp: Nlp) -> NDArray[np.int_]:
+    """Rows of the state defects in an interval, shape (stages, 2 nv)."""
+    stages = layout.scheme.tableau.c.size
+    return np.arange(nlp.defects - 1 - stages * 2 * layout.nv, nlp.defects - 1).reshape(stages, 2 * layout.nv)
+
+
+def _fix_modes(
+    problem: MinimumTimeProblem,
+    arcs: Sequence[Arc],
+    arc_of: NDArray[np.int_],
+    nlp: Nlp,
+    scales: Scales,
+    lower: Array,
+    upper: Array,
+) -> None:
+    """Narrow the bounds, in place, to what the arcs say."""
+    layout, limits, n = nlp.layout, problem.limits, nlp.layout.nv
+    block, stages, inner_states = layout.knot + layout.inner, layout.scheme.tableau.c.size, layout.stages // (2 * n)
+
+    def fix(index: int, value: float) -> None:
+        lower[index] = upper[index] = value
+
+    def held(first: int, i: int, mode: Mode) -> None:
+        """State of joint i, that begins at `first`, on its limit."""
+        if mode in VELOCITY:
+            fix(first + n + i, (1 if mode is Mode.VELOCITY_UPPER else -1) * limits.velocity[i] / scales.speed)
+        if mode in POSITION:
+            bound = limits.position_upper if mode is Mode.POSITION_UPPER else limits.position_lower
+            fix(first + i, bound[i] / scales.length)
+            fix(first + n + i, 0.0)
+
+    N = arc_of.size
+    for k in range(N):
+        arc, base = arcs[arc_of[k]], k * block
+        for i, mode in enumerate(arc.modes):
+            if mode in BANG:
+                bound = limits.effort_upper if mode is Mode.UPPER else limits.effort_lower
+                for j in range(stages):
+                    fix(base + layout.knot + layout.stages + j * n + i, bound[i] / scales.effort[i])
+            for j in range(inner_states):
+                held(base + layout.knot + 2 * n * j, i, mode)
+            if k < N - 1:
+                held(base + block, i, mode)  # Radau's last stage is the next knot
+        if k < N - 1 and arc_of[k + 1] != arc_of[k]:
+            for i, mode in arc.touches:
+                held(base + block, i, mode)
+
+
+def _multipliers(
+    nlp: Nlp, x: Array, parameters: Array, lam: Array, scales: Scales, arcs: Sequence[Arc], arc_of: NDArray[np.int_]
+) -> tuple[Array, Array]:
+    """Costates at the knots, and the pull of held states on their limits (see `Phases`)."""
+    layout, N, n = nlp.layout, nlp.intervals, nlp.layout.nv
+    rows = lam.reshape(N, nlp.defects)[:, _defect_rows(layout, nlp)]  # (N, stages, 2 nv)
+    state = np.concatenate([np.full(n, scales.length), np.full(n, scales.speed)])
+    costate = np.empty((N + 1, 2 * n))
+    costate[:-1] = -rows.sum(axis=1)
+    jacobian = nlp.jacobian(x, parameters)[1]
+    last = (nlp.layout.knot + nlp.layout.inner) * N
+    costate[-1] = -np.array(ca.mtimes(jacobian[:, last : last + 2 * n].T, lam)).ravel()
+    slope = np.array(ca.mtimes(jacobian.T, lam)).ravel()
+    pull = np.zeros((N, n))
+    block, inner_states = layout.knot + layout.inner, layout.stages // (2 * n)
+    for k in range(N):
+        for i, mode in enumerate(arcs[arc_of[k]].modes):
+            if mode in (*VELOCITY, *POSITION) and inner_states:
+                at = k * block + layout.knot + (i if mode in POSITION else n + i)
+                outward = 1.0 if mode in (Mode.VELOCITY_UPPER, Mode.POSITION_UPPER) else -1.0
+                pull[k, i] = -outward * slope[at]
+    return costate * scales.time / state, pull
+
+
+def _torque_trajectory(
+    problem: MinimumTimeProblem,
+    layout: Layout,
+    arcs: Sequence[Arc],
+    arc_of: NDArray[np.int_],
+    t: Array,
+    q: Array,
+    v: Array,
+    tau: Array,
+) -> Trajectory:
+    """The torques over time; on arcs where they vary, samples of the stages' polynomial within the limits."""
+    c, limits = layout.scheme.tableau.c, problem.limits
+    rows_t, rows_tau, rows_k = [], [], []
+    for k, a in enumerate(arc_of):
+        constant = all(mode in BANG for mode in arcs[a].modes)
+        s = np.array([0.0, 1.0]) if constant else np.linspace(0, 1, _SUBSAMPLES + 1)
+        weights = np.array([[_lagrange(c, j, at) for j in range(c.size)] for at in s])
+        values = np.clip(weights @ tau[k], limits.effort_lower, limits.effort_upper)
+        for i, mode in enumerate(arcs[a].modes):
+            if mode in BANG:
+                values[:, i] = (limits.effort_upper if mode is Mode.UPPER else limits.effort_lower)[i]
+        times = t[k] + s * (t[k + 1] - t[k])
+        times[-1] = np.nextafter(t[k + 1], 0) if k < arc_of.size - 1 else t[k + 1]
+        rows_t.append(times)
+        rows_tau.append(values)
+        rows_k.append(np.where(s < 1, k, k + 1))
+    index = np.concatenate(rows_k)
+    times, values = np.concatenate(rows_t), np.concatenate(rows_tau)
+    # Where the torque does not jump the sample one ulp before a knot says nothing new.
+    jump = np.append(np.any(np.abs(np.diff(values, axis=0)) > 0, axis=1) | (np.diff(times) > 1e-13), True)
+    return Trajectory(
+        times[jump], q[index][jump], v[index][jump], values[jump], problem.robot.joint_names, "minimum time"
+    )
+
+
+def _lagrange(c: Array, j: int, s: float) -> float:
+    others = np.delete(c, j)
+    return float(np.prod((s - others) / (c[j] - others)))
+
+
+class _Key:
+    """Lets the cache know a solver by what it is made of."""
+
+    def __init__(self, dynamics: Dynamics, scheme: Scheme, intervals: int):
+        self.dynamics, self.scheme, self.intervals = dynamics, scheme, intervals
+        self.identity = (dynamics.digest(), scheme, intervals)
+
+    def __hash__(self) -> int:
+        return hash(self.identity)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Key) and self.identity == other.identity
+
+
+@lru_cache(maxsize=32)
+def _solver(key: _Key) -> tuple[Nlp, ca.Function, Monitor]:
+    from armdyn.optimal.ipopt import make_solver
+
+    nlp = build_nlp(key.dynamics, key.scheme, key.intervals)
+    newton = {"mu_init": 1e-9, "bound_push": 1e-9, "bound_frac": 1e-9, "bound_relax_factor": 0.0}
+    solver, monitor = make_solver(nlp, _TOLERANCE, 60, options=newton)
+    return nlp, solver, monitor
