@@ -1,13 +1,21 @@
-"""Minimum-time motion by direct collocation."""
+"""Minimum-time motion: global search, exact switching times, certificate."""
 
-from armdyn.optimal.direct import MinimumTimeOptions, solve_minimum_time
+from armdyn.optimal.arcs import Arc, Mode
+from armdyn.optimal.certificate import Certificate
+from armdyn.optimal.minimum_time import MinimumTimeOptions, solve_minimum_time
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.rollout import replay_torques
-from armdyn.optimal.solution import Solution, Status, Violation
+from armdyn.optimal.sensitivity import Sensitivities
+from armdyn.optimal.solution import Solution
+from armdyn.optimal.status import Status, Violation
 
 __all__ = [
+    "Arc",
+    "Certificate",
     "MinimumTimeOptions",
     "MinimumTimeProblem",
+    "Mode",
+    "Sensitivities",
     "Solution",
     "Status",
     "Violation",

@@ -142,9 +142,7 @@ def without_short(arcs: Sequence[Arc], shortest: float) -> list[Arc]:
         return [*out[:k], *out[k + 1 :]] if len(out) > 1 else out
     if 0 < k < len(out) - 1:
         before, after = out[k - 1].modes, out[k + 1].modes
-        turned = tuple(
-            a if now != b else c for b, now, a, c in zip(before, out[k].modes, before, after, strict=True)
-        )
+        turned = tuple(a if now != b else c for b, now, a, c in zip(before, out[k].modes, before, after, strict=True))
         if before != after and turned not in (before, after, out[k].modes):
             out[k] = Arc(10 * shortest, turned)
             return out

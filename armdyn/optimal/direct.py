@@ -1,24 +1,20 @@
 """Minimum time by direct collocation and IPOPT."""
 
-import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.errors import ProblemError
+from armdyn.optimal.ipopt import make_solver
 from armdyn.optimal.mesh import Scales, bounds, to_trajectory, to_unknowns, worst_violation
-from armdyn.optimal.monitor import Monitor, Stop, stopping
+from armdyn.optimal.monitor import Monitor, Stop
 from armdyn.optimal.problem import MinimumTimeProblem
-from armdyn.optimal.rollout import replay_torques
-from armdyn.optimal.solution import Solution, Status, Violation
-from armdyn.optimal.starts import starts
-from armdyn.optimal.transcription import Control, DynamicsForm, Nlp, Scheme, build_nlp
+from armdyn.optimal.status import Status, Violation
+from armdyn.optimal.transcription import Nlp, Scheme, build_nlp
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -35,46 +31,19 @@ _IPOPT_STATUS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class MinimumTimeOptions:
-    """How `solve_minimum_time` goes about it.
+@dataclass(frozen=True)
+class DirectOptions:
+    """Of one call of IPOPT.
 
     Attributes:
-        intervals: of the first mesh.
-        max_intervals: of the finest mesh that is tried when the replay misses the goal.
-        replay_tolerance: largest goal error of the replay [rad or m] that counts as landed.
-        method: collocation tableau; "lobatto3" is Hermite-Simpson.
-        control: torque "linear" or "constant" between knots; constant converges in fewer iterations.
-        dynamics: "forward", "inverse", or "auto": forward up to three joints, inverse beyond, where
-            the derivatives of the articulated-body algorithm cost more than the extra unknowns.
-        max_starts: guesses that are tried before giving up.
-        max_iterations: of IPOPT, for one guess on one mesh.
-        tolerance: of IPOPT, on the scaled problem.
-        time_limit: wall time for the whole solve [s].
-        seed: of the guesses after the first.
-        verbose: let IPOPT print.
+        tolerance: on the scaled problem.
+        max_iterations: before it gives up.
+        verbose: let it print.
     """
 
-    intervals: int = 50
-    max_intervals: int = 800
-    replay_tolerance: float = 1e-3
-    method: str = "lobatto3"
-    control: Control = "constant"
-    dynamics: DynamicsForm | Literal["auto"] = "auto"
-    max_starts: int = 5
-    max_iterations: int = 500
     tolerance: float = 1e-8
-    time_limit: float = 300.0
-    seed: int = 0
+    max_iterations: int = 500
     verbose: bool = False
-
-    def __post_init__(self) -> None:
-        for name in ("intervals", "max_intervals", "max_starts", "max_iterations"):
-            if getattr(self, name) < 1:
-                raise ProblemError(f"{name} is {getattr(self, name)}; it must be at least 1")
-        for name in ("replay_tolerance", "tolerance", "time_limit"):
-            if not getattr(self, name) > 0:
-                raise ProblemError(f"{name} is {getattr(self, name)}; it must be positive")
 
 
 @dataclass(frozen=True)
@@ -87,52 +56,9 @@ class Attempt:
     iterations: int
     worst_violation: Violation | None
 
-
-def solve_minimum_time(
-    problem: MinimumTimeProblem,
-    options: MinimumTimeOptions | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> Solution:
-    """The fastest motion that collocation finds from a guess.
-
-    Solves on a mesh, replays the torques through `pin.aba` with another integrator, and halves the
-    intervals until the replay lands on the goal. A guess from which IPOPT does not converge gives
-    way to the next.
-
-    Args:
-        problem: what is to be solved.
-        options: defaults suit arms of one to seven joints.
-        progress: told in words what is being tried.
-
-    Returns:
-        A `Solution`; look at `success`. Ctrl-C returns the best so far, with status "interrupted".
-    """
-    options = options or MinimumTimeOptions()
-    started = time.perf_counter()
-    dynamics = Dynamics(problem.robot)
-    form: DynamicsForm = "forward" if problem.robot.nv <= 3 else "inverse"
-    scheme = Scheme(options.method, options.control, form if options.dynamics == "auto" else options.dynamics)
-
-    iterations = 0
-    best: Solution | None = None
-    with stopping(options.time_limit) as stop:
-        for start, guess in zip(range(options.max_starts), starts(problem, options.seed), strict=False):
-            mesh, refine = options.intervals, True
-            while refine:
-                if progress:
-                    progress(f"start {start + 1} of at most {options.max_starts}, {mesh} intervals")
-                attempt = solve_on_mesh(problem, guess, dynamics, scheme, mesh, options, stop)
-                iterations += attempt.iterations
-                solution = _judge(problem, attempt, options, mesh, iterations, time.perf_counter() - started)
-                if best is None or _rank(solution) <= _rank(best):
-                    best = solution
-                refine = solution.status is Status.REPLAY_MISSED and 2 * mesh <= options.max_intervals and not stop
-                mesh, guess = 2 * mesh, attempt.trajectory
-            if attempt.status is Status.SOLVED or stop:
-                break
-    if best is None:
-        raise AssertionError("there is always a first start")
-    return best
+    def after(self, iterations: int) -> "Attempt":
+        """The same, at the end of so many iterations."""
+        return replace(self, iterations=iterations)
 
 
 def solve_on_mesh(
@@ -141,7 +67,7 @@ def solve_on_mesh(
     dynamics: Dynamics,
     scheme: Scheme,
     intervals: int,
-    options: MinimumTimeOptions,
+    options: DirectOptions,
     stop: Stop,
 ) -> Attempt:
     """One call of IPOPT.
@@ -181,61 +107,15 @@ def solve_on_mesh(
     )
 
 
-def _judge(
-    problem: MinimumTimeProblem,
-    attempt: Attempt,
-    options: MinimumTimeOptions,
-    mesh: int,
-    iterations: int,
-    solve_time: float,
-) -> Solution:
-    """Replays what came out of a solve, and says in words what it is worth."""
-    trajectory, status = attempt.trajectory, attempt.status
-    position_error = velocity_error = float("inf")
-    if status is Status.SOLVED:
-        replay = replay_torques(problem.robot, trajectory)
-        if replay.t[-1] == trajectory.t[-1]:
-            position_error = float(np.max(np.abs(replay.q[-1] - problem.q_goal)))
-            velocity_error = float(np.max(np.abs(replay.v[-1] - problem.v_goal)))
-        if position_error > options.replay_tolerance:
-            status = Status.REPLAY_MISSED
-    joints = f"{mesh} intervals"
-    if status is Status.SOLVED:
-        message = f"{trajectory.duration:.6g} s; replayed to within {position_error:.2g} rad of the goal ({joints})"
-    elif status is Status.REPLAY_MISSED:
-        message = (
-            f"collocation found {trajectory.duration:.6g} s, but its torques end {position_error:.2g} rad from the "
-            f"goal when replayed (tolerance {options.replay_tolerance:g} rad, {joints}): raise max_intervals"
-        )
-    else:
-        message = f"{attempt.message} ({joints}); worst: {attempt.worst_violation}"
-    return Solution(
-        success=status is Status.SOLVED,
-        status=status,
-        message=message,
-        problem=problem,
-        duration=trajectory.duration,
-        trajectory=trajectory,
-        replay_error=position_error,
-        replay_velocity_error=velocity_error,
-        intervals=mesh,
-        iterations=iterations,
-        solve_time=solve_time,
-        worst_violation=attempt.worst_violation,
-    )
-
-
-def _rank(solution: Solution) -> tuple[int, float]:
-    """Smaller is better: landed, then converged, then the least violated."""
-    if solution.success or solution.status is Status.REPLAY_MISSED:
-        return (not solution.success), solution.replay_error
-    return 2, solution.worst_violation.value if solution.worst_violation else float("inf")
+def prepare(dynamics: Dynamics, scheme: Scheme, intervals: int, options: DirectOptions) -> None:
+    """Build, if it is not there, what `solve_on_mesh` needs."""
+    _solver(_SolverKey(dynamics, scheme, intervals, options))
 
 
 class _SolverKey:
     """Lets the cache know a solver by what it is made of."""
 
-    def __init__(self, dynamics: Dynamics, scheme: Scheme, intervals: int, options: MinimumTimeOptions):
+    def __init__(self, dynamics: Dynamics, scheme: Scheme, intervals: int, options: DirectOptions):
         self.dynamics, self.scheme, self.intervals, self.options = dynamics, scheme, intervals, options
         self.identity = (
             dynamics.digest(), scheme, intervals, options.tolerance, options.max_iterations, options.verbose
@@ -251,28 +131,5 @@ class _SolverKey:
 @lru_cache(maxsize=16)
 def _solver(key: _SolverKey) -> tuple[Nlp, ca.Function, Monitor]:
     nlp, options = build_nlp(key.dynamics, key.scheme, key.intervals), key.options
-    nx, ng, parameters = (nlp.functions[name].numel() for name in ("x", "g", "p"))
-    monitor = Monitor(nx, ng, parameters)
-    solver = ca.nlpsol(
-        "minimum_time",
-        "ipopt",
-        nlp.functions,
-        {
-            "jac_g": nlp.jacobian,
-            "hess_lag": nlp.hessian,
-            "iteration_callback": monitor,
-            "calc_multipliers": False,
-            "error_on_fail": False,
-            "print_time": False,
-            "show_eval_warnings": options.verbose,
-            "ipopt": {
-                "tol": options.tolerance,
-                "max_iter": options.max_iterations,
-                "nlp_scaling_method": "none",  # the unknowns and equations are scaled already
-                "fixed_variable_treatment": "make_parameter",
-                "print_level": 5 if options.verbose else 0,
-                "sb": "yes",
-            },
-        },
-    )
+    solver, monitor = make_solver(nlp, options.tolerance, options.max_iterations, verbose=options.verbose)
     return nlp, solver, monitor

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.problem import MinimumTimeProblem
-from armdyn.optimal.solution import Violation
+from armdyn.optimal.status import Violation
 from armdyn.optimal.transcription import Layout, Nlp
 from armdyn.trajectory import Trajectory
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.arcs import BANG, POSITION, VELOCITY, Arc, Mode
+from armdyn.optimal.ipopt import make_solver
 from armdyn.optimal.mesh import Scales, bounds, split, to_unknowns
 from armdyn.optimal.monitor import Monitor, Stop
 from armdyn.optimal.problem import MinimumTimeProblem
@@ -44,8 +45,14 @@ class Phases:
         costate: ρ = ∂(time to go)/∂(q, v) at the knots, from the multipliers, shape (K + 1, 2 nv).
         tau: torques at the stages, shape (K, stages, nv).
         arc_of: which arc an interval is in, shape (K,).
-        pull: at each stage of an interval, how fast the cost would fall if a held velocity or position
-            gave way outward, shape (K, nv); not negative where the arc is worth its while.
+        stage_q: positions at the stages, shape (K, stages, nv).
+        stage_v: velocities at the stages, shape (K, stages, nv).
+        stage_costate: ∫ρ over each stage's share of the time, shape (K, stages, 2 nv): what multiplies a
+            change of the rates there.
+        torque_pull: ∂t_f/∂tau at the stages [s/(N m)], shape (K, stages, nv); 0 where it is free.
+        state_pull: the same for the inner stages' scaled (q, v), shape (K, stages - 1, 2, nv).
+        knot_pull: the same for the scaled (q, v) of the inner knots, shape (K - 1, 2, nv).
+        speed: what one is in the scaled velocities [rad/s or m/s].
         torques: the torque over time, its states only a guess: for `replay_torques`.
         iterations: of IPOPT.
     """
@@ -59,7 +66,13 @@ class Phases:
     costate: Array
     tau: Array
     arc_of: NDArray[np.int_]
-    pull: Array
+    stage_q: Array
+    stage_v: Array
+    stage_costate: Array
+    torque_pull: Array
+    state_pull: Array
+    knot_pull: Array
+    speed: float
     torques: Trajectory
     iterations: int
 
@@ -75,8 +88,9 @@ def solve_phases(
     guess: Trajectory,
     dynamics: Dynamics,
     form: DynamicsForm,
-    per_arc: int,
+    intervals: int,
     stop: Stop,
+    offset: Array | float = 0.0,
 ) -> Phases:
     """Durations of arcs, by Newton's method in the shape of IPOPT.
 
@@ -86,20 +100,26 @@ def solve_phases(
         guess: states to start from, at the times that the durations say.
         dynamics: of the problem's robot.
         form: forward or inverse.
-        per_arc: collocation intervals on each arc.
+        intervals: of the whole mesh, dealt out by the arcs' lengths.
         stop: asked at every iteration.
+        offset: how far beside the goal the collocation shall end, in (q, v), shape (2 nv,): where
+            the collocation's error takes it back.
     """
-    n, N = problem.robot.nv, per_arc * len(arcs)
+    n, N = problem.robot.nv, intervals
     nlp, solver, monitor = _solver(_Key(dynamics, Scheme("radau3", "stage", form), N))
     layout = nlp.layout
     scales = Scales.of(problem, guess)
-    arc_of = np.repeat(np.arange(len(arcs)), per_arc)
     durations = np.array([arc.duration for arc in arcs])
-    share = durations[arc_of] / per_arc / durations.sum()
+    per_arc = _deal(durations, N)
+    arc_of = np.repeat(np.arange(len(arcs)), per_arc)
+    share = (durations / per_arc)[arc_of] / durations.sum()
     x = to_unknowns(guess, layout, share, scales)
     lower, upper = bounds(problem, nlp, scales)
     _fix_modes(problem, arcs, arc_of, nlp, scales, lower, upper)
-    times = _time_columns(layout, N)
+    end = x.size - layout.knot
+    for bound in (lower, upper):
+        bound[end : end + 2 * n] += offset / np.repeat([scales.length, scales.speed], n)
+    times = np.arange(N + 1) * (layout.knot + layout.inner) + 2 * n
     x[times] = np.append(durations[arc_of], durations[-1]) / scales.time
     lower[times] = 1e-9
     x = np.clip(x, lower, upper)
@@ -110,7 +130,7 @@ def solve_phases(
         held = np.array([arcs[a].modes[i] in POSITION for a in arc_of])
         rows = _defect_rows(layout, nlp)[:, i]
         lbg[np.ix_(held, rows)] = -np.inf
-    parameters = np.concatenate([np.full(N, 1 / per_arc), scales.parameters(problem.effort_weight)])
+    parameters = np.concatenate([(1 / per_arc)[arc_of], scales.parameters(problem.effort_weight)])
     monitor.stop = stop
     result = solver(x0=x, p=parameters, lbx=lower, ubx=upper, lbg=lbg.ravel(), ubg=-lbg.ravel())
     stats = solver.stats()
@@ -119,12 +139,15 @@ def solve_phases(
     converged = word in ("Solve_Succeeded", "Solved_To_Acceptable_Level") and bool(np.all(np.isfinite(x)))
 
     knots, inner = split(x, layout, N)
-    lengths = np.maximum(knots[:-1, 2 * n] * scales.time / per_arc, 1e-12)
+    lengths = np.maximum(knots[:-1, 2 * n] * scales.time / per_arc[arc_of], 1e-12)
     t = np.concatenate([[0], np.cumsum(lengths)])
     stages = layout.scheme.tableau.c.size
     tau = inner[:, layout.stages : layout.stages + layout.torques].reshape(N, stages, n) * scales.effort
     found = tuple(replace(arc, duration=float(lengths[arc_of == a].sum())) for a, arc in enumerate(arcs))
-    costate, pull = _multipliers(nlp, x, parameters, lam, scales, arcs, arc_of)
+    costate, weight, slope = _multipliers(nlp, x, parameters, lam, scales)
+    states = np.concatenate([inner[:, : layout.stages], knots[1:, : 2 * n]], axis=1).reshape(N, stages, 2, n)
+    own = layout.knot + layout.inner
+    blocks = slope[: own * N].reshape(N, own)[:, layout.knot :]
     q, v = knots[:, :n] * scales.length, knots[:, n : 2 * n] * scales.speed
     return Phases(
         converged=converged,
@@ -136,14 +159,24 @@ def solve_phases(
         costate=costate,
         tau=tau,
         arc_of=arc_of,
-        pull=pull,
+        stage_q=states[:, :, 0] * scales.length,
+        stage_v=states[:, :, 1] * scales.speed,
+        stage_costate=weight,
+        state_pull=blocks[:, : layout.stages].reshape(N, -1, 2, n) * scales.time,
+        torque_pull=blocks[:, layout.stages : layout.stages + layout.torques].reshape(N, stages, n)
+        * (scales.time / scales.effort),
+        knot_pull=slope[np.arange(1, N)[:, None] * own + np.arange(2 * n)].reshape(N - 1, 2, n) * scales.time,
+        speed=scales.speed,
         torques=_torque_trajectory(problem, layout, found, arc_of, t, q, v, tau),
         iterations=int(stats["iter_count"]),
     )
 
 
-def _time_columns(layout: Layout, intervals: int) -> NDArray[np.int_]:
-    return np.arange(intervals + 1) * (layout.knot + layout.inner) + 2 * layout.nv
+def _deal(durations: Array, intervals: int) -> NDArray[np.int_]:
+    """Intervals for every arc: three at least, the rest by its length."""
+    counts = 3 + np.floor((intervals - 3 * durations.size) * durations / durations.sum()).astype(int)
+    counts[np.argmax(durations)] += intervals - counts.sum()
+    return counts
 
 
 def _defect_rows(layout: Layout, nlp: Nlp) -> NDArray[np.int_]:
@@ -194,28 +227,20 @@ def _fix_modes(
                 held(base + block, i, mode)
 
 
-def _multipliers(
-    nlp: Nlp, x: Array, parameters: Array, lam: Array, scales: Scales, arcs: Sequence[Arc], arc_of: NDArray[np.int_]
-) -> tuple[Array, Array]:
-    """Costates at the knots, and the pull of held states on their limits (see `Phases`)."""
+def _multipliers(nlp: Nlp, x: Array, parameters: Array, lam: Array, scales: Scales) -> tuple[Array, Array, Array]:
+    """Costates at the knots, their integrals over the stages, and the gradient of the Lagrangian."""
     layout, N, n = nlp.layout, nlp.intervals, nlp.layout.nv
     rows = lam.reshape(N, nlp.defects)[:, _defect_rows(layout, nlp)]  # (N, stages, 2 nv)
-    state = np.concatenate([np.full(n, scales.length), np.full(n, scales.speed)])
+    state = np.repeat([scales.length, scales.speed], n)
+    slope = np.array(ca.mtimes(nlp.jacobian(x, parameters)[1].T, lam)).ravel()
+    slope += np.array(nlp.gradient(x, parameters)).ravel()
     costate = np.empty((N + 1, 2 * n))
     costate[:-1] = -rows.sum(axis=1)
-    jacobian = nlp.jacobian(x, parameters)[1]
-    last = (nlp.layout.knot + nlp.layout.inner) * N
-    costate[-1] = -np.array(ca.mtimes(jacobian[:, last : last + 2 * n].T, lam)).ravel()
-    slope = np.array(ca.mtimes(jacobian.T, lam)).ravel()
-    pull = np.zeros((N, n))
-    block, inner_states = layout.knot + layout.inner, layout.stages // (2 * n)
-    for k in range(N):
-        for i, mode in enumerate(arcs[arc_of[k]].modes):
-            if mode in (*VELOCITY, *POSITION) and inner_states:
-                at = k * block + layout.knot + (i if mode in POSITION else n + i)
-                outward = 1.0 if mode in (Mode.VELOCITY_UPPER, Mode.POSITION_UPPER) else -1.0
-                pull[k, i] = -outward * slope[at]
-    return costate * scales.time / state, pull
+    last = x.size - layout.knot
+    costate[-1] = -slope[last : last + 2 * n]
+    lengths = parameters[:N] * x[np.arange(N) * (layout.knot + layout.inner) + 2 * n]
+    weight = -np.einsum("kia,ij,k->kja", rows, layout.scheme.tableau.A, lengths * scales.time)
+    return costate * scales.time / state, weight * scales.time / state, slope
 
 
 def _torque_trajectory(
@@ -274,8 +299,6 @@ class _Key:
 
 @lru_cache(maxsize=32)
 def _solver(key: _Key) -> tuple[Nlp, ca.Function, Monitor]:
-    from armdyn.optimal.ipopt import make_solver
-
     nlp = build_nlp(key.dynamics, key.scheme, key.intervals)
     newton = {"mu_init": 1e-9, "bound_push": 1e-9, "bound_frac": 1e-9, "bound_relax_factor": 0.0}
     solver, monitor = make_solver(nlp, _TOLERANCE, 60, options=newton)

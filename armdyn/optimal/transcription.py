@@ -155,6 +155,7 @@ class Nlp:
         intervals: their number N.
         functions: x, p, f, g for nlpsol.
         jacobian: (x, p) -> (g, ∂g/∂x).
+        gradient: (x, p) -> ∂f/∂x.
         hessian: (x, p, σ, λ) -> upper triangle of ∂²(σ f + λᵀg)/∂x².
         defects: equations per interval.
     """
@@ -163,6 +164,7 @@ class Nlp:
     intervals: int
     functions: dict[str, ca.MX]
     jacobian: ca.Function
+    gradient: ca.Function
     hessian: ca.Function
     defects: int
 
@@ -199,6 +201,7 @@ def build_nlp(dynamics: Dynamics, scheme: Scheme, intervals: int) -> Nlp:
         intervals=N,
         functions={"x": x, "p": p, "f": f, "g": g},
         jacobian=ca.Function("nlp_jac_g", [x, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
+        gradient=ca.Function("gradient", [x, p], [ca.gradient(f, x)]),
         hessian=ca.Function(
             "nlp_hess_l", [x, p, sigma, lam], [hessian], ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
         ),

@@ -1,0 +1,186 @@
+"""Whether a motion is what it claims to be: it lands, it keeps the limits, and Pontryagin agrees.
+
+With H = 1 + w/2 τᵀτ + ρᵀf(x, τ) and free final time, an optimum has H = 0 throughout, and every
+torque on its limit is there because H falls outward: S_i = ∂H/∂τ_i is negative on the upper and
+positive on the lower limit, zero where the torque is free (Pontryagin et al. 1962; Bryson and Ho,
+Applied Optimal Control, section 3.9 for limits on the state).
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from armdyn.optimal.arcs import BANG, POSITION, VELOCITY, Mode
+from armdyn.optimal.phases import Phases
+from armdyn.optimal.problem import MinimumTimeProblem
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+GOAL_TOLERANCE = 1e-6
+"""Of the replay at the goal [rad or m]: a hundredth of what encoders of good arms resolve."""
+HAMILTONIAN_TOLERANCE = 1e-4
+"""Of |H|, against the 1 that time costs: what multipliers from collocation on these meshes resolve."""
+SWITCHING_TOLERANCE = 1e-3
+"""Of a wrong sign, as a part of the switching function's largest value: within the zero's own width."""
+LIMIT_TOLERANCE = 1e-6
+"""Of a limit, as a part of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """What was checked, and how it came out. Infinite: could not be checked.
+
+    Attributes:
+        ok: everything within its tolerance.
+        goal_error: largest joint position error of the replay at the goal [rad or m].
+        goal_velocity_error: the same for the velocities [rad/s or m/s].
+        hamiltonian_spread: largest |H| at the knots; 0 at an optimum.
+        switching_violation: largest switching function of the wrong sign, relative to its peak.
+        limit_violation: largest excess of a torque, velocity or position over its limit anywhere in the
+            replay, relative to the limit (position: to the range).
+        singular: some arc has a joint on no limit.
+        reasons: why it is not ok.
+        t: times at which the costates are known [s], shape (K,).
+        costate: ρ at those times, for (q, v), shape (K, 2 nv).
+        switching: S = ∂H/∂τ at those times, shape (K, nv).
+    """
+
+    goal_error: float
+    goal_velocity_error: float
+    limit_violation: float
+    hamiltonian_spread: float = float("inf")
+    switching_violation: float = float("inf")
+    singular: bool = False
+    remark: str = ""
+    t: Array = field(default_factory=lambda: np.empty(0), repr=False)
+    costate: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
+    switching: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why it is not ok, for people; empty if it is."""
+        checks = (
+            ("the replay misses the goal by {:.2g} rad", self.goal_error, GOAL_TOLERANCE),
+            ("a limit is exceeded by {:.2g} of it", self.limit_violation, LIMIT_TOLERANCE),
+            ("the Hamiltonian strays from 0 by {:.2g}", self.hamiltonian_spread, HAMILTONIAN_TOLERANCE),
+            ("a switching function has the wrong sign by {:.2g}", self.switching_violation, SWITCHING_TOLERANCE),
+        )
+        wrong = tuple(text.format(value) for text, value, bound in checks if np.isfinite(value) and not value <= bound)
+        unknown = not np.isfinite(self.hamiltonian_spread)
+        return (*((self.remark,) if self.remark and (wrong or unknown) else ()), *wrong) or (
+            ("no costates: the arcs were not resolved",) if unknown else ()
+        )
+
+    @property
+    def ok(self) -> bool:
+        """Everything within its tolerance."""
+        return (
+            self.goal_error <= GOAL_TOLERANCE
+            and self.limit_violation <= LIMIT_TOLERANCE
+            and self.hamiltonian_spread <= HAMILTONIAN_TOLERANCE
+            and self.switching_violation <= SWITCHING_TOLERANCE
+        )
+
+
+def certify(problem: MinimumTimeProblem, replay: Trajectory, phases: Phases | None, remark: str = "") -> Certificate:
+    """Check a replayed motion, and its costates if its arcs are known.
+
+    Args:
+        problem: what was asked.
+        replay: what the torques do under `replay_torques`.
+        phases: the arcs solved; None: only the replay is checked.
+        remark: why there are no arcs.
+    """
+    goal = float(np.max(np.abs(replay.q[-1] - problem.q_goal)))
+    goal_velocity = float(np.max(np.abs(replay.v[-1] - problem.v_goal)))
+    limit = limit_violation(problem, replay)
+    if phases is None:
+        return Certificate(goal, goal_velocity, limit, remark=remark)
+    hamiltonian, switching, sign = pontryagin(problem, phases)
+    return Certificate(
+        goal_error=goal,
+        goal_velocity_error=goal_velocity,
+        limit_violation=limit,
+        hamiltonian_spread=float(np.max(np.abs(hamiltonian))),
+        switching_violation=sign,
+        singular=problem.effort_weight == 0 and any(arc.singular for arc in phases.arcs),
+        remark=remark,
+        t=phases.t,
+        costate=phases.costate,
+        switching=switching,
+    )
+
+
+def limit_violation(problem: MinimumTimeProblem, motion: Trajectory, dense: int = 8) -> float:
+    """Largest relative excess over a limit, looked for at `dense` points between samples."""
+    limits = problem.limits
+    t = np.unique((motion.t[:-1, None] + np.diff(motion.t)[:, None] * np.linspace(0, 1, dense, endpoint=False)).ravel())
+    at = motion(np.append(t, motion.t[-1]))
+    reach = np.maximum(np.where(np.isinf(limits.position_upper), 0, limits.position_upper - limits.position_lower), 1.0)
+    half = (limits.effort_upper - limits.effort_lower) / 2
+    excess = (
+        (motion.tau - limits.effort_upper) / half,
+        (limits.effort_lower - motion.tau) / half,
+        (np.abs(at.v) - limits.velocity) / np.where(np.isinf(limits.velocity), 1.0, limits.velocity),
+        (at.q - limits.position_upper) / reach,
+        (limits.position_lower - at.q) / reach,
+    )
+    return float(max(0.0, *(np.max(x) for x in excess)))
+
+
+def pontryagin(problem: MinimumTimeProblem, phases: Phases) -> tuple[Array, Array, float]:
+    """H, shape (K + 1,), and S, shape (K + 1, nv), at the knots; the worst sign, relative to the peaks."""
+    robot, n, w = problem.robot, problem.robot.nv, problem.effort_weight
+    model, data = robot.model, robot.model.createData()
+    tau = _at_knots(phases)
+    hamiltonian, switching = np.empty(phases.t.size), np.empty((phases.t.size, n))
+    for k in range(phases.t.size):
+        q, v = robot.configuration(phases.q[k]), phases.v[k]
+        a = pin.aba(model, data, q, v, tau[k])
+        inertia = np.triu(pin.crba(model, data, q))
+        inertia = inertia + np.triu(inertia, 1).T
+        switching[k] = np.linalg.solve(inertia, phases.costate[k, n:]) + w * tau[k]
+        hamiltonian[k] = 1 + w / 2 * tau[k] @ tau[k] + phases.costate[k, :n] @ v + phases.costate[k, n:] @ a
+    peak = np.maximum(np.max(np.abs(switching), axis=0), 1e-300)
+    worst = 0.0
+    for k, a in enumerate(phases.arc_of):
+        first = k == 0 or phases.arc_of[k - 1] != a
+        for i, mode in enumerate(phases.arcs[a].modes):
+            value = switching[k, i] / peak[i]
+            if mode in BANG:
+                worst = max(worst, value if mode is Mode.UPPER else -value)
+            elif not first and mode is Mode.FREE:
+                worst = max(worst, abs(value))
+    return hamiltonian, switching, max(worst, _worst_pull(phases))
+
+
+def _worst_pull(phases: Phases) -> float:
+    """How much a held velocity or position would rather be let inward, relative to its largest pull outward."""
+    worst, n = 0.0, phases.q.shape[1]
+    for row, modes in ((0, POSITION), (1, VELOCITY)):
+        for i in range(n):
+            pulls = []
+            for k, a in enumerate(phases.arc_of):
+                mode = phases.arcs[a].modes[i]
+                if mode in modes:
+                    outward = 1.0 if mode in (Mode.VELOCITY_UPPER, Mode.POSITION_UPPER) else -1.0
+                    pulls += list(-outward * phases.state_pull[k, :, row, i])
+            if pulls:
+                worst = max(worst, -min(pulls) / max(np.max(np.abs(pulls)), 1e-300))
+    return worst
+
+
+def _at_knots(phases: Phases) -> Array:
+    """Torque at the knots, from the interval after each; at the end from the one before."""
+    stages = phases.tau.shape[1]
+    if stages == 1:
+        start = end = phases.tau[:, 0]
+    else:
+        # Through the last stage, which is the end of a Radau interval; the start is extrapolated.
+        c = np.array([(4 - np.sqrt(6)) / 10, (4 + np.sqrt(6)) / 10, 1.0])
+        weights = [np.prod([-c[m] / (c[j] - c[m]) for m in range(3) if m != j]) for j in range(3)]
+        start, end = np.einsum("j,kji->ki", weights, phases.tau), phases.tau[:, -1]
+    return np.vstack([start, end[-1:]])

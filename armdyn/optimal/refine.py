@@ -1,0 +1,166 @@
+"""From a collocation solution to exact switching times: arcs, their durations, their replay."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.dynamics.symbolic import Dynamics
+from armdyn.optimal.arcs import BANG, Arc, Event, Mode, arcs_between, detect, merged, without_short
+from armdyn.optimal.certificate import HAMILTONIAN_TOLERANCE, SWITCHING_TOLERANCE, Certificate, certify, pontryagin
+from armdyn.optimal.monitor import Stop
+from armdyn.optimal.phases import Phases, solve_phases
+from armdyn.optimal.problem import MinimumTimeProblem
+from armdyn.optimal.rollout import replay_torques
+from armdyn.optimal.transcription import DynamicsForm
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_INTERVALS = 48
+"""Of the first multi-phase mesh."""
+_MOST_INTERVALS = 400
+_MOST_ARCS = 60
+_ROUNDS = 12
+_SHORTEST = 1e-6
+"""Arcs shorter than this part of the motion are taken out."""
+_LANDED = 1e-10
+"""Goal error [rad or m] at which the replay has landed: the integrator's own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """What refinement made of a collocation solution.
+
+    Attributes:
+        trajectory: replayed torques: states and torques fit each other to the integrator's tolerance.
+        certificate: of it.
+        phases: None if the arcs could not be resolved; the certificate then says why.
+    """
+
+    trajectory: Trajectory
+    certificate: Certificate
+    phases: Phases | None
+
+
+def refine(
+    problem: MinimumTimeProblem,
+    dynamics: Dynamics,
+    form: DynamicsForm,
+    trajectory: Trajectory,
+    intervals: int,
+    stop: Stop,
+) -> Refined:
+    """Resolve the arcs of a collocation solution, or say why they resist.
+
+    Args:
+        problem: what is solved.
+        dynamics: of its robot.
+        form: forward or inverse.
+        trajectory: a collocation solution with constant torques on equal intervals.
+        intervals: of its mesh.
+        stop: asked at every iteration.
+    """
+    phases, remark = _structure(problem, dynamics, form, trajectory, intervals, stop)
+    if phases is not None:
+        phases, replay, landing = _land(problem, dynamics, form, phases, stop)
+        replay = _named(replay)
+        certificate = certify(problem, replay, phases, remark or landing)
+        if certificate.goal_error < 1e-3:
+            return Refined(replay, certificate, phases)
+        remark = remark or landing
+    replay = replay_torques(problem.robot, trajectory)
+    return Refined(trajectory, certify(problem, replay, None, remark), None)
+
+
+def _structure(
+    problem: MinimumTimeProblem,
+    dynamics: Dynamics,
+    form: DynamicsForm,
+    trajectory: Trajectory,
+    intervals: int,
+    stop: Stop,
+) -> tuple[Phases | None, str]:
+    """Phases whose switching functions agree with their modes, or the last ones and why they do not."""
+    if problem.effort_weight > 0:
+        arcs = [Arc(trajectory.duration, (Mode.FREE,) * problem.robot.nv)]
+    else:
+        arcs = merged(detect(problem, trajectory, intervals))
+    guess, seen, last = trajectory, set(), None
+    for _ in range(_ROUNDS):
+        if len(arcs) > _MOST_ARCS:
+            return last, f"{len(arcs)} arcs: more than {_MOST_ARCS}"
+        size = max(_INTERVALS, 4 * len(arcs))
+        phases = solve_phases(problem, arcs, guess, dynamics, form, size, stop)
+        if not phases.converged:
+            return last, f"the durations of {len(arcs)} arcs did not converge ({phases.message})"
+        guess, shortest = phases.torques, _SHORTEST * phases.duration
+        if len(arcs) > 1 and min(arc.duration for arc in phases.arcs) < shortest:
+            arcs = without_short(phases.arcs, shortest)
+            continue
+        last = phases
+        _, switching, worst = pontryagin(problem, phases)
+        if worst <= SWITCHING_TOLERANCE or problem.effort_weight > 0:
+            return phases, ""
+        structure = tuple(arc.modes for arc in phases.arcs)
+        arcs = _by_sign(phases, switching)
+        if structure in seen or stop:
+            break
+        seen.add(structure)
+    return last, "the switching structure did not settle"
+
+
+def _by_sign(phases: Phases, switching: Array) -> list[Arc]:
+    """The structure that the switching functions' signs say, for joints that are only ever on torque limits."""
+    first = list(phases.arcs[0].modes)
+    events: list[Event] = []
+    starts = np.concatenate([[0], np.cumsum([arc.duration for arc in phases.arcs])])
+    for a, arc in enumerate(phases.arcs):
+        events += [Event(float(starts[a + 1]), i, mode, touch=True) for i, mode in arc.touches]
+    for i in range(switching.shape[1]):
+        modes = [arc.modes[i] for arc in phases.arcs]
+        if any(mode not in BANG for mode in modes):
+            changes = (a for a in range(1, len(modes)) if modes[a] is not modes[a - 1])
+            events += [Event(float(starts[a]), i, modes[a]) for a in changes]
+            continue
+        s, t = switching[:, i], phases.t
+        s = np.where(np.abs(s) < 1e-9 * np.max(np.abs(s)), 0.0, s)
+        sign = np.sign(s)
+        inner = np.flatnonzero(sign)
+        first[i] = Mode.UPPER if sign[inner[0]] < 0 else Mode.LOWER
+        for a, b in zip(inner[:-1], inner[1:], strict=True):
+            if sign[a] != sign[b]:
+                time = t[a] + (t[b] - t[a]) * abs(s[a]) / (abs(s[a]) + abs(s[b]))
+                events.append(Event(float(time), i, Mode.UPPER if sign[b] < 0 else Mode.LOWER))
+    return merged(arcs_between(first, events, phases.duration))
+
+
+def _land(
+    problem: MinimumTimeProblem, dynamics: Dynamics, form: DynamicsForm, phases: Phases, stop: Stop
+) -> tuple[Phases, Trajectory, str]:
+    """Aim beside the goal by the collocation's own error until the replay hits it; finer where H strays."""
+    offset, size = np.zeros(2 * problem.robot.nv), phases.arc_of.size
+    best = phases, replay_torques(problem.robot, phases.torques)
+    for _ in range(8):
+        replay = best[1]
+        error = np.concatenate([replay.q[-1], replay.v[-1]]) - problem.x_goal
+        strays = float(np.max(np.abs(pontryagin(problem, best[0])[0]))) > 0.01 * HAMILTONIAN_TOLERANCE
+        landed = np.max(np.abs(error[: problem.robot.nv])) <= _LANDED
+        if (landed and (not strays or 2 * size > _MOST_INTERVALS)) or stop:
+            return *best, ""
+        if strays and 2 * size <= _MOST_INTERVALS:
+            size, offset = 2 * size, np.zeros_like(offset)
+        else:
+            offset = offset - error
+        tried = solve_phases(problem, best[0].arcs, best[0].torques, dynamics, form, size, stop, offset)
+        if not tried.converged:
+            return *best, f"the replay could not be brought onto the goal ({tried.message})"
+        replayed = replay_torques(problem.robot, tried.torques)
+        if replayed.t[-1] != tried.torques.t[-1]:
+            return *best, "the replay left what numbers can hold"
+        best = tried, replayed
+    return *best, ""
+
+
+def _named(replay: Trajectory) -> Trajectory:
+    return Trajectory(replay.t, replay.q, replay.v, replay.tau, replay.joint_names, "minimum time")

@@ -1,0 +1,92 @@
+"""Global search: many guesses solved coarsely, on all cores; the different optima that they lead to."""
+
+import itertools
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+
+from armdyn.dynamics.symbolic import Dynamics
+from armdyn.optimal.direct import Attempt, DirectOptions, prepare, solve_on_mesh
+from armdyn.optimal.monitor import Stop
+from armdyn.optimal.problem import MinimumTimeProblem
+from armdyn.optimal.starts import starts
+from armdyn.optimal.status import Status
+from armdyn.optimal.transcription import Scheme
+from armdyn.trajectory import Trajectory
+
+SAME = 2e-3
+"""Coarse durations that differ by less than this part are taken for one optimum."""
+
+_Job = Callable[[Trajectory], Attempt]
+_job: _Job | None = None
+"""What a forked worker does: inherited, as compiled solvers cannot be sent."""
+
+
+def search(
+    problem: MinimumTimeProblem,
+    dynamics: Dynamics,
+    scheme: Scheme,
+    intervals: int,
+    count: int,
+    seed: int,
+    options: DirectOptions,
+    stop: Stop,
+    progress: Callable[[str], None],
+) -> list[Attempt]:
+    """All attempts from `count` guesses, best first: converged ones by duration, then the rest.
+
+    The same seed gives the same attempts, on however many cores.
+    """
+    guesses = list(itertools.islice(starts(problem, seed), count))
+    prepare(dynamics, scheme, intervals, options)  # before the fork, so that every worker has it
+
+    def job(guess: Trajectory) -> Attempt:
+        return solve_on_mesh(problem, guess, dynamics, scheme, intervals, options, stop)
+
+    attempts: list[Attempt] = []
+    for attempt in _each(job, guesses):
+        attempts.append(attempt)
+        solved = [a.trajectory.duration for a in attempts if a.status is Status.SOLVED]
+        best = f", best {min(solved):.4f} s" if solved else ""
+        progress(f"search: guess {len(attempts)} of {count}{best}")
+    return sorted(attempts, key=lambda a: (a.status is not Status.SOLVED, a.trajectory.duration))
+
+
+def distinct(attempts: Sequence[Attempt], same: float = SAME) -> list[Attempt]:
+    """Converged attempts of which no two have about the same duration, best first."""
+    out: list[Attempt] = []
+    for attempt in attempts:
+        if attempt.status is not Status.SOLVED:
+            continue
+        if not out or attempt.trajectory.duration > out[-1].trajectory.duration * (1 + same):
+            out.append(attempt)
+    return out
+
+
+def _each(job: _Job, guesses: Sequence[Trajectory]) -> Iterator[Attempt]:
+    """Results in order; in processes where that is possible, as IPOPT does not stand threads."""
+    global _job
+    workers = min(os.cpu_count() or 1, len(guesses))
+    forks = "fork" in multiprocessing.get_all_start_methods() and not multiprocessing.current_process().daemon
+    done = 0
+    if workers > 1 and forks:
+        _job = job
+        try:
+            with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("fork")) as pool:
+                for attempt in pool.map(_work, guesses):
+                    done += 1
+                    yield attempt
+        except BrokenProcessPool:
+            pass  # a worker died: what it did not do is done here
+        finally:
+            _job = None
+    for guess in guesses[done:]:
+        yield job(guess)
+
+
+def _work(guess: Trajectory) -> Attempt:
+    if _job is None:
+        raise RuntimeError("a worker without its job")
+    return _job(guess)

@@ -1,0 +1,43 @@
+"""How a solve ended, and what was worst about it."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Status(StrEnum):
+    """How a solve ended."""
+
+    SOLVED = "solved"
+    """Converged, and the replay lands on the goal."""
+    REPLAY_MISSED = "replay_missed"
+    """Converged on every mesh that was tried, but the replay does not land on the goal."""
+    INFEASIBLE = "infeasible"
+    """No motion was found that satisfies all constraints."""
+    ITERATION_LIMIT = "iteration_limit"
+    """The solver used up its iterations."""
+    TIME_LIMIT = "time_limit"
+    """The solve used up its time."""
+    INTERRUPTED = "interrupted"
+    """Stopped by Ctrl-C; the best so far is kept."""
+    FAILED = "failed"
+    """The solver gave up for a numerical reason; the message has its word."""
+
+
+@dataclass(frozen=True)
+class Violation:
+    """The constraint that is worst violated, in scaled numbers (1 is as large as a limit or a whole motion).
+
+    Attributes:
+        constraint: what it is: "position defect", "velocity defect", "dynamics", "torque limit", …
+        joint: name of the joint.
+        time: in the motion [s].
+        value: by how much, scaled.
+    """
+
+    constraint: str
+    joint: str
+    time: float
+    value: float
+
+    def __str__(self) -> str:
+        return f"{self.constraint} of joint {self.joint!r} at t = {self.time:.4g} s by {self.value:.3g} (scaled)"
