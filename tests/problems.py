@@ -35,3 +35,22 @@ def cart(folder):
     path = folder / "cart.urdf"
     path.write_text(CART)
     return ad.Robot.from_urdf(path)
+
+
+LUUS = """<robot name="luus_two_link"><link name="base"/>
+<link name="link1"><inertial><origin xyz="0.5 0 0"/><mass value="1"/><inertia ixx="0.041666666666666664" ixy="0"
+ ixz="0" iyy="0.041666666666666664" iyz="0" izz="0.08333333333333333"/></inertial></link>
+<joint name="joint1" type="revolute"><parent link="base"/><child link="link1"/><axis xyz="0 0 1"/>
+<limit lower="-10" upper="10" effort="1" velocity="1000"/></joint>
+<link name="link2"><inertial><origin xyz="0.75 0 0"/><mass value="2"/><inertia ixx="0.10416666666666666" ixy="0"
+ ixz="0" iyy="0.10416666666666666" iyz="0" izz="0.20833333333333331"/></inertial></link>
+<joint name="joint2" type="revolute"><parent link="link1"/><child link="link2"/><origin xyz="1 0 0"/>
+<axis xyz="0 0 1"/><limit lower="-10" upper="10" effort="1" velocity="1000"/></joint></robot>"""
+"""R. Luus, Iterative Dynamic Programming (2000), section 12.4.2, example 2: two rods and a tip mass, no gravity."""
+
+
+def luus_problem(folder):
+    """The published two-link benchmark."""
+    path = folder / "luus.urdf"
+    path.write_text(LUUS)
+    return ad.MinimumTimeProblem(ad.Robot.from_urdf(path), q_start=[0.0, 0.5], q_goal=[0.522, 0.5])

@@ -1,6 +1,7 @@
 """How commands speak: to people on a terminal, to machines as one JSON object."""
 
 import json
+import os
 import sys
 import warnings
 from collections.abc import Callable, Iterator
@@ -14,7 +15,7 @@ from rich.table import Table
 
 from armdyn.errors import ArmdynError, ArmdynWarning
 
-DONE, BAD_INPUT, NOT_CERTIFIED, INTERRUPTED = 0, 2, 3, 130
+DONE, INTERNAL, BAD_INPUT, NOT_CERTIFIED, INTERRUPTED = 0, 1, 2, 3, 130
 """Exit codes."""
 
 console = Console(highlight=False)
@@ -53,6 +54,18 @@ def answering(as_json: bool) -> Iterator[Answer]:
         except OSError as error:
             answer.facts |= {"success": False, "status": "bad_input", "message": f"{error.strerror}: {error.filename}"}
             answer.code = BAD_INPUT
+        except typer.Exit:
+            raise
+        except Exception as error:
+            if os.environ.get("ARMDYN_DEBUG"):
+                raise
+            hint = "this is a bug in armdyn; ARMDYN_DEBUG=1 shows where"
+            answer.facts |= {
+                "success": False,
+                "status": "internal_error",
+                "message": f"internal error ({type(error).__name__}: {error}); {hint}",
+            }
+            answer.code = INTERNAL
         except KeyboardInterrupt:
             answer.facts |= {"success": False, "status": "interrupted", "message": "interrupted"}
             answer.code = INTERRUPTED
@@ -62,7 +75,7 @@ def answering(as_json: bool) -> Iterator[Answer]:
     if as_json:
         answer.facts["warnings"] = messages
         sys.stdout.write(json.dumps(answer.facts, allow_nan=False) + "\n")
-    if answer.code in (BAD_INPUT, INTERRUPTED) and "message" in answer.facts and not as_json:
+    if answer.code in (INTERNAL, BAD_INPUT, INTERRUPTED) and "message" in answer.facts and not as_json:
         errors.print(f"[bold red]armdyn:[/] {escape(str(answer.facts['message']))}")
     raise typer.Exit(answer.code)
 

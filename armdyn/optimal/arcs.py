@@ -37,6 +37,11 @@ VELOCITY = (Mode.VELOCITY_UPPER, Mode.VELOCITY_LOWER)
 POSITION = (Mode.POSITION_UPPER, Mode.POSITION_LOWER)
 
 
+_TOWARD = {Mode.VELOCITY_UPPER: Mode.UPPER, Mode.VELOCITY_LOWER: Mode.LOWER}
+"""The torque that brings a joint to a velocity limit; away from it, the other."""
+_OPPOSITE = {Mode.UPPER: Mode.LOWER, Mode.LOWER: Mode.UPPER}
+
+
 @dataclass(frozen=True)
 class Arc:
     """A part of a motion on which no joint changes its mode.
@@ -188,15 +193,16 @@ def _first_mode(runs: Sequence[tuple[Mode, int, int]], level: Array) -> Mode:
     if not _is_switch(runs, 0):
         return runs[0][0]
     after = runs[1][0] if len(runs) > 1 else Mode.FREE
+    if after in VELOCITY:
+        return _TOWARD[after]
     # The switch lies within the first intervals: it must come from the other side.
-    return {Mode.UPPER: Mode.LOWER, Mode.LOWER: Mode.UPPER}.get(after, Mode.UPPER if level[0] > 0 else Mode.LOWER)
+    return _OPPOSITE.get(after, Mode.UPPER if level[0] > 0 else Mode.LOWER)
 
 
 def _switches(runs: Sequence[tuple[Mode, int, int]], level: Array, knots: Array, joint: int) -> list[Event]:
     """The switches of one joint, each where the mean torque of the intervals around it puts it."""
     events: list[Event] = []
     sign = {Mode.UPPER: 1.0, Mode.LOWER: -1.0}
-    opposite = {Mode.UPPER: Mode.LOWER, Mode.LOWER: Mode.UPPER}
     mode = _first_mode(runs, level)
     for r, (here, start, stop) in enumerate(runs):
         t0, t1 = float(knots[start]), float(knots[stop])
@@ -206,7 +212,8 @@ def _switches(runs: Sequence[tuple[Mode, int, int]], level: Array, knots: Array,
                     events.append(Event(t0, joint, here))
                 mode = here
             continue
-        after = runs[r + 1][0] if r + 1 < len(runs) else opposite.get(mode, Mode.FREE)
+        away = _OPPOSITE[_TOWARD[mode]] if mode in VELOCITY else _OPPOSITE.get(mode, Mode.FREE)
+        after = runs[r + 1][0] if r + 1 < len(runs) else away
         if r + 1 < len(runs) and _is_switch(runs, r + 1):
             continue
         part = float(np.mean((level[start:stop] + 1) / 2))  # of the time on the upper limit
@@ -217,12 +224,15 @@ def _switches(runs: Sequence[tuple[Mode, int, int]], level: Array, knots: Array,
             half = there * (t1 - t0) / 2
             if there > 0.02:
                 centre = (t0 + t1) / 2
-                events += [Event(centre - half, joint, opposite[mode]), Event(centre + half, joint, mode)]
+                events += [Event(centre - half, joint, _OPPOSITE[mode]), Event(centre + half, joint, mode)]
             continue
         if mode in sign and after in sign:
             share = part if mode is Mode.UPPER else 1 - part
             events.append(Event(t0 + share * (t1 - t0), joint, after))
         else:
+            between = _TOWARD.get(after, away)
+            if between in BANG and between is not mode and between is not after:
+                events.append(Event(t0 + 0.25 * (t1 - t0), joint, between))
             events.append(Event((t0 + t1) / 2, joint, after))
         mode = after
     return events

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.ipopt import make_solver
-from armdyn.optimal.mesh import Scales, bounds, to_trajectory, to_unknowns, worst_violation
+from armdyn.optimal.mesh import Scales, bounds, tie_break, to_trajectory, to_unknowns, worst_violation
 from armdyn.optimal.monitor import Monitor, Stop
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.status import Status, Violation
@@ -18,6 +18,9 @@ from armdyn.optimal.transcription import Nlp, Scheme, build_nlp
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+
+_TIE = 1e-3
+"""Cost of full torques against the 1 of time on arms of more than three joints, of which some are idle."""
 
 _IPOPT_STATUS = {
     "Solve_Succeeded": Status.SOLVED,
@@ -53,6 +56,7 @@ class Attempt:
     status: Status
     message: str
     trajectory: Trajectory
+    intervals: int
     iterations: int
     worst_violation: Violation | None
 
@@ -84,7 +88,10 @@ def solve_on_mesh(
     nlp, solver, monitor = _solver(_SolverKey(dynamics, scheme, intervals, options))
     scales = Scales.of(problem, guess)
     fractions = np.full(intervals, 1 / intervals)
-    parameters = np.concatenate([fractions, scales.parameters(problem.effort_weight)])
+    weight = problem.effort_weight
+    if weight == 0 and problem.robot.nv > 3:
+        weight = tie_break(problem, _TIE)
+    parameters = np.concatenate([fractions, scales.parameters(weight)])
     lower, upper = bounds(problem, nlp, scales)
     x = np.clip(to_unknowns(guess, nlp.layout, fractions, scales), lower, upper)
     monitor.stop = stop
@@ -102,6 +109,7 @@ def solve_on_mesh(
         status=status,
         message=word.replace("_", " "),
         trajectory=to_trajectory(x, nlp.layout, fractions, scales, problem.robot.joint_names),
+        intervals=intervals,
         iterations=int(stats["iter_count"]),
         worst_violation=None if landed else worst_violation(problem, nlp, x, g, fractions, scales),
     )

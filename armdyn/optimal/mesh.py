@@ -43,6 +43,15 @@ class Scales:
         return np.array([self.time, self.length, self.speed, effort_weight, *self.effort])
 
 
+def tie_break(problem: MinimumTimeProblem, cost: float) -> float:
+    """An effort weight [1/(N m)²] with which full torques cost so much per second: it decides between equals.
+
+    Where one joint alone determines the time, the others may move in many ways.
+    """
+    limits = problem.limits
+    return float(2 * cost / np.sum(np.maximum(limits.effort_upper**2, limits.effort_lower**2)))
+
+
 def _states(q: Array, v: Array, scales: Scales) -> Array:
     return np.concatenate([q / scales.length, v / scales.speed], axis=-1)
 

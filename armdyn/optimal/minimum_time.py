@@ -15,7 +15,7 @@ from armdyn.optimal.monitor import Stop, stopping
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.refine import Refined, refine
 from armdyn.optimal.rollout import replay_torques
-from armdyn.optimal.search import distinct, search
+from armdyn.optimal.search import SAME, distinct, ranked, search
 from armdyn.optimal.solution import Solution
 from armdyn.optimal.starts import spline
 from armdyn.optimal.status import Status
@@ -33,7 +33,7 @@ class MinimumTimeOptions:
     """How `solve_minimum_time` goes about it.
 
     Attributes:
-        starts: guesses of the global search; None: 1 for one joint, 16 for two, 32 for three, 6 beyond.
+        starts: guesses of the global search; None: 1 for one joint, 12 for two, 24 for three, 4 beyond.
         seed: of the guesses after the first; the same seed gives the same answer.
         refinements: so many of the optima found are refined; None: 4 up to three joints, 2 beyond.
         coarse_intervals: of the search's mesh.
@@ -112,18 +112,27 @@ def solve_minimum_time(
     tell = progress or (lambda text: None)
     started, n = time.perf_counter(), problem.robot.nv
     dynamics, scheme = Dynamics(problem.robot), options.scheme(n)
-    count = options.starts or {1: 1, 2: 16, 3: 32}.get(n, 6)
+    count = options.starts or {1: 1, 2: 12, 3: 24}.get(n, 4)
     if problem.effort_weight > 0 and options.starts is None:
-        count = min(count, 6)  # smooth problems have few optima
+        count = min(count, 4)  # smooth problems have few optima
     with stopping(options.time_limit) as stop:
         coarse = search(
             problem, dynamics, scheme, options.coarse_intervals, count, options.seed, options.direct(1e-5), stop, tell
         )
-        iterations = sum(attempt.iterations for attempt in coarse)
-        found = distinct(coarse)
+        tell(f"straight guess on {options.intervals} intervals")
+        straight = spline(problem, [])
+        plain = solve_on_mesh(problem, straight, dynamics, scheme, options.intervals, options.direct(1e-6), stop)
+        iterations = plain.iterations + sum(attempt.iterations for attempt in coarse)
+        if n > 3 and plain.status is Status.SOLVED:
+            # A finer mesh costs seconds here: only what beats the straight guess on its own mesh is worth one.
+            mark = coarse[0].trajectory.duration * (1 - SAME) if coarse[0].status is Status.SOLVED else np.inf
+            found = [plain, *(a for a in distinct(ranked(coarse)) if a.trajectory.duration < mark)]
+        else:
+            found = distinct(ranked([*coarse, plain]))
+        coarse = ranked([*coarse, plain])
         if not found:
             coarse, more = _ladder(problem, dynamics, scheme, options, stop, coarse, tell)
-            iterations, found = iterations + more, distinct(coarse)
+            iterations, found = iterations + more, distinct(ranked(coarse))
         results: list[tuple[Refined, Attempt, int]] = []
         limit = options.refinements or (4 if n <= 3 else 2)
         for attempt in found[:limit]:
@@ -131,14 +140,23 @@ def solve_minimum_time(
             if results and (stop or not worth):
                 break
             tell(f"refining optimum {len(results) + 1}, about {attempt.trajectory.duration:.4f} s")
-            results.append(_refined(problem, dynamics, scheme, options, attempt, stop))
+            # With a certified answer in hand a slower optimum is worth one mesh, not all of them.
+            finest = options.intervals if any(r.certificate.ok for r, *_ in results) else options.max_intervals
+            results.append(_refined(problem, dynamics, scheme, options, attempt, finest, stop))
             iterations += results[-1][1].iterations
     elapsed = time.perf_counter() - started
     if not results:
         return _failure(problem, coarse[0], iterations, elapsed, options)
     results.sort(key=lambda result: (not _landed(result[0], options), result[0].trajectory.duration))
     best, attempt, mesh = results[0]
-    others = [r.trajectory.duration for r, *_ in results[1:]] + [a.trajectory.duration for a in found[len(results) :]]
+    refined = [r.trajectory.duration for r, *_ in results]
+    # A coarse duration may be off by a few SAME: near a refined one it is that one.
+    coarse_only = [
+        a.trajectory.duration
+        for a in found[len(results) :]
+        if all(abs(a.trajectory.duration / d - 1) > 4 * SAME for d in refined)
+    ]
+    others = refined[1:] + coarse_only
     return _solution(problem, best, attempt, mesh, others, iterations, elapsed, options, stop)
 
 
@@ -148,15 +166,19 @@ def _refined(
     scheme: Scheme,
     options: MinimumTimeOptions,
     coarse: Attempt,
+    finest: int,
     stop: Stop,
 ) -> tuple[Refined, Attempt, int]:
     """One optimum on finer and finer meshes until it is certified, or else lands at all."""
     mesh, guess, iterations = options.intervals, coarse.trajectory, 0
     best: tuple[Refined, Attempt, int] | None = None
     while True:
-        attempt = solve_on_mesh(problem, guess, dynamics, scheme, mesh, options.direct(), stop)
-        iterations += attempt.iterations
-        attempt = attempt.after(iterations)
+        if coarse.intervals == mesh:
+            attempt = coarse
+        else:
+            attempt = solve_on_mesh(problem, guess, dynamics, scheme, mesh, options.direct(1e-6), stop)
+            iterations += attempt.iterations
+            attempt = attempt.after(iterations)
         if attempt.status is Status.SOLVED:
             if options.arcs and (scheme.control == "constant" or problem.effort_weight > 0):
                 refined = refine(problem, dynamics, scheme.dynamics, attempt.trajectory, mesh, stop)
@@ -167,8 +189,10 @@ def _refined(
             if best is None or _quality(refined) < _quality(best[0]):
                 best = refined, attempt, mesh
             guess = attempt.trajectory
-        enough = best is not None and (best[0].certificate.ok or (not options.arcs and _landed(best[0], options)))
-        if enough or stop or 2 * mesh > options.max_intervals or (best is None and mesh > options.intervals):
+        # Finer meshes resolve the arcs of small arms; on larger ones they cost more than they have ever given.
+        modest = not options.arcs or problem.robot.nv > 3
+        enough = best is not None and (best[0].certificate.ok or (modest and _landed(best[0], options)))
+        if enough or stop or 2 * mesh > finest or (best is None and mesh > options.intervals):
             break
         mesh *= 2
     if best is None:

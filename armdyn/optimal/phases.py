@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.arcs import BANG, POSITION, VELOCITY, Arc, Mode
 from armdyn.optimal.ipopt import make_solver
-from armdyn.optimal.mesh import Scales, bounds, split, to_unknowns
+from armdyn.optimal.mesh import Scales, bounds, split, tie_break, to_unknowns
 from armdyn.optimal.monitor import Monitor, Stop
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.transcription import DynamicsForm, Layout, Nlp, Scheme, build_nlp
@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 
 _TOLERANCE = 1e-10
 """Of IPOPT on the scaled problem: durations then hold to about as much."""
+_TIE = 1e-5
+"""Cost of full torques on joints that time leaves free, against the 1 of time: it makes them unique."""
 _SUBSAMPLES = 6
 """Torque samples per interval on an arc where the torque is not constant."""
 
@@ -106,7 +108,8 @@ def solve_phases(
             the collocation's error takes it back.
     """
     n, N = problem.robot.nv, intervals
-    nlp, solver, monitor = _solver(_Key(dynamics, Scheme("radau3", "stage", form), N))
+    singular = any(arc.singular for arc in arcs)
+    nlp, solver, monitor = _solver(_Key(dynamics, Scheme("radau3", "stage", form), N, singular))
     layout = nlp.layout
     scales = Scales.of(problem, guess)
     durations = np.array([arc.duration for arc in arcs])
@@ -130,7 +133,10 @@ def solve_phases(
         held = np.array([arcs[a].modes[i] in POSITION for a in arc_of])
         rows = _defect_rows(layout, nlp)[:, i]
         lbg[np.ix_(held, rows)] = -np.inf
-    parameters = np.concatenate([(1 / per_arc)[arc_of], scales.parameters(problem.effort_weight)])
+    weight = problem.effort_weight
+    if weight == 0 and singular:
+        weight = tie_break(problem, _TIE)
+    parameters = np.concatenate([(1 / per_arc)[arc_of], scales.parameters(weight)])
     monitor.stop = stop
     result = solver(x0=x, p=parameters, lbx=lower, ubx=upper, lbg=lbg.ravel(), ubg=-lbg.ravel())
     stats = solver.stats()
@@ -218,6 +224,8 @@ def _fix_modes(
                 bound = limits.effort_upper if mode is Mode.UPPER else limits.effort_lower
                 for j in range(stages):
                     fix(base + layout.knot + layout.stages + j * n + i, bound[i] / scales.effort[i])
+            if 0 < k and arc_of[k - 1] != arc_of[k]:
+                held(base, i, mode)  # entered on the limit, not within the first interval
             for j in range(inner_states):
                 held(base + layout.knot + 2 * n * j, i, mode)
             if k < N - 1:
@@ -286,9 +294,9 @@ def _lagrange(c: Array, j: int, s: float) -> float:
 class _Key:
     """Lets the cache know a solver by what it is made of."""
 
-    def __init__(self, dynamics: Dynamics, scheme: Scheme, intervals: int):
-        self.dynamics, self.scheme, self.intervals = dynamics, scheme, intervals
-        self.identity = (dynamics.digest(), scheme, intervals)
+    def __init__(self, dynamics: Dynamics, scheme: Scheme, intervals: int, singular: bool):
+        self.dynamics, self.scheme, self.intervals, self.singular = dynamics, scheme, intervals, singular
+        self.identity = (dynamics.digest(), scheme, intervals, singular)
 
     def __hash__(self) -> int:
         return hash(self.identity)
@@ -300,6 +308,9 @@ class _Key:
 @lru_cache(maxsize=32)
 def _solver(key: _Key) -> tuple[Nlp, ca.Function, Monitor]:
     nlp = build_nlp(key.dynamics, key.scheme, key.intervals)
-    newton = {"mu_init": 1e-9, "bound_push": 1e-9, "bound_frac": 1e-9, "bound_relax_factor": 0.0}
+    # "Acceptable" to IPOPT is a defect of 1e-2: not to us.
+    newton: dict[str, float | str] = {"bound_relax_factor": 0.0, "acceptable_iter": 0}
+    if not key.singular:  # all torques are held: Newton's method from where it stands
+        newton |= {"mu_init": 1e-9, "bound_push": 1e-9, "bound_frac": 1e-9}
     solver, monitor = make_solver(nlp, _TOLERANCE, 60, options=newton)
     return nlp, solver, monitor

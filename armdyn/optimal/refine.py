@@ -1,6 +1,7 @@
 """From a collocation solution to exact switching times: arcs, their durations, their replay."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,7 +129,7 @@ def _by_sign(phases: Phases, switching: Array) -> list[Arc]:
         sign = np.sign(s)
         inner = np.flatnonzero(sign)
         first[i] = Mode.UPPER if sign[inner[0]] < 0 else Mode.LOWER
-        for a, b in zip(inner[:-1], inner[1:], strict=True):
+        for a, b in pairwise(inner):
             if sign[a] != sign[b]:
                 time = t[a] + (t[b] - t[a]) * abs(s[a]) / (abs(s[a]) + abs(s[b]))
                 events.append(Event(float(time), i, Mode.UPPER if sign[b] < 0 else Mode.LOWER))

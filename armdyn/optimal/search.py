@@ -35,7 +35,7 @@ def search(
     stop: Stop,
     progress: Callable[[str], None],
 ) -> list[Attempt]:
-    """All attempts from `count` guesses, best first: converged ones by duration, then the rest.
+    """All attempts from `count` guesses, in the order of the guesses; the first is the straight one.
 
     The same seed gives the same attempts, on however many cores.
     """
@@ -51,6 +51,11 @@ def search(
         solved = [a.trajectory.duration for a in attempts if a.status is Status.SOLVED]
         best = f", best {min(solved):.4f} s" if solved else ""
         progress(f"search: guess {len(attempts)} of {count}{best}")
+    return attempts
+
+
+def ranked(attempts: Sequence[Attempt]) -> list[Attempt]:
+    """Converged ones by duration, then the rest."""
     return sorted(attempts, key=lambda a: (a.status is not Status.SOLVED, a.trajectory.duration))
 
 

@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ProblemError
-from armdyn.optimal.direct import Attempt, MinimumTimeOptions
-from armdyn.optimal.mesh import Scales, bounds, split, to_trajectory, to_unknowns, worst_violation
+from armdyn.optimal.direct import _TIE, Attempt, DirectOptions
+from armdyn.optimal.mesh import Scales, bounds, split, tie_break, to_trajectory, to_unknowns, worst_violation
 from armdyn.optimal.monitor import Stop
 from armdyn.optimal.problem import MinimumTimeProblem
-from armdyn.optimal.solution import Status
+from armdyn.optimal.status import Status
 from armdyn.optimal.transcription import PARAMETERS, Layout, Nlp, Scheme, _assemble, _cached_interval, _Key, build_nlp
 from armdyn.trajectory import Trajectory
 
@@ -135,7 +135,7 @@ def solve_staged(
     dynamics: Dynamics,
     scheme: Scheme,
     intervals: int,
-    options: MinimumTimeOptions,
+    options: DirectOptions,
     stop: Stop,
 ) -> Attempt:
     """One call of fatrop; in place of `direct.solve_on_mesh`, which takes the same arguments.
@@ -159,7 +159,10 @@ def solve_staged(
     nlp = program.nlp
     scales = Scales.of(problem, guess)
     fractions = np.full(intervals, 1 / intervals)
-    parameters = np.concatenate([fractions, scales.parameters(problem.effort_weight)])
+    weight = problem.effort_weight
+    if weight == 0 and problem.robot.nv > 3:
+        weight = tie_break(problem, _TIE)
+    parameters = np.concatenate([fractions, scales.parameters(weight)])
     lower, upper = bounds(problem, nlp, scales)
     x = np.clip(to_unknowns(guess, nlp.layout, fractions, scales), lower, upper)
 
@@ -173,7 +176,7 @@ def solve_staged(
             lbg=0, ubg=0,
         )  # fmt: skip
         stats: dict[str, Any] = program.solver.stats()
-        iterations = int(stats["iter_count"])
+        iterations = min(int(stats["iter_count"]), options.max_iterations)  # it counts the one that it refuses, too
         code = stats["return_status"]
         status, message = _FATROP_STATUS.get(code, (Status.FAILED, f"fatrop returned {code}"))
         found = _knots_and_inner(np.array(result["x"]).ravel(), nlp)
@@ -186,6 +189,7 @@ def solve_staged(
         status=status,
         message=message,
         trajectory=to_trajectory(x, nlp.layout, fractions, scales, problem.robot.joint_names),
+        intervals=intervals,
         iterations=iterations,
         worst_violation=(
             None if status is Status.SOLVED else worst_violation(problem, nlp, x, g, fractions, scales)
@@ -228,7 +232,7 @@ class _Program:
 class _ProgramKey:
     """Lets the cache know a program by what it is made of."""
 
-    def __init__(self, dynamics: Dynamics, scheme: Scheme, intervals: int, options: MinimumTimeOptions):
+    def __init__(self, dynamics: Dynamics, scheme: Scheme, intervals: int, options: DirectOptions):
         self.dynamics, self.scheme, self.intervals, self.options = dynamics, scheme, intervals, options
         self.identity: Hashable = (
             dynamics.digest(), scheme, intervals, options.tolerance, options.max_iterations, options.verbose

@@ -1,10 +1,18 @@
 import numpy as np
+import pinocchio as pin
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.sparse.linalg import spsolve
 
+from armdyn.dynamics import Dynamics
+from armdyn.optimal.mesh import Scales, split, to_unknowns
 from armdyn.optimal.tableau import LOBATTO_3, TABLEAUS, Tableau
+from armdyn.optimal.transcription import Scheme, build_nlp
+from armdyn.trajectory import Trajectory
+from problems import paper_arm
 
 
-@pytest.mark.parametrize("tableau", TABLEAUS.values(), ids=str)
+@pytest.mark.parametrize("tableau", TABLEAUS.values(), ids=lambda tableau: tableau.name)
 def test_order_measured_on_a_nonlinear_equation(tableau):
     # x' = x cos t, x = exp(sin t): one Newton-free linear solve per interval, as f is linear in x.
     def error(n):
@@ -15,10 +23,57 @@ def test_order_measured_on_a_nonlinear_equation(tableau):
             x += h * tableau.b @ (rate * stages)
         return abs(x - np.exp(np.sin(2.0)))
 
-    n = np.array([8, 16, 32, 64])
+    n = np.array([8, 16, 32])  # sixth order is at rounding with 64
     slope = np.polyfit(np.log(n), np.log([error(k) for k in n]), 1)[0]
-    # A regression over three halvings is off the asymptotic order by a few per cent.
+    # A regression over two halvings is off the asymptotic order by a few per cent.
     assert -slope == pytest.approx(tableau.order, rel=0.05)
+
+
+@pytest.fixture(scope="module")
+def swing():
+    """RR from a bent pose at rest with constant torque and for a given time, by DOP853."""
+    robot, tau, duration = paper_arm("rr"), np.array([1.0, -0.3]), 0.2
+    model, data = robot.model, robot.model.createData()
+    q, v = np.array([-1.0, 0.4]), np.zeros(2)
+
+    def rate(t, x):
+        return np.concatenate([x[2:], pin.aba(model, data, x[:2], x[2:], tau)])
+
+    t = np.linspace(0, duration, 65)
+    x = solve_ivp(rate, (0, duration), np.concatenate([q, v]), "DOP853", t_eval=t, rtol=1e-13, atol=1e-14).y.T
+    return robot, Trajectory(t, x[:, :2], x[:, 2:], np.tile(tau, (t.size, 1)))
+
+
+@pytest.mark.parametrize("form", ["forward", "inverse"])
+@pytest.mark.parametrize("tableau", TABLEAUS.values(), ids=lambda tableau: tableau.name)
+def test_order_measured_through_the_nonlinear_program(tableau, form, swing):
+    """With start, duration and torque held fixed the defects are an integrator, and have its order."""
+    robot, exact = swing
+    scheme, dynamics = Scheme(tableau.name, "constant", form), Dynamics(robot)
+    scales = Scales(exact.duration, 1.0, 10.0, np.array([3.0, 3.0]))
+
+    def error(intervals):
+        nlp = build_nlp(dynamics, scheme, intervals)
+        fractions = np.full(intervals, 1 / intervals)
+        p = np.concatenate([fractions, scales.parameters(0.0)])
+        x = to_unknowns(exact, nlp.layout, fractions, scales)
+        free = np.ones(x.size, dtype=bool)
+        free[: nlp.layout.knot] = False  # the state and the duration at the start
+        _, inner = split(np.arange(x.size), nlp.layout, intervals)
+        free[inner[:, nlp.layout.stages : nlp.layout.stages + 2]] = False  # the torques
+        for _ in range(20):
+            g, jacobian = nlp.jacobian(x, p)
+            step = spsolve(jacobian.sparse()[:, free], np.array(g).ravel())
+            x[free] -= step
+            if np.max(np.abs(step)) < 1e-12:  # the next one is at rounding: Newton's method is quadratic
+                break
+        knots, _ = split(x, nlp.layout, intervals)
+        end = np.concatenate([scales.length * knots[-1, :2], scales.speed * knots[-1, 2:4]])
+        return np.max(np.abs(end - [*exact.q[-1], *exact.v[-1]]))
+
+    n = np.array([24, 32, 48])  # asymptotic, and above the 1e-11 to which the motion itself is known
+    slope = np.polyfit(np.log(n), np.log([error(k) for k in n]), 1)[0]
+    assert -slope == pytest.approx(tableau.order, rel=0.1)
 
 
 def test_a_wrong_coefficient_is_refused():
@@ -33,3 +88,12 @@ def test_a_wrong_coefficient_is_refused():
 def test_knots_of_lobatto():
     assert LOBATTO_3.starts_at_knot and LOBATTO_3.ends_at_knot
     assert list(LOBATTO_3.inner) == [1]
+
+
+def test_knots_of_the_others():
+    # Radau ends at a knot, Gauss knows none.
+    knots = {name: (t.starts_at_knot, t.ends_at_knot, len(t.inner)) for name, t in TABLEAUS.items()}
+    assert knots["radau2"] == (False, True, 1)
+    assert knots["radau3"] == (False, True, 2)
+    assert knots["gauss2"] == (False, False, 2)
+    assert knots["gauss3"] == (False, False, 3)

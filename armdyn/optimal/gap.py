@@ -1,0 +1,219 @@
+"""How much time a given motion leaves on the table: any planner's trajectory beside the minimum-time optimum."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
+
+from armdyn.errors import TrajectoryError
+from armdyn.models.limits import JointLimits
+from armdyn.models.robot import Robot
+from armdyn.optimal.minimum_time import MinimumTimeOptions, solve_minimum_time
+from armdyn.optimal.problem import MinimumTimeProblem
+from armdyn.optimal.rollout import replay_torques
+from armdyn.optimal.solution import Solution
+from armdyn.optimal.status import Violation
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+BUSY = 0.95
+"""A joint works when its torque, from the middle of its range, or its speed is above this part of its limit."""
+AT_STOP = 1e-3
+"""A joint this near the end of its position range [rad or m] rests on it, and is not idle."""
+FEASIBLE_TOLERANCE = 1e-3
+"""Excess over a limit, as a part of it, that is forgiven: planners keep limits at samples, not between."""
+
+_CELLS = 2000
+"""Idleness is read off a grid of at least so many cells, besides the trajectory's own samples."""
+_JUMP = 1e-9
+"""Samples nearer than this part of the duration are a jump."""
+
+
+@dataclass(frozen=True, eq=False)
+class TimeOptimality:
+    """A motion beside the fastest one between the same two states.
+
+    Attributes:
+        trajectory: the motion judged, its torques recomputed if it had none.
+        solution: the optimum between its end states, as far as it was found; look at its `certificate`.
+        feasible: the motion keeps the torque, velocity and position limits, to `FEASIBLE_TOLERANCE`.
+        worst_violation: of a limit, relative to it (positions: to the range); None if none is exceeded.
+        replay_error: how far from its own end the motion's torques lead when they are replayed [rad or m];
+            infinite if the replay diverges. Large: torques and positions do not belong together, or
+            the samples are too far apart to say.
+        idle: per joint, the part of the time that it is on no limit, shape (nv,).
+        idle_intervals: per joint, when that is: (from, to) [s].
+    """
+
+    trajectory: Trajectory
+    solution: Solution
+    feasible: bool
+    worst_violation: Violation | None
+    replay_error: float
+    idle: Array
+    idle_intervals: tuple[tuple[tuple[float, float], ...], ...]
+
+    @property
+    def duration(self) -> float:
+        """Of the motion [s]."""
+        return self.trajectory.duration
+
+    @property
+    def optimal_duration(self) -> float:
+        """Of the optimum [s]; NaN if the solver did not land on one."""
+        return self.solution.duration if self.solution.success else float("nan")
+
+    @property
+    def ratio(self) -> float:
+        """Duration over optimal duration: 1 for an optimum. Below 1 a limit is broken, or a better optimum missed."""
+        return self.duration / self.optimal_duration
+
+    @property
+    def gap(self) -> float:
+        """Duration minus optimal duration: the time that could be saved [s]."""
+        return self.duration - self.optimal_duration
+
+    def __str__(self) -> str:
+        """A few lines for people."""
+        if self.solution.success:
+            word = "certified" if self.solution.certificate.ok else "not certified"
+            head = f"{self.duration:.4f} s, {self.ratio:.3f} of the optimum of {self.optimal_duration:.4f} s ({word})"
+        else:
+            head = f"{self.duration:.4f} s; no optimum to compare with: {self.solution.message}"
+        if self.worst_violation is None:
+            limits = "limits: kept"
+        else:
+            word = "kept to within tolerance" if self.feasible else "BROKEN"
+            limits = f"limits: {word}; worst: {self.worst_violation}"
+        names = self.solution.problem.robot.joint_names
+        idle = ", ".join(f"{name} {100 * part:.0f} %" for name, part in zip(names, self.idle, strict=True))
+        return f"{head}\n{limits}\nreplay error: {self.replay_error:.2g}\nidle: {idle}"
+
+
+def time_optimality(robot: Robot, trajectory: Trajectory, options: MinimumTimeOptions | None = None) -> TimeOptimality:
+    """Compare a motion with the fastest one between its end states.
+
+    Args:
+        robot: the arm, with the limits that hold; `Robot.with_limits` gives it others.
+        trajectory: any planner's motion. If its torques are all zero they are taken to be missing, and
+            recomputed from its positions and velocities.
+        options: of `solve_minimum_time`.
+
+    Raises:
+        TrajectoryError: the trajectory is one of another robot.
+        ProblemError: an end state is outside the limits, or both are the same.
+    """
+    _check_joints(robot, trajectory)
+    if not np.any(trajectory.tau):  # in truly free fall inverse dynamics gives zero again
+        trajectory = trajectory_from_path(robot, trajectory.t, trajectory.q, trajectory.v, name=trajectory.name)
+    problem = MinimumTimeProblem(
+        robot, q_start=trajectory.q[0], q_goal=trajectory.q[-1], v_start=trajectory.v[0], v_goal=trajectory.v[-1]
+    )
+    violation = _worst_violation(problem.limits, trajectory, robot.joint_names)
+    replay = replay_torques(robot, trajectory)
+    arrived = replay.t[-1] == trajectory.t[-1]
+    idle, intervals = _idleness(problem.limits, trajectory)
+    return TimeOptimality(
+        trajectory=trajectory,
+        solution=solve_minimum_time(problem, options),
+        feasible=violation is None or violation.value <= FEASIBLE_TOLERANCE,
+        worst_violation=violation,
+        replay_error=float(np.max(np.abs(replay.q[-1] - trajectory.q[-1]))) if arrived else float("inf"),
+        idle=idle,
+        idle_intervals=intervals,
+    )
+
+
+def trajectory_from_path(
+    robot: Robot,
+    t: ArrayLike,
+    q: ArrayLike,
+    v: ArrayLike | None = None,
+    a: ArrayLike | None = None,
+    name: str = "",
+) -> Trajectory:
+    """A trajectory of what a planner returns, its torques by inverse dynamics (`pin.rnea`).
+
+    What is not given is differentiated: the slope of the cubic spline (not-a-knot) through what is. At
+    a jump of the acceleration a spline overshoots over a few samples; give `a` where the planner has it.
+
+    Args:
+        robot: the arm.
+        t: times [s], shape (n,).
+        q: joint positions [rad or m], shape (n, nv).
+        v: joint velocities [rad/s or m/s], shape (n, nv).
+        a: joint accelerations [rad/s² or m/s²], shape (n, nv).
+        name: of the trajectory.
+
+    Raises:
+        TrajectoryError: the arrays do not fit each other or the robot, or two samples are a jump.
+    """
+    t, q = np.asarray(t, dtype=float), np.asarray(q, dtype=float)
+    rest = np.zeros_like(q)
+    bare = Trajectory(t, q, rest if v is None else np.asarray(v, dtype=float), rest, name=name)
+    _check_joints(robot, bare)
+    if np.min(np.diff(bare.t)) <= _JUMP * bare.duration:
+        raise TrajectoryError("two samples are a jump: positions there have no derivative; give the torques instead")
+    speeds = CubicSpline(bare.t, bare.q)(bare.t, 1) if v is None else bare.v
+    given = CubicSpline(bare.t, speeds)(bare.t, 1) if a is None else np.asarray(a, dtype=float)
+    if given.shape != bare.v.shape:
+        raise TrajectoryError(f"a has shape {given.shape} but q {bare.q.shape}")
+    model, data = robot.model, robot.model.createData()
+    tau = [
+        pin.rnea(model, data, robot.configuration(x), *rates) for x, *rates in zip(bare.q, speeds, given, strict=True)
+    ]
+    return Trajectory(bare.t, bare.q, speeds, np.array(tau), robot.joint_names, name)
+
+
+def _check_joints(robot: Robot, trajectory: Trajectory) -> None:
+    if trajectory.q.shape[1] != robot.nv or trajectory.v.shape[1] != robot.nv:
+        raise TrajectoryError(
+            f"the trajectory has {trajectory.q.shape[1]} joints; {robot.name} has {robot.nv}: "
+            f"{', '.join(robot.joint_names)}"
+        )
+    if trajectory.joint_names and trajectory.joint_names != robot.joint_names:
+        raise TrajectoryError(
+            f"the trajectory is of joints {', '.join(trajectory.joint_names)}; {robot.name} has, in this order, "
+            f"{', '.join(robot.joint_names)}"
+        )
+
+
+def _worst_violation(limits: JointLimits, motion: Trajectory, names: tuple[str, ...]) -> Violation | None:
+    """What exceeds its limit most, at the samples and half-way between them; torque is linear, so samples do."""
+    t = np.sort(np.concatenate([motion.t, (motion.t[:-1] + motion.t[1:]) / 2]))
+    at = motion(t)
+    half = (limits.effort_upper - limits.effort_lower) / 2
+    reach = limits.position_upper - limits.position_lower
+    excess = {
+        "torque limit": np.maximum(at.tau - limits.effort_upper, limits.effort_lower - at.tau) / half,
+        "velocity limit": (np.abs(at.v) - limits.velocity) / np.where(np.isinf(limits.velocity), 1, limits.velocity),
+        "position limit": np.maximum(at.q - limits.position_upper, limits.position_lower - at.q)
+        / np.where(np.isinf(reach), 1, reach),
+    }
+    constraint = max(excess, key=lambda name: float(np.max(excess[name])))
+    sample, joint = np.unravel_index(np.argmax(excess[constraint]), excess[constraint].shape)
+    value = float(excess[constraint][sample, joint])
+    return Violation(constraint, names[joint], float(t[sample]), value) if value > 0 else None
+
+
+def _idleness(limits: JointLimits, motion: Trajectory) -> tuple[Array, tuple[tuple[tuple[float, float], ...], ...]]:
+    """Per joint the idle part of the time, shape (nv,), and the idle intervals [s]."""
+    edges = np.union1d(motion.t, np.linspace(motion.t[0], motion.t[-1], _CELLS + 1))
+    edges = edges[np.append(True, np.diff(edges) > _JUMP * motion.duration)]
+    edges[-1] = motion.t[-1]
+    at = motion((edges[:-1] + edges[1:]) / 2)
+    middle = (limits.effort_upper + limits.effort_lower) / 2
+    half = (limits.effort_upper - limits.effort_lower) / 2
+    pushing = np.abs(at.tau - middle) >= BUSY * half
+    fast = np.abs(at.v) >= BUSY * limits.velocity
+    stopped = (at.q <= limits.position_lower + AT_STOP) | (at.q >= limits.position_upper - AT_STOP)
+    idle = ~(pushing | fast | stopped)
+    lengths = np.diff(edges)
+    intervals = []
+    for mask in idle.T:
+        change = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+        intervals.append(tuple((float(edges[i]), float(edges[j])) for i, j in change.reshape(-1, 2)))
+    return lengths @ idle / motion.duration, tuple(intervals)

@@ -1,0 +1,84 @@
+"""Time armdyn beside a plain CasADi script and Drake's DirectCollocation, in one run.
+
+Times are wall times of a solve, the median of --repeats runs after one that is dropped (unless that one alone
+takes more than 10 s). Building functions is not in them, but in its own column. Every answer, whoever's it is, has its
+torques replayed through pin.aba; "replay" is the largest joint position error at the goal [rad].
+"""
+
+import argparse
+import importlib.util
+import json
+import statistics
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from peers.protocol import CASES, INTERVALS, problem
+
+import armdyn as ad
+
+PEERS = Path(__file__).resolve().parent / "peers"
+ROWS = (
+    ("armdyn, search + certificate", "own.py", "full", "armdyn"),
+    (f"armdyn, one solve, N = {INTERVALS}", "own.py", "mesh", "armdyn"),
+    ("CasADi Opti + IPOPT, MX", "plain_casadi.py", "MX", "casadi"),
+    ("CasADi Opti + IPOPT, SX", "plain_casadi.py", "SX", "casadi"),
+    ("Drake + SNOPT", "drake_collocation.py", "SNOPT", "pydrake"),
+    ("Drake + IPOPT", "drake_collocation.py", "IPOPT", "pydrake"),
+)
+
+
+def measure(case: str, row: tuple[str, str, str, str], repeats: int, timeout: float, folder: Path) -> dict:
+    """One peer on one case, in a process of its own that is ended after `timeout` seconds."""
+    name, script, method, package = row
+    blank = {"case": case, "method": name, "duration": None, "time": None, "building": None, "replay": None}
+    if importlib.util.find_spec(package) is None:
+        return blank | {"status": f"{package} is not installed"}
+    out = folder / "answer.npz"
+    command = [sys.executable, str(PEERS / script), "--case", case, "--method", method, "--repeats", str(repeats)]
+    try:
+        run = subprocess.run([*command, "--out", str(out)], capture_output=True, text=True, timeout=timeout)  # noqa: S603
+    except subprocess.TimeoutExpired:
+        return blank | {"status": f"no answer in {timeout:g} s"}
+    if run.returncode:
+        return blank | {"status": f"failed: {(run.stderr.strip().splitlines() or ['?'])[-1][:80]}"}
+    told = json.loads(run.stdout.strip().splitlines()[-1])
+    found = ad.Trajectory.load(out)
+    asked = problem(case)
+    end = ad.replay_torques(asked.robot, found)
+    landed = float(np.max(np.abs(end.q[-1] - asked.q_goal))) if end.t[-1] == found.t[-1] else float("inf")
+    numbers = {"duration": found.duration, "time": statistics.median(told["times"]), "replay": landed}
+    return blank | told | numbers
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--only", choices=CASES, nargs="+", default=["r", "rr", "rrr", "panda"])
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--timeout", type=float, default=180.0, help="of a peer, all repeats and building together [s]")
+    parser.add_argument("--json", action="store_true", help="one JSON object per row")
+    told = parser.parse_args()
+    if not told.json:
+        heads = f"{'t_f [s]':>9} {'time [s]':>9} {'ratio':>7} {'building':>9} {'replay':>8}"
+        print(f"{'case':6} {'method':30} {heads}  status   (ratio: of time to armdyn's one solve)")
+    for case in told.only:
+        with tempfile.TemporaryDirectory() as folder:
+            rows = [measure(case, row, told.repeats, told.timeout, Path(folder)) for row in ROWS]
+        for row in rows:
+            row["ratio"] = row["time"] / rows[1]["time"] if row["time"] and rows[1]["time"] else None
+            shown = (
+                ("duration", "9.5f"),
+                ("time", "9.3f"),
+                ("ratio", "7.1f"),
+                ("building", "9.2f"),
+                ("replay", "8.1e"),
+            )
+            cells = " ".join(f"{'-' if row[k] is None else format(row[k], f)!s:>{f.split('.')[0]}}" for k, f in shown)
+            print(json.dumps(row) if told.json else f"{case:6} {row['method']:30} {cells}  {row['status']}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

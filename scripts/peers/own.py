@@ -1,0 +1,34 @@
+"""armdyn itself: one collocation solve from the straight start, and `solve_minimum_time` as it comes."""
+
+from protocol import INTERVALS, Answer, main
+
+import armdyn as ad
+from armdyn.optimal.direct import DirectOptions, prepare, solve_on_mesh
+from armdyn.optimal.monitor import Stop
+from armdyn.optimal.starts import spline
+
+
+def build(problem, method):
+    """One of the two, ready to solve."""
+    if method == "full":
+
+        def solve():
+            solution = ad.solve_minimum_time(problem)
+            word = "certified" if solution.certificate.ok else str(solution.status)
+            return Answer(solution.trajectory, word)
+
+        return solve
+
+    dynamics, scheme = ad.Dynamics(problem.robot), ad.MinimumTimeOptions().scheme(problem.robot.nv)
+    guess = spline(problem, [])
+    prepare(dynamics, scheme, INTERVALS, DirectOptions())
+
+    def solve_once():
+        attempt = solve_on_mesh(problem, guess, dynamics, scheme, INTERVALS, DirectOptions(), Stop())
+        return Answer(attempt.trajectory, str(attempt.status))
+
+    return solve_once
+
+
+if __name__ == "__main__":
+    main(build, ("full", "mesh"))

@@ -1,0 +1,157 @@
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+import armdyn as ad
+from armdyn.errors import ProblemError, TrajectoryError
+from armdyn.optimal.gap import TimeOptimality, time_optimality, trajectory_from_path
+from problems import POSES, cart, paper_arm, paper_problem
+
+MESH_ONLY = ad.MinimumTimeOptions(arcs=False)
+"""Where the optimum is only a yardstick."""
+
+
+def quintic(robot, start, goal, duration, n=201):
+    """Rest to rest along a straight joint path, s = 10 x³ - 15 x⁴ + 6 x⁵: positions only."""
+    x = np.linspace(0, 1, n)[:, None]
+    start, goal = np.asarray(start), np.asarray(goal)
+    q = start + (goal - start) * (10 * x**3 - 15 * x**4 + 6 * x**5)
+    v = (goal - start) * (30 * x**2 - 60 * x**3 + 30 * x**4) / duration
+    a = (goal - start) * (60 * x - 180 * x**2 + 120 * x**3) / duration**2
+    return x.ravel() * duration, q, v, a
+
+
+@lru_cache
+def judged_one_link():
+    robot = paper_arm("r")
+    optimum = ad.solve_minimum_time(paper_problem("r"))
+    t, q, v, _ = quintic(robot, *POSES["r"], 2 * optimum.duration)
+    return optimum, time_optimality(robot, trajectory_from_path(robot, t, q, v, name="quintic"))
+
+
+def test_an_optimum_has_ratio_one_and_no_idle_joint():
+    optimum = ad.solve_minimum_time(paper_problem("rr"))
+    result = time_optimality(optimum.problem.robot, optimum.trajectory)
+    assert result.ratio == pytest.approx(1, abs=1e-8)  # the same deterministic solve, of the same problem
+    assert result.gap == pytest.approx(0, abs=1e-8)
+    assert result.feasible
+    assert result.replay_error < 1e-6
+    assert np.all(result.idle < 1e-3)  # bang-bang: a torque jumps over the middle of its range in no time
+    assert all(not spans or max(b - a for a, b in spans) < 1e-3 for spans in result.idle_intervals)
+
+
+def test_the_double_integrator_at_half_force_is_slower_by_root_two(tmp_path):
+    robot = cart(tmp_path)
+    half = 2.0  # 0.5 N on 1 kg for 2 s, then back: 2 m, where 1 N would need 2 √2 s
+    t = [0.0, np.nextafter(half, 0), half, 2 * half]
+    motion = ad.Trajectory(t, [[0], [1], [1], [2]], [[0], [1], [1], [0]], [[0.5], [0.5], [-0.5], [-0.5]])
+    result = time_optimality(robot, motion)
+    assert result.ratio == pytest.approx(np.sqrt(2), rel=1e-6)
+    assert result.idle == pytest.approx([1.0])
+    assert result.idle_intervals == (((0.0, 4.0),),)
+
+
+def test_idle_is_where_torque_is_off_its_limit(tmp_path):
+    robot = cart(tmp_path)
+    t = [0.0, 1.0, np.nextafter(1.0, 2), 3.0, np.nextafter(3.0, 4), 4.0]  # push, coast for 2 s, brake
+    force = [[1], [1], [0], [0], [-1], [-1]]
+    motion = ad.Trajectory(t, [[0], [0.5], [0.5], [2.5], [2.5], [3]], [[0], [1], [1], [1], [1], [0]], force)
+    result = time_optimality(robot, motion)
+    assert result.idle == pytest.approx([0.5], abs=1e-3)  # the grid's cells
+    (spans,) = result.idle_intervals
+    np.testing.assert_allclose(spans, [(1.0, 3.0)], atol=3e-3)
+    coasting = time_optimality(robot.with_limits(None, 1.0), motion, MESH_ONLY)
+    assert coasting.idle == pytest.approx([0.0], abs=1e-3)  # now it coasts on its velocity limit
+    assert coasting.ratio == pytest.approx(1.0, abs=2e-3)  # forty intervals cut each switch's in two
+
+
+def test_a_quintic_of_twice_the_duration():
+    optimum, result = judged_one_link()
+    assert result.solution.success, result.solution.message
+    assert result.duration == pytest.approx(2 * optimum.duration)
+    assert result.ratio == pytest.approx(2, rel=1e-6)
+    assert result.gap == pytest.approx(optimum.duration, rel=1e-6)
+    assert result.feasible
+    assert result.worst_violation is None
+    assert result.idle[0] > 0.5
+    assert result.trajectory.name == "quintic"
+    assert "kept" in str(result)
+    assert "joint1" in str(result)
+
+
+def test_missing_torques_are_recomputed():
+    _, result = judged_one_link()
+    bare = ad.Trajectory(result.trajectory.t, result.trajectory.q, result.trajectory.v, 0 * result.trajectory.tau)
+    again = time_optimality(paper_arm("r"), bare)
+    np.testing.assert_array_equal(again.trajectory.tau, result.trajectory.tau)
+
+
+def test_a_motion_beyond_the_limits_is_flagged():
+    optimum, _ = judged_one_link()
+    robot = paper_arm("r")
+    fast = trajectory_from_path(robot, *quintic(robot, *POSES["r"], 0.8 * optimum.duration))
+    result = time_optimality(robot, fast)
+    assert not result.feasible
+    assert result.worst_violation.constraint == "torque limit"
+    assert result.worst_violation.value == pytest.approx(np.max(np.abs(fast.tau)) / 3 - 1)
+    assert result.ratio == pytest.approx(0.8, rel=1e-6)
+    assert "BROKEN" in str(result)
+
+
+def test_a_velocity_limit_is_looked_at_between_samples(tmp_path):
+    robot = cart(tmp_path).with_limits(None, 1.0)
+    t, q, v, a = quintic(robot, [0.0], [2.0], 3.0, n=4)  # fastest half-way, 1.25 m/s, where no sample is
+    result = time_optimality(robot, trajectory_from_path(robot, t, q, v, a), MESH_ONLY)
+    assert result.worst_violation.constraint == "velocity limit"
+    assert result.worst_violation.time == pytest.approx(1.5)
+
+
+def test_torques_that_lead_elsewhere_show_in_the_replay():
+    _, result = judged_one_link()
+    assert result.replay_error < 1e-3  # linear torque between 200 samples of a quintic
+    wrong = ad.Trajectory(result.trajectory.t, result.trajectory.q, result.trajectory.v, 0.9 * result.trajectory.tau)
+    assert time_optimality(paper_arm("r"), wrong).replay_error > 0.01
+
+
+def test_derivatives_that_are_not_given_come_from_splines():
+    robot = paper_arm("rr")
+    t, q, v, a = quintic(robot, *POSES["rr"], 0.5)
+    exact = trajectory_from_path(robot, t, q, v, a)
+    for some in ((), (v,)):
+        guessed = trajectory_from_path(robot, t, q, *some)
+        np.testing.assert_allclose(guessed.v, exact.v, atol=1e-4)  # O(h³) at the ends, h = 2.5 ms
+        np.testing.assert_allclose(guessed.tau, exact.tau, atol=0.02)
+    assert exact.joint_names == robot.joint_names
+
+
+def test_bad_input():
+    robot, other = paper_arm("rr"), paper_arm("r")
+    t, q, v, a = quintic(robot, *POSES["rr"], 0.5)
+    motion = trajectory_from_path(robot, t, q, v, a)
+    with pytest.raises(TrajectoryError, match="2 joints; r has 1"):
+        time_optimality(other, motion)
+    with pytest.raises(TrajectoryError, match="2 joints; r has 1"):
+        trajectory_from_path(other, t, q)
+    with pytest.raises(TrajectoryError, match="in this order"):
+        time_optimality(robot, ad.Trajectory(t, q, v, motion.tau, ("joint2", "joint1")))
+    with pytest.raises(TrajectoryError, match="a has shape"):
+        trajectory_from_path(robot, t, q, v, a[:, :1])
+    with pytest.raises(TrajectoryError, match="jump"):
+        trajectory_from_path(robot, [0, np.nextafter(0, 1), 1], q[:3])
+    with pytest.raises(TrajectoryError, match="q has shape"):
+        trajectory_from_path(robot, t, q[:-1])
+    with pytest.raises(ProblemError, match="same state"):
+        time_optimality(robot, trajectory_from_path(robot, [0, 1], np.zeros((2, 2))))
+    with pytest.raises(ProblemError, match="outside its limits"):
+        time_optimality(robot, trajectory_from_path(robot, t, q + 4, v, a))
+
+
+def test_without_an_optimum_there_is_no_ratio():
+    _, result = judged_one_link()
+    weak = paper_arm("r").with_limits(0.05, None)  # cannot lift its own weight
+    with pytest.warns(ad.ArmdynWarning):
+        lost: TimeOptimality = time_optimality(weak, result.trajectory, ad.MinimumTimeOptions(starts=1))
+    assert np.isnan(lost.ratio)
+    assert not lost.feasible
+    assert "no optimum" in str(lost)

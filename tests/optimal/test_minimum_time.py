@@ -1,0 +1,195 @@
+"""The whole of it: search, arcs, certificate, sensitivities, against exact and published numbers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from problems import cart, luus_problem, paper_arm, paper_problem
+
+import armdyn as ad
+from armdyn.optimal.certificate import certify, limit_violation
+from armdyn.optimal.search import distinct
+
+# Exact bang-bang durations of Example 1 [s], payload at the tip, by quadrature of the energy integral.
+R_EXACT = {
+    0.0212: 0.14821160378169002,
+    0.0312: 0.15256368080070265,
+    0.0518: 0.1611059069013823,
+    0.1006: 0.17949750225056943,
+    0.1219: 0.1868717714980484,
+    0.1307: 0.18982126559774137,
+    0.1505: 0.19626968857366017,
+    0.2: 0.21140382789979642,
+    0.5: 0.28527648488914076,
+    1.0: 0.3850872149537221,
+}
+
+# Best known of Example 2 [s], payload at the tip, without position limits.
+RR_BEST = {
+    0.0212: 0.17824211888875166,
+    0.1006: 0.21067170186256495,
+    0.5: 0.29361597136964557,
+    1.0: 0.3644763653735844,
+}
+
+
+def solve(problem, **options):
+    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(**options))
+    assert solution.success, solution.message
+    return solution
+
+
+def test_double_integrator_in_closed_form(tmp_path):
+    problem = ad.MinimumTimeProblem(cart(tmp_path), q_start=[0.0], q_goal=[2.0])
+    solution = solve(problem)
+    assert solution.certificate.ok, solution.message
+    assert solution.duration == pytest.approx(2 * np.sqrt(2), rel=1e-9)
+    np.testing.assert_allclose([arc.duration for arc in solution.arcs], np.sqrt(2), rtol=1e-8)
+    # t_f = 2 √(m d / F): costates, H and both derivatives are known.
+    by = solution.sensitivities()
+    assert by.effort()[0] == pytest.approx(-np.sqrt(2), rel=1e-6)
+    assert by.payload_mass == pytest.approx(np.sqrt(2), rel=1e-6)
+    np.testing.assert_allclose(solution.certificate.costate[0], [-1 / np.sqrt(2), -1.0], rtol=1e-6)
+
+
+def test_double_integrator_with_a_velocity_limit_in_closed_form(tmp_path):
+    # Up to 0.8 m/s at 1 m/s², cruise, down: t = d/v + v/a.
+    problem = ad.MinimumTimeProblem(cart(tmp_path), q_start=[0.0], q_goal=[2.0], velocity_limit=0.8)
+    solution = solve(problem)
+    assert solution.certificate.ok, solution.message
+    assert solution.duration == pytest.approx(2 / 0.8 + 0.8, rel=1e-8)
+    assert [arc.modes[0] for arc in solution.arcs] == ["torque upper", "velocity upper", "torque lower"]
+    # ∂t/∂v = 1/a − d/v².
+    assert solution.sensitivities().velocity[0] == pytest.approx(1 - 2 / 0.64, rel=1e-5)
+
+
+@pytest.mark.parametrize("mass", R_EXACT)
+def test_one_link_is_exact(mass):
+    solution = solve(paper_problem("r", mass))
+    assert solution.certificate.ok, solution.message
+    # 1e-8: the point mass's stand-in inertia of 1e-12 kg m² shows at 1e-10.
+    assert solution.duration == pytest.approx(R_EXACT[mass], rel=1e-8)
+
+
+@pytest.mark.filterwarnings("ignore::armdyn.ArmdynWarning")  # 0.5 and 1 kg cannot be held at the goal
+@pytest.mark.parametrize("mass", RR_BEST)
+def test_two_links_are_the_best_known_and_certified(mass):
+    solution = solve(paper_problem("rr", mass, position_limit=(-np.inf, np.inf)))
+    assert solution.certificate.ok, solution.message
+    assert solution.duration <= RR_BEST[mass] + 1e-6
+    assert solution.certificate.limit_violation == 0  # every torque is exactly on a limit or inside
+
+
+def test_luus_two_link_and_its_other_optimum(tmp_path):
+    solution = solve(luus_problem(tmp_path))
+    assert solution.certificate.ok, solution.message
+    assert solution.duration == pytest.approx(2.982279943, abs=1e-7)
+    assert any(other == pytest.approx(3.20834535, abs=1e-4) for other in solution.local_optima)
+    # Published switching times, IterativeDynamicProgramming's example by an indirect method.
+    starts = np.cumsum([arc.duration for arc in solution.arcs])[:-1]
+    np.testing.assert_allclose(starts, [0.94314035, 1.49113997, 2.62754505], atol=1e-6)
+
+
+def test_three_links_without_position_limits():
+    solution = solve(paper_problem("rrr", position_limit=(-np.inf, np.inf)))
+    assert solution.duration <= 0.219305  # best known 0.2193034
+    assert solution.certificate.ok, solution.message
+    assert len(solution.local_optima) >= 2
+
+
+def test_sensitivities_against_finite_differences():
+    problem = paper_problem("rr", velocity_limit=[20.0, 30.0])
+    solution = solve(problem)
+    assert solution.certificate.ok, solution.message
+    by = solution.sensitivities()
+
+    def duration(**change):
+        mass = change.pop("mass", 0.1006)
+        given = {"effort_limit": [3.0, 3.0], "velocity_limit": [20.0, 30.0], **change}
+        return solve(paper_problem("rr", mass, **given)).duration
+
+    step = 1e-4  # central differences of numbers good to 1e-10: 1e-6, and the third derivative's share
+    slope = (duration(mass=0.1006 + step) - duration(mass=0.1006 - step)) / (2 * step)
+    assert by.payload_mass == pytest.approx(slope, rel=1e-3)
+    for i in range(2):
+        up, down = np.array([3.0, 3.0]), np.array([3.0, 3.0])
+        up[i], down[i] = 3 + step, 3 - step
+        slope = (duration(effort_limit=up) - duration(effort_limit=down)) / (2 * step)
+        assert by.effort()[i] == pytest.approx(slope, rel=1e-3)
+        up, down = np.array([20.0, 30.0]), np.array([20.0, 30.0])
+        up[i], down[i] = up[i] + step, down[i] - step
+        slope = (duration(velocity_limit=up) - duration(velocity_limit=down)) / (2 * step)
+        assert by.velocity[i] == pytest.approx(slope, rel=1e-3, abs=1e-7)
+
+
+def test_same_seed_same_answer():
+    first, second = (solve(paper_problem("rr"), seed=3) for _ in range(2))
+    assert first.duration == second.duration
+    assert first.local_optima == second.local_optima
+
+
+def test_certificate_refuses_what_is_not_optimal():
+    solution = solve(paper_problem("rr"))
+    problem = solution.problem
+    slower = solution.local_optima[0]
+    assert slower > solution.duration  # the other optimum is an extremal too: only the search tells them apart
+    # A motion with the switching functions of another problem (limits doubled) has H and signs that do not fit.
+    wider = replace(problem, effort_limit=6.0)
+    certificate = certify(wider, solution.trajectory, solution.phases)
+    assert not certificate.ok or certificate.switching_violation == 0
+    tampered = replace(solution.phases, costate=-solution.phases.costate)
+    certificate = certify(problem, solution.trajectory, tampered)
+    assert not certificate.ok
+    assert any("sign" in reason for reason in certificate.reasons)
+    assert any("Hamiltonian" in reason for reason in certificate.reasons)
+    missed = ad.Trajectory(
+        solution.trajectory.t,
+        solution.trajectory.q + 1e-3,
+        solution.trajectory.v,
+        solution.trajectory.tau,
+    )
+    assert any("misses the goal" in reason for reason in certify(problem, missed, solution.phases).reasons)
+    without = certify(problem, solution.trajectory, None, "asked for no arcs")
+    assert not without.ok and without.reasons == ("asked for no arcs",)
+
+
+def test_limit_violation_looks_between_samples():
+    problem = paper_problem("r", velocity_limit=1.0)
+    # Between two samples at 0.9 rad/s the cubic speeds up to 1.5 times the mean slope less a quarter.
+    motion = ad.Trajectory([0, 1], [[0.0], [1.2]], [[0.9], [0.9]], [[0.0], [0.0]])
+    fastest = 1.5 * 1.2 - 0.5 * 0.9
+    assert limit_violation(problem, motion) == pytest.approx(fastest - 1.0, rel=1e-9)
+
+
+def test_without_arcs_the_mesh_answers_and_says_so():
+    solution = solve(paper_problem("rr"), arcs=False)
+    assert not solution.certificate.ok
+    assert "not certified" in solution.message
+    assert solution.arcs == () and solution.sensitivities() is None
+    assert 0.21067 < solution.duration < 0.2115
+
+
+def test_effort_weight_is_smooth_and_matches_the_reference():
+    # Durations of ∫(1 + ½τ²)dt [s] without torque bound: independent collocation, re-integrated.
+    for arm, expected in (("r", 0.31030416405287503),):
+        solution = solve(paper_problem(arm, effort_weight=1.0, effort_limit=50.0))
+        assert solution.duration == pytest.approx(expected, rel=1e-4)
+        assert solution.certificate.hamiltonian_spread < 1e-4
+
+
+def test_distinct_keeps_the_best_of_each(tmp_path):
+    from armdyn.optimal.direct import Attempt
+
+    def attempt(duration, status=ad.Status.SOLVED):
+        motion = ad.Trajectory([0, duration], np.zeros((2, 1)), np.zeros((2, 1)), np.zeros((2, 1)))
+        return Attempt(status, "", motion, 15, 1, None)
+
+    found = distinct([attempt(1.0), attempt(1.001), attempt(1.1), attempt(2.0, ad.Status.FAILED)])
+    assert [a.trajectory.duration for a in found] == [1.0, 1.1]
+
+
+def test_all_robots_are_the_same_after_a_solve():
+    robot = paper_arm("rr")
+    before = robot.model.saveToString()
+    solve(ad.MinimumTimeProblem(robot, q_start=[0, 0], q_goal=[0.5, -0.5]))
+    assert robot.model.saveToString() == before
