@@ -1,8 +1,8 @@
 """Time armdyn beside a plain CasADi script and Drake's DirectCollocation, in one run.
 
 Times are wall times of a solve, the median of --repeats runs after one that is dropped (unless that one alone
-takes more than 10 s). Building functions is not in them, but in its own column. Every answer, whoever's it is, has its
-torques replayed through pin.aba; "replay" is the largest joint position error at the goal [rad].
+takes more than 10 s); "ratio" is to armdyn's one solve. Building functions is not in them, but in its own column [s].
+Every answer has its torques replayed through pin.aba; "replay" is the largest position error at the goal [rad].
 """
 
 import argparse
@@ -28,6 +28,7 @@ ROWS = (
     ("Drake + SNOPT", "drake_collocation.py", "SNOPT", "pydrake"),
     ("Drake + IPOPT", "drake_collocation.py", "IPOPT", "pydrake"),
 )
+SHOWN = {"duration": "9.5f", "time": "9.3f", "ratio": "7.1f", "building": "9.2f", "replay": "8.1e"}
 
 
 def measure(case: str, row: tuple[str, str, str, str], repeats: int, timeout: float, folder: Path) -> dict:
@@ -45,12 +46,10 @@ def measure(case: str, row: tuple[str, str, str, str], repeats: int, timeout: fl
     if run.returncode:
         return blank | {"status": f"failed: {(run.stderr.strip().splitlines() or ['?'])[-1][:80]}"}
     told = json.loads(run.stdout.strip().splitlines()[-1])
-    found = ad.Trajectory.load(out)
-    asked = problem(case)
+    found, asked = ad.Trajectory.load(out), problem(case)
     end = ad.replay_torques(asked.robot, found)
     landed = float(np.max(np.abs(end.q[-1] - asked.q_goal))) if end.t[-1] == found.t[-1] else float("inf")
-    numbers = {"duration": found.duration, "time": statistics.median(told["times"]), "replay": landed}
-    return blank | told | numbers
+    return blank | told | {"duration": found.duration, "time": statistics.median(told["times"]), "replay": landed}
 
 
 def main() -> None:
@@ -62,21 +61,13 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object per row")
     told = parser.parse_args()
     if not told.json:
-        heads = f"{'t_f [s]':>9} {'time [s]':>9} {'ratio':>7} {'building':>9} {'replay':>8}"
-        print(f"{'case':6} {'method':30} {heads}  status   (ratio: of time to armdyn's one solve)")
+        print(f"{'case':6} {'method':30}   t_f [s]  time [s]   ratio  building   replay  status")
     for case in told.only:
         with tempfile.TemporaryDirectory() as folder:
             rows = [measure(case, row, told.repeats, told.timeout, Path(folder)) for row in ROWS]
         for row in rows:
             row["ratio"] = row["time"] / rows[1]["time"] if row["time"] and rows[1]["time"] else None
-            shown = (
-                ("duration", "9.5f"),
-                ("time", "9.3f"),
-                ("ratio", "7.1f"),
-                ("building", "9.2f"),
-                ("replay", "8.1e"),
-            )
-            cells = " ".join(f"{'-' if row[k] is None else format(row[k], f)!s:>{f.split('.')[0]}}" for k, f in shown)
+            cells = " ".join("-".rjust(int(f[0])) if row[k] is None else format(row[k], f) for k, f in SHOWN.items())
             print(json.dumps(row) if told.json else f"{case:6} {row['method']:30} {cells}  {row['status']}", flush=True)
 
 

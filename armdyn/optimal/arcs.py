@@ -72,16 +72,16 @@ class Event:
     touch: bool = False
 
 
-def detect(problem: MinimumTimeProblem, trajectory: Trajectory, intervals: int) -> list[Arc]:
-    """The arcs of a collocation solution with constant torques on equal intervals.
+def detect(problem: MinimumTimeProblem, trajectory: Trajectory, mesh: Array) -> list[Arc]:
+    """The arcs of a collocation solution with constant torques between its knots.
 
     Args:
         problem: its limits.
         trajectory: the solution.
-        intervals: of its mesh.
+        mesh: its knots as parts of the duration.
     """
-    duration, limits = trajectory.duration, problem.limits
-    knots = np.linspace(0, duration, intervals + 1)
+    duration, limits, intervals = trajectory.duration, problem.limits, mesh.size - 1
+    knots = duration * mesh
     middle = trajectory((knots[:-1] + knots[1:]) / 2)
     at_knots = trajectory(knots)
     centre = (limits.effort_upper + limits.effort_lower) / 2

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 _TOLERANCE = 1e-10
 """Of IPOPT on the scaled problem: durations then hold to about as much."""
-_TIE = 1e-5
+_TIE = 1e-4
 """Cost of full torques on joints that time leaves free, against the 1 of time: it makes them unique."""
 _SUBSAMPLES = 6
 """Torque samples per interval on an arc where the torque is not constant."""
@@ -224,7 +224,7 @@ def _fix_modes(
                 bound = limits.effort_upper if mode is Mode.UPPER else limits.effort_lower
                 for j in range(stages):
                     fix(base + layout.knot + layout.stages + j * n + i, bound[i] / scales.effort[i])
-            if 0 < k and arc_of[k - 1] != arc_of[k]:
+            if k > 0 and arc_of[k - 1] != arc_of[k]:
                 held(base, i, mode)  # entered on the limit, not within the first interval
             for j in range(inner_states):
                 held(base + layout.knot + 2 * n * j, i, mode)
@@ -309,8 +309,8 @@ class _Key:
 def _solver(key: _Key) -> tuple[Nlp, ca.Function, Monitor]:
     nlp = build_nlp(key.dynamics, key.scheme, key.intervals)
     # "Acceptable" to IPOPT is a defect of 1e-2: not to us.
-    newton: dict[str, float | str] = {"bound_relax_factor": 0.0, "acceptable_iter": 0}
+    newton: dict[str, float | str] = {"bound_relax_factor": 0.0, "acceptable_iter": 0, "mu_init": 1e-3}
     if not key.singular:  # all torques are held: Newton's method from where it stands
         newton |= {"mu_init": 1e-9, "bound_push": 1e-9, "bound_frac": 1e-9}
-    solver, monitor = make_solver(nlp, _TOLERANCE, 60, options=newton)
+    solver, monitor = make_solver(nlp, _TOLERANCE, 100 if key.singular else 60, options=newton)
     return nlp, solver, monitor

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.arcs import BANG, Arc, Event, Mode, arcs_between, detect, merged, without_short
 from armdyn.optimal.certificate import HAMILTONIAN_TOLERANCE, SWITCHING_TOLERANCE, Certificate, certify, pontryagin
+from armdyn.optimal.direct import mesh
 from armdyn.optimal.monitor import Stop
 from armdyn.optimal.phases import Phases, solve_phases
 from armdyn.optimal.problem import MinimumTimeProblem
@@ -58,7 +59,7 @@ def refine(
         problem: what is solved.
         dynamics: of its robot.
         form: forward or inverse.
-        trajectory: a collocation solution with constant torques on equal intervals.
+        trajectory: a collocation solution with constant torques between the knots of `direct.mesh`.
         intervals: of its mesh.
         stop: asked at every iteration.
     """
@@ -86,7 +87,11 @@ def _structure(
     if problem.effort_weight > 0:
         arcs = [Arc(trajectory.duration, (Mode.FREE,) * problem.robot.nv)]
     else:
-        arcs = merged(detect(problem, trajectory, intervals))
+        arcs = merged(detect(problem, trajectory, mesh(intervals, problem.robot.nv)))
+        idle = _idle(problem, arcs)
+        if problem.robot.nv > 3 and idle:
+            return None, f"time does not determine {', '.join(idle)}: on no limit for most of the motion"
+
     guess, seen, last = trajectory, set(), None
     for _ in range(_ROUNDS):
         if len(arcs) > _MOST_ARCS:
@@ -105,10 +110,17 @@ def _structure(
             return phases, ""
         structure = tuple(arc.modes for arc in phases.arcs)
         arcs = _by_sign(phases, switching)
-        if structure in seen or stop:
+        if structure in seen or stop or structure == tuple(arc.modes for arc in arcs):
             break
         seen.add(structure)
     return last, "the switching structure did not settle"
+
+
+def _idle(problem: MinimumTimeProblem, arcs: list[Arc]) -> list[str]:
+    """Joints that are on no limit for more than half of the motion."""
+    total = sum(arc.duration for arc in arcs)
+    free = [sum(arc.duration for arc in arcs if arc.modes[i] is Mode.FREE) for i in range(problem.robot.nv)]
+    return [name for name, time in zip(problem.robot.joint_names, free, strict=True) if time > total / 2]
 
 
 def _by_sign(phases: Phases, switching: Array) -> list[Arc]:
