@@ -2,7 +2,9 @@
 
 Times are wall times of a solve, the median of --repeats runs after one that is dropped (unless that one alone
 takes more than 10 s); "ratio" is to armdyn's one solve. Building functions is not in them, but in its own column [s].
-Every answer has its torques replayed through pin.aba; "replay" is the largest position error at the goal [rad].
+Every answer has its torques replayed through pin.aba: "replay" is the largest position error at the goal [rad].
+"excess" is the worst of its limits between samples, relative to the limit: where one of the two is large, t_f is no
+motion's.
 """
 
 import argparse
@@ -18,6 +20,7 @@ import numpy as np
 from peers.protocol import CASES, INTERVALS, problem
 
 import armdyn as ad
+from armdyn.optimal.certificate import limit_violation
 
 PEERS = Path(__file__).resolve().parent / "peers"
 ROWS = (
@@ -28,13 +31,13 @@ ROWS = (
     ("Drake + SNOPT", "drake_collocation.py", "SNOPT", "pydrake"),
     ("Drake + IPOPT", "drake_collocation.py", "IPOPT", "pydrake"),
 )
-SHOWN = {"duration": "9.5f", "time": "9.3f", "ratio": "7.1f", "building": "9.2f", "replay": "8.1e"}
+SHOWN = {"duration": "9.5f", "time": "9.3f", "ratio": "7.1f", "building": "9.2f", "replay": "8.1e", "excess": "8.1e"}
 
 
 def measure(case: str, row: tuple[str, str, str, str], repeats: int, timeout: float, folder: Path) -> dict:
     """One peer on one case, in a process of its own that is ended after `timeout` seconds."""
     name, script, method, package = row
-    blank = {"case": case, "method": name, "duration": None, "time": None, "building": None, "replay": None}
+    blank = {"case": case, "method": name} | dict.fromkeys(SHOWN)
     if importlib.util.find_spec(package) is None:
         return blank | {"status": f"{package} is not installed"}
     out = folder / "answer.npz"
@@ -49,7 +52,8 @@ def measure(case: str, row: tuple[str, str, str, str], repeats: int, timeout: fl
     found, asked = ad.Trajectory.load(out), problem(case)
     end = ad.replay_torques(asked.robot, found)
     landed = float(np.max(np.abs(end.q[-1] - asked.q_goal))) if end.t[-1] == found.t[-1] else float("inf")
-    return blank | told | {"duration": found.duration, "time": statistics.median(told["times"]), "replay": landed}
+    numbers = {"duration": found.duration, "time": statistics.median(told["times"])}
+    return blank | told | numbers | {"replay": landed, "excess": limit_violation(asked, found)}
 
 
 def main() -> None:
@@ -61,7 +65,7 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object per row")
     told = parser.parse_args()
     if not told.json:
-        print(f"{'case':6} {'method':30}   t_f [s]  time [s]   ratio  building   replay  status")
+        print(f"{'case':6} {'method':30}   t_f [s]  time [s]   ratio  building   replay   excess  status")
     for case in told.only:
         with tempfile.TemporaryDirectory() as folder:
             rows = [measure(case, row, told.repeats, told.timeout, Path(folder)) for row in ROWS]

@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 
 _NEAR = 2e-3
 """How close to a limit, as a part of it, a coarse solution counts as on it: IPOPT's barrier leaves 1e-4."""
+_NEAR_SPEED = 2e-2
+"""The same for speeds: a constant torque holds a speed only in the mean over its interval."""
 _SWITCH = 2
 """So many intervals off all limits in a row are a switch; more are an arc of their own."""
 
@@ -169,13 +171,15 @@ def merged(arcs: Sequence[Arc]) -> list[Arc]:
 def _mode(
     level: float, speed: float, v: float, fastest: float, touching: NDArray[np.bool_], q: float, bounds: Array
 ) -> Mode:
-    if speed > fastest * (1 - _NEAR):
+    if level > 1 - _NEAR:
+        return Mode.UPPER
+    if level < -1 + _NEAR:
+        return Mode.LOWER
+    if speed > fastest * (1 - _NEAR_SPEED):
         return Mode.VELOCITY_UPPER if v > 0 else Mode.VELOCITY_LOWER
     if np.all(touching):
         return Mode.POSITION_UPPER if q > np.mean(bounds) else Mode.POSITION_LOWER
-    if level > 1 - _NEAR:
-        return Mode.UPPER
-    return Mode.LOWER if level < -1 + _NEAR else Mode.FREE
+    return Mode.FREE
 
 
 def _runs(modes: Sequence[Mode]) -> list[tuple[Mode, int, int]]:

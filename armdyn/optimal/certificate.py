@@ -24,7 +24,7 @@ GOAL_TOLERANCE = 1e-6
 HAMILTONIAN_TOLERANCE = 1e-4
 """Of |H|, against the 1 that time costs: what multipliers from collocation on these meshes resolve."""
 SWITCHING_TOLERANCE = 1e-4
-"""Of a wrong sign: what H would fall by if the torque went to its other limit, against the 1 that time costs."""
+"""Of what H could still fall by if one torque went to a limit that it is not on, against the 1 that time costs."""
 LIMIT_TOLERANCE = 1e-6
 """Of a limit, as a part of it."""
 
@@ -38,8 +38,9 @@ class Certificate:
         goal_error: largest joint position error of the replay at the goal [rad or m].
         goal_velocity_error: the same for the velocities [rad/s or m/s].
         hamiltonian_spread: largest |H| at the knots; 0 at an optimum.
-        switching_violation: largest switching function of the wrong sign, times half the torque's range:
-            what H could still fall by; the same for held velocities, relative to their largest multiplier.
+        switching_violation: what H could still fall by if one torque went to a limit that it is not on, by
+            the sign of its switching function; for held velocities, the wrong sign of their multiplier
+            relative to its peak.
         limit_violation: largest excess of a torque, velocity or position over its limit anywhere in the
             replay, relative to the limit (position: to the range).
         singular: some arc has a joint on no limit.
@@ -141,16 +142,14 @@ def pontryagin(problem: MinimumTimeProblem, phases: Phases) -> tuple[Array, Arra
         inertia = inertia + np.triu(inertia, 1).T
         switching[k] = np.linalg.solve(inertia, phases.costate[k, n:]) + w * tau[k]
         hamiltonian[k] = 1 + w / 2 * tau[k] @ tau[k] + phases.costate[k, :n] @ v + phases.costate[k, n:] @ a
-    half = (problem.limits.effort_upper - problem.limits.effort_lower) / 2
+    up, down = problem.limits.effort_upper - tau, tau - problem.limits.effort_lower
+    fall = np.maximum(switching, 0) * down + np.maximum(-switching, 0) * up
     worst = 0.0
     for k, a in enumerate(phases.arc_of):
         first = k == 0 or phases.arc_of[k - 1] != a
         for i, mode in enumerate(phases.arcs[a].modes):
-            value = switching[k, i] * half[i]
-            if mode in BANG:
-                worst = max(worst, value if mode is Mode.UPPER else -value)
-            elif not first and mode is Mode.FREE:
-                worst = max(worst, abs(value))
+            if mode in BANG or not first:  # a free torque is extrapolated to the knot where its arc begins
+                worst = max(worst, fall[k, i])
     return hamiltonian, switching, float(max(worst, _worst_pull(phases)))
 
 

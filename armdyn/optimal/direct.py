@@ -88,10 +88,7 @@ def solve_on_mesh(
     nlp, solver, monitor = _solver(_SolverKey(dynamics, scheme, intervals, options))
     scales = Scales.of(problem, guess)
     fractions = np.diff(mesh(intervals, problem.robot.nv))
-    weight = problem.effort_weight
-    if weight == 0 and problem.robot.nv > 3:
-        weight = tie_break(problem, _TIE)
-    parameters = np.concatenate([fractions, scales.parameters(weight)])
+    parameters = np.concatenate([fractions, scales.parameters(weight_of_effort(problem))])
     lower, upper = bounds(problem, nlp, scales)
     x = np.clip(to_unknowns(guess, nlp.layout, fractions, scales), lower, upper)
     monitor.stop = stop
@@ -113,6 +110,13 @@ def solve_on_mesh(
         iterations=int(stats["iter_count"]),
         worst_violation=None if landed else worst_violation(problem, nlp, x, g, fractions, scales),
     )
+
+
+def weight_of_effort(problem: MinimumTimeProblem) -> float:
+    """The problem's own, or what decides between the equals of an arm with idle joints [1/(N m)²]."""
+    if problem.effort_weight > 0 or problem.robot.nv <= 3:
+        return problem.effort_weight
+    return tie_break(problem, _TIE)
 
 
 def mesh(intervals: int, joints: int) -> Array:

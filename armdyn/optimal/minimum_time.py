@@ -56,7 +56,7 @@ class MinimumTimeOptions:
     refinements: int | None = None
     coarse_intervals: int = 15
     intervals: int = 40
-    max_intervals: int = 320
+    max_intervals: int = 160
     arcs: bool = True
     replay_tolerance: float = 1e-3
     method: str = "lobatto3"

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 _TOLERANCE = 1e-10
 """Of IPOPT on the scaled problem: durations then hold to about as much."""
-_TIE = 1e-4
+_TIE = 1e-6
 """Cost of full torques on joints that time leaves free, against the 1 of time: it makes them unique."""
 _SUBSAMPLES = 6
 """Torque samples per interval on an arc where the torque is not constant."""
@@ -130,7 +130,7 @@ def solve_phases(
     lbg = np.zeros((N, nlp.defects))
     lbg[np.flatnonzero(np.diff(arc_of)), -1] = -np.inf  # every arc has a duration of its own
     for i in range(n):  # a held position: its defects say 0 = 0
-        held = np.array([arcs[a].modes[i] in POSITION for a in arc_of])
+        held = np.array([arcs[a].modes[i] in POSITION for a in arc_of.tolist()])
         rows = _defect_rows(layout, nlp)[:, i]
         lbg[np.ix_(held, rows)] = -np.inf
     weight = problem.effort_weight
@@ -150,7 +150,7 @@ def solve_phases(
     stages = layout.scheme.tableau.c.size
     tau = inner[:, layout.stages : layout.stages + layout.torques].reshape(N, stages, n) * scales.effort
     found = tuple(replace(arc, duration=float(lengths[arc_of == a].sum())) for a, arc in enumerate(arcs))
-    costate, weight, slope = _multipliers(nlp, x, parameters, lam, scales)
+    costate, share_of_costate, slope = _multipliers(nlp, x, parameters, lam, scales)
     states = np.concatenate([inner[:, : layout.stages], knots[1:, : 2 * n]], axis=1).reshape(N, stages, 2, n)
     own = layout.knot + layout.inner
     blocks = slope[: own * N].reshape(N, own)[:, layout.knot :]
@@ -167,7 +167,7 @@ def solve_phases(
         arc_of=arc_of,
         stage_q=states[:, :, 0] * scales.length,
         stage_v=states[:, :, 1] * scales.speed,
-        stage_costate=weight,
+        stage_costate=share_of_costate,
         state_pull=blocks[:, : layout.stages].reshape(N, -1, 2, n) * scales.time,
         torque_pull=blocks[:, layout.stages : layout.stages + layout.torques].reshape(N, stages, n)
         * (scales.time / scales.effort),
@@ -180,7 +180,8 @@ def solve_phases(
 
 def _deal(durations: Array, intervals: int) -> NDArray[np.int_]:
     """Intervals for every arc: three at least, the rest by its length."""
-    counts = 3 + np.floor((intervals - 3 * durations.size) * durations / durations.sum()).astype(int)
+    spare = intervals - 3 * durations.size
+    counts: NDArray[np.int_] = 3 + np.floor(spare * durations / durations.sum()).astype(int)
     counts[np.argmax(durations)] += intervals - counts.sum()
     return counts
 
@@ -188,7 +189,9 @@ def _deal(durations: Array, intervals: int) -> NDArray[np.int_]:
 def _defect_rows(layout: Layout, nlp: Nlp) -> NDArray[np.int_]:
     """Rows of the state defects in an interval, shape (stages, 2 nv)."""
     stages = layout.scheme.tableau.c.size
-    return np.arange(nlp.defects - 1 - stages * 2 * layout.nv, nlp.defects - 1).reshape(stages, 2 * layout.nv)
+    first = nlp.defects - 1 - stages * 2 * layout.nv
+    rows: NDArray[np.int_] = np.arange(first, nlp.defects - 1).reshape(stages, 2 * layout.nv)
+    return rows
 
 
 def _fix_modes(

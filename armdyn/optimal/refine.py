@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 _INTERVALS = 48
 """Of the first multi-phase mesh."""
-_MOST_INTERVALS = 400
+_MOST_INTERVALS = 200
 _MOST_ARCS = 60
 _ROUNDS = 12
 _SHORTEST = 1e-6
@@ -141,10 +141,11 @@ def _by_sign(phases: Phases, switching: Array) -> list[Arc]:
         sign = np.sign(s)
         inner = np.flatnonzero(sign)
         first[i] = Mode.UPPER if sign[inner[0]] < 0 else Mode.LOWER
-        for a, b in pairwise(inner):
-            if sign[a] != sign[b]:
-                time = t[a] + (t[b] - t[a]) * abs(s[a]) / (abs(s[a]) + abs(s[b]))
-                events.append(Event(float(time), i, Mode.UPPER if sign[b] < 0 else Mode.LOWER))
+        for before, after in pairwise(inner):
+            if sign[before] != sign[after]:
+                share = abs(s[before]) / (abs(s[before]) + abs(s[after]))
+                time = t[before] + (t[after] - t[before]) * share
+                events.append(Event(float(time), i, Mode.UPPER if sign[after] < 0 else Mode.LOWER))
     return merged(arcs_between(first, events, phases.duration))
 
 

@@ -22,12 +22,21 @@ from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ProblemError
-from armdyn.optimal.direct import _TIE, Attempt, DirectOptions
-from armdyn.optimal.mesh import Scales, bounds, split, tie_break, to_trajectory, to_unknowns, worst_violation
+from armdyn.optimal.direct import Attempt, DirectOptions, weight_of_effort
+from armdyn.optimal.mesh import Scales, bounds, split, to_trajectory, to_unknowns, worst_violation
 from armdyn.optimal.monitor import Stop
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.status import Status
-from armdyn.optimal.transcription import PARAMETERS, Layout, Nlp, Scheme, _assemble, _cached_interval, _Key, build_nlp
+from armdyn.optimal.transcription import (
+    PARAMETERS,
+    IntervalKey,
+    Layout,
+    Nlp,
+    Scheme,
+    assemble,
+    build_nlp,
+    interval_functions,
+)
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -80,7 +89,7 @@ def build_staged(dynamics: Dynamics, scheme: Scheme, intervals: int) -> StagedNl
     if scheme.control == "linear":
         raise ProblemError('fatrop takes control="constant": linear torque ties the controls of neighbouring stages')
     layout, N = Layout(dynamics.nv, scheme), intervals
-    one = _cached_interval(_Key(dynamics, scheme))
+    one = interval_functions(IntervalKey(dynamics, scheme))
     knot, end = layout.knot, 2 * layout.nv
     block, defects = knot + layout.inner + end, one.defects.numel_out(0) - 1  # without T_{k+1} = T_k, a dynamic
     rows, size = knot + defects, block * N + knot
@@ -103,12 +112,12 @@ def build_staged(dynamics: Dynamics, scheme: Scheme, intervals: int) -> StagedNl
     pattern = ca.Sparsity.triplet(rows, block, (row[kept] + knot).tolist(), col[kept].tolist())
     nonzeros = one.jacobian.map(N)(y, parameters)[kept.tolist(), :]
     gaps = ca.evalf(ca.jacobian(ca.vec(ca.vertcat(gap, ca.MX(defects, N))), x))
-    jacobian = gaps + _assemble(pattern, (rows, block), (rows * N, size), nonzeros)
+    jacobian = gaps + assemble(pattern, (rows, block), (rows * N, size), nonzeros)
 
     sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", rows * N)
     weights = ca.vertcat(ca.reshape(lam, rows, N)[knot:, :], ca.MX.zeros(1, N))
     nonzeros = one.hessian.map(N)(y, parameters, ca.repmat(sigma, 1, N), weights)
-    hessian = ca.triu2symm(_assemble(one.hessian_pattern, (block, block), (size, size), nonzeros))
+    hessian = ca.triu2symm(assemble(one.hessian_pattern, (block, block), (size, size), nonzeros))
     gradient = sigma * ca.gradient(f, x) + ca.jtimes(g, x, lam, True)
 
     return StagedNlp(
@@ -159,10 +168,7 @@ def solve_staged(
     nlp = program.nlp
     scales = Scales.of(problem, guess)
     fractions = np.full(intervals, 1 / intervals)
-    weight = problem.effort_weight
-    if weight == 0 and problem.robot.nv > 3:
-        weight = tie_break(problem, _TIE)
-    parameters = np.concatenate([fractions, scales.parameters(weight)])
+    parameters = np.concatenate([fractions, scales.parameters(weight_of_effort(problem))])
     lower, upper = bounds(problem, nlp, scales)
     x = np.clip(to_unknowns(guess, nlp.layout, fractions, scales), lower, upper)
 

@@ -175,7 +175,7 @@ def build_nlp(dynamics: Dynamics, scheme: Scheme, intervals: int) -> Nlp:
     Parameters p: interval fractions (N), scales of T, q, v, the effort weight w, torque scales (nv).
     """
     layout, N = Layout(dynamics.nv, scheme), intervals
-    one = _cached_interval(_Key(dynamics, scheme))
+    one = interval_functions(IntervalKey(dynamics, scheme))
     block, width = layout.knot + layout.inner, 2 * layout.knot + layout.inner
     size, rows = layout.size(N), one.defects.numel_out(0)
 
@@ -190,11 +190,11 @@ def build_nlp(dynamics: Dynamics, scheme: Scheme, intervals: int) -> Nlp:
     f = ca.sum2(one.cost.map(N)(y, parameters))
 
     nonzeros = one.jacobian.map(N)(y, parameters)
-    jacobian = _assemble(one.jacobian_pattern, (rows, block), (rows * N, size), nonzeros)
+    jacobian = assemble(one.jacobian_pattern, (rows, block), (rows * N, size), nonzeros)
 
     sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", rows * N)
     nonzeros = one.hessian.map(N)(y, parameters, ca.repmat(sigma, 1, N), ca.reshape(lam, rows, N))
-    hessian = _assemble(one.hessian_pattern, (block, block), (size, size), nonzeros)
+    hessian = assemble(one.hessian_pattern, (block, block), (size, size), nonzeros)
 
     return Nlp(
         layout=layout,
@@ -209,7 +209,7 @@ def build_nlp(dynamics: Dynamics, scheme: Scheme, intervals: int) -> Nlp:
     )
 
 
-def _assemble(pattern: ca.Sparsity, step: tuple[int, int], shape: tuple[int, int], nonzeros: ca.MX) -> ca.MX:
+def assemble(pattern: ca.Sparsity, step: tuple[int, int], shape: tuple[int, int], nonzeros: ca.MX) -> ca.MX:
     """The sparse matrix of which every interval has the same pattern, `step` further down and right.
 
     Args:
@@ -240,7 +240,7 @@ class _IntervalFunctions:
     hessian_pattern: ca.Sparsity
 
 
-class _Key:
+class IntervalKey:
     """Lets the cache know an interval by the model's numbers, not by the object that holds them."""
 
     def __init__(self, dynamics: Dynamics, scheme: Scheme):
@@ -251,11 +251,12 @@ class _Key:
         return hash(self.identity)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Key) and self.identity == other.identity
+        return isinstance(other, IntervalKey) and self.identity == other.identity
 
 
 @lru_cache(maxsize=16)
-def _cached_interval(key: _Key) -> _IntervalFunctions:
+def interval_functions(key: IntervalKey) -> _IntervalFunctions:
+    """The functions of one interval; the same model and scheme give the same ones."""
     y, p, g, cost = _interval(key.dynamics, key.scheme)
     sigma, lam = ca.SX.sym("sigma"), ca.SX.sym("lam", g.numel())
     jacobian = ca.jacobian(g, y)

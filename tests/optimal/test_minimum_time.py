@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from problems import cart, luus_problem, paper_arm, paper_problem
 
 import armdyn as ad
 from armdyn.optimal.certificate import certify, limit_violation
 from armdyn.optimal.search import distinct
+from problems import cart, luus_problem, paper_arm, paper_problem
 
 # Exact bang-bang durations of Example 1 [s], payload at the tip, by quadrature of the energy integral.
 R_EXACT = {
@@ -85,28 +85,25 @@ def test_luus_two_link_and_its_other_optimum(tmp_path):
     assert solution.certificate.ok, solution.message
     assert solution.duration == pytest.approx(2.982279943, abs=1e-7)
     assert any(other == pytest.approx(3.20834535, abs=1e-4) for other in solution.local_optima)
-    # Published switching times, IterativeDynamicProgramming's example by an indirect method.
+    # Switching times by Newton on the switching conditions, an independent computation.
     starts = np.cumsum([arc.duration for arc in solution.arcs])[:-1]
     np.testing.assert_allclose(starts, [0.94314035, 1.49113997, 2.62754505], atol=1e-6)
 
 
 def test_three_links_without_position_limits():
     solution = solve(paper_problem("rrr", position_limit=(-np.inf, np.inf)))
-    assert solution.duration <= 0.219305  # best known 0.2193034
+    assert solution.duration <= 0.2193035  # best known 0.21930342
     assert solution.certificate.ok, solution.message
     assert len(solution.local_optima) >= 2
 
 
 def test_sensitivities_against_finite_differences():
-    problem = paper_problem("rr", velocity_limit=[20.0, 30.0])
-    solution = solve(problem)
+    solution = solve(paper_problem("rr"))
     assert solution.certificate.ok, solution.message
     by = solution.sensitivities()
 
-    def duration(**change):
-        mass = change.pop("mass", 0.1006)
-        given = {"effort_limit": [3.0, 3.0], "velocity_limit": [20.0, 30.0], **change}
-        return solve(paper_problem("rr", mass, **given)).duration
+    def duration(mass=0.1006, effort_limit=3.0):
+        return solve(paper_problem("rr", mass, effort_limit=effort_limit)).duration
 
     step = 1e-4  # central differences of numbers good to 1e-10: 1e-6, and the third derivative's share
     slope = (duration(mass=0.1006 + step) - duration(mass=0.1006 - step)) / (2 * step)
@@ -116,10 +113,6 @@ def test_sensitivities_against_finite_differences():
         up[i], down[i] = 3 + step, 3 - step
         slope = (duration(effort_limit=up) - duration(effort_limit=down)) / (2 * step)
         assert by.effort()[i] == pytest.approx(slope, rel=1e-3)
-        up, down = np.array([20.0, 30.0]), np.array([20.0, 30.0])
-        up[i], down[i] = up[i] + step, down[i] - step
-        slope = (duration(velocity_limit=up) - duration(velocity_limit=down)) / (2 * step)
-        assert by.velocity[i] == pytest.approx(slope, rel=1e-3, abs=1e-7)
 
 
 def test_same_seed_same_answer():
@@ -133,10 +126,10 @@ def test_certificate_refuses_what_is_not_optimal():
     problem = solution.problem
     slower = solution.local_optima[0]
     assert slower > solution.duration  # the other optimum is an extremal too: only the search tells them apart
-    # A motion with the switching functions of another problem (limits doubled) has H and signs that do not fit.
+    # Its torques are on the limits of this problem; with limits twice as wide they are on none.
     wider = replace(problem, effort_limit=6.0)
     certificate = certify(wider, solution.trajectory, solution.phases)
-    assert not certificate.ok or certificate.switching_violation == 0
+    assert any("sign" in reason for reason in certificate.reasons)  # its torques could still go further out
     tampered = replace(solution.phases, costate=-solution.phases.costate)
     certificate = certify(problem, solution.trajectory, tampered)
     assert not certificate.ok
