@@ -5,12 +5,18 @@ from armdyn.dynamics import Dynamics
 from armdyn.errors import ArmdynError, ArmdynWarning
 from armdyn.models import PAPER_PAYLOADS, ArmSpec, JointLimits, LinkSpec, Payload, Robot, urdf_from_spec
 from armdyn.optimal import (
+    Arc,
+    Certificate,
     MinimumTimeOptions,
     MinimumTimeProblem,
+    Sensitivities,
     Solution,
     Status,
+    TimeOptimality,
     replay_torques,
     solve_minimum_time,
+    time_optimality,
+    trajectory_from_path,
 )
 from armdyn.trajectory import Sample, Trajectory
 
@@ -19,9 +25,11 @@ __version__ = "0.1.0"
 __all__ = [
     "PAPER_GAINS",
     "PAPER_PAYLOADS",
+    "Arc",
     "ArmSpec",
     "ArmdynError",
     "ArmdynWarning",
+    "Certificate",
     "Dynamics",
     "JointLimits",
     "LinkSpec",
@@ -32,13 +40,17 @@ __all__ = [
     "PidRun",
     "Robot",
     "Sample",
+    "Sensitivities",
     "Solution",
     "Status",
+    "TimeOptimality",
     "Trajectory",
     "__version__",
     "closed_loop_eigenvalues",
     "replay_torques",
     "simulate_pid",
     "solve_minimum_time",
+    "time_optimality",
+    "trajectory_from_path",
     "urdf_from_spec",
 ]

@@ -37,7 +37,7 @@ def mintime(
     effort_limit: EffortLimit = None,
     velocity_limit: VelocityLimit = None,
     starts: Annotated[
-        int | None, typer.Option(help="Guesses of the global search; by default 1 to 24, by the joints.")
+        int | None, typer.Option(help="Guesses of the global search; by default 1 to 48, by the joints.")
     ] = None,
     time_limit: Annotated[float, typer.Option(metavar="S", help="For the whole solve \\[s].")] = 300.0,
     seed: Annotated[int, typer.Option(help="Of the guesses after the first.")] = 0,

@@ -2,6 +2,7 @@
 
 from armdyn.optimal.arcs import Arc, Mode
 from armdyn.optimal.certificate import Certificate
+from armdyn.optimal.gap import TimeOptimality, time_optimality, trajectory_from_path
 from armdyn.optimal.minimum_time import MinimumTimeOptions, solve_minimum_time
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.rollout import replay_torques
@@ -18,7 +19,10 @@ __all__ = [
     "Sensitivities",
     "Solution",
     "Status",
+    "TimeOptimality",
     "Violation",
     "replay_torques",
     "solve_minimum_time",
+    "time_optimality",
+    "trajectory_from_path",
 ]

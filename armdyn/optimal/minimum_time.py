@@ -33,10 +33,10 @@ class MinimumTimeOptions:
     """How `solve_minimum_time` goes about it.
 
     Attributes:
-        starts: guesses of the global search; None: 1 for one joint, 12 for two, 24 for three, 4 beyond.
+        starts: guesses of the global search; None: 1 for one joint, 32 for two, 48 for three, 4 beyond.
         seed: of the guesses after the first; the same seed gives the same answer.
         refinements: so many of the optima found are refined; None: 4 up to three joints, 2 beyond.
-        coarse_intervals: of the search's mesh.
+        coarse_intervals: of the search's meshes, which its guesses take turns on; the first alone beyond three joints.
         intervals: of the mesh on which the arcs are read.
         max_intervals: of the finest such mesh, tried when the arcs resist or the replay misses the goal.
         arcs: resolve the arcs to exact switching times; without, the answer is the mesh's.
@@ -54,7 +54,7 @@ class MinimumTimeOptions:
     starts: int | None = None
     seed: int = 0
     refinements: int | None = None
-    coarse_intervals: int = 15
+    coarse_intervals: tuple[int, ...] = (15, 25)
     intervals: int = 40
     max_intervals: int = 160
     arcs: bool = True
@@ -68,7 +68,9 @@ class MinimumTimeOptions:
     verbose: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("starts", "refinements", "coarse_intervals", "intervals", "max_intervals", "max_iterations"):
+        if not self.coarse_intervals or min(self.coarse_intervals) < 1:
+            raise ProblemError(f"coarse_intervals is {self.coarse_intervals}; it must be numbers of at least 1")
+        for name in ("starts", "refinements", "intervals", "max_intervals", "max_iterations"):
             value = getattr(self, name)
             if value is not None and value < 1:
                 raise ProblemError(f"{name} is {value}; it must be at least 1")
@@ -112,13 +114,12 @@ def solve_minimum_time(
     tell = progress or (lambda text: None)
     started, n = time.perf_counter(), problem.robot.nv
     dynamics, scheme = Dynamics(problem.robot), options.scheme(n)
-    count = options.starts or {1: 1, 2: 12, 3: 24}.get(n, 4)
+    count = options.starts or {1: 1, 2: 32, 3: 48}.get(n, 4)
     if problem.effort_weight > 0 and options.starts is None:
         count = min(count, 4)  # smooth problems have few optima
+    meshes = options.coarse_intervals if n <= 3 else options.coarse_intervals[:1]
     with stopping(options.time_limit) as stop:
-        coarse = search(
-            problem, dynamics, scheme, options.coarse_intervals, count, options.seed, options.direct(1e-5), stop, tell
-        )
+        coarse = search(problem, dynamics, scheme, meshes, count, options.seed, options.direct(1e-5), stop, tell)
         tell(f"straight guess on {options.intervals} intervals")
         straight = spline(problem, [])
         plain = solve_on_mesh(problem, straight, dynamics, scheme, options.intervals, options.direct(1e-6), stop)

@@ -14,12 +14,11 @@ from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.starts import starts
 from armdyn.optimal.status import Status
 from armdyn.optimal.transcription import Scheme
-from armdyn.trajectory import Trajectory
 
 SAME = 2e-3
 """Coarse durations that differ by less than this part are taken for one optimum."""
 
-_Job = Callable[[Trajectory], Attempt]
+_Job = Callable[[int], Attempt]
 _job: _Job | None = None
 """What a forked worker does: inherited, as compiled solvers cannot be sent."""
 
@@ -28,7 +27,7 @@ def search(
     problem: MinimumTimeProblem,
     dynamics: Dynamics,
     scheme: Scheme,
-    intervals: int,
+    meshes: Sequence[int],
     count: int,
     seed: int,
     options: DirectOptions,
@@ -37,16 +36,20 @@ def search(
 ) -> list[Attempt]:
     """All attempts from `count` guesses, in the order of the guesses; the first is the straight one.
 
+    Guesses take turns on the meshes: what a coarse one hides a finer one may show.
+
     The same seed gives the same attempts, on however many cores.
     """
     guesses = list(itertools.islice(starts(problem, seed), count))
-    prepare(dynamics, scheme, intervals, options)  # before the fork, so that every worker has it
+    for intervals in meshes:  # before the fork, so that every worker has them
+        prepare(dynamics, scheme, intervals, options)
 
-    def job(guess: Trajectory) -> Attempt:
-        return solve_on_mesh(problem, guess, dynamics, scheme, intervals, options, stop)
+    def job(k: int) -> Attempt:
+        mesh = meshes[k % len(meshes)]
+        return solve_on_mesh(problem, guesses[k], dynamics, scheme, mesh, options, stop)
 
     attempts: list[Attempt] = []
-    for attempt in _each(job, guesses):
+    for attempt in _each(job, count):
         attempts.append(attempt)
         solved = [a.trajectory.duration for a in attempts if a.status is Status.SOLVED]
         best = f", best {min(solved):.4f} s" if solved else ""
@@ -70,28 +73,28 @@ def distinct(attempts: Sequence[Attempt], same: float = SAME) -> list[Attempt]:
     return out
 
 
-def _each(job: _Job, guesses: Sequence[Trajectory]) -> Iterator[Attempt]:
+def _each(job: _Job, count: int) -> Iterator[Attempt]:
     """Results in order; in processes where that is possible, as IPOPT does not stand threads."""
     global _job
-    workers = min(os.cpu_count() or 1, len(guesses))
+    workers = min(os.cpu_count() or 1, count)
     forks = "fork" in multiprocessing.get_all_start_methods() and not multiprocessing.current_process().daemon
     done = 0
     if workers > 1 and forks:
         _job = job
         try:
             with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("fork")) as pool:
-                for attempt in pool.map(_work, guesses):
+                for attempt in pool.map(_work, range(count)):
                     done += 1
                     yield attempt
         except BrokenProcessPool:
             pass  # a worker died: what it did not do is done here
         finally:
             _job = None
-    for guess in guesses[done:]:
-        yield job(guess)
+    for k in range(done, count):
+        yield job(k)
 
 
-def _work(guess: Trajectory) -> Attempt:
+def _work(k: int) -> Attempt:
     if _job is None:
         raise RuntimeError("a worker without its job")
-    return _job(guess)
+    return _job(k)

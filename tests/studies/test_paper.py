@@ -21,11 +21,12 @@ def test_all_six_examples_are_there(results):
 
 
 def test_minimum_times_are_no_faster_than_the_best_known_and_land(results):
-    # Exact (R) and best known (RR, RRR) at 100.6 g [s]; one start may stay in a slower local optimum.
+    # Exact (R) and best known (RR, RRR) at 100.6 g [s]; that of RRR leaves the ±π that the arm allows.
     for number, best in ((1, 0.17949750), (2, 0.21067170), (3, 0.21930341)):
         summary = results[1][number]
         assert summary["success"], summary["message"]
-        assert best * (1 - 1e-6) < summary["duration"] < 1.25 * best
+        assert best * (1 - 1e-5) < summary["duration"] < 1.12 * best
+        assert summary["certified"], summary["message"]
         assert summary["replay_error"] < 1e-3
 
 
