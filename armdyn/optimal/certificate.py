@@ -70,6 +70,8 @@ class Certificate:
             ("the Hamiltonian strays from 0 by {:.2g}", self.hamiltonian_spread, HAMILTONIAN_TOLERANCE),
             ("a switching function has the wrong sign by {:.2g}", self.switching_violation, SWITCHING_TOLERANCE),
         )
+        if not np.isfinite(self.goal_error):
+            return (self.remark or "there is no motion to check",)
         unknown = not np.isfinite(self.hamiltonian_spread)
         known = checks[:2] if unknown else checks
         wrong = tuple(text.format(value) for text, value, bound in known if not value <= bound)

@@ -1,6 +1,5 @@
 """Global search: many guesses solved coarsely, on all cores; the different optima that they lead to."""
 
-import itertools
 import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -11,7 +10,7 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.direct import Attempt, DirectOptions, prepare, solve_on_mesh
 from armdyn.optimal.monitor import Stop
 from armdyn.optimal.problem import MinimumTimeProblem
-from armdyn.optimal.starts import starts
+from armdyn.optimal.starts import detours, spline
 from armdyn.optimal.status import Status
 from armdyn.optimal.transcription import Scheme
 
@@ -40,16 +39,16 @@ def search(
 
     The same seed gives the same attempts, on however many cores.
     """
-    guesses = list(itertools.islice(starts(problem, seed), count))
+    ways = detours(problem, seed, count)
     for intervals in meshes:  # before the fork, so that every worker has them
         prepare(dynamics, scheme, intervals, options)
 
     def job(k: int) -> Attempt:
         mesh = meshes[k % len(meshes)]
-        return solve_on_mesh(problem, guesses[k], dynamics, scheme, mesh, options, stop)
+        return solve_on_mesh(problem, spline(problem, ways[k]), dynamics, scheme, mesh, options, stop)
 
     attempts: list[Attempt] = []
-    for attempt in _each(job, count):
+    for attempt in _each(job, count, stop):
         attempts.append(attempt)
         solved = [a.trajectory.duration for a in attempts if a.status is Status.SOLVED]
         best = f", best {min(solved):.4f} s" if solved else ""
@@ -73,7 +72,7 @@ def distinct(attempts: Sequence[Attempt], same: float = SAME) -> list[Attempt]:
     return out
 
 
-def _each(job: _Job, count: int) -> Iterator[Attempt]:
+def _each(job: _Job, count: int, stop: Stop) -> Iterator[Attempt]:
     """Results in order; in processes where that is possible, as IPOPT does not stand threads."""
     global _job
     workers = min(os.cpu_count() or 1, count)
@@ -83,15 +82,21 @@ def _each(job: _Job, count: int) -> Iterator[Attempt]:
         _job = job
         try:
             with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("fork")) as pool:
-                for attempt in pool.map(_work, range(count)):
+                futures = [pool.submit(_work, k) for k in range(count)]
+                for future in futures:
+                    yield future.result()
                     done += 1
-                    yield attempt
+                    if stop:  # workers hear of Ctrl-C only from a terminal
+                        pool.shutdown(wait=True, cancel_futures=True)
+                        return
         except BrokenProcessPool:
             pass  # a worker died: what it did not do is done here
         finally:
             _job = None
     for k in range(done, count):
         yield job(k)
+        if stop:
+            return
 
 
 def _work(k: int) -> Attempt:

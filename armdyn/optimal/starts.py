@@ -1,7 +1,5 @@
 """Guesses from which a solve may start. A guess is a `Trajectory`; so is a coarse solution."""
 
-from collections.abc import Iterator
-
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
@@ -15,22 +13,24 @@ Array = NDArray[np.float64]
 _SAMPLES = 101
 
 
-def starts(problem: MinimumTimeProblem, seed: int) -> Iterator[Trajectory]:
-    """Guesses without end: the straight one, then smooth detours through random poses.
+def detours(problem: MinimumTimeProblem, seed: int, count: int) -> list[list[Array]]:
+    """What `spline` makes guesses of: first the straight way, then ways through random poses.
 
     Args:
         problem: what is to be solved.
-        seed: of the detours; the same seed gives the same guesses.
+        seed: the same seed gives the same detours.
+        count: how many.
+
+    Returns:
+        For each guess the poses in between [rad or m], each of shape (nv,).
     """
-    yield spline(problem, [])
     random = np.random.default_rng(seed)
     # Fast motions fold far out of the straight way: two radians met the best known optima most often.
     reach = np.maximum(np.abs(np.asarray(problem.q_goal) - np.asarray(problem.q_start)), 2.0)
     middle = (np.asarray(problem.q_goal) + np.asarray(problem.q_start)) / 2
-    limits = problem.limits
-    while True:
-        via = middle + random.normal(scale=reach)
-        yield spline(problem, [np.clip(via, limits.position_lower, limits.position_upper)])
+    lower, upper = problem.limits.position_lower, problem.limits.position_upper
+    vias = np.clip(middle + random.normal(size=(count - 1, reach.size)) * reach, lower, upper)
+    return [[], *([via] for via in vias)]
 
 
 def spline(problem: MinimumTimeProblem, via: list[Array]) -> Trajectory:
