@@ -233,9 +233,9 @@ def _rest(attempt: Attempt) -> float:
     return attempt.worst_violation.value if attempt.worst_violation else 0.0
 
 
-def _quality(refined: Refined) -> tuple[bool, bool, float]:
+def _quality(refined: Refined) -> tuple[bool, float]:
     certificate = refined.certificate
-    return not certificate.ok, refined.phases is None, certificate.goal_error
+    return not certificate.ok, max(certificate.goal_error, certificate.limit_violation)
 
 
 def _landed(refined: Refined, options: MinimumTimeOptions) -> bool:

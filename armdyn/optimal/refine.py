@@ -68,11 +68,18 @@ def refine(
         phases, replay, landing = _land(problem, dynamics, form, phases, stop)
         replay = _named(replay)
         certificate = certify(problem, replay, phases, remark or landing)
-        if certificate.goal_error < 1e-3:
-            return Refined(replay, certificate, phases)
+        resolved = Refined(replay, certificate, phases)
+        if certificate.ok:
+            return resolved
         remark = remark or landing
     replay = replay_torques(problem.robot, trajectory)
-    return Refined(trajectory, certify(problem, replay, None, remark), None)
+    on_mesh = Refined(trajectory, certify(problem, replay, None, remark), None)
+    # Arcs that are not certified are worth having only if their motion is the better one.
+    return resolved if phases is not None and _error(resolved) <= _error(on_mesh) else on_mesh
+
+
+def _error(refined: Refined) -> float:
+    return max(refined.certificate.goal_error, refined.certificate.limit_violation)
 
 
 def _structure(
