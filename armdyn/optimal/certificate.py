@@ -13,8 +13,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs import BANG, POSITION, VELOCITY, Mode
-from armdyn.optimal.phases import Phases
+from armdyn.optimal.phases import Phases, lagrange
 from armdyn.optimal.problem import MinimumTimeProblem
+from armdyn.optimal.tableau import RADAU_3
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -173,12 +174,7 @@ def _worst_pull(phases: Phases) -> float:
 
 def _at_knots(phases: Phases) -> Array:
     """Torque at the knots, from the interval after each; at the end from the one before."""
-    stages = phases.tau.shape[1]
-    if stages == 1:
-        start = end = phases.tau[:, 0]
-    else:
-        # Through the last stage, which is the end of a Radau interval; the start is extrapolated.
-        c = np.array([(4 - np.sqrt(6)) / 10, (4 + np.sqrt(6)) / 10, 1.0])
-        weights = [np.prod([-c[m] / (c[j] - c[m]) for m in range(3) if m != j]) for j in range(3)]
-        start, end = np.einsum("j,kji->ki", weights, phases.tau), phases.tau[:, -1]
+    # A Radau interval ends with its last stage; to its start the stages are extrapolated.
+    weights = [lagrange(RADAU_3.c, j, 0.0) for j in range(RADAU_3.c.size)]
+    start, end = np.einsum("j,kji->ki", weights, phases.tau), phases.tau[:, -1]
     return np.vstack([start, end[-1:]])

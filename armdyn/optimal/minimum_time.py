@@ -179,7 +179,7 @@ def _refined(
         else:
             attempt = solve_on_mesh(problem, guess, dynamics, scheme, mesh, options.direct(1e-6), stop)
             iterations += attempt.iterations
-            attempt = attempt.after(iterations)
+        attempt = attempt.after(iterations)  # those of the coarse attempt are counted with the search
         if attempt.status is Status.SOLVED:
             if options.arcs and (scheme.control == "constant" or problem.effort_weight > 0):
                 refined = refine(problem, dynamics, scheme.dynamics, attempt.trajectory, mesh, stop)

@@ -270,7 +270,7 @@ def _torque_trajectory(
     for k, a in enumerate(arc_of):
         constant = all(mode in BANG for mode in arcs[a].modes)
         s = np.array([0.0, 1.0]) if constant else np.linspace(0, 1, _SUBSAMPLES + 1)
-        weights = np.array([[_lagrange(c, j, at) for j in range(c.size)] for at in s])
+        weights = np.array([[lagrange(c, j, at) for j in range(c.size)] for at in s])
         values = np.clip(weights @ tau[k], limits.effort_lower, limits.effort_upper)
         for i, mode in enumerate(arcs[a].modes):
             if mode in BANG:
@@ -289,7 +289,8 @@ def _torque_trajectory(
     )
 
 
-def _lagrange(c: Array, j: int, s: float) -> float:
+def lagrange(c: Array, j: int, s: float) -> float:
+    """The polynomial through the stages c that is 1 at stage j and 0 at the others, at s."""
     others = np.delete(c, j)
     return float(np.prod((s - others) / (c[j] - others)))
 
