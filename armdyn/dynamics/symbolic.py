@@ -26,36 +26,50 @@ class Dynamics:
 
     Every method takes numpy arrays, and returns one, or casadi DM, SX or MX, and returns that.
     Joint coordinates throughout: q has one number per joint, also for continuous joints.
+    Two are equal if their Functions are: a dictionary or a cache may have them as keys.
 
     Attributes:
         robot: what it was built from.
         nv: number of joints.
         payload_frame: the frame that carries the symbolic payload, or None.
+        last_body: dynamic parameters of the last joint's body, shape (10,), where they are an argument; else (0,).
         functions: the casadi Functions by name.
     """
 
-    def __init__(self, robot: Robot, payload_frame: str | None = None):
+    def __init__(self, robot: Robot, payload_frame: str | None = None, free_last_body: bool = False):
         """Build, or take from the cache, the Functions of a robot.
 
         Args:
             robot: an arm.
             payload_frame: with a frame's name every method takes one more argument, the ten dynamic
                 parameters (see `payload_parameters`) of a body fixed to that frame's joint.
+            free_last_body: every method takes one more argument, the ten dynamic parameters of all that
+                the last joint carries (the robot's own are in `last_body`; what is zero there stays zero).
+                The same Functions then serve every payload at the tip.
 
         Raises:
             BridgeError: the installed casadi is not the one the bridge was built for.
-            SpecError: no such frame, or it does not move.
+            SpecError: no such frame, or it does not move; or both of the above.
         """
         self.robot = robot
         self.nv = robot.nv
         self.payload_frame = payload_frame
+        self.last_body = np.empty(0)
         joint = -1
         if payload_frame is not None:
+            if free_last_body:
+                raise SpecError("Dynamics take payload_frame or free_last_body, not both")
             joint = robot.frame(payload_frame).parentJoint - 1
             if joint < 0:
                 raise SpecError(f"frame {payload_frame!r} of {robot.source} does not move")
-        self._tree = _tree(robot.model, joint)
+        if free_last_body:
+            joint = robot.nv - 1
+            self.last_body = np.array(robot.model.inertias[robot.model.njoints - 1].toDynamicParameters())
+        self._tree = _tree(robot.model, joint, without_body=free_last_body)
         self.functions = _functions(*self._tree)
+        present = tuple((self.last_body != 0).tolist())
+        data = repr((self._tree, present, ca.CasadiMeta.version())).encode()
+        self._digest = hashlib.sha256(data).hexdigest()
 
     def aba(self, q: Value, v: Value, tau: Value, *payload: Value) -> Any:
         """Acceleration a [rad/s²], shape (nv,), of torque tau [N m]: the articulated-body algorithm."""
@@ -98,7 +112,8 @@ class Dynamics:
             rotation, origin = type(q)(rotation), type(q)(origin)
         if j < 0:
             return rotation, origin
-        extra = () if self.payload_frame is None else (np.zeros(10),)
+        takes_body = self.payload_frame is not None or self.last_body.size > 0
+        extra = (np.zeros(10),) if takes_body else ()
         all_joints = self._call("placements", q, *extra)
         R, p = all_joints[:, 4 * j : 4 * j + 3], all_joints[:, 4 * j + 3]
         return R @ rotation, R @ origin + p
@@ -119,8 +134,13 @@ class Dynamics:
 
     def digest(self) -> str:
         """A hash of everything that the Functions depend on."""
-        data = repr((self._tree, ca.CasadiMeta.version())).encode()
-        return hashlib.sha256(data).hexdigest()
+        return self._digest
+
+    def __hash__(self) -> int:
+        return hash(self._digest)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Dynamics) and self._digest == other._digest
 
     def _call(self, name: str, *arguments: Value) -> Any:
         function = self.functions[name]
@@ -144,8 +164,8 @@ def bridge_versions() -> str:
     return f"casadi {bridge.casadi_version}, pinocchio {bridge.pinocchio_version}"
 
 
-def _tree(model: pin.Model, payload_joint: int) -> tuple[Any, ...]:
-    """The bridge's arguments, hashable: see _bridge/tree.hpp."""
+def _tree(model: pin.Model, payload_joint: int, without_body: bool = False) -> tuple[Any, ...]:
+    """The bridge's arguments, hashable: see _bridge/tree.hpp; perhaps without the payload joint's own body."""
     parent, prismatic, axis, placement, inertia = [], [], [], [], []
     for i in range(1, model.njoints):
         joint = model.joints[i]
@@ -155,6 +175,8 @@ def _tree(model: pin.Model, payload_joint: int) -> tuple[Any, ...]:
         axis += list(linear + angular)
         placement += [*model.jointPlacements[i].rotation.ravel(), *model.jointPlacements[i].translation]
         body = model.inertias[i].toDynamicParameters()
+        if without_body and i - 1 == payload_joint:
+            body = np.zeros(10)
         if body[0] == 0 and (np.any(body) or i - 1 == payload_joint):
             body[0] = _NO_MASS
         inertia += list(body)

@@ -13,9 +13,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs import BANG, POSITION, VELOCITY, Mode
-from armdyn.optimal.phases import Phases, lagrange
+from armdyn.optimal.phases import TABLEAU, Phases, lagrange
 from armdyn.optimal.problem import MinimumTimeProblem
-from armdyn.optimal.tableau import RADAU_3
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -175,6 +174,6 @@ def _worst_pull(phases: Phases) -> float:
 def _at_knots(phases: Phases) -> Array:
     """Torque at the knots, from the interval after each; at the end from the one before."""
     # A Radau interval ends with its last stage; to its start the stages are extrapolated.
-    weights = [lagrange(RADAU_3.c, j, 0.0) for j in range(RADAU_3.c.size)]
+    weights = [lagrange(TABLEAU.c, j, 0.0) for j in range(TABLEAU.c.size)]
     start, end = np.einsum("j,kji->ki", weights, phases.tau), phases.tau[:, -1]
     return np.vstack([start, end[-1:]])

@@ -42,11 +42,13 @@ class DirectOptions:
         tolerance: on the scaled problem.
         max_iterations: before it gives up.
         verbose: let it print.
+        barrier: IPOPT's mu_init, on the scaled problem.
     """
 
     tolerance: float = 1e-8
     max_iterations: int = 500
     verbose: bool = False
+    barrier: float = 0.1
 
 
 @dataclass(frozen=True)
@@ -85,10 +87,10 @@ def solve_on_mesh(
         options: iteration limit, tolerance, verbosity.
         stop: asked at every iteration.
     """
-    nlp, solver, monitor = _solver(_SolverKey(dynamics, scheme, intervals, options))
+    nlp, solver, monitor = _solver(dynamics, scheme, intervals, options)
     scales = Scales.of(problem, guess)
     fractions = np.diff(mesh(intervals, problem.robot.nv))
-    parameters = np.concatenate([fractions, scales.parameters(weight_of_effort(problem))])
+    parameters = np.concatenate([fractions, scales.parameters(weight_of_effort(problem), dynamics.last_body)])
     lower, upper = bounds(problem, nlp, scales)
     x = np.clip(to_unknowns(guess, nlp.layout, fractions, scales), lower, upper)
     monitor.stop = stop
@@ -130,27 +132,15 @@ def mesh(intervals: int, joints: int) -> Array:
 
 def prepare(dynamics: Dynamics, scheme: Scheme, intervals: int, options: DirectOptions) -> None:
     """Build, if it is not there, what `solve_on_mesh` needs."""
-    _solver(_SolverKey(dynamics, scheme, intervals, options))
-
-
-class _SolverKey:
-    """Lets the cache know a solver by what it is made of."""
-
-    def __init__(self, dynamics: Dynamics, scheme: Scheme, intervals: int, options: DirectOptions):
-        self.dynamics, self.scheme, self.intervals, self.options = dynamics, scheme, intervals, options
-        self.identity = (
-            dynamics.digest(), scheme, intervals, options.tolerance, options.max_iterations, options.verbose
-        )  # fmt: skip
-
-    def __hash__(self) -> int:
-        return hash(self.identity)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _SolverKey) and self.identity == other.identity
+    _solver(dynamics, scheme, intervals, options)
 
 
 @lru_cache(maxsize=16)
-def _solver(key: _SolverKey) -> tuple[Nlp, ca.Function, Monitor]:
-    nlp, options = build_nlp(key.dynamics, key.scheme, key.intervals), key.options
-    solver, monitor = make_solver(nlp, options.tolerance, options.max_iterations, verbose=options.verbose)
+def _solver(
+    dynamics: Dynamics, scheme: Scheme, intervals: int, options: DirectOptions
+) -> tuple[Nlp, ca.Function, Monitor]:
+    nlp = build_nlp(dynamics, scheme, intervals)
+    solver, monitor = make_solver(
+        nlp, options.tolerance, options.max_iterations, verbose=options.verbose, options={"mu_init": options.barrier}
+    )
     return nlp, solver, monitor

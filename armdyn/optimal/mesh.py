@@ -38,9 +38,9 @@ class Scales:
         effort = np.maximum(np.abs(limits.effort_lower), np.abs(limits.effort_upper))
         return cls(guess.duration, length, length / guess.duration, effort)
 
-    def parameters(self, effort_weight: float) -> Array:
+    def parameters(self, effort_weight: float, last_body: Array) -> Array:
         """The NLP's parameters after the interval fractions."""
-        return np.array([self.time, self.length, self.speed, effort_weight, *self.effort])
+        return np.array([self.time, self.length, self.speed, effort_weight, *self.effort, *last_body])
 
 
 def tie_break(problem: MinimumTimeProblem, cost: float) -> float:

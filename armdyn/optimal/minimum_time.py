@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -24,6 +24,8 @@ from armdyn.trajectory import Trajectory
 
 _SAME_OPTIMUM = 1e-6
 """Refined durations that differ by less than this part are one optimum."""
+_SAME_ON_MESH = 5e-4
+"""The same for durations on one mesh, from different guesses."""
 _WORTH_REFINING = 1.2
 """Coarse solutions this much slower than the best are not refined, only listed."""
 
@@ -45,9 +47,12 @@ class MinimumTimeOptions:
         control: torque "linear" or "constant" between knots; the arcs are read from constant ones.
         dynamics: "forward", "inverse", or "auto": forward up to three joints, inverse beyond, where
             the derivatives of the articulated-body algorithm cost more than the extra unknowns.
+        compile: the program's derivatives as machine code, ten times as fast, built once by the C compiler and
+            kept in the user's cache: always, never, or (None) where building takes only seconds or is done.
         max_iterations: of IPOPT, for one guess on one mesh.
         tolerance: of IPOPT, on the scaled problem.
         time_limit: wall time for the whole solve [s].
+        workers: processes of the search; None: one per core. They make no difference to the answer.
         verbose: let IPOPT print.
     """
 
@@ -62,15 +67,17 @@ class MinimumTimeOptions:
     method: str = "lobatto3"
     control: Control = "constant"
     dynamics: DynamicsForm | Literal["auto"] = "auto"
+    compile: bool | None = None
     max_iterations: int = 500
     tolerance: float = 1e-8
     time_limit: float = 300.0
+    workers: int | None = None
     verbose: bool = False
 
     def __post_init__(self) -> None:
         if not self.coarse_intervals or min(self.coarse_intervals) < 1:
             raise ProblemError(f"coarse_intervals is {self.coarse_intervals}; it must be numbers of at least 1")
-        for name in ("starts", "refinements", "intervals", "max_intervals", "max_iterations"):
+        for name in ("starts", "refinements", "intervals", "max_intervals", "max_iterations", "workers"):
             value = getattr(self, name)
             if value is not None and value < 1:
                 raise ProblemError(f"{name} is {value}; it must be at least 1")
@@ -83,7 +90,11 @@ class MinimumTimeOptions:
     def scheme(self, joints: int) -> Scheme:
         """The transcription for an arm of so many joints."""
         form: DynamicsForm = "forward" if joints <= 3 else "inverse"
-        return Scheme(self.method, self.control, form if self.dynamics == "auto" else self.dynamics)
+        return Scheme(self.method, self.control, form if self.dynamics == "auto" else self.dynamics, self.compile)
+
+    def coarse(self) -> DirectOptions:
+        """The same for the search: a small barrier keeps more of the guess, and finds more optima."""
+        return DirectOptions(1e-5, self.max_iterations, self.verbose, barrier=1e-2)
 
     def direct(self, tolerance: float | None = None) -> DirectOptions:
         """The part that one call of IPOPT needs."""
@@ -113,13 +124,15 @@ def solve_minimum_time(
     options = options or MinimumTimeOptions()
     tell = progress or (lambda text: None)
     started, n = time.perf_counter(), problem.robot.nv
-    dynamics, scheme = Dynamics(problem.robot), options.scheme(n)
+    dynamics, scheme = Dynamics(problem.robot, free_last_body=True), options.scheme(n)
     count = options.starts or {1: 1, 2: 32, 3: 48}.get(n, 4)
     if problem.effort_weight > 0 and options.starts is None:
         count = min(count, 4)  # smooth problems have few optima
     meshes = options.coarse_intervals if n <= 3 else options.coarse_intervals[:1]
     with stopping(options.time_limit) as stop:
-        coarse = search(problem, dynamics, scheme, meshes, count, options.seed, options.direct(1e-5), stop, tell)
+        coarse = search(
+            problem, dynamics, scheme, meshes, count, options.seed, options.coarse(), options.workers, stop, tell
+        )
         tell(f"straight guess on {options.intervals} intervals")
         straight = spline(problem, [])
         plain = solve_on_mesh(problem, straight, dynamics, scheme, options.intervals, options.direct(1e-6), stop)
@@ -134,12 +147,14 @@ def solve_minimum_time(
         if not found:
             coarse, more = _ladder(problem, dynamics, scheme, options, stop, coarse, tell)
             iterations, found = iterations + more, distinct(ranked(coarse))
-        results: list[tuple[Refined, Attempt, int]] = []
         limit = options.refinements or (4 if n <= 3 else 2)
-        for attempt in found[:limit]:
-            worth = attempt.trajectory.duration < _WORTH_REFINING * found[0].trajectory.duration
-            if results and (stop or not worth):
-                break
+        candidates, listed, more = _settled(problem, dynamics, scheme, options, found, limit, stop, tell)
+        iterations += more
+        results: list[tuple[Refined, Attempt, int]] = []
+        for attempt in candidates:
+            if results and stop:
+                listed.append(attempt.trajectory.duration)
+                continue
             tell(f"refining optimum {len(results) + 1}, about {attempt.trajectory.duration:.4f} s")
             # With a certified answer in hand a slower optimum is worth one mesh, not all of them.
             finest = options.intervals if any(r.certificate.ok for r, *_ in results) else options.max_intervals
@@ -152,13 +167,43 @@ def solve_minimum_time(
     best, attempt, mesh = results[0]
     refined = [r.trajectory.duration for r, *_ in results]
     # A coarse duration may be off by a few SAME: near a refined one it is that one.
-    coarse_only = [
-        a.trajectory.duration
-        for a in found[len(results) :]
-        if all(abs(a.trajectory.duration / d - 1) > 4 * SAME for d in refined)
-    ]
-    others = refined[1:] + coarse_only
+    others = refined[1:] + [d for d in listed if all(abs(d / known - 1) > 4 * SAME for known in refined)]
     return _solution(problem, best, attempt, mesh, others, iterations, elapsed, options, stop)
+
+
+def _settled(
+    problem: MinimumTimeProblem,
+    dynamics: Dynamics,
+    scheme: Scheme,
+    options: MinimumTimeOptions,
+    found: Sequence[Attempt],
+    limit: int,
+    stop: Stop,
+    tell: Callable[[str], None],
+) -> tuple[list[Attempt], list[float], int]:
+    """The best coarse optima, each once, on the mesh that arcs are read from first.
+
+    Returns:
+        Them, in the order that this mesh puts them in; durations of the others; iterations spent.
+    """
+    candidates: list[Attempt] = []
+    listed: list[float] = []
+    iterations = 0
+    for attempt in found:
+        worth = attempt.trajectory.duration < _WORTH_REFINING * found[0].trajectory.duration
+        if candidates and (len(candidates) == limit or stop or not worth):
+            listed.append(attempt.trajectory.duration)
+            continue
+        finer = attempt
+        if attempt.intervals != options.intervals:
+            tell(f"optimum of about {attempt.trajectory.duration:.4f} s on {options.intervals} intervals")
+            finer = solve_on_mesh(
+                problem, attempt.trajectory, dynamics, scheme, options.intervals, options.direct(1e-6), stop
+            )
+            iterations += finer.iterations
+        candidates.append(finer if finer.status is Status.SOLVED else attempt)
+        candidates = distinct(candidates, _SAME_ON_MESH)
+    return candidates, listed, iterations
 
 
 def _refined(
@@ -182,7 +227,7 @@ def _refined(
         attempt = attempt.after(iterations)  # those of the coarse attempt are counted with the search
         if attempt.status is Status.SOLVED:
             if options.arcs and (scheme.control == "constant" or problem.effort_weight > 0):
-                refined = refine(problem, dynamics, scheme.dynamics, attempt.trajectory, mesh, stop)
+                refined = refine(problem, dynamics, scheme, attempt.trajectory, mesh, stop)
             else:
                 replay = replay_torques(problem.robot, attempt.trajectory)
                 certificate = certify(problem, replay, None, "arcs were not asked for")
@@ -220,7 +265,7 @@ def _ladder(
         if stop:
             break
         tell(f"no guess converged: trying {form} dynamics on {options.intervals} intervals")
-        step = Scheme(scheme.method, scheme.control, form)
+        step = replace(scheme, dynamics=form)
         attempt = solve_on_mesh(problem, guess, dynamics, step, options.intervals, options.direct(), stop)
         attempts.append(attempt)
         iterations += attempt.iterations

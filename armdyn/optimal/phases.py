@@ -1,6 +1,6 @@
 """Arcs of known structure as one nonlinear program whose durations are unknown.
 
-Every arc is a phase of Radau IIA collocation on which the torque (or the velocity, or the position)
+Every arc is a phase of five-stage Radau IIA collocation on which the torque (or the velocity, or the position)
 of each joint stays on its limit. What is left to find are the durations: within a phase the motion
 is smooth, so that the collocation's error falls with its full order, and t_f is exact to rounding.
 The multipliers of the defects are the costates.
@@ -20,16 +20,19 @@ from armdyn.optimal.ipopt import make_solver
 from armdyn.optimal.mesh import Scales, bounds, split, tie_break, to_unknowns
 from armdyn.optimal.monitor import Monitor, Stop
 from armdyn.optimal.problem import MinimumTimeProblem
-from armdyn.optimal.transcription import DynamicsForm, Layout, Nlp, Scheme, build_nlp
+from armdyn.optimal.tableau import RADAU_5
+from armdyn.optimal.transcription import Layout, Nlp, Scheme, build_nlp
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
+TABLEAU = RADAU_5
+"""Of the arcs: motion is smooth on them, and ninth order leaves nothing to see on a few intervals."""
 _TOLERANCE = 1e-10
 """Of IPOPT on the scaled problem: durations then hold to about as much."""
 _TIE = 1e-6
 """Cost of full torques on joints that time leaves free, against the 1 of time: it makes them unique."""
-_SUBSAMPLES = 6
+_SUBSAMPLES = 16
 """Torque samples per interval on an arc where the torque is not constant."""
 
 
@@ -89,10 +92,11 @@ def solve_phases(
     arcs: Sequence[Arc],
     guess: Trajectory,
     dynamics: Dynamics,
-    form: DynamicsForm,
+    scheme: Scheme,
     intervals: int,
     stop: Stop,
     offset: Array | float = 0.0,
+    near: bool = False,
 ) -> Phases:
     """Durations of arcs, by Newton's method in the shape of IPOPT.
 
@@ -101,15 +105,18 @@ def solve_phases(
         arcs: the structure, and guesses of its durations.
         guess: states to start from, at the times that the durations say.
         dynamics: of the problem's robot.
-        form: forward or inverse.
+        scheme: says the form of the dynamics.
         intervals: of the whole mesh, dealt out by the arcs' lengths.
         stop: asked at every iteration.
         offset: how far beside the goal the collocation shall end, in (q, v), shape (2 nv,): where
             the collocation's error takes it back.
+        near: the guess solves nearly the same problem: IPOPT stays where it is.
     """
     n, N = problem.robot.nv, intervals
     singular = any(arc.singular for arc in arcs)
-    nlp, solver, monitor = _solver(_Key(dynamics, Scheme("radau3", "stage", form), N, singular))
+    nlp, solver, monitor = _solver(
+        dynamics, replace(scheme, method=TABLEAU.name, control="stage"), N, singular, near or not singular
+    )
     layout = nlp.layout
     scales = Scales.of(problem, guess)
     durations = np.array([arc.duration for arc in arcs])
@@ -136,7 +143,7 @@ def solve_phases(
     weight = problem.effort_weight
     if weight == 0 and singular:
         weight = tie_break(problem, _TIE)
-    parameters = np.concatenate([(1 / per_arc)[arc_of], scales.parameters(weight)])
+    parameters = np.concatenate([(1 / per_arc)[arc_of], scales.parameters(weight, dynamics.last_body)])
     monitor.stop = stop
     result = solver(x0=x, p=parameters, lbx=lower, ubx=upper, lbg=lbg.ravel(), ubg=-lbg.ravel())
     stats = solver.stats()
@@ -179,9 +186,9 @@ def solve_phases(
 
 
 def _deal(durations: Array, intervals: int) -> NDArray[np.int_]:
-    """Intervals for every arc: three at least, the rest by its length."""
-    spare = intervals - 3 * durations.size
-    counts: NDArray[np.int_] = 3 + np.floor(spare * durations / durations.sum()).astype(int)
+    """Intervals for every arc: two at least, the rest by its length."""
+    spare = intervals - 2 * durations.size
+    counts: NDArray[np.int_] = 2 + np.floor(spare * durations / durations.sum()).astype(int)
     counts[np.argmax(durations)] += intervals - counts.sum()
     return counts
 
@@ -295,26 +302,14 @@ def lagrange(c: Array, j: int, s: float) -> float:
     return float(np.prod((s - others) / (c[j] - others)))
 
 
-class _Key:
-    """Lets the cache know a solver by what it is made of."""
-
-    def __init__(self, dynamics: Dynamics, scheme: Scheme, intervals: int, singular: bool):
-        self.dynamics, self.scheme, self.intervals, self.singular = dynamics, scheme, intervals, singular
-        self.identity = (dynamics.digest(), scheme, intervals, singular)
-
-    def __hash__(self) -> int:
-        return hash(self.identity)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Key) and self.identity == other.identity
-
-
 @lru_cache(maxsize=32)
-def _solver(key: _Key) -> tuple[Nlp, ca.Function, Monitor]:
-    nlp = build_nlp(key.dynamics, key.scheme, key.intervals)
+def _solver(
+    dynamics: Dynamics, scheme: Scheme, intervals: int, singular: bool, near: bool
+) -> tuple[Nlp, ca.Function, Monitor]:
+    nlp = build_nlp(dynamics, scheme, intervals)
     # "Acceptable" to IPOPT is a defect of 1e-2: not to us.
     newton: dict[str, float | str] = {"bound_relax_factor": 0.0, "acceptable_iter": 0, "mu_init": 1e-3}
-    if not key.singular:  # all torques are held: Newton's method from where it stands
+    if near:  # or all torques are held: Newton's method from where it stands
         newton |= {"mu_init": 1e-9, "bound_push": 1e-9, "bound_frac": 1e-9}
-    solver, monitor = make_solver(nlp, _TOLERANCE, 100 if key.singular else 60, options=newton)
+    solver, monitor = make_solver(nlp, _TOLERANCE, 100 if singular else 60, options=newton)
     return nlp, solver, monitor

@@ -14,20 +14,20 @@ from armdyn.optimal.monitor import Stop
 from armdyn.optimal.phases import Phases, solve_phases
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.rollout import replay_torques
-from armdyn.optimal.transcription import DynamicsForm
+from armdyn.optimal.transcription import Scheme
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_INTERVALS = 48
+_INTERVALS = 24
 """Of the first multi-phase mesh."""
-_MOST_INTERVALS = 200
+_MOST_INTERVALS = 100
 _MOST_ARCS = 60
 _ROUNDS = 12
 _SHORTEST = 1e-6
 """Arcs shorter than this part of the motion are taken out."""
-_LANDED = 1e-10
-"""Goal error [rad or m] at which the replay has landed: the integrator's own."""
+_LANDED = 1e-9
+"""Goal error [rad or m] at which the replay has landed: a few of the integrator's own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class Refined:
 def refine(
     problem: MinimumTimeProblem,
     dynamics: Dynamics,
-    form: DynamicsForm,
+    scheme: Scheme,
     trajectory: Trajectory,
     intervals: int,
     stop: Stop,
@@ -58,14 +58,14 @@ def refine(
     Args:
         problem: what is solved.
         dynamics: of its robot.
-        form: forward or inverse.
+        scheme: says the form of the dynamics.
         trajectory: a collocation solution with constant torques between the knots of `direct.mesh`.
         intervals: of its mesh.
         stop: asked at every iteration.
     """
-    phases, remark = _structure(problem, dynamics, form, trajectory, intervals, stop)
+    phases, remark = _structure(problem, dynamics, scheme, trajectory, intervals, stop)
     if phases is not None:
-        phases, replay, landing = _land(problem, dynamics, form, phases, stop)
+        phases, replay, landing = _land(problem, dynamics, scheme, phases, stop)
         replay = _named(replay)
         certificate = certify(problem, replay, phases, remark or landing)
         resolved = Refined(replay, certificate, phases)
@@ -85,7 +85,7 @@ def _error(refined: Refined) -> float:
 def _structure(
     problem: MinimumTimeProblem,
     dynamics: Dynamics,
-    form: DynamicsForm,
+    scheme: Scheme,
     trajectory: Trajectory,
     intervals: int,
     stop: Stop,
@@ -103,8 +103,8 @@ def _structure(
     for _ in range(_ROUNDS):
         if len(arcs) > _MOST_ARCS:
             return last, f"{len(arcs)} arcs: more than {_MOST_ARCS}"
-        size = max(_INTERVALS, 4 * len(arcs))
-        phases = solve_phases(problem, arcs, guess, dynamics, form, size, stop)
+        size = max(_INTERVALS, 3 * len(arcs))
+        phases = solve_phases(problem, arcs, guess, dynamics, scheme, size, stop)
         if not phases.converged:
             return last, f"the durations of {len(arcs)} arcs did not converge ({phases.message})"
         guess, shortest = phases.torques, _SHORTEST * phases.duration
@@ -157,7 +157,7 @@ def _by_sign(phases: Phases, switching: Array) -> list[Arc]:
 
 
 def _land(
-    problem: MinimumTimeProblem, dynamics: Dynamics, form: DynamicsForm, phases: Phases, stop: Stop
+    problem: MinimumTimeProblem, dynamics: Dynamics, scheme: Scheme, phases: Phases, stop: Stop
 ) -> tuple[Phases, Trajectory, str]:
     """Aim beside the goal by the collocation's own error until the replay hits it; finer where H strays."""
     offset, size = np.zeros(2 * problem.robot.nv), phases.arc_of.size
@@ -173,7 +173,7 @@ def _land(
             size, offset = 2 * size, np.zeros_like(offset)
         else:
             offset = offset - error
-        tried = solve_phases(problem, best[0].arcs, best[0].torques, dynamics, form, size, stop, offset)
+        tried = solve_phases(problem, best[0].arcs, best[0].torques, dynamics, scheme, size, stop, offset, near=True)
         if not tried.converged:
             return *best, f"the replay could not be brought onto the goal ({tried.message})"
         replayed = replay_torques(problem.robot, tried.torques)

@@ -17,8 +17,7 @@ RTOL = 1e-10
 def replay_torques(robot: Robot, trajectory: Trajectory, rtol: float = RTOL) -> Trajectory:
     """What the arm does when it starts like a trajectory and is given its torques, open loop.
 
-    Dormand-Prince 8(5,3) (`scipy.integrate.DOP853`), started anew at every sample, where the torque
-    has a corner or a jump.
+    Dormand-Prince 8(5,3) (`scipy.integrate.DOP853`), started anew wherever the torque has a corner or a jump.
 
     Args:
         robot: the arm.
@@ -36,20 +35,26 @@ def replay_torques(robot: Robot, trajectory: Trajectory, rtol: float = RTOL) -> 
         a = pin.aba(model, data, robot.configuration(x[:n]), x[n:], tau + (t - start) * slope)
         return np.concatenate([x[n:], a])
 
+    t, torque = trajectory.t, trajectory.tau
     states = [np.concatenate([trajectory.q[0], trajectory.v[0]])]
-    for k in range(trajectory.t.size - 1):
-        t0, t1 = trajectory.t[k], trajectory.t[k + 1]
-        if t1 - t0 <= 2 * np.spacing(t1):  # a jump of the torque: no time passes
+    k = 0
+    while k < t.size - 1:
+        if t[k + 1] - t[k] <= 2 * np.spacing(t[k + 1]):  # a jump of the torque: no time passes
             states.append(states[-1])
+            k += 1
             continue
-        slope = (trajectory.tau[k + 1] - trajectory.tau[k]) / (t1 - t0)
+        slope = (torque[k + 1] - torque[k]) / (t[k + 1] - t[k])
+        end = k + 1
+        while not np.any(slope) and end < t.size - 1 and np.array_equal(torque[end + 1], torque[k]):
+            end += 1  # samples of one constant torque: nothing for the integrator to stop at
         run = solve_ivp(
-            rate, (t0, t1), states[-1], "DOP853", rtol=rtol, atol=1e-2 * rtol, first_step=t1 - t0,
-            args=(t0, trajectory.tau[k], slope),
+            rate, (t[k], t[end]), states[-1], "DOP853", t[k + 1 : end + 1], rtol=rtol, atol=1e-2 * rtol,
+            first_step=t[k + 1] - t[k], args=(t[k], torque[k], slope),
         )  # fmt: skip
-        if not run.success or not np.all(np.isfinite(run.y[:, -1])):
+        if not run.success or not np.all(np.isfinite(run.y)):
             break
-        states.append(run.y[:, -1])
+        states += list(run.y.T)
+        k = end
     if len(states) == 1:
         states.append(states[0])
     x = np.array(states)

@@ -30,10 +30,13 @@ def search(
     count: int,
     seed: int,
     options: DirectOptions,
+    workers: int | None,
     stop: Stop,
     progress: Callable[[str], None],
 ) -> list[Attempt]:
-    """All attempts from `count` guesses, in the order of the guesses; the first is the straight one.
+    """Attempts from guesses, in the order of the guesses; the first is the straight one.
+
+    There are `count` guesses, fewer where a dozen or so have led to few optima again and again.
 
     Guesses take turns on the meshes: what a coarse one hides a finer one may show.
 
@@ -48,12 +51,24 @@ def search(
         return solve_on_mesh(problem, spline(problem, ways[k]), dynamics, scheme, mesh, options, stop)
 
     attempts: list[Attempt] = []
-    for attempt in _each(job, count, stop):
+    for attempt in _each(job, count, workers, stop):
         attempts.append(attempt)
         solved = [a.trajectory.duration for a in attempts if a.status is Status.SOLVED]
         best = f", best {min(solved):.4f} s" if solved else ""
         progress(f"search: guess {len(attempts)} of {count}{best}")
+        if _enough(len(solved), len(distinct(ranked(attempts)))):
+            break
     return attempts
+
+
+def _enough(solved: int, optima: int) -> bool:
+    """Whether so many guesses have probably met all optima.
+
+    The expected number of optima is optima (solved - 1) / (solved - optima - 2), whatever their basins'
+    sizes (Boender and Rinnooy Kan, Bayesian stopping rules for multistart, 1987): stop where it is
+    nearer to those seen than to one more.
+    """
+    return solved > optima + 2 and optima * (solved - 1) <= (optima + 0.5) * (solved - optima - 2)
 
 
 def ranked(attempts: Sequence[Attempt]) -> list[Attempt]:
@@ -72,23 +87,24 @@ def distinct(attempts: Sequence[Attempt], same: float = SAME) -> list[Attempt]:
     return out
 
 
-def _each(job: _Job, count: int, stop: Stop) -> Iterator[Attempt]:
+def _each(job: _Job, count: int, workers: int | None, stop: Stop) -> Iterator[Attempt]:
     """Results in order; in processes where that is possible, as IPOPT does not stand threads."""
     global _job
-    workers = min(os.cpu_count() or 1, count)
+    workers = min(workers or os.cpu_count() or 1, count)
     forks = "fork" in multiprocessing.get_all_start_methods() and not multiprocessing.current_process().daemon
     done = 0
     if workers > 1 and forks:
         _job = job
         try:
             with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("fork")) as pool:
-                futures = [pool.submit(_work, k) for k in range(count)]
-                for future in futures:
-                    yield future.result()
-                    done += 1
-                    if stop:  # workers hear of Ctrl-C only from a terminal
-                        pool.shutdown(wait=True, cancel_futures=True)
-                        return
+                try:
+                    for future in [pool.submit(_work, k) for k in range(count)]:
+                        yield future.result()
+                        done += 1
+                        if stop:  # workers hear of Ctrl-C only from a terminal
+                            return
+                finally:  # also where the caller has seen enough
+                    pool.shutdown(wait=True, cancel_futures=True)
         except BrokenProcessPool:
             pass  # a worker died: what it did not do is done here
         finally:

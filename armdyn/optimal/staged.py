@@ -11,7 +11,6 @@ constraints within a stage. An implicit method has that form once the end of an 
 Defects, scales and derivatives are those of `transcription`, interval by interval.
 """
 
-from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -28,14 +27,13 @@ from armdyn.optimal.monitor import Stop
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.status import Status
 from armdyn.optimal.transcription import (
-    PARAMETERS,
-    IntervalKey,
     Layout,
     Nlp,
     Scheme,
     assemble,
     build_nlp,
     interval_functions,
+    parameters_of,
 )
 from armdyn.trajectory import Trajectory
 
@@ -89,13 +87,13 @@ def build_staged(dynamics: Dynamics, scheme: Scheme, intervals: int) -> StagedNl
     if scheme.control == "linear":
         raise ProblemError('fatrop takes control="constant": linear torque ties the controls of neighbouring stages')
     layout, N = Layout(dynamics.nv, scheme), intervals
-    one = interval_functions(IntervalKey(dynamics, scheme))
+    one = interval_functions(dynamics, scheme)
     knot, end = layout.knot, 2 * layout.nv
     block, defects = knot + layout.inner + end, one.defects.numel_out(0) - 1  # without T_{k+1} = T_k, a dynamic
     rows, size = knot + defects, block * N + knot
 
     x = ca.MX.sym("x", size)
-    p = ca.MX.sym("p", N + PARAMETERS + dynamics.nv)
+    p = ca.MX.sym("p", N + parameters_of(dynamics.nv))
     stage = ca.reshape(x[: block * N], block, N)
     duration = stage[end, :]
     y = ca.vertcat(stage, duration)
@@ -164,11 +162,11 @@ def solve_staged(
     Returns:
         What came out, converged or not; a fatrop that fails is no exception.
     """
-    program = _program(_ProgramKey(dynamics, scheme, intervals, options))
+    program = _program(dynamics, scheme, intervals, options)
     nlp = program.nlp
     scales = Scales.of(problem, guess)
     fractions = np.full(intervals, 1 / intervals)
-    parameters = np.concatenate([fractions, scales.parameters(weight_of_effort(problem))])
+    parameters = np.concatenate([fractions, scales.parameters(weight_of_effort(problem), dynamics.last_body)])
     lower, upper = bounds(problem, nlp, scales)
     x = np.clip(to_unknowns(guess, nlp.layout, fractions, scales), lower, upper)
 
@@ -235,25 +233,9 @@ class _Program:
     defects: ca.Function
 
 
-class _ProgramKey:
-    """Lets the cache know a program by what it is made of."""
-
-    def __init__(self, dynamics: Dynamics, scheme: Scheme, intervals: int, options: DirectOptions):
-        self.dynamics, self.scheme, self.intervals, self.options = dynamics, scheme, intervals, options
-        self.identity: Hashable = (
-            dynamics.digest(), scheme, intervals, options.tolerance, options.max_iterations, options.verbose
-        )  # fmt: skip
-
-    def __hash__(self) -> int:
-        return hash(self.identity)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _ProgramKey) and self.identity == other.identity
-
-
 @lru_cache(maxsize=16)
-def _program(key: _ProgramKey) -> _Program:
-    staged, options = build_staged(key.dynamics, key.scheme, key.intervals), key.options
+def _program(dynamics: Dynamics, scheme: Scheme, intervals: int, options: DirectOptions) -> _Program:
+    staged = build_staged(dynamics, scheme, intervals)
     solver = ca.nlpsol(
         "minimum_time_staged",
         "fatrop",
@@ -276,6 +258,6 @@ def _program(key: _ProgramKey) -> _Program:
             },
         },
     )
-    nlp = build_nlp(key.dynamics, key.scheme, key.intervals)
+    nlp = build_nlp(dynamics, scheme, intervals)
     functions = nlp.functions
     return _Program(solver, nlp, ca.Function("defects", [functions["x"], functions["p"]], [functions["g"]]))

@@ -4,10 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import roots_jacobi, roots_legendre
 
 Array = NDArray[np.float64]
-
-_R3, _R6, _R15 = np.sqrt(3.0), np.sqrt(6.0), np.sqrt(15.0)
 
 
 @dataclass(frozen=True)
@@ -62,62 +61,32 @@ class Tableau:
         return range(int(self.starts_at_knot), self.c.size - int(self.ends_at_knot))
 
 
-LOBATTO_3 = Tableau(
-    name="lobatto3",
-    A=np.array([[0, 0, 0], [5 / 24, 1 / 3, -1 / 24], [1 / 6, 2 / 3, 1 / 6]]),
-    b=np.array([1 / 6, 2 / 3, 1 / 6]),
-    c=np.array([0, 1 / 2, 1]),
-    order=4,
-)
+def _collocation(name: str, c: Array, order: int) -> Tableau:
+    """The method that integrates the polynomial through the rates at the nodes c."""
+    powers = np.arange(c.size)
+    integrals = np.linalg.inv(c[:, None] ** powers)
+    A = (c[:, None] ** (powers + 1) / (powers + 1)) @ integrals
+    A[c == 0] = 0.0  # to the start there is nothing to integrate
+    b = A[-1] if c[-1] == 1 else (1 / (powers + 1)) @ integrals
+    return Tableau(name=name, A=A, b=b, c=c, order=order)
+
+
+def _radau(stages: int) -> Tableau:
+    """Radau IIA: stiffly accurate, L-stable, of order 2 stages - 1 (Hairer, Wanner, Solving ODEs II, IV.5)."""
+    c = np.append((1 + np.sort(roots_jacobi(stages - 1, 1, 0)[0])) / 2, 1.0)
+    return _collocation(f"radau{stages}", c, 2 * stages - 1)
+
+
+def _gauss(stages: int) -> Tableau:
+    """Gauss: no stage is a knot; 2 stages is the highest order there is (the same, IV.5)."""
+    return _collocation(f"gauss{stages}", (1 + np.sort(roots_legendre(stages)[0])) / 2, 2 * stages)
+
+
+LOBATTO_3 = _collocation("lobatto3", np.array([0.0, 0.5, 1.0]), 4)
 """Three-stage Lobatto IIIA: Hermite-Simpson, the paper's "three-stage Lobatto formula"."""
+RADAU_2, RADAU_3 = _radau(2), _radau(3)
+RADAU_5 = _radau(5)
+"""For the smooth arcs of a known structure, where a high order pays."""
+GAUSS_2, GAUSS_3 = _gauss(2), _gauss(3)
 
-# Hairer, Wanner: Solving ODEs II, table IV.5.5 and 5.6 (Radau IIA), IV.5.1 and 5.2 (Gauss).
-RADAU_2 = Tableau(
-    name="radau2",
-    A=np.array([[5 / 12, -1 / 12], [3 / 4, 1 / 4]]),
-    b=np.array([3 / 4, 1 / 4]),
-    c=np.array([1 / 3, 1]),
-    order=3,
-)
-"""Two-stage Radau IIA: stiffly accurate, L-stable."""
-
-RADAU_3 = Tableau(
-    name="radau3",
-    A=np.array(
-        [
-            [(88 - 7 * _R6) / 360, (296 - 169 * _R6) / 1800, (-2 + 3 * _R6) / 225],
-            [(296 + 169 * _R6) / 1800, (88 + 7 * _R6) / 360, (-2 - 3 * _R6) / 225],
-            [(16 - _R6) / 36, (16 + _R6) / 36, 1 / 9],
-        ]
-    ),
-    b=np.array([(16 - _R6) / 36, (16 + _R6) / 36, 1 / 9]),
-    c=np.array([(4 - _R6) / 10, (4 + _R6) / 10, 1]),
-    order=5,
-)
-"""Three-stage Radau IIA: stiffly accurate, L-stable."""
-
-GAUSS_2 = Tableau(
-    name="gauss2",
-    A=np.array([[1 / 4, 1 / 4 - _R3 / 6], [1 / 4 + _R3 / 6, 1 / 4]]),
-    b=np.array([1 / 2, 1 / 2]),
-    c=np.array([1 / 2 - _R3 / 6, 1 / 2 + _R3 / 6]),
-    order=4,
-)
-"""Two-stage Gauss: no stage is a knot; the highest order that two stages can have."""
-
-GAUSS_3 = Tableau(
-    name="gauss3",
-    A=np.array(
-        [
-            [5 / 36, 2 / 9 - _R15 / 15, 5 / 36 - _R15 / 30],
-            [5 / 36 + _R15 / 24, 2 / 9, 5 / 36 - _R15 / 24],
-            [5 / 36 + _R15 / 30, 2 / 9 + _R15 / 15, 5 / 36],
-        ]
-    ),
-    b=np.array([5 / 18, 4 / 9, 5 / 18]),
-    c=np.array([1 / 2 - _R15 / 10, 1 / 2, 1 / 2 + _R15 / 10]),
-    order=6,
-)
-"""Three-stage Gauss: no stage is a knot; the highest order that three stages can have."""
-
-TABLEAUS = {tableau.name: tableau for tableau in (LOBATTO_3, RADAU_2, RADAU_3, GAUSS_2, GAUSS_3)}
+TABLEAUS = {tableau.name: tableau for tableau in (LOBATTO_3, RADAU_2, RADAU_3, RADAU_5, GAUSS_2, GAUSS_3)}

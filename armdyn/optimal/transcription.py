@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.optimal.compiled import compiled
 from armdyn.optimal.tableau import TABLEAUS, Tableau
 
 Array = NDArray[np.float64]
@@ -39,11 +40,13 @@ class Scheme:
             structure.
         dynamics: "forward", acceleration from the articulated-body algorithm; or "inverse", torque from
             recursive Newton-Euler with the accelerations as unknowns.
+        compile: derivatives as machine code: always, never, or where it costs little (see `compiled`).
     """
 
     method: str = "lobatto3"
     control: Control = "linear"
     dynamics: DynamicsForm = "forward"
+    compile: bool | None = None
 
     def __post_init__(self) -> None:
         for value, known in (
@@ -93,20 +96,26 @@ class Layout:
         return (self.knot + self.inner) * intervals + self.knot
 
 
-PARAMETERS = 4
-"""Of an NLP, besides nv torque scales and the interval fractions: scales of T, q and v, and w."""
+def parameters_of(joints: int) -> int:
+    """How many an NLP has besides the interval fractions: T, q and v scales, w, torque scales, last body."""
+    return 4 + joints + 10
 
 
 def _interval(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
     """Unknowns y = (knot, inner, next knot), parameters, defects and cost of one interval, all scaled.
 
-    Parameters: its fraction of the duration; the scales of T, q and v; w; the scales of the torques.
+    Parameters: its fraction of the duration; the scales of T, q and v; w; the scales of the torques; the
+    dynamic parameters of the last joint's body.
     """
+    if dynamics.last_body.size == 0:
+        raise ValueError("a transcription takes Dynamics(robot, free_last_body=True)")
     n, tableau, layout = dynamics.nv, scheme.tableau, Layout(dynamics.nv, scheme)
     y = ca.SX.sym("y", 2 * layout.knot + layout.inner)
-    p = ca.SX.sym("p", 1 + PARAMETERS + n)
+    p = ca.SX.sym("p", 1 + parameters_of(n))
     fraction, time, length, speed, weight = ca.vertsplit(p[:5])
-    effort = p[5:]
+    effort = p[5 : 5 + n]
+    # What the body has none of, as a planar arm most products of inertia, is no part of the expressions.
+    body = ca.vertcat(*(p[5 + n + i] if present else 0 for i, present in enumerate(dynamics.last_body != 0)))
     left, inner, right = y[: layout.knot], y[layout.knot : layout.knot + layout.inner], y[-layout.knot :]
     scale = ca.vertcat(ca.repmat(length, n, 1), ca.repmat(speed, n, 1))
 
@@ -126,11 +135,11 @@ def _interval(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX, 
     for i, (x, torque) in enumerate(zip(states, u, strict=True)):
         q, v = length * x[:n], speed * x[n:]
         if scheme.dynamics == "forward":
-            a = dynamics.aba(q, v, effort * torque)
+            a = dynamics.aba(q, v, effort * torque, body)
         else:
             first = layout.inner - n * (tableau.c.size - i)
             a = inner[first : first + n] * speed / time
-            defects.append(dynamics.rnea(q, v, a) / effort - torque)
+            defects.append(dynamics.rnea(q, v, a, body) / effort - torque)
         rates.append(ca.vertcat(v, a) / scale)
     start = left[: 2 * n]
     for i in range(tableau.c.size):
@@ -170,17 +179,23 @@ class Nlp:
 
 
 def build_nlp(dynamics: Dynamics, scheme: Scheme, intervals: int) -> Nlp:
-    """The NLP of an arm: depends on the model and the mesh's size only, not on poses, limits or scales.
+    """The NLP of an arm: depends on the model and the mesh's size only, not on poses, limits, scales or payload.
 
-    Parameters p: interval fractions (N), scales of T, q, v, the effort weight w, torque scales (nv).
+    Args:
+        dynamics: with a free last body.
+        scheme: how motion becomes unknowns.
+        intervals: their number N.
+
+    Parameters p: interval fractions (N), scales of T, q, v, the effort weight w, torque scales (nv), the
+    last body's dynamic parameters (10).
     """
     layout, N = Layout(dynamics.nv, scheme), intervals
-    one = interval_functions(IntervalKey(dynamics, scheme))
+    one = interval_functions(dynamics, scheme)
     block, width = layout.knot + layout.inner, 2 * layout.knot + layout.inner
     size, rows = layout.size(N), one.defects.numel_out(0)
 
     x = ca.MX.sym("x", size)
-    p = ca.MX.sym("p", N + PARAMETERS + dynamics.nv)
+    p = ca.MX.sym("p", N + parameters_of(dynamics.nv))
     # The unknowns of interval k: its own block and the next knot.
     index = block * np.arange(N)[None, :] + np.arange(width)[:, None]
     y = ca.reshape(x[index.ravel(order="F").tolist()], width, N)
@@ -240,33 +255,24 @@ class _IntervalFunctions:
     hessian_pattern: ca.Sparsity
 
 
-class IntervalKey:
-    """Lets the cache know an interval by the model's numbers, not by the object that holds them."""
-
-    def __init__(self, dynamics: Dynamics, scheme: Scheme):
-        self.dynamics, self.scheme = dynamics, scheme
-        self.identity = (dynamics.digest(), scheme)
-
-    def __hash__(self) -> int:
-        return hash(self.identity)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, IntervalKey) and self.identity == other.identity
-
-
 @lru_cache(maxsize=16)
-def interval_functions(key: IntervalKey) -> _IntervalFunctions:
+def interval_functions(dynamics: Dynamics, scheme: Scheme) -> _IntervalFunctions:
     """The functions of one interval; the same model and scheme give the same ones."""
-    y, p, g, cost = _interval(key.dynamics, key.scheme)
+    y, p, g, cost = _interval(dynamics, scheme)
     sigma, lam = ca.SX.sym("sigma"), ca.SX.sym("lam", g.numel())
     jacobian = ca.jacobian(g, y)
     hessian = ca.triu(ca.hessian(sigma * cost + ca.dot(lam, g), y)[0])
+    derivatives = (
+        ca.Function("interval_jacobian", [y, p], [_nonzeros(jacobian)]),
+        ca.Function("interval_hessian", [y, p, sigma, lam], [_nonzeros(hessian)]),
+    )
+    fast = compiled(derivatives, scheme.compile)
     return _IntervalFunctions(
         defects=ca.Function("interval_defects", [y, p], [g]),
         cost=ca.Function("interval_cost", [y, p], [cost]),  # apart: its gradient needs no dynamics
-        jacobian=ca.Function("interval_jacobian", [y, p], [_nonzeros(jacobian)]),
+        jacobian=fast[0],
         jacobian_pattern=jacobian.sparsity(),
-        hessian=ca.Function("interval_hessian", [y, p, sigma, lam], [_nonzeros(hessian)]),
+        hessian=fast[1],
         hessian_pattern=hessian.sparsity(),
     )
 

@@ -19,7 +19,7 @@ def build(problem, method):
 
         return solve
 
-    dynamics, scheme = ad.Dynamics(problem.robot), ad.MinimumTimeOptions().scheme(problem.robot.nv)
+    dynamics, scheme = ad.Dynamics(problem.robot, free_last_body=True), ad.MinimumTimeOptions().scheme(problem.robot.nv)
     guess = spline(problem, [])
     prepare(dynamics, scheme, INTERVALS, DirectOptions())
 

@@ -17,7 +17,7 @@ METHODS = ["lobatto3", "radau2", "radau3", "gauss2", "gauss3"]
 
 def both(problem, scheme, intervals=50, **options):
     """What IPOPT and fatrop make of the straight guess on one mesh."""
-    dynamics, guess = Dynamics(problem.robot), spline(problem, [])
+    dynamics, guess = Dynamics(problem.robot, free_last_body=True), spline(problem, [])
     options = DirectOptions(**options)
     return [
         solve(problem, guess, dynamics, scheme, intervals, options, Stop()) for solve in (solve_on_mesh, solve_staged)
@@ -66,7 +66,7 @@ def test_velocity_limit_and_moving_ends():
 @pytest.mark.parametrize("method", METHODS)
 def test_derivatives_are_those_of_the_whole(method):
     """Blocks put in place equal CasADi's derivatives of the whole program, which knows no stages."""
-    nlp = build_staged(Dynamics(paper_arm("rr")), Scheme(method, "constant", "inverse"), 4)
+    nlp = build_staged(Dynamics(paper_arm("rr"), free_last_body=True), Scheme(method, "constant", "inverse"), 4)
     x, p, f, g = (nlp.functions[name] for name in "xpfg")
     assert sum(nlp.states) + sum(nlp.controls) == x.numel()
     assert sum(nlp.states[1:]) + sum(nlp.constraints) == g.numel()
@@ -94,7 +94,9 @@ def test_nothing_starts_when_it_is_time_to_stop():
     problem, scheme = paper_problem("r"), Scheme("lobatto3", "constant", "forward")
     for stop, status in ((Stop(deadline=0.0), ad.Status.TIME_LIMIT), (Stop(interrupted=True), ad.Status.INTERRUPTED)):
         guess = spline(problem, [])
-        attempt = solve_staged(problem, guess, Dynamics(problem.robot), scheme, 10, DirectOptions(), stop)
+        attempt = solve_staged(
+            problem, guess, Dynamics(problem.robot, free_last_body=True), scheme, 10, DirectOptions(), stop
+        )
         assert attempt.status is status
         assert attempt.iterations == 0
         assert attempt.trajectory.duration == pytest.approx(guess.duration)
@@ -102,4 +104,4 @@ def test_nothing_starts_when_it_is_time_to_stop():
 
 def test_linear_torque_is_refused():
     with pytest.raises(ProblemError, match="constant"):
-        build_staged(Dynamics(paper_arm("r")), Scheme("lobatto3", "linear"), 5)
+        build_staged(Dynamics(paper_arm("r"), free_last_body=True), Scheme("lobatto3", "linear"), 5)

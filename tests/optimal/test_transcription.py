@@ -16,7 +16,7 @@ SCHEMES = [
 @pytest.mark.parametrize("scheme", SCHEMES, ids=str)
 def test_assembled_derivatives_are_those_of_the_whole(scheme):
     """Interval blocks put in place equal CasADi's derivatives of the whole NLP, which knows no intervals."""
-    nlp = build_nlp(Dynamics(paper_arm("rr")), scheme, 5)
+    nlp = build_nlp(Dynamics(paper_arm("rr"), free_last_body=True), scheme, 5)
     x, p, f, g = (nlp.functions[name] for name in "xpfg")
     random = np.random.default_rng(0)
     at = random.normal(size=x.numel()), random.uniform(0.5, 2, size=p.numel())
@@ -39,14 +39,14 @@ def test_defects_vanish_on_a_motion_that_collocation_integrates_exactly(scheme):
     """With no gravity torque change and constant acceleration q is quadratic: no defect but rounding."""
     robot = paper_arm("r")
     robot.model.gravity.linear = np.zeros(3)
-    dynamics = Dynamics(robot)
+    dynamics = Dynamics(robot, free_last_body=True)
     tau, t = 0.7, np.linspace(0, 0.4, 9)
-    a = float(dynamics.aba([0.0], [0.0], [tau])[0])
+    a = float(dynamics.aba([0.0], [0.0], [tau], dynamics.last_body)[0])
     motion = Trajectory(t, (-1 + a * t[:, None] ** 2 / 2), a * t[:, None], np.full((9, 1), tau))
     nlp = build_nlp(dynamics, scheme, 8)
     scales, fractions = Scales(0.4, 1.0, 2.5, np.array([3.0])), np.full(8, 1 / 8)
     x = to_unknowns(motion, nlp.layout, fractions, scales)
-    parameters = np.concatenate([fractions, scales.parameters(0.0)])
+    parameters = np.concatenate([fractions, scales.parameters(0.0, dynamics.last_body)])
     g = ca.Function("g", [nlp.functions["x"], nlp.functions["p"]], [nlp.functions["g"], nlp.functions["f"]])
     defects, cost = g(x, parameters)
     # Inverse dynamics take the guess's acceleration by central differences, good to 1e-9 of tau's scale.
@@ -60,7 +60,7 @@ def test_unknowns_and_back(scheme):
     t = np.linspace(0, 1, 7)
     tau = np.repeat(random.normal(size=(1, 2)), 7, axis=0)  # constant, so that every control can say it
     motion = Trajectory(t, random.normal(size=(7, 2)), random.normal(size=(7, 2)), tau)
-    layout = build_nlp(Dynamics(paper_arm("rr")), scheme, 6).layout
+    layout = build_nlp(Dynamics(paper_arm("rr"), free_last_body=True), scheme, 6).layout
     scales, fractions = Scales(1.0, 2.0, 3.0, np.array([3.0, 4.0])), np.full(6, 1 / 6)
     back = to_trajectory(to_unknowns(motion, layout, fractions, scales), layout, fractions, scales, ())
     # Scaling there and back: an ulp or two.
