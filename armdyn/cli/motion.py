@@ -58,7 +58,7 @@ def mintime(
         from armdyn.show.report import minimum_time_summary, write_run
 
         arm = load_robot(robot, payload, lock, effort_limit, velocity_limit)
-        start, goal = poses(arm, robot, "mintime", q_start, q_goal)
+        start, goal = poses(arm, robot, "minimum_time", q_start, q_goal)
         problem = MinimumTimeProblem(arm, q_start=start, q_goal=goal)
         options = MinimumTimeOptions(starts=starts, time_limit=time_limit, seed=seed)
         with working(f"minimum time of {arm.name}", json) as progress:

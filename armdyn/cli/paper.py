@@ -1,64 +1,168 @@
 """Commands about the paper's arms: reproduce, urdf."""
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from armdyn.cli.arguments import Json
-from armdyn.cli.console import NOT_CERTIFIED, answering, console, working
+from armdyn.cli.arguments import Json, numbers
+from armdyn.cli.console import INTERRUPTED, NOT_CERTIFIED, answering, console, errors
+from armdyn.control.arrival import ARRIVAL_RULES
+from armdyn.control.stability import one_of
 from armdyn.models import ArmSpec, Payload
 from armdyn.models.urdf import urdf_file_name, urdf_from_spec
 from armdyn.show.files import write_whole
-from armdyn.studies.paper import PAYLOAD
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from armdyn.studies.cases import Outcome
+    from armdyn.studies.reproduce import Plan, Reproduced
 
 
 def reproduce(
-    payload: Annotated[float, typer.Option(metavar="KG", help="Point mass at the tip \\[kg].")] = PAYLOAD,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PART", help="table3 to table7, figure2 to figure7, example1 to example6; several: comma or again."
+        ),
+    ] = None,
+    payload: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KG", help="Payload \\[kg]; several: comma or again. By default the paper's ten."),
+    ] = None,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results.")] = Path("results/paper"),
+    fresh: Annotated[bool, typer.Option("--fresh", help="Solve again what DIR has already.")] = False,
+    arrival_rule: Annotated[
+        str, typer.Option(metavar="RULE", help="When a PID loop has arrived: " + ", ".join(ARRIVAL_RULES) + ".")
+    ] = ARRIVAL_RULES[0],
     json: Json = False,
 ) -> None:
-    """The paper's six examples: minimum time and PID for the R, RR and RRR arms.
+    """The whole paper: every example, table and figure, the published numbers beside ours.
 
-    Every example gets a folder with its figure, its replay page, its trajectory and a summary.
+    Open DIR/index.html in a browser. DIR/tables has Tables 3 to 7 as CSV, Markdown and LaTeX, DIR/figures
+    Figures 2 to 7, DIR/cases every single result; the six examples with 100.6 g have a folder each.
+    What is done stays: Ctrl-C, and the same command goes on from there.
     A PID loop that does not settle is a finding, not a failure: the paper's loop is unstable for RRR.
+
+    [dim]armdyn reproduce --payload 0.1006
+    armdyn reproduce --only table4,figure2[/]
     """
     with answering(json) as answer:
-        from armdyn.studies.paper import reproduce as run_examples
+        from armdyn.studies.reproduce import Plan
+        from armdyn.studies.reproduce import reproduce as carry_out
 
-        table = Table(title=f"The paper's examples with {1000 * payload:g} g", title_justify="left")
-        for column, justify in (("#", "right"), ("arm", "left"), ("problem", "left"), ("time", "right"),
-                                ("replay error", "right"), ("what happened", "left")):  # fmt: skip
-            table.add_column(column, justify=justify)  # type: ignore[arg-type]
-        results: dict[str, object] = {}
-        with working("reproduce", json) as progress:
-            for one, summary in run_examples(out, payload, progress=progress):
-                results[one.name] = summary
-                key = "duration" if one.kind == "mintime" else "arrival_time"
-                time, error = summary[key], summary.get("replay_error")
-                table.add_row(
-                    str(one.number),
-                    one.arm.upper(),
-                    "minimum time" if one.kind == "mintime" else "PID",
-                    "-" if time is None else f"{time:.4f} s",
-                    "" if error is None else f"{error:.0e} rad",
-                    escape(str(summary["message" if one.kind == "pid" else "status"])),
-                )
-                if one.kind == "mintime" and not summary["success"]:
-                    answer.code = NOT_CERTIFIED
-        solved = answer.code == 0
-        answer.facts |= {
-            "success": solved,
-            "status": "done" if solved else "not_converged",
-            "examples": results,
-            "files": [file for summary in results.values() for file in summary["files"]],  # type: ignore[index]
-        }
-        if not json:
-            console.print(table)
-            console.print(f"results in {escape(str(out))}: open {escape(str(out))}/*/replay.html in a browser")
+        one_of("--arrival-rule", arrival_rule, ARRIVAL_RULES)
+        plan = Plan(
+            only=tuple(part.strip().lower() for text in only or () for part in text.split(",")),
+            payloads=tuple(mass for text in payload or () for mass in numbers(text, "--payload")),
+            arrival_rule=arrival_rule,  # type: ignore[arg-type]  # checked above
+            fresh=fresh,
+        )
+        count = 0
+        try:
+            with _progress(len(plan.cases()), json) as tell:
+
+                def done(outcome: "Outcome", number: int, of: int) -> None:
+                    nonlocal count
+                    count = number
+                    tell(outcome, number, of)
+
+                result = carry_out(out, plan, done)
+        except KeyboardInterrupt:
+            message = f"interrupted; {count} of {len(plan.cases())} results are in {out}: run the same command to go on"
+            answer.facts |= {"success": False, "status": "interrupted", "message": message, "out": str(out)}
+            answer.code = INTERRUPTED
+        else:
+            answer.facts |= _facts(result)
+            answer.code = 0 if answer.facts["success"] else NOT_CERTIFIED
+            if not json:
+                _print(result, plan, out)
+
+
+@contextmanager
+def _progress(total: int, as_json: bool) -> "Iterator[Callable[[Outcome, int, int], None]]":
+    """A bar on standard error."""
+    if as_json or not errors.is_terminal:
+        yield lambda outcome, done, of: None
+        return
+    columns = (
+        TextColumn("reproduce"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("{task.description}"),
+    )
+    # It refreshes itself in a thread otherwise, and processes are to be forked.
+    with Progress(*columns, console=errors, transient=True, auto_refresh=False) as bar:
+        task = bar.add_task("", total=total)
+        bar.refresh()
+
+        def tell(outcome: "Outcome", done: int, of: int) -> None:
+            bar.update(task, completed=done, total=of, description=escape(outcome.case.name), refresh=True)
+
+        yield tell
+
+
+def _facts(result: "Reproduced") -> dict[str, object]:
+    """For the JSON object."""
+    # A time-energy optimum without torque limit that resists is a finding of its own, and the tables say so.
+    failed = [o.case.name for o in result.outcomes if o.case.kind == "minimum_time" and not o.success]
+    verdicts = [row.verdict for row in result.rows]
+    return {
+        "success": not failed,
+        "status": "done" if not failed else "not_converged",
+        "failed": failed,
+        "cases": {o.case.name: {"time": o.time, "status": o.status, "message": o.message} for o in result.outcomes},
+        "verdicts": {verdict: verdicts.count(verdict) for verdict in ("reproduced", "close", "not reproduced")},
+        "files": [str(file) for file in result.files],
+    }
+
+
+def _print(result: "Reproduced", plan: "Plan", out: Path) -> None:
+    """For people: the examples with the figures' payload, and where the rest is."""
+    grams = f"{1000 * plan.shown_payload:g} g"
+    table = Table(title=f"The paper's examples with {grams} at the tip", title_justify="left")
+    for column in ("#", "arm", "problem", "paper", "ours", "what happened"):
+        table.add_column(column, justify="right" if column in ("#", "paper", "ours") else "left")
+    from armdyn.studies.published import published_time
+    from armdyn.studies.tables import setup
+
+    for outcome in sorted(result.outcomes, key=lambda o: (o.case.example, o.case.kind)):
+        case, paper = outcome.case, published_time(outcome.case)
+        if case.payload != plan.shown_payload or case.reading != "tip" or setup(case):
+            continue
+        table.add_row(
+            str(case.example),
+            case.arm.upper(),
+            {"minimum_time": "minimum time", "time_energy": "time–energy", "pid": "PID"}[case.kind],
+            "-" if paper is None else f"{paper:.3f} s",
+            "-" if outcome.time is None else f"{outcome.time:.4f} s",
+            escape(_happened(outcome)),
+        )
+    console.print(table)
+    words = ", ".join(f"{n} {verdict}" for verdict, n in _facts(result)["verdicts"].items())  # type: ignore[attr-defined]
+    console.print(f"{len(result.rows)} numbers of the paper: {words}")
+    console.print(f"open {escape(str(out / 'index.html'))} in a browser; tables in {escape(str(out / 'tables'))}")
+
+
+def _happened(outcome: "Outcome") -> str:
+    facts = outcome.facts
+    if outcome.case.kind == "pid":
+        return f"{outcome.status.replace('_', ' ')}, max Re λ = {facts['max_real_eigenvalue']:+.3f} 1/s"
+    if not outcome.success:
+        return outcome.message
+    landed = "certified" if facts["certified"] else f"replay ends {facts['goal_error']:.0e} rad from the goal"
+    indirect = facts.get("indirect_time_s")
+    if not isinstance(indirect, float) or outcome.time is None:
+        return landed
+    return f"{landed}; indirect method differs by {abs(indirect - outcome.time):.0e} s"
 
 
 def urdf(

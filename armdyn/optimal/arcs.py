@@ -1,7 +1,7 @@
 """The structure of a motion: which limit every joint is on, and from when to when."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import pairwise
 
@@ -17,6 +17,10 @@ _NEAR = 2e-3
 """How close to a limit, as a part of it, a coarse solution counts as on it: IPOPT's barrier leaves 1e-4."""
 _NEAR_SPEED = 2e-2
 """The same for speeds: a constant torque holds a speed only in the mean over its interval."""
+_TOUCHING = 1e-4
+"""How close to a limit, as a part of the joint's whole way, a position touches it."""
+_IN_CONTACT = 5e-3
+"""The same for one that is held: a constant torque lets it off a little within every interval."""
 _SWITCH = 2
 """So many intervals off all limits in a row are a switch; more are an arc of their own."""
 
@@ -39,6 +43,11 @@ VELOCITY = (Mode.VELOCITY_UPPER, Mode.VELOCITY_LOWER)
 POSITION = (Mode.POSITION_UPPER, Mode.POSITION_LOWER)
 
 
+def outward(mode: Mode) -> float:
+    """The sign of the limit that a mode holds a state on."""
+    return 1.0 if mode in (Mode.VELOCITY_UPPER, Mode.POSITION_UPPER) else -1.0
+
+
 _TOWARD = {Mode.VELOCITY_UPPER: Mode.UPPER, Mode.VELOCITY_LOWER: Mode.LOWER}
 """The torque that brings a joint to a velocity limit; away from it, the other."""
 _OPPOSITE = {Mode.UPPER: Mode.LOWER, Mode.LOWER: Mode.UPPER}
@@ -51,7 +60,7 @@ class Arc:
     Attributes:
         duration: [s].
         modes: one per joint.
-        touches: joints that touch a position limit at its end, and do not stay: (joint, mode) pairs.
+        touches: joints that touch a position or velocity limit at its end, and do not stay: (joint, mode) pairs.
     """
 
     duration: float
@@ -66,7 +75,7 @@ class Arc:
 
 @dataclass(frozen=True)
 class Event:
-    """A joint changes its mode, or touches a position limit."""
+    """A joint changes its mode, or touches a limit."""
 
     time: float
     joint: int
@@ -96,12 +105,14 @@ def detect(problem: MinimumTimeProblem, trajectory: Trajectory, mesh: Array) -> 
         bounds = np.array([limits.position_lower[i], limits.position_upper[i]])
         room = np.min(np.abs(at_knots.q[:, i, None] - bounds), axis=1)
         scale = max(float(np.ptp(at_knots.q[:, i])), 0.1)
-        touching = room < 1e-4 * scale
+        touching = room < _TOUCHING * scale
+        near = room < _IN_CONTACT * scale
+        contact = touching[:-1] | touching[1:] | (near[:-1] & near[1:])  # one end tells where contact begins or ends
         modes = [
-            _mode(level[k, i], slow[k], middle.v[k, i], limits.velocity[i], touching[k : k + 2], middle.q[k, i], bounds)
+            _mode(level[k, i], slow[k], middle.v[k, i], limits.velocity[i], contact[k], middle.q[k, i], bounds)
             for k in range(intervals)
         ]
-        runs = _runs(modes)
+        runs = _runs(_without_lifting_off(modes))
         first.append(_first_mode(runs, level[:, i]))
         events += _switches(runs, level[:, i], knots, i)
         inner = np.flatnonzero(touching[1:-1]) + 1
@@ -139,7 +150,8 @@ def without_short(arcs: Sequence[Arc], shortest: float) -> list[Arc]:
     """The same structure when arcs shorter than `shortest` [s] are taken out.
 
     Between two switches of different joints the order is turned; an arc that a joint enters and
-    leaves by the same mode, or that stands at an end, goes.
+    leaves by the same mode, or that stands at an end, goes; on a limit of a state it
+    becomes a touch.
     """
     out = list(arcs)
     k = next((k for k, arc in enumerate(out) if arc.duration < shortest), None)
@@ -153,6 +165,9 @@ def without_short(arcs: Sequence[Arc], shortest: float) -> list[Arc]:
         if before != after and turned not in (before, after, out[k].modes):
             out[k] = Arc(10 * shortest, turned)
             return out
+        on_limit = (*POSITION, *VELOCITY)
+        met = tuple((i, m) for i, m in enumerate(out[k].modes) if m in on_limit and before[i] is after[i] is not m)
+        out[k - 1] = replace(out[k - 1], touches=out[k - 1].touches + met)
     del out[k]
     return merged(out)
 
@@ -168,18 +183,25 @@ def merged(arcs: Sequence[Arc]) -> list[Arc]:
     return out
 
 
-def _mode(
-    level: float, speed: float, v: float, fastest: float, touching: NDArray[np.bool_], q: float, bounds: Array
-) -> Mode:
+def _mode(level: float, speed: float, v: float, fastest: float, contact: bool, q: float, bounds: Array) -> Mode:
     if level > 1 - _NEAR:
         return Mode.UPPER
     if level < -1 + _NEAR:
         return Mode.LOWER
     if speed > fastest * (1 - _NEAR_SPEED):
         return Mode.VELOCITY_UPPER if v > 0 else Mode.VELOCITY_LOWER
-    if np.all(touching):
+    if contact:
         return Mode.POSITION_UPPER if q > np.mean(bounds) else Mode.POSITION_LOWER
     return Mode.FREE
+
+
+def _without_lifting_off(modes: Sequence[Mode]) -> list[Mode]:
+    """Between contacts with one limit a free torque is that contact: it costs nothing to bounce a little."""
+    out, runs = list(modes), _runs(modes)
+    for (before, *_), (mode, start, stop), (after, *_) in zip(runs, runs[1:], runs[2:], strict=False):
+        if mode is Mode.FREE and before is after and before in POSITION:
+            out[start:stop] = [before] * (stop - start)
+    return out
 
 
 def _runs(modes: Sequence[Mode]) -> list[tuple[Mode, int, int]]:

@@ -1,6 +1,6 @@
 """Minimum time by direct collocation and IPOPT."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -61,10 +61,6 @@ class Attempt:
     intervals: int
     iterations: int
     worst_violation: Violation | None
-
-    def after(self, iterations: int) -> "Attempt":
-        """The same, at the end of so many iterations."""
-        return replace(self, iterations=iterations)
 
 
 def solve_on_mesh(

@@ -10,7 +10,8 @@ from scipy.interpolate import CubicSpline
 from armdyn.errors import TrajectoryError
 from armdyn.models.limits import JointLimits
 from armdyn.models.robot import Robot
-from armdyn.optimal.minimum_time import MinimumTimeOptions, solve_minimum_time
+from armdyn.optimal.minimum_time import solve_minimum_time
+from armdyn.optimal.options import MinimumTimeOptions
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.rollout import replay_torques
 from armdyn.optimal.solution import Solution

@@ -32,8 +32,8 @@ _TOLERANCE = 1e-10
 """Of IPOPT on the scaled problem: durations then hold to about as much."""
 _TIE = 1e-6
 """Cost of full torques on joints that time leaves free, against the 1 of time: it makes them unique."""
-_SUBSAMPLES = 16
-"""Torque samples per interval on an arc where the torque is not constant."""
+_SAMPLES = 480
+"""Torque samples, about, on all arcs where the torque is not constant together: 4 to 16 on an interval."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +55,8 @@ class Phases:
         stage_costate: ∫ρ over each stage's share of the time, shape (K, stages, 2 nv): what multiplies a
             change of the rates there.
         torque_pull: ∂t_f/∂tau at the stages [s/(N m)], shape (K, stages, nv); 0 where it is free.
-        state_pull: the same for the inner stages' scaled (q, v), shape (K, stages - 1, 2, nv).
-        knot_pull: the same for the scaled (q, v) of the inner knots, shape (K - 1, 2, nv).
-        speed: what one is in the scaled velocities [rad/s or m/s].
+        state_pull: the same for (q, v) at the inner stages [s/rad, s²/rad], shape (K, stages - 1, 2, nv).
+        knot_pull: the same at the inner knots, shape (K - 1, 2, nv).
         torques: the torque over time, its states only a guess: for `replay_torques`.
         iterations: of IPOPT.
     """
@@ -77,7 +76,6 @@ class Phases:
     torque_pull: Array
     state_pull: Array
     knot_pull: Array
-    speed: float
     torques: Trajectory
     iterations: int
 
@@ -160,6 +158,7 @@ def solve_phases(
     costate, share_of_costate, slope = _multipliers(nlp, x, parameters, lam, scales)
     states = np.concatenate([inner[:, : layout.stages], knots[1:, : 2 * n]], axis=1).reshape(N, stages, 2, n)
     own = layout.knot + layout.inner
+    unit = scales.time / np.array([scales.length, scales.speed])[:, None]
     blocks = slope[: own * N].reshape(N, own)[:, layout.knot :]
     q, v = knots[:, :n] * scales.length, knots[:, n : 2 * n] * scales.speed
     return Phases(
@@ -175,11 +174,10 @@ def solve_phases(
         stage_q=states[:, :, 0] * scales.length,
         stage_v=states[:, :, 1] * scales.speed,
         stage_costate=share_of_costate,
-        state_pull=blocks[:, : layout.stages].reshape(N, -1, 2, n) * scales.time,
+        state_pull=blocks[:, : layout.stages].reshape(N, -1, 2, n) * unit,
         torque_pull=blocks[:, layout.stages : layout.stages + layout.torques].reshape(N, stages, n)
         * (scales.time / scales.effort),
-        knot_pull=slope[np.arange(1, N)[:, None] * own + np.arange(2 * n)].reshape(N - 1, 2, n) * scales.time,
-        speed=scales.speed,
+        knot_pull=slope[np.arange(1, N)[:, None] * own + np.arange(2 * n)].reshape(N - 1, 2, n) * unit,
         torques=_torque_trajectory(problem, layout, found, arc_of, t, q, v, tau),
         iterations=int(stats["iter_count"]),
     )
@@ -273,10 +271,12 @@ def _torque_trajectory(
 ) -> Trajectory:
     """The torques over time; on arcs where they vary, samples of the stages' polynomial within the limits."""
     c, limits = layout.scheme.tableau.c, problem.limits
+    varying = sum(any(mode not in BANG for mode in arcs[a].modes) for a in arc_of)
+    samples = int(np.clip(_SAMPLES // max(varying, 1), 4, 16))
     rows_t, rows_tau, rows_k = [], [], []
     for k, a in enumerate(arc_of):
         constant = all(mode in BANG for mode in arcs[a].modes)
-        s = np.array([0.0, 1.0]) if constant else np.linspace(0, 1, _SUBSAMPLES + 1)
+        s = np.array([0.0, 1.0]) if constant else np.linspace(0, 1, samples + 1)
         weights = np.array([[lagrange(c, j, at) for j in range(c.size)] for at in s])
         values = np.clip(weights @ tau[k], limits.effort_lower, limits.effort_upper)
         for i, mode in enumerate(arcs[a].modes):

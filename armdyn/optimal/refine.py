@@ -1,13 +1,25 @@
 """From a collocation solution to exact switching times: arcs, their durations, their replay."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.optimal.arcs import BANG, Arc, Event, Mode, arcs_between, detect, merged, without_short
+from armdyn.optimal.arcs import (
+    BANG,
+    POSITION,
+    VELOCITY,
+    Arc,
+    Event,
+    Mode,
+    arcs_between,
+    detect,
+    merged,
+    outward,
+    without_short,
+)
 from armdyn.optimal.certificate import HAMILTONIAN_TOLERANCE, SWITCHING_TOLERANCE, Certificate, certify, pontryagin
 from armdyn.optimal.direct import mesh
 from armdyn.optimal.monitor import Stop
@@ -24,6 +36,8 @@ _INTERVALS = 24
 _MOST_INTERVALS = 100
 _MOST_ARCS = 60
 _ROUNDS = 12
+_HELD = 1e-7
+"""A state limit on which more than this part of the motion hangs, for its whole size, holds the motion back."""
 _SHORTEST = 1e-6
 """Arcs shorter than this part of the motion are taken out."""
 _LANDED = 1e-9
@@ -65,17 +79,32 @@ def refine(
     """
     phases, remark = _structure(problem, dynamics, scheme, trajectory, intervals, stop)
     if phases is not None:
-        phases, replay, landing = _land(problem, dynamics, scheme, phases, stop)
-        replay = _named(replay)
-        certificate = certify(problem, replay, phases, remark or landing)
-        resolved = Refined(replay, certificate, phases)
-        if certificate.ok:
+        resolved = land(problem, dynamics, scheme, phases, stop, remark)
+        if resolved.certificate.ok:
             return resolved
-        remark = remark or landing
+        remark = resolved.certificate.remark
     replay = replay_torques(problem.robot, trajectory)
     on_mesh = Refined(trajectory, certify(problem, replay, None, remark), None)
     # Arcs that are not certified are worth having only if their motion is the better one.
     return resolved if phases is not None and _error(resolved) <= _error(on_mesh) else on_mesh
+
+
+def land(
+    problem: MinimumTimeProblem, dynamics: Dynamics, scheme: Scheme, phases: Phases, stop: Stop, remark: str = ""
+) -> Refined:
+    """Solve phases until their replay is on the goal, and certify it.
+
+    Args:
+        problem: what is solved.
+        dynamics: of its robot.
+        scheme: says the form of the dynamics.
+        phases: a solution of theirs.
+        stop: asked at every iteration.
+        remark: what there is to say against them already.
+    """
+    phases, replay, landing = _land(problem, dynamics, scheme, phases, stop)
+    replay = _named(replay)
+    return Refined(replay, certify(problem, replay, phases, remark or landing), phases)
 
 
 def _error(refined: Refined) -> float:
@@ -91,13 +120,10 @@ def _structure(
     stop: Stop,
 ) -> tuple[Phases | None, str]:
     """Phases whose switching functions agree with their modes, or the last ones and why they do not."""
-    if problem.effort_weight > 0:
-        arcs = [Arc(trajectory.duration, (Mode.FREE,) * problem.robot.nv)]
-    else:
-        arcs = merged(detect(problem, trajectory, mesh(intervals, problem.robot.nv)))
-        idle = _idle(problem, arcs)
-        if problem.robot.nv > 3 and idle:
-            return None, f"time does not determine {', '.join(idle)}: on no limit for most of the motion"
+    arcs = merged(detect(problem, trajectory, mesh(intervals, problem.robot.nv)))
+    idle = _idle(problem, arcs)
+    if problem.robot.nv > 3 and idle:
+        return None, f"time does not determine {', '.join(idle)}: on no limit for most of the motion"
 
     guess, seen, last = trajectory, set(), None
     for _ in range(_ROUNDS):
@@ -112,12 +138,16 @@ def _structure(
             arcs = without_short(phases.arcs, shortest)
             continue
         last = phases
+        structure = tuple((arc.modes, arc.touches) for arc in phases.arcs)
+        arcs = _with_overlooked(problem, phases) or _without_idle_touches(phases)
+        if arcs and structure not in seen and not stop:
+            seen.add(structure)
+            continue
         _, switching, worst = pontryagin(problem, phases)
-        if worst <= SWITCHING_TOLERANCE or problem.effort_weight > 0:
+        if worst <= SWITCHING_TOLERANCE:
             return phases, ""
-        structure = tuple(arc.modes for arc in phases.arcs)
         arcs = _by_sign(phases, switching)
-        if structure in seen or stop or structure == tuple(arc.modes for arc in arcs):
+        if structure in seen or stop or structure == tuple((arc.modes, arc.touches) for arc in arcs):
             break
         seen.add(structure)
     return last, "the switching structure did not settle"
@@ -130,13 +160,65 @@ def _idle(problem: MinimumTimeProblem, arcs: list[Arc]) -> list[str]:
     return [name for name, time in zip(problem.robot.joint_names, free, strict=True) if time > total / 2]
 
 
+def _with_overlooked(problem: MinimumTimeProblem, phases: Phases) -> list[Arc]:
+    """The structure with arcs on the limits of velocity and position that hold it back unnamed; none: it names all."""
+    limits, K = problem.limits, phases.arc_of.size
+    modes = np.array([phases.arcs[a].modes for a in phases.arc_of], dtype=object)
+    named = np.isin(modes, (*VELOCITY, *POSITION))
+    ends = np.concatenate([phases.knot_pull, np.zeros((1, *phases.knot_pull.shape[1:]))])
+    ends[:-1] *= ~(named[:-1] | named[1:])[:, None]
+    touches = np.flatnonzero(np.diff(phases.arc_of))  # last intervals of arcs
+    for k, arc in zip(touches, phases.arcs, strict=False):
+        for i, _ in arc.touches:
+            ends[k, :, i] = 0.0
+    pulls = np.concatenate([phases.state_pull, ends[:, None]], axis=1)  # (K, stages, 2, nv)
+    found = False
+    for row, size, upper, lower in (
+        (0, np.ones(modes.shape[1]), Mode.POSITION_UPPER, Mode.POSITION_LOWER),
+        (1, np.where(np.isinf(limits.velocity), 0.0, limits.velocity), Mode.VELOCITY_UPPER, Mode.VELOCITY_LOWER),
+    ):
+        for sign, mode in ((-1, upper), (1, lower)):
+            held = (np.max(sign * pulls[:, :, row], axis=1) * size > _HELD * phases.duration) & ~named
+            modes[held] = mode
+            found = found or bool(np.any(held))
+    if not found:
+        return []
+    events = [
+        Event(float(phases.t[k]), i, modes[k, i])
+        for i in range(modes.shape[1])
+        for k in range(1, K)
+        if modes[k, i] is not modes[k - 1, i]
+    ]
+    return merged(arcs_between(list(modes[0]), [*events, *_touches(phases)], phases.duration))
+
+
+def _without_idle_touches(phases: Phases) -> list[Arc]:
+    """The structure without the touches that the motion would rather not make; none: it wants them all."""
+    arcs, last = list(phases.arcs), np.flatnonzero(np.diff(phases.arc_of))
+    for a, k in enumerate(last):
+        wanted = tuple(
+            (i, mode)
+            for i, mode in arcs[a].touches
+            if outward(mode) * phases.knot_pull[k, int(mode in VELOCITY), i] < 0
+        )
+        arcs[a] = replace(arcs[a], touches=wanted)
+    return [] if tuple(arcs) == phases.arcs else merged(arcs)
+
+
+def _touches(phases: Phases) -> list[Event]:
+    ends = np.cumsum([arc.duration for arc in phases.arcs])
+    return [
+        Event(float(t), i, mode, touch=True)
+        for t, arc in zip(ends, phases.arcs, strict=True)
+        for i, mode in arc.touches
+    ]
+
+
 def _by_sign(phases: Phases, switching: Array) -> list[Arc]:
     """The structure that the switching functions' signs say, for joints that are only ever on torque limits."""
     first = list(phases.arcs[0].modes)
-    events: list[Event] = []
+    events = _touches(phases)
     starts = np.concatenate([[0], np.cumsum([arc.duration for arc in phases.arcs])])
-    for a, arc in enumerate(phases.arcs):
-        events += [Event(float(starts[a + 1]), i, mode, touch=True) for i, mode in arc.touches]
     for i in range(switching.shape[1]):
         modes = [arc.modes[i] for arc in phases.arcs]
         if any(mode not in BANG for mode in modes):

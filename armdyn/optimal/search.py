@@ -29,7 +29,7 @@ def search(
     meshes: Sequence[int],
     count: int,
     seed: int,
-    options: DirectOptions,
+    options: Sequence[DirectOptions],
     workers: int | None,
     stop: Stop,
     progress: Callable[[str], None],
@@ -38,17 +38,18 @@ def search(
 
     There are `count` guesses, fewer where a dozen or so have led to few optima again and again.
 
-    Guesses take turns on the meshes: what a coarse one hides a finer one may show.
+    Guesses take turns on the meshes and, at half that pace, on the options: what one hides another may show.
 
     The same seed gives the same attempts, on however many cores.
     """
     ways = detours(problem, seed, count)
     for intervals in meshes:  # before the fork, so that every worker has them
-        prepare(dynamics, scheme, intervals, options)
+        for option in options:
+            prepare(dynamics, scheme, intervals, option)
 
     def job(k: int) -> Attempt:
-        mesh = meshes[k % len(meshes)]
-        return solve_on_mesh(problem, spline(problem, ways[k]), dynamics, scheme, mesh, options, stop)
+        mesh, option = meshes[k % len(meshes)], options[k // len(meshes) % len(options)]
+        return solve_on_mesh(problem, spline(problem, ways[k]), dynamics, scheme, mesh, option, stop)
 
     attempts: list[Attempt] = []
     for attempt in _each(job, count, workers, stop):

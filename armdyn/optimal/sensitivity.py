@@ -58,7 +58,7 @@ def sensitivities(problem: MinimumTimeProblem, phases: Phases) -> Sensitivities:
                 outward = 1.0 if mode is Mode.VELOCITY_UPPER else -1.0
                 pull = phases.state_pull[k, :, 1, i].sum()
                 pull += phases.knot_pull[k, 1, i] if k < len(phases.knot_pull) else 0.0
-                velocity[i] += outward * pull / phases.speed
+                velocity[i] += outward * pull
     return Sensitivities(_by_payload_mass(problem, phases), upper, lower, velocity)
 
 

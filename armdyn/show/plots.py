@@ -24,28 +24,35 @@ COLORS = ("#2970b8", "#ed8a24", "#33a05c", "#cc2936", "#7b52ab", "#12a4b4", "#8a
 """One per joint; the first three are the links' colours in the replay."""
 
 Style = Literal["-", "-."] | tuple[float, tuple[float, ...]]
-_STYLES: tuple[Style, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)), "-.")
-_INK = "#30363d"
+STYLES: tuple[Style, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)), "-.")
+"""One per trajectory."""
+INK = "#30363d"
+"""Of text and axes."""
 _GRID = "#d9dee4"
 _DENSE = 1200
 _LOOK: Any = {
     "font.size": 9.5,
-    "axes.edgecolor": _INK,
-    "axes.labelcolor": _INK,
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.linewidth": 0.8,
     "axes.grid": True,
     "grid.color": _GRID,
     "grid.linewidth": 0.6,
-    "text.color": _INK,
-    "xtick.color": _INK,
-    "ytick.color": _INK,
+    "text.color": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
     "xtick.direction": "out",
     "legend.frameon": False,
     "legend.fontsize": 9,
     "pdf.fonttype": 42,
     "svg.hashsalt": "armdyn",
+}
+_UNDATED: dict[str, dict[str, str | None]] = {
+    "png": {"Software": "armdyn"},
+    "pdf": {"Creator": "armdyn", "Producer": "armdyn", "CreationDate": None},
+    "svg": {"Creator": "armdyn", "Date": None},
 }
 
 
@@ -80,16 +87,15 @@ def plot_trajectories(
             _draw(panels, trajectory, style)
         for panel, label in zip(panels, ("position [rad]", "velocity [rad/s]", "torque [N m]"), strict=True):
             panel.set_ylabel(label)
-            panel.axhline(0.0, color=_INK, linewidth=0.5, alpha=0.5, zorder=1)
+            panel.axhline(0.0, color=INK, linewidth=0.5, alpha=0.5, zorder=1)
             panel.margins(y=0.08)
         panels[2].set_xlabel("time [s]")
         start = min(float(trajectory.t[0]) for trajectory in trajectories)
         end = max(float(trajectory.t[-1]) for trajectory in trajectories)
         panels[0].set_xlim(start, end + 0.01 * (end - start))
-        if limits is not None:
-            _draw_limits(panels, limits, joints)
+        limited = limits is not None and _draw_limits(panels, limits, joints)
         figure.align_ylabels(panels)
-        _add_legends(figure, trajectories, joints, limits is not None)
+        _add_legends(figure, trajectories, joints, limited)
         if title:
             figure.suptitle(title, fontsize=12, fontweight="bold")
     return figure
@@ -106,17 +112,21 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
         OSError: the folder cannot be written.
     """
     kind = Path(path).suffix.lower().removeprefix(".")
-    undated: dict[str, dict[str, str | None]] = {
-        "png": {"Software": "armdyn"},
-        "pdf": {"Creator": "armdyn", "Producer": "armdyn", "CreationDate": None},
-        "svg": {"Creator": "armdyn", "Date": None},
-    }
-    if kind not in undated:
+    if kind not in _UNDATED:
         raise ValueError(f"{path}: a figure is written as .png, .pdf or .svg")
+    return write_whole(path, _rendered(figure, kind))
+
+
+def svg_text(figure: Figure) -> str:
+    """A figure as SVG; the same figure gives the same text."""
+    return _rendered(figure, "svg").decode("utf-8")
+
+
+def _rendered(figure: Figure, kind: str) -> bytes:
     buffer = BytesIO()
     with rc_context(_LOOK):
-        figure.savefig(buffer, format=kind, dpi=160, metadata=undated[kind])
-    return write_whole(path, buffer.getvalue())
+        figure.savefig(buffer, format=kind, dpi=160, metadata=_UNDATED[kind])
+    return buffer.getvalue()
 
 
 def _colors(n: int) -> list[str]:
@@ -124,7 +134,7 @@ def _colors(n: int) -> list[str]:
 
 
 def _styles(n: int) -> list[Style]:
-    return [_STYLES[i % len(_STYLES)] for i in range(n)]
+    return [STYLES[i % len(STYLES)] for i in range(n)]
 
 
 def _draw(panels: list[Axes], trajectory: Trajectory, style: Style) -> None:
@@ -135,10 +145,12 @@ def _draw(panels: list[Axes], trajectory: Trajectory, style: Style) -> None:
     for panel, (time, values) in zip(panels, curves, strict=True):
         for joint, color in enumerate(_colors(values.shape[1])):
             panel.plot(time, values[:, joint], color=color, linestyle=style, linewidth=1.7, zorder=3)
-        panel.axvline(trajectory.t[-1], color=_INK, linestyle=style, linewidth=0.6, alpha=0.35, zorder=1)
+        panel.axvline(trajectory.t[-1], color=INK, linestyle=style, linewidth=0.6, alpha=0.35, zorder=1)
 
 
-def _draw_limits(panels: list[Axes], limits: JointLimits, joints: int) -> None:
+def _draw_limits(panels: list[Axes], limits: JointLimits, joints: int) -> bool:
+    """Whether there was one to draw."""
+    any_drawn = False
     bounds = (
         (limits.position_lower, limits.position_upper),
         (-limits.velocity, limits.velocity),
@@ -152,12 +164,14 @@ def _draw_limits(panels: list[Axes], limits: JointLimits, joints: int) -> None:
             common = bool(np.all(values == values[0]))
             for joint, value in enumerate(values[: 1 if common else joints]):
                 if np.isfinite(value) and low - near <= value <= high + near:
-                    color = _INK if common else _colors(joints)[joint]
+                    color = INK if common else _colors(joints)[joint]
                     panel.axhline(value, color=color, linestyle=(0, (4, 3)), linewidth=0.9, alpha=0.45)
                     drawn.append(float(value))
         if drawn:
+            any_drawn = True
             pad = 0.06 * (high - low)
             panel.set_ylim(min(low, min(drawn) - pad), max(high, max(drawn) + pad))
+    return any_drawn
 
 
 def _add_legends(figure: Figure, trajectories: Sequence[Trajectory], joints: int, limits: bool) -> None:
@@ -167,13 +181,13 @@ def _add_legends(figure: Figure, trajectories: Sequence[Trajectory], joints: int
         for name, color in zip(names, _colors(joints), strict=True)
     ]
     if limits:
-        handles.append(Line2D([], [], color=_INK, linestyle=(0, (4, 3)), linewidth=0.9, alpha=0.5, label="limit"))
+        handles.append(Line2D([], [], color=INK, linestyle=(0, (4, 3)), linewidth=0.9, alpha=0.5, label="limit"))
     figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 5), handlelength=2.6)
     if len(trajectories) > 1:
         runs = []
         for i, (trajectory, style) in enumerate(zip(trajectories, _styles(len(trajectories)), strict=True)):
             caption = f"{trajectory.name or f'trajectory {i + 1}'}, {trajectory.duration:.4g} s"
-            runs.append(Line2D([], [], color=_INK, linestyle=style, linewidth=1.4, label=_literal(caption)))
+            runs.append(Line2D([], [], color=INK, linestyle=style, linewidth=1.4, label=_literal(caption)))
         figure.axes[0].legend(
             handles=runs, loc="lower left", bbox_to_anchor=(0, 1), ncols=min(len(runs), 3), borderaxespad=0.2
         )

@@ -70,6 +70,45 @@ def write_html(
         ValueError: `fps` or `slow_motion` is not positive and finite.
         OSError: the folder cannot be written.
     """
+    fields = {"viewer": viewer_script(), **replay_fields(robot, trajectories, fps=fps, slow_motion=slow_motion)}
+    # In one pass: a robot may be called {{viewer}}.
+    return write_whole(path, re.sub(r"\{\{(\w+)\}\}", lambda match: fields[match[1]], page_template()).encode())
+
+
+def page_template() -> str:
+    """The replay page, with {{viewer}} for `viewer_script` and {{title}} and {{data}} for `replay_fields`."""
+    return files("armdyn.show").joinpath("replay_page.html").read_text("utf-8")
+
+
+def viewer_script() -> str:
+    """The bundle of meshcat, fit to stand between script tags of a page that links nowhere.
+
+    Raises:
+        RuntimeError: it contains a closing script tag.
+    """
+    bundle = Path(str(meshcat.__file__)).with_name("viewer") / "dist" / "main.min.js"
+    # XML namespaces are no links, but whoever searches the page for links should find none.
+    viewer = re.sub(r'"http(s?)://', r'"http\1:"+"//', bundle.read_text("utf-8"))
+    if re.search(r"</script|<!--", viewer, re.IGNORECASE):
+        raise RuntimeError("meshcat's bundle cannot stand in a page: it contains a closing script tag")
+    return viewer
+
+
+def replay_fields(
+    robot: Robot, trajectories: Sequence[Trajectory], *, fps: float = 60, slow_motion: float | None = None
+) -> dict[str, str]:
+    """What tells one replay page from another: "title" and "data", ready for `page_template`.
+
+    Args:
+        robot: what moves.
+        trajectories: as in `write_html`.
+        fps: as in `write_html`.
+        slow_motion: as in `write_html`.
+
+    Raises:
+        TrajectoryError: there is no trajectory, or one has another number of joints than the robot.
+        ValueError: `fps` or `slow_motion` is not positive and finite.
+    """
     if not trajectories:
         raise TrajectoryError("nothing to replay: no trajectory given")
     for trajectory in trajectories:
@@ -97,7 +136,7 @@ def write_html(
         "commands": [_packed(command) for command in _shape_commands(robot_shapes(robot))],
         "arms": arms,
     }
-    return write_whole(path, _page(robot.name, data).encode())
+    return {"title": html.escape(robot.name), "data": script_json(data)}
 
 
 def _speed(durations: Sequence[float]) -> float:
@@ -106,19 +145,16 @@ def _speed(durations: Sequence[float]) -> float:
     return min((s for s in _SPEEDS if s <= 1.0), key=lambda s: abs(np.log(s / wanted)))
 
 
-def _page(title: str, data: Mapping[str, Any]) -> str:
-    template = files("armdyn.show").joinpath("replay_page.html").read_text("utf-8")
-    bundle = Path(str(meshcat.__file__)).with_name("viewer") / "dist" / "main.min.js"
-    # XML namespaces are no links, but whoever searches the page for links should find none.
-    viewer = re.sub(r'"http(s?)://', r'"http\1:"+"//', bundle.read_text("utf-8"))
-    if re.search(r"</script|<!--", viewer, re.IGNORECASE):
-        raise RuntimeError("meshcat's bundle cannot stand in a page: it contains a closing script tag")
+def script_json(data: Mapping[str, Any]) -> str:
+    """JSON that may stand between script tags, whatever its strings are.
+
+    Raises:
+        ValueError: a number is not finite.
+    """
     text = json.dumps(data, allow_nan=False, separators=(",", ":"))
     for character in "<>&\u2028\u2029":
         text = text.replace(character, f"\\u{ord(character):04x}")
-    parts = {"title": html.escape(title), "viewer": viewer, "data": text}
-    # In one pass: a robot may be called {{viewer}}.
-    return re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match[1]], template)
+    return text
 
 
 def _packed(command: Mapping[str, Any]) -> str:

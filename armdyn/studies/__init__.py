@@ -1,1 +1,1 @@
-"""Whole studies: the paper's examples."""
+"""Whole studies: the paper, reproduced."""

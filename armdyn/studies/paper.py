@@ -1,22 +1,18 @@
-"""The paper's six worked examples."""
+"""The paper's set-up: its six worked examples, arms, poses and figures."""
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from armdyn.control import PidRun, simulate_pid
-from armdyn.models.robot import Robot
-from armdyn.models.spec import ArmSpec, PaperArm, Payload
-from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Solution, solve_minimum_time
-from armdyn.show.report import minimum_time_summary, pid_summary, write_run
+from armdyn.models.spec import PaperArm
 
 PAYLOAD = 0.1006
 """The payload of the paper's figures [kg]."""
 
-Kind = Literal["mintime", "pid"]
+Kind = Literal["minimum_time", "time_energy", "pid"]
+"""What is asked for: minimum time under ±3 N m (Examples 1 to 3 as they are stated); the optimum of
+∫ (1 + ½ τᵀτ) dt without a torque limit, whose law the paper prints as (19) to (21); a PID loop (Examples 4 to 6)."""
 
 _TURN = np.pi / 84
 
@@ -28,7 +24,7 @@ class Example:
     Attributes:
         number: 1 to 6.
         arm: its arm.
-        kind: minimum time (section 3) or PID (section 4).
+        kind: "minimum_time" (section 3) or "pid" (section 4).
         q_start: joint positions at the start [rad].
         q_goal: joint positions at the end [rad].
         figure: the paper's figure of it.
@@ -42,9 +38,9 @@ class Example:
     figure: int
 
     @property
-    def name(self) -> str:
-        """Of its folder and in tables."""
-        return f"example{self.number}_{self.arm}_{self.kind}"
+    def folder(self) -> str:
+        """The name of its folder."""
+        return f"example{self.number}_{self.arm}_{'pid' if self.kind == 'pid' else 'mintime'}"
 
 
 _POSES: dict[PaperArm, tuple[tuple[float, ...], tuple[float, ...]]] = {
@@ -54,9 +50,9 @@ _POSES: dict[PaperArm, tuple[tuple[float, ...], tuple[float, ...]]] = {
 }
 
 EXAMPLES = (
-    Example(1, "r", "mintime", *_POSES["r"], 2),
-    Example(2, "rr", "mintime", *_POSES["rr"], 4),
-    Example(3, "rrr", "mintime", *_POSES["rrr"], 6),
+    Example(1, "r", "minimum_time", *_POSES["r"], 2),
+    Example(2, "rr", "minimum_time", *_POSES["rr"], 4),
+    Example(3, "rrr", "minimum_time", *_POSES["rrr"], 6),
     Example(4, "r", "pid", *_POSES["r"], 3),
     # Example 5 is printed with other states than Example 2.
     Example(5, "rr", "pid", (-_TURN, _TURN), (_TURN, -_TURN), 5),
@@ -66,55 +62,6 @@ EXAMPLES = (
 
 
 def example(arm: str, kind: Kind) -> Example:
-    """The example of an arm."""
-    return next(e for e in EXAMPLES if e.arm == arm and e.kind == kind)
-
-
-def run_example(
-    one: Example,
-    payload: float,
-    options: MinimumTimeOptions | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> tuple[Robot, Solution | PidRun]:
-    """Solve or simulate an example.
-
-    Args:
-        one: the example.
-        payload: point mass at the tip [kg].
-        options: of the minimum-time solve.
-        progress: told in words what is being tried.
-    """
-    robot = Robot.from_spec(ArmSpec.paper(one.arm), payload=Payload(mass=payload))
-    if one.kind == "pid":
-        return robot, simulate_pid(robot, q_start=one.q_start, q_goal=one.q_goal)
-    problem = MinimumTimeProblem(robot, q_start=one.q_start, q_goal=one.q_goal)
-    return robot, solve_minimum_time(problem, options, progress)
-
-
-def reproduce(
-    folder: Path,
-    payload: float = PAYLOAD,
-    options: MinimumTimeOptions | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> Iterator[tuple[Example, dict[str, object]]]:
-    """All six examples with one payload, a folder each with trajectory, figure and replay.
-
-    Args:
-        folder: where the examples' folders are made.
-        payload: point mass at the tip [kg].
-        options: of the minimum-time solves.
-        progress: told in words what is being tried.
-
-    Yields:
-        Each example as it is done, with its summary (see `show.report`).
-    """
-    for one in EXAMPLES:
-        if progress:
-            progress(f"example {one.number}: {one.arm} {one.kind}")
-        robot, result = run_example(one, payload, options, progress)
-        summary = minimum_time_summary(result) if isinstance(result, Solution) else pid_summary(result)
-        title = f"Example {one.number} (Figure {one.figure}): {one.arm.upper()}, {1000 * payload:g} g, " + (
-            "minimum time" if one.kind == "mintime" else "PID"
-        )
-        files = write_run(folder / one.name, robot, result.trajectory, summary, title)
-        yield one, {**summary, "files": [str(path) for path in files]}
+    """The example of an arm and a kind; time-energy has the states of minimum time."""
+    wanted = "pid" if kind == "pid" else "minimum_time"
+    return next(e for e in EXAMPLES if e.arm == arm and e.kind == wanted)

@@ -40,7 +40,7 @@ def problem(case: str) -> ad.MinimumTimeProblem:
     if case in _LIBRARY_POSES:
         start, goal = _LIBRARY_POSES[case]
         return ad.MinimumTimeProblem(ad.Robot.from_library(case), q_start=start, q_goal=goal)
-    one = example(case, "mintime")
+    one = example(case, "minimum_time")
     robot = ad.Robot.from_spec(ad.ArmSpec.paper(one.arm), payload=ad.Payload(mass=PAYLOAD))
     return ad.MinimumTimeProblem(robot, q_start=one.q_start, q_goal=one.q_goal)
 

@@ -31,8 +31,8 @@ def find_chromium():
 
 
 @contextlib.contextmanager
-def open_page(path, width=1280, height=800):
-    """The page of a replay, its requests (URLs) and its errors."""
+def open_page(path, width=1280, height=800, ready="window.armdyn !== undefined"):
+    """A page, once its scripts say that it is ready, its requests (URLs) and its errors; by default a replay's."""
     from playwright.sync_api import sync_playwright
 
     requests, errors = [], []
@@ -47,7 +47,7 @@ def open_page(path, width=1280, height=800):
             page.on("pageerror", lambda error: errors.append(str(error)))
             page.on("console", lambda line: errors.append(line.text) if line.type == "error" else None)
             page.goto(Path(path).resolve().as_uri())
-            page.wait_for_function("window.armdyn !== undefined", timeout=60_000)
+            page.wait_for_function(ready, timeout=60_000)
             yield page, requests, errors
         finally:
             browser.close()

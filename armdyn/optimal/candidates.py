@@ -1,0 +1,167 @@
+"""The optima that are worth refining: found on coarse meshes, told apart on a finer one."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armdyn.dynamics.symbolic import Dynamics
+from armdyn.optimal.direct import Attempt, solve_on_mesh
+from armdyn.optimal.monitor import Stop
+from armdyn.optimal.options import MinimumTimeOptions
+from armdyn.optimal.problem import MinimumTimeProblem
+from armdyn.optimal.search import SAME, distinct, ranked, search
+from armdyn.optimal.starts import spline
+from armdyn.optimal.status import Status
+from armdyn.optimal.transcription import DynamicsForm, Scheme
+from armdyn.trajectory import Trajectory
+
+_SAME_ON_MESH = 5e-4
+"""Durations on one mesh that differ by less than this part, from different guesses, are one optimum."""
+_WORTH_REFINING = 1.2
+"""Coarse solutions this much slower than the best are not refined, only listed."""
+_TRUSTED = 1.05
+"""Where the finer mesh makes the best this much slower, coarse ones were too coarse, and are searched on no more."""
+
+_STARTS = {1: 1, 2: 32, 3: 48}
+"""Guesses by joints; beyond three a solve takes seconds, and there are 4."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """What a search has come to.
+
+    Attributes:
+        attempts: the best optima on the first mesh that arcs are read from, best first; if none converged, those
+            that did not.
+        converged: some did.
+        listed: durations of the others [s].
+        iterations: of IPOPT.
+    """
+
+    attempts: tuple[Attempt, ...]
+    converged: bool
+    listed: tuple[float, ...]
+    iterations: int
+
+
+def find_candidates(
+    problem: MinimumTimeProblem,
+    dynamics: Dynamics,
+    scheme: Scheme,
+    options: MinimumTimeOptions,
+    stop: Stop,
+    tell: Callable[[str], None],
+) -> Candidates:
+    """Search from many guesses on coarse meshes, and solve the best on `options.intervals`.
+
+    Args:
+        problem: what is to be solved.
+        dynamics: of its robot.
+        scheme: the transcription.
+        options: how many guesses, on which meshes.
+        stop: asked at every iteration.
+        tell: told in words what is being tried.
+    """
+    n = problem.robot.nv
+    count = options.starts or _STARTS.get(n, 4)
+    meshes = options.coarse_intervals if n <= 3 else options.coarse_intervals[:1]
+    tell(f"straight guess on {options.intervals} intervals")
+    straight = spline(problem, [])
+    plain = solve_on_mesh(problem, straight, dynamics, scheme, options.intervals, options.alone(), stop)
+
+    def searched(meshes: Sequence[int]) -> list[Attempt]:
+        return search(
+            problem, dynamics, scheme, meshes, count, options.seed, options.coarse(), options.workers, stop, tell
+        )
+
+    coarse = searched(meshes)
+    if n > 3 and plain.status is Status.SOLVED:
+        # A finer mesh costs seconds here: only what beats the straight guess on its own mesh is worth one.
+        mark = coarse[0].trajectory.duration * (1 - SAME) if coarse[0].status is Status.SOLVED else np.inf
+        found = [plain, *(a for a in distinct(ranked(coarse)) if a.trajectory.duration < mark)]
+    else:
+        found = distinct(ranked([*coarse, plain]))
+    if not found:
+        tried = _ladder(problem, dynamics, scheme, options, stop, ranked([*coarse, plain]), tell)
+        iterations, found = sum(a.iterations for a in tried), distinct(ranked(tried))
+        if not found:
+            return Candidates(tuple(tried), False, (), iterations)
+    else:
+        iterations = plain.iterations + sum(a.iterations for a in coarse)
+    limit = options.refinements or (4 if n <= 3 else 2)
+    settled, listed, more = _settled(problem, dynamics, scheme, options, found, limit, stop, tell)
+    iterations += more
+    if 1 < n <= 3 and settled[0].trajectory.duration > _TRUSTED * found[0].trajectory.duration and not stop:
+        again = searched((options.intervals, options.intervals * 3 // 2))
+        iterations += sum(a.iterations for a in again)
+        found = distinct(ranked([*settled, *again]))
+        settled, listed, more = _settled(problem, dynamics, scheme, options, found, limit, stop, tell)
+        iterations += more
+    return Candidates(tuple(settled), True, tuple(listed), iterations)
+
+
+def _settled(
+    problem: MinimumTimeProblem,
+    dynamics: Dynamics,
+    scheme: Scheme,
+    options: MinimumTimeOptions,
+    found: Sequence[Attempt],
+    limit: int,
+    stop: Stop,
+    tell: Callable[[str], None],
+) -> tuple[list[Attempt], list[float], int]:
+    """The best coarse optima, each once, on the mesh that arcs are read from first.
+
+    Returns:
+        Them, in the order that this mesh puts them in; durations of the others; iterations spent.
+    """
+    candidates: list[Attempt] = []
+    listed: list[float] = []
+    iterations = 0
+    for attempt in found:
+        # Coarse durations may be far too good to be true; those on the mesh are to be beaten.
+        best = min((a.trajectory.duration for a in candidates), default=np.inf)
+        worth = attempt.trajectory.duration < _WORTH_REFINING * best
+        if candidates and (len(candidates) == limit or stop or not worth):
+            listed.append(attempt.trajectory.duration)
+            continue
+        finer = attempt
+        if attempt.intervals != options.intervals:
+            tell(f"optimum of about {attempt.trajectory.duration:.4f} s on {options.intervals} intervals")
+            finer = solve_on_mesh(
+                problem, attempt.trajectory, dynamics, scheme, options.intervals, options.fine(), stop
+            )
+            iterations += finer.iterations
+        candidates.append(finer if finer.status is Status.SOLVED else attempt)
+        candidates = distinct(ranked(candidates), _SAME_ON_MESH) or candidates[:1]
+    return candidates, listed, iterations
+
+
+def _ladder(
+    problem: MinimumTimeProblem,
+    dynamics: Dynamics,
+    scheme: Scheme,
+    options: MinimumTimeOptions,
+    stop: Stop,
+    failed: list[Attempt],
+    tell: Callable[[str], None],
+) -> list[Attempt]:
+    """When no guess converged: a finer mesh, the other form of the dynamics, and the other guesses' remains."""
+    other: DynamicsForm = "inverse" if scheme.dynamics == "forward" else "forward"
+    guesses: list[Trajectory] = [spline(problem, []), failed[0].trajectory]
+    attempts = list(failed)
+    for form, guess in ((scheme.dynamics, guesses[0]), (other, guesses[0]), (scheme.dynamics, guesses[1])):
+        if stop:
+            break
+        tell(f"no guess converged: trying {form} dynamics on {options.intervals} intervals")
+        step = replace(scheme, dynamics=form)
+        attempt = solve_on_mesh(problem, guess, dynamics, step, options.intervals, options.alone(), stop)
+        attempts.append(attempt)
+        if attempt.status is Status.SOLVED:
+            break
+    return sorted(attempts, key=lambda a: (a.status is not Status.SOLVED, _rest(a)))
+
+
+def _rest(attempt: Attempt) -> float:
+    return attempt.worst_violation.value if attempt.worst_violation else 0.0

@@ -1,0 +1,123 @@
+"""Time-energy optima by the direct method: what the indirect one starts from.
+
+With a weight on effort the torque is smooth, so that there are no arcs to find, but there are several local
+optima, and J = ∫ (1 + w/2 τᵀτ) dt tells them apart, not the duration.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armdyn.dynamics.symbolic import Dynamics
+from armdyn.optimal.arcs import Arc, Mode
+from armdyn.optimal.direct import Attempt, DirectOptions, solve_on_mesh
+from armdyn.optimal.monitor import Stop
+from armdyn.optimal.phases import TABLEAU, Phases, solve_phases
+from armdyn.optimal.problem import MinimumTimeProblem
+from armdyn.optimal.starts import detours, spline
+from armdyn.optimal.status import Status
+from armdyn.optimal.transcription import Scheme
+from armdyn.trajectory import Trajectory
+
+_COARSE, _FINE = 25, 30
+"""Intervals of the search and of the answer."""
+_SAME = 1e-4
+"""Coarse optima whose J and duration both differ by less than this part and ten times it are one."""
+_WORTH = 1.5
+"""Coarse optima of a J this much larger than the best are let go; not more, as some of the best are artefacts."""
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothOptima:
+    """What a search has found.
+
+    Attributes:
+        optima: different local optima, the one of least J first, with costates from the multipliers.
+        attempts: what they were found among.
+    """
+
+    optima: tuple[Phases, ...]
+    attempts: tuple[Attempt, ...]
+
+
+def smooth_optima(
+    problem: MinimumTimeProblem,
+    dynamics: Dynamics,
+    scheme: Scheme,
+    starts: int,
+    seed: int,
+    count: int,
+    stop: Stop,
+    tell: Callable[[str], None] = lambda text: None,
+) -> SmoothOptima:
+    """Different local optima from many guesses.
+
+    Args:
+        problem: with effort_weight > 0.
+        dynamics: of its robot, with a free last body.
+        scheme: says the form of the dynamics.
+        starts: guesses of the search, the first of them straight.
+        seed: of the other guesses.
+        count: so many optima at most.
+        stop: asked at every iteration.
+        tell: told in words what is being tried.
+    """
+    linear = replace(scheme, method="lobatto3", control="linear")
+    attempts: list[Attempt] = []
+    for way in detours(problem, seed, starts):
+        if stop and attempts:
+            break
+        tell(f"time and energy: guess {len(attempts) + 1} of {starts}")
+        guess, options = spline(problem, way), DirectOptions(1e-5, 200)
+        attempts.append(solve_on_mesh(problem, guess, dynamics, linear, _COARSE, options, stop))
+    found = [resolve(problem, guess, dynamics, scheme, stop) for guess in _distinct(problem, attempts)[:count]]
+    optima = sorted((phases for phases in found if phases.converged), key=lambda phases: cost(problem, phases))
+    return SmoothOptima(tuple(optima), tuple(attempts))
+
+
+def resolve(problem: MinimumTimeProblem, guess: Trajectory, dynamics: Dynamics, scheme: Scheme, stop: Stop) -> Phases:
+    """The optimum near a guess by Radau IIA of high order, with its multipliers.
+
+    Args:
+        problem: with effort_weight > 0.
+        guess: the motion to start from.
+        dynamics: of its robot, with a free last body.
+        scheme: says the form of the dynamics.
+        stop: asked at every iteration.
+    """
+    arc = Arc(guess.duration, (Mode.FREE,) * problem.robot.nv)
+    return solve_phases(problem, [arc], guess, dynamics, scheme, _FINE, stop)
+
+
+def cost(problem: MinimumTimeProblem, phases: Phases) -> float:
+    """J = ∫ (1 + w/2 τᵀτ) dt [s], by the collocation's own quadrature."""
+    squares = np.sum(phases.tau**2, axis=2) @ TABLEAU.b
+    return float(phases.duration + problem.effort_weight / 2 * np.diff(phases.t) @ squares)
+
+
+def _distinct(problem: MinimumTimeProblem, attempts: list[Attempt]) -> list[Trajectory]:
+    """Motions of converged attempts, no two the same, by J."""
+    solved = [a.trajectory for a in attempts if a.status is Status.SOLVED]
+    costs = sorted(((trajectory_cost(motion, problem.effort_weight), k) for k, motion in enumerate(solved)))
+    kept: list[tuple[float, Trajectory]] = []
+    for value, k in costs:
+        motion = solved[k]
+        if value <= _WORTH * costs[0][0] and not any(
+            value <= (1 + _SAME) * other and abs(motion.duration / like.duration - 1) <= 10 * _SAME
+            for other, like in kept
+        ):
+            kept.append((value, motion))
+    return [motion for _, motion in kept]
+
+
+def trajectory_cost(motion: Trajectory, weight: float) -> float:
+    """J = ∫ (1 + w/2 τᵀτ) dt [s], exact for torques that are linear between samples.
+
+    Args:
+        motion: of which times and torques count.
+        weight: w [1/(N m)²].
+    """
+    a, b = motion.tau[:-1], motion.tau[1:]
+    squares = np.sum(a * a + a * b + b * b, axis=1) / 3
+    return float(motion.duration + weight / 2 * np.diff(motion.t) @ squares)

@@ -1,0 +1,61 @@
+"""HTML put together from text: what is not markup already is escaped."""
+
+import html
+import re
+from collections.abc import Iterable, Mapping, Sequence
+
+
+class Html(str):
+    """Markup, as opposed to text."""
+
+    __slots__ = ()
+
+
+def element(tag: str, *content: str, **attributes: str | int) -> Html:
+    """An element; text in it is escaped, `Html` is not. `class_` stands for class, `aria_label` for aria-label."""
+    named = "".join(
+        f' {name.rstrip("_").replace("_", "-")}="{html.escape(str(value))}"' for name, value in attributes.items()
+    )
+    return Html(f"<{tag}{named}>{join(content)}</{tag}>")
+
+
+def join(parts: Iterable[str], between: str = "") -> Html:
+    """Parts one after the other."""
+    return Html(between.join(part if isinstance(part, Html) else html.escape(part) for part in parts))
+
+
+def table(head: Sequence[Sequence[Html]], rows: Iterable[Sequence[Html]], class_: str = "") -> Html:
+    """A table that scrolls by itself where it is too wide.
+
+    Args:
+        head: rows of `th` cells.
+        rows: rows of `td` cells.
+        class_: of the table.
+    """
+    top = element("thead", *(element("tr", *cells) for cells in head))
+    body = element("tbody", *(element("tr", *cells) for cells in rows))
+    # A scrolling region must be reachable by keyboard.
+    return element("div", element("table", top, body, class_=class_), class_="scroll", tabindex=0)
+
+
+def fill(template: str, parts: Mapping[str, str]) -> str:
+    """The template with its {{name}} replaced, in one pass: what is put in may contain {{name}} too."""
+    return re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match[1]], template)
+
+
+def inline_svg(text: str, prefix: str, label: str, colors: Mapping[str, str]) -> Html:
+    """An SVG file's content as an element of a page.
+
+    Args:
+        text: the file.
+        prefix: of the ids, which must differ from those of the page's other pictures.
+        label: what the picture shows, for those who do not see it.
+        colors: CSS that takes a colour's place, so that the picture follows the page from light to dark.
+    """
+    svg = text[text.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    svg = re.sub(r'\s(?:xmlns(?::\w+)?|version)="[^"]*"', "", svg)  # the page's own parser knows them
+    svg = re.sub(r'\b(id="|href="#|url\(#)', rf"\g<1>{prefix}-", svg)
+    for color, css in colors.items():
+        svg = svg.replace(color, css)
+    return Html(svg.replace("<svg ", f'<svg role="img" aria-label="{html.escape(label)}" ', 1))
