@@ -70,12 +70,12 @@ def find_candidates(
     straight = spline(problem, [])
     plain = solve_on_mesh(problem, straight, dynamics, scheme, options.intervals, options.alone(), stop)
 
-    def searched(meshes: Sequence[int]) -> list[Attempt]:
+    def searched(meshes: Sequence[int], count: int) -> list[Attempt]:
         return search(
             problem, dynamics, scheme, meshes, count, options.seed, options.coarse(), options.workers, stop, tell
         )
 
-    coarse = searched(meshes)
+    coarse = searched(meshes, count)
     if n > 3 and plain.status is Status.SOLVED:
         # A finer mesh costs seconds here: only what beats the straight guess on its own mesh is worth one.
         mark = coarse[0].trajectory.duration * (1 - SAME) if coarse[0].status is Status.SOLVED else np.inf
@@ -93,7 +93,7 @@ def find_candidates(
     settled, listed, more = _settled(problem, dynamics, scheme, options, found, limit, stop, tell)
     iterations += more
     if 1 < n <= 3 and settled[0].trajectory.duration > _TRUSTED * found[0].trajectory.duration and not stop:
-        again = searched((options.intervals, options.intervals * 3 // 2))
+        again = searched((options.intervals, options.intervals * 3 // 2), max(count // 2, 1))
         iterations += sum(a.iterations for a in again)
         found = distinct(ranked([*settled, *again]))
         settled, listed, more = _settled(problem, dynamics, scheme, options, found, limit, stop, tell)

@@ -116,7 +116,7 @@ def _time_energy(
     """Smooth optima in the order of their costs, as far as the first that survives its replay."""
     n = problem.robot.nv
     starts, limit = options.starts or {1: 2, 2: 16, 3: 24}.get(n, 4), options.refinements or 6
-    found = smooth_optima(problem, dynamics, scheme, starts, options.seed, limit, stop, tell)
+    found = smooth_optima(problem, dynamics, scheme, starts, options.seed, limit, stop, tell, options.workers)
     results: list[_Result] = []
     for phases in found.optima:
         if results and (_landed(results[-1].refined, options) or stop):

@@ -11,11 +11,11 @@ import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.arcs import Arc, Mode
-from armdyn.optimal.direct import Attempt, DirectOptions, solve_on_mesh
+from armdyn.optimal.direct import Attempt, DirectOptions
 from armdyn.optimal.monitor import Stop
 from armdyn.optimal.phases import TABLEAU, Phases, solve_phases
 from armdyn.optimal.problem import MinimumTimeProblem
-from armdyn.optimal.starts import detours, spline
+from armdyn.optimal.search import search
 from armdyn.optimal.status import Status
 from armdyn.optimal.transcription import Scheme
 from armdyn.trajectory import Trajectory
@@ -50,6 +50,7 @@ def smooth_optima(
     count: int,
     stop: Stop,
     tell: Callable[[str], None] = lambda text: None,
+    workers: int | None = 1,
 ) -> SmoothOptima:
     """Different local optima from many guesses.
 
@@ -62,15 +63,11 @@ def smooth_optima(
         count: so many optima at most.
         stop: asked at every iteration.
         tell: told in words what is being tried.
+        workers: processes of the search; None: one per core.
     """
     linear = replace(scheme, method="lobatto3", control="linear")
-    attempts: list[Attempt] = []
-    for way in detours(problem, seed, starts):
-        if stop and attempts:
-            break
-        tell(f"time and energy: guess {len(attempts) + 1} of {starts}")
-        guess, options = spline(problem, way), DirectOptions(1e-5, 200)
-        attempts.append(solve_on_mesh(problem, guess, dynamics, linear, _COARSE, options, stop))
+    coarse = [DirectOptions(1e-5, 200)]
+    attempts = search(problem, dynamics, linear, [_COARSE], starts, seed, coarse, workers, stop, tell)
     found = [resolve(problem, guess, dynamics, scheme, stop) for guess in _distinct(problem, attempts)[:count]]
     optima = sorted((phases for phases in found if phases.converged), key=lambda phases: cost(problem, phases))
     return SmoothOptima(tuple(optima), tuple(attempts))

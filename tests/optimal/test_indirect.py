@@ -50,14 +50,15 @@ def test_time_energy_is_that_of_the_reference_by_both_methods(arm, reading, mass
     duration, cost = TIME_ENERGY[arm, reading, mass]
     found = solve_indirect(problem_of(arm, reading, mass, effort_weight=1.0), options=FREE)
     assert found.success, found.message
-    # The issue asks for 1e-4 and, of the two methods, 1e-5; measured 1e-9 and 2e-9.
+    # Measured 1e-9 of the indirect method and 5e-8 of the direct one, whose cost is flat at its optimum.
     assert found.duration == pytest.approx(duration, rel=1e-7)
     assert found.cost == pytest.approx(cost, rel=1e-7)
     assert found.direct.duration == pytest.approx(duration, rel=1e-7)
     beside = compare_with_direct(found)
-    assert beside.duration < 1e-8
+    assert beside.duration < 1e-6
     # States and costates are polynomials of high order on either side; torques are linear between 100 to 600 knots.
-    assert max(beside.q, beside.v, beside.costate_q, beside.costate_v) < 1e-6
+    # Measured 3e-6: a cost flat in its second order to 1e-12 leaves its minimizer to 1e-6.
+    assert max(beside.q, beside.v, beside.costate_q, beside.costate_v) < 1e-5
     assert beside.tau < 1e-3
     assert found.hamiltonian_spread < 1e-7  # of H, in which time's term is 1; tolerance 1e-6 of the equations
     np.testing.assert_allclose(found.hamiltonian[0], found.hamiltonian[-1], atol=1e-7)
