@@ -13,8 +13,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs import BANG, POSITION, VELOCITY, outward
-from armdyn.optimal.phases import TABLEAU, Phases, lagrange
+from armdyn.optimal.phases import TABLEAU, Phases
 from armdyn.optimal.problem import MinimumTimeProblem
+from armdyn.optimal.sampling import lagrange
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -203,6 +204,5 @@ def _position_pulls(phases: Phases, i: int, inside: NDArray[np.bool_]) -> tuple[
 def _at_knots(phases: Phases) -> Array:
     """Torque at the knots, from the interval after each; at the end from the one before."""
     # A Radau interval ends with its last stage; to its start the stages are extrapolated.
-    weights = [lagrange(TABLEAU.c, j, 0.0) for j in range(TABLEAU.c.size)]
-    start, end = np.einsum("j,kji->ki", weights, phases.tau), phases.tau[:, -1]
+    start, end = np.einsum("j,kji->ki", lagrange(TABLEAU.c, 0.0)[0], phases.tau), phases.tau[:, -1]
     return np.vstack([start, end[-1:]])

@@ -16,13 +16,16 @@ from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.refine import Refined, land, refine
 from armdyn.optimal.rollout import replay_torques
 from armdyn.optimal.search import SAME
-from armdyn.optimal.smooth import cost, smooth_optima
+from armdyn.optimal.smooth import cost, settled, smooth_optima
 from armdyn.optimal.solution import Solution
 from armdyn.optimal.status import Status, Violation
 from armdyn.optimal.transcription import Scheme
 
 _SAME_OPTIMUM = 1e-6
 """Refined durations that differ by less than this part are one optimum."""
+_BEATEN = 1.02
+"""Optima of three joints and more that are this much slower on their mesh than one that is certified are only listed:
+to refine them takes longer than all the rest, and meshes are wrong by less."""
 
 
 def solve_minimum_time(
@@ -91,11 +94,12 @@ def _minimum_time(
     tell: Callable[[str], None],
 ) -> tuple[list[_Result], Candidates]:
     """Optima with arcs, refined in the order of their durations."""
-    candidates = find_candidates(problem, dynamics, scheme, options, stop, tell)
+    n, candidates = problem.robot.nv, find_candidates(problem, dynamics, scheme, options, stop, tell)
     results: list[_Result] = []
     listed = list(candidates.listed)
     for attempt in candidates.attempts if candidates.converged else ():
-        if results and stop:
+        certified = min((r.cost for r in results if r.refined.certificate.ok), default=np.inf)
+        if (results and stop) or (n > 2 and attempt.trajectory.duration > _BEATEN * certified):
             listed.append(attempt.trajectory.duration)
             continue
         tell(f"refining optimum {len(results) + 1}, about {attempt.trajectory.duration:.4f} s")
@@ -118,13 +122,13 @@ def _time_energy(
     starts, limit = options.starts or {1: 2, 2: 16, 3: 24}.get(n, 4), options.refinements or 6
     found = smooth_optima(problem, dynamics, scheme, starts, options.seed, limit, stop, tell, options.workers)
     results: list[_Result] = []
-    for phases in found.optima:
-        if results and (_landed(results[-1].refined, options) or stop):
-            break
+    for phases in settled(problem, dynamics, scheme, found.optima, stop):
         tell(f"replaying an optimum of J = {cost(problem, phases):.4f} s")
         refined = land(problem, dynamics, scheme, phases, stop)
         results.append(_Result(refined, cost(problem, phases), phases.arc_of.size, phases.iterations))
-    listed = tuple(phases.duration for phases in found.optima[len(results) :])
+        if _landed(refined, options) or stop:
+            break
+    listed = tuple(phases.duration for phases in found.optima)
     return results, Candidates(found.attempts, bool(results), listed, sum(a.iterations for a in found.attempts))
 
 

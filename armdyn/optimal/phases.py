@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.arcs import BANG, POSITION, VELOCITY, Arc, Mode
+from armdyn.optimal.grid import Density, deal, density_of
 from armdyn.optimal.ipopt import make_solver
 from armdyn.optimal.mesh import Scales, bounds, split, tie_break, to_unknowns
 from armdyn.optimal.monitor import Monitor, Stop
 from armdyn.optimal.problem import MinimumTimeProblem
+from armdyn.optimal.sampling import sampled
 from armdyn.optimal.tableau import RADAU_5
 from armdyn.optimal.transcription import Layout, Nlp, Scheme, build_nlp
 from armdyn.trajectory import Trajectory
@@ -30,10 +32,10 @@ TABLEAU = RADAU_5
 """Of the arcs: motion is smooth on them, and ninth order leaves nothing to see on a few intervals."""
 _TOLERANCE = 1e-10
 """Of IPOPT on the scaled problem: durations then hold to about as much."""
-_TIE = 1e-6
+_FEW, _SOME, _MANY = 60, 100, 200
+"""Iterations of IPOPT where all torques are held, where some are free, and where they are to be smooth."""
+_TIE = 1e-5
 """Cost of full torques on joints that time leaves free, against the 1 of time: it makes them unique."""
-_SAMPLES = 480
-"""Torque samples, about, on all arcs where the torque is not constant together: 4 to 16 on an interval."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +52,7 @@ class Phases:
         costate: ρ = ∂(time to go)/∂(q, v) at the knots, from the multipliers, shape (K + 1, 2 nv).
         tau: torques at the stages, shape (K, stages, nv).
         arc_of: which arc an interval is in, shape (K,).
+        laid: what the intervals were laid by; None: the arcs' lengths.
         stage_q: positions at the stages, shape (K, stages, nv).
         stage_v: velocities at the stages, shape (K, stages, nv).
         stage_costate: ∫ρ over each stage's share of the time, shape (K, stages, 2 nv): what multiplies a
@@ -57,7 +60,7 @@ class Phases:
         torque_pull: ∂t_f/∂tau at the stages [s/(N m)], shape (K, stages, nv); 0 where it is free.
         state_pull: the same for (q, v) at the inner stages [s/rad, s²/rad], shape (K, stages - 1, 2, nv).
         knot_pull: the same at the inner knots, shape (K - 1, 2, nv).
-        torques: the torque over time, its states only a guess: for `replay_torques`.
+        torques: the motion over time by the collocation's polynomials, for `replay_torques` and as a guess.
         iterations: of IPOPT.
     """
 
@@ -70,6 +73,7 @@ class Phases:
     costate: Array
     tau: Array
     arc_of: NDArray[np.int_]
+    laid: Density | None
     stage_q: Array
     stage_v: Array
     stage_costate: Array
@@ -84,6 +88,15 @@ class Phases:
         """t_f [s]."""
         return float(self.t[-1])
 
+    @property
+    def density(self) -> Density:
+        """Where another mesh needs its intervals."""
+        c = TABLEAU.c
+        states = np.concatenate([self.stage_q, self.stage_v], axis=2)
+        from_start = np.concatenate([np.concatenate([self.q, self.v], axis=1)[:-1, None], states], axis=1)
+        costate = self.stage_costate / (TABLEAU.b[:, None] * np.diff(self.t)[:, None, None])
+        return density_of(self.t, [(np.append(0, c), from_start), (c, costate)])
+
 
 def solve_phases(
     problem: MinimumTimeProblem,
@@ -95,6 +108,8 @@ def solve_phases(
     stop: Stop,
     offset: Array | float = 0.0,
     near: bool = False,
+    density: Density | None = None,
+    keep: Phases | None = None,
 ) -> Phases:
     """Durations of arcs, by Newton's method in the shape of IPOPT.
 
@@ -104,26 +119,31 @@ def solve_phases(
         guess: states to start from, at the times that the durations say.
         dynamics: of the problem's robot.
         scheme: says the form of the dynamics.
-        intervals: of the whole mesh, dealt out by the arcs' lengths.
+        intervals: of the whole mesh.
         stop: asked at every iteration.
         offset: how far beside the goal the collocation shall end, in (q, v), shape (2 nv,): where
             the collocation's error takes it back.
         near: the guess solves nearly the same problem: IPOPT stays where it is.
+        density: where the intervals are needed; None: they are dealt out by the arcs' lengths.
+        keep: a solution on the same mesh whose torques off all limits stay; None: they are free.
     """
     n, N = problem.robot.nv, intervals
     singular = any(arc.singular for arc in arcs)
     nlp, solver, monitor = _solver(
-        dynamics, replace(scheme, method=TABLEAU.name, control="stage"), N, singular, near or not singular
+        dynamics,
+        replace(scheme, method=TABLEAU.name, control="stage"),
+        N,
+        near or not singular,
+        (_MANY if problem.effort_weight else _SOME) if singular else _FEW,
     )
     layout = nlp.layout
     scales = Scales.of(problem, guess)
     durations = np.array([arc.duration for arc in arcs])
-    per_arc = _deal(durations, N)
-    arc_of = np.repeat(np.arange(len(arcs)), per_arc)
-    share = (durations / per_arc)[arc_of] / durations.sum()
+    arc_of, part = deal(durations, N, density)
+    share = durations[arc_of] * part / durations.sum()
     x = to_unknowns(guess, layout, share, scales)
     lower, upper = bounds(problem, nlp, scales)
-    _fix_modes(problem, arcs, arc_of, nlp, scales, lower, upper)
+    _fix_modes(problem, arcs, arc_of, nlp, scales, lower, upper, keep)
     end = x.size - layout.knot
     for bound in (lower, upper):
         bound[end : end + 2 * n] += offset / np.repeat([scales.length, scales.speed], n)
@@ -141,7 +161,7 @@ def solve_phases(
     weight = problem.effort_weight
     if weight == 0 and singular:
         weight = tie_break(problem, _TIE)
-    parameters = np.concatenate([(1 / per_arc)[arc_of], scales.parameters(weight, dynamics.last_body)])
+    parameters = np.concatenate([part, scales.parameters(weight, dynamics.last_body)])
     monitor.stop = stop
     result = solver(x0=x, p=parameters, lbx=lower, ubx=upper, lbg=lbg.ravel(), ubg=-lbg.ravel())
     stats = solver.stats()
@@ -150,17 +170,19 @@ def solve_phases(
     converged = word in ("Solve_Succeeded", "Solved_To_Acceptable_Level") and bool(np.all(np.isfinite(x)))
 
     knots, inner = split(x, layout, N)
-    lengths = np.maximum(knots[:-1, 2 * n] * scales.time / per_arc[arc_of], 1e-12)
+    lengths = np.maximum(knots[:-1, 2 * n] * scales.time * part, 1e-12)
     t = np.concatenate([[0], np.cumsum(lengths)])
     stages = layout.scheme.tableau.c.size
     tau = inner[:, layout.stages : layout.stages + layout.torques].reshape(N, stages, n) * scales.effort
     found = tuple(replace(arc, duration=float(lengths[arc_of == a].sum())) for a, arc in enumerate(arcs))
     costate, share_of_costate, slope = _multipliers(nlp, x, parameters, lam, scales)
     states = np.concatenate([inner[:, : layout.stages], knots[1:, : 2 * n]], axis=1).reshape(N, stages, 2, n)
+    states = states * np.array([scales.length, scales.speed])[:, None]
     own = layout.knot + layout.inner
     unit = scales.time / np.array([scales.length, scales.speed])[:, None]
     blocks = slope[: own * N].reshape(N, own)[:, layout.knot :]
     q, v = knots[:, :n] * scales.length, knots[:, n : 2 * n] * scales.speed
+    start = np.stack([q[:-1], v[:-1]], axis=1)[:, None]
     return Phases(
         converged=converged,
         message=word.replace("_", " "),
@@ -171,24 +193,17 @@ def solve_phases(
         costate=costate,
         tau=tau,
         arc_of=arc_of,
-        stage_q=states[:, :, 0] * scales.length,
-        stage_v=states[:, :, 1] * scales.speed,
+        laid=density,
+        stage_q=states[:, :, 0],
+        stage_v=states[:, :, 1],
         stage_costate=share_of_costate,
         state_pull=blocks[:, : layout.stages].reshape(N, -1, 2, n) * unit,
         torque_pull=blocks[:, layout.stages : layout.stages + layout.torques].reshape(N, stages, n)
         * (scales.time / scales.effort),
         knot_pull=slope[np.arange(1, N)[:, None] * own + np.arange(2 * n)].reshape(N - 1, 2, n) * unit,
-        torques=_torque_trajectory(problem, layout, found, arc_of, t, q, v, tau),
+        torques=sampled(problem, TABLEAU, found, arc_of, t, np.concatenate([start, states], axis=1), tau),
         iterations=int(stats["iter_count"]),
     )
-
-
-def _deal(durations: Array, intervals: int) -> NDArray[np.int_]:
-    """Intervals for every arc: two at least, the rest by its length."""
-    spare = intervals - 2 * durations.size
-    counts: NDArray[np.int_] = 2 + np.floor(spare * durations / durations.sum()).astype(int)
-    counts[np.argmax(durations)] += intervals - counts.sum()
-    return counts
 
 
 def _defect_rows(layout: Layout, nlp: Nlp) -> NDArray[np.int_]:
@@ -207,8 +222,9 @@ def _fix_modes(
     scales: Scales,
     lower: Array,
     upper: Array,
+    keep: Phases | None,
 ) -> None:
-    """Narrow the bounds, in place, to what the arcs say."""
+    """Narrow the bounds, in place, to what the arcs say, and to the torques that stay."""
     layout, limits, n = nlp.layout, problem.limits, nlp.layout.nv
     block, stages, inner_states = layout.knot + layout.inner, layout.scheme.tableau.c.size, layout.stages // (2 * n)
 
@@ -232,6 +248,10 @@ def _fix_modes(
                 bound = limits.effort_upper if mode is Mode.UPPER else limits.effort_lower
                 for j in range(stages):
                     fix(base + layout.knot + layout.stages + j * n + i, bound[i] / scales.effort[i])
+            if mode is Mode.FREE and keep is not None:
+                for j in range(stages):
+                    value = np.clip(keep.tau[k, j, i], limits.effort_lower[i], limits.effort_upper[i])
+                    fix(base + layout.knot + layout.stages + j * n + i, value / scales.effort[i])
             if k > 0 and arc_of[k - 1] != arc_of[k]:
                 held(base, i, mode)  # entered on the limit, not within the first interval
             for j in range(inner_states):
@@ -259,57 +279,14 @@ def _multipliers(nlp: Nlp, x: Array, parameters: Array, lam: Array, scales: Scal
     return costate * scales.time / state, weight * scales.time / state, slope
 
 
-def _torque_trajectory(
-    problem: MinimumTimeProblem,
-    layout: Layout,
-    arcs: Sequence[Arc],
-    arc_of: NDArray[np.int_],
-    t: Array,
-    q: Array,
-    v: Array,
-    tau: Array,
-) -> Trajectory:
-    """The torques over time; on arcs where they vary, samples of the stages' polynomial within the limits."""
-    c, limits = layout.scheme.tableau.c, problem.limits
-    varying = sum(any(mode not in BANG for mode in arcs[a].modes) for a in arc_of)
-    samples = int(np.clip(_SAMPLES // max(varying, 1), 4, 16))
-    rows_t, rows_tau, rows_k = [], [], []
-    for k, a in enumerate(arc_of):
-        constant = all(mode in BANG for mode in arcs[a].modes)
-        s = np.array([0.0, 1.0]) if constant else np.linspace(0, 1, samples + 1)
-        weights = np.array([[lagrange(c, j, at) for j in range(c.size)] for at in s])
-        values = np.clip(weights @ tau[k], limits.effort_lower, limits.effort_upper)
-        for i, mode in enumerate(arcs[a].modes):
-            if mode in BANG:
-                values[:, i] = (limits.effort_upper if mode is Mode.UPPER else limits.effort_lower)[i]
-        times = t[k] + s * (t[k + 1] - t[k])
-        times[-1] = np.nextafter(t[k + 1], 0) if k < arc_of.size - 1 else t[k + 1]
-        rows_t.append(times)
-        rows_tau.append(values)
-        rows_k.append(np.where(s < 1, k, k + 1))
-    index = np.concatenate(rows_k)
-    times, values = np.concatenate(rows_t), np.concatenate(rows_tau)
-    # Where the torque does not jump the sample one ulp before a knot says nothing new.
-    jump = np.append(np.any(np.abs(np.diff(values, axis=0)) > 0, axis=1) | (np.diff(times) > 1e-13), True)
-    return Trajectory(
-        times[jump], q[index][jump], v[index][jump], values[jump], problem.robot.joint_names, "minimum time"
-    )
-
-
-def lagrange(c: Array, j: int, s: float) -> float:
-    """The polynomial through the stages c that is 1 at stage j and 0 at the others, at s."""
-    others = np.delete(c, j)
-    return float(np.prod((s - others) / (c[j] - others)))
-
-
 @lru_cache(maxsize=32)
 def _solver(
-    dynamics: Dynamics, scheme: Scheme, intervals: int, singular: bool, near: bool
+    dynamics: Dynamics, scheme: Scheme, intervals: int, near: bool, iterations: int
 ) -> tuple[Nlp, ca.Function, Monitor]:
     nlp = build_nlp(dynamics, scheme, intervals)
     # "Acceptable" to IPOPT is a defect of 1e-2: not to us.
     newton: dict[str, float | str] = {"bound_relax_factor": 0.0, "acceptable_iter": 0, "mu_init": 1e-3}
     if near:  # or all torques are held: Newton's method from where it stands
         newton |= {"mu_init": 1e-9, "bound_push": 1e-9, "bound_frac": 1e-9}
-    solver, monitor = make_solver(nlp, _TOLERANCE, 100 if singular else 60, options=newton)
+    solver, monitor = make_solver(nlp, _TOLERANCE, iterations, options=newton)
     return nlp, solver, monitor

@@ -1,31 +1,20 @@
 """From a collocation solution to exact switching times: arcs, their durations, their replay."""
 
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.optimal.arcs import (
-    BANG,
-    POSITION,
-    VELOCITY,
-    Arc,
-    Event,
-    Mode,
-    arcs_between,
-    detect,
-    merged,
-    outward,
-    without_short,
-)
+from armdyn.optimal.arcs import Arc, Mode, detect, merged, without_short
 from armdyn.optimal.certificate import HAMILTONIAN_TOLERANCE, SWITCHING_TOLERANCE, Certificate, certify, pontryagin
 from armdyn.optimal.direct import mesh
+from armdyn.optimal.grid import Density
 from armdyn.optimal.monitor import Stop
 from armdyn.optimal.phases import Phases, solve_phases
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.rollout import replay_torques
+from armdyn.optimal.structure import by_sign, with_overlooked, without_idle_touches
 from armdyn.optimal.transcription import Scheme
 from armdyn.trajectory import Trajectory
 
@@ -36,8 +25,6 @@ _INTERVALS = 24
 _MOST_INTERVALS = 100
 _MOST_ARCS = 60
 _ROUNDS = 12
-_HELD = 1e-7
-"""A state limit on which more than this part of the motion hangs, for its whole size, holds the motion back."""
 _SHORTEST = 1e-6
 """Arcs shorter than this part of the motion are taken out."""
 _LANDED = 1e-9
@@ -125,28 +112,31 @@ def _structure(
     if problem.robot.nv > 3 and idle:
         return None, f"time does not determine {', '.join(idle)}: on no limit for most of the motion"
 
-    guess, seen, last = trajectory, set(), None
+    guess, seen = trajectory, set()
+    last: Phases | None = None
     for _ in range(_ROUNDS):
         if len(arcs) > _MOST_ARCS:
             return last, f"{len(arcs)} arcs: more than {_MOST_ARCS}"
         size = max(_INTERVALS, 3 * len(arcs))
-        phases = solve_phases(problem, arcs, guess, dynamics, scheme, size, stop)
+        laid = last.density if last else None
+        phases = solve_phases(problem, arcs, guess, dynamics, scheme, size, stop, density=laid)
         if not phases.converged:
             return last, f"the durations of {len(arcs)} arcs did not converge ({phases.message})"
         guess, shortest = phases.torques, _SHORTEST * phases.duration
-        if len(arcs) > 1 and min(arc.duration for arc in phases.arcs) < shortest:
+        structure = tuple((arc.modes, arc.touches) for arc in phases.arcs)
+        if len(arcs) > 1 and min(arc.duration for arc in phases.arcs) < shortest and structure not in seen:
+            seen.add(structure)
             arcs = without_short(phases.arcs, shortest)
             continue
         last = phases
-        structure = tuple((arc.modes, arc.touches) for arc in phases.arcs)
-        arcs = _with_overlooked(problem, phases) or _without_idle_touches(phases)
+        arcs = with_overlooked(problem, phases) or without_idle_touches(phases)
         if arcs and structure not in seen and not stop:
             seen.add(structure)
             continue
         _, switching, worst = pontryagin(problem, phases)
         if worst <= SWITCHING_TOLERANCE:
             return phases, ""
-        arcs = _by_sign(phases, switching)
+        arcs = by_sign(phases, switching)
         if structure in seen or stop or structure == tuple((arc.modes, arc.touches) for arc in arcs):
             break
         seen.add(structure)
@@ -160,89 +150,12 @@ def _idle(problem: MinimumTimeProblem, arcs: list[Arc]) -> list[str]:
     return [name for name, time in zip(problem.robot.joint_names, free, strict=True) if time > total / 2]
 
 
-def _with_overlooked(problem: MinimumTimeProblem, phases: Phases) -> list[Arc]:
-    """The structure with arcs on the limits of velocity and position that hold it back unnamed; none: it names all."""
-    limits, K = problem.limits, phases.arc_of.size
-    modes = np.array([phases.arcs[a].modes for a in phases.arc_of], dtype=object)
-    named = np.isin(modes, (*VELOCITY, *POSITION))
-    ends = np.concatenate([phases.knot_pull, np.zeros((1, *phases.knot_pull.shape[1:]))])
-    ends[:-1] *= ~(named[:-1] | named[1:])[:, None]
-    touches = np.flatnonzero(np.diff(phases.arc_of))  # last intervals of arcs
-    for k, arc in zip(touches, phases.arcs, strict=False):
-        for i, _ in arc.touches:
-            ends[k, :, i] = 0.0
-    pulls = np.concatenate([phases.state_pull, ends[:, None]], axis=1)  # (K, stages, 2, nv)
-    found = False
-    for row, size, upper, lower in (
-        (0, np.ones(modes.shape[1]), Mode.POSITION_UPPER, Mode.POSITION_LOWER),
-        (1, np.where(np.isinf(limits.velocity), 0.0, limits.velocity), Mode.VELOCITY_UPPER, Mode.VELOCITY_LOWER),
-    ):
-        for sign, mode in ((-1, upper), (1, lower)):
-            held = (np.max(sign * pulls[:, :, row], axis=1) * size > _HELD * phases.duration) & ~named
-            modes[held] = mode
-            found = found or bool(np.any(held))
-    if not found:
-        return []
-    events = [
-        Event(float(phases.t[k]), i, modes[k, i])
-        for i in range(modes.shape[1])
-        for k in range(1, K)
-        if modes[k, i] is not modes[k - 1, i]
-    ]
-    return merged(arcs_between(list(modes[0]), [*events, *_touches(phases)], phases.duration))
-
-
-def _without_idle_touches(phases: Phases) -> list[Arc]:
-    """The structure without the touches that the motion would rather not make; none: it wants them all."""
-    arcs, last = list(phases.arcs), np.flatnonzero(np.diff(phases.arc_of))
-    for a, k in enumerate(last):
-        wanted = tuple(
-            (i, mode)
-            for i, mode in arcs[a].touches
-            if outward(mode) * phases.knot_pull[k, int(mode in VELOCITY), i] < 0
-        )
-        arcs[a] = replace(arcs[a], touches=wanted)
-    return [] if tuple(arcs) == phases.arcs else merged(arcs)
-
-
-def _touches(phases: Phases) -> list[Event]:
-    ends = np.cumsum([arc.duration for arc in phases.arcs])
-    return [
-        Event(float(t), i, mode, touch=True)
-        for t, arc in zip(ends, phases.arcs, strict=True)
-        for i, mode in arc.touches
-    ]
-
-
-def _by_sign(phases: Phases, switching: Array) -> list[Arc]:
-    """The structure that the switching functions' signs say, for joints that are only ever on torque limits."""
-    first = list(phases.arcs[0].modes)
-    events = _touches(phases)
-    starts = np.concatenate([[0], np.cumsum([arc.duration for arc in phases.arcs])])
-    for i in range(switching.shape[1]):
-        modes = [arc.modes[i] for arc in phases.arcs]
-        if any(mode not in BANG for mode in modes):
-            changes = (a for a in range(1, len(modes)) if modes[a] is not modes[a - 1])
-            events += [Event(float(starts[a]), i, modes[a]) for a in changes]
-            continue
-        s, t = switching[:, i], phases.t
-        s = np.where(np.abs(s) < 1e-9 * np.max(np.abs(s)), 0.0, s)
-        sign = np.sign(s)
-        inner = np.flatnonzero(sign)
-        first[i] = Mode.UPPER if sign[inner[0]] < 0 else Mode.LOWER
-        for before, after in pairwise(inner):
-            if sign[before] != sign[after]:
-                share = abs(s[before]) / (abs(s[before]) + abs(s[after]))
-                time = t[before] + (t[after] - t[before]) * share
-                events.append(Event(float(time), i, Mode.UPPER if sign[after] < 0 else Mode.LOWER))
-    return merged(arcs_between(first, events, phases.duration))
-
-
 def _land(
     problem: MinimumTimeProblem, dynamics: Dynamics, scheme: Scheme, phases: Phases, stop: Stop
 ) -> tuple[Phases, Trajectory, str]:
     """Aim beside the goal by the collocation's own error until the replay hits it; finer where H strays."""
     offset, size = np.zeros(2 * problem.robot.nv), phases.arc_of.size
+    density: Density | None = phases.laid
     best = phases, replay_torques(problem.robot, phases.torques)
     for _ in range(8):
         replay = best[1]
@@ -251,11 +164,18 @@ def _land(
         landed = np.max(np.abs(error[: problem.robot.nv])) <= _LANDED
         if (landed and (not strays or 2 * size > _MOST_INTERVALS)) or stop:
             return *best, ""
+        keep = None
         if strays and 2 * size <= _MOST_INTERVALS:
-            size, offset = 2 * size, np.zeros_like(offset)
+            size, offset, density = 2 * size, np.zeros_like(offset), best[0].density
         else:
             offset = offset - error
-        tried = solve_phases(problem, best[0].arcs, best[0].torques, dynamics, scheme, size, stop, offset, near=True)
+            # Where time leaves torques free another solution has others, and the error is not the same again.
+            if problem.effort_weight == 0 and len(best[0].arcs) > 2 * problem.robot.nv:
+                keep = best[0]
+        arcs, guess = best[0].arcs, best[0].torques
+        tried = solve_phases(
+            problem, arcs, guess, dynamics, scheme, size, stop, offset, near=True, density=density, keep=keep
+        )
         if not tried.converged:
             return *best, f"the replay could not be brought onto the goal ({tried.message})"
         replayed = replay_torques(problem.robot, tried.torques)

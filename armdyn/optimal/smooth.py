@@ -1,27 +1,35 @@
-"""Time-energy optima by the direct method: what the indirect one starts from.
+"""Time-energy optima by the direct method, which the indirect one starts from, too.
 
-With a weight on effort the torque is smooth, so that there are no arcs to find, but there are several local
-optima, and J = ∫ (1 + w/2 τᵀτ) dt tells them apart, not the duration.
+With a weight on effort the torque is continuous where no limit of a state is met, so that there are few arcs to
+find, but there are several local optima, and J = ∫ (1 + w/2 τᵀτ) dt tells them apart, not the duration.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.optimal.arcs import Arc, Mode
+from armdyn.optimal.arcs import Arc, Mode, without_short
+from armdyn.optimal.certificate import HAMILTONIAN_TOLERANCE, pontryagin
 from armdyn.optimal.direct import Attempt, DirectOptions
 from armdyn.optimal.monitor import Stop
 from armdyn.optimal.phases import TABLEAU, Phases, solve_phases
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.search import search
 from armdyn.optimal.status import Status
+from armdyn.optimal.structure import with_overlooked, without_idle_touches
 from armdyn.optimal.transcription import Scheme
 from armdyn.trajectory import Trajectory
 
-_COARSE, _FINE = 25, 30
-"""Intervals of the search and of the answer."""
+_COARSE, _FINE, _MOST = 25, 30, 120
+"""Intervals of the search, of the first solution by a high order, and of the finest."""
+_STEPS = 12
+"""Solves spent on all optima together; each takes a second at most."""
+_SHORTEST = 1e-6
+"""Arcs shorter than this part of the motion are taken out."""
+_SETTLED, _ROUGH = 0.1 * HAMILTONIAN_TOLERANCE, 0.05
+"""Of H, and of what it could fall by: where a mesh is fine enough to be replayed, and too coarse to tell limits by."""
 _SAME = 1e-4
 """Coarse optima whose J and duration both differ by less than this part and ten times it are one."""
 _WORTH = 1.5
@@ -85,6 +93,52 @@ def resolve(problem: MinimumTimeProblem, guess: Trajectory, dynamics: Dynamics, 
     """
     arc = Arc(guess.duration, (Mode.FREE,) * problem.robot.nv)
     return solve_phases(problem, [arc], guess, dynamics, scheme, _FINE, stop)
+
+
+def settled(
+    problem: MinimumTimeProblem, dynamics: Dynamics, scheme: Scheme, optima: Sequence[Phases], stop: Stop
+) -> Iterator[Phases]:
+    """Optima whose mesh and structure are good enough to be replayed, that of least J first.
+
+    The one of least J is improved, by one solve, until it is the best of all and there is nothing to improve:
+    coarse meshes promise more than there is, and only what promises most is worth a finer one.
+
+    Args:
+        problem: with effort_weight > 0.
+        dynamics: of its robot, with a free last body.
+        scheme: says the form of the dynamics.
+        optima: with one arc each.
+        stop: asked at every iteration.
+    """
+    waiting = list(optima)
+    for _ in range(_STEPS):
+        if not waiting:
+            return
+        best = min(waiting, key=lambda phases: cost(problem, phases))
+        waiting.remove(best)
+        arcs, size = list(best.arcs), best.arc_of.size
+        hamiltonian, _, sign = pontryagin(problem, best)
+        strays = float(np.max(np.abs(hamiltonian)))
+        if stop or (strays <= _SETTLED and sign <= _SETTLED):
+            yield best
+            continue
+        shortest = _SHORTEST * best.duration
+        named = with_overlooked(problem, best) or without_idle_touches(best) if strays < _ROUGH else []
+        if len(arcs) > 1 and min(arc.duration for arc in arcs) < shortest:
+            arcs = without_short(arcs, shortest)
+        elif named:
+            arcs = named
+        elif 2 * size <= _MOST:
+            size *= 2
+        else:
+            yield best
+            continue
+        density = best.density if strays < 1 else None  # an artefact says nothing about where to look
+        size = max(size, 3 * len(arcs))
+        better = solve_phases(problem, arcs, best.torques, dynamics, scheme, size, stop, density=density)
+        if better.converged:
+            waiting.append(better)
+    yield from sorted(waiting, key=lambda phases: cost(problem, phases))
 
 
 def cost(problem: MinimumTimeProblem, phases: Phases) -> float:

@@ -85,7 +85,7 @@ class Plan:
             for number in EXAMPLES_OF_PART[part]:
                 for payload in payloads:
                     wanted |= dict.fromkeys(cases_of(number, payload, self.arrival_rule))
-        return sorted(wanted, key=lambda case: (case.kind == "pid", -len(case.arm), case.kind, case.payload))
+        return sorted(wanted, key=lambda case: (case.kind == "pid", -len(case.arm), -case.payload))
 
 
 @dataclass(frozen=True)

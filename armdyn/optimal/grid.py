@@ -1,0 +1,86 @@
+"""Where the intervals of a multi-phase mesh lie: short where the motion bends, by the decay of its polynomials."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_FLOOR = 0.15
+"""Least density, as a part of the mean one: an estimate may see nothing where there is something."""
+_PER_ARC = 2
+"""Intervals of the shortest arc."""
+
+
+@dataclass(frozen=True, eq=False)
+class Density:
+    """How many intervals a stretch of time deserves.
+
+    Attributes:
+        t: times [s], shape (K + 1,).
+        mass: of the stretches between them, shape (K,).
+    """
+
+    t: Array
+    mass: Array
+
+    def between(self, start: float, end: float, count: int) -> Array:
+        """Parts, shape (count,), that divide a stretch of time into equal masses."""
+        t = np.unique(np.concatenate([[start, end], self.t[(self.t > start) & (self.t < end)]]))
+        total = np.interp(t, self.t, np.concatenate([[0], np.cumsum(self.mass)]))
+        times = np.interp(np.linspace(total[0], total[-1], count + 1), total, t)
+        parts: Array = np.diff(times) / (end - start)
+        return parts
+
+    def of(self, start: float, end: float) -> float:
+        """The mass of a stretch of time."""
+        total = np.concatenate([[0], np.cumsum(self.mass)])
+        return float(np.diff(np.interp([start, end], self.t, total))[0])
+
+
+def deal(durations: Array, intervals: int, density: Density | None) -> tuple[NDArray[np.int_], Array]:
+    """Intervals for every arc: two at least, the rest by what it deserves.
+
+    Args:
+        durations: of the arcs [s].
+        intervals: to be dealt out.
+        density: where they are needed; None: the same everywhere.
+
+    Returns:
+        Which arc each interval is in, and its part of that arc, both of shape (intervals,).
+    """
+    ends = np.concatenate([[0.0], np.cumsum(durations)])
+    if density is None:
+        density = Density(ends, np.diff(ends))
+    else:  # the durations may be a guess of others
+        density = Density(density.t * (ends[-1] / density.t[-1]), density.mass)
+    mass = np.maximum([density.of(a, b) for a, b in pairwise(ends)], 1e-12)
+    counts = _PER_ARC + np.floor((intervals - _PER_ARC * mass.size) * mass / mass.sum()).astype(int)
+    counts[np.argmax(mass)] += intervals - counts.sum()
+    parts = [density.between(a, b, n) for (a, b), n in zip(pairwise(ends), counts, strict=True)]
+    return np.repeat(np.arange(mass.size), counts), np.concatenate(parts)
+
+
+def density_of(t: Array, polynomials: Sequence[tuple[Array, Array]]) -> Density:
+    """What a solution on one mesh says about the next.
+
+    The error of an interval falls with some power p of its length; the same everywhere (de Boor's
+    equidistribution) it is at a density of error^(1/p) / length. The error shows in the highest coefficient of a
+    polynomial of degree p.
+
+    Args:
+        t: knots [s], shape (K + 1,).
+        polynomials: nodes as parts of the interval, shape (p + 1,), and values there, shape (K, p + 1, n).
+    """
+    mass = np.zeros(t.size - 1)
+    for nodes, values in polynomials:
+        apart = nodes[:, None] - nodes + np.eye(nodes.size)
+        highest = np.abs(np.einsum("j,kjn->kn", 1 / np.prod(apart, axis=1), values))
+        size = np.maximum(np.ptp(values, axis=(0, 1)), 1e-6 * np.max(np.abs(values)) + 1e-300)
+        mass = np.maximum(mass, np.max(highest / size, axis=1) ** (1 / (nodes.size - 1)))
+    rate = mass / np.diff(t)
+    near = np.max([rate, np.append(rate[1:], 0), np.append(0, rate[:-1])], axis=0)
+    return Density(t, np.maximum(near, _FLOOR * mass.sum() / t[-1]) * np.diff(t))
