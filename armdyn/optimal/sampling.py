@@ -43,7 +43,10 @@ def sampled(
     for k, a in enumerate(arc_of):
         constant = all(mode in BANG for mode in arcs[a].modes)
         s = np.array([0.0, 1.0]) if constant else np.linspace(0, 1, samples + 1)
-        values = np.clip(lagrange(tableau.c, s) @ tau[k], limits.effort_lower, limits.effort_upper)
+        values = lagrange(tableau.c, s) @ tau[k]
+        if not constant:  # lines between the samples shall have the polynomial's impulse, not only its values
+            values -= _curvature(tableau.c, s) @ tau[k] / (12 * samples**2)
+        values = np.clip(values, limits.effort_lower, limits.effort_upper)
         for i, mode in enumerate(arcs[a].modes):
             if mode in BANG:
                 values[:, i] = (limits.effort_upper if mode is Mode.UPPER else limits.effort_lower)[i]
@@ -66,3 +69,11 @@ def lagrange(nodes: Array, s: Array | float) -> Array:
     factors[:, np.arange(nodes.size), np.arange(nodes.size)] = 1.0
     values: Array = np.prod(factors, axis=2)
     return values
+
+
+def _curvature(nodes: Array, s: Array) -> Array:
+    """Second derivatives at s, shape (m,), of the polynomials of `lagrange`: shape (m, nodes)."""
+    power = np.arange(2, nodes.size)
+    derivative = power * (power - 1) * s[:, None] ** (power - 2)
+    curvature: Array = derivative @ np.linalg.inv(nodes[:, None] ** np.arange(nodes.size))[2:]
+    return curvature

@@ -22,8 +22,8 @@ from armdyn.optimal.structure import with_overlooked, without_idle_touches
 from armdyn.optimal.transcription import Scheme
 from armdyn.trajectory import Trajectory
 
-_COARSE, _FINE, _MOST = 25, 30, 120
-"""Intervals of the search, of the first solution by a high order, and of the finest."""
+_COARSE, _FINE, _MOST_ROUGH, _MOST = 25, 30, 120, 240
+"""Intervals of the search, of the first solution by a high order, of the last that is rough, and of the finest."""
 _STEPS = 12
 """Solves spent on all optima together; each takes a second at most."""
 _SHORTEST = 1e-6
@@ -32,6 +32,8 @@ _SETTLED, _ROUGH = 0.1 * HAMILTONIAN_TOLERANCE, 0.05
 """Of H, and of what it could fall by: where a mesh is fine enough to be replayed, and too coarse to tell limits by."""
 _SAME = 1e-4
 """Coarse optima whose J and duration both differ by less than this part and ten times it are one."""
+_SAME_OPTIMUM = 1e-7
+"""Resolved optima whose J differs by less than this part are one."""
 _WORTH = 1.5
 """Coarse optima of a J this much larger than the best are let go; not more, as some of the best are artefacts."""
 
@@ -77,7 +79,10 @@ def smooth_optima(
     coarse = [DirectOptions(1e-5, 200)]
     attempts = search(problem, dynamics, linear, [_COARSE], starts, seed, coarse, workers, stop, tell)
     found = [resolve(problem, guess, dynamics, scheme, stop) for guess in _distinct(problem, attempts)[:count]]
-    optima = sorted((phases for phases in found if phases.converged), key=lambda phases: cost(problem, phases))
+    optima: list[Phases] = []
+    for phases in sorted((phases for phases in found if phases.converged), key=lambda phases: cost(problem, phases)):
+        if not optima or cost(problem, phases) > (1 + _SAME_OPTIMUM) * cost(problem, optima[-1]):
+            optima.append(phases)
     return SmoothOptima(tuple(optima), tuple(attempts))
 
 
@@ -110,35 +115,51 @@ def settled(
         optima: with one arc each.
         stop: asked at every iteration.
     """
-    waiting = list(optima)
-    for _ in range(_STEPS):
-        if not waiting:
-            return
-        best = min(waiting, key=lambda phases: cost(problem, phases))
-        waiting.remove(best)
-        arcs, size = list(best.arcs), best.arc_of.size
-        hamiltonian, _, sign = pontryagin(problem, best)
-        strays = float(np.max(np.abs(hamiltonian)))
-        if stop or (strays <= _SETTLED and sign <= _SETTLED):
-            yield best
-            continue
-        shortest = _SHORTEST * best.duration
-        named = with_overlooked(problem, best) or without_idle_touches(best) if strays < _ROUGH else []
-        if len(arcs) > 1 and min(arc.duration for arc in arcs) < shortest:
-            arcs = without_short(arcs, shortest)
-        elif named:
-            arcs = named
-        elif 2 * size <= _MOST:
-            size *= 2
-        else:
-            yield best
-            continue
-        density = best.density if strays < 1 else None  # an artefact says nothing about where to look
+    waiting, left = list(optima), []
+
+    def promise(phases: Phases) -> float:
+        return cost(problem, phases)
+
+    def solved(arcs: list[Arc], size: int, near: Phases) -> Phases:
+        density = near.density if _stray(problem, near) < 1 else None  # an artefact says nothing of where to look
         size = max(size, 3 * len(arcs))
-        better = solve_phases(problem, arcs, best.torques, dynamics, scheme, size, stop, density=density)
+        return solve_phases(problem, arcs, near.torques, dynamics, scheme, size, stop, density=density)
+
+    for _ in range(_STEPS):
+        if not waiting or stop:
+            break
+        best = min(waiting, key=promise)
+        waiting.remove(best)
+        stray, size = _stray(problem, best), best.arc_of.size
+        if stray <= _SETTLED:
+            yield best
+            continue
+        if HAMILTONIAN_TOLERANCE < stray < _ROUGH and (arcs := _corrected(problem, best)):
+            better = solved(arcs, size, best)
+            if better.converged and _stray(problem, better) < stray:
+                waiting.append(better)
+                continue
+        if 2 * size > (_MOST if stray < _ROUGH else _MOST_ROUGH):
+            left.append(best)
+            continue
+        better = solved(list(best.arcs), 2 * size, best)
         if better.converged:
             waiting.append(better)
-    yield from sorted(waiting, key=lambda phases: cost(problem, phases))
+    yield from sorted(left, key=promise) or sorted(waiting, key=promise)[:1] or optima[:1]
+
+
+def _stray(problem: MinimumTimeProblem, phases: Phases) -> float:
+    """How far H is from 0, or could fall."""
+    hamiltonian, _, sign = pontryagin(problem, phases)
+    return float(max(np.max(np.abs(hamiltonian)), sign))
+
+
+def _corrected(problem: MinimumTimeProblem, phases: Phases) -> list[Arc]:
+    """The structure that the multipliers ask for; none: this one."""
+    shortest = _SHORTEST * phases.duration
+    if len(phases.arcs) > 1 and min(arc.duration for arc in phases.arcs) < shortest:
+        return without_short(phases.arcs, shortest)
+    return with_overlooked(problem, phases) or without_idle_touches(phases)
 
 
 def cost(problem: MinimumTimeProblem, phases: Phases) -> float:
