@@ -162,7 +162,8 @@ def _happened(outcome: "Outcome") -> str:
     indirect = facts.get("indirect_time_s")
     if not isinstance(indirect, float) or outcome.time is None:
         return landed
-    return f"{landed}; indirect method differs by {abs(indirect - outcome.time):.0e} s"
+    apart = abs(indirect - outcome.time)
+    return f"{landed}; indirect method {f'differs by {apart:.0e} s' if apart > 1e-12 else 'agrees to rounding'}"
 
 
 def urdf(

@@ -155,11 +155,16 @@ def _csv(lines: Iterable[Sequence[object]]) -> str:
     return text.getvalue()
 
 
+def with_numbers(rows: Sequence[Row]) -> list[Row]:
+    """Rows without those of variants that have not come to a single number, as loops that never settle."""
+    filled = {our_column(row) for row in rows if row.ours is not None}
+    return [row for row in rows if not row.setup or our_column(row) in filled]
+
+
 def grid(rows: Sequence[Row]) -> Grid:
     """One of Tables 3 to 7 in the paper's layout: its columns, each followed by ours."""
     table = rows[0].table
-    filled = {our_column(row) for row in rows if row.ours is not None}
-    rows = [row for row in rows if not row.setup or our_column(row) in filled]  # of variants only what settles
+    rows = with_numbers(rows)
     lines = list(dict.fromkeys(table_line(row) for row in rows))
     heads = ("robot", "example", "torque") if table == 7 else ("M [g]",)
     columns = list(dict.fromkeys((paper_column(row), our_column(row)) for row in rows))

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from armdyn.models.spec import PAPER_ARMS
 from armdyn.studies import published
 from armdyn.studies.cases import Case, Outcome
-from armdyn.studies.layout import TITLES, Grid, our_column, paper_column, table_line
+from armdyn.studies.layout import TITLES, Grid, our_column, paper_column, table_line, with_numbers
 from armdyn.studies.lookup import by_case
 from armdyn.studies.markup import Html, element, join, table
 from armdyn.studies.paper import PAYLOAD, example
@@ -60,7 +60,7 @@ def paper_table(number: int, rows: Iterable[Row]) -> Html:
 
 
 def _paper_grid(rows: Sequence[Row]) -> Html:
-    number = rows[0].table
+    number, rows = rows[0].table, with_numbers(rows)
     heads = ("robot", "example", "torque") if number == 7 else ("M [g]",)
     columns = list(dict.fromkeys((paper_column(row), our_column(row)) for row in rows))
     papers = list(dict.fromkeys(paper for paper, _ in columns))
