@@ -115,21 +115,45 @@ def certify(problem: MinimumTimeProblem, replay: Trajectory, phases: Phases | No
     )
 
 
-def limit_violation(problem: MinimumTimeProblem, motion: Trajectory, dense: int = 8) -> float:
-    """Largest relative excess over a limit, looked for at `dense` points between samples."""
+@dataclass(frozen=True, eq=False)
+class Excess:
+    """How far a motion goes beyond its limits anywhere, 0 where it does not.
+
+    Attributes:
+        effort: over the torque limits [N m or N], shape (nv,).
+        velocity: [rad/s or m/s], shape (nv,).
+        position: below the lower and above the upper limits [rad or m], shape (2, nv).
+    """
+
+    effort: Array
+    velocity: Array
+    position: Array
+
+
+def excess(problem: MinimumTimeProblem, motion: Trajectory, dense: int = 8) -> Excess:
+    """Largest excess over every limit, looked for at `dense` points between samples."""
     limits = problem.limits
     t = np.unique((motion.t[:-1, None] + np.diff(motion.t)[:, None] * np.linspace(0, 1, dense, endpoint=False)).ravel())
     at = motion(np.append(t, motion.t[-1]))
+
+    def most(*over: Array) -> Array:
+        worst: Array = np.max([np.max(x, axis=0) for x in over], axis=0)
+        return np.maximum(worst, 0.0)
+
+    return Excess(
+        most(motion.tau - limits.effort_upper, limits.effort_lower - motion.tau),
+        most(np.abs(at.v) - limits.velocity),
+        np.stack([most(limits.position_lower - at.q), most(at.q - limits.position_upper)]),
+    )
+
+
+def limit_violation(problem: MinimumTimeProblem, motion: Trajectory, dense: int = 8) -> float:
+    """Largest excess over a limit relative to it (position: to the range), looked for between samples, too."""
+    limits, over = problem.limits, excess(problem, motion, dense)
     reach = np.maximum(np.where(np.isinf(limits.position_upper), 0, limits.position_upper - limits.position_lower), 1.0)
     half = (limits.effort_upper - limits.effort_lower) / 2
-    excess = (
-        (motion.tau - limits.effort_upper) / half,
-        (limits.effort_lower - motion.tau) / half,
-        (np.abs(at.v) - limits.velocity) / np.where(np.isinf(limits.velocity), 1.0, limits.velocity),
-        (at.q - limits.position_upper) / reach,
-        (limits.position_lower - at.q) / reach,
-    )
-    return float(max(0.0, *(np.max(x) for x in excess)))
+    fastest = np.where(np.isinf(limits.velocity), 1.0, limits.velocity)
+    return float(max(np.max(over.effort / half), np.max(over.velocity / fastest), np.max(over.position / reach)))
 
 
 def pontryagin(problem: MinimumTimeProblem, phases: Phases) -> tuple[Array, Array, float]:

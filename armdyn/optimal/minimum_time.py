@@ -8,7 +8,7 @@ import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.candidates import Candidates, find_candidates
-from armdyn.optimal.certificate import Certificate, certify
+from armdyn.optimal.certificate import LIMIT_TOLERANCE, Certificate, certify
 from armdyn.optimal.direct import Attempt, solve_on_mesh
 from armdyn.optimal.monitor import Stop, stopping
 from armdyn.optimal.options import MinimumTimeOptions
@@ -20,6 +20,7 @@ from armdyn.optimal.smooth import cost, settled, smooth_optima
 from armdyn.optimal.solution import Solution
 from armdyn.optimal.status import Status, Violation
 from armdyn.optimal.transcription import Scheme
+from armdyn.optimal.within import within_velocity_limits
 
 _SAME_OPTIMUM = 1e-6
 """Refined durations that differ by less than this part are one optimum."""
@@ -171,6 +172,10 @@ def _refined(
         remark = f"did not converge on {mesh} intervals ({attempt.message})"
         unresolved = Refined(coarse.trajectory, certify(problem, replay, None, remark), None)
         best = _Result(unresolved, coarse.trajectory.duration, mesh, iterations, attempt.worst_violation)
+    elif best.refined.phases is None and best.refined.certificate.limit_violation > LIMIT_TOLERANCE:
+        certificate = best.refined.certificate
+        if slower := within_velocity_limits(problem, best.refined.trajectory, certificate.remark):
+            best = replace(best, refined=Refined(*slower, None), cost=slower[0].duration)
     return replace(best, iterations=iterations)
 
 
