@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.arcs import BANG, POSITION, VELOCITY, Arc, Mode
 from armdyn.optimal.ipopt import make_solver
+from armdyn.optimal.layers import fractions_within, mesh_measure
 from armdyn.optimal.mesh import Scales, bounds, split, tie_break, to_unknowns
 from armdyn.optimal.monitor import Monitor, Stop
 from armdyn.optimal.problem import MinimumTimeProblem
@@ -118,9 +119,12 @@ def solve_phases(
     layout = nlp.layout
     scales = Scales.of(problem, guess)
     durations = np.array([arc.duration for arc in arcs])
-    per_arc = _deal(durations, N)
+    edges = np.append(0.0, np.cumsum(durations)) / durations.sum()
+    measure = mesh_measure(guess, problem.robot.friction)
+    per_arc = _deal(durations if measure is None else np.diff(np.interp(edges, *measure)), N)
     arc_of = np.repeat(np.arange(len(arcs)), per_arc)
-    share = (durations / per_arc)[arc_of] / durations.sum()
+    part = fractions_within(edges, per_arc, measure)
+    share = durations[arc_of] * part / durations.sum()
     x = to_unknowns(guess, layout, share, scales)
     lower, upper = bounds(problem, nlp, scales)
     _fix_modes(problem, arcs, arc_of, nlp, scales, lower, upper)
@@ -141,7 +145,7 @@ def solve_phases(
     weight = problem.effort_weight
     if weight == 0 and singular:
         weight = tie_break(problem, _TIE)
-    parameters = np.concatenate([(1 / per_arc)[arc_of], scales.parameters(weight, dynamics.last_body)])
+    parameters = np.concatenate([part, scales.parameters(weight, dynamics.last_body)])
     monitor.stop = stop
     result = solver(x0=x, p=parameters, lbx=lower, ubx=upper, lbg=lbg.ravel(), ubg=-lbg.ravel())
     stats = solver.stats()
@@ -150,7 +154,7 @@ def solve_phases(
     converged = word in ("Solve_Succeeded", "Solved_To_Acceptable_Level") and bool(np.all(np.isfinite(x)))
 
     knots, inner = split(x, layout, N)
-    lengths = np.maximum(knots[:-1, 2 * n] * scales.time / per_arc[arc_of], 1e-12)
+    lengths = np.maximum(knots[:-1, 2 * n] * scales.time * part, 1e-12)
     t = np.concatenate([[0], np.cumsum(lengths)])
     stages = layout.scheme.tableau.c.size
     tau = inner[:, layout.stages : layout.stages + layout.torques].reshape(N, stages, n) * scales.effort

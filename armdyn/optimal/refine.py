@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.optimal.aim import aimed
 from armdyn.optimal.arcs import (
     BANG,
     POSITION,
@@ -83,8 +84,8 @@ def refine(
         if resolved.certificate.ok:
             return resolved
         remark = resolved.certificate.remark
-    replay = replay_torques(problem.robot, trajectory)
-    on_mesh = Refined(trajectory, certify(problem, replay, None, remark), None)
+    motion, replay = aimed(problem, trajectory, stop)
+    on_mesh = Refined(motion, certify(problem, replay, None, remark), None)
     # Arcs that are not certified are worth having only if their motion is the better one.
     return resolved if phases is not None and _error(resolved) <= _error(on_mesh) else on_mesh
 
@@ -266,4 +267,4 @@ def _land(
 
 
 def _named(replay: Trajectory) -> Trajectory:
-    return Trajectory(replay.t, replay.q, replay.v, replay.tau, replay.joint_names, "minimum time")
+    return Trajectory(replay.t, replay.q, replay.v, replay.tau, replay.joint_names, "minimum time", replay.model_hash)
