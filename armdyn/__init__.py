@@ -3,7 +3,19 @@
 from armdyn.control import PAPER_GAINS, PidGains, PidRun, closed_loop_eigenvalues, simulate_pid
 from armdyn.dynamics import Dynamics
 from armdyn.errors import ArmdynError, ArmdynWarning
-from armdyn.models import PAPER_PAYLOADS, ArmSpec, JointLimits, LinkSpec, Payload, Robot, urdf_from_spec
+from armdyn.models import (
+    PAPER_PAYLOADS,
+    ArmSpec,
+    Box,
+    Capsule,
+    GoalPose,
+    JointLimits,
+    LinkSpec,
+    Payload,
+    Robot,
+    Sphere,
+    urdf_from_spec,
+)
 from armdyn.optimal import (
     Arc,
     Certificate,
@@ -29,8 +41,11 @@ __all__ = [
     "ArmSpec",
     "ArmdynError",
     "ArmdynWarning",
+    "Box",
+    "Capsule",
     "Certificate",
     "Dynamics",
+    "GoalPose",
     "JointLimits",
     "LinkSpec",
     "MinimumTimeOptions",
@@ -42,6 +57,7 @@ __all__ = [
     "Sample",
     "Sensitivities",
     "Solution",
+    "Sphere",
     "Status",
     "TimeOptimality",
     "Trajectory",

@@ -58,6 +58,10 @@ class TrajectoryError(ArmdynError, ValueError):
     """The arrays of a trajectory do not fit each other, or its file cannot be read."""
 
 
+class ResultError(ArmdynError, ValueError):
+    """A result file cannot be read, or is of a version or in units that are not known."""
+
+
 class BridgeError(ArmdynError, RuntimeError):
     """The compiled bridge does not fit the installed casadi."""
 

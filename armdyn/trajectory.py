@@ -1,7 +1,8 @@
 """The one value that leaves every solver and every simulation."""
 
+import io
 import os
-import tempfile
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -10,11 +11,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.errors import TrajectoryError
+from armdyn.files import write_whole
 
 Array = NDArray[np.float64]
 
-_FORMAT = "armdyn-trajectory-1"
+_FORMAT = "armdyn-trajectory-2"
+_OLD_FORMAT = "armdyn-trajectory-1"  # without model_hash, its units not checked
+_UNITS = "t s; q rad or m; v rad/s or m/s; tau N m or N"
 _ARRAYS = ("t", "q", "v", "tau")
+_TEXTS = ("format", "units", "name", "model_hash")
+
+MAX_BYTES = 256 * 2**20
+"""A trajectory whose arrays are larger is neither saved nor loaded [bytes]: 1.5 million samples of seven joints."""
 
 
 class Sample(NamedTuple):
@@ -43,6 +51,7 @@ class Trajectory:
         tau: joint torques [N m or N], shape (n, nv).
         joint_names: one name per column of v; may be empty.
         name: what it is called in legends and tables.
+        model_hash: `Robot.model_hash` of the arm that it is a motion of; empty if it is not known.
     """
 
     t: Array
@@ -51,6 +60,7 @@ class Trajectory:
     tau: Array
     joint_names: tuple[str, ...] = ()
     name: str = ""
+    model_hash: str = ""
 
     def __post_init__(self) -> None:
         for field in _ARRAYS:
@@ -107,45 +117,85 @@ class Trajectory:
 
         Raises:
             OSError: the folder cannot be written.
+            TrajectoryError: it is larger than `MAX_BYTES`.
         """
-        path = Path(path)
-        handle, scratch = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                np.savez_compressed(
-                    file,
-                    format=np.array(_FORMAT),
-                    units=np.array("t s; q rad or m; v rad/s or m/s; tau N m or N"),
-                    name=np.array(self.name),
-                    joint_names=np.array(self.joint_names, dtype=str),
-                    **{field: getattr(self, field) for field in _ARRAYS},
-                )
-            Path(scratch).chmod(0o644)
-            Path(scratch).replace(path)
-        except BaseException:
-            Path(scratch).unlink(missing_ok=True)
-            raise
-        return path
+        arrays = {field: getattr(self, field) for field in _ARRAYS}
+        if sum(array.nbytes for array in arrays.values()) > MAX_BYTES:
+            raise TrajectoryError(f"{path}: {self.t.size} samples are more than {MAX_BYTES} bytes")
+        content = io.BytesIO()
+        np.savez_compressed(
+            content,
+            format=np.array(_FORMAT),
+            units=np.array(_UNITS),
+            name=np.array(self.name),
+            model_hash=np.array(self.model_hash),
+            joint_names=np.array(self.joint_names, dtype=str),
+            **arrays,
+        )
+        return write_whole(path, content.getvalue())
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> "Trajectory":
-        """Read what `save` wrote. Nothing in the file is executed.
+        """Read what `save` wrote, also with earlier versions. Nothing in the file is executed.
 
         Raises:
-            TrajectoryError: the file is missing, is no trajectory, or has arrays that do not fit.
+            TrajectoryError: the file is missing, is no trajectory, of an unknown version or in other units, or has
+                arrays that do not fit or are larger than `MAX_BYTES`.
         """
         try:
-            with np.load(path, allow_pickle=False) as file:
-                if "format" not in file or str(file["format"]) != _FORMAT:
-                    raise TrajectoryError(f"not a trajectory of format {_FORMAT}")
-                return Trajectory(
-                    **{field: file[field] for field in _ARRAYS},
-                    joint_names=tuple(map(str, file["joint_names"])),
-                    name=str(file["name"]),
-                )
+            with zipfile.ZipFile(path) as file:
+                return _read(file)
         except TrajectoryError as error:
             raise TrajectoryError(f"{path}: {error}") from None
         except FileNotFoundError:
             raise TrajectoryError(f"{path}: no such file") from None
         except Exception as error:  # a damaged file sets off all that zipfile, zlib and numpy can raise
             raise TrajectoryError(f"{path}: not a readable npz trajectory ({error})") from None
+
+
+def _read(file: zipfile.ZipFile) -> Trajectory:
+    """A trajectory from its npz file."""
+    found = file.namelist()
+    if "format.npy" not in found:
+        raise TrajectoryError(f"not a trajectory of format {_FORMAT}")
+    form = str(_member(file, "format", text=True))
+    if form not in (_FORMAT, _OLD_FORMAT):
+        raise TrajectoryError(f"not a trajectory of format {_FORMAT} but {form[:80]!r}; a newer armdyn may read it")
+    new = form == _FORMAT
+    known = [f"{name}.npy" for name in (*_TEXTS, "joint_names", *_ARRAYS)]
+    optional = () if new else ("model_hash.npy", "units.npy")
+    if len(found) != len(set(found)) or not {*known} - {*optional} <= {*found} <= {*known}:
+        raise TrajectoryError(f"not a readable npz trajectory: it holds {', '.join(map(repr, found[:12]))}")
+    if sum(file.getinfo(name).file_size for name in found) > MAX_BYTES + 2**20:
+        raise TrajectoryError(f"larger than {MAX_BYTES} bytes")
+    if new and (units := str(_member(file, "units", text=True))) != _UNITS:
+        raise TrajectoryError(f"in units {units[:200]!r}; armdyn writes {_UNITS!r}")
+    names = _member(file, "joint_names", text=True)
+    if names.ndim != 1:
+        raise TrajectoryError(f"joint_names has shape {names.shape}; expected (joints,)")
+    return Trajectory(
+        **{field: _member(file, field) for field in _ARRAYS},  # type: ignore[arg-type]  # refuses what is no number
+        joint_names=tuple(map(str, names)),
+        name=str(_member(file, "name", text=True)),
+        model_hash=str(_member(file, "model_hash", text=True)) if new else "",
+    )
+
+
+def _member(file: zipfile.ZipFile, name: str, text: bool = False) -> NDArray[np.generic]:
+    """One array of an npz file: numbers or text, no larger than the file says that it is."""
+    info = file.getinfo(f"{name}.npy")
+    with file.open(info) as stream:
+        version = np.lib.format.read_magic(stream)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, dtype = read(stream)
+        count = int(np.prod(shape, dtype=object)) if shape else 1
+        if count * dtype.itemsize > info.file_size:  # numpy would make room for it before it reads
+            raise TrajectoryError(f"not a readable npz trajectory: {name} of shape {shape} is cut off")
+        if dtype.kind != ("U" if text else dtype.kind) or dtype.hasobject:
+            raise TrajectoryError(f"not a readable npz trajectory: {name} is of type {dtype}")
+    if text and name != "joint_names" and shape != ():
+        raise TrajectoryError(f"not a readable npz trajectory: {name} has shape {shape}")
+    with file.open(info) as stream:
+        array: NDArray[np.generic] = np.lib.format.read_array(stream, allow_pickle=False)
+        stream.read()  # zipfile checks the checksum at the member's end
+    return array

@@ -6,7 +6,6 @@ import numpy as np
 import pinocchio as pin
 
 from armdyn.models import PAPER_ARMS, ArmSpec, Robot
-from armdyn.models.robot import LIBRARY_LOCKS
 
 LIBRARY_ROBOTS = ("panda", "ur5", "talos_arm", "double_pendulum", "z1", "kinova")
 
@@ -15,10 +14,6 @@ LIBRARY_ROBOTS = ("panda", "ur5", "talos_arm", "double_pendulum", "z1", "kinova"
 def robot_named(name):
     """A paper arm or a library robot."""
     return Robot.from_spec(ArmSpec.paper(name)) if name in PAPER_ARMS else Robot.from_library(name)
-
-
-def locks(name):
-    return LIBRARY_LOCKS.get(name, {})
 
 
 def random_states(nv, count=5, seed=0):

@@ -1,3 +1,8 @@
+import io
+import subprocess
+import sys
+import tracemalloc
+import warnings
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -27,7 +32,9 @@ def torque(t):
 
 @pytest.fixture
 def motion():
-    return Trajectory(t=T, q=position(T), v=velocity(T), tau=torque(T), joint_names=("one", "zwei"), name="motion")
+    return Trajectory(
+        t=T, q=position(T), v=velocity(T), tau=torque(T), joint_names=("one", "zwei"), name="motion", model_hash="ab"
+    )
 
 
 def test_cubics_and_linear_torques_are_met_exactly(motion):
@@ -114,7 +121,7 @@ def test_arrays_must_fit(motion, changes, words):
 
 def same(a, b):
     arrays = all(np.array_equal(getattr(a, x), getattr(b, x)) for x in ("t", "q", "v", "tau"))
-    return arrays and (a.name, a.joint_names) == (b.name, b.joint_names)
+    return arrays and (a.name, a.joint_names, a.model_hash) == (b.name, b.joint_names, b.model_hash)
 
 
 def test_round_trip(motion, tmp_path):
@@ -169,17 +176,38 @@ class Mischief:
         return (pytest.fail, ("a pickle was executed",))
 
 
-def write(path, **changes):
-    content = {
-        "format": "armdyn-trajectory-1",
+UNITS = "t s; q rad or m; v rad/s or m/s; tau N m or N"
+
+
+def content(**changes):
+    good = {
+        "format": "armdyn-trajectory-2",
+        "units": UNITS,
         "name": "x",
+        "model_hash": "abc",
         "joint_names": np.array([], dtype=str),
         "t": T,
         "q": position(T),
         "v": velocity(T),
         "tau": torque(T),
     } | changes
-    np.savez(path, **{key: value for key, value in content.items() if value is not None})
+    return {key: value for key, value in good.items() if value is not None}
+
+
+def write(path, **changes):
+    np.savez(path, **content(**changes))
+
+
+def test_what_is_written_by_hand_is_read(tmp_path):
+    write(tmp_path / "x.npz")
+    assert Trajectory.load(tmp_path / "x.npz").model_hash == "abc"
+
+
+@pytest.mark.parametrize("units", [UNITS, None])
+def test_version_1_is_read_still(motion, tmp_path, units):
+    write(tmp_path / "old.npz", format="armdyn-trajectory-1", units=units, model_hash=None)
+    old = Trajectory.load(tmp_path / "old.npz")
+    assert old.model_hash == "" and np.array_equal(old.q, motion.q)
 
 
 @pytest.mark.parametrize(
@@ -187,6 +215,13 @@ def write(path, **changes):
     [
         ({"format": "other-1"}, "not a trajectory of format"),
         ({"format": None}, "not a trajectory of format"),
+        ({"format": "armdyn-trajectory-3"}, "'armdyn-trajectory-3'; a newer armdyn may read it"),
+        ({"format": np.array(["armdyn-trajectory-2"])}, "format has shape"),
+        ({"format": 2.0}, "format is of type"),
+        ({"units": "t ms; q deg; v deg/s; tau N cm"}, "in units 't ms;"),
+        ({"units": None}, "not a readable npz trajectory"),
+        ({"more": T}, "not a readable npz trajectory: it holds"),
+        ({"joint_names": np.array("one")}, "joint_names has shape"),
         ({"tau": None}, "not a readable npz trajectory"),
         ({"joint_names": None}, "not a readable npz trajectory"),
         ({"q": np.zeros((3, 2))}, "q has shape"),
@@ -240,3 +275,73 @@ def test_damaged_files_raise_nothing_else(motion, tmp_path):
             Trajectory.load(path)
         except ArmdynError as error:
             assert str(path) in str(error)
+
+
+def test_zip_bomb_is_refused_unread(tmp_path):
+    """300 MiB of zeros in a third of a MiB of file."""
+    path = tmp_path / "bomb.npz"
+    write(path)
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (2**27, 1)})
+    with zipfile.ZipFile(path) as good:
+        parts = {name: good.read(name) for name in good.namelist() if name != "q.npy"}
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as bomb:
+        for name, data in parts.items():
+            bomb.writestr(name, data)
+        with bomb.open("q.npy", "w") as stream:
+            stream.write(header.getvalue())
+            for _ in range(300):
+                stream.write(bytes(2**20))
+    assert path.stat().st_size < 2**20
+    tracemalloc.start()
+    with pytest.raises(TrajectoryError, match="larger than"):
+        Trajectory.load(path)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 10 * 2**20  # the lists of the file and no array
+
+
+@pytest.mark.parametrize("shape", [(10**12, 2), (2**62, 2**62), (4, 3)])
+def test_array_that_promises_more_than_the_file_holds(tmp_path, shape):
+    path = tmp_path / "promise.npz"
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": shape})
+    write(path, q=None)
+    with zipfile.ZipFile(path, "a") as file:
+        file.writestr("q.npy", header.getvalue() + bytes(64))
+    with pytest.raises(TrajectoryError, match=r"q of shape .* is cut off|expected 96 bytes got 64"):
+        Trajectory.load(path)
+
+
+def test_a_member_twice_is_refused(tmp_path):
+    path = tmp_path / "twice.npz"
+    write(path)
+    with zipfile.ZipFile(path, "a") as file, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # zipfile warns of what we are about
+        file.writestr("q.npy", b"")
+    with pytest.raises(TrajectoryError, match="not a readable"):
+        Trajectory.load(path)
+
+
+def test_too_large_is_not_saved(tmp_path, monkeypatch, motion):
+    monkeypatch.setattr("armdyn.trajectory.MAX_BYTES", 100)
+    with pytest.raises(TrajectoryError, match="4 samples are more than 100 bytes"):
+        motion.save(tmp_path / "x.npz")
+    assert not list(tmp_path.iterdir())
+
+
+def test_killed_while_saving_leaves_the_old_file(motion, tmp_path):
+    """A process that saves again and again is killed at some moment: the file is one of those it wrote."""
+    path = motion.save(tmp_path / "motion.npz")
+    code = (
+        "import sys; from armdyn.trajectory import Trajectory as T; from dataclasses import replace\n"
+        "m = T.load(sys.argv[1]); i = 0\n"
+        "while True:\n    i += 1; replace(m, name=str(i)).save(sys.argv[1]); print(i, flush=True)"
+    )
+    process = subprocess.Popen([sys.executable, "-c", code, str(path)], stdout=subprocess.PIPE, text=True)
+    written = [process.stdout.readline() for _ in range(20)]
+    process.kill()
+    process.wait()
+    assert len(written) == 20
+    loaded = Trajectory.load(path)
+    assert int(loaded.name) >= 20 and same(replace(loaded, name="motion"), motion)

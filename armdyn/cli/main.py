@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from armdyn.cli import doctor, motion, paper
+from armdyn.cli import doctor, motion, paper, robots
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -20,6 +20,7 @@ app.command()(motion.pid)
 app.command()(paper.reproduce)
 app.command()(motion.replay)
 app.command()(paper.urdf)
+app.command()(robots.robots)
 app.command()(doctor.doctor)
 
 

@@ -1,30 +1,54 @@
 """Commands that move one robot: mintime, pid, replay."""
 
+import warnings
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 from rich.markup import escape
 
 from armdyn.cli.arguments import (
+    AccelerationLimit,
+    Armature,
+    ClearanceOption,
+    Damping,
     EffortLimit,
+    Friction,
+    FrictionWidth,
+    GoalPoseOption,
+    JerkLimit,
     Json,
     Lock,
+    Obstacles,
     Out,
+    Part,
+    PayloadCom,
+    PayloadFrame,
     PayloadMass,
     QGoal,
     QStart,
     RobotName,
+    SelfCollision,
     VelocityLimit,
+    Via,
+    Wrap,
+    carried,
+    friction_facts,
+    friction_words,
+    goal_pose_of,
     load_robot,
     number,
     numbers,
+    obstacles_of,
+    one_or_more,
     poses,
     slug,
 )
 from armdyn.cli.console import INTERRUPTED, NOT_CERTIFIED, answering, console, facts_table, working
-from armdyn.errors import ProblemError, TrajectoryError
+from armdyn.errors import ArmdynWarning, ProblemError, TrajectoryError
 from armdyn.optimal import Solution
+from armdyn.optimal.turns import endless
 from armdyn.trajectory import Trajectory
 
 
@@ -33,9 +57,24 @@ def mintime(
     q_start: QStart = None,
     q_goal: QGoal = None,
     payload: PayloadMass = 0.0,
+    payload_frame: PayloadFrame = None,
+    payload_com: PayloadCom = None,
     lock: Lock = None,
+    part: Part = None,
     effort_limit: EffortLimit = None,
     velocity_limit: VelocityLimit = None,
+    damping: Damping = None,
+    friction: Friction = None,
+    friction_width: FrictionWidth = None,
+    armature: Armature = None,
+    wrap: Wrap = False,
+    goal_pose: GoalPoseOption = None,
+    via: Via = None,
+    obstacle: Obstacles = None,
+    self_collision: SelfCollision = False,
+    clearance: ClearanceOption = 0.005,
+    acceleration_limit: AccelerationLimit = None,
+    jerk_limit: JerkLimit = None,
     starts: Annotated[
         int | None, typer.Option(help="Guesses of the global search; by default 1 to 48, by the joints.")
     ] = None,
@@ -50,16 +89,37 @@ def mintime(
     Pinocchio's forward dynamics by an independent integrator, and checks Pontryagin's conditions.
     Exit code 0 means certified; 3 that something of this failed, and the output says what.
 
+    With obstacles, via points or limits of acceleration and jerk the answer is the collocation's, replayed and
+    checked all along; the switching times are then not resolved, so that its exit code is 3, too.
+
     [dim]armdyn mintime rr --payload 0.1006
+    armdyn mintime rr --obstacle sphere:0.05@0.33,0,-0.12
+    armdyn mintime rr --goal-pose tip:0.35,0,0.1
     armdyn mintime panda --q-start 0,-0.785,0,-2.356,0,1.571,0.785 --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5[/]
     """
     with answering(json) as answer:
         from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Status, solve_minimum_time
         from armdyn.show.report import minimum_time_summary, write_run
 
-        arm = load_robot(robot, payload, lock, effort_limit, velocity_limit)
-        start, goal = poses(arm, robot, "minimum_time", q_start, q_goal)
-        problem = MinimumTimeProblem(arm, q_start=start, q_goal=goal)
+        load = carried(payload, payload_frame, payload_com)
+        arm = load_robot(
+            robot, load, lock, effort_limit, velocity_limit, damping, friction, friction_width, armature, part
+        )
+        posed = None if goal_pose is None else goal_pose_of(goal_pose)
+        start, *goal = poses(arm, robot, "minimum_time", q_start, q_goal, posed=posed is not None)
+        problem = MinimumTimeProblem(
+            arm,
+            q_start=start,
+            q_goal=goal[0] if goal else None,
+            goal_pose=posed,
+            wrap=wrap,
+            via=[numbers(text, "--via") for text in via or ()],
+            obstacles=obstacles_of(obstacle),
+            self_collision=self_collision,
+            clearance=clearance,
+            acceleration_limit=one_or_more(acceleration_limit, "--acceleration-limit"),
+            jerk_limit=one_or_more(jerk_limit, "--jerk-limit"),
+        )
         options = MinimumTimeOptions(starts=starts, time_limit=time_limit, seed=seed)
         with working(f"minimum time of {arm.name}", json) as progress:
             solution = solve_minimum_time(problem, options, progress)
@@ -67,12 +127,31 @@ def mintime(
             folder = out or Path("results") / f"mintime-{slug(robot)}"
             title = f"{arm.name}, {1000 * payload:g} g: minimum time {solution.duration:.4f} s"
             summary = minimum_time_summary(solution)
-            files = write_run(folder, arm, solution.trajectory, summary, title)
-        answer.facts |= {"robot": arm.name, **summary, "files": [str(file) for file in files]}
+            files = write_run(folder, arm, solution.trajectory, summary, title, problem.obstacles)
+        answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, "files": [str(file) for file in files]}
         if not (solution.success and solution.certificate.ok):
             answer.code = INTERRUPTED if solution.status is Status.INTERRUPTED else NOT_CERTIFIED
         if not json:
-            console.print(facts_table(f"{arm.name}: minimum time", _facts(solution, folder)))
+            console.print(
+                facts_table(
+                    f"{arm.name}: minimum time", friction_words(arm) | _facts(solution, folder) | _turns(solution, wrap)
+                )
+            )
+
+
+def _turns(solution: Solution, wrap: bool) -> dict[str, str]:
+    """How far endless joints turn, where another way round was open or was taken."""
+    problem = solution.problem
+    away = np.asarray(problem.q_goal) - np.asarray(problem.q_start)
+    far = [
+        f"{name} turns {angle:.4g} rad"
+        for name, angle, turns in zip(
+            problem.robot.joint_names, away, endless(problem.robot, problem.limits), strict=True
+        )
+        if turns and (wrap or abs(angle) > np.pi)
+    ]
+    hint = "" if wrap else ", as it was asked to; with --wrap it may go the other way round"
+    return {"way round": ", ".join(far) + hint} if far else {}
 
 
 def _facts(solution: Solution, folder: Path) -> dict[str, str]:
@@ -84,6 +163,16 @@ def _facts(solution: Solution, folder: Path) -> dict[str, str]:
         f"{certificate.goal_error:.1e} rad and {certificate.goal_velocity_error:.1e} rad/s beside the goal"
     )
     facts["certificate"] = "yes" if certificate.ok else "NO: " + "; ".join(certificate.reasons)
+    if solution.clearance is not None:
+        proof = "nothing is missed between looks" if solution.clearance.sure else "looked at 10,000 times at most"
+        facts["nearest"] = f"{solution.clearance} ({proof})"
+    if solution.via_times:
+        facts["via points"] = "at " + ", ".join(f"{t:.4f}" for t in solution.via_times) + " s"
+    if solution.goals:
+        facts["goals tried"] = (
+            ", ".join(f"{goal.duration:.4f}{'' if goal.refined else ' (coarse)'}" for goal in solution.goals[:8]) + " s"
+        )
+        facts["goal"] = ", ".join(f"{x:.4f}" for x in np.asarray(solution.problem.q_goal)) + " rad"
     if solution.arcs:
         facts["Pontryagin"] = (
             f"|H| ≤ {certificate.hamiltonian_spread:.1e}, wrong signs ≤ {certificate.switching_violation:.1e}, "
@@ -114,8 +203,15 @@ def pid(
     q_start: QStart = None,
     q_goal: QGoal = None,
     payload: PayloadMass = 0.0,
+    payload_frame: PayloadFrame = None,
+    payload_com: PayloadCom = None,
     lock: Lock = None,
+    part: Part = None,
     effort_limit: EffortLimit = None,
+    damping: Damping = None,
+    friction: Friction = None,
+    friction_width: FrictionWidth = None,
+    armature: Armature = None,
     gains: Annotated[str, typer.Option(metavar="KP,KI,KD", help="The same for every joint.")] = "30,50,10",
     form: Annotated[
         str,
@@ -136,7 +232,8 @@ def pid(
         from armdyn.control import PidGains, simulate_pid
         from armdyn.show.report import pid_summary, write_run
 
-        arm = load_robot(robot, payload, lock, effort_limit)
+        load = carried(payload, payload_frame, payload_com)
+        arm = load_robot(robot, load, lock, effort_limit, None, damping, friction, friction_width, armature, part)
         start, goal = poses(arm, robot, "pid", q_start, q_goal)
         values = numbers(gains, "--gains")
         if len(values) != 3:
@@ -155,14 +252,15 @@ def pid(
             summary = pid_summary(run)
             title = f"{arm.name}, {1000 * payload:g} g: PID loop"
             files = write_run(folder, arm, run.trajectory, summary, title)
-        answer.facts |= {"robot": arm.name, **summary, "files": [str(file) for file in files]}
+        answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, "files": [str(file) for file in files]}
         answer.code = 0 if run.arrival_time is not None else NOT_CERTIFIED
         if not json:
             arrival = "-" if run.arrival_time is None else f"{run.arrival_time:.4f} s"
             console.print(
                 facts_table(
                     f"{arm.name}: PID loop",
-                    {
+                    friction_words(arm)
+                    | {
                         "status": f"{run.status}: {run.message}",
                         "arrival": arrival,
                         "overshoot": ", ".join(f"{x:.4f}" for x in run.overshoot) + " rad",
@@ -177,7 +275,10 @@ def replay(
     robot: RobotName,
     trajectories: Annotated[list[Path], typer.Argument(metavar="FILE.npz…", help="What mintime and pid wrote.")],
     payload: PayloadMass = 0.0,
+    payload_frame: PayloadFrame = None,
+    payload_com: PayloadCom = None,
     lock: Lock = None,
+    part: Part = None,
     slow_motion: Annotated[
         str | None, typer.Option(metavar="X", help="Seconds shown per second of motion; by default it is chosen.")
     ] = None,
@@ -191,11 +292,13 @@ def replay(
     with answering(json) as answer:
         from armdyn.show.replay import write_html
 
-        arm = load_robot(robot, payload, lock)
+        arm = load_robot(robot, carried(payload, payload_frame, payload_com), lock, part=part)
         motions = [Trajectory.load(path) for path in trajectories]
         for path, motion in zip(trajectories, motions, strict=True):
             if motion.q.shape[1] != arm.nv:
                 raise TrajectoryError(f"{path}: moves {motion.q.shape[1]} joints, {arm.name} has {arm.nv}")
+            if motion.model_hash not in ("", arm.model_hash):
+                warnings.warn(f"{path}: was computed for another arm, payload or friction", ArmdynWarning, stacklevel=2)
         folder = out or Path("results") / f"replay-{slug(robot)}"
         folder.mkdir(parents=True, exist_ok=True)
         slow = None if slow_motion is None else number(slow_motion, "--slow-motion")

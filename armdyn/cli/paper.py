@@ -15,9 +15,9 @@ from armdyn.cli.arguments import Json, numbers
 from armdyn.cli.console import INTERRUPTED, NOT_CERTIFIED, answering, console, errors
 from armdyn.control.arrival import ARRIVAL_RULES
 from armdyn.control.stability import one_of
+from armdyn.files import write_whole
 from armdyn.models import ArmSpec, Payload
 from armdyn.models.urdf import urdf_file_name, urdf_from_spec
-from armdyn.show.files import write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable

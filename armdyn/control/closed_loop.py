@@ -101,7 +101,7 @@ def simulate_pid(
         arrival_tolerance: of a joint's error [rad or m].
         arrival_rule: see `ArrivalRule`.
         samples: how many the trajectory has, both ends included.
-        dynamics: other equations of motion than the robot's own.
+        dynamics: other equations of motion than the robot's own, which have its joints' friction.
 
     Raises:
         ProblemError: wrong length or not finite; duration or tolerance not positive; unknown form, sign or
@@ -151,6 +151,7 @@ def simulate_pid(
             tau=np.array([loop.torque(column) for column in x.T]),
             joint_names=robot.joint_names,
             name=f"PID ({form})",
+            model_hash=robot.model_hash,
         ),
         arrival_time=entry[arrival_rule],
         arrival_rule=arrival_rule,

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from armdyn.dynamics import forward_dynamics
 from armdyn.models import Robot
 
 Array = NDArray[np.float64]
@@ -31,17 +32,20 @@ class Motion(Protocol):
         """D(q) [kg m²], shape (nv, nv)."""
 
     def bias(self, q: Array, v: Array) -> Array:
-        """C(q, v) v + g(q) [N m], shape (nv,)."""
+        """C(q, v) v + g(q) + tau_f(v) [N m], shape (nv,), tau_f the joints' friction."""
 
     def acceleration(self, q: Array, v: Array, tau: Array) -> Array:
-        """D⁻¹ (tau - C v - g) [rad/s²], shape (nv,)."""
+        """D⁻¹ (tau - C v - g - tau_f) [rad/s²], shape (nv,)."""
 
     def stiffness(self, q: Array, tau: Array) -> Array:
         """∂a/∂q [1/s²] at rest under a constant tau, shape (nv, nv)."""
 
+    def drag(self, q: Array) -> Array:
+        """∂tau_f/∂v [N m s/rad] at rest, shape (nv,)."""
+
 
 def motion_of(robot: Robot, dynamics: EquationsOfMotion | None) -> Motion:
-    """The robot's own equations by Pinocchio, or the given ones in their place."""
+    """The robot's own equations by Pinocchio, or the given ones, which have no friction, in their place."""
     return PinocchioMotion(robot) if dynamics is None else GivenMotion(dynamics)
 
 
@@ -51,25 +55,31 @@ class PinocchioMotion:
     def __init__(self, robot: Robot):
         self._model = robot.model
         self._data = robot.model.createData()
-        self._configuration = robot.configuration
+        self._configuration, self._friction = robot.configuration, robot.friction
+        self._acceleration = forward_dynamics(robot)
 
     def inertia(self, q: Array) -> Array:
         """D(q) by the composite-rigid-body algorithm, whose Python binding fills both triangles."""
         return np.array(pin.crba(self._model, self._data, self._configuration(q)))
 
     def bias(self, q: Array, v: Array) -> Array:
-        """C v + g by the recursive Newton-Euler algorithm."""
-        return np.array(pin.nonLinearEffects(self._model, self._data, self._configuration(q), v))
+        """C v + g by the recursive Newton-Euler algorithm, and the joints' friction."""
+        free = np.array(pin.nonLinearEffects(self._model, self._data, self._configuration(q), v))
+        return free + self._friction.torque(v) if self._friction.present else free
 
     def acceleration(self, q: Array, v: Array, tau: Array) -> Array:
         """By the articulated-body algorithm."""
-        return np.array(pin.aba(self._model, self._data, self._configuration(q), v, tau))
+        return self._acceleration(q, v, tau)
 
     def stiffness(self, q: Array, tau: Array) -> Array:
         """By Pinocchio's analytic derivatives of the articulated-body algorithm: exact."""
         rest = np.zeros(self._model.nv)
         pin.computeABADerivatives(self._model, self._data, self._configuration(q), rest, tau)
         return np.array(self._data.ddq_dq)
+
+    def drag(self, q: Array) -> Array:
+        """Of the joints' friction, smooth as it is."""
+        return self._friction.slope(np.zeros(q.size))
 
 
 _STEP = 1e-3
@@ -104,3 +114,7 @@ class GivenMotion:
             )
             columns.append((8 * near - far) / (12 * _STEP))
         return np.column_stack(columns)
+
+    def drag(self, q: Array) -> Array:
+        """None: what is given has no friction."""
+        return np.zeros(q.size)

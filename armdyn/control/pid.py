@@ -13,9 +13,10 @@ Array = NDArray[np.float64]
 Form = Literal["acceleration", "torque", "computed_torque"]
 """What the output u of eq. (27) is:
 
-- "acceleration", eqs (22), (24): tau = D(q) u; Coriolis and gravity torques are not compensated.
+- "acceleration", eqs (22), (24): tau = D(q) u; Coriolis, gravity and friction torques are not compensated.
 - "torque": tau = u, what a motor controller does.
-- "computed_torque": tau = D(q) u + C(q, v) v + g(q); every joint becomes a triple integrator of its own.
+- "computed_torque": tau = D(q) u + C(q, v) v + g(q), and the joints' friction; every joint becomes a triple
+  integrator of its own.
 """
 FORMS: tuple[Form, ...] = ("acceleration", "torque", "computed_torque")
 

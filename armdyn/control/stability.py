@@ -24,7 +24,9 @@ def closed_loop_matrix(
 
         ⎡ 0      -I       0    ⎤      B = I      for the forms whose output is an acceleration,
         ⎢ 0       0       I    ⎥          D⁻¹    for form "torque";
-        ⎣ B Ki   S - B Kp -B Kd⎦      S = ∂(plant's acceleration)/∂q with the controller's output held.
+        ⎣ B Ki   S - B Kp -B Kd - F⎦  S = ∂(plant's acceleration)/∂q with the controller's output held;
+                                      F = D⁻¹ ∂tau_f/∂v at rest, of the joints' friction, but 0 for
+                                      "computed_torque", which cancels it.
 
     At rest at the goal the integral carries what keeps the arm up: D u = g for "acceleration", u = g for
     "torque", nothing for "computed_torque". "acceleration" multiplies by D at the *present* position, so
@@ -57,6 +59,9 @@ def closed_loop_matrix(
     nv = robot.nv
     B: Array = np.eye(nv)
     S: Array = np.zeros((nv, nv))
+    F: Array = np.zeros((nv, nv))
+    if form != "computed_torque":
+        F = np.asarray(np.linalg.solve(motion.inertia(goal), np.diag(motion.drag(goal))), dtype=float)
     if form == "acceleration":
         S = motion.stiffness(goal, np.zeros(nv))
     elif form == "torque":
@@ -66,7 +71,7 @@ def closed_loop_matrix(
         [
             [np.zeros((nv, nv)), -np.eye(nv), np.zeros((nv, nv))],
             [np.zeros((nv, 2 * nv)), np.eye(nv)],
-            [B * ki, S - B * kp, -B * kd],
+            [B * ki, S - B * kp, -B * kd - F],
         ]
     )
     kept = np.r_[np.flatnonzero(ki > 0), nv : 3 * nv]

@@ -161,12 +161,12 @@ def loaded(link: LinkSpec, payload: Payload) -> LinkSpec:
     """
     if payload.frame not in (None, TIP):
         raise SpecError(f"the hand-derived equations carry a payload at {TIP!r}, not {payload.frame!r}")
-    along, *across = payload.offset
+    along, *across = payload.com
     if any(across):
-        raise SpecError(f"payload offset {payload.offset} m is not on the last link's axis (x)")
+        raise SpecError(f"payload com {payload.com} m is not on the last link's axis (x)")
     at = link.length + along
     mass = link.mass + payload.mass
     com = (link.mass * link.com + payload.mass * at) / mass
-    own = link.inertia + (payload.inertia[1] if payload.mass > 0 else 0.0)  # iyy: around the joints' axis
+    own = link.inertia + (payload.tensor[1, 1] if payload.mass > 0 else 0.0)  # iyy: around the joints' axis
     inertia = own + link.mass * (com - link.com) ** 2 + payload.mass * (at - com) ** 2
     return LinkSpec(length=link.length, com=com, mass=mass, inertia=inertia)

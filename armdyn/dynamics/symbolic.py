@@ -22,7 +22,9 @@ Value = Any
 
 
 class Dynamics:
-    """Equations of motion D(q) a + C(q, v) v + g(q) = tau, from Pinocchio's own templated algorithms.
+    """Equations of motion D(q) a + C(q, v) v + g(q) + tau_f(v) = tau, from Pinocchio's own templated algorithms.
+
+    tau_f is the friction in the robot's joints, see `JointFriction`: none unless the robot has some.
 
     Every method takes numpy arrays, and returns one, or casadi DM, SX or MX, and returns that.
     Joint coordinates throughout: q has one number per joint, also for continuous joints.
@@ -66,9 +68,14 @@ class Dynamics:
             joint = robot.nv - 1
             self.last_body = np.array(robot.model.inertias[robot.model.njoints - 1].toDynamicParameters())
         self._tree = _tree(robot.model, joint, without_body=free_last_body)
-        self.functions = _functions(*self._tree)
+        friction = robot.friction
+        rubs: tuple[bytes, bytes, float] | tuple[()] = ()
+        if friction.present:
+            damping, coulomb = (np.broadcast_to(x, self.nv) for x in (friction.damping, friction.coulomb))
+            rubs = (damping.tobytes(), coulomb.tobytes(), friction.width)
+        self.functions = _with_friction(self._tree, *rubs) if rubs else _functions(*self._tree)
         present = tuple((self.last_body != 0).tolist())
-        data = repr((self._tree, present, ca.CasadiMeta.version())).encode()
+        data = repr((self._tree, rubs, present, ca.CasadiMeta.version())).encode()
         self._digest = hashlib.sha256(data).hexdigest()
 
     def aba(self, q: Value, v: Value, tau: Value, *payload: Value) -> Any:
@@ -84,7 +91,7 @@ class Dynamics:
         return self._call("crba", q, *payload)
 
     def nle(self, q: Value, v: Value, *payload: Value) -> Any:
-        """Coriolis, centrifugal and gravity torque C(q, v) v + g(q) [N m], shape (nv,)."""
+        """Coriolis, centrifugal, gravity and friction torque C(q, v) v + g(q) + tau_f(v) [N m], shape (nv,)."""
         return self._call("nle", q, v, *payload)
 
     def gravity(self, q: Value, *payload: Value) -> Any:
@@ -112,11 +119,14 @@ class Dynamics:
             rotation, origin = type(q)(rotation), type(q)(origin)
         if j < 0:
             return rotation, origin
-        takes_body = self.payload_frame is not None or self.last_body.size > 0
-        extra = (np.zeros(10),) if takes_body else ()
-        all_joints = self._call("placements", q, *extra)
+        all_joints = self.placements(q)
         R, p = all_joints[:, 4 * j : 4 * j + 3], all_joints[:, 4 * j + 3]
         return R @ rotation, R @ origin + p
+
+    def placements(self, q: Value) -> Any:
+        """Rotation and origin [m] of every joint's frame in the world, side by side, shape (3, 4 nv)."""
+        takes_body = self.payload_frame is not None or self.last_body.size > 0
+        return self._call("placements", q, *((np.zeros(10),) if takes_body else ()))
 
     def payload_parameters(self, inertia: pin.Inertia) -> np.ndarray:
         """The ten numbers that the payload argument takes, shape (10,).
@@ -217,3 +227,19 @@ def _functions(
         payload_joint=payload_joint,
     )
     return {name: ca.Function.deserialize(text) for name, text in serialized.items()}
+
+
+@lru_cache(maxsize=64)
+def _with_friction(tree: tuple[Any, ...], damping: bytes, coulomb: bytes, width: float) -> dict[str, ca.Function]:
+    """The Functions of a tree whose joints lose damping v + coulomb tanh(v / width)."""
+    smooth = dict(_functions(*tree))
+    viscous, dry = (ca.DM(np.frombuffer(data)) for data in (damping, coulomb))
+    for name in ("aba", "rnea", "nle"):
+        function = smooth[name]
+        names = function.name_in()
+        given = [ca.SX.sym(each, function.sparsity_in(i)) for i, each in enumerate(names)]
+        q, v = given[:2]
+        lost = viscous * v + dry * ca.tanh(v / width)
+        out = function(q, v, given[2] - lost, *given[3:]) if name == "aba" else function(*given) + lost
+        smooth[name] = ca.Function(name, given, [out], names, function.name_out())
+    return smooth

@@ -10,12 +10,16 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.errors import SpecError, UnsupportedJointError, UrdfError
-from armdyn.models.library import LIBRARY_LOCKS, library_urdf
+from armdyn.errors import SpecError
+from armdyn.models.friction import FRICTION_WIDTH, FrictionValue, JointFriction
+from armdyn.models.identity import model_hash
+from armdyn.models.library import library_arm
 from armdyn.models.limits import JointLimits
+from armdyn.models.meshes import mesh_folders
+from armdyn.models.reading import check_inertia, configuration, joint_limits, read_arm
 from armdyn.models.spec import ArmSpec, Payload
-from armdyn.models.urdf import POINT_INERTIA, TIP, urdf_from_spec
-from armdyn.models.urdf_check import parse_urdf, read_urdf
+from armdyn.models.urdf import TIP, positive_tensor, urdf_from_spec
+from armdyn.models.urdf_xml import read_urdf
 
 Array = NDArray[np.float64]
 
@@ -42,6 +46,7 @@ class Robot:
         locked: joint name to the position it is locked at [rad or m].
         payload: what it carries, None if nothing was added.
         tip: the frame at the end of the arm.
+        friction: in its joints; the model itself, and so `pin.aba`, knows nothing of it.
     """
 
     name: str
@@ -54,17 +59,21 @@ class Robot:
     locked: Mapping[str, float] = field(default_factory=dict)
     payload: Payload | None = None
     tip: str = TIP
+    friction: JointFriction = field(default_factory=JointFriction)
 
     @property
     def nv(self) -> int:
         """Number of joints."""
         return int(self.model.nv)
 
+    @property
+    def model_hash(self) -> str:
+        """SHA-256 of its equations of motion, payload and friction included; see `models.identity`."""
+        return model_hash(self.model, self.friction)
+
     @classmethod
     def from_spec(cls, spec: ArmSpec, payload: Payload | None = None) -> Self:
-        """A generated planar arm, its payload a link of its own at the tip."""
-        if payload is not None and payload.frame not in (None, TIP):
-            raise SpecError(f"a generated arm carries its payload at {TIP!r}, not {payload.frame!r}")
+        """A generated planar arm, its payload a link of its own at the tip or at another of its links."""
         robot = cls._from_text(urdf_from_spec(spec, payload), source=f"ArmSpec {spec.name!r}")
         return replace(robot, payload=payload)
 
@@ -78,6 +87,10 @@ class Robot:
         velocity_limit: ArrayLike | None = None,
         armature: ArrayLike | None = None,
         package_dirs: Sequence[str | os.PathLike[str]] = (),
+        damping: FrictionValue = "urdf",
+        friction: FrictionValue = "urdf",
+        friction_width: float = FRICTION_WIDTH,
+        arm: tuple[str, str] | None = None,
     ) -> Self:
         """An arm from a URDF file.
 
@@ -88,17 +101,29 @@ class Robot:
             effort_limit: instead of the URDF's: one number, or one per joint [N m or N].
             velocity_limit: instead of the URDF's: one number, or one per joint [rad/s or m/s].
             armature: reflected rotor inertia: one number, or one per joint [kg m² or kg].
-            package_dirs: where `package://` meshes are; only looked at to draw.
+            package_dirs: where `package://` meshes are, besides the file's own folder and ROS package; not looked
+                at for dynamics, for which no mesh need be there.
+            damping: viscous friction of the joints: one number, or one per joint [N m s/rad or N s/m]; "urdf":
+                what its `<dynamics damping=…>` says; 0 for none.
+            friction: Coulomb friction [N m or N], likewise; "urdf": its `<dynamics friction=…>`.
+            friction_width: speed over which Coulomb friction turns its sign, see `JointFriction` [rad/s or m/s].
+            arm: (first, last), each a joint or a link: the joints on the way from one to the other move, all
+                others of the robot are locked, at zero or at the bound nearest to it unless `lock` says where.
+                A last link is the tip. None: all joints move but those of `lock`, and a `<mimic>` joint whose
+                leader is locked, which follows it.
 
         Raises:
             UrdfError: the file cannot be read or is not physical.
-            SpecError: a limit, a lock or the payload does not fit the robot.
+            UnsupportedJointError: a moving joint is not of the kinds above, or mimics another that moves.
+            SpecError: a limit, a lock, the arm or the payload does not fit the robot.
         """
         path = Path(path)
         text = read_urdf(path)
-        folders = (*map(str, package_dirs), str(path.parent))
-        robot = cls._from_text(text, source=str(path), lock=lock, package_dirs=folders)
-        return robot._with_inertia(payload, armature).with_limits(effort_limit, velocity_limit)
+        folders = mesh_folders(path, package_dirs)
+        robot = cls._from_text(text, source=str(path), lock=lock, arm=arm, package_dirs=folders)
+        robot = robot._carrying(payload).with_limits(effort_limit, velocity_limit).with_armature(armature)
+        check_inertia(robot.model, robot.source)
+        return robot.with_friction(damping, friction, friction_width)
 
     @classmethod
     def from_library(
@@ -109,25 +134,38 @@ class Robot:
         effort_limit: ArrayLike | None = None,
         velocity_limit: ArrayLike | None = None,
         armature: ArrayLike | None = None,
+        damping: FrictionValue = 0.0,
+        friction: FrictionValue = 0.0,
+        friction_width: float = FRICTION_WIDTH,
+        arm: tuple[str, str] | None = None,
     ) -> Self:
-        """An arm of example-robot-data, such as "panda", "ur5", "talos_arm", "z1".
+        """An arm of example-robot-data, such as "panda", "ur5", "talos_arm", or one of `LIBRARY_ARMS`.
 
         Args:
-            name: the library's name for it.
+            name: the library's name for it, or that of an arm inside a bigger robot, such as "baxter_left".
             payload: see `from_urdf`.
-            lock: see `from_urdf`; None locks what `LIBRARY_LOCKS` names (a hand's fingers).
+            lock: see `from_urdf`; besides what is locked already, such as a hand's fingers.
             effort_limit: see `from_urdf`.
             velocity_limit: see `from_urdf`.
             armature: see `from_urdf`.
+            damping: see `from_urdf`. None by default, for the library's numbers are there to calm simulators:
+                z1 and talos_arm have 1 for every joint, xarm7 up to 10, panda 0.003 beside `mu_viscous="16"`.
+            friction: see `from_urdf`; none by default, for the same reason.
+            friction_width: see `from_urdf`.
+            arm: see `from_urdf`; None: that of `LIBRARY_ARMS`, or all joints of a robot that is not there. A
+                robot that could walk or fly stands with its base fixed.
 
         Raises:
             UnknownRobotError: the library has no such robot.
             UrdfError: its URDF is no fixed-base arm.
         """
-        path, shared = library_urdf(name)
-        if lock is None:
-            lock = LIBRARY_LOCKS.get(name, {})
-        return cls.from_urdf(path, payload, lock, effort_limit, velocity_limit, armature, (shared,))
+        path, shared, part = library_arm(name)
+        if arm is None and part is not None:
+            arm = part.first, part.last
+        return cls.from_urdf(
+            path, payload, lock, effort_limit, velocity_limit, armature, (shared,), damping, friction, friction_width,
+            arm,
+        )  # fmt: skip
 
     @classmethod
     def _from_text(
@@ -135,51 +173,20 @@ class Robot:
         text: str,
         source: str,
         lock: Mapping[str, float] | None = None,
+        arm: tuple[str, str] | None = None,
         package_dirs: tuple[str, ...] = (),
     ) -> Self:
-        parse_urdf(text, source)
-        try:
-            model = pin.buildModelFromXML(text)
-        except (RuntimeError, ValueError) as error:
-            raise UrdfError(source, f"Pinocchio cannot read it ({str(error).strip()})") from None
-        lock = dict(lock or {})
-        for name, value in lock.items():
-            if name not in list(model.names)[1:]:
-                raise SpecError(f"cannot lock {name!r}: {source} has joints {', '.join(list(model.names)[1:])}")
-            if not np.isfinite(value):
-                raise SpecError(f"cannot lock {name!r} at {value}")
-        whole = model
-        if lock:
-            at = configuration(model, [lock.get(name, 0.0) for name in list(model.names)[1:]])
-            model = pin.buildReducedModel(model, [model.getJointId(name) for name in lock], at)
-        if model.nv == 0:
-            raise UrdfError(source, "has no moving joint")
-        for joint, name in zip(list(model.joints)[1:], list(model.names)[1:], strict=True):
-            if joint.nv != 1 or "Mimic" in joint.shortname() or "Helical" in joint.shortname():
-                raise UnsupportedJointError(source, f"{joint.shortname()} is not supported", f"joint {name!r}")
-        _check_inertia(model, source)
-        first = [joint.idx_q for joint in list(model.joints)[1:]]
-        lower, upper = model.lowerPositionLimit[first], model.upperPositionLimit[first]
-        # A range without width and a velocity limit of zero are a URDF's way to say nothing.
-        unbounded = np.array([joint.nq == 2 for joint in list(model.joints)[1:]]) | (lower == upper)
-        velocity = _or_infinite(model.upperVelocityLimit)
-        limits = JointLimits(
-            position_lower=np.where(unbounded, -np.inf, lower),
-            position_upper=np.where(unbounded, np.inf, upper),
-            velocity=np.where(velocity == 0, np.inf, velocity),
-            effort_lower=-_or_infinite(model.upperEffortLimit),
-            effort_upper=_or_infinite(model.upperEffortLimit),
-        )
+        reading = read_arm(text, source, lock, arm)
         return cls(
-            name=str(model.name),
-            model=model,
-            limits=limits,
-            joint_names=tuple(list(model.names)[1:]),
+            name=str(reading.model.name),
+            model=reading.model,
+            limits=joint_limits(reading.model),
+            joint_names=tuple(list(reading.model.names)[1:]),
             urdf=text,
             source=source,
             package_dirs=package_dirs,
-            locked=lock,
-            tip=_tip(model, whole),
+            locked=reading.locked,
+            tip=reading.tip,
         )
 
     def with_limits(self, effort_limit: ArrayLike | None, velocity_limit: ArrayLike | None) -> Self:
@@ -196,13 +203,57 @@ class Robot:
             limits = replace(limits, velocity=self.per_joint(velocity_limit, "velocity_limit"))
         return replace(self, limits=limits)
 
-    def _with_inertia(self, payload: Payload | None, armature: ArrayLike | None) -> Self:
+    def with_friction(
+        self,
+        damping: FrictionValue | None = None,
+        friction: FrictionValue | None = None,
+        width: float | None = None,
+    ) -> Self:
+        """This robot with other friction in its joints; None keeps its own.
+
+        Args:
+            damping: viscous [N m s/rad or N s/m]: one number, one per joint, or "urdf" for what the URDF says.
+            friction: Coulomb's [N m or N], likewise.
+            width: see `JointFriction` [rad/s or m/s].
+
+        Raises:
+            SpecError: wrong length, NaN, negative or infinite.
+        """
+
+        def chosen(value: FrictionValue | None, own: ArrayLike, urdf: Array, what: str) -> ArrayLike:
+            if value is None:
+                return own
+            if isinstance(value, str) and value != "urdf":
+                raise SpecError(f'{what} is {value!r}; it is numbers or "urdf"')
+            return self.per_joint(urdf, f"the URDF's {what}") if isinstance(value, str) else self.per_joint(value, what)
+
+        own = self.friction
+        return replace(
+            self,
+            friction=JointFriction(
+                damping=chosen(damping, own.damping, self.model.damping, "damping"),
+                coulomb=chosen(friction, own.coulomb, self.model.upperDryFrictionLimit, "friction"),
+                width=own.width if width is None else width,
+            ),
+        )
+
+    def with_armature(self, armature: ArrayLike | None) -> Self:
+        """This robot with reflected rotor inertia [kg m² or kg]: one number, or one per joint; None keeps its own.
+
+        Raises:
+            SpecError: wrong length, NaN, negative or infinite.
+        """
+        if armature is None:
+            return self
+        model = self.model.copy()
+        model.armature = self.per_joint(armature, "armature")
+        if not np.all(np.isfinite(model.armature)):
+            raise SpecError(f"armature is {armature}; it must be finite")
+        return replace(self, model=model)
+
+    def _carrying(self, payload: Payload | None) -> Self:
         """This robot carrying something; the model is copied before it is changed."""
         model = self.model.copy()
-        if armature is not None:
-            model.armature = self.per_joint(armature, "armature")
-            if not np.all(np.isfinite(model.armature)):
-                raise SpecError(f"armature is {armature}; it must be finite")
         if payload is not None and payload.mass > 0:
             frame_name = payload.frame or self.tip
             frame = self.frame(frame_name)
@@ -242,55 +293,6 @@ class Robot:
         return configuration(self.model, q)
 
 
-def configuration(model: pin.Model, q: ArrayLike) -> Array:
-    """Pinocchio's configuration of joint coordinates: (cos, sin) for a continuous joint."""
-    q = np.asarray(q, dtype=float)
-    if model.nq == model.nv:
-        return q
-    full = np.empty(model.nq)
-    for joint, angle in zip(list(model.joints)[1:], q, strict=True):
-        full[joint.idx_q : joint.idx_q + joint.nq] = angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
-    return full
-
-
 def payload_inertia(payload: Payload) -> pin.Inertia:
     """Pinocchio's inertia of a payload, in the frame that it is fixed to."""
-    moments = np.maximum(payload.inertia, POINT_INERTIA)
-    return pin.Inertia(payload.mass, np.array(payload.offset), np.diag(moments))
-
-
-def _or_infinite(limit: Array) -> Array:
-    """Pinocchio writes a missing limit as the largest double or as infinity."""
-    return np.where(np.asarray(limit) >= np.finfo(float).max, np.inf, limit)
-
-
-def _tip(model: pin.Model, whole: pin.Model) -> str:
-    """The frame at the end of the arm: the link furthest from the base, in joints and then in frames.
-
-    Among equals the one behind the fewest locked joints: a hand rather than its fingers.
-
-    Args:
-        model: the arm.
-        whole: the same before joints were locked; pin 4.1's reduced models lose the way from a locked
-            joint's frame to the base (it becomes its own parent).
-    """
-    if model.existFrame(TIP):
-        return TIP
-
-    def rank(body: pin.Frame) -> tuple[int, int, int]:
-        moving = len(model.supports[body.parentJoint])
-        frame = whole.frames[whole.getFrameId(body.name, pin.FrameType.BODY)]
-        joints, frames = len(whole.supports[frame.parentJoint]), 0
-        while frame.parentFrame:
-            frame, frames = whole.frames[frame.parentFrame], frames + 1
-        return moving, frames, moving - joints
-
-    return str(max((f for f in model.frames if f.type == pin.FrameType.BODY), key=rank).name)
-
-
-def _check_inertia(model: pin.Model, source: str) -> None:
-    """Every joint must move some mass, or no torque gives a finite acceleration."""
-    inertia = pin.crba(model, model.createData(), pin.neutral(model))
-    for name, own in zip(list(model.names)[1:], np.diag(inertia), strict=True):
-        if not own > 0:
-            raise UrdfError(source, f"moves no inertia ({own} kg m²); give its link a mass", f"joint {name!r}")
+    return pin.Inertia(payload.mass, np.array(payload.com), positive_tensor(payload))

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal, Self
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from armdyn.errors import SpecError
 
@@ -92,33 +93,67 @@ class ArmSpec:
         return cls(name=arm, links=PAPER_LINKS[: len(arm)])
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, init=False)
 class Payload:
-    """A rigid body at the tip of an arm; a point mass unless an inertia is given.
+    """A rigid body fixed to a link; a point mass unless an inertia is given.
 
     Attributes:
         mass: [kg]; zero is no payload.
-        offset: centre of mass in the tip's frame [m], x along the last link.
-        inertia: about its centre of mass [kg m²]: (ixx, iyy, izz).
-        frame: the frame it is fixed to; None: the tip.
+        com: centre of mass in `frame` [m]; at a generated arm's tip x is along the last link.
+        inertia: about its centre of mass, along the axes of `frame` [kg m²]: Ixx, Iyy, Izz, Ixy, Ixz, Iyz.
+        frame: the link or other frame it is fixed to, any that moves; None: the tip.
     """
 
     mass: float
-    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    inertia: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    frame: str | None = None
+    com: tuple[float, ...]
+    inertia: tuple[float, ...]
+    frame: str | None
 
-    def __post_init__(self) -> None:
-        if not (np.isfinite(self.mass) and self.mass >= 0):
-            raise SpecError(f"payload mass is {self.mass} kg; it must be finite and not negative")
-        for field, unit in (("offset", "m"), ("inertia", "kg m²")):
-            value = tuple(map(float, getattr(self, field)))
-            object.__setattr__(self, field, value)
-            if len(value) != 3 or not np.all(np.isfinite(value)):
-                raise SpecError(f"payload {field} is {value} {unit}; it must be three finite numbers")
-        a, b, c = sorted(self.inertia)
-        if a < 0 or a + b < c * (1 - 1e-9):
+    def __init__(
+        self,
+        *,
+        mass: float,
+        com: ArrayLike = (0.0, 0.0, 0.0),
+        inertia: ArrayLike = (0.0, 0.0, 0.0),
+        frame: str | None = None,
+        offset: ArrayLike | None = None,
+    ):
+        """A payload from what is convenient.
+
+        Args:
+            mass: [kg].
+            com: [m], shape (3,).
+            inertia: [kg m²]: the three moments, these and the products Ixy, Ixz, Iyz, or the symmetric matrix.
+            frame: see above.
+            offset: the older name of `com`.
+
+        Raises:
+            SpecError: not finite, of another shape, or no body has such an inertia.
+        """
+        if not (np.isfinite(mass) and mass >= 0):
+            raise SpecError(f"payload mass is {mass} kg; it must be finite and not negative")
+        centre = np.asarray(com if offset is None else offset, dtype=float)
+        if centre.shape != (3,) or not np.all(np.isfinite(centre)):
+            raise SpecError(f"payload com is {centre} m; it must be three finite numbers")
+        object.__setattr__(self, "mass", float(mass))
+        object.__setattr__(self, "com", tuple(centre.tolist()))
+        object.__setattr__(self, "inertia", _moments(inertia))
+        object.__setattr__(self, "frame", frame)
+        a, b, c = np.linalg.eigvalsh(self.tensor)
+        slack = 1e-9 * max(abs(a), abs(c))
+        if a < -slack or a + b < c - slack:
             raise SpecError(f"payload inertia {self.inertia} kg m² is negative or breaks the triangle inequality")
+
+    @property
+    def offset(self) -> tuple[float, ...]:
+        """The older name of `com`."""
+        return self.com
+
+    @property
+    def tensor(self) -> NDArray[np.float64]:
+        """The inertia as a matrix [kg m²], shape (3, 3)."""
+        xx, yy, zz, xy, xz, yz = self.inertia if len(self.inertia) == 6 else (*self.inertia, 0.0, 0.0, 0.0)
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
     @classmethod
     def at_last_com(cls, spec: ArmSpec, mass: float) -> Self:
@@ -127,4 +162,17 @@ class Payload:
         That is a point mass at the last link's centre of mass.
         """
         last = spec.links[-1]
-        return cls(mass=mass, offset=(last.com - last.length, 0.0, 0.0))
+        return cls(mass=mass, com=(last.com - last.length, 0.0, 0.0))
+
+
+def _moments(inertia: ArrayLike) -> tuple[float, ...]:
+    """Three moments, or these and the three products, of the ways that `Payload` takes."""
+    array = np.asarray(inertia, dtype=float)
+    if array.shape == (3, 3) and np.array_equal(array, array.T):
+        array = np.concatenate([np.diag(array), array[np.triu_indices(3, 1)]])
+    if array.shape not in ((3,), (6,)) or not np.all(np.isfinite(array)):
+        raise SpecError(
+            f"payload inertia is {np.asarray(inertia).tolist()} kg m²; it must be finite: three moments, three "
+            "moments and three products, or a symmetric 3 × 3 matrix"
+        )
+    return tuple(array.tolist())

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 
+from armdyn.errors import SpecError
 from armdyn.models.spec import ArmSpec, Payload
 
 TIP = "tip"
@@ -40,17 +41,25 @@ def _pose(x: float = 0.0, z: float = 0.0, pitch: float = 0.0, roll: float = 0.0)
     return np.round(pose, 12) + 0.0  # no 6e-17 and no -0.0 in the file
 
 
+def positive_tensor(payload: Payload) -> np.ndarray:
+    """A payload's inertia about its centre of mass [kg m²], shape (3, 3), a point's made positive."""
+    return np.asarray(payload.tensor + np.diag(np.maximum(POINT_INERTIA - np.diag(payload.tensor), 0.0)))
+
+
 def urdf_from_spec(spec: ArmSpec, payload: Payload | None = None) -> str:
-    """A URDF of a planar arm in the world's x-z plane, its payload on a fixed joint at the tip.
+    """A URDF of a planar arm in the world's x-z plane, its payload on a fixed joint.
 
     The same input gives the same bytes.
 
     Args:
         spec: the arm.
-        payload: at the tip; None or zero mass: none.
+        payload: at the tip, or at the link of `payload.frame`; None or zero mass: none.
 
     Returns:
         The URDF's text.
+
+    Raises:
+        SpecError: the payload is for a frame that is not there or does not move.
     """
     import yourdfpy as yp  # slow to import (trimesh), and only whoever writes a URDF needs it
     from lxml import etree
@@ -114,12 +123,15 @@ def urdf_from_spec(spec: ArmSpec, payload: Payload | None = None) -> str:
     attach(yp.Link(name=TIP), parent.name, _pose(x=reach))
     if payload is not None and payload.mass > 0:
         place = np.eye(4)
-        place[:3, 3] = payload.offset
-        inertia = np.diag([max(i, POINT_INERTIA) for i in payload.inertia])
-        load = yp.Link(name="payload", inertial=yp.Inertial(origin=np.eye(4), mass=payload.mass, inertia=inertia))
+        place[:3, 3] = payload.com
+        own = yp.Inertial(origin=np.eye(4), mass=payload.mass, inertia=positive_tensor(payload))
+        load = yp.Link(name="payload", inertial=own)
         radius = float(np.cbrt(payload.mass / _DENSITY * 3 / (4 * np.pi)))
         load.visuals = [visual("ball", np.eye(4), "payload", sphere=yp.Sphere(radius=round(max(radius, 0.016), 4)))]
-        attach(load, TIP, place)
+        links = [link.name for link in robot.links[1:]]
+        if (frame := payload.frame or TIP) not in links:
+            raise SpecError(f"no moving link {frame!r} in ArmSpec {spec.name!r} for the payload: {', '.join(links)}")
+        attach(load, frame, place)
     tree = yp.URDF(robot=robot, build_scene_graph=False, load_meshes=False).write_xml()
     text = etree.tostring(tree, pretty_print=True, encoding="unicode")
     return re.sub(r'(?<=[" ])-0\.0(?=[" ])', "0.0", text)

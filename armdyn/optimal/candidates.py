@@ -25,6 +25,8 @@ _TRUSTED = 1.05
 
 _STARTS = {1: 1, 2: 32, 3: 48}
 """Guesses by joints; beyond three a solve takes seconds, and there are 4."""
+_ROUND = {1: 1, 2: 12, 3: 16}
+"""The same where there are obstacles: ways round them, chosen among many; beyond three joints 6."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +66,15 @@ def find_candidates(
         tell: told in words what is being tried.
     """
     n = problem.robot.nv
-    count = options.starts or _STARTS.get(n, 4)
+    # With obstacles the straight guess is likely the worst: all begin coarse.
+    rounds = bool(problem.obstacles) or problem.self_collision
+    count = options.starts or (_ROUND.get(n, 6) if rounds else _STARTS.get(n, 4))
     meshes = options.coarse_intervals if n <= 3 else options.coarse_intervals[:1]
-    tell(f"straight guess on {options.intervals} intervals")
-    straight = spline(problem, [])
-    plain = solve_on_mesh(problem, straight, dynamics, scheme, options.intervals, options.alone(), stop)
+    alone: list[Attempt] = []
+    if n <= 3 or not rounds:
+        tell(f"straight guess on {options.intervals} intervals")
+        straight = spline(problem, [])
+        alone = [solve_on_mesh(problem, straight, dynamics, scheme, options.intervals, options.alone(), stop)]
 
     def searched(meshes: Sequence[int], count: int) -> list[Attempt]:
         return search(
@@ -76,23 +82,28 @@ def find_candidates(
         )
 
     coarse = searched(meshes, count)
-    if n > 3 and plain.status is Status.SOLVED:
+    if n > 3 and alone and alone[0].status is Status.SOLVED:
         # A finer mesh costs seconds here: only what beats the straight guess on its own mesh is worth one.
         mark = coarse[0].trajectory.duration * (1 - SAME) if coarse[0].status is Status.SOLVED else np.inf
-        found = [plain, *(a for a in distinct(ranked(coarse)) if a.trajectory.duration < mark)]
+        found = [*alone, *(a for a in distinct(ranked(coarse)) if a.trajectory.duration < mark)]
     else:
-        found = distinct(ranked([*coarse, plain]))
+        found = distinct(ranked([*coarse, *alone]))
     if not found:
-        tried = _ladder(problem, dynamics, scheme, options, stop, ranked([*coarse, plain]), tell)
+        tried = _ladder(problem, dynamics, scheme, options, stop, ranked([*coarse, *alone]), tell)
         iterations, found = sum(a.iterations for a in tried), distinct(ranked(tried))
         if not found:
             return Candidates(tuple(tried), False, (), iterations)
     else:
-        iterations = plain.iterations + sum(a.iterations for a in coarse)
+        iterations = sum(a.iterations for a in [*alone, *coarse])
     limit = options.refinements or (4 if n <= 3 else 2)
     settled, listed, more = _settled(problem, dynamics, scheme, options, found, limit, stop, tell)
     iterations += more
-    if 1 < n <= 3 and settled[0].trajectory.duration > _TRUSTED * found[0].trajectory.duration and not stop:
+    if (
+        1 < n <= 3
+        and not rounds
+        and settled[0].trajectory.duration > _TRUSTED * found[0].trajectory.duration
+        and not stop
+    ):
         again = searched((options.intervals, options.intervals * 3 // 2), max(count // 2, 1))
         iterations += sum(a.iterations for a in again)
         found = distinct(ranked([*settled, *again]))

@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.optimal.arcs import BANG, POSITION, VELOCITY, outward
 from armdyn.optimal.phases import TABLEAU, Phases
 from armdyn.optimal.problem import MinimumTimeProblem
@@ -159,13 +160,13 @@ def limit_violation(problem: MinimumTimeProblem, motion: Trajectory, dense: int 
 def pontryagin(problem: MinimumTimeProblem, phases: Phases) -> tuple[Array, Array, float]:
     """H, shape (K + 1,), and S, shape (K + 1, nv), at the knots; the worst sign."""
     robot, n, w = problem.robot, problem.robot.nv, problem.effort_weight
-    model, data = robot.model, robot.model.createData()
+    model, data, acceleration = robot.model, robot.model.createData(), forward_dynamics(robot)
     tau = _at_knots(phases)
     hamiltonian, switching = np.empty(phases.t.size), np.empty((phases.t.size, n))
     for k in range(phases.t.size):
-        q, v = robot.configuration(phases.q[k]), phases.v[k]
-        a = pin.aba(model, data, q, v, tau[k])
-        inertia = np.triu(pin.crba(model, data, q))
+        v = phases.v[k]
+        a = acceleration(phases.q[k], v, tau[k])
+        inertia = np.triu(pin.crba(model, data, robot.configuration(phases.q[k])))
         inertia = inertia + np.triu(inertia, 1).T
         switching[k] = np.linalg.solve(inertia, phases.costate[k, n:]) + w * tau[k]
         hamiltonian[k] = 1 + w / 2 * tau[k] @ tau[k] + phases.costate[k, :n] @ v + phases.costate[k, n:] @ a

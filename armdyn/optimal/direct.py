@@ -1,6 +1,6 @@
 """Minimum time by direct collocation and IPOPT."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
@@ -9,18 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.optimal.course import PLAIN, Course, Legs, legs_of, path_rows, row_bounds, scene_of
 from armdyn.optimal.ipopt import make_solver
 from armdyn.optimal.mesh import Scales, bounds, tie_break, to_trajectory, to_unknowns, worst_violation
 from armdyn.optimal.monitor import Monitor, Stop
+from armdyn.optimal.path import PathRows, with_rows
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.status import Status, Violation
-from armdyn.optimal.transcription import Nlp, Scheme, build_nlp
+from armdyn.optimal.transcription import Layout, Nlp, Scheme, build_nlp
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
 _TIE = 1e-3
 """Cost of full torques against the 1 of time on arms of more than three joints, of which some are idle."""
+
+_FLAT = 1e-4
+"""IPOPT's error at which it may stop, with conditions along the way, once the equations of motion hold."""
 
 _IPOPT_STATUS = {
     "Solve_Succeeded": Status.SOLVED,
@@ -53,7 +58,17 @@ class DirectOptions:
 
 @dataclass(frozen=True)
 class Attempt:
-    """What IPOPT made of one guess on one mesh."""
+    """What IPOPT made of one guess on one mesh.
+
+    Attributes:
+        status: how it ended.
+        message: IPOPT's word for it.
+        trajectory: the motion; the last iterate if it did not converge.
+        intervals: of the mesh.
+        iterations: of IPOPT.
+        worst_violation: None if it converged.
+        passing: when the motion is at the via points [s], shape (vias,).
+    """
 
     status: Status
     message: str
@@ -61,6 +76,7 @@ class Attempt:
     intervals: int
     iterations: int
     worst_violation: Violation | None
+    passing: Array = field(default_factory=lambda: np.empty(0))
 
 
 def solve_on_mesh(
@@ -71,6 +87,7 @@ def solve_on_mesh(
     intervals: int,
     options: DirectOptions,
     stop: Stop,
+    course: Course = PLAIN,
 ) -> Attempt:
     """One call of IPOPT.
 
@@ -79,18 +96,29 @@ def solve_on_mesh(
         guess: where it starts.
         dynamics: of the problem's robot.
         scheme: the transcription.
-        intervals: of the mesh, all of one length.
+        intervals: of the mesh, dealt out to the legs between via points.
         options: iteration limit, tolerance, verbosity.
         stop: asked at every iteration.
+        course: how much stricter than the problem to be.
     """
-    nlp, solver, monitor = _solver(dynamics, scheme, intervals, options)
-    scales = Scales.of(problem, guess)
-    fractions = np.diff(mesh(intervals, problem.robot.nv))
-    parameters = np.concatenate([fractions, scales.parameters(weight_of_effort(problem), dynamics.last_body)])
+    rows = path_rows(problem, course.points)
+    nlp, solver, monitor = _solver(dynamics, scheme, intervals, options, rows)
+    scales, layout, n = Scales.of(problem, guess), nlp.layout, problem.robot.nv
+    legs = legs_of(problem, guess, intervals)
+    fractions = np.concatenate([np.diff(mesh(size, n)) for size in legs.intervals])
+    numbers = scales.parameters(weight_of_effort(problem), dynamics.last_body)
+    parameters = np.concatenate([fractions, numbers, scene_of(problem)])
     lower, upper = bounds(problem, nlp, scales)
-    x = np.clip(to_unknowns(guess, nlp.layout, fractions, scales), lower, upper)
+    shares = fractions
+    if len(legs.intervals) > 1:
+        shares = fractions * legs.durations[legs.of] / legs.durations.sum()
+    x = to_unknowns(guess, layout, shares, scales)
+    _fix_legs(problem, layout, legs, course, scales, x, lower, upper)
+    x = np.clip(x, lower, upper)
     monitor.stop = stop
-    result = solver(x0=x, p=parameters, lbx=lower, ubx=upper, lbg=0, ubg=0)
+    when = np.append(0.0, np.cumsum(shares))
+    lbg, ubg = row_bounds(problem, nlp, rows, legs, course, scales, when)
+    result = solver(x0=x, p=parameters, lbx=lower, ubx=upper, lbg=lbg, ubg=ubg)
     stats: dict[str, Any] = solver.stats()
     word = str(stats["return_status"])
     status = _IPOPT_STATUS.get(word, Status.FAILED)
@@ -100,14 +128,46 @@ def solve_on_mesh(
     x = found if np.all(np.isfinite(found)) else x
     g = np.array(solver.get_function("nlp_g")(x, parameters)).ravel()
     landed = status is Status.SOLVED
+    beyond = np.maximum(g - ubg, lbg - g)
+    own = np.maximum(x[np.cumsum((0, *legs.intervals[:-1])) * (layout.knot + layout.inner) + 2 * n] * scales.time, 0)
     return Attempt(
         status=status,
         message=word.replace("_", " "),
-        trajectory=to_trajectory(x, nlp.layout, fractions, scales, problem.robot.joint_names),
+        trajectory=to_trajectory(x, layout, fractions, scales, problem.robot.joint_names, legs.intervals),
         intervals=intervals,
         iterations=int(stats["iter_count"]),
-        worst_violation=None if landed else worst_violation(problem, nlp, x, g, fractions, scales),
+        worst_violation=None if landed else worst_violation(problem, nlp, x, beyond, fractions, scales),
+        passing=np.cumsum(own)[:-1],
     )
+
+
+def _fix_legs(
+    problem: MinimumTimeProblem,
+    layout: Layout,
+    legs: Legs,
+    course: Course,
+    scales: Scales,
+    x: Array,
+    lower: Array,
+    upper: Array,
+) -> None:
+    """Write the legs' durations into a guess; via points, and where to aim instead, into the bounds."""
+    n, block = layout.nv, layout.knot + layout.inner
+    several = len(legs.intervals) > 1
+    if several:
+        times = np.arange(legs.knots[-1] + 1) * block + 2 * n
+        durations = legs.durations[np.append(legs.of, legs.of[-1])] / scales.time
+        least = np.maximum(problem.leg_bounds() / scales.time, 1e-3)[np.append(legs.of, legs.of[-1])]
+        x[times], lower[times] = durations, least
+    offsets = np.broadcast_to(course.offsets, (len(legs.intervals), n))
+    for knot, q, offset in zip(legs.knots, problem.poses[1:], offsets, strict=True):
+        if several or np.any(offset):
+            lower[knot * block : knot * block + n] = upper[knot * block : knot * block + n] = (
+                q + offset
+            ) / scales.length
+    end = legs.knots[-1] * block + n
+    for bound in (lower, upper):
+        bound[end : end + n] += np.asarray(course.end_velocity) / scales.speed
 
 
 def weight_of_effort(problem: MinimumTimeProblem) -> float:
@@ -126,17 +186,25 @@ def mesh(intervals: int, joints: int) -> Array:
     return even if joints <= 3 else 0.3 * even + 0.35 * (1 - np.cos(np.pi * even))
 
 
-def prepare(dynamics: Dynamics, scheme: Scheme, intervals: int, options: DirectOptions) -> None:
-    """Build, if it is not there, what `solve_on_mesh` needs."""
-    _solver(dynamics, scheme, intervals, options)
+def prepare(
+    dynamics: Dynamics, scheme: Scheme, intervals: int, options: DirectOptions, rows: PathRows | None = None
+) -> None:
+    """Build, if it is not there, what `solve_on_mesh` needs; rows: `path_rows` of the problem."""
+    _solver(dynamics, scheme, intervals, options, rows)
 
 
 @lru_cache(maxsize=16)
 def _solver(
-    dynamics: Dynamics, scheme: Scheme, intervals: int, options: DirectOptions
+    dynamics: Dynamics, scheme: Scheme, intervals: int, options: DirectOptions, rows: PathRows | None
 ) -> tuple[Nlp, ca.Function, Monitor]:
     nlp = build_nlp(dynamics, scheme, intervals)
+    if rows is not None:
+        nlp = with_rows(nlp, dynamics, rows)
+    chosen: dict[str, float | str] = {"mu_init": options.barrier}
+    if rows is not None:
+        # Some joints are idle, and where they are is the obstacles' business: IPOPT walks on in a flat valley.
+        chosen |= {"acceptable_tol": _FLAT, "acceptable_constr_viol_tol": options.tolerance, "acceptable_iter": 6}
     solver, monitor = make_solver(
-        nlp, options.tolerance, options.max_iterations, verbose=options.verbose, options={"mu_init": options.barrier}
+        nlp, options.tolerance, options.max_iterations, verbose=options.verbose, options=chosen
     )
     return nlp, solver, monitor

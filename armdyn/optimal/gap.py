@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
+from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.errors import TrajectoryError
 from armdyn.models.limits import JointLimits
 from armdyn.models.robot import Robot
@@ -136,7 +136,7 @@ def trajectory_from_path(
     a: ArrayLike | None = None,
     name: str = "",
 ) -> Trajectory:
-    """A trajectory of what a planner returns, its torques by inverse dynamics (`pin.rnea`).
+    """A trajectory of what a planner returns, its torques by inverse dynamics (`pin.rnea` and the joints' friction).
 
     What is not given is differentiated: the slope of the cubic spline (not-a-knot) through what is. At
     a jump of the acceleration a spline overshoots over a few samples; give `a` where the planner has it.
@@ -162,11 +162,9 @@ def trajectory_from_path(
     given = CubicSpline(bare.t, speeds)(bare.t, 1) if a is None else np.asarray(a, dtype=float)
     if given.shape != bare.v.shape:
         raise TrajectoryError(f"a has shape {given.shape} but q {bare.q.shape}")
-    model, data = robot.model, robot.model.createData()
-    tau = [
-        pin.rnea(model, data, robot.configuration(x), *rates) for x, *rates in zip(bare.q, speeds, given, strict=True)
-    ]
-    return Trajectory(bare.t, bare.q, speeds, np.array(tau), robot.joint_names, name)
+    torque = inverse_dynamics(robot)
+    tau = [torque(*sample) for sample in zip(bare.q, speeds, given, strict=True)]
+    return Trajectory(bare.t, bare.q, speeds, np.array(tau), robot.joint_names, name, robot.model_hash)
 
 
 def _check_joints(robot: Robot, trajectory: Trajectory) -> None:

@@ -76,7 +76,8 @@ def solve_indirect(
         An `IndirectSolution`; look at `success`. Without it, the message says what failed, and where.
 
     Raises:
-        ProblemError: minimum time is asked for without torque limits, or the seed is of another arm.
+        ProblemError: minimum time is asked for without torque limits, the problem has conditions along the way,
+            or the seed is of another arm.
     """
     options, started = options or IndirectOptions(), time.perf_counter()
     fastest = problem.effort_weight == 0 and options.law == "minimum"
@@ -84,6 +85,8 @@ def solve_indirect(
         raise ProblemError("minimum time needs torque limits: bounded=False asks for effort_weight > 0")
     if seed is not None and seed.problem.robot.nv != problem.robot.nv:
         raise ProblemError(f"the seed moves {seed.problem.robot.nv} joints, the problem {problem.robot.nv}")
+    if problem.conditions:
+        raise ProblemError(f"the indirect method knows no {', '.join(problem.conditions)}")
     system = canonical_system(problem.robot, options.law)
     best: IndirectSolution | None = None
     given_up: list[str] = []

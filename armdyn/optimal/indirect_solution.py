@@ -214,7 +214,7 @@ def checked(
         options=options,
         duration=float(t[-1]),
         cost=cost,
-        trajectory=Trajectory(t, q, v, tau, problem.robot.joint_names, "indirect"),
+        trajectory=Trajectory(t, q, v, tau, problem.robot.joint_names, "indirect", problem.robot.model_hash),
         costates=y[:, 2 * n :],
         hamiltonian=hamiltonian,
         hamiltonian_spread=float(np.max(np.abs(hamiltonian))),

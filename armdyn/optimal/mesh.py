@@ -1,5 +1,6 @@
 """Between trajectories and the scaled unknowns of an NLP."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -98,13 +99,31 @@ def split(x: Array, layout: Layout, intervals: int) -> tuple[Array, Array]:
 
 
 def to_trajectory(
-    x: Array, layout: Layout, fractions: Array, scales: Scales, joint_names: tuple[str, ...]
+    x: Array,
+    layout: Layout,
+    fractions: Array,
+    scales: Scales,
+    joint_names: tuple[str, ...],
+    legs: Sequence[int] = (),
 ) -> Trajectory:
-    """The motion that unknowns stand for: samples at the knots and at the stages between them."""
+    """The motion that unknowns stand for: samples at the knots and at the stages between them.
+
+    Args:
+        x: the unknowns.
+        layout: of them.
+        fractions: of every interval in its leg, shape (N,).
+        scales: of the unknowns.
+        joint_names: of the arm.
+        legs: intervals of every leg; by default there is one.
+    """
     n, N, tableau = layout.nv, fractions.size, layout.scheme.tableau
     knots, inner = split(x, layout, N)
-    duration = max(float(knots[0, 2 * n]) * scales.time, 1e-9)
-    times = duration * np.concatenate([[0], np.cumsum(fractions)])
+    times, first = np.zeros(N + 1), 0
+    for length in legs or (N,):
+        last = first + length
+        duration = max(float(knots[first, 2 * n]) * scales.time, 1e-9)
+        times[first + 1 : last + 1] = times[first] + duration * np.cumsum(fractions[first:last])
+        first = last
     stages = list(tableau.inner)
     rows: list[tuple[float, Array, Array]] = []
     for k in range(N):
@@ -153,9 +172,18 @@ def bounds(problem: MinimumTimeProblem, nlp: Nlp, scales: Scales) -> tuple[Array
 def worst_violation(
     problem: MinimumTimeProblem, nlp: Nlp, x: Array, g: Array, fractions: Array, scales: Scales
 ) -> Violation:
-    """The equation of motion that unknowns violate most; IPOPT keeps bounds, so it is no limit."""
+    """The equation of motion that unknowns violate most; IPOPT keeps bounds, so it is no limit.
+
+    Args:
+        problem: what is solved.
+        nlp: its program.
+        x: the unknowns.
+        g: how far every row is from its bounds; rows after the equations of motion are not looked at.
+        fractions: of the intervals.
+        scales: of the unknowns.
+    """
     n, layout = nlp.layout.nv, nlp.layout
-    defects = np.abs(g.reshape(nlp.intervals, nlp.defects))
+    defects = np.abs(g[: nlp.intervals * nlp.defects].reshape(nlp.intervals, nlp.defects))
     interval, row = np.unravel_index(np.argmax(np.nan_to_num(defects, nan=np.inf)), defects.shape)
     duration = float(x[2 * n]) * scales.time
     time = duration * float(np.sum(fractions[:interval]))

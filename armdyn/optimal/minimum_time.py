@@ -9,14 +9,17 @@ import numpy as np
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.candidates import Candidates, find_candidates
 from armdyn.optimal.certificate import LIMIT_TOLERANCE, Certificate, certify
+from armdyn.optimal.constrained import Checked, constrained_optima
 from armdyn.optimal.direct import Attempt, solve_on_mesh
+from armdyn.optimal.goals import GoalTried, screened
+from armdyn.optimal.layers import without_dry_friction
 from armdyn.optimal.monitor import Stop, stopping
 from armdyn.optimal.options import MinimumTimeOptions
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.refine import Refined, land, refine
 from armdyn.optimal.rollout import replay_torques
 from armdyn.optimal.search import SAME
-from armdyn.optimal.smooth import cost, settled, smooth_optima
+from armdyn.optimal.smooth import cost, settled, smooth_optima, trajectory_cost
 from armdyn.optimal.solution import Solution
 from armdyn.optimal.status import Status, Violation
 from armdyn.optimal.transcription import Scheme
@@ -52,15 +55,17 @@ def solve_minimum_time(
     options = options or MinimumTimeOptions()
     tell = progress or (lambda text: None)
     started = time.perf_counter()
+    if len(problem.goals) > 1:
+        return _fastest_goal(problem, options, tell)
     dynamics, scheme = Dynamics(problem.robot, free_last_body=True), options.scheme(problem.robot.nv)
     with stopping(options.time_limit) as stop:
-        solve = _time_energy if problem.effort_weight > 0 else _minimum_time
+        solve = _constrained if problem.conditions else _time_energy if problem.effort_weight > 0 else _minimum_time
         results, candidates = solve(problem, dynamics, scheme, options, stop, tell)
     elapsed = time.perf_counter() - started
     if not results:
         return _failure(problem, candidates.attempts[0], candidates.iterations, elapsed, options)
     iterations = candidates.iterations + sum(result.iterations for result in results)
-    results = sorted(results, key=lambda result: (not _landed(result.refined, options), result.cost))
+    results = sorted(results, key=lambda result: (_rank(result, options), result.cost))
     refined = [result.refined.trajectory.duration for result in results]
     # A coarse duration may be off by a few SAME: near a refined one it is that one.
     others = [d for d in candidates.listed if all(abs(d / known - 1) > 4 * SAME for known in refined)]
@@ -77,6 +82,8 @@ class _Result:
         intervals: of the mesh it was read from.
         iterations: of IPOPT.
         worst_violation: of the mesh's solution, if that did not converge.
+        checked: the conditions along the way, if there are any.
+        via_times: when it passes the via points [s].
     """
 
     refined: Refined
@@ -84,6 +91,56 @@ class _Result:
     intervals: int
     iterations: int
     worst_violation: Violation | None = None
+    checked: Checked | None = None
+    via_times: tuple[float, ...] = ()
+
+
+def _fastest_goal(problem: MinimumTimeProblem, options: MinimumTimeOptions, tell: Callable[[str], None]) -> Solution:
+    """The best of the solutions for the most promising goals, and the durations of all."""
+    started = time.perf_counter()
+    branches, tried = screened(problem, options, tell)
+    solutions: list[Solution] = []
+    for i, branch in enumerate(branches):
+        left = options.time_limit - (time.perf_counter() - started)
+        if solutions and (left <= 0 or solutions[-1].status is Status.INTERRUPTED):
+            break
+        tell(f"goal {i + 1} of the {len(branches)} best")
+        solutions.append(solve_minimum_time(branch, replace(options, time_limit=max(left, 1.0)), tell))
+        tried[i] = GoalTried(tried[i].q, solutions[-1].duration if solutions[-1].success else np.inf, refined=True)
+    best = min(solutions, key=lambda solution: (not solution.success, solution.duration))
+    tried.sort(key=lambda goal: goal.duration)
+    return replace(best, goals=tuple(tried), solve_time=time.perf_counter() - started)
+
+
+def _rank(result: _Result, options: MinimumTimeOptions) -> int:
+    """Those that keep all conditions and land come first, then those that land."""
+    missed = result.checked is not None and bool(result.checked.reasons)
+    return 2 * (not _landed(result.refined, options)) + missed
+
+
+def _constrained(
+    problem: MinimumTimeProblem,
+    dynamics: Dynamics,
+    scheme: Scheme,
+    options: MinimumTimeOptions,
+    stop: Stop,
+    tell: Callable[[str], None],
+) -> tuple[list[_Result], Candidates]:
+    """Optima of the mesh with conditions along the way."""
+    found, candidates = constrained_optima(problem, dynamics, scheme, options, stop, tell)
+    results = [
+        _Result(
+            each.refined,
+            trajectory_cost(each.refined.trajectory, problem.effort_weight),
+            each.attempt.intervals,
+            each.iterations,
+            None,
+            each.checked,
+            tuple(each.attempt.passing.tolist()),
+        )
+        for each in found
+    ]
+    return results, candidates
 
 
 def _minimum_time(
@@ -95,12 +152,18 @@ def _minimum_time(
     tell: Callable[[str], None],
 ) -> tuple[list[_Result], Candidates]:
     """Optima with arcs, refined in the order of their durations."""
-    n, candidates = problem.robot.nv, find_candidates(problem, dynamics, scheme, options, stop, tell)
+    easier = without_dry_friction(problem) if problem.robot.nv > 3 else problem
+    if easier is problem:
+        candidates = find_candidates(problem, dynamics, scheme, options, stop, tell)
+    else:  # five times as fast, and refinement goes on from there
+        candidates = find_candidates(easier, Dynamics(easier.robot, free_last_body=True), scheme, options, stop, tell)
+        unmeshed = tuple(replace(attempt, intervals=0) for attempt in candidates.attempts)
+        candidates = replace(candidates, attempts=unmeshed)
     results: list[_Result] = []
     listed = list(candidates.listed)
     for attempt in candidates.attempts if candidates.converged else ():
         certified = min((r.cost for r in results if r.refined.certificate.ok), default=np.inf)
-        if (results and stop) or (n > 2 and attempt.trajectory.duration > _BEATEN * certified):
+        if (results and stop) or (problem.robot.nv > 2 and attempt.trajectory.duration > _BEATEN * certified):
             listed.append(attempt.trajectory.duration)
             continue
         tell(f"refining optimum {len(results) + 1}, about {attempt.trajectory.duration:.4f} s")
@@ -200,6 +263,9 @@ def _solution(
     best, certificate = result.refined, result.refined.certificate
     duration = best.trajectory.duration
     status = Status.SOLVED if _landed(best, options) else Status.REPLAY_MISSED
+    missed = result.checked.reasons if result.checked else ()
+    if missed and status is Status.SOLVED:
+        status = Status.CONDITION_MISSED
     if stop.interrupted:
         status = Status.INTERRUPTED
     elif stop.late and not certificate.ok:
@@ -211,7 +277,7 @@ def _solution(
     return Solution(
         success=status is Status.SOLVED,
         status=status,
-        message=_message(status, duration, certificate, options),
+        message="; ".join((_message(status, duration, certificate, options), *missed)),
         problem=problem,
         duration=duration,
         trajectory=best.trajectory,
@@ -223,6 +289,8 @@ def _solution(
         iterations=iterations,
         solve_time=elapsed,
         worst_violation=result.worst_violation,
+        clearance=result.checked.clearance if result.checked else None,
+        via_times=result.via_times,
     )
 
 

@@ -18,6 +18,7 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.arcs import BANG, POSITION, VELOCITY, Arc, Mode
 from armdyn.optimal.grid import Density, deal, density_of
 from armdyn.optimal.ipopt import make_solver
+from armdyn.optimal.layers import layered
 from armdyn.optimal.mesh import Scales, bounds, split, tie_break, to_unknowns
 from armdyn.optimal.monitor import Monitor, Stop
 from armdyn.optimal.problem import MinimumTimeProblem
@@ -139,6 +140,7 @@ def solve_phases(
     layout = nlp.layout
     scales = Scales.of(problem, guess)
     durations = np.array([arc.duration for arc in arcs])
+    density = density or layered(guess, problem.robot.friction)
     arc_of, part = deal(durations, N, density)
     share = durations[arc_of] * part / durations.sum()
     x = to_unknowns(guess, layout, share, scales)

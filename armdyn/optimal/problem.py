@@ -1,6 +1,7 @@
 """What is to be solved: from one pose to another within limits, as fast as can be."""
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field
 
 import numpy as np
@@ -8,8 +9,12 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.errors import ArmdynWarning, ProblemError
+from armdyn.models.collision import collision_model
 from armdyn.models.limits import JointLimits
+from armdyn.models.obstacles import Obstacle
+from armdyn.models.reaching import GoalPose, poses_reaching
 from armdyn.models.robot import Robot
+from armdyn.optimal.turns import endless, ways_round
 
 Array = NDArray[np.float64]
 
@@ -19,23 +24,35 @@ class MinimumTimeProblem:
     """Bring an arm from one state to another in minimum time, or minimum time and effort.
 
     Minimise J = ∫ (1 + w/2 τᵀτ) dt over the torques and the final time, subject to the equations of
-    motion and the limits. With w = 0 this is equation (8) of the paper with (9) put right.
+    motion, the joints' friction included, and the limits. With w = 0 this is equation (8) of the paper
+    with (9) put right.
 
     Attributes:
         robot: the arm.
         q_start: joint positions at the start [rad or m], shape (nv,).
-        q_goal: joint positions at the end, shape (nv,).
+        q_goal: joint positions at the end, shape (nv,); with `goal_pose` the nearest that reach it.
         v_start: joint velocities at the start [rad/s or m/s], shape (nv,); None: at rest.
         v_goal: joint velocities at the end, shape (nv,); None: at rest.
         effort_limit: torque limits [N m or N]: one number, one per joint, or (lower, upper); None: the robot's.
         velocity_limit: [rad/s or m/s]: one number or one per joint, inf for none; None: the robot's.
         position_limit: (lower, upper) [rad or m], each one number or one per joint; None: the robot's.
         effort_weight: w [1/(N m)²].
+        wrap: goals of endless joints, which turn and have no position limits, are meant modulo 2π: each is tried
+            by the shorter and by the longer way round. Without, a joint goes to the very angle that was asked
+            for: from 0 to 6 rad is nearly a whole turn, as where a cable must not be wound up.
+        goal_pose: instead of q_goal, where a frame is to be at the end; inverse kinematics choose among branches.
+        via: joint positions [rad or m] that are passed through in this order, at any time and any velocity.
+        obstacles: what the arm must keep clear of, in the world.
+        self_collision: whether its links must keep clear of each other, too.
+        clearance: how far, at least [m].
+        acceleration_limit: [rad/s² or m/s²]: one number or one per joint; None: none.
+        jerk_limit: likewise [rad/s³ or m/s³]; with one, the acceleration is zero at both ends.
         limits: the limits that hold, each of shape (nv,).
+        goals: all joint positions that are tried as goals, each of shape (nv,); the first is q_goal.
 
     Raises:
-        ProblemError: wrong length, not finite, a state outside the limits, start = goal, or a joint
-            without a finite, non-zero torque limit.
+        ProblemError: wrong length, not finite, a state outside the limits or in contact, start = goal, a joint
+            without a finite, non-zero torque limit, or a goal pose out of reach.
 
     Warns:
         ArmdynWarning: the actuators cannot hold the goal. A fast motion to it may exist all the same.
@@ -44,18 +61,31 @@ class MinimumTimeProblem:
     robot: Robot
     _: KW_ONLY
     q_start: ArrayLike
-    q_goal: ArrayLike
+    q_goal: ArrayLike | None = None
     v_start: ArrayLike | None = None
     v_goal: ArrayLike | None = None
     effort_limit: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None
     velocity_limit: ArrayLike | None = None
     position_limit: tuple[ArrayLike, ArrayLike] | None = None
     effort_weight: float = 0.0
+    wrap: bool = False
+    goal_pose: GoalPose | None = None
+    via: Sequence[ArrayLike] = ()
+    obstacles: Sequence[Obstacle] = ()
+    self_collision: bool = False
+    clearance: float = 0.005
+    acceleration_limit: ArrayLike | None = None
+    jerk_limit: ArrayLike | None = None
     limits: JointLimits = field(init=False, repr=False)
+    goals: tuple[Array, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         zero = np.zeros(self.robot.nv)
+        if self.q_goal is None and self.goal_pose is None:
+            raise ProblemError("give q_goal or goal_pose")
         for name in ("q_start", "q_goal", "v_start", "v_goal"):
+            if name == "q_goal" and self.goal_pose is not None:
+                continue
             given = getattr(self, name)
             array = self._joints(zero if given is None else given, name)
             if not np.all(np.isfinite(array)):
@@ -65,13 +95,40 @@ class MinimumTimeProblem:
         if not (np.isfinite(self.effort_weight) and self.effort_weight >= 0):
             raise ProblemError(f"effort_weight is {self.effort_weight}; it must be finite and not negative")
         object.__setattr__(self, "limits", self._resolve_limits())
+        goals = [np.asarray(self.q_goal)]
+        if self.goal_pose is not None:
+            goals = poses_reaching(self.robot, self.goal_pose, np.asarray(self.q_start), self.limits)
+            object.__setattr__(self, "q_goal", goals[0])
+        if self.wrap:
+            goals = ways_round(np.asarray(self.q_start), goals, self.limits, endless(self.robot, self.limits))
+            object.__setattr__(self, "q_goal", goals[0])
+        object.__setattr__(self, "goals", tuple(goals))
+        self._resolve_course()
         for q, v, name in ((self.q_start, self.v_start, "start"), (self.q_goal, self.v_goal, "goal")):
             self._check_state(np.asarray(q), np.asarray(v), name)
         if np.array_equal(self.x_start, self.x_goal):
             raise ProblemError(
                 f"start and goal are the same state, q = {self.x_start[: self.robot.nv]}: nothing is to be moved"
             )
+        self._check_clear()
         self._warn_if_not_held()
+
+    @property
+    def conditions(self) -> tuple[str, ...]:
+        """What is asked along the way besides the limits; only the collocation's mesh knows it, not its arcs."""
+        asked = {
+            "obstacles": bool(self.obstacles),
+            "self-collision": self.self_collision,
+            "via points": bool(self.via),
+            "acceleration limits": self.acceleration_limit is not None,
+            "jerk limits": self.jerk_limit is not None,
+        }
+        return tuple(name for name, wanted in asked.items() if wanted)
+
+    @property
+    def poses(self) -> Array:
+        """Start, via points and goal [rad or m], shape (legs + 1, nv)."""
+        return np.array([self.q_start, *self.via, self.q_goal])
 
     @property
     def x_start(self) -> Array:
@@ -91,8 +148,11 @@ class MinimumTimeProblem:
 
     def duration_bound(self) -> float:
         """No motion within the velocity limits is faster than this [s]; 0 without such limits."""
-        distance = np.abs(np.asarray(self.q_goal) - np.asarray(self.q_start))
-        return float(np.max(distance / self.limits.velocity))
+        return float(np.sum(self.leg_bounds()))
+
+    def leg_bounds(self) -> Array:
+        """The same for every leg, from one of `poses` to the next [s], shape (legs,)."""
+        return np.asarray(np.max(np.abs(np.diff(self.poses, axis=0)) / self.limits.velocity, axis=1))
 
     def _joints(self, value: ArrayLike, name: str) -> Array:
         array = np.asarray(value, dtype=float)
@@ -109,6 +169,55 @@ class MinimumTimeProblem:
         if np.any(np.isnan(array)):
             raise ProblemError(f"{name} = {array} has a NaN")
         return array
+
+    def _resolve_course(self) -> None:
+        """Check what is asked along the way, and keep it as tuples and arrays."""
+        via = [self._joints(q, f"via[{i}]") for i, q in enumerate(self.via)]
+        for i, q in enumerate(via):
+            if not np.all(np.isfinite(q)):
+                raise ProblemError(f"via[{i}] = {q} is not finite")
+            self._check_state(q, np.zeros_like(q), f"via[{i}]")
+            q.setflags(write=False)
+        object.__setattr__(self, "via", tuple(via))
+        legs = np.max(np.abs(np.diff(self.poses, axis=0)), axis=1)
+        if via and np.min(legs) == 0:
+            raise ProblemError(f"the leg from pose {int(np.argmin(legs))} to the next goes nowhere: start, via, goal")
+        object.__setattr__(self, "obstacles", tuple(self.obstacles))
+        for obstacle in self.obstacles:
+            if not isinstance(obstacle, Obstacle):
+                raise ProblemError(f"obstacle {obstacle!r} is no Sphere, Capsule or Box")
+        if not (np.isfinite(self.clearance) and self.clearance >= 0):
+            raise ProblemError(f"clearance is {self.clearance} m; it must be finite and not negative")
+        for name, unit in (("acceleration_limit", "rad/s²"), ("jerk_limit", "rad/s³")):
+            if getattr(self, name) is not None:
+                value = self._limit(getattr(self, name), name)
+                for joint, number in zip(self.robot.joint_names, value, strict=True):
+                    if not number > 0:
+                        raise ProblemError(f"{name} of joint {joint!r} is {number} {unit}; it must be positive")
+                value.setflags(write=False)
+                object.__setattr__(self, name, value)
+
+    def _check_clear(self) -> None:
+        """Drop goals in contact; complain of a start, a via point, or all goals."""
+        if not (self.obstacles or self.self_collision):
+            return
+        model = collision_model(self.robot, tuple(self.obstacles), self.self_collision)
+        fixed = [("start", np.asarray(self.q_start)), *((f"via[{i}]", np.asarray(q)) for i, q in enumerate(self.via))]
+        fixed += [("goal", np.asarray(self.q_goal))] if self.goal_pose is None else []
+        for name, q in fixed:
+            if (near := model.nearest(q)).distance < self.clearance:
+                raise ProblemError(f"at the {name}, {near.bodies()}; clearance is {1e3 * self.clearance:g} mm")
+        if self.goal_pose is not None:
+            nearest = [model.nearest(q) for q in self.goals]
+            clear = tuple(q for q, near in zip(self.goals, nearest, strict=True) if near.distance >= self.clearance)
+            if not clear:
+                best = max(nearest, key=lambda near: near.distance)
+                raise ProblemError(
+                    f"the goal pose cannot be reached clear of everything: in the best of {len(nearest)} branches "
+                    f"{best.bodies()}; clearance is {1e3 * self.clearance:g} mm"
+                )
+            object.__setattr__(self, "goals", clear)
+            object.__setattr__(self, "q_goal", clear[0])
 
     def _resolve_limits(self) -> JointLimits:
         own = self.robot.limits

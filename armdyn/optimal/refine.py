@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.optimal.aim import aimed
 from armdyn.optimal.arcs import Arc, Mode, detect, merged, without_short
 from armdyn.optimal.certificate import HAMILTONIAN_TOLERANCE, SWITCHING_TOLERANCE, Certificate, certify, pontryagin
 from armdyn.optimal.direct import mesh
@@ -70,8 +71,8 @@ def refine(
         if resolved.certificate.ok:
             return resolved
         remark = resolved.certificate.remark
-    replay = replay_torques(problem.robot, trajectory)
-    on_mesh = Refined(trajectory, certify(problem, replay, None, remark), None)
+    motion, replay = aimed(problem, trajectory, stop)
+    on_mesh = Refined(motion, certify(problem, replay, None, remark), None)
     # Arcs that are not certified are worth having only if their motion is the better one.
     return resolved if phases is not None and _error(resolved) <= _error(on_mesh) else on_mesh
 
@@ -186,4 +187,4 @@ def _land(
 
 
 def _named(replay: Trajectory) -> Trajectory:
-    return Trajectory(replay.t, replay.q, replay.v, replay.tau, replay.joint_names, "minimum time")
+    return Trajectory(replay.t, replay.q, replay.v, replay.tau, replay.joint_names, "minimum time", replay.model_hash)

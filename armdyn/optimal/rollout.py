@@ -1,13 +1,13 @@
-"""Replays torques through `pin.aba` with an integrator that knows nothing of the collocation."""
+"""Replays torques through `pin.aba`, friction included, with an integrator that knows nothing of the collocation."""
 
 from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
+from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.models.robot import Robot
 from armdyn.trajectory import Trajectory
 
@@ -31,12 +31,11 @@ def replay_torques(robot: Robot, trajectory: Trajectory, rtol: float = RTOL) -> 
         States at the same times, with the same torques. It ends early, but with two samples at least,
         where the states leave what numbers can hold.
     """
-    model, data = robot.model, robot.model.createData()
+    acceleration = forward_dynamics(robot)
     n = robot.nv
 
     def rate(t: float, x: Array, *, start: float, tau: Array, slope: Array) -> Array:
-        a = pin.aba(model, data, robot.configuration(x[:n]), x[n:], tau + (t - start) * slope)
-        return np.concatenate([x[n:], a])
+        return np.concatenate([x[n:], acceleration(x[:n], x[n:], tau + (t - start) * slope)])
 
     t, torque = trajectory.t, trajectory.tau
     states = [np.concatenate([trajectory.q[0], trajectory.v[0]])]
@@ -60,8 +59,9 @@ def replay_torques(robot: Robot, trajectory: Trajectory, rtol: float = RTOL) -> 
     x = np.array(states)
     m = len(x)
     return Trajectory(
-        trajectory.t[:m], x[:, :n], x[:, n:], trajectory.tau[:m], trajectory.joint_names, f"{trajectory.name} replay"
-    )
+        trajectory.t[:m], x[:, :n], x[:, n:], trajectory.tau[:m], trajectory.joint_names, f"{trajectory.name} replay",
+        robot.model_hash,
+    )  # fmt: skip
 
 
 def _integrate(rate: Callable[[float, Array], Array], times: Array, x: Array, rtol: float) -> list[Array]:

@@ -7,6 +7,7 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.optimal.course import path_rows
 from armdyn.optimal.direct import Attempt, DirectOptions, prepare, solve_on_mesh
 from armdyn.optimal.monitor import Stop
 from armdyn.optimal.problem import MinimumTimeProblem
@@ -43,9 +44,10 @@ def search(
     The same seed gives the same attempts, on however many cores.
     """
     ways = detours(problem, seed, count)
+    rows = path_rows(problem)
     for intervals in meshes:  # before the fork, so that every worker has them
         for option in options:
-            prepare(dynamics, scheme, intervals, option)
+            prepare(dynamics, scheme, intervals, option, rows)
 
     def job(k: int) -> Attempt:
         mesh, option = meshes[k % len(meshes)], options[k // len(meshes) % len(options)]

@@ -2,8 +2,10 @@
 
 from dataclasses import dataclass
 
+from armdyn.models.collision import Clearance
 from armdyn.optimal.arcs import Arc
 from armdyn.optimal.certificate import Certificate
+from armdyn.optimal.goals import GoalTried
 from armdyn.optimal.phases import Phases
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.sensitivity import Sensitivities, sensitivities
@@ -31,6 +33,9 @@ class Solution:
         iterations: of the solver, over all meshes and starts.
         solve_time: wall time [s].
         worst_violation: None if the solver converged.
+        clearance: where the motion comes nearest to an obstacle or to itself; None if neither was to be kept clear of.
+        via_times: when it passes the via points [s].
+        goals: all joint positions tried that reach a goal pose, fastest first; empty if there was but one.
     """
 
     success: bool
@@ -47,6 +52,9 @@ class Solution:
     iterations: int = 0
     solve_time: float = 0.0
     worst_violation: Violation | None = None
+    clearance: Clearance | None = None
+    via_times: tuple[float, ...] = ()
+    goals: tuple[GoalTried, ...] = ()
 
     @property
     def replay_error(self) -> float:

@@ -161,7 +161,12 @@ def solve_staged(
 
     Returns:
         What came out, converged or not; a fatrop that fails is no exception.
+
+    Raises:
+        ProblemError: the problem has conditions along the way, or the torque is linear.
     """
+    if problem.conditions:
+        raise ProblemError(f"fatrop's program has no rows for {', '.join(problem.conditions)}")
     program = _program(dynamics, scheme, intervals, options)
     nlp = program.nlp
     scales = Scales.of(problem, guess)

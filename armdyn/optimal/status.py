@@ -11,6 +11,8 @@ class Status(StrEnum):
     """Converged, and the replay lands on the goal."""
     REPLAY_MISSED = "replay_missed"
     """Converged on every mesh that was tried, but the replay does not land on the goal."""
+    CONDITION_MISSED = "condition_missed"
+    """It lands on the goal, but touches something, passes beside a via point, or exceeds an acceleration or jerk."""
     INFEASIBLE = "infeasible"
     """No motion was found that satisfies all constraints."""
     ITERATION_LIMIT = "iteration_limit"

@@ -101,25 +101,38 @@ def parameters_of(joints: int) -> int:
     return 4 + joints + 10
 
 
-def _interval(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-    """Unknowns y = (knot, inner, next knot), parameters, defects and cost of one interval, all scaled.
+@dataclass(frozen=True)
+class _Interval:
+    """One interval: unknowns y = (knot, inner, next knot), parameters, and what follows from them at its stages.
 
     Parameters: its fraction of the duration; the scales of T, q and v; w; the scales of the torques; the
     dynamic parameters of the last joint's body.
     """
+
+    y: ca.SX
+    p: ca.SX
+    left: ca.SX
+    right: ca.SX
+    states: list[ca.SX]
+    torques: list[ca.SX]
+    velocities: list[ca.SX]
+    accelerations: list[ca.SX]
+    balances: list[ca.SX]
+
+
+def _interval(dynamics: Dynamics, scheme: Scheme) -> _Interval:
+    """Scaled states and torques, velocities, accelerations [rad/s²], how far inverse dynamics are from balance."""
     if dynamics.last_body.size == 0:
         raise ValueError("a transcription takes Dynamics(robot, free_last_body=True)")
     n, tableau, layout = dynamics.nv, scheme.tableau, Layout(dynamics.nv, scheme)
     y = ca.SX.sym("y", 2 * layout.knot + layout.inner)
     p = ca.SX.sym("p", 1 + parameters_of(n))
-    fraction, time, length, speed, weight = ca.vertsplit(p[:5])
+    _, time, length, speed, _ = ca.vertsplit(p[:5])
     effort = p[5 : 5 + n]
     # What the body has none of, as a planar arm most products of inertia, is no part of the expressions.
     body = ca.vertcat(*(p[5 + n + i] if present else 0 for i, present in enumerate(dynamics.last_body != 0)))
     left, inner, right = y[: layout.knot], y[layout.knot : layout.knot + layout.inner], y[-layout.knot :]
-    scale = ca.vertcat(ca.repmat(length, n, 1), ca.repmat(speed, n, 1))
 
-    h = fraction * time * left[2 * n]
     states = [inner[2 * n * i : 2 * n * (i + 1)] for i in range(len(tableau.inner))]
     if tableau.starts_at_knot:
         states.insert(0, left[: 2 * n])
@@ -131,7 +144,7 @@ def _interval(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX, 
         own = ca.vertsplit(inner[layout.stages : layout.stages + layout.torques], n)
         u = own if scheme.control == "stage" else own * tableau.c.size
 
-    defects, rates = [], []
+    velocities, accelerations, balances = [], [], []
     for i, (x, torque) in enumerate(zip(states, u, strict=True)):
         q, v = length * x[:n], speed * x[n:]
         if scheme.dynamics == "forward":
@@ -139,20 +152,39 @@ def _interval(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX, 
         else:
             first = layout.inner - n * (tableau.c.size - i)
             a = inner[first : first + n] * speed / time
-            defects.append(dynamics.rnea(q, v, a, body) / effort - torque)
-        rates.append(ca.vertcat(v, a) / scale)
+            balances.append(dynamics.rnea(q, v, a, body) / effort - torque)
+        velocities.append(v)
+        accelerations.append(a)
+    return _Interval(y, p, left, right, states, u, velocities, accelerations, balances)
+
+
+def _equations(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    """Unknowns, parameters, defects and cost of one interval, all scaled."""
+    n, tableau, one = dynamics.nv, scheme.tableau, _interval(dynamics, scheme)
+    fraction, time, length, speed, weight = ca.vertsplit(one.p[:5])
+    effort, left, right = one.p[5 : 5 + n], one.left, one.right
+    scale = ca.vertcat(ca.repmat(length, n, 1), ca.repmat(speed, n, 1))
+    h = fraction * time * left[2 * n]
+    rates = [ca.vertcat(v, a) / scale for v, a in zip(one.velocities, one.accelerations, strict=True)]
+    defects = list(one.balances)
     start = left[: 2 * n]
     for i in range(tableau.c.size):
         if np.any(tableau.A[i]):
             rise = sum(tableau.A[i, j] * rates[j] for j in range(tableau.c.size))
-            defects.append(states[i] - start - h * rise)
+            defects.append(one.states[i] - start - h * rise)
     if not tableau.ends_at_knot:
         defects.append(right[: 2 * n] - start - h * sum(b * f for b, f in zip(tableau.b, rates, strict=True)))
     defects.append(right[2 * n] - left[2 * n])
 
-    square = sum(b * ca.sumsqr(effort * torque) for b, torque in zip(tableau.b, u, strict=True))
+    square = sum(b * ca.sumsqr(effort * torque) for b, torque in zip(tableau.b, one.torques, strict=True))
     cost = fraction * left[2 * n] * (1 + weight / 2 * square)
-    return y, p, ca.vertcat(*defects), cost
+    return one.y, one.p, ca.vertcat(*defects), cost
+
+
+def stage_accelerations(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Unknowns and parameters of one interval, and the accelerations over speed/T at its stages, a column each."""
+    one = _interval(dynamics, scheme)
+    return one.y, one.p, ca.horzcat(*one.accelerations) * one.p[1] / one.p[3]
 
 
 @dataclass(frozen=True)
@@ -258,13 +290,13 @@ class _IntervalFunctions:
 @lru_cache(maxsize=16)
 def interval_functions(dynamics: Dynamics, scheme: Scheme) -> _IntervalFunctions:
     """The functions of one interval; the same model and scheme give the same ones."""
-    y, p, g, cost = _interval(dynamics, scheme)
+    y, p, g, cost = _equations(dynamics, scheme)
     sigma, lam = ca.SX.sym("sigma"), ca.SX.sym("lam", g.numel())
     jacobian = ca.jacobian(g, y)
     hessian = ca.triu(ca.hessian(sigma * cost + ca.dot(lam, g), y)[0])
     derivatives = (
-        ca.Function("interval_jacobian", [y, p], [_nonzeros(jacobian)]),
-        ca.Function("interval_hessian", [y, p, sigma, lam], [_nonzeros(hessian)]),
+        ca.Function("interval_jacobian", [y, p], [nonzeros_of(jacobian)]),
+        ca.Function("interval_hessian", [y, p, sigma, lam], [nonzeros_of(hessian)]),
     )
     fast = compiled(derivatives, scheme.compile)
     return _IntervalFunctions(
@@ -277,7 +309,8 @@ def interval_functions(dynamics: Dynamics, scheme: Scheme) -> _IntervalFunctions
     )
 
 
-def _nonzeros(matrix: ca.SX) -> ca.SX:
+def nonzeros_of(matrix: ca.SX) -> ca.SX:
+    """The nonzeros of a matrix as a dense column."""
     column = ca.SX(ca.Sparsity.dense(matrix.nnz(), 1), 0)
     column.nz[:] = matrix.nz[:]
     return column

@@ -14,8 +14,8 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from armdyn.errors import TrajectoryError
+from armdyn.files import write_whole
 from armdyn.models import JointLimits
-from armdyn.show.files import write_whole
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]

@@ -23,9 +23,10 @@ from meshcat import geometry as mg
 from numpy.typing import NDArray
 
 from armdyn.errors import TrajectoryError
+from armdyn.files import write_whole
 from armdyn.models import Robot
-from armdyn.show.files import write_whole
-from armdyn.show.visuals import Shape, robot_shapes
+from armdyn.models.obstacles import Obstacle
+from armdyn.show.visuals import Shape, obstacle_shapes, robot_shapes
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -49,6 +50,7 @@ def write_html(
     *,
     fps: float = 60,
     slow_motion: float | None = None,
+    obstacles: Sequence[Obstacle] = (),
 ) -> Path:
     """Write a replay that any browser with WebGL plays, from a file, without a network.
 
@@ -61,6 +63,7 @@ def write_html(
         path: the HTML file.
         fps: frames per second of playing time that are stored; the page interpolates between them.
         slow_motion: how many times slower than real time it plays at first; None: about 4 s in all.
+        obstacles: drawn where they stand.
 
     Returns:
         The path written, as given.
@@ -70,7 +73,8 @@ def write_html(
         ValueError: `fps` or `slow_motion` is not positive and finite.
         OSError: the folder cannot be written.
     """
-    fields = {"viewer": viewer_script(), **replay_fields(robot, trajectories, fps=fps, slow_motion=slow_motion)}
+    fields = replay_fields(robot, trajectories, fps=fps, slow_motion=slow_motion, obstacles=obstacles)
+    fields["viewer"] = viewer_script()
     # In one pass: a robot may be called {{viewer}}.
     return write_whole(path, re.sub(r"\{\{(\w+)\}\}", lambda match: fields[match[1]], page_template()).encode())
 
@@ -95,7 +99,12 @@ def viewer_script() -> str:
 
 
 def replay_fields(
-    robot: Robot, trajectories: Sequence[Trajectory], *, fps: float = 60, slow_motion: float | None = None
+    robot: Robot,
+    trajectories: Sequence[Trajectory],
+    *,
+    fps: float = 60,
+    slow_motion: float | None = None,
+    obstacles: Sequence[Obstacle] = (),
 ) -> dict[str, str]:
     """What tells one replay page from another: "title" and "data", ready for `page_template`.
 
@@ -104,6 +113,7 @@ def replay_fields(
         trajectories: as in `write_html`.
         fps: as in `write_html`.
         slow_motion: as in `write_html`.
+        obstacles: as in `write_html`.
 
     Raises:
         TrajectoryError: there is no trajectory, or one has another number of joints than the robot.
@@ -133,7 +143,7 @@ def replay_fields(
         "planar": _is_planar(robot),
         "reach": _reach(robot),
         "speed": speed,
-        "commands": [_packed(command) for command in _shape_commands(robot_shapes(robot))],
+        "commands": [_packed(command) for command in _shape_commands(robot_shapes(robot), obstacle_shapes(obstacles))],
         "arms": arms,
     }
     return {"title": html.escape(robot.name), "data": script_json(data)}
@@ -180,13 +190,15 @@ def _set_object(
     return commands
 
 
-def _shape_commands(shapes: Sequence[Shape]) -> list[dict[str, Any]]:
-    """The robot once; the page clones it for every further trajectory."""
+def _shape_commands(shapes: Sequence[Shape], obstacles: Sequence[Shape]) -> list[dict[str, Any]]:
+    """The robot, and what stands around it, once; the page clones both for every further trajectory."""
+    named = [(f"shape{i}", shape) for i, shape in enumerate(shapes)]
+    named += [(f"obstacle{i}", shape) for i, shape in enumerate(obstacles)]
     return [
         command
-        for i, shape in enumerate(shapes)
+        for name, shape in named
         for command in _set_object(
-            f"/armdyn/arm0/joint{shape.joint}/shape{i}", shape.geometry, shape.rgba, shape.placement
+            f"/armdyn/arm0/joint{shape.joint}/{name}", shape.geometry, shape.rgba, shape.placement
         )
     ]
 

@@ -1,14 +1,18 @@
 """What is left on disk of a run: trajectory, figure, replay and a summary, in one folder."""
 
-import json
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from armdyn.control import PidRun
+from armdyn.models.obstacles import Obstacle
 from armdyn.models.robot import Robot
 from armdyn.optimal import Solution
-from armdyn.show.files import write_whole
 from armdyn.show.plots import plot_trajectories, save_figure
 from armdyn.show.replay import write_html
+from armdyn.show.results import save_result
 from armdyn.trajectory import Trajectory
 
 
@@ -43,6 +47,18 @@ def minimum_time_summary(solution: Solution) -> dict[str, object]:
             "effort_lower": by.effort_lower.tolist(),
             "velocity": by.velocity.tolist(),
         },
+        "clearance": None
+        if solution.clearance is None
+        else {
+            "distance": solution.clearance.distance,
+            "time": solution.clearance.time,
+            "body": solution.clearance.body,
+            "other": solution.clearance.other,
+            "sure": solution.clearance.sure,
+        },
+        "q_goal": np.asarray(solution.problem.q_goal).tolist(),
+        "via_times": list(solution.via_times),
+        "goals": [{"q": goal.q.tolist(), "duration": _finite(goal.duration)} for goal in solution.goals],
         "intervals": solution.intervals,
         "iterations": solution.iterations,
         "solve_time": round(solution.solve_time, 3),
@@ -63,7 +79,14 @@ def pid_summary(run: PidRun) -> dict[str, object]:
     }
 
 
-def write_run(folder: Path, robot: Robot, trajectory: Trajectory, summary: dict[str, object], title: str) -> list[Path]:
+def write_run(
+    folder: Path,
+    robot: Robot,
+    trajectory: Trajectory,
+    summary: dict[str, object],
+    title: str,
+    obstacles: Sequence[Obstacle] = (),
+) -> list[Path]:
     """Write trajectory.npz, figure.png, figure.pdf, replay.html and result.json.
 
     Args:
@@ -72,6 +95,7 @@ def write_run(folder: Path, robot: Robot, trajectory: Trajectory, summary: dict[
         trajectory: its motion.
         summary: what result.json says, besides the files.
         title: of the figure.
+        obstacles: drawn in the replay.
 
     Returns:
         The files written.
@@ -80,14 +104,14 @@ def write_run(folder: Path, robot: Robot, trajectory: Trajectory, summary: dict[
         OSError: the folder cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    trajectory = replace(trajectory, model_hash=robot.model_hash)
     files = [trajectory.save(folder / "trajectory.npz")]
     figure = plot_trajectories([trajectory], limits=robot.limits, title=title)
     files += [save_figure(figure, folder / f"figure.{suffix}") for suffix in ("png", "pdf")]
-    files.append(write_html(robot, [trajectory], folder / "replay.html"))
+    files.append(write_html(robot, [trajectory], folder / "replay.html", obstacles=obstacles))
     result = folder / "result.json"
     names = [path.name for path in [*files, result]]
-    write_whole(result, (json.dumps({**summary, "files": names}, indent=1, allow_nan=False) + "\n").encode())
-    return [*files, result]
+    return [*files, save_result(result, robot, {**summary, "files": names})]
 
 
 def _finite(number: float) -> float | None:

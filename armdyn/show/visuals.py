@@ -1,8 +1,7 @@
 """What a robot looks like: the shapes of its URDF, on the joints that carry them."""
 
-import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,16 +15,18 @@ from numpy.typing import NDArray
 
 from armdyn.errors import ArmdynWarning
 from armdyn.models import Robot
+from armdyn.models.meshes import load_meshes, numbers, origin, resolve_mesh
+from armdyn.models.obstacles import Box, Capsule, Obstacle, Sphere
 from armdyn.models.urdf_check import parse_urdf
 
 Array = NDArray[np.float64]
 
 _GREY = (0.62, 0.66, 0.70, 1.0)
 _BONE = (0.35, 0.42, 0.50, 1.0)
+_OBSTACLE = (0.93, 0.62, 0.20, 0.55)
 _PAYLOAD = (0.80, 0.15, 0.18, 1.0)
 _DENSITY = 2700.0  # [kg/m³], aluminium: how large a payload looks
 _CREASE = np.radians(35.0)  # faces that meet at a sharper angle show an edge
-_MAX_MESH_BYTES = 256 * 2**20
 _THREE_CYLINDER = pin.rpy.rpyToMatrix(np.pi / 2, 0.0, 0.0)
 """three.js has a cylinder's axis along y, a URDF along z."""
 
@@ -82,7 +83,7 @@ def robot_shapes(robot: Robot) -> list[Shape]:
             material = visual.find("material")
             own = None if material is None else _rgba(material) or colors.get(str(material.get("name")))
             try:
-                at = frame.placement.homogeneous @ _origin(visual)
+                at = frame.placement.homogeneous @ origin(visual)
                 shapes += [
                     replace(shape, joint=frame.parentJoint, placement=at @ shape.placement)
                     for shape in _visual_shapes(visual, robot.package_dirs, own)
@@ -99,6 +100,35 @@ def robot_shapes(robot: Robot) -> list[Shape]:
     return shapes + list(_bones(robot, {shape.joint for shape in shapes}))
 
 
+def obstacle_shapes(obstacles: Sequence[Obstacle]) -> list[Shape]:
+    """What obstacles look like; they are fixed to the world."""
+    shapes: list[Shape] = []
+    for obstacle in obstacles:
+        if isinstance(obstacle, Box):
+            shapes.append(Shape(0, obstacle.pose, mg.Box(list(obstacle.size)), _OBSTACLE))
+            continue
+        ends = [obstacle.center] if isinstance(obstacle, Sphere) else [obstacle.a, obstacle.b]
+        for end in ends:
+            placement = np.eye(4)
+            placement[:3, 3] = end
+            shapes.append(Shape(0, placement, mg.Sphere(obstacle.radius), _OBSTACLE))
+        if isinstance(obstacle, Capsule):
+            shapes += _rod(0, np.array(obstacle.a), np.array(obstacle.b), obstacle.radius, _OBSTACLE)
+    return shapes
+
+
+def _rod(joint: int, a: Array, b: Array, radius: float, rgba: tuple[float, float, float, float]) -> Iterator[Shape]:
+    """A cylinder between two points in a joint's frame [m]."""
+    along = b - a
+    length = float(np.linalg.norm(along))
+    if length < 1e-6:
+        return
+    placement = np.eye(4)
+    placement[:3, :3] = pin.Quaternion.FromTwoVectors(np.array([0.0, 1.0, 0.0]), along).matrix()
+    placement[:3, 3] = (a + b) / 2
+    yield Shape(joint, placement, mg.Cylinder(length, radius), rgba)
+
+
 def _rgba(material: Element) -> tuple[float, float, float, float] | None:
     color = material.find("color")
     words = [] if color is None else str(color.get("rgba", "")).split()
@@ -109,24 +139,6 @@ def _rgba(material: Element) -> tuple[float, float, float, float] | None:
     return r, g, b, a
 
 
-def _numbers(text: str | None, n: int, default: float) -> Array:
-    values = np.full(n, default) if text is None else np.array([float(word) for word in text.split()])
-    if values.shape == (1,):
-        values = np.repeat(values, n)
-    if values.shape != (n,) or not np.all(np.isfinite(values)):
-        raise ValueError(f"{text!r} is not {n} finite numbers")
-    return values
-
-
-def _origin(visual: Element) -> Array:
-    origin = visual.find("origin")
-    if origin is None:
-        return np.eye(4)
-    rpy = _numbers(origin.get("rpy"), 3, 0.0)
-    matrix: Array = pin.SE3(pin.rpy.rpyToMatrix(rpy), _numbers(origin.get("xyz"), 3, 0.0)).homogeneous
-    return matrix
-
-
 def _visual_shapes(
     visual: Element, folders: tuple[str, ...], rgba: tuple[float, float, float, float] | None
 ) -> Iterator[Shape]:
@@ -134,63 +146,27 @@ def _visual_shapes(
     for body in () if holder is None else holder:
         placement, geometry = np.eye(4), None
         if body.tag == "box":
-            geometry = mg.Box(_numbers(body.get("size"), 3, 1.0).tolist())
+            geometry = mg.Box(numbers(body.get("size"), 3, 1.0).tolist())
         elif body.tag == "sphere":
-            geometry = mg.Sphere(float(_numbers(body.get("radius"), 1, 1.0)[0]))
+            geometry = mg.Sphere(float(numbers(body.get("radius"), 1, 1.0)[0]))
         elif body.tag in ("cylinder", "capsule"):
-            length, radius = (float(_numbers(body.get(key), 1, 1.0)[0]) for key in ("length", "radius"))
+            length, radius = (float(numbers(body.get(key), 1, 1.0)[0]) for key in ("length", "radius"))
             placement[:3, :3] = _THREE_CYLINDER
             geometry = mg.Cylinder(length, radius)
         elif body.tag == "mesh":
             path = resolve_mesh(str(body.get("filename", "")), folders)
-            scale = _numbers(body.get("scale"), 3, 1.0)
+            scale = numbers(body.get("scale"), 3, 1.0)
             for mesh, color in _load_meshes(path, scale):
                 yield Shape(0, np.eye(4), _NormalGeometry(mesh), rgba or color)
         if geometry is not None:
             yield Shape(0, placement, geometry, rgba or _GREY)
 
 
-def resolve_mesh(name: str, folders: tuple[str, ...]) -> Path:
-    """The file of a URDF's mesh, which must lie inside one of the folders.
-
-    Raises:
-        FileNotFoundError: there is none.
-        PermissionError: there is one, but not inside.
-    """
-    outside = False
-    for folder in folders:
-        home = Path(os.path.realpath(folder))
-        for prefix in ("package://", "model://", "file://"):
-            if name.startswith(prefix):
-                found = Path(os.path.realpath(home / name.removeprefix(prefix)))
-                break
-        else:
-            found = Path(os.path.realpath(home / name))
-        if not found.is_relative_to(home):
-            outside = True
-        elif found.is_file():
-            return found
-    if outside:
-        raise PermissionError(f"mesh {name!r} is outside the robot's folders")
-    raise FileNotFoundError(f"no mesh {name!r}")
-
-
 def _load_meshes(path: Path, scale: Array) -> Iterator[tuple[trimesh.Trimesh, tuple[float, float, float, float]]]:
     """The triangles of a file, one mesh per colour."""
-    if path.stat().st_size > _MAX_MESH_BYTES:
-        raise ValueError(f"mesh {path.name!r} is larger than {_MAX_MESH_BYTES} bytes")
-    scene = trimesh.load_scene(path)
     by_color: dict[tuple[float, float, float, float], list[trimesh.Trimesh]] = {}
-    for node in scene.graph.nodes_geometry:
-        matrix, name = scene.graph[node]
-        mesh = scene.geometry[name]
-        if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces):
-            bare = trimesh.Trimesh(mesh.vertices, mesh.faces)
-            bare.apply_transform(matrix)
-            bare.apply_transform(np.diag([*scale, 1.0]))
-            by_color.setdefault(_mesh_color(mesh), []).append(bare)
-    if not by_color:
-        raise ValueError(f"mesh {path.name!r} has no triangles")
+    for bare, mesh in load_meshes(path, scale):
+        by_color.setdefault(_mesh_color(mesh), []).append(bare)
     for color, meshes in by_color.items():
         yield trimesh.graph.smooth_shade(trimesh.util.concatenate(meshes), angle=_CREASE), color
 
@@ -211,7 +187,7 @@ def _payload_ball(robot: Robot) -> list[Shape]:
         return []
     frame = robot.frame(payload.frame or robot.tip)
     placement = frame.placement.homogeneous.copy()
-    placement[:3, 3] = frame.placement.act(np.array(payload.offset))
+    placement[:3, 3] = frame.placement.act(np.array(payload.com))
     radius = max(float(np.cbrt(payload.mass / _DENSITY * 3 / (4 * np.pi))), 0.016)
     return [Shape(frame.parentJoint, placement, mg.Sphere(radius), _PAYLOAD)]
 
@@ -227,10 +203,5 @@ def _bones(robot: Robot, drawn: set[int]) -> Iterator[Shape]:
     for joint in set(range(1, model.njoints)) - drawn:
         yield Shape(joint, np.eye(4), mg.Sphere(1.4 * radius), _BONE)
     for joint, end in ends:
-        length = float(np.linalg.norm(end))
-        if joint in drawn or length < 1e-6:
-            continue
-        placement = np.eye(4)
-        placement[:3, :3] = pin.Quaternion.FromTwoVectors(np.array([0.0, 1.0, 0.0]), end).matrix()
-        placement[:3, 3] = end / 2
-        yield Shape(joint, placement, mg.Cylinder(length, radius), _BONE)
+        if joint not in drawn:
+            yield from _rod(joint, np.zeros(3), end, radius, _BONE)

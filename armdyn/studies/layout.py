@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
+from armdyn.files import write_whole
 from armdyn.models.spec import PAPER_PAYLOADS
-from armdyn.show.files import write_whole
 from armdyn.studies.cases import READINGS, Outcome
 from armdyn.studies.feasibility import all_holdings, largest_payload
 from armdyn.studies.first_approach import Linearisation, linearisation

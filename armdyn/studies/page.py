@@ -7,8 +7,8 @@ from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 
+from armdyn.files import write_whole
 from armdyn.models.spec import PAPER_ARMS, PAPER_PAYLOADS
-from armdyn.show.files import write_whole
 from armdyn.show.plots import INK, svg_text
 from armdyn.show.replay import page_template, replay_fields, script_json, viewer_script
 from armdyn.studies.cases import Case, Outcome

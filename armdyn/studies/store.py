@@ -7,7 +7,7 @@ from pathlib import Path
 
 import armdyn
 from armdyn.errors import TrajectoryError
-from armdyn.show.files import write_whole
+from armdyn.files import write_whole
 from armdyn.studies.cases import PID_DURATION, Case, Outcome
 from armdyn.trajectory import Trajectory
 

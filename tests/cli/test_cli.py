@@ -43,6 +43,27 @@ def test_mintime(tmp_path):
     assert json.loads((tmp_path / "run" / "result.json").read_text())["duration"] == answer["duration"]
 
 
+def test_mintime_round_an_obstacle_to_a_pose(tmp_path):
+    (tmp_path / "scene.json").write_text('[{"type": "sphere", "center": [0.33, 0, -0.12], "radius": 0.05}]')
+    options = ["--payload", 0.1006, "--obstacle", "scene.json", "--goal-pose", "tip:0.4783,0,0.0574", "--starts", 2]
+    answer = run_json("mintime", "rr", *options, "--out", "run", code=3, cwd=tmp_path)
+    # Solved and clear of the ball; not certified, as arcs along obstacles are not resolved.
+    assert answer["success"] and not answer["certified"]
+    assert answer["clearance"]["distance"] >= 0.005 and answer["clearance"]["other"] == "sphere"
+    assert answer["clearance"]["sure"] and len(answer["goals"]) == 2
+    assert "obstacle0" not in (tmp_path / "run" / "result.json").read_text()
+    for wrong, says in (
+        (["--obstacle", "ball:3"], "no file"),
+        (["--obstacle", "box:1,1@0,0,0"], "box:SX,SY,SZ@X,Y,Z"),
+        (["--obstacle", "sphere:0.05@0,0,-0.2"], "inside"),
+        (["--goal-pose", "tip:9,0,0"], "cannot reach"),
+        (["--goal-pose", "9,0,0"], "FRAME:X,Y,Z"),
+        (["--via", "1"], "via"),
+    ):
+        done = run("mintime", "rr", *wrong, cwd=tmp_path)
+        assert done.returncode == 2 and says in " ".join(done.stderr.split()), done.stderr
+
+
 def test_mintime_of_a_urdf_file_with_poses_and_limits(tmp_path):
     (tmp_path / "cart.urdf").write_text(CART)
     answer = run_json("mintime", "cart.urdf", "--q-start", "0", "--q-goal", "-2", "--effort-limit", "4", cwd=tmp_path)

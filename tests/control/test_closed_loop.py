@@ -117,6 +117,34 @@ def test_torque_obeys_newton(form):
     np.testing.assert_allclose(moved[late], (v[1:-1] * (t[2:] - t[:-2])[:, None])[late], atol=1e-7)
 
 
+@pytest.mark.parametrize("form", ["acceleration", "torque"])
+def test_friction_acts_on_the_arm_under_control(form):
+    """As above, with the friction written out."""
+    robot, poses = example("RR Ex2", grams=100.6)
+    damping, coulomb, width = np.array([0.05, 0.02]), np.array([0.1, 0.05]), 0.1
+    rubbing = robot.with_friction(damping, coulomb, width)
+    run = simulate_pid(rubbing, **poses, form=form, duration=2.0, samples=20001, saturate=False)
+    t, q, v, tau = (getattr(run.trajectory, name) for name in ("t", "q", "v", "tau"))
+    data, left = robot.model.createData(), tau - damping * v - coulomb * np.tanh(v / width)
+    a = np.array([pin.aba(robot.model, data, *state) for state in zip(q, v, left, strict=True)])
+    late = slice(2000, -1)
+    numeric = (v[2:] - v[:-2]) / (t[2:] - t[:-2])[:, None]
+    # As above; where a joint turns around friction changes within milliseconds, and the jerk with it.
+    np.testing.assert_allclose(a[1:-1][late], numeric[late], atol=1e-2)
+    without = simulate_pid(robot, **poses, form=form, duration=2.0, saturate=False)
+    assert np.abs(without.trajectory.q[-1] - run.trajectory.q[-1]).max() > 1e-3
+
+
+def test_computed_torque_cancels_friction():
+    robot, poses = example("RR Ex2", grams=100.6)
+    loop = {**poses, "form": "computed_torque", "duration": 2.0, "saturate": False}
+    runs = [simulate_pid(arm, **loop).trajectory for arm in (robot, robot.with_friction(0.05, 0.1, 0.1))]
+    # Both integrate the same equation to a relative 1e-9 per step.
+    np.testing.assert_allclose(runs[1].q, runs[0].q, atol=1e-7)
+    lost = 0.05 * runs[0].v + 0.1 * np.tanh(runs[0].v / 0.1)
+    np.testing.assert_allclose(runs[1].tau - runs[0].tau, lost, atol=1e-5)
+
+
 def test_energy_balance():
     """What the torque delivers is what the arm gains in energy."""
     robot, poses = example("RRR Ex6", grams=100.6)

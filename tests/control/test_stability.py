@@ -40,10 +40,12 @@ def test_largest_real_parts_of_the_papers_loop(reading, grams):
 
 
 @pytest.mark.parametrize("form", ["acceleration", "torque", "computed_torque"])
-@pytest.mark.parametrize("name", ["rr", "rrr", "panda"])
+@pytest.mark.parametrize("name", ["rr", "rrr", "panda", "rr with friction"])
 def test_matrix_is_the_jacobian_of_the_loop(name, form):
     """CasADi differentiates the whole closed loop, written down anew, at its equilibrium."""
-    robot = robot_named(name)
+    robot = robot_named(name.split()[0])
+    if "friction" in name:
+        robot = robot.with_friction([0.1, 0.2], [0.05, 0.0], 0.1)
     n, pin, dyn = robot.nv, PinDynamics(robot), Dynamics(robot)
     goal = np.linspace(0.4, -0.6, n)
     kp, ki, kd = np.linspace(20, 40, n), np.linspace(40, 60, n), np.linspace(8, 12, n)

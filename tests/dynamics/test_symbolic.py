@@ -7,7 +7,8 @@ import armdyn.dynamics.symbolic as symbolic
 from armdyn.dynamics import Dynamics
 from armdyn.errors import BridgeError, SpecError
 from armdyn.models import PAPER_ARMS, ArmSpec, Payload, Robot
-from armdyn.models.robot import library_urdf, payload_inertia
+from armdyn.models.library import library_urdf
+from armdyn.models.robot import payload_inertia
 from oracles import (
     LIBRARY_ROBOTS,
     LIMIT,
@@ -15,7 +16,6 @@ from oracles import (
     assert_close,
     joint,
     link,
-    locks,
     random_states,
     robot_named,
     two_links,
@@ -126,12 +126,7 @@ def test_symbolic_payload_is_the_robots_payload(name, frame):
         torque = pin.rnea(model, model.createData(), bare.configuration(q), v, u)
         assert_close(symbolic_payload.rnea(q, v, u, p), torque, TOLERANCE)
     if name != "rrr":
-        lock = locks(name)
-        robot = (
-            Robot.from_spec(ArmSpec.paper(name), payload)
-            if name == "rr"
-            else Robot.from_library(name, payload, lock=lock)
-        )
+        robot = Robot.from_spec(ArmSpec.paper(name), payload) if name == "rr" else Robot.from_library(name, payload)
         numbers = next(random_states(bare.nv))
         assert_close(symbolic_payload.aba(*numbers, p), Dynamics(robot).aba(*numbers), TOLERANCE)
 

@@ -4,7 +4,8 @@ import pytest
 
 from armdyn.errors import SpecError, UnknownRobotError, UrdfError
 from armdyn.models import PAPER_ARMS, ArmSpec, Payload, Robot
-from armdyn.models.robot import library_urdf, payload_inertia
+from armdyn.models.library import library_urdf
+from armdyn.models.robot import payload_inertia
 from oracles import joint, link, random_states, robot_named, two_links, urdf
 
 
@@ -51,9 +52,19 @@ def test_spec_payload_is_pins_appended_inertia():
     assert robot.payload == payload
 
 
-def test_spec_payload_elsewhere_is_refused():
-    with pytest.raises(SpecError, match="'tip', not 'link1'"):
-        Robot.from_spec(ArmSpec.paper("rr"), Payload(mass=1.0, frame="link1"))
+def test_spec_payload_on_a_link_is_pins_appended_inertia():
+    payload = Payload(mass=0.3, com=(0.05, 0.01, 0.02), inertia=(1e-4, 2e-4, 2.5e-4, 1e-5, 0, -2e-5), frame="link1")
+    robot, bare = (Robot.from_spec(ArmSpec.paper("rr"), each) for each in (payload, None))
+    bare.model.appendBodyToJoint(1, payload_inertia(payload), pin.SE3.Identity())
+    # As above; a URDF has all the digits.
+    assert robot.model.inertias[1].isApprox(bare.model.inertias[1], 1e-12)
+    assert robot.model.inertias[2].isApprox(bare.model.inertias[2], 1e-12)
+
+
+@pytest.mark.parametrize("frame", ["base", "hand"])
+def test_spec_payload_on_what_does_not_move_is_refused(frame):
+    with pytest.raises(SpecError, match=f"no moving link '{frame}'"):
+        Robot.from_spec(ArmSpec.paper("rr"), Payload(mass=1.0, frame=frame))
 
 
 @pytest.mark.parametrize("frame", [None, "panda_link4", "panda_hand"])
@@ -95,7 +106,7 @@ def test_panda_has_its_fingers_locked():
     assert robot.locked == {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
     assert robot.joint_names == tuple(f"panda_joint{i}" for i in range(1, 8))
     assert robot.tip == "panda_hand_tcp"
-    assert Robot.from_library("panda", lock={}).nv == 9
+    assert Robot.from_library("panda", lock={"panda_joint7": 0.5}).nv == 6  # the fingers stay locked
 
 
 def test_lock_keeps_the_link_where_it_is():

@@ -71,17 +71,32 @@ def test_payload_mass(mass):
         Payload(mass=mass)
 
 
-@pytest.mark.parametrize("field", ["offset", "inertia"])
+@pytest.mark.parametrize("field", ["com", "inertia"])
 @pytest.mark.parametrize("value", [(0, 0), (0, 0, np.nan), (0, 0, 0, 0)])
 def test_payload_vectors_are_three_finite_numbers(field, value):
     with pytest.raises(SpecError, match=f"payload {field}"):
         Payload(mass=1.0, **{field: value})
 
 
-@pytest.mark.parametrize("inertia", [(-1, 1, 1), (1, 1, 3), (0, 0, 1)])
+@pytest.mark.parametrize("inertia", [(-1, 1, 1), (1, 1, 3), (0, 0, 1), (1, 1, 1, 0.8, 0.8, 0.8)])
 def test_payload_inertia_is_that_of_a_body(inertia):
     with pytest.raises(SpecError, match="triangle inequality"):
         Payload(mass=1.0, inertia=inertia)
+
+
+def test_payload_inertia_as_a_matrix():
+    matrix = [[3.0, 0.1, 0.2], [0.1, 4.0, -0.3], [0.2, -0.3, 5.0]]
+    payload = Payload(mass=1.0, inertia=matrix)
+    assert payload.inertia == (3.0, 4.0, 5.0, 0.1, 0.2, -0.3)
+    assert payload == Payload(mass=1.0, inertia=payload.inertia) == replace(payload)
+    assert np.array_equal(payload.tensor, matrix)
+    with pytest.raises(SpecError, match="symmetric"):
+        Payload(mass=1.0, inertia=np.triu(matrix))
+
+
+def test_offset_is_the_older_name_of_com():
+    assert Payload(mass=1.0, offset=(1, 2, 3)) == Payload(mass=1.0, com=(1, 2, 3))
+    assert Payload(mass=1.0, com=(1, 2, 3)).offset == (1.0, 2.0, 3.0)
 
 
 def test_payload_inertia_of_a_thin_rod_is_allowed():

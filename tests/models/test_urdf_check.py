@@ -1,3 +1,4 @@
+import os
 import time
 
 import numpy as np
@@ -5,7 +6,8 @@ import pytest
 
 from armdyn.errors import ArmdynError, UnsupportedJointError, UrdfError
 from armdyn.models import Robot
-from armdyn.models.urdf_check import MAX_BYTES, MAX_DEPTH, parse_urdf, read_urdf
+from armdyn.models.urdf_check import MAX_LINKS, MAX_MOVING, parse_urdf
+from armdyn.models.urdf_xml import MAX_BYTES, MAX_DEPTH, MAX_ELEMENTS, read_urdf
 from oracles import INERTIAL, LIMIT, joint, link, two_links, urdf
 
 BASE = '<link name="base"/>'
@@ -66,6 +68,36 @@ BAD = {
     "zero axis": (jointed(inside=f'<axis xyz="0 0 0"/>{LIMIT}'), "joint 'shoulder'", "axis is zero"),
     "short axis": (jointed(inside=f'<axis xyz="0 1"/>{LIMIT}'), "joint 'shoulder'", "not three finite"),
     "NaN origin": (jointed(inside=f'<origin xyz="0 nan 0"/>{LIMIT}'), "joint 'shoulder'", "not three finite"),
+    "endless axis": (jointed(inside=f'<axis xyz="0 1e8 0"/>{LIMIT}'), "joint 'shoulder'", "its length should be 1"),
+    "tiny axis": (jointed(inside=f'<axis xyz="0 1e-200 0"/>{LIMIT}'), "joint 'shoulder'", "its length should be 1"),
+    "NaN damping": (jointed(inside=f'{LIMIT}<dynamics damping="nan"/>'), "joint 'shoulder'", "not finite"),
+    "negative friction": (
+        jointed(inside=f'{LIMIT}<dynamics friction="-1"/>'),
+        "joint 'shoulder'",
+        "friction is -1.0; it must not be negative",
+    ),
+    "Python's digits": (jointed(inside='<limit effort="1_0" velocity="3"/>'), "joint 'shoulder'", "not a number"),
+    "other digits": (heavy(mass="١"), "link 'arm'", "not a number"),
+    "two numbers for one": (heavy(mass="1 2"), "link 'arm'", "not a number"),
+    "too large for a double": (heavy(mass="1e400"), "link 'arm'", "not finite"),
+    "a mass beyond measure": (heavy(mass="1e10"), "link 'arm'", "<mass> value='1e10' is beyond 1e+09"),
+    "moments beyond measure": (heavy(moments=("1e308",) * 3), "link 'arm'", "is beyond 1e+09"),
+    "a length beyond measure": (
+        jointed(inside=f'<origin xyz="0 1e300 0"/>{LIMIT}'),
+        "joint 'shoulder'",
+        "<origin> xyz='0 1e300 0' is beyond 1e+09",
+    ),
+    "nameless robot": (two_links().replace('name="test"', ""), None, "<robot> has no name"),
+    "xacro number": (heavy(mass="${m}"), None, "<mass value='${m}'> is xacro that was not expanded"),
+    "xacro substitution": (heavy(mass="$(arg m)"), None, "is xacro that was not expanded"),
+    "xacro macro": (
+        two_links()
+        .replace("<robot ", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" ')
+        .replace("<joint", '<xacro:property name="m" value="1"/><joint', 1),
+        None,
+        "<xacro:property> is xacro",
+    ),
+    "xacro without its namespace": (two_links().replace("<joint", "<xacro:arm/><joint", 1), None, "is xacro"),
     "negative mass": (heavy(mass="-1"), "link 'arm'", "mass is -1.0 kg"),
     "NaN mass": (heavy(mass="nan"), "link 'arm'", "not finite"),
     "infinite mass": (heavy(mass="inf"), "link 'arm'", "not finite"),
@@ -142,6 +174,56 @@ def test_deep_nesting_is_refused_quickly():
     with pytest.raises(UrdfError, match=f"deeper than {MAX_DEPTH}"):
         parse_urdf(f"<robot>{deep}", "deep.urdf")
     assert time.perf_counter() - started < 1.0  # stops at the limit, wherever the text ends
+
+
+def tree(n, deep, moving):
+    """n links, one behind the other or all on the first; every `moving`-th joint moves."""
+    parts = [link("l0")]
+    for i in range(1, n):
+        kind = "fixed" if i % moving else "revolute"
+        parts += [link(f"l{i}"), joint(f"j{i}", f"l{i - 1}" if deep else "l0", f"l{i}", kind)]
+    return urdf(*parts)
+
+
+@pytest.mark.parametrize("deep", [True, False])
+def test_many_links_are_refused_quickly(deep, tmp_path):
+    path = tmp_path / "many.urdf"
+    for n, moving, words in ((MAX_LINKS + 1, 10, "more than 1000 links"), (MAX_MOVING + 2, 1, "more than 150 joints")):
+        path.write_text(tree(n, deep, moving))
+        started = time.perf_counter()
+        with pytest.raises(UrdfError, match=words):
+            Robot.from_urdf(path)
+        assert time.perf_counter() - started < 2.0  # 0.03 s on an idle machine
+
+
+@pytest.mark.parametrize("deep", [True, False])
+def test_what_is_allowed_does_not_end_pinocchios_recursion(deep, tmp_path):
+    path = tmp_path / "many.urdf"
+    path.write_text(tree(MAX_LINKS, deep, 7))
+    assert Robot.from_urdf(path).nv == 142
+
+
+def test_many_elements_are_refused_quickly():
+    started = time.perf_counter()
+    with pytest.raises(UrdfError, match="more than 200000 elements"):
+        parse_urdf(f'<robot name="x">{"<a/>" * (MAX_ELEMENTS + 1)}', "many.urdf")
+    assert time.perf_counter() - started < 5.0  # 0.2 s on an idle machine; 8 million fit into MAX_BYTES
+
+
+def test_messages_are_short():
+    with pytest.raises(UrdfError) as caught:
+        parse_urdf(two_links(joint=joint("x" * 100_000, "base", "y" * 100_000)), "long.urdf")
+    assert "does not exist" in str(caught.value) and len(str(caught.value)) < 500
+
+
+def test_expanded_xacro_is_read():
+    parse_urdf(two_links().replace("<robot ", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" '), "expanded")
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe.urdf")
+    with pytest.raises(UrdfError, match="cannot be read"):
+        read_urdf(tmp_path / "pipe.urdf")
 
 
 def test_missing_file(tmp_path):

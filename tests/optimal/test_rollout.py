@@ -1,5 +1,6 @@
 import numpy as np
 import pinocchio as pin
+import pytest
 
 import armdyn as ad
 from problems import cart, paper_arm
@@ -15,20 +16,33 @@ def test_double_integrator_with_a_jump_of_the_force_is_exact(tmp_path):
     np.testing.assert_allclose([replay.q[-1, 0], replay.v[-1, 0]], [1.0, 0.0], atol=1e-14)
 
 
-def test_energy_is_what_the_torque_puts_in():
-    robot = paper_arm("rrr")
+@pytest.mark.parametrize("friction", [(0.0, 0.0), (0.01, 0.05)], ids=["none", "friction"])
+def test_energy_is_what_the_torque_puts_in_less_what_friction_takes(friction):
+    robot = paper_arm("rrr").with_friction(*friction, 0.5)
     random = np.random.default_rng(0)
-    t = np.linspace(0, 0.3, 31)
-    rest = np.zeros((31, 3))
-    bent = np.tile([0.1, -0.4, 0.8], (31, 1))
-    replay = ad.replay_torques(robot, ad.Trajectory(t, bent, rest, random.normal(size=(31, 3))))
+    t = np.linspace(0, 0.3, 61)
+    rest = np.zeros((61, 3))
+    bent = np.tile([0.1, -0.4, 0.8], (61, 1))
+    replay = ad.replay_torques(robot, ad.Trajectory(t, bent, rest, random.normal(size=(61, 3))))
     model, data = robot.model, robot.model.createData()
 
     def energy(k):
         return pin.computeMechanicalEnergy(model, data, replay.q[k], replay.v[k])
 
-    fine = np.linspace(0, 0.3, 30 * 200 + 1)
+    fine = np.linspace(0, 0.3, 60 * 100 + 1)
     sample = replay(fine)
-    power = np.sum(sample.tau * sample.v, axis=1)
-    # The cubic between samples, 10 ms apart, carries the velocity to about 1e-4 of its 20 rad/s.
-    np.testing.assert_allclose(energy(30) - energy(0), np.trapezoid(power, fine), rtol=1e-3)
+    lost = friction[0] * sample.v + friction[1] * np.tanh(sample.v / 0.5)
+    power = np.sum((sample.tau - lost) * sample.v, axis=1)
+    # The cubic between samples, 5 ms apart, carries the velocity to about 1e-4 of its 20 rad/s.
+    np.testing.assert_allclose(energy(60) - energy(0), np.trapezoid(power, fine), rtol=1e-3)
+
+
+def test_a_damped_body_coasts_to_rest_where_its_momentum_is_gone(tmp_path):
+    damping = 2.0
+    robot = cart(tmp_path).with_friction(damping)
+    t = np.linspace(0, 3, 7)
+    zero = np.zeros((7, 1))
+    replay = ad.replay_torques(robot, ad.Trajectory(t, zero, zero + 1.5, zero))
+    # 1 kg: v = v0 exp(-d t), x = v0 (1 - exp(-d t)) / d; the integrator's tolerance is 1e-10.
+    np.testing.assert_allclose(replay.v[:, 0], 1.5 * np.exp(-damping * t), atol=1e-9)
+    np.testing.assert_allclose(replay.q[:, 0], 1.5 / damping * -np.expm1(-damping * t), atol=1e-9)

@@ -13,6 +13,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ArmdynWarning, TrajectoryError
+from armdyn.models import meshes
 from armdyn.show import replay, visuals
 from show.browser import left_the_page, open_page, screenshot
 from show.motions import HANGING, RAISED, paper_arm, quintic
@@ -153,12 +154,12 @@ def test_a_mesh_is_found_only_inside_the_robots_folders(tmp_path):
     outside.write_text("x")
     (home / "link.stl").symlink_to(outside)
     folders = (str(home),)
-    assert visuals.resolve_mesh("a.stl", folders) == inside.resolve()
-    assert visuals.resolve_mesh("package://a.stl", folders) == inside.resolve()
-    assert visuals.resolve_mesh(f"file://{inside}", folders) == inside.resolve()
+    assert meshes.resolve_mesh("a.stl", folders) == inside.resolve()
+    assert meshes.resolve_mesh("package://a.stl", folders) == inside.resolve()
+    assert meshes.resolve_mesh(f"file://{inside}", folders) == inside.resolve()
     for name in ("../b.stl", "package://../b.stl", str(outside), f"file://{outside}", "link.stl"):
         with pytest.raises(PermissionError):
-            visuals.resolve_mesh(name, folders)
+            meshes.resolve_mesh(name, folders)
 
 
 def test_nothing_is_left_running(tmp_path):
@@ -191,3 +192,20 @@ def test_bad_input(tmp_path):
     with pytest.raises(OSError, match="nowhere"):
         replay.write_html(robot, [run], tmp_path / "nowhere" / "x.html")
     assert not list(tmp_path.iterdir())
+
+
+def test_obstacles_stand_where_they_are(tmp_path):
+    robot, run = motion()
+    things = [ad.Box((0.1, 0.2, 0.3), (0.6, 0, 0.1)), ad.Sphere((0, 0, 1), 0.1), ad.Capsule((1, 0, 0), (1, 0, 1), 0.05)]
+    shapes = visuals.obstacle_shapes(things)
+    assert [type(shape.geometry).__name__ for shape in shapes] == ["Box", "Sphere", "Sphere", "Sphere", "Cylinder"]
+    assert all(shape.joint == 0 for shape in shapes)
+    np.testing.assert_allclose(shapes[4].placement @ [0, 0.5, 0, 1], [1, 0, 1, 1], atol=1e-15)  # a sine's rounding
+    for names in ([run], [run, run]):
+        path = replay.write_html(robot, names, tmp_path / "post.html", obstacles=things)
+        with open_page(path) as (page, _, errors):
+            seen, bare = screenshot(page, 0.1), None
+            assert not errors
+        with open_page(replay.write_html(robot, names, tmp_path / "bare.html")) as (page, _, errors):
+            bare = screenshot(page, 0.1)
+        assert seen != bare

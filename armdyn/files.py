@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def write_whole(path: str | os.PathLike[str], data: bytes) -> Path:
-    """Write a file so that whoever reads it meanwhile sees the old one or the new one, whole.
+    """Write a file so that whoever reads it, even after a crash, finds the old one or the new one, whole.
 
     Returns:
         The path written, as given.
@@ -19,6 +19,8 @@ def write_whole(path: str | os.PathLike[str], data: bytes) -> Path:
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
+            file.flush()
+            os.fsync(file.fileno())  # or a crash may leave the new name on an empty file
         Path(scratch).chmod(0o644)
         Path(scratch).replace(path)
     except BaseException:

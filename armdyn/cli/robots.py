@@ -1,0 +1,111 @@
+"""The command that lists the robots that have a name."""
+
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from armdyn.cli.arguments import Json
+from armdyn.cli.console import answering, console, working
+from armdyn.errors import ArmdynError
+from armdyn.models import PAPER_ARMS, ArmSpec, Robot
+from armdyn.models.library import LIBRARY_ARMS, other_robots
+
+Facts = dict[str, object]
+
+_LIMITS = ("position", "velocity", "effort")
+
+
+def robots(
+    everything: Annotated[
+        bool, typer.Option("--all", help="Also the library's robots of several limbs, and those armdyn refuses.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """The robots that go by a name: the paper's arms, and those of example-robot-data.
+
+    Each name works wherever a command takes ROBOT, and in Robot.from_library(NAME). Everything of a robot that
+    is not the arm is locked; armdyn doctor NAME says where.
+
+    [dim]armdyn robots
+    armdyn robots --all
+    armdyn doctor baxter_left[/]
+    """
+    with answering(json) as answer:
+        with working("robots", json) as progress:
+            arms = [_facts(name, progress) for name in (*PAPER_ARMS, *LIBRARY_ARMS)]
+            others = [_facts(name, progress) for name in other_robots()] if everything or json else []
+        answer.facts |= {"success": True, "status": "listed", "files": [], "robots": arms, "others": others}
+        if not json:
+            console.print(_table("Arms by name", arms))
+            if others:
+                console.print(_table("The library's other robots, base fixed and every joint free", others))
+            console.print(
+                "\nLimits of position q, velocity v and torque τ: ● of all joints, ◐ of some, ○ of none. Minimum time "
+                "needs torque limits: give what is missing with --effort-limit. armdyn doctor NAME shows every joint."
+            )
+
+
+def _facts(name: str, progress: object) -> Facts:
+    """What one robot is; never an exception, for one bad robot must not hide the others."""
+    if callable(progress):
+        progress(name)
+    arm = LIBRARY_ARMS.get(name)
+    facts: Facts = {"name": name, "robot": name if arm is None else arm.robot, "loads": False, "reason": ""}
+    try:
+        robot = Robot.from_spec(ArmSpec.paper(name)) if name in PAPER_ARMS else Robot.from_library(name)
+    except ArmdynError as error:
+        return facts | {"reason": str(error).rsplit("/", 1)[-1]}  # without the folder, which is always the same
+    except Exception as error:  # a damaged installation of the library, say
+        return facts | {"reason": f"{type(error).__name__}: {error}"}
+    limits = robot.limits
+    given = {
+        "position": np.isfinite(limits.position_lower) & np.isfinite(limits.position_upper),
+        "velocity": np.isfinite(limits.velocity),
+        "effort": np.isfinite(limits.effort_upper) & (limits.effort_upper > 0),
+    }
+    return facts | {
+        "loads": True,
+        "dof": robot.nv,
+        "joints": list(robot.joint_names),
+        "continuous": [joint for joint, i in zip(robot.joint_names, robot.model.nqs[1:], strict=True) if i == 2],
+        "tip": robot.tip,
+        "missing": {
+            kind: [joint for joint, has in zip(robot.joint_names, present, strict=True) if not has]
+            for kind, present in given.items()
+        },
+        "locked": dict(robot.locked),
+    }
+
+
+def _table(title: str, robots: list[Facts]) -> Table:
+    table = Table(title=title, title_justify="left", box=None, header_style="bold", pad_edge=False)
+    table.add_column("name", no_wrap=True)
+    for heading in ("dof", "q", "v", "τ", "locked"):
+        table.add_column(heading, justify="right")
+    table.add_column("remarks")
+    for facts in robots:
+        table.add_row(*_row(facts))
+    return table
+
+
+def _row(facts: Facts) -> list[str]:
+    name = escape(str(facts["name"]))
+    missing, joints = facts.get("missing"), facts.get("joints")
+    if not isinstance(missing, dict) or not isinstance(joints, list):
+        return [name, *[""] * 5, f"[yellow]{escape(str(facts['reason']))}[/]"]
+    marks = ["●" if not missing[k] else "○" if len(missing[k]) == len(joints) else "◐" for k in _LIMITS]
+    remarks = [] if facts["robot"] == facts["name"] else [f"of {facts['robot']}"]
+    if missing["effort"]:
+        remarks.append(f"needs --effort-limit ({_which(missing['effort'], joints)})")
+    if facts["continuous"]:
+        remarks.append(f"no end stops ({_which(facts['continuous'], joints)})")
+    locked = facts["locked"]
+    return [name, str(facts["dof"]), *marks, str(len(locked) or ""), escape("; ".join(remarks))]  # type: ignore[arg-type]
+
+
+def _which(some: object, joints: list[str]) -> str:
+    names = list(some) if isinstance(some, list) else []
+    return "all joints" if len(names) == len(joints) else ", ".join(names)

@@ -1,0 +1,46 @@
+"""Pinocchio's dynamics as numbers, with the friction that its models do not have."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from armdyn.models.robot import Robot
+
+Array = NDArray[np.float64]
+
+StateFunction = Callable[[Array, Array, Array], Array]
+"""Of q [rad or m], v [rad/s or m/s] and a third, each of shape (nv,)."""
+
+
+def forward_dynamics(robot: Robot) -> StateFunction:
+    """(q, v, tau) ↦ a: acceleration [rad/s² or m/s²] of torque [N m or N], by `pin.aba` less the joints' friction.
+
+    For one thread: Pinocchio's work space belongs to the function. A result is the caller's own.
+    """
+    model, data, configuration, friction = robot.model, robot.model.createData(), robot.configuration, robot.friction
+
+    def free(q: Array, v: Array, tau: Array) -> Array:
+        return np.array(pin.aba(model, data, configuration(q), v, tau))
+
+    def rubbing(q: Array, v: Array, tau: Array) -> Array:
+        return free(q, v, tau - friction.torque(v))
+
+    return rubbing if friction.present else free
+
+
+def inverse_dynamics(robot: Robot) -> StateFunction:
+    """(q, v, a) ↦ tau: torque [N m or N] of acceleration [rad/s² or m/s²], by `pin.rnea` and the joints' friction.
+
+    For one thread, like `forward_dynamics`.
+    """
+    model, data, configuration, friction = robot.model, robot.model.createData(), robot.configuration, robot.friction
+
+    def free(q: Array, v: Array, a: Array) -> Array:
+        return np.array(pin.rnea(model, data, configuration(q), v, a))
+
+    def rubbing(q: Array, v: Array, a: Array) -> Array:
+        return free(q, v, a) + friction.torque(v)
+
+    return rubbing if friction.present else free

@@ -1,0 +1,113 @@
+"""What a URDF's `<visual>` and `<collision>` elements refer to: placements, numbers, mesh files."""
+
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_MAX_MESH_BYTES = 256 * 2**20
+_MESH_FORMATS = (".stl", ".dae", ".obj", ".ply", ".off", ".glb", ".gltf")  # no archives: they may hold anything
+
+
+def numbers(text: str | None, n: int, default: float) -> Array:
+    """An attribute of n numbers, shape (n,); one number stands for all, a missing attribute for the default.
+
+    Raises:
+        ValueError: it is something else, or not finite.
+    """
+    values = np.full(n, default) if text is None else np.array([float(word) for word in text.split()])
+    if values.shape == (1,):
+        values = np.repeat(values, n)
+    if values.shape != (n,) or not np.all(np.isfinite(values)):
+        raise ValueError(f"{text!r} is not {n} finite numbers")
+    return values
+
+
+def origin(element: Element) -> Array:
+    """The placement of a visual or collision element in its link, shape (4, 4) [m]."""
+    at = element.find("origin")
+    if at is None:
+        return np.eye(4)
+    rpy = numbers(at.get("rpy"), 3, 0.0)
+    matrix: Array = pin.SE3(pin.rpy.rpyToMatrix(rpy), numbers(at.get("xyz"), 3, 0.0)).homogeneous
+    return matrix
+
+
+def mesh_folders(urdf: Path, given: Sequence[str | os.PathLike[str]]) -> tuple[str, ...]:
+    """Where a URDF's meshes may lie: folders that are given, its own, and that of its ROS package.
+
+    Args:
+        urdf: the file; a folder above it with a `package.xml` is its package.
+        given: folders, each of a package or of several packages.
+    """
+    own = Path(os.path.realpath(urdf)).parent
+    package = next((folder for folder in (own, *own.parents) if (folder / "package.xml").is_file()), None)
+    return (*map(str, given), str(urdf.parent), *([] if package is None else [str(package)]))
+
+
+def resolve_mesh(name: str, folders: tuple[str, ...]) -> Path:
+    """The file of a URDF's mesh, which must lie inside one of the folders once links are followed.
+
+    Args:
+        name: `package://PACKAGE/…` and `model://MODEL/…` are looked for in folders that hold PACKAGE or are called
+            so, `file:///…` where it says, other names below each folder.
+        folders: see `mesh_folders`.
+
+    Raises:
+        FileNotFoundError: there is none.
+        PermissionError: there is one, but not inside.
+    """
+    homes = [Path(os.path.realpath(folder)) for folder in folders]
+    scheme, separator, rest = name.partition("://")
+    inside = rest if separator and scheme in ("package", "model", "file") else name
+    outside = False
+    for home in homes:
+        package, _, within = inside.partition("/")
+        places = [home / inside, home / within] if package == home.name and separator else [home / inside]
+        for place in places:
+            try:
+                found = Path(os.path.realpath(place))
+                exists = found.is_file()
+            except (OSError, ValueError):  # too long for a file's name, say
+                continue
+            if not any(found.is_relative_to(one) for one in homes):
+                outside = True
+            elif exists:
+                return found
+    if outside:
+        raise PermissionError(f"mesh {name[:200]!r} is outside the robot's folders")
+    raise FileNotFoundError(f"no mesh {name[:200]!r}")
+
+
+def load_meshes(path: Path, scale: Array) -> Iterator[tuple[Any, Any]]:
+    """The triangle meshes of a file, scaled and placed: bare ones and those they come from, with their looks.
+
+    Raises:
+        ValueError: the file is too large, of no known format, or has no triangles.
+    """
+    import trimesh  # slow to import, and only whoever draws or avoids obstacles needs it
+
+    if path.suffix.lower() not in _MESH_FORMATS:
+        raise ValueError(f"mesh {path.name!r} is none of {', '.join(_MESH_FORMATS)}")
+    if path.stat().st_size > _MAX_MESH_BYTES:
+        raise ValueError(f"mesh {path.name!r} is larger than {_MAX_MESH_BYTES} bytes")
+    scene = trimesh.load_scene(path)
+    empty = True
+    for node in scene.graph.nodes_geometry:
+        matrix, name = scene.graph[node]
+        mesh = scene.geometry[name]
+        if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces):
+            bare = trimesh.Trimesh(mesh.vertices, mesh.faces)
+            bare.apply_transform(matrix)
+            bare.apply_transform(np.diag([*scale, 1.0]))
+            empty = False
+            yield bare, mesh
+    if empty:
+        raise ValueError(f"mesh {path.name!r} has no triangles")

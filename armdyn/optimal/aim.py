@@ -1,0 +1,184 @@
+"""Brings the replay of a mesh's torques onto the goal, by changing them as little as that takes.
+
+A mesh's torques are constant between knots. Where the motion ends depends on them through the variational
+equations δẋ = ∂f/∂x δx + ∂f/∂τ δτ along the replay (Bryson and Ho, Applied Optimal Control, section 2.4): the
+smallest change within the torque limits that cancels the miss, and Newton's method by repeating it.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from armdyn.models.robot import Robot
+from armdyn.optimal.monitor import Stop
+from armdyn.optimal.problem import MinimumTimeProblem
+from armdyn.optimal.rollout import replay_torques
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_ROUNDS = 8
+_LANDED = 1e-9
+"""Miss of the goal [rad or m] that is a few of the integrator's own."""
+_FAR = 0.1
+"""Miss beyond which the replay is no neighbour of what is sought."""
+_STEPS = 600
+"""Steps of the variational equations, about: a step of 1 ms resolves a turn through dry friction."""
+_SAMPLES = 8
+"""Of the motion under each constant torque."""
+_BELOW = 1e-8
+"""Part of a velocity limit that is kept from it: what interpolation between samples may be off."""
+_NEAR = 1e-3
+"""Part of a velocity limit within which a velocity is held where it is while the goal is corrected."""
+_RANK = 1e-10
+"""Of what the torques can do about the goal and the velocities, as a part of the most that they can: rounding."""
+_LONGER = 10.0
+"""Cost of a change of the duration against that of all torques by the same part of their limits."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Pieces:
+    """Torques that are constant piece by piece.
+
+    Attributes:
+        t: their ends [s], shape (P + 1,).
+        tau: shape (P, nv).
+    """
+
+    t: Array
+    tau: Array
+
+    def trajectory(self, like: Trajectory) -> Trajectory:
+        """The same as samples, with the states of a trajectory that they are near to."""
+        times, torques = [], []
+        for k, tau in enumerate(self.tau):
+            last = k == len(self.tau) - 1
+            within = np.linspace(self.t[k], self.t[k + 1], _SAMPLES + 1)
+            times += [*within[:-1], within[-1] if last else np.nextafter(within[-1], 0)]
+            torques += [tau] * (_SAMPLES + 1)
+        part = np.array(times) / self.t[-1]
+        at = like(like.t[0] + part * like.duration)
+        return replace(like, t=np.array(times), q=at.q, v=at.v, tau=np.array(torques))
+
+
+def aimed(problem: MinimumTimeProblem, trajectory: Trajectory, stop: Stop) -> tuple[Trajectory, Trajectory]:
+    """A motion whose replay lands, and that replay; unchanged where torques are not constant or far from it.
+
+    Args:
+        problem: its goal, and limits of torque and velocity.
+        trajectory: a collocation solution.
+        stop: asked at every step of Newton's method.
+    """
+    replay = replay_torques(problem.robot, trajectory)
+    miss = _miss(problem, trajectory, replay)
+    pieces = _pieces(trajectory)
+    if pieces is None:
+        return trajectory, replay
+    for _ in range(_ROUNDS):
+        if miss <= _LANDED or miss > _FAR or stop:
+            break
+        pieces = _corrected(problem, pieces, replay)
+        tried = pieces.trajectory(replay)
+        replayed = replay_torques(problem.robot, tried)
+        closer = _miss(problem, tried, replayed)
+        if closer > 0.5 * miss:
+            break
+        trajectory = replace(replayed, name=trajectory.name)
+        replay, miss = replayed, closer
+    return trajectory, replay
+
+
+def _miss(problem: MinimumTimeProblem, wanted: Trajectory, replay: Trajectory) -> float:
+    """Largest error of the goal state, or excess of a velocity [rad, m, and their rates]; infinite if it broke off."""
+    if replay.t[-1] != wanted.t[-1]:
+        return float("inf")
+    error = np.max(np.abs(np.concatenate([replay.q[-1], replay.v[-1]]) - problem.x_goal))
+    return float(max(error, np.max(np.abs(replay.v) - problem.limits.velocity)))
+
+
+def _pieces(trajectory: Trajectory) -> _Pieces | None:
+    t, tau = trajectory.t, trajectory.tau
+    passes = np.diff(t) > 2 * np.spacing(t[1:])
+    if not np.array_equal(tau[1:][passes], tau[:-1][passes]):
+        return None
+    first = np.append(True, np.any(tau[1:] != tau[:-1], axis=1))[:-1] & passes
+    first[0] = True
+    starts = np.flatnonzero(first)
+    return _Pieces(np.append(t[starts], t[-1]), tau[starts])
+
+
+def _corrected(problem: MinimumTimeProblem, pieces: _Pieces, replay: Trajectory) -> _Pieces:
+    """One step of Newton's method: the smallest change that, to first order, lands and keeps velocity limits."""
+    limits, n = problem.limits, problem.robot.nv
+    half = (limits.effort_upper - limits.effort_lower) / 2
+    by_torque, by_time = _sensitivity(problem.robot, pieces, replay)
+    columns = np.concatenate([by_torque * np.tile(half, len(pieces.tau)), by_time[..., None] / _LONGER], axis=2)
+    # A velocity is steered at the knots, so that it keeps its limit within the pieces on either side, too.
+    within = np.linspace(pieces.t[:-1], pieces.t[1:], _SAMPLES + 1)
+    v = replay(np.minimum(within, replay.t[-1])).v
+    room = limits.velocity * (1 - _BELOW) - np.max(np.abs(v), axis=0)
+    room = np.minimum(room[:-1], room[1:])
+    fast = room < _NEAR * np.where(np.isinf(limits.velocity), 0.0, limits.velocity)
+    slower = np.sign(v[-1, :-1]) * np.minimum(room, 0.0)
+    rows = np.concatenate([columns[:-1, n:][fast], columns[-1]])
+    end = np.concatenate([replay.q[-1], replay.v[-1]]) - problem.x_goal
+    target = np.concatenate([slower[fast], -end])
+    lower = np.append(((limits.effort_lower - pieces.tau) / half).ravel(), -0.5)
+    upper = np.append(((limits.effort_upper - pieces.tau) / half).ravel(), 0.5)
+    change = _smallest(rows, target, lower, upper)
+    tau = pieces.tau + change[:-1].reshape(pieces.tau.shape) * half
+    return _Pieces(pieces.t * (1 + change[-1] / _LONGER), np.clip(tau, limits.effort_lower, limits.effort_upper))
+
+
+def _smallest(rows: Array, target: Array, lower: Array, upper: Array) -> Array:
+    """The least-norm y of rows y = target; what leaves its bounds is held on them and the rest solved again."""
+    free, y = np.ones(lower.size, dtype=bool), np.zeros(lower.size)
+    while True:
+        y[free] = np.linalg.lstsq(rows[:, free], target - rows[:, ~free] @ y[~free], rcond=_RANK)[0]
+        beyond = free & ((y < lower) | (y > upper))
+        if not np.any(beyond):
+            return y
+        y[beyond] = np.clip(y, lower, upper)[beyond]
+        free &= ~beyond
+
+
+def _sensitivity(robot: Robot, pieces: _Pieces, replay: Trajectory) -> tuple[Array, Array]:
+    """∂x at the pieces' ends by all torques, shape (P, 2 nv, P nv), and by a stretch of time, shape (P, 2 nv)."""
+    n, duration, P = robot.nv, pieces.t[-1], len(pieces.tau)
+    model, data, friction = robot.model, robot.model.createData(), robot.friction
+    steps = np.maximum(np.ceil(_STEPS * np.diff(pieces.t) / duration).astype(int), 2)
+    by_torque, by_time = np.zeros((P, 2 * n, P * n)), np.zeros((P, 2 * n))
+    for k in range(P):
+        h = (pieces.t[k + 1] - pieces.t[k]) / steps[k]
+        middles = replay(np.minimum(pieces.t[k] + h * (np.arange(steps[k]) + 0.5), replay.t[-1]))
+        through, forced, stretched = np.eye(2 * n), np.zeros((2 * n, n)), np.zeros(2 * n)
+        rates = np.zeros((steps[k], 2 * n))
+        blocks = np.zeros((steps[k], 3 * n, 3 * n))
+        blocks[:, :n, n : 2 * n] = np.eye(n)
+        for block, rate, q, v in zip(blocks, rates, middles.q, middles.v, strict=True):
+            pin.computeABADerivatives(model, data, robot.configuration(q), v, pieces.tau[k] - friction.torque(v))
+            inverse = np.triu(data.Minv) + np.triu(data.Minv, 1).T
+            block[n : 2 * n, :n] = data.ddq_dq
+            block[n : 2 * n, n : 2 * n] = data.ddq_dv - inverse * friction.slope(v)
+            block[n : 2 * n, 2 * n :] = inverse
+            rate[:n], rate[n:] = v, data.ddq
+        for step, rate in zip(_exponentials(h * blocks), rates, strict=True):
+            own = step[: 2 * n, : 2 * n]
+            through, forced = own @ through, own @ forced + step[: 2 * n, 2 * n :]
+            stretched = own @ stretched + h * rate
+        if k:
+            by_torque[k], by_time[k] = through @ by_torque[k - 1], through @ by_time[k - 1]
+        by_torque[k, :, n * k : n * (k + 1)] = forced
+        by_time[k] += stretched
+    return by_torque, by_time
+
+
+def _exponentials(matrices: Array) -> Array:
+    """The exponential of every matrix, shape (m, k, k): four terms for a sixteenth of it, squared four times."""
+    small, one = matrices / 16, np.eye(matrices.shape[-1])
+    power = one + small @ (one + small / 2 @ (one + small / 3 @ (one + small / 4)))
+    for _ in range(4):
+        power = power @ power
+    return np.asarray(power)

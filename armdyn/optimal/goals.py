@@ -1,0 +1,73 @@
+"""Several joint positions that reach one goal: which is reached fastest."""
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.dynamics.symbolic import Dynamics
+from armdyn.errors import ArmdynWarning
+from armdyn.optimal.constrained import scheme_for
+from armdyn.optimal.direct import solve_on_mesh
+from armdyn.optimal.monitor import stopping
+from armdyn.optimal.options import MinimumTimeOptions
+from armdyn.optimal.problem import MinimumTimeProblem
+from armdyn.optimal.starts import spline
+from armdyn.optimal.status import Status
+
+Array = NDArray[np.float64]
+
+_SOLVED = 2
+"""So many goals are solved in full, the best by one coarse solve each."""
+_HOPELESS = 1.05
+"""Goals that velocity limits alone put so far behind the best coarse duration are not tried; it is off by less."""
+
+
+@dataclass(frozen=True, eq=False)
+class GoalTried:
+    """One of the joint positions that reach a goal.
+
+    Attributes:
+        q: [rad or m], shape (nv,).
+        duration: of the motion found there [s]; inf if none was.
+        refined: solved in full; else by one guess on a coarse mesh.
+    """
+
+    q: Array
+    duration: float
+    refined: bool = False
+
+
+def screened(
+    problem: MinimumTimeProblem, options: MinimumTimeOptions, tell: Callable[[str], None]
+) -> tuple[list[MinimumTimeProblem], list[GoalTried]]:
+    """One problem for each of the most promising goals, best first; and all goals with coarse durations.
+
+    Args:
+        problem: with several `goals`.
+        options: meshes and time limit, of which this takes a third at most.
+        tell: told in words what is being tried.
+    """
+    dynamics = Dynamics(problem.robot, free_last_body=True)
+    scheme = scheme_for(problem, options.scheme(problem.robot.nv))
+    branches: list[MinimumTimeProblem] = []
+    durations: list[float] = []
+    with stopping(options.time_limit / 3) as stop:
+        for i, q in enumerate(problem.goals, start=1):
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", ArmdynWarning)  # of the goal's holding torque: said for the first
+                branch = replace(problem, q_goal=q, goal_pose=None, wrap=False)
+            branches.append(branch)
+            if stop or branch.duration_bound() > _HOPELESS * min(durations, default=np.inf):
+                durations.append(np.inf)
+                continue
+            tell(f"goal {i} of {len(problem.goals)}")
+            attempt = solve_on_mesh(
+                branch, spline(branch, []), dynamics, scheme, options.coarse_intervals[0], options.coarse()[1], stop
+            )
+            durations.append(attempt.trajectory.duration if attempt.status is Status.SOLVED else np.inf)
+    order = sorted(range(len(branches)), key=lambda i: (durations[i], i))
+    tried = [GoalTried(problem.goals[i], durations[i]) for i in order]
+    return [branches[i] for i in order[:_SOLVED]], tried

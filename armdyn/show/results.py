@@ -1,0 +1,86 @@
+"""result.json: what came of a run, with what is needed to know later what its numbers mean."""
+
+import json
+import os
+from pathlib import Path
+from typing import Any, NoReturn
+
+import armdyn
+from armdyn.errors import ResultError
+from armdyn.files import write_whole
+from armdyn.models.robot import Robot
+
+_FORMAT = "armdyn-result-1"
+_UNITS = {
+    "time": "s", "position": "rad or m", "velocity": "rad/s or m/s", "torque": "N m or N", "mass": "kg",
+    "sensitivity to payload_mass": "s/kg", "sensitivity to effort": "s/(N m) or s/N",
+    "sensitivity to velocity": "s/(rad/s) or s/(m/s)",
+}  # fmt: skip
+
+MAX_BYTES = 64 * 2**20
+"""A result larger than this is not read [bytes]."""
+
+
+def save_result(path: str | os.PathLike[str], robot: Robot, facts: dict[str, object]) -> Path:
+    """Write a run's facts with the format, armdyn's version, the arm's hash and the units; whole or not at all.
+
+    Args:
+        path: the file.
+        robot: that moved.
+        facts: what JSON can say; numbers finite.
+
+    Returns:
+        The path written.
+
+    Raises:
+        OSError: the folder cannot be written.
+        ValueError: a number is not finite, or a fact has a name that is taken.
+    """
+    head = {
+        "format": _FORMAT,
+        "armdyn": armdyn.__version__,
+        "units": _UNITS,
+        "model": {"name": robot.name, "source": robot.source, "hash": robot.model_hash, "joints": robot.joint_names},
+    }
+    if taken := head.keys() & facts.keys():
+        raise ValueError(f"facts must not be called {', '.join(sorted(taken))}")
+    return write_whole(path, (json.dumps(head | facts, indent=1, allow_nan=False) + "\n").encode())
+
+
+def load_result(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Read what `save_result` wrote.
+
+    Returns:
+        The facts, and `format`, `armdyn`, `units` and `model` beside them.
+
+    Raises:
+        ResultError: the file is missing or too large, no JSON, of an unknown version, in other units, or lacks the
+            model's hash.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except FileNotFoundError:
+        raise ResultError(f"{path}: no such file") from None
+    except OSError as error:
+        raise ResultError(f"{path}: cannot be read ({error})") from None
+    if len(data) > MAX_BYTES:
+        raise ResultError(f"{path}: larger than {MAX_BYTES} bytes")
+    try:
+        content = json.loads(data, parse_constant=_refuse)
+    except (ValueError, RecursionError) as error:
+        raise ResultError(f"{path}: not JSON ({error})") from None
+    form = content.get("format") if isinstance(content, dict) else None
+    if form != _FORMAT:
+        raise ResultError(f"{path}: not a result of format {_FORMAT} but {str(form)[:80]!r}")
+    if content.get("units") != _UNITS:
+        raise ResultError(f"{path}: in units {str(content.get('units'))[:200]}; armdyn writes {_UNITS}")
+    model = content.get("model")
+    if not isinstance(model, dict) or not isinstance(model.get("hash"), str):
+        raise ResultError(f"{path}: does not say of which model it is")
+    facts: dict[str, Any] = content
+    return facts
+
+
+def _refuse(constant: str) -> NoReturn:
+    raise ValueError(f"{constant} is not finite")

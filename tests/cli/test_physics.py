@@ -1,0 +1,101 @@
+"""Friction, payloads and ways round from the command line."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from oracles import joint, two_links
+
+COMMAND = [sys.executable, "-c", "from armdyn.cli import main; main()"]
+
+INSIDE = '<axis xyz="0 0 1"/><limit effort="2" velocity="1000"/><dynamics damping="0.1" friction="0.2"/>'  # no gravity
+
+
+def run(*arguments, cwd=None):
+    return subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, timeout=300)
+
+
+def run_json(*arguments, code=0, cwd=None):
+    done = run(*arguments, "--json", cwd=cwd)
+    assert done.returncode == code, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.fixture
+def turntable(tmp_path):
+    """One endless joint with friction, 0.03 kg m² about the vertical."""
+    (tmp_path / "arm.urdf").write_text(two_links(joint=joint("turn", "base", "arm", "continuous", INSIDE)))
+    return tmp_path
+
+
+def test_a_files_friction_is_applied_unless_told_otherwise(turntable):
+    poses = ("--q-start", "0", "--q-goal", "2")
+    own = run_json("mintime", "arm.urdf", *poses, cwd=turntable)
+    assert (own["damping"], own["friction"], own["friction_width"]) == ([0.1], [0.2], 0.05)
+    none = run_json("mintime", "arm.urdf", *poses, "--damping", "0", "--friction", "0", cwd=turntable)
+    assert "damping" not in none
+    assert none["duration"] == pytest.approx(2 * np.sqrt(2 * 0.03 / 2), rel=1e-8)
+    assert own["duration"] > none["duration"] + 1e-3
+    heavy = ("--damping", "0", "--friction", "0", "--armature", "0.06")
+    # Three times the inertia.
+    assert run_json("mintime", "arm.urdf", *poses, *heavy, cwd=turntable)["duration"] == pytest.approx(
+        none["duration"] * np.sqrt(3), rel=1e-8
+    )
+
+
+def test_wrap_takes_the_shorter_way(turntable):
+    frictionless = ("mintime", "arm.urdf", "--damping", "0", "--friction", "0", "--q-start", "3", "--q-goal", "-3")
+    wrapped = run_json(*frictionless, "--wrap", cwd=turntable)
+    assert wrapped["duration"] == pytest.approx(2 * np.sqrt((2 * np.pi - 6) * 0.03 / 2), rel=1e-8)
+    asked = run(*frictionless, cwd=turntable)
+    assert asked.returncode == 0
+    assert "--wrap" in asked.stdout
+
+
+def test_a_payload_on_a_link(turntable):
+    flags = ("--damping", "0", "--friction", "0", "--payload", "0.5", "--payload-frame", "arm")
+    poses = ("--q-start", "0", "--q-goal", "2")
+    answer = run_json("mintime", "arm.urdf", *poses, *flags, "--payload-com", "0.2,0,1", cwd=turntable)
+    # Half a kilogram 0.2 m from the axis.
+    assert answer["duration"] == pytest.approx(2 * np.sqrt(2 * (0.03 + 0.5 * 0.2**2) / 2), rel=1e-8)
+
+
+def test_pid_knows_friction(turntable):
+    loop = ("pid", "arm.urdf", "--form", "torque", "--gains", "2,0,0", "--q-start", "0", "--q-goal", "1")
+    # Without any the loop swings for ever; with the file's damping it comes to rest.
+    swings = run_json(*loop, "--damping", "0", "--friction", "0", "--duration", "3", cwd=turntable, code=3)
+    assert swings["max_real_eigenvalue"] == pytest.approx(0, abs=1e-6)
+    assert run_json(*loop, "--friction", "0", "--duration", "6", cwd=turntable)["max_real_eigenvalue"] == pytest.approx(
+        -0.1 / (2 * 0.03), rel=1e-6
+    )
+
+
+def test_doctor_says_what_is_applied(turntable):
+    answer = run_json("doctor", "arm.urdf", cwd=turntable)
+    assert answer["joints"][0]["damping_applied"] == 0.1
+    assert answer["joints"][0]["friction_applied"] == 0.2
+    assert any("is applied" in remark for remark in answer["remarks"])
+    placeholder = run_json("doctor", "z1")
+    assert placeholder["joints"][0]["friction"] == 1.0
+    assert placeholder["joints"][0]["friction_applied"] == 0.0
+    assert any("--friction urdf" in remark for remark in placeholder["remarks"])
+
+
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        (("--payload-frame", "arm"), "--payload KG"),
+        (("--friction", "much"), "'much' is not a number"),
+        (("--damping", "-1"), "must not be negative"),
+        (("--friction-width", "0"), "must be positive"),
+        (("--payload", "1", "--payload-com", "1,2"), "three finite numbers"),
+        (("--payload", "1", "--payload-frame", "base"), "does not move"),
+    ],
+)
+def test_nonsense_is_exit_2(flags, message, turntable):
+    done = run("mintime", "arm.urdf", "--q-start", "0", "--q-goal", "1", *flags, cwd=turntable)
+    assert done.returncode == 2
+    assert message in " ".join(done.stderr.split())

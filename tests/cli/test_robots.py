@@ -1,0 +1,101 @@
+import json
+import subprocess
+import sys
+
+import pytest
+from typer.testing import CliRunner
+
+import armdyn.cli.robots as robots
+from armdyn.cli.main import app
+from armdyn.models import PAPER_ARMS
+from armdyn.models.library import LIBRARY_ARMS
+from armdyn.show.results import load_result
+from armdyn.trajectory import Trajectory
+
+COMMAND = [sys.executable, "-c", "from armdyn.cli import main; main()", "robots"]
+
+
+@pytest.fixture(scope="module")
+def listed():
+    done = subprocess.run([*COMMAND, "--json"], capture_output=True, text=True, timeout=120, check=True)
+    return json.loads(done.stdout)
+
+
+def test_every_arm_is_listed_and_loads(listed):
+    assert listed["success"] and listed["status"] == "listed"
+    assert [arm["name"] for arm in listed["robots"]] == [*PAPER_ARMS, *LIBRARY_ARMS]
+    assert all(arm["loads"] for arm in listed["robots"]), [arm for arm in listed["robots"] if not arm["loads"]]
+
+
+def test_what_is_missing(listed):
+    arms = {arm["name"]: arm for arm in listed["robots"]}
+    assert arms["double_pendulum"]["missing"]["effort"] == ["joint1", "joint2"]
+    assert arms["bravo7_no_ee"]["missing"]["effort"] == ["joint1", "joint4", "joint6"]
+    assert arms["panda"]["missing"] == {"position": [], "velocity": [], "effort": []}
+    assert arms["panda"]["locked"] == {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
+    assert arms["kinova"]["continuous"] == ["j2s6s200_joint_1", "j2s6s200_joint_4", "j2s6s200_joint_6"]
+    assert (arms["baxter_left"]["robot"], arms["baxter_left"]["dof"], arms["so100"]["dof"]) == ("baxter", 7, 5)
+
+
+def test_robots_that_do_not_load_say_why(listed):
+    others = {robot["name"]: robot for robot in listed["others"]}
+    assert "SDF" in others["cassie"]["reason"] and not others["cassie"]["loads"]
+    assert "which moves" in others["romeo"]["reason"]
+    assert all(robot["loads"] or robot["reason"] for robot in others.values())
+
+
+def test_one_bad_robot_does_not_hide_the_others(monkeypatch):
+    def damaged(name, *_):
+        raise OSError(f"{name}: input/output error")
+
+    monkeypatch.setattr(robots.Robot, "from_library", damaged)
+    facts = robots._facts("panda", None)
+    assert facts["loads"] is False and facts["reason"] == "OSError: panda: input/output error"
+    assert robots._row(facts)[-1].startswith("[yellow]OSError")
+
+
+def test_table_teaches():
+    done = subprocess.run(COMMAND, capture_output=True, text=True, timeout=120, check=True)
+    words = " ".join(done.stdout.split())
+    assert "needs --effort-limit (all joints)" in words and "of baxter" in words
+    assert "armdyn doctor NAME" in words
+
+
+def run_json(*arguments, code=0):
+    done = CliRunner().invoke(app, [*map(str, arguments), "--json"])
+    assert done.exit_code == code, done.output
+    return json.loads(done.stdout)
+
+
+def test_any_part_of_a_robot_is_an_arm():
+    answer = run_json(
+        "doctor", "talos", "--arm", "torso_2_joint,gripper_left_base_link", "--lock", "arm_left_7_joint=.1"
+    )
+    assert [joint["name"] for joint in answer["joints"]] == [
+        "torso_2_joint",
+        *(f"arm_left_{i}_joint" for i in range(1, 7)),
+    ]
+    assert answer["tip"] == "gripper_left_base_link"
+    assert "locked at 0.1: arm_left_7_joint" in answer["remarks"]
+
+
+@pytest.mark.parametrize(
+    ("robot", "part", "words"),
+    [
+        ("talos", "torso_2_joint", "is not FIRST,LAST"),
+        ("talos", ",arm_left_2_joint", "is not FIRST,LAST"),
+        ("talos", "torso_2_joint,nose", "no link or joint 'nose'"),
+        ("rr", "joint1,joint2", "--arm: 'rr' has no joints to lock"),
+    ],
+)
+def test_what_is_no_arm(robot, part, words):
+    assert words in run_json("doctor", robot, "--arm", part, code=2)["message"]
+
+
+def test_a_motion_of_another_arm_is_pointed_out(tmp_path):
+    run_json("pid", "rr", "--payload", 0.1, "--duration", 0.5, "--out", tmp_path, code=3)
+    result, motion = load_result(tmp_path / "result.json"), Trajectory.load(tmp_path / "trajectory.npz")
+    assert result["model"]["hash"] == motion.model_hash != ""
+    assert not run_json("replay", "rr", tmp_path / "trajectory.npz", "--payload", 0.1, "--out", tmp_path)["warnings"]
+    (warning,) = run_json("replay", "rr", tmp_path / "trajectory.npz", "--payload", 0.2, "--out", tmp_path)["warnings"]
+    assert "another arm, payload or friction" in warning

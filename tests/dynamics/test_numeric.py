@@ -1,0 +1,83 @@
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from armdyn.dynamics import Dynamics, forward_dynamics, inverse_dynamics
+from oracles import assert_close, random_states, robot_named
+
+TOLERANCE = 1e-10
+"""What is promised of `Dynamics` against `pin.aba`."""
+WIDTH = 0.05
+
+
+def rubbing(name):
+    """A robot with friction, and that friction written out."""
+    bare = robot_named(name)
+    d, f = np.linspace(0.5, 1.5, bare.nv), np.linspace(2.0, 0.0, bare.nv)
+    return bare.with_friction(d, f, WIDTH), lambda v: d * v + f * np.tanh(v / WIDTH)
+
+
+@pytest.mark.parametrize("name", ["rr", "ur5", "kinova"])
+def test_friction_is_a_torque_that_is_lost(name):
+    robot, lost = rubbing(name)
+    model, data = robot.model, robot.model.createData()
+    dynamics, forward, inverse = Dynamics(robot), forward_dynamics(robot), inverse_dynamics(robot)
+    for q, v, u in random_states(robot.nv):
+        a = pin.aba(model, data, robot.configuration(q), v, u - lost(v))
+        assert_close(forward(q, v, u), a, TOLERANCE)
+        assert_close(dynamics.aba(q, v, u), a, TOLERANCE)
+        tau = pin.rnea(model, data, robot.configuration(q), v, u) + lost(v)
+        assert_close(inverse(q, v, u), tau, TOLERANCE)
+        assert_close(dynamics.rnea(q, v, u), tau, TOLERANCE)
+        assert_close(dynamics.crba(q) @ u + dynamics.nle(q, v), tau, TOLERANCE)
+        assert_close(inverse(q, v, forward(q, v, u)), u, TOLERANCE)
+
+
+@pytest.mark.parametrize("name", ["rr", "kinova"])
+def test_without_friction_they_are_pins(name):
+    robot = robot_named(name)
+    data = robot.model.createData()
+    for q, v, u in random_states(robot.nv, count=2):
+        state = robot.configuration(q), v, u
+        assert np.array_equal(forward_dynamics(robot)(q, v, u), pin.aba(robot.model, data, *state))
+        assert np.array_equal(inverse_dynamics(robot)(q, v, u), pin.rnea(robot.model, data, *state))
+
+
+def test_results_are_the_callers_own():
+    robot, _ = rubbing("rr")
+    forward = forward_dynamics(robot)
+    states = list(random_states(2, count=2))
+    first = forward(*states[0])
+    kept = first.copy()
+    forward(*states[1])
+    assert np.array_equal(first, kept)
+
+
+def test_friction_with_a_payload_or_body_that_is_an_argument():
+    robot, _ = rubbing("rr")
+    q, v, u = next(random_states(2))
+    expected = Dynamics(robot).aba(q, v, u)
+    free = Dynamics(robot, free_last_body=True)
+    assert_close(free.aba(q, v, u, free.last_body), expected, TOLERANCE)
+    assert_close(Dynamics(robot, payload_frame="tip").aba(q, v, u, np.zeros(10)), expected, TOLERANCE)
+
+
+def test_friction_has_derivatives():
+    robot, _ = rubbing("rr")
+    dynamics = Dynamics(robot)
+    v = ca.SX.sym("v", 2)
+    slope = ca.Function("slope", [v], [ca.jacobian(dynamics.rnea(np.zeros(2), v, np.zeros(2)), v)])
+    # At rest the Coriolis torque is flat.
+    assert_close(slope(0).full(), np.diag(robot.friction.slope(np.zeros(2))), TOLERANCE)
+
+
+def test_only_equal_friction_shares_functions_and_digest():
+    bare = robot_named("rr")
+    one, other = (Dynamics(bare.with_friction(1.0, 2.0)) for _ in range(2))
+    assert one.functions is other.functions
+    assert one == other
+    assert Dynamics(bare.with_friction(0.0, 0.0)).functions is Dynamics(bare).functions
+    kinds = [(1.0, 2.0, 0.01), (1.0, 2.0, 0.02), (2.0, 1.0, 0.01), (1.0, 0.0, 0.01), (0.0, 0.0, 0.01)]
+    assert len({Dynamics(bare.with_friction(*kind)).digest() for kind in kinds}) == len(kinds)
+    assert Dynamics(bare.with_friction(0.0, 0.0)).digest() == Dynamics(bare).digest()

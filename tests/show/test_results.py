@@ -1,0 +1,74 @@
+import json
+
+import pytest
+
+import armdyn as ad
+from armdyn.errors import ResultError
+from armdyn.show.results import MAX_BYTES, load_result, save_result
+from oracles import robot_named
+
+FACTS = {"success": True, "duration": 0.25, "arcs": [1.0, None]}
+
+
+@pytest.fixture
+def path(tmp_path):
+    return save_result(tmp_path / "result.json", robot_named("rr"), FACTS)
+
+
+def test_round_trip(path):
+    content = load_result(path)
+    assert content["duration"] == 0.25 and content["arcs"] == [1.0, None]
+    assert content["armdyn"] == ad.__version__
+    assert content["model"]["hash"] == robot_named("rr").model_hash
+    assert content["model"]["joints"] == ["joint1", "joint2"]
+    assert content["units"]["torque"] == "N m or N"
+
+
+def test_numbers_are_finite_and_names_free(tmp_path):
+    with pytest.raises(ValueError, match="JSON"):
+        save_result(tmp_path / "x.json", robot_named("rr"), {"duration": float("nan")})
+    with pytest.raises(ValueError, match="must not be called units"):
+        save_result(tmp_path / "x.json", robot_named("rr"), {"units": "none"})
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"format": "armdyn-result-9"}, "not a result of format armdyn-result-1 but 'armdyn-result-9'"),
+        ({"format": None}, "not a result of format"),
+        ({"units": {"time": "ms"}}, "in units .*'ms'"),
+        ({"units": None}, "in units None"),
+        ({"model": {}}, "does not say of which model"),
+        ({"model": "rr"}, "does not say of which model"),
+    ],
+)
+def test_what_is_not_understood_is_refused(path, changes, words):
+    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+    with pytest.raises(ResultError, match=words) as caught:
+        load_result(path)
+    assert str(caught.value).startswith(str(path))
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"", "not JSON"),
+        (b"[1, 2]", "not a result of format"),
+        (b'{"format": NaN}', "NaN is not finite"),
+        (b"\xff\xfe\x00", "not JSON"),
+        (b"[" * 100_000, "not JSON"),
+        (b'"' + b"x" * MAX_BYTES, "larger than"),
+    ],
+)
+def test_what_is_no_result(path, data, words):
+    path.write_bytes(data)
+    with pytest.raises(ResultError, match=words):
+        load_result(path)
+
+
+def test_no_file(tmp_path):
+    with pytest.raises(ResultError, match="no such file"):
+        load_result(tmp_path / "x.json")
+    with pytest.raises(ResultError, match="cannot be read"):
+        load_result(tmp_path)
