@@ -33,6 +33,8 @@ _ROUNDS = 8
 _MOST_POINTS = 8
 _NEAR = 1e-4
 """Of via points and goal [rad or m]: near enough that no further round is worth its seconds."""
+_FAR = 0.1
+"""Of the goal [rad or m]: the mesh was too coarse for what the arm does."""
 _SPARE = 5e-4
 """What a margin is raised by beyond what was missing [m]."""
 _SETTLED = 5e-4
@@ -137,7 +139,9 @@ def settle(
                 break
             size, settled, course = 2 * size, duration, replace(course, offsets=0.0, end_velocity=0.0)
             continue
-        if np.max(np.abs(replay.q[-1] - problem.q_goal)) > 0.1 and 2 * size <= options.max_intervals:
+        if np.max(np.abs(replay.q[-1] - problem.q_goal)) > _FAR:
+            if 2 * size > options.max_intervals:
+                break  # no motion of the arm, and no aim mends that
             size, course = 2 * size, replace(course, offsets=0.0, end_velocity=0.0)
         else:
             course = _aimed(problem, course, replay, found.checked)

@@ -45,7 +45,7 @@ def test_mintime(tmp_path):
 
 def test_mintime_round_an_obstacle_to_a_pose(tmp_path):
     (tmp_path / "scene.json").write_text('[{"type": "sphere", "center": [0.33, 0, -0.12], "radius": 0.05}]')
-    options = ["--payload", 0.1006, "--obstacle", "scene.json", "--goal-pose", "tip:0.4783,0,0.0574", "--starts", 2]
+    options = ["--payload", 0.1006, "--obstacle", "scene.json", "--goal-pose", "tip:0.4783,0,0.0574"]
     answer = run_json("mintime", "rr", *options, "--out", "run", code=3, cwd=tmp_path)
     # Solved and clear of the ball; not certified, as arcs along obstacles are not resolved.
     assert answer["success"] and not answer["certified"]
