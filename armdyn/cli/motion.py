@@ -93,7 +93,7 @@ def mintime(
     checked all along; the switching times are then not resolved, so that its exit code is 3, too.
 
     [dim]armdyn mintime rr --payload 0.1006
-    armdyn mintime rr --obstacle sphere:0.05@0.33,0,-0.12
+    armdyn mintime rr --obstacle sphere:0.05@0.3,0,-0.1
     armdyn mintime rr --goal-pose tip:0.35,0,0.1
     armdyn mintime panda --q-start 0,-0.785,0,-2.356,0,1.571,0.785 --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5[/]
     """

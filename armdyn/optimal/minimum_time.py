@@ -183,7 +183,7 @@ def _time_energy(
 ) -> tuple[list[_Result], Candidates]:
     """Smooth optima in the order of their costs, as far as the first that survives its replay."""
     n = problem.robot.nv
-    starts, limit = options.starts or {1: 2, 2: 16, 3: 24}.get(n, 4), options.refinements or 6
+    starts, limit = options.starts or {1: 2, 2: 16, 3: 24}.get(n, 4), options.refinements or (10 if n == 2 else 6)
     found = smooth_optima(problem, dynamics, scheme, starts, options.seed, limit, stop, tell, options.workers)
     results: list[_Result] = []
     for phases in settled(problem, dynamics, scheme, found.optima, stop):

@@ -16,7 +16,8 @@ class MinimumTimeOptions:
         starts: guesses of the global search; None: 1 for one joint, 32 for two, 48 for three, 4 beyond; where effort
             has a weight, 2 for one joint, 16 for two, 24 for three, 4 beyond.
         seed: of the guesses after the first; the same seed gives the same answer.
-        refinements: so many of the optima found are refined; None: 4 up to three joints, 2 beyond.
+        refinements: so many of the optima found are refined; None: 4 up to three joints, 2 beyond; where
+            effort has a weight, 10 for two joints, 6 else.
         coarse_intervals: of the search's meshes, which its guesses take turns on; the first alone beyond three joints.
         intervals: of the mesh on which the arcs are read.
         max_intervals: of the finest such mesh, tried when the arcs resist or the replay misses the goal.

@@ -54,6 +54,7 @@ class Phases:
         tau: torques at the stages, shape (K, stages, nv).
         arc_of: which arc an interval is in, shape (K,).
         laid: what the intervals were laid by; None: the arcs' lengths.
+        layers: where dry friction turns around, over the same time; None: nowhere.
         stage_q: positions at the stages, shape (K, stages, nv).
         stage_v: velocities at the stages, shape (K, stages, nv).
         stage_costate: ∫ρ over each stage's share of the time, shape (K, stages, 2 nv): what multiplies a
@@ -75,6 +76,7 @@ class Phases:
     tau: Array
     arc_of: NDArray[np.int_]
     laid: Density | None
+    layers: Density | None
     stage_q: Array
     stage_v: Array
     stage_costate: Array
@@ -96,7 +98,8 @@ class Phases:
         states = np.concatenate([self.stage_q, self.stage_v], axis=2)
         from_start = np.concatenate([np.concatenate([self.q, self.v], axis=1)[:-1, None], states], axis=1)
         costate = self.stage_costate / (TABLEAU.b[:, None] * np.diff(self.t)[:, None, None])
-        return density_of(self.t, [(np.append(0, c), from_start), (c, costate)])
+        bends = density_of(self.t, [(np.append(0, c), from_start), (c, costate)])
+        return bends if self.layers is None else bends.with_half_of(self.layers)
 
 
 def solve_phases(
@@ -185,6 +188,7 @@ def solve_phases(
     blocks = slope[: own * N].reshape(N, own)[:, layout.knot :]
     q, v = knots[:, :n] * scales.length, knots[:, n : 2 * n] * scales.speed
     start = np.stack([q[:-1], v[:-1]], axis=1)[:, None]
+    torques = sampled(problem, TABLEAU, found, arc_of, t, np.concatenate([start, states], axis=1), tau)
     return Phases(
         converged=converged,
         message=word.replace("_", " "),
@@ -196,6 +200,7 @@ def solve_phases(
         tau=tau,
         arc_of=arc_of,
         laid=density,
+        layers=layered(torques, problem.robot.friction),
         stage_q=states[:, :, 0],
         stage_v=states[:, :, 1],
         stage_costate=share_of_costate,
@@ -203,7 +208,7 @@ def solve_phases(
         torque_pull=blocks[:, layout.stages : layout.stages + layout.torques].reshape(N, stages, n)
         * (scales.time / scales.effort),
         knot_pull=slope[np.arange(1, N)[:, None] * own + np.arange(2 * n)].reshape(N - 1, 2, n) * unit,
-        torques=sampled(problem, TABLEAU, found, arc_of, t, np.concatenate([start, states], axis=1), tau),
+        torques=torques,
         iterations=int(stats["iter_count"]),
     )
 
