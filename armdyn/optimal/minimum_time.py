@@ -8,7 +8,7 @@ import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.candidates import Candidates, find_candidates
-from armdyn.optimal.certificate import LIMIT_TOLERANCE, Certificate, certify
+from armdyn.optimal.certificate import GOAL_TOLERANCE, HAMILTONIAN_TOLERANCE, LIMIT_TOLERANCE, Certificate, certify
 from armdyn.optimal.constrained import Checked, constrained_optima
 from armdyn.optimal.direct import Attempt, solve_on_mesh
 from armdyn.optimal.goals import GoalTried, screened
@@ -227,6 +227,8 @@ def _refined(
         # Finer meshes resolve the arcs of small arms; on larger ones they cost more than they have ever given.
         modest = not options.arcs or problem.robot.nv > 3
         enough = best is not None and (best.refined.certificate.ok or (modest and _landed(best.refined, options)))
+        # Arcs along which H vanishes are an extremal's: what a sign has against it no finer mesh takes back.
+        enough = enough or (best is not None and problem.robot.nv > 2 and _extremal(best.refined))
         if enough or stop or 2 * mesh > finest or (best is None and mesh > options.intervals):
             break
         mesh *= 2
@@ -245,6 +247,11 @@ def _refined(
 def _quality(refined: Refined) -> tuple[bool, float]:
     certificate = refined.certificate
     return not certificate.ok, max(certificate.goal_error, certificate.limit_violation)
+
+
+def _extremal(refined: Refined) -> bool:
+    certificate = refined.certificate
+    return certificate.goal_error <= GOAL_TOLERANCE and certificate.hamiltonian_spread <= HAMILTONIAN_TOLERANCE
 
 
 def _landed(refined: Refined, options: MinimumTimeOptions) -> bool:
