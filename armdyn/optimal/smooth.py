@@ -24,7 +24,7 @@ from armdyn.trajectory import Trajectory
 
 _COARSE, _FINE, _MOST_ROUGH, _MOST = 25, 30, 120, 240
 """Intervals of the search, of the first solution by a high order, of the last that is rough, and of the finest."""
-_STEPS = 8
+_STEPS = 12
 """Solves spent on all optima together; each takes a second at most."""
 _SHORTEST = 1e-6
 """Arcs shorter than this part of the motion are taken out."""
