@@ -24,8 +24,8 @@ Array = NDArray[np.float64]
 _TIE = 1e-3
 """Cost of full torques against the 1 of time on arms of more than three joints, of which some are idle."""
 
-_FLAT = 1e-4
-"""IPOPT's error at which it may stop, with conditions along the way, once the equations of motion hold."""
+_FLAT, _NEARLY_FLAT = 1e-4, 1e-5
+"""IPOPT's error at which it may stop once the equations of motion hold: with conditions on the way, with idle joints."""
 
 _IPOPT_STATUS = {
     "Solve_Succeeded": Status.SOLVED,
@@ -201,9 +201,10 @@ def _solver(
     if rows is not None:
         nlp = with_rows(nlp, dynamics, rows)
     chosen: dict[str, float | str] = {"mu_init": options.barrier}
-    if rows is not None:
+    if rows is not None or dynamics.nv > 3:
         # Some joints are idle, and where they are is the obstacles' business: IPOPT walks on in a flat valley.
-        chosen |= {"acceptable_tol": _FLAT, "acceptable_constr_viol_tol": options.tolerance, "acceptable_iter": 6}
+        flat = _NEARLY_FLAT if rows is None else _FLAT
+        chosen |= {"acceptable_tol": flat, "acceptable_constr_viol_tol": options.tolerance, "acceptable_iter": 6}
     solver, monitor = make_solver(
         nlp, options.tolerance, options.max_iterations, verbose=options.verbose, options=chosen
     )

@@ -275,8 +275,10 @@ def _solution(
         status = Status.CONDITION_MISSED
     if stop.interrupted:
         status = Status.INTERRUPTED
-    elif stop.late and not certificate.ok:
+    elif stop.late and status is not Status.SOLVED:
         status = Status.TIME_LIMIT
+    if stop.late and status is Status.SOLVED and not certificate.ok:
+        missed = (*missed, f"the time limit of {options.time_limit:g} s ended the search")
     kept: list[float] = []
     for other in sorted(others):
         if other > (kept[-1] if kept else duration) * (1 + _SAME_OPTIMUM):
