@@ -25,7 +25,7 @@ _TIE = 1e-3
 """Cost of full torques against the 1 of time on arms of more than three joints, of which some are idle."""
 
 _FLAT, _NEARLY_FLAT = 1e-4, 1e-5
-"""IPOPT's error at which it may stop once the equations of motion hold: with conditions on the way, with idle joints."""
+"""IPOPT's error at which it may stop once the equations of motion hold: with conditions on the way, or idle joints."""
 
 _IPOPT_STATUS = {
     "Solve_Succeeded": Status.SOLVED,
