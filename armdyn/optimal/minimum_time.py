@@ -237,9 +237,10 @@ def _refined(
         remark = f"did not converge on {mesh} intervals ({attempt.message})"
         unresolved = Refined(coarse.trajectory, certify(problem, replay, None, remark), None)
         best = _Result(unresolved, coarse.trajectory.duration, mesh, iterations, attempt.worst_violation)
-    elif best.refined.phases is None and best.refined.certificate.limit_violation > LIMIT_TOLERANCE:
+    elif best.refined.phases is None and _landed(best.refined, options) and not stop:
         certificate = best.refined.certificate
-        if slower := within_velocity_limits(problem, best.refined.trajectory, certificate.remark):
+        over = certificate.limit_violation > LIMIT_TOLERANCE
+        if over and (slower := within_velocity_limits(problem, best.refined.trajectory, certificate.remark)):
             best = replace(best, refined=Refined(*slower, None), cost=slower[0].duration)
     return replace(best, iterations=iterations)
 

@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 RTOL = 1e-10
 """Of the replay's integrator: far below any goal error that it is to reveal."""
+_MOST_EVALUATIONS = 300_000
 
 
 def replay_torques(robot: Robot, trajectory: Trajectory, rtol: float = RTOL) -> Trajectory:
@@ -29,7 +30,8 @@ def replay_torques(robot: Robot, trajectory: Trajectory, rtol: float = RTOL) -> 
 
     Returns:
         States at the same times, with the same torques. It ends early, but with two samples at least,
-        where the states leave what numbers can hold.
+        where the states leave what numbers can hold, or after 300,000 accelerations: seconds, where a motion of
+        well-posed dynamics takes some ten thousand.
     """
     acceleration = forward_dynamics(robot)
     n = robot.nv
@@ -39,7 +41,7 @@ def replay_torques(robot: Robot, trajectory: Trajectory, rtol: float = RTOL) -> 
 
     t, torque = trajectory.t, trajectory.tau
     states = [np.concatenate([trajectory.q[0], trajectory.v[0]])]
-    k = 0
+    k, spent = 0, 0
     while k < t.size - 1:
         if t[k + 1] - t[k] <= 2 * np.spacing(t[k + 1]):  # a jump of the torque: no time passes
             states.append(states[-1])
@@ -49,8 +51,9 @@ def replay_torques(robot: Robot, trajectory: Trajectory, rtol: float = RTOL) -> 
         end = k + 1
         while not np.any(slope) and end < t.size - 1 and np.array_equal(torque[end + 1], torque[k]):
             end += 1  # samples of one constant torque: nothing for the integrator to stop at
-        reached = _integrate(partial(rate, start=t[k], tau=torque[k], slope=slope), t[k : end + 1], states[-1], rtol)
-        states += reached
+        here = partial(rate, start=t[k], tau=torque[k], slope=slope)
+        reached, evaluations = _integrate(here, t[k : end + 1], states[-1], rtol, _MOST_EVALUATIONS - spent)
+        states, spent = states + reached, spent + evaluations
         if len(reached) < end - k:
             break
         k = end
@@ -64,11 +67,16 @@ def replay_torques(robot: Robot, trajectory: Trajectory, rtol: float = RTOL) -> 
     )  # fmt: skip
 
 
-def _integrate(rate: Callable[[float, Array], Array], times: Array, x: Array, rtol: float) -> list[Array]:
-    """States at times[1:], as far as they are finite, by the solver's own steps: `solve_ivp` takes twice as long."""
+def _integrate(
+    rate: Callable[[float, Array], Array], times: Array, x: Array, rtol: float, most: int
+) -> tuple[list[Array], int]:
+    """States at times[1:], as far as they are finite and `most` evaluations go, and how many they took.
+
+    By the solver's own steps: `solve_ivp` takes twice as long.
+    """
     solver = DOP853(rate, times[0], x, times[-1], rtol=rtol, atol=1e-2 * rtol, first_step=times[1] - times[0])
     states: list[Array] = []
-    while solver.status == "running":
+    while solver.status == "running" and solver.nfev < most:
         solver.step()
         if solver.status == "failed" or not np.all(np.isfinite(solver.y)):
             break
@@ -76,4 +84,4 @@ def _integrate(rate: Callable[[float, Array], Array], times: Array, x: Array, rt
         if passed.size:
             within = solver.dense_output()
             states += [solver.y if at == solver.t else within(at) for at in passed]
-    return states
+    return states, int(solver.nfev)

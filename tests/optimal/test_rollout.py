@@ -3,6 +3,7 @@ import pinocchio as pin
 import pytest
 
 import armdyn as ad
+from armdyn.optimal import rollout
 from problems import cart, paper_arm
 
 
@@ -46,3 +47,12 @@ def test_a_damped_body_coasts_to_rest_where_its_momentum_is_gone(tmp_path):
     # 1 kg: v = v0 exp(-d t), x = v0 (1 - exp(-d t)) / d; the integrator's tolerance is 1e-10.
     np.testing.assert_allclose(replay.v[:, 0], 1.5 * np.exp(-damping * t), atol=1e-9)
     np.testing.assert_allclose(replay.q[:, 0], 1.5 / damping * -np.expm1(-damping * t), atol=1e-9)
+
+
+def test_a_stiff_arm_does_not_hold_it_up(monkeypatch):
+    # Damping stops this joint within 1e-8 s, and an explicit integrator has to follow.
+    monkeypatch.setattr(rollout, "_MOST_EVALUATIONS", 2000)
+    robot = ad.Robot.from_spec(ad.ArmSpec.paper("r")).with_friction(damping=1e6)
+    still, torque = np.zeros((3, 1)), np.array([[0.0], [1.0], [0.0]])
+    replay = ad.replay_torques(robot, ad.Trajectory([0.0, 0.5, 1.0], still, still, torque, robot.joint_names))
+    assert replay.t[-1] < 1.0  # it ended early
