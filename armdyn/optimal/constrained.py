@@ -154,7 +154,7 @@ def settle(
 
 def _judged(problem: MinimumTimeProblem, replay: Trajectory, attempt: Attempt, iterations: int) -> Constrained:
     remark = f"arcs are not resolved, nor Pontryagin's conditions checked, with {', '.join(problem.conditions)}"
-    named = Trajectory(replay.t, replay.q, replay.v, replay.tau, replay.joint_names, "minimum time")
+    named = replace(replay, name="minimum time")
     refined = Refined(named, certify(problem, named, None, remark), None)
     return Constrained(refined, check(problem, named, attempt.passing), attempt, iterations)
 

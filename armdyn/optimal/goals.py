@@ -1,14 +1,12 @@
 """Several joint positions that reach one goal: which is reached fastest."""
 
-import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.errors import ArmdynWarning
 from armdyn.optimal.constrained import scheme_for
 from armdyn.optimal.direct import solve_on_mesh
 from armdyn.optimal.monitor import stopping
@@ -56,9 +54,7 @@ def screened(
     durations: list[float] = []
     with stopping(options.time_limit / 3) as stop:
         for i, q in enumerate(problem.goals, start=1):
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", ArmdynWarning)  # of the goal's holding torque: said for the first
-                branch = replace(problem, q_goal=q, goal_pose=None, wrap=False)
+            branch = problem.variant(q_goal=q, goal_pose=None, wrap=False)
             branches.append(branch)
             if stop or branch.duration_bound() > _HOPELESS * min(durations, default=np.inf):
                 durations.append(np.inf)

@@ -27,10 +27,14 @@ class Density:
     t: Array
     mass: Array
 
+    def up_to(self, times: Array) -> Array:
+        """The mass before each of some times [s]."""
+        return np.asarray(np.interp(times, self.t, np.concatenate([[0], np.cumsum(self.mass)])))
+
     def between(self, start: float, end: float, count: int) -> Array:
         """Parts, shape (count,), that divide a stretch of time into equal masses."""
         t = np.unique(np.concatenate([[start, end], self.t[(self.t > start) & (self.t < end)]]))
-        total = np.interp(t, self.t, np.concatenate([[0], np.cumsum(self.mass)]))
+        total = self.up_to(t)
         times = np.interp(np.linspace(total[0], total[-1], count + 1), total, t)
         parts: Array = np.diff(times) / (end - start)
         return parts
@@ -38,15 +42,7 @@ class Density:
     def with_half_of(self, other: "Density") -> "Density":
         """Half of the intervals by this, half by the other, over the same time."""
         t = np.union1d(self.t, other.t)
-        total = [
-            np.interp(t, one.t, np.concatenate([[0], np.cumsum(one.mass)]) / one.mass.sum()) for one in (self, other)
-        ]
-        return Density(t, np.diff(total[0] + total[1]))
-
-    def of(self, start: float, end: float) -> float:
-        """The mass of a stretch of time."""
-        total = np.concatenate([[0], np.cumsum(self.mass)])
-        return float(np.diff(np.interp([start, end], self.t, total))[0])
+        return Density(t, np.diff(self.up_to(t) / self.mass.sum() + other.up_to(t) / other.mass.sum()))
 
 
 def deal(durations: Array, intervals: int, density: Density | None) -> tuple[NDArray[np.int_], Array]:
@@ -65,7 +61,7 @@ def deal(durations: Array, intervals: int, density: Density | None) -> tuple[NDA
         density = Density(ends, np.diff(ends))
     else:  # the durations may be a guess of others
         density = Density(density.t * (ends[-1] / density.t[-1]), density.mass)
-    mass = np.maximum([density.of(a, b) for a, b in pairwise(ends)], 1e-12)
+    mass = np.maximum(np.diff(density.up_to(ends)), 1e-12)
     counts = _PER_ARC + np.floor((intervals - _PER_ARC * mass.size) * mass / mass.sum()).astype(int)
     counts[np.argmax(mass)] += intervals - counts.sum()
     parts = [density.between(a, b, n) for (a, b), n in zip(pairwise(ends), counts, strict=True)]

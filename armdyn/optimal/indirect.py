@@ -8,14 +8,13 @@ basin it was started in, not proven to be the best one.
 """
 
 import time
-import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.errors import ArmdynWarning, ProblemError
+from armdyn.errors import ProblemError
 from armdyn.optimal.arcs import BANG
 from armdyn.optimal.boundary import BoundaryProblem, Extremal, solve_lobatto, solve_trapezoidal
 from armdyn.optimal.canonical import CanonicalSystem, canonical_system
@@ -114,10 +113,8 @@ def _seeds(problem: MinimumTimeProblem, seed: Solution | None, options: Indirect
     dynamics, scheme = Dynamics(problem.robot, free_last_body=True), MinimumTimeOptions().scheme(problem.robot.nv)
     weight = _seed_weight(problem, options)
     wider, limits = 1.0 if options.bounded else _WIDER, problem.limits
-    with warnings.catch_warnings():  # of the goal that cannot be held: they were given when the problem was made
-        warnings.simplefilter("ignore", ArmdynWarning)
-        bound = wider * limits.effort_lower, wider * limits.effort_upper
-        smooth = replace(problem, effort_weight=weight, effort_limit=bound)
+    bound = wider * limits.effort_lower, wider * limits.effort_upper
+    smooth = problem.variant(effort_weight=weight, effort_limit=bound)
     if seed is not None:
         found = [resolve(smooth, seed.trajectory, dynamics, scheme, stop)]
     else:

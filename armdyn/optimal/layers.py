@@ -1,12 +1,8 @@
 """What Coulomb friction asks of meshes and guesses: it changes in the blink in which a joint turns around."""
 
-import warnings
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.errors import ArmdynWarning
 from armdyn.models.friction import JointFriction
 from armdyn.optimal.grid import Density
 from armdyn.optimal.problem import MinimumTimeProblem
@@ -26,9 +22,7 @@ def without_dry_friction(problem: MinimumTimeProblem) -> MinimumTimeProblem:
     """The same without Coulomb friction, to begin with; itself if it has none."""
     if not np.any(problem.robot.friction.coulomb):
         return problem
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ArmdynWarning)  # of the goal's holding torque: said already
-        return replace(problem, robot=problem.robot.with_friction(friction=0.0), goal_pose=None, wrap=False)
+    return problem.variant(robot=problem.robot.with_friction(friction=0.0), goal_pose=None, wrap=False)
 
 
 def layered(guess: Trajectory, friction: JointFriction) -> Density | None:

@@ -2,7 +2,8 @@
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass, field, replace
+from typing import Any, Self
 
 import numpy as np
 import pinocchio as pin
@@ -139,6 +140,12 @@ class MinimumTimeProblem:
     def x_goal(self) -> Array:
         """Goal state (q, v), shape (2 nv,)."""
         return np.concatenate([np.asarray(self.q_goal), np.asarray(self.v_goal)])
+
+    def variant(self, **changes: Any) -> Self:
+        """The same with some fields changed, without a second warning of a goal that cannot be held."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ArmdynWarning)
+            return replace(self, **changes)
 
     def holding_torque(self) -> Array:
         """Torque that holds the arm still at the goal [N m or N], shape (nv,)."""

@@ -1,13 +1,13 @@
 """From a collocation solution to exact switching times: arcs, their durations, their replay."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.aim import aimed
-from armdyn.optimal.arcs import Arc, Mode, detect, merged, without_short
+from armdyn.optimal.arcs import Arc, Mode, detect, merged
 from armdyn.optimal.certificate import HAMILTONIAN_TOLERANCE, SWITCHING_TOLERANCE, Certificate, certify, pontryagin
 from armdyn.optimal.direct import mesh
 from armdyn.optimal.grid import Density
@@ -15,7 +15,7 @@ from armdyn.optimal.monitor import Stop
 from armdyn.optimal.phases import Phases, solve_phases
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.rollout import replay_torques
-from armdyn.optimal.structure import by_sign, with_overlooked, without_idle_touches
+from armdyn.optimal.structure import by_sign, with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.transcription import Scheme
 from armdyn.trajectory import Trajectory
 
@@ -26,8 +26,6 @@ _INTERVALS = 24
 _MOST_INTERVALS = 100
 _MOST_ARCS = 60
 _ROUNDS = 12
-_SHORTEST = 1e-6
-"""Arcs shorter than this part of the motion are taken out."""
 _LANDED = 1e-9
 """Goal error [rad or m] at which the replay has landed: a few of the integrator's own."""
 
@@ -91,7 +89,7 @@ def land(
         remark: what there is to say against them already.
     """
     phases, replay, landing = _land(problem, dynamics, scheme, phases, stop)
-    replay = _named(replay)
+    replay = replace(replay, name="minimum time")
     return Refined(replay, certify(problem, replay, phases, remark or landing), phases)
 
 
@@ -123,11 +121,11 @@ def _structure(
         phases = solve_phases(problem, arcs, guess, dynamics, scheme, size, stop, density=laid)
         if not phases.converged:
             return last, f"the durations of {len(arcs)} arcs did not converge ({phases.message})"
-        guess, shortest = phases.torques, _SHORTEST * phases.duration
+        guess = phases.torques
         structure = tuple((arc.modes, arc.touches) for arc in phases.arcs)
-        if len(arcs) > 1 and min(arc.duration for arc in phases.arcs) < shortest and structure not in seen:
+        if structure not in seen and (fewer := without_vanished(phases)):
             seen.add(structure)
-            arcs = without_short(phases.arcs, shortest)
+            arcs = fewer
             continue
         last = phases
         arcs = with_overlooked(problem, phases) or without_idle_touches(phases)
@@ -184,7 +182,3 @@ def _land(
             return *best, "the replay left what numbers can hold"
         best = tried, replayed
     return *best, ""
-
-
-def _named(replay: Trajectory) -> Trajectory:
-    return Trajectory(replay.t, replay.q, replay.v, replay.tau, replay.joint_names, "minimum time", replay.model_hash)

@@ -10,24 +10,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.optimal.arcs import Arc, Mode, without_short
+from armdyn.optimal.arcs import Arc, Mode
 from armdyn.optimal.certificate import HAMILTONIAN_TOLERANCE, pontryagin
 from armdyn.optimal.direct import Attempt, DirectOptions
+from armdyn.optimal.grid import Density
 from armdyn.optimal.monitor import Stop
 from armdyn.optimal.phases import TABLEAU, Phases, solve_phases
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.search import search
 from armdyn.optimal.status import Status
-from armdyn.optimal.structure import with_overlooked, without_idle_touches
+from armdyn.optimal.structure import with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.transcription import Scheme
 from armdyn.trajectory import Trajectory
 
 _COARSE, _FINE, _MOST_ROUGH, _MOST = 25, 30, 120, 240
 """Intervals of the search, of the first solution by a high order, of the last that is rough, and of the finest."""
 _STEPS = 12
-"""Solves spent on all optima together; each takes a second at most."""
-_SHORTEST = 1e-6
-"""Arcs shorter than this part of the motion are taken out."""
+"""Solves spent on all optima together; one takes from a tenth of a second to twenty on the finest mesh."""
 _SETTLED, _ROUGH = 0.1 * HAMILTONIAN_TOLERANCE, 0.05
 """Of H, and of what it could fall by: where a mesh is fine enough to be replayed, and too coarse to tell limits by."""
 _SAME = 1e-4
@@ -120,8 +119,7 @@ def settled(
     def promise(phases: Phases) -> float:
         return cost(problem, phases)
 
-    def solved(arcs: list[Arc], size: int, near: Phases) -> Phases:
-        density = near.density if _stray(problem, near) < 1 else None  # an artefact says nothing of where to look
+    def solved(arcs: Sequence[Arc], size: int, near: Phases, density: Density | None) -> Phases:
         size = max(size, 3 * len(arcs))
         return solve_phases(problem, arcs, near.torques, dynamics, scheme, size, stop, density=density)
 
@@ -134,15 +132,16 @@ def settled(
         if stray <= _SETTLED:
             yield best
             continue
+        density = best.density if stray < 1 else None  # an artefact says nothing of where to look
         if HAMILTONIAN_TOLERANCE < stray < _ROUGH and (arcs := _corrected(problem, best)):
-            better = solved(arcs, size, best)
+            better = solved(arcs, size, best, density)
             if better.converged and _stray(problem, better) < stray:
                 waiting.append(better)
                 continue
         if 2 * size > (_MOST if stray < _ROUGH else _MOST_ROUGH):
             left.append(best)
             continue
-        better = solved(list(best.arcs), 2 * size, best)
+        better = solved(best.arcs, 2 * size, best, density)
         if better.converged:
             waiting.append(better)
     yield from sorted(left, key=promise)[:2] or sorted(waiting, key=promise)[:1] or optima[:1]
@@ -156,10 +155,7 @@ def _stray(problem: MinimumTimeProblem, phases: Phases) -> float:
 
 def _corrected(problem: MinimumTimeProblem, phases: Phases) -> list[Arc]:
     """The structure that the multipliers ask for; none: this one."""
-    shortest = _SHORTEST * phases.duration
-    if len(phases.arcs) > 1 and min(arc.duration for arc in phases.arcs) < shortest:
-        return without_short(phases.arcs, shortest)
-    return with_overlooked(problem, phases) or without_idle_touches(phases)
+    return without_vanished(phases) or with_overlooked(problem, phases) or without_idle_touches(phases)
 
 
 def cost(problem: MinimumTimeProblem, phases: Phases) -> float:

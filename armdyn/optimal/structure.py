@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.arcs import BANG, POSITION, VELOCITY, Arc, Event, Mode, arcs_between, merged, outward
+from armdyn.optimal.arcs import BANG, POSITION, VELOCITY, Arc, Event, Mode, arcs_between, merged, outward, without_short
 from armdyn.optimal.phases import TABLEAU, Phases
 from armdyn.optimal.problem import MinimumTimeProblem
 
@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 
 _HELD = 1e-7
 """A state limit on which more than this part of the motion hangs, for its whole size, holds the motion back."""
+_SHORTEST = 1e-6
+"""Arcs shorter than this part of the motion are taken out."""
 _TOUCH = 2
 """A position limit that holds the motion back for no more intervals is touched there."""
 
@@ -26,15 +28,13 @@ def with_overlooked(problem: MinimumTimeProblem, phases: Phases) -> list[Arc]:
     ends = np.concatenate([phases.knot_pull, np.zeros((1, *phases.knot_pull.shape[1:]))])
     ends[:-1] *= ~(named[:-1] | named[1:])[:, None]
     touches = np.flatnonzero(np.diff(phases.arc_of))  # last intervals of arcs
-    for k, arc in zip(touches, phases.arcs, strict=False):
-        for i, _ in arc.touches:
-            ends[k, :, i] = 0.0
-    pulls = np.concatenate([phases.state_pull, ends[:, None]], axis=1)  # (K, stages, 2, nv)
-    times = phases.t[:-1, None] + np.diff(phases.t)[:, None] * TABLEAU.c
     met = np.zeros(named.shape, dtype=bool)
     for k, arc in zip(touches, phases.arcs, strict=False):
         for i, _ in arc.touches:
+            ends[k, :, i] = 0.0
             met[k : k + 2, i] = True
+    pulls = np.concatenate([phases.state_pull, ends[:, None]], axis=1)  # (K, stages, 2, nv)
+    times = phases.t[:-1, None] + np.diff(phases.t)[:, None] * TABLEAU.c
     touched: list[Event] = []
     found = False
     for row, size, upper, lower in (
@@ -61,6 +61,14 @@ def with_overlooked(problem: MinimumTimeProblem, phases: Phases) -> list[Arc]:
         if modes[k, i] is not modes[k - 1, i]
     ]
     return merged(arcs_between(list(modes[0]), [*events, *touched, *_touches(phases)], phases.duration))
+
+
+def without_vanished(phases: Phases) -> list[Arc]:
+    """The structure without an arc whose duration has gone to nothing; none: no arc's has."""
+    shortest = _SHORTEST * phases.duration
+    if len(phases.arcs) == 1 or min(arc.duration for arc in phases.arcs) >= shortest:
+        return []
+    return without_short(phases.arcs, shortest)
 
 
 def without_idle_touches(phases: Phases) -> list[Arc]:

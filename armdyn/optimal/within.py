@@ -1,5 +1,7 @@
 """A mesh's solution keeps velocity limits at its knots; slowed down a little it keeps them between knots, too."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from armdyn.dynamics.numeric import forward_dynamics, inverse_dynamics
@@ -50,4 +52,4 @@ def _slowed(robot: Robot, motion: Trajectory, factor: float) -> Trajectory:
     t = factor * motion.t
     for k in np.flatnonzero(np.diff(t) <= 0):  # the two samples of a jump are an ulp apart
         t[k] = np.nextafter(t[k + 1], 0)
-    return Trajectory(t, motion.q, motion.v / factor, tau, motion.joint_names, motion.name)
+    return replace(motion, t=t, v=motion.v / factor, tau=tau)
