@@ -182,16 +182,8 @@ def _facts(solution: Solution, folder: Path) -> dict[str, str]:
         others = ", ".join(f"{x:.4f}" for x in solution.local_optima[:5])
         facts["other optima"] = f"{others}{' …' if len(solution.local_optima) > 5 else ''} s"
     if by is not None:
-        names, limits = solution.problem.robot.joint_names, solution.problem.limits
-        # What one per cent more of each limit would save, so that torques and velocities compare.
-        gains = {f"the torque of {name}": -by.effort()[i] * limits.effort_upper[i] for i, name in enumerate(names)}
-        gains |= {
-            f"the velocity of {name}": -by.velocity[i] * limits.velocity[i]
-            for i, name in enumerate(names)
-            if by.velocity[i]
-        }
-        most = max(gains, key=lambda what: gains[what])
-        facts["limited most by"] = f"{most}: 1 % more saves {1e3 * gains[most] / 100:.3g} ms"
+        most, saved = by.limited_most_by(solution.problem)
+        facts["limited most by"] = f"{most}: 1 % more saves {1e3 * saved:.3g} ms"
         facts["payload"] = f"1 g more at the tip costs {by.payload_mass:.3g} ms"
     facts["solved in"] = f"{solution.solve_time:.1f} s, {solution.iterations} iterations"
     facts["results"] = str(folder)

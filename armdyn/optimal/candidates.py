@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.errors import ProblemError
 from armdyn.optimal.direct import Attempt, solve_on_mesh
 from armdyn.optimal.monitor import Stop
 from armdyn.optimal.options import MinimumTimeOptions
@@ -27,6 +28,9 @@ _STARTS = {1: 1, 2: 32, 3: 48}
 """Guesses by joints; beyond three a solve takes seconds, and there are 4."""
 _ROUND = {1: 1, 2: 12, 3: 16}
 """The same where there are obstacles: ways round them, chosen among many; beyond three joints 6."""
+
+_PATIENCE = 250
+"""Iterations for the straight guess of an arm of more than three joints: those that converge take half of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,10 +75,19 @@ def find_candidates(
     count = options.starts or (_ROUND.get(n, 6) if rounds else _STARTS.get(n, 4))
     meshes = options.coarse_intervals if n <= 3 else options.coarse_intervals[:1]
     alone: list[Attempt] = []
+    for k, guess in enumerate(options.guesses):
+        if guess.q.shape[1] != n:
+            raise ProblemError(f"options.guesses[{k}] moves {guess.q.shape[1]} joints, {problem.robot.name} has {n}")
+        tell(f"given guess of {guess.duration:.4f} s")
+        alone.append(solve_on_mesh(problem, guess, dynamics, scheme, options.intervals, options.fine(), stop))
     if n <= 3 or not rounds:
         tell(f"straight guess on {options.intervals} intervals")
         straight = spline(problem, [])
-        alone = [solve_on_mesh(problem, straight, dynamics, scheme, options.intervals, options.alone(), stop)]
+        own = options.alone()
+        if n > 3:
+            own = replace(own, max_iterations=min(own.max_iterations, _PATIENCE))
+        alone.append(solve_on_mesh(problem, straight, dynamics, scheme, options.intervals, own, stop))
+        alone = ranked(alone)
 
     def searched(meshes: Sequence[int], count: int) -> list[Attempt]:
         return search(
@@ -85,7 +98,7 @@ def find_candidates(
     if n > 3 and alone and alone[0].status is Status.SOLVED:
         # A finer mesh costs seconds here: only what beats the straight guess on its own mesh is worth one.
         mark = coarse[0].trajectory.duration * (1 - SAME) if coarse[0].status is Status.SOLVED else np.inf
-        found = [*alone, *(a for a in distinct(ranked(coarse)) if a.trajectory.duration < mark)]
+        found = [*distinct(alone), *(a for a in distinct(ranked(coarse)) if a.trajectory.duration < mark)]
     else:
         found = distinct(ranked([*coarse, *alone]))
     if not found:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.course import PLAIN, Course, Legs, legs_of, path_rows, row_bounds, scene_of
 from armdyn.optimal.ipopt import make_solver
-from armdyn.optimal.mesh import Scales, bounds, tie_break, to_trajectory, to_unknowns, worst_violation
+from armdyn.optimal.mesh import Scales, bounds, to_trajectory, to_unknowns, worst_violation
 from armdyn.optimal.monitor import Monitor, Stop
 from armdyn.optimal.path import PathRows, with_rows
 from armdyn.optimal.problem import MinimumTimeProblem
@@ -21,8 +21,9 @@ from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_TIE = 1e-3
-"""Cost of full torques against the 1 of time on arms of more than three joints, of which some are idle."""
+_TIE = 1e-2
+"""Cost of full torques against the 1 of time on arms of more than three joints, of which some are idle; with a tenth
+of it IPOPT takes two to ten times as long."""
 
 _FLAT, _NEARLY_FLAT = 1e-4, 1e-5
 """IPOPT's error at which it may stop once the equations of motion hold: with conditions on the way, or idle joints."""
@@ -106,7 +107,7 @@ def solve_on_mesh(
     scales, layout, n = Scales.of(problem, guess), nlp.layout, problem.robot.nv
     legs = legs_of(problem, guess, intervals)
     fractions = np.concatenate([np.diff(mesh(size, n)) for size in legs.intervals])
-    numbers = scales.parameters(weight_of_effort(problem), dynamics.last_body)
+    numbers = scales.parameters(effort_weights(problem, scales), dynamics.last_body)
     parameters = np.concatenate([fractions, numbers, scene_of(problem)])
     lower, upper = bounds(problem, nlp, scales)
     shares = fractions
@@ -170,11 +171,10 @@ def _fix_legs(
         bound[end : end + n] += np.asarray(course.end_velocity) / scales.speed
 
 
-def weight_of_effort(problem: MinimumTimeProblem) -> float:
-    """The problem's own, or what decides between the equals of an arm with idle joints [1/(N m)²]."""
-    if problem.effort_weight > 0 or problem.robot.nv <= 3:
-        return problem.effort_weight
-    return tie_break(problem, _TIE)
+def effort_weights(problem: MinimumTimeProblem, scales: Scales) -> Array:
+    """The problem's own, or what decides between the equals of an arm with idle joints, shape (nv,)."""
+    own = problem.effort_weight > 0 or problem.robot.nv <= 3
+    return scales.weights(problem.effort_weight, 0.0 if own else _TIE)
 
 
 def mesh(intervals: int, joints: int) -> Array:

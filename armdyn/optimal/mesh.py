@@ -39,9 +39,24 @@ class Scales:
         effort = np.maximum(np.abs(limits.effort_lower), np.abs(limits.effort_upper))
         return cls(guess.duration, length, length / guess.duration, effort)
 
-    def parameters(self, effort_weight: float, last_body: Array) -> Array:
-        """The NLP's parameters after the interval fractions."""
-        return np.array([self.time, self.length, self.speed, effort_weight, *self.effort, *last_body])
+    def parameters(self, weights: Array, last_body: Array) -> Array:
+        """The NLP's parameters after the interval fractions.
+
+        Args:
+            weights: of the squares of scaled torques, shape (nv,).
+            last_body: dynamic parameters of the last joint's body, shape (10,).
+        """
+        return np.array([self.time, self.length, self.speed, *weights, *self.effort, *last_body])
+
+    def weights(self, effort_weight: float, tie: float = 0.0) -> Array:
+        """Of the squares of scaled torques, shape (nv,).
+
+        Args:
+            effort_weight: the problem's w [1/(N m)²].
+            tie: what all torques at their limits shall cost beside the 1 of time, an equal part for every joint
+                however strong: it decides between equals where one joint alone determines the time.
+        """
+        return effort_weight * self.effort**2 + 2 * tie / self.effort.size
 
 
 def tie_break(problem: MinimumTimeProblem, cost: float) -> float:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.errors import ProblemError
 from armdyn.optimal.candidates import Candidates, find_candidates
 from armdyn.optimal.certificate import GOAL_TOLERANCE, HAMILTONIAN_TOLERANCE, LIMIT_TOLERANCE, Certificate, certify
 from armdyn.optimal.constrained import Checked, constrained_optima
@@ -183,6 +184,8 @@ def _time_energy(
 ) -> tuple[list[_Result], Candidates]:
     """Smooth optima in the order of their costs, as far as the first that survives its replay."""
     n = problem.robot.nv
+    if options.guesses:
+        raise ProblemError("options.guesses: a problem whose effort has a weight makes its own; leave them out")
     starts, limit = options.starts or {1: 2, 2: 16, 3: 24}.get(n, 4), options.refinements or (10 if n == 2 else 6)
     found = smooth_optima(problem, dynamics, scheme, starts, options.seed, limit, stop, tell, options.workers)
     results: list[_Result] = []

@@ -6,6 +6,7 @@ from typing import Literal
 from armdyn.errors import ProblemError
 from armdyn.optimal.direct import DirectOptions
 from armdyn.optimal.transcription import Control, DynamicsForm, Scheme
+from armdyn.trajectory import Trajectory
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -13,6 +14,7 @@ class MinimumTimeOptions:
     """How `solve_minimum_time` goes about it.
 
     Attributes:
+        guesses: motions of the same joints to begin with, beside the search's own: optima of similar problems.
         starts: guesses of the global search; None: 1 for one joint, 32 for two, 48 for three, 4 beyond; where effort
             has a weight, 2 for one joint, 16 for two, 24 for three, 4 beyond.
         seed: of the guesses after the first; the same seed gives the same answer.
@@ -36,6 +38,7 @@ class MinimumTimeOptions:
         verbose: let IPOPT print.
     """
 
+    guesses: tuple[Trajectory, ...] = ()
     starts: int | None = None
     seed: int = 0
     refinements: int | None = None

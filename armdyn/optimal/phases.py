@@ -19,7 +19,7 @@ from armdyn.optimal.arcs import BANG, POSITION, VELOCITY, Arc, Mode
 from armdyn.optimal.grid import Density, deal, density_of
 from armdyn.optimal.ipopt import make_solver
 from armdyn.optimal.layers import layered
-from armdyn.optimal.mesh import Scales, bounds, split, tie_break, to_unknowns
+from armdyn.optimal.mesh import Scales, bounds, split, to_unknowns
 from armdyn.optimal.monitor import Monitor, Stop
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.sampling import sampled
@@ -163,10 +163,9 @@ def solve_phases(
         held = np.array([arcs[a].modes[i] in POSITION for a in arc_of.tolist()])
         rows = _defect_rows(layout, nlp)[:, i]
         lbg[np.ix_(held, rows)] = -np.inf
-    weight = problem.effort_weight
-    if weight == 0 and singular:
-        weight = tie_break(problem, _TIE)
-    parameters = np.concatenate([part, scales.parameters(weight, dynamics.last_body)])
+    tied = singular and problem.effort_weight == 0
+    weights = scales.weights(problem.effort_weight, _TIE if tied else 0.0)
+    parameters = np.concatenate([part, scales.parameters(weights, dynamics.last_body)])
     monitor.stop = stop
     result = solver(x0=x, p=parameters, lbx=lower, ubx=upper, lbg=lbg.ravel(), ubg=-lbg.ravel())
     stats = solver.stats()

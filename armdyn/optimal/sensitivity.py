@@ -35,6 +35,25 @@ class Sensitivities:
         """∂t_f/∂(symmetric torque limit) [s/(N m)], shape (nv,)."""
         return self.effort_upper - self.effort_lower
 
+    def limited_most_by(self, problem: MinimumTimeProblem) -> tuple[str, float]:
+        """The limit of which one per cent more saves most, so that torques and velocities compare.
+
+        Args:
+            problem: whose sensitivities they are.
+
+        Returns:
+            Its name, and what one per cent more of it saves [s].
+        """
+        names, limits = problem.robot.joint_names, problem.limits
+        saved = {f"the torque of {name}": -self.effort()[i] * limits.effort_upper[i] for i, name in enumerate(names)}
+        saved |= {
+            f"the velocity of {name}": -self.velocity[i] * limits.velocity[i]
+            for i, name in enumerate(names)
+            if self.velocity[i]
+        }
+        most = max(saved, key=lambda what: saved[what])
+        return most, float(saved[most]) / 100
+
 
 def sensitivities(problem: MinimumTimeProblem, phases: Phases) -> Sensitivities:
     """Sensitivities of an optimum whose arcs are known.

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ProblemError
-from armdyn.optimal.direct import Attempt, DirectOptions, weight_of_effort
+from armdyn.optimal.direct import Attempt, DirectOptions, effort_weights
 from armdyn.optimal.mesh import Scales, bounds, split, to_trajectory, to_unknowns, worst_violation
 from armdyn.optimal.monitor import Stop
 from armdyn.optimal.problem import MinimumTimeProblem
@@ -171,7 +171,7 @@ def solve_staged(
     nlp = program.nlp
     scales = Scales.of(problem, guess)
     fractions = np.full(intervals, 1 / intervals)
-    parameters = np.concatenate([fractions, scales.parameters(weight_of_effort(problem), dynamics.last_body)])
+    parameters = np.concatenate([fractions, scales.parameters(effort_weights(problem, scales), dynamics.last_body)])
     lower, upper = bounds(problem, nlp, scales)
     x = np.clip(to_unknowns(guess, nlp.layout, fractions, scales), lower, upper)
 

@@ -1,6 +1,7 @@
 """Collocation methods as data."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,17 +46,17 @@ class Tableau:
         if not np.allclose(self.b @ self.c[:, None] ** (power - 1), 1 / power, atol=1e-14):
             raise ValueError(f"{self.name}: b does not integrate polynomials of degree {self.order - 1}")
 
-    @property
+    @cached_property
     def starts_at_knot(self) -> bool:
         """The first stage is the knot at the interval's start."""
         return bool(self.c[0] == 0 and not np.any(self.A[0]))
 
-    @property
+    @cached_property
     def ends_at_knot(self) -> bool:
         """The last stage is the knot at the interval's end: stiffly accurate."""
         return bool(self.c[-1] == 1 and np.array_equal(self.A[-1], self.b))
 
-    @property
+    @cached_property
     def inner(self) -> range:
         """The stages that are no knots."""
         return range(int(self.starts_at_knot), self.c.size - int(self.ends_at_knot))

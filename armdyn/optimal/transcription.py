@@ -97,16 +97,16 @@ class Layout:
 
 
 def parameters_of(joints: int) -> int:
-    """How many an NLP has besides the interval fractions: T, q and v scales, w, torque scales, last body."""
-    return 4 + joints + 10
+    """How many an NLP has besides the interval fractions: T, q and v scales, effort weights and scales, last body."""
+    return 3 + 2 * joints + 10
 
 
 @dataclass(frozen=True)
 class _Interval:
     """One interval: unknowns y = (knot, inner, next knot), parameters, and what follows from them at its stages.
 
-    Parameters: its fraction of the duration; the scales of T, q and v; w; the scales of the torques; the
-    dynamic parameters of the last joint's body.
+    Parameters: its fraction of the duration; the scales of T, q and v; the weights of the scaled torques' squares;
+    the scales of the torques; the dynamic parameters of the last joint's body.
     """
 
     y: ca.SX
@@ -127,10 +127,10 @@ def _interval(dynamics: Dynamics, scheme: Scheme) -> _Interval:
     n, tableau, layout = dynamics.nv, scheme.tableau, Layout(dynamics.nv, scheme)
     y = ca.SX.sym("y", 2 * layout.knot + layout.inner)
     p = ca.SX.sym("p", 1 + parameters_of(n))
-    _, time, length, speed, _ = ca.vertsplit(p[:5])
-    effort = p[5 : 5 + n]
+    _, time, length, speed = ca.vertsplit(p[:4])
+    effort = p[4 + n : 4 + 2 * n]
     # What the body has none of, as a planar arm most products of inertia, is no part of the expressions.
-    body = ca.vertcat(*(p[5 + n + i] if present else 0 for i, present in enumerate(dynamics.last_body != 0)))
+    body = ca.vertcat(*(p[4 + 2 * n + i] if present else 0 for i, present in enumerate(dynamics.last_body != 0)))
     left, inner, right = y[: layout.knot], y[layout.knot : layout.knot + layout.inner], y[-layout.knot :]
 
     states = [inner[2 * n * i : 2 * n * (i + 1)] for i in range(len(tableau.inner))]
@@ -161,8 +161,8 @@ def _interval(dynamics: Dynamics, scheme: Scheme) -> _Interval:
 def _equations(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
     """Unknowns, parameters, defects and cost of one interval, all scaled."""
     n, tableau, one = dynamics.nv, scheme.tableau, _interval(dynamics, scheme)
-    fraction, time, length, speed, weight = ca.vertsplit(one.p[:5])
-    effort, left, right = one.p[5 : 5 + n], one.left, one.right
+    fraction, time, length, speed = ca.vertsplit(one.p[:4])
+    weights, left, right = one.p[4 : 4 + n], one.left, one.right
     scale = ca.vertcat(ca.repmat(length, n, 1), ca.repmat(speed, n, 1))
     h = fraction * time * left[2 * n]
     rates = [ca.vertcat(v, a) / scale for v, a in zip(one.velocities, one.accelerations, strict=True)]
@@ -176,8 +176,8 @@ def _equations(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX,
         defects.append(right[: 2 * n] - start - h * sum(b * f for b, f in zip(tableau.b, rates, strict=True)))
     defects.append(right[2 * n] - left[2 * n])
 
-    square = sum(b * ca.sumsqr(effort * torque) for b, torque in zip(tableau.b, one.torques, strict=True))
-    cost = fraction * left[2 * n] * (1 + weight / 2 * square)
+    square = sum(b * ca.dot(weights, torque**2) for b, torque in zip(tableau.b, one.torques, strict=True))
+    cost = fraction * left[2 * n] * (1 + square / 2)
     return one.y, one.p, ca.vertcat(*defects), cost
 
 
@@ -218,8 +218,8 @@ def build_nlp(dynamics: Dynamics, scheme: Scheme, intervals: int) -> Nlp:
         scheme: how motion becomes unknowns.
         intervals: their number N.
 
-    Parameters p: interval fractions (N), scales of T, q, v, the effort weight w, torque scales (nv), the
-    last body's dynamic parameters (10).
+    Parameters p: interval fractions (N), scales of T, q, v, effort weights (nv), torque scales (nv), the last
+    body's dynamic parameters (10).
     """
     layout, N = Layout(dynamics.nv, scheme), intervals
     one = interval_functions(dynamics, scheme)

@@ -55,7 +55,7 @@ def test_order_measured_through_the_nonlinear_program(tableau, form, swing):
     def error(intervals):
         nlp = build_nlp(dynamics, scheme, intervals)
         fractions = np.full(intervals, 1 / intervals)
-        p = np.concatenate([fractions, scales.parameters(0.0, dynamics.last_body)])
+        p = np.concatenate([fractions, scales.parameters(scales.weights(0.0), dynamics.last_body)])
         x = to_unknowns(exact, nlp.layout, fractions, scales)
         free = np.ones(x.size, dtype=bool)
         free[: nlp.layout.knot] = False  # the state and the duration at the start

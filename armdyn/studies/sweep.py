@@ -1,0 +1,83 @@
+"""One motion of many similar robots: each optimum is where the search for its neighbour's begins."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from armdyn.errors import ProblemError
+from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Solution, Status, solve_minimum_time
+
+_FEW = {1: 1, 2: 8, 3: 12}
+"""Guesses of a search that has a neighbour's optimum, by joints; one beyond."""
+_FASTER = 1e-6
+"""An optimum that beats another by less than this part is the same."""
+
+
+def sweep(
+    problems: Sequence[MinimumTimeProblem],
+    options: MinimumTimeOptions | None = None,
+    progress: Callable[[str], None] | None = None,
+    done: Callable[[int, Solution], None] | None = None,
+) -> tuple[Solution, ...]:
+    """Minimum times of similar problems, as of one motion with more and more payload.
+
+    The first is searched as `solve_minimum_time` does. Each of the others begins with its neighbour's optimum
+    beside fewer guesses of its own; then, backwards, an optimum that a later problem has found is tried on the
+    one before. The same model with other payloads, limits or poses is built and compiled once.
+
+    Args:
+        problems: in an order in which neighbours resemble each other.
+        options: of every solve; `starts` is that of all, if it is given. A time limit is each solve's own.
+        progress: told in words what is being tried.
+        done: told the number and the solution of a problem, again where the way back finds a faster one.
+
+    Returns:
+        A solution for each problem, in their order; after Ctrl-C those that there were.
+
+    Raises:
+        ProblemError: the problems' robots differ in their joints.
+    """
+    options = options or MinimumTimeOptions()
+    names = [problem.robot.joint_names for problem in problems]
+    for k, own in enumerate(names):
+        if own != names[0]:
+            raise ProblemError(f"problems[{k}] moves {', '.join(own)}; the first moves {', '.join(names[0])}")
+    found: list[Solution] = []
+    few = options.starts or _FEW.get(problems[0].robot.nv, 1) if problems else None
+
+    def solve(k: int, neighbour: Solution | None, starts: int | None) -> Solution:
+        given = options
+        if neighbour is not None:
+            given = replace(options, starts=starts, guesses=(*options.guesses, neighbour.trajectory))
+        return solve_minimum_time(
+            problems[k], given, progress and (lambda text: progress(f"{k + 1} of {len(problems)}: {text}"))
+        )
+
+    for k in range(len(problems)):
+        found.append(solve(k, next((s for s in reversed(found) if s.success), None), few))
+        if done:
+            done(k, found[k])
+        if found[k].status is Status.INTERRUPTED:
+            return tuple(found)
+    for k in range(len(problems) - 2, -1, -1):
+        if not found[k + 1].success or _is_neighbours(found[k], found[k + 1]):
+            continue
+        other = solve(k, found[k + 1], 1)
+        if _better(other, found[k]):
+            found[k] = other
+            if done:
+                done(k, other)
+        if other.status is Status.INTERRUPTED:
+            break
+    return tuple(found)
+
+
+def _is_neighbours(solution: Solution, later: Solution) -> bool:
+    """Both optima have the same arcs: they are one branch's, and there is nothing to try."""
+    own, other = ([arc.modes for arc in s.arcs] for s in (solution, later))
+    return bool(own) and own == other
+
+
+def _better(solution: Solution, other: Solution) -> bool:
+    if solution.success != other.success:
+        return solution.success
+    return solution.duration < other.duration * (1 - _FASTER)
