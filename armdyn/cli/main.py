@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from armdyn.cli import doctor, motion, paper, robots
+from armdyn.cli import doctor, motion, paper, robots, sweep
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -18,6 +18,7 @@ app = typer.Typer(
 app.command()(motion.mintime)
 app.command()(motion.pid)
 app.command()(paper.reproduce)
+app.command()(sweep.sweep)
 app.command()(motion.replay)
 app.command()(paper.urdf)
 app.command()(robots.robots)

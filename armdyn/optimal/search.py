@@ -59,15 +59,10 @@ def search(
         solved = [a.trajectory.duration for a in attempts if a.status is Status.SOLVED]
         best = f", best {min(solved):.4f} s" if solved else ""
         progress(f"search: guess {len(attempts)} of {count}{best}")
-        if _enough(len(solved), _optima(attempts)):
+        # An optimum has another duration on another mesh, and counts on each: safer than to match them.
+        if _enough(len(solved), len(distinct(ranked(attempts)))):
             break
     return attempts
-
-
-def _optima(attempts: Sequence[Attempt]) -> int:
-    """Different optima met; one has another duration on another mesh, so that each mesh counts for itself."""
-    meshes = {attempt.intervals for attempt in attempts}
-    return max(len(distinct(ranked([a for a in attempts if a.intervals == mesh]))) for mesh in meshes)
 
 
 def _enough(solved: int, optima: int) -> bool:

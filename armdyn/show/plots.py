@@ -30,7 +30,7 @@ INK = "#30363d"
 """Of text and axes."""
 _GRID = "#d9dee4"
 _DENSE = 1200
-_LOOK: Any = {
+LOOK: Any = {
     "font.size": 9.5,
     "axes.edgecolor": INK,
     "axes.labelcolor": INK,
@@ -80,7 +80,7 @@ def plot_trajectories(
     for trajectory in trajectories:
         if trajectory.v.shape[1] != joints:
             raise TrajectoryError(f"cannot plot {joints} and {trajectory.v.shape[1]} joints in one figure")
-    with rc_context(_LOOK):
+    with rc_context(LOOK):
         figure = Figure(figsize=(7.0, 7.4), layout="constrained")
         panels = list(figure.subplots(3, 1, sharex=True))
         for trajectory, style in zip(trajectories, _styles(len(trajectories)), strict=True):
@@ -124,7 +124,7 @@ def svg_text(figure: Figure) -> str:
 
 def _rendered(figure: Figure, kind: str) -> bytes:
     buffer = BytesIO()
-    with rc_context(_LOOK):
+    with rc_context(LOOK):
         figure.savefig(buffer, format=kind, dpi=160, metadata=_UNDATED[kind])
     return buffer.getvalue()
 

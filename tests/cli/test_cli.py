@@ -1,5 +1,6 @@
 """The command line as a user runs it: a process of its own, its output and its exit code."""
 
+import csv
 import json
 import os
 import signal
@@ -70,6 +71,24 @@ def test_mintime_of_a_urdf_file_with_poses_and_limits(tmp_path):
     # Four newtons instead of one halve the 2√2 s.
     assert answer["duration"] == pytest.approx(2**0.5, rel=1e-8)
     assert (tmp_path / "results" / "mintime-cart" / "replay.html").exists()
+
+
+def test_sweep(tmp_path):
+    answer = run_json("sweep", "r", "--payload", "0.2,0.1,0.1", "--out", tmp_path)
+    assert answer["success"] and answer["status"] == "done"
+    # By exact quadrature: R, 200 g.
+    assert [row["payload_kg"] for row in answer["rows"]] == [0.1, 0.2]
+    assert answer["rows"][1]["duration_s"] == pytest.approx(0.2114038279, abs=1e-9)
+    assert all(row["certified"] and row["limited_most_by"] == "the torque of joint1" for row in answer["rows"])
+    names = {Path(file).name for file in answer["files"]}
+    assert names == {"100g.npz", "200g.npz", "sweep.csv", "figure.png", "figure.pdf", "result.json"}
+    with (tmp_path / "sweep.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["duration_s"]) for row in rows] == [row["duration_s"] for row in answer["rows"]]
+    motion = ad.Trajectory.load(tmp_path / "200g.npz")
+    assert motion.duration == pytest.approx(answer["rows"][1]["duration_s"], rel=1e-12) and motion.model_hash
+    done = run("sweep", "panda", cwd=tmp_path)
+    assert done.returncode == 2 and "--payload" in done.stderr
 
 
 def test_pid_and_replay_of_both(tmp_path):
