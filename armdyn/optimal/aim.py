@@ -15,6 +15,7 @@ from armdyn.models.robot import Robot
 from armdyn.optimal.monitor import Stop
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.rollout import replay_torques
+from armdyn.optimal.tracking import Step, slower, tracked
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -22,6 +23,10 @@ Array = NDArray[np.float64]
 _ROUNDS = 8
 _LANDED = 1e-9
 """Miss of the goal [rad or m] that is a few of the integrator's own."""
+_LEADS = 12
+"""Rounds of feedback; each halves the miss or so."""
+_ASTRAY = 1e-3
+"""Miss of the goal [rad or m, and their rates] that Newton's method cannot have left where it converges."""
 _FAR = 0.1
 """Miss beyond which the replay is no neighbour of what is sought."""
 _STEPS = 600
@@ -66,18 +71,79 @@ class _Pieces:
 def aimed(problem: MinimumTimeProblem, trajectory: Trajectory, stop: Stop) -> tuple[Trajectory, Trajectory]:
     """A motion whose replay lands, and that replay; unchanged where torques are not constant or far from it.
 
+    Where the replay of a larger arm goes astray, feedback leads it along the mesh's motion, as much slower as its
+    velocity limits ask; up to three joints a finer mesh is the better answer.
+
     Args:
         problem: its goal, and limits of torque and velocity.
         trajectory: a collocation solution.
-        stop: asked at every step of Newton's method.
+        stop: asked at every step.
     """
     replay = replay_torques(problem.robot, trajectory)
-    miss = _miss(problem, trajectory, replay)
-    pieces = _pieces(trajectory)
-    if pieces is None:
-        return trajectory, replay
+    best = _by_newton(problem, trajectory, replay, stop)
+    if problem.robot.nv > 3 and not stop and _astray(problem, *best[:2]):
+        best = min(best, led_home(problem, trajectory, stop), key=lambda found: found[2])
+    return best[:2]
+
+
+def _astray(problem: MinimumTimeProblem, wanted: Trajectory, replay: Trajectory) -> bool:
+    end = np.concatenate([replay.q[-1], replay.v[-1]]) - problem.x_goal
+    return bool(replay.t[-1] != wanted.t[-1] or np.max(np.abs(end)) > _ASTRAY)
+
+
+def led_home(problem: MinimumTimeProblem, mesh: Trajectory, stop: Stop) -> tuple[Trajectory, Trajectory, float]:
+    """The mesh's motion led by feedback, aimed beside the goal by what it missed before.
+
+    Args:
+        problem: its goal, and limits of torque and velocity.
+        mesh: a collocation solution.
+        stop: asked before every round.
+
+    Returns:
+        The motion, its replay, and the largest error of goal or velocity; infinite if there is nothing to lead.
+    """
+    n, pieces = problem.robot.nv, _pieces(mesh)
+    resting = not (np.any(problem.x_start[n:]) or np.any(problem.x_goal[n:]))
+    factor, offset, best = 1.0, np.zeros(2 * n), (mesh, mesh, np.inf)
+    for _ in range(_LEADS):
+        led = None if pieces is None else _led(problem, mesh, pieces, factor, offset)
+        if led is None:
+            break
+        replay = replay_torques(problem.robot, led)
+        miss = _miss(problem, led, replay)
+        if miss < best[2]:
+            best = replace(replay, name=mesh.name), replay, miss
+        error = np.concatenate([replay.q[-1], replay.v[-1]]) - problem.x_goal
+        if miss <= _LANDED or stop or replay.t[-1] != led.t[-1] or np.max(np.abs(error)) > _FAR:
+            break
+        offset = offset - error
+        over = float(np.max(np.abs(replay.v) / problem.limits.velocity)) - 1
+        if over > 0 and resting:
+            factor *= 1 + over + _BELOW
+    return best
+
+
+def _led(
+    problem: MinimumTimeProblem, mesh: Trajectory, pieces: _Pieces, factor: float, offset: Array
+) -> Trajectory | None:
+    """The mesh's motion, its time scaled by a factor, led by feedback to beside the goal; None if it was lost."""
+    t = mesh.t[0] + factor * (mesh.t - mesh.t[0])
+    for k in np.flatnonzero(np.diff(t) <= 0):  # the two samples of a jump are an ulp apart
+        t[k] = np.nextafter(t[k + 1], 0)
+    motion = replace(mesh, t=t, v=mesh.v / factor)
+    tau = pieces.tau if factor == 1 else slower(problem, mesh, pieces.t, pieces.tau, factor)
+    eased = _Pieces(factor * pieces.t, tau)
+    led = tracked(problem, motion, eased.t, tau, _steps(problem.robot, eased, motion), offset)
+    return None if led is None else _Pieces(eased.t, led).trajectory(motion)
+
+
+def _by_newton(
+    problem: MinimumTimeProblem, trajectory: Trajectory, replay: Trajectory, stop: Stop
+) -> tuple[Trajectory, Trajectory, float]:
+    """A motion, its replay and its miss, which Newton's method makes as small as it can."""
+    miss, pieces = _miss(problem, trajectory, replay), _pieces(trajectory)
     for _ in range(_ROUNDS):
-        if miss <= _LANDED or miss > _FAR or stop:
+        if pieces is None or miss <= _LANDED or miss > _FAR or stop:
             break
         pieces = _corrected(problem, pieces, replay)
         tried = pieces.trajectory(replay)
@@ -87,7 +153,7 @@ def aimed(problem: MinimumTimeProblem, trajectory: Trajectory, stop: Stop) -> tu
             break
         trajectory = replace(replayed, name=trajectory.name)
         replay, miss = replayed, closer
-    return trajectory, replay
+    return trajectory, replay, miss
 
 
 def _miss(problem: MinimumTimeProblem, wanted: Trajectory, replay: Trajectory) -> float:
@@ -146,16 +212,28 @@ def _smallest(rows: Array, target: Array, lower: Array, upper: Array) -> Array:
 
 def _sensitivity(robot: Robot, pieces: _Pieces, replay: Trajectory) -> tuple[Array, Array]:
     """∂x at the pieces' ends by all torques, shape (P, 2 nv, P nv), and by a stretch of time, shape (P, 2 nv)."""
-    n, duration, P = robot.nv, pieces.t[-1], len(pieces.tau)
-    model, data, friction = robot.model, robot.model.createData(), robot.friction
-    steps = np.maximum(np.ceil(_STEPS * np.diff(pieces.t) / duration).astype(int), 2)
+    n, P = robot.nv, len(pieces.tau)
     by_torque, by_time = np.zeros((P, 2 * n, P * n)), np.zeros((P, 2 * n))
-    for k in range(P):
-        h = (pieces.t[k + 1] - pieces.t[k]) / steps[k]
-        middles = replay(np.minimum(pieces.t[k] + h * (np.arange(steps[k]) + 0.5), replay.t[-1]))
+    for k, step in enumerate(_steps(robot, pieces, replay)):
+        if k:
+            by_torque[k], by_time[k] = step.through @ by_torque[k - 1], step.through @ by_time[k - 1]
+        by_torque[k, :, n * k : n * (k + 1)] = step.forced
+        by_time[k] += step.stretched
+    return by_torque, by_time
+
+
+def _steps(robot: Robot, pieces: _Pieces, motion: Trajectory) -> list[Step]:
+    """From every piece's start to its end, along a motion."""
+    n, duration = robot.nv, pieces.t[-1]
+    model, data, friction = robot.model, robot.model.createData(), robot.friction
+    counts = np.maximum(np.ceil(_STEPS * np.diff(pieces.t) / duration).astype(int), 2)
+    found = []
+    for k, count in enumerate(counts.tolist()):
+        h = (pieces.t[k + 1] - pieces.t[k]) / count
+        middles = motion(np.minimum(pieces.t[k] + h * (np.arange(count) + 0.5), motion.t[-1]))
         through, forced, stretched = np.eye(2 * n), np.zeros((2 * n, n)), np.zeros(2 * n)
-        rates = np.zeros((steps[k], 2 * n))
-        blocks = np.zeros((steps[k], 3 * n, 3 * n))
+        rates = np.zeros((count, 2 * n))
+        blocks = np.zeros((count, 3 * n, 3 * n))
         blocks[:, :n, n : 2 * n] = np.eye(n)
         for block, rate, q, v in zip(blocks, rates, middles.q, middles.v, strict=True):
             pin.computeABADerivatives(model, data, robot.configuration(q), v, pieces.tau[k] - friction.torque(v))
@@ -164,15 +242,12 @@ def _sensitivity(robot: Robot, pieces: _Pieces, replay: Trajectory) -> tuple[Arr
             block[n : 2 * n, n : 2 * n] = data.ddq_dv - inverse * friction.slope(v)
             block[n : 2 * n, 2 * n :] = inverse
             rate[:n], rate[n:] = v, data.ddq
-        for step, rate in zip(_exponentials(h * blocks), rates, strict=True):
-            own = step[: 2 * n, : 2 * n]
-            through, forced = own @ through, own @ forced + step[: 2 * n, 2 * n :]
+        for part, rate in zip(_exponentials(h * blocks), rates, strict=True):
+            own = part[: 2 * n, : 2 * n]
+            through, forced = own @ through, own @ forced + part[: 2 * n, 2 * n :]
             stretched = own @ stretched + h * rate
-        if k:
-            by_torque[k], by_time[k] = through @ by_torque[k - 1], through @ by_time[k - 1]
-        by_torque[k, :, n * k : n * (k + 1)] = forced
-        by_time[k] += stretched
-    return by_torque, by_time
+        found.append(Step(through, forced, stretched))
+    return found
 
 
 def _exponentials(matrices: Array) -> Array:
