@@ -81,14 +81,16 @@ def ranked(attempts: Sequence[Attempt]) -> list[Attempt]:
 
 
 def distinct(attempts: Sequence[Attempt], same: float = SAME) -> list[Attempt]:
-    """Converged attempts of which no two have about the same duration, best first."""
-    out: list[Attempt] = []
+    """Converged attempts of which no two have about the same duration, best first; of those the finest mesh's."""
+    groups: list[list[Attempt]] = []
     for attempt in attempts:
         if attempt.status is not Status.SOLVED:
             continue
-        if not out or attempt.trajectory.duration > out[-1].trajectory.duration * (1 + same):
-            out.append(attempt)
-    return out
+        if groups and attempt.trajectory.duration <= groups[-1][0].trajectory.duration * (1 + same):
+            groups[-1].append(attempt)
+        else:
+            groups.append([attempt])
+    return [max(group, key=lambda attempt: attempt.intervals) for group in groups]
 
 
 def _each(job: _Job, count: int, workers: int | None, stop: Stop) -> Iterator[Attempt]:

@@ -10,16 +10,18 @@ from armdyn.optimal.starts import spline
 
 def build(problem, method):
     """One of the two, ready to solve."""
+    options = ad.MinimumTimeOptions(compile=True)
+    dynamics, scheme = ad.Dynamics(problem.robot, free_last_body=True), options.scheme(problem.robot.nv)
     if method == "full":
+        prepare(dynamics, scheme, options.intervals, options.alone())
 
         def solve():
-            solution = ad.solve_minimum_time(problem)
+            solution = ad.solve_minimum_time(problem, options)
             word = "certified" if solution.certificate.ok else str(solution.status)
             return Answer(solution.trajectory, word)
 
         return solve
 
-    dynamics, scheme = ad.Dynamics(problem.robot, free_last_body=True), ad.MinimumTimeOptions().scheme(problem.robot.nv)
     guess = spline(problem, [])
     prepare(dynamics, scheme, INTERVALS, DirectOptions())
 
