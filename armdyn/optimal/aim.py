@@ -12,6 +12,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from armdyn.models.robot import Robot
+from armdyn.optimal.certificate import excess
 from armdyn.optimal.monitor import Stop
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.rollout import replay_torques
@@ -104,20 +105,20 @@ def led_home(problem: MinimumTimeProblem, mesh: Trajectory, stop: Stop) -> tuple
     """
     n, pieces = problem.robot.nv, _pieces(mesh)
     resting = not (np.any(problem.x_start[n:]) or np.any(problem.x_goal[n:]))
-    factor, offset, best = 1.0, np.zeros(2 * n), (mesh, mesh, np.inf)
+    factor, offset, best, worst = 1.0, np.zeros(2 * n), (mesh, mesh, np.inf), (True, np.inf)
     for _ in range(_LEADS):
         led = None if pieces is None else _led(problem, mesh, pieces, factor, offset)
         if led is None:
             break
         replay = replay_torques(problem.robot, led)
         miss = _miss(problem, led, replay)
-        if miss < best[2]:
-            best = replace(replay, name=mesh.name), replay, miss
+        over = float(np.max(excess(problem, replay).velocity / problem.limits.velocity))
+        if (over > _BELOW, miss) < worst:
+            worst, best = (over > _BELOW, miss), (replace(replay, name=mesh.name), replay, miss)
         error = np.concatenate([replay.q[-1], replay.v[-1]]) - problem.x_goal
         if miss <= _LANDED or stop or replay.t[-1] != led.t[-1] or np.max(np.abs(error)) > _FAR:
             break
         offset = offset - error
-        over = float(np.max(np.abs(replay.v) / problem.limits.velocity)) - 1
         if over > 0 and resting:
             factor *= 1 + over + _BELOW
     return best

@@ -243,7 +243,7 @@ def _refined(
     elif best.refined.phases is None and _landed(best.refined, options) and not stop:
         certificate = best.refined.certificate
         over = certificate.limit_violation > LIMIT_TOLERANCE
-        if over and (slower := within_velocity_limits(problem, best.refined.trajectory, certificate.remark)):
+        if over and (slower := within_velocity_limits(problem, best.refined.trajectory, certificate.remark, stop)):
             best = replace(best, refined=Refined(*slower, None), cost=slower[0].duration)
     return replace(best, iterations=iterations)
 

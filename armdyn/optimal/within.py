@@ -6,7 +6,9 @@ import numpy as np
 
 from armdyn.dynamics.numeric import forward_dynamics, inverse_dynamics
 from armdyn.models.robot import Robot
+from armdyn.optimal.aim import led_home
 from armdyn.optimal.certificate import LIMIT_TOLERANCE, Certificate, certify, excess
+from armdyn.optimal.monitor import Stop
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.rollout import replay_torques
 from armdyn.trajectory import Trajectory
@@ -15,7 +17,7 @@ _ROUNDS = 3
 
 
 def within_velocity_limits(
-    problem: MinimumTimeProblem, motion: Trajectory, remark: str
+    problem: MinimumTimeProblem, motion: Trajectory, remark: str, stop: Stop
 ) -> tuple[Trajectory, Certificate] | None:
     """The same path at a slightly lower speed, so that no velocity limit is exceeded anywhere.
 
@@ -27,6 +29,7 @@ def within_velocity_limits(
         problem: from rest to rest.
         motion: a mesh's solution, without arcs.
         remark: what there is to say against it already.
+        stop: asked where it takes several rounds.
 
     Returns:
         The motion and its certificate; None if it would exceed another limit, or does not begin and end at rest.
@@ -34,14 +37,17 @@ def within_velocity_limits(
     n = problem.robot.nv
     if np.any(problem.x_start[n:]) or np.any(problem.x_goal[n:]):
         return None
-    replay = replay_torques(problem.robot, motion)
+    given, replay = motion, replay_torques(problem.robot, motion)
     for _ in range(_ROUNDS):
         motion = _slowed(problem.robot, motion, 1 + np.max(excess(problem, replay).velocity / problem.limits.velocity))
         replay = replay_torques(problem.robot, motion)
         certificate = certify(problem, replay, None, remark)
         if certificate.limit_violation <= LIMIT_TOLERANCE:
             return motion, certificate
-    return None
+    # Open loop an unstable arm does not follow: feedback makes it.
+    motion, replay, _ = led_home(problem, given, stop)
+    certificate = certify(problem, replay, None, remark)
+    return (motion, certificate) if certificate.limit_violation <= LIMIT_TOLERANCE else None
 
 
 def _slowed(robot: Robot, motion: Trajectory, factor: float) -> Trajectory:
