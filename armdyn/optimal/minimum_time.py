@@ -311,7 +311,8 @@ def _message(status: Status, duration: float, certificate: Certificate, options:
     if status is Status.REPLAY_MISSED:
         return (
             f"collocation found {duration:.6g} s, but its torques end {certificate.goal_error:.2g} rad from the goal "
-            f"when replayed (tolerance {options.replay_tolerance:g} rad): raise max_intervals"
+            f"when replayed (tolerance {options.replay_tolerance:g} rad): raise max_intervals; light links at strong "
+            "motors may want the rotors' inertia (armature)"
         )
     if status is not Status.SOLVED:
         return f"{status.replace('_', ' ')}; best so far {duration:.6g} s"
