@@ -7,7 +7,7 @@ import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ProblemError
-from armdyn.optimal.direct import Attempt, solve_on_mesh
+from armdyn.optimal.direct import Attempt, DirectOptions, solve_on_mesh
 from armdyn.optimal.monitor import Stop
 from armdyn.optimal.options import MinimumTimeOptions
 from armdyn.optimal.problem import MinimumTimeProblem
@@ -30,7 +30,9 @@ _ROUND = {1: 1, 2: 12, 3: 16}
 """The same where there are obstacles: ways round them, chosen among many; beyond three joints 6."""
 
 _PATIENCE = 250
-"""Iterations for the straight guess of an arm of more than three joints: those that converge take half of it."""
+"""Iterations on a mesh for an arm of more than three joints: those that converge take half of it."""
+_KEPT = 1e-6
+"""Scaled defects with which a motion beyond three joints is taken, though IPOPT walks on in its flat valley."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +85,7 @@ def find_candidates(
     if n <= 3 or not rounds:
         tell(f"straight guess on {options.intervals} intervals")
         straight = spline(problem, [])
-        own = options.alone()
-        if n > 3:
-            own = replace(own, max_iterations=min(own.max_iterations, _PATIENCE))
+        own = _patient(options.alone(), n)
         alone.append(solve_on_mesh(problem, straight, dynamics, scheme, options.intervals, own, stop))
         alone = ranked(alone)
 
@@ -153,13 +153,24 @@ def _settled(
         finer = attempt
         if attempt.intervals != options.intervals:
             tell(f"optimum of about {attempt.trajectory.duration:.4f} s on {options.intervals} intervals")
-            finer = solve_on_mesh(
-                problem, attempt.trajectory, dynamics, scheme, options.intervals, options.fine(), stop
-            )
+            own = _patient(options.fine(), problem.robot.nv)
+            finer = solve_on_mesh(problem, attempt.trajectory, dynamics, scheme, options.intervals, own, stop)
+            finer = taken(finer, problem.robot.nv)
             iterations += finer.iterations
         candidates.append(finer if finer.status is Status.SOLVED else attempt)
         candidates = distinct(ranked(candidates), _SAME_ON_MESH) or candidates[:1]
     return candidates, listed, iterations
+
+
+def _patient(options: DirectOptions, joints: int) -> DirectOptions:
+    return replace(options, max_iterations=min(options.max_iterations, _PATIENCE)) if joints > 3 else options
+
+
+def taken(attempt: Attempt, joints: int) -> Attempt:
+    """An attempt that ran out of iterations counts as solved where it moves as the arm would; it keeps its message."""
+    left = attempt.worst_violation.value if attempt.worst_violation else np.inf
+    feasible = joints > 3 and attempt.status is Status.ITERATION_LIMIT and left <= _KEPT
+    return replace(attempt, status=Status.SOLVED) if feasible else attempt
 
 
 def _ladder(

@@ -224,6 +224,10 @@ def _refined(
                 replay = replay_torques(problem.robot, attempt.trajectory)
                 certificate = certify(problem, replay, None, "arcs were not asked for")
                 refined = Refined(attempt.trajectory, certificate, None)
+            if attempt.worst_violation is not None:  # taken all the same: the motion is one, if not the fastest
+                remark = f"the collocation did not converge ({attempt.message}): a faster motion may be near"
+                told = "; ".join(filter(None, (remark, refined.certificate.remark)))
+                refined = replace(refined, certificate=replace(refined.certificate, remark=told))
             if best is None or _quality(refined) < _quality(best.refined):
                 best = _Result(refined, refined.trajectory.duration, mesh, iterations)
             guess = attempt.trajectory

@@ -31,7 +31,8 @@ class MinimumTimeOptions:
             the derivatives of the articulated-body algorithm cost more than the extra unknowns.
         compile: the program's derivatives as machine code, ten times as fast, built once by the C compiler and
             kept in the user's cache: always, never, or (None) where building takes only seconds or is done.
-        max_iterations: of IPOPT, for one guess on one mesh.
+        max_iterations: of IPOPT, for one guess on one mesh; 250 at most on meshes beyond three joints, where a motion
+            that keeps the equations is then taken all the same, and said not to have converged.
         tolerance: of IPOPT, on the scaled problem.
         time_limit: wall time for the whole solve [s].
         workers: processes of the search; None: one per core. They make no difference to the answer.

@@ -8,6 +8,10 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
+from armdyn.optimal import Status
+from armdyn.optimal.candidates import taken
+from armdyn.optimal.direct import DirectOptions, solve_on_mesh
+from armdyn.optimal.monitor import stopping
 from armdyn.optimal.starts import detours, spline
 from problems import cart, paper_problem
 
@@ -124,3 +128,20 @@ def test_library_arm_within_torque_and_velocity_limits(name):
     assert solution.success, solution.message
     assert problem.duration_bound() < solution.duration < 0.55
     assert np.all(np.abs(solution.trajectory.v) <= robot.limits.velocity * (1 + 1e-7))
+
+
+def test_beyond_three_joints_a_feasible_motion_is_taken_and_said_not_to_have_converged():
+    robot = ad.Robot.from_library("ur5")
+    problem = ad.MinimumTimeProblem(robot, q_start=[0, -1, 1, -1, -1.5, 0], q_goal=[-1.5, -1.8, 1.6, -0.4, 0.3, 1.0])
+    dynamics, scheme = ad.Dynamics(robot, free_last_body=True), ad.MinimumTimeOptions().scheme(6)
+    with stopping(60) as stop:
+
+        def solve(iterations):
+            options = DirectOptions(1e-16, iterations)  # below rounding: it never ends by itself
+            return solve_on_mesh(problem, spline(problem, []), dynamics, scheme, 20, options, stop)
+
+        near, far = solve(100), solve(3)
+    assert near.status is far.status is Status.ITERATION_LIMIT
+    assert taken(near, 6).status is Status.SOLVED and taken(near, 6).worst_violation is not None
+    assert taken(near, 3).status is Status.ITERATION_LIMIT
+    assert taken(far, 6).status is Status.ITERATION_LIMIT
