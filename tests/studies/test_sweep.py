@@ -30,12 +30,12 @@ def test_same_optima_as_each_for_itself():
 
 
 def test_a_neighbour_leads_where_a_search_of_its_own_does_not():
-    """RRR with 121.9 g: from 48 guesses 0.23355 s and no certificate, from the optimum with 100.6 g 0.23228 s."""
-    solutions = sweep([problem("rrr", mass) for mass in (0.1006, 0.1219)])
+    """RRR with 130.7 g: from 48 guesses 0.23626 s and no certificate, from the optimum with 121.9 g 0.23497 s."""
+    solutions = sweep([problem("rrr", mass) for mass in (0.1219, 0.1307)])
     assert solutions[1].certificate.ok
-    assert solutions[1].duration < 0.23229
-    # The slope that the first one's multipliers give is that of the branch: the rest is curvature, 2 % of the way.
-    assert solutions[0].sensitivities().payload_mass * 0.0213 == pytest.approx(
+    assert solutions[1].duration < 0.23498
+    # The slope that the first one's multipliers give is that of the branch: the rest is curvature.
+    assert solutions[0].sensitivities().payload_mass * 0.0088 == pytest.approx(
         solutions[1].duration - solutions[0].duration, rel=0.05
     )
 
