@@ -95,16 +95,18 @@ def sweep(
         folder = out or Path("results") / f"sweep-{slug(robot)}"
         folder.mkdir(parents=True, exist_ok=True)
 
+        motions: dict[int, Path] = {}
+
         def keep(k: int, solution: Solution) -> None:
             if solution.success:
-                write_motion(folder, masses[k], solution)
+                motions[k] = write_motion(folder, masses[k], solution)
 
         with working(f"minimum times of {arms[0].name}", json) as progress:
             options = MinimumTimeOptions(starts=starts, time_limit=time_limit)
             solutions = solve_all(problems, options, progress, keep)
-            masses = masses[: len(solutions)]
-            files = write_sweep(folder, masses, solutions, f"{arms[0].name}: minimum time over payload")
-        rows = [sweep_row(mass, solution) for mass, solution in zip(masses, solutions, strict=True)]
+            rows = [sweep_row(*pair) for pair in zip(masses, solutions, strict=False)]  # fewer after Ctrl-C
+            title = f"{arms[0].name}: minimum time over payload"
+            files = write_sweep(folder, solutions, rows, [motions[k] for k in sorted(motions)], title)
         broken = any(solution.status is Status.INTERRUPTED for solution in solutions)
         success = len(solutions) == len(problems) and all(solution.success for solution in solutions)
         answer.facts |= {

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from armdyn.models.robot import Robot
 from armdyn.optimal.certificate import excess
 from armdyn.optimal.monitor import Stop
+from armdyn.optimal.pace import paced, paced_torques
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.rollout import replay_torques
-from armdyn.optimal.tracking import Step, slower, tracked
+from armdyn.optimal.tracking import Step, tracked
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -88,8 +89,7 @@ def aimed(problem: MinimumTimeProblem, trajectory: Trajectory, stop: Stop) -> tu
 
 
 def _astray(problem: MinimumTimeProblem, wanted: Trajectory, replay: Trajectory) -> bool:
-    end = np.concatenate([replay.q[-1], replay.v[-1]]) - problem.x_goal
-    return bool(replay.t[-1] != wanted.t[-1] or np.max(np.abs(end)) > _ASTRAY)
+    return bool(replay.t[-1] != wanted.t[-1] or np.max(np.abs(problem.beside_goal(replay))) > _ASTRAY)
 
 
 def led_home(problem: MinimumTimeProblem, mesh: Trajectory, stop: Stop) -> tuple[Trajectory, Trajectory, float]:
@@ -103,9 +103,8 @@ def led_home(problem: MinimumTimeProblem, mesh: Trajectory, stop: Stop) -> tuple
     Returns:
         The motion, its replay, and the largest error of goal or velocity; infinite if there is nothing to lead.
     """
-    n, pieces = problem.robot.nv, _pieces(mesh)
-    resting = not (np.any(problem.x_start[n:]) or np.any(problem.x_goal[n:]))
-    factor, offset, best, worst = 1.0, np.zeros(2 * n), (mesh, mesh, np.inf), (True, np.inf)
+    pieces, factor, offset = _pieces(mesh), 1.0, np.zeros(2 * problem.robot.nv)
+    best, rank = (mesh, mesh, np.inf), (True, np.inf)
     for _ in range(_LEADS):
         led = None if pieces is None else _led(problem, mesh, pieces, factor, offset)
         if led is None:
@@ -113,13 +112,13 @@ def led_home(problem: MinimumTimeProblem, mesh: Trajectory, stop: Stop) -> tuple
         replay = replay_torques(problem.robot, led)
         miss = _miss(problem, led, replay)
         over = float(np.max(excess(problem, replay).velocity / problem.limits.velocity))
-        if (over > _BELOW, miss) < worst:
-            worst, best = (over > _BELOW, miss), (replace(replay, name=mesh.name), replay, miss)
-        error = np.concatenate([replay.q[-1], replay.v[-1]]) - problem.x_goal
+        if (over > _BELOW, miss) < rank:
+            rank, best = (over > _BELOW, miss), (replace(replay, name=mesh.name), replay, miss)
+        error = problem.beside_goal(replay)
         if miss <= _LANDED or stop or replay.t[-1] != led.t[-1] or np.max(np.abs(error)) > _FAR:
             break
         offset = offset - error
-        if over > 0 and resting:
+        if over > 0 and problem.from_rest_to_rest:
             factor *= 1 + over + _BELOW
     return best
 
@@ -128,11 +127,11 @@ def _led(
     problem: MinimumTimeProblem, mesh: Trajectory, pieces: _Pieces, factor: float, offset: Array
 ) -> Trajectory | None:
     """The mesh's motion, its time scaled by a factor, led by feedback to beside the goal; None if it was lost."""
-    t = mesh.t[0] + factor * (mesh.t - mesh.t[0])
-    for k in np.flatnonzero(np.diff(t) <= 0):  # the two samples of a jump are an ulp apart
-        t[k] = np.nextafter(t[k + 1], 0)
-    motion = replace(mesh, t=t, v=mesh.v / factor)
-    tau = pieces.tau if factor == 1 else slower(problem, mesh, pieces.t, pieces.tau, factor)
+    motion, limits, tau = paced(mesh, factor), problem.limits, pieces.tau
+    if factor != 1:
+        middles = mesh((pieces.t[:-1] + pieces.t[1:]) / 2)
+        tau = paced_torques(problem.robot, middles, tau, factor)
+        tau = np.asarray(np.clip(tau, limits.effort_lower, limits.effort_upper))
     eased = _Pieces(factor * pieces.t, tau)
     led = tracked(problem, motion, eased.t, tau, _steps(problem.robot, eased, motion), offset)
     return None if led is None else _Pieces(eased.t, led).trajectory(motion)
@@ -161,7 +160,7 @@ def _miss(problem: MinimumTimeProblem, wanted: Trajectory, replay: Trajectory) -
     """Largest error of the goal state, or excess of a velocity [rad, m, and their rates]; infinite if it broke off."""
     if replay.t[-1] != wanted.t[-1]:
         return float("inf")
-    error = np.max(np.abs(np.concatenate([replay.q[-1], replay.v[-1]]) - problem.x_goal))
+    error = np.max(np.abs(problem.beside_goal(replay)))
     return float(max(error, np.max(np.abs(replay.v) - problem.limits.velocity)))
 
 
@@ -190,8 +189,7 @@ def _corrected(problem: MinimumTimeProblem, pieces: _Pieces, replay: Trajectory)
     fast = room < _NEAR * np.where(np.isinf(limits.velocity), 0.0, limits.velocity)
     slower = np.sign(v[-1, :-1]) * np.minimum(room, 0.0)
     rows = np.concatenate([columns[:-1, n:][fast], columns[-1]])
-    end = np.concatenate([replay.q[-1], replay.v[-1]]) - problem.x_goal
-    target = np.concatenate([slower[fast], -end])
+    target = np.concatenate([slower[fast], -problem.beside_goal(replay)])
     lower = np.append(((limits.effort_lower - pieces.tau) / half).ravel(), -0.5)
     upper = np.append(((limits.effort_upper - pieces.tau) / half).ravel(), 0.5)
     change = _smallest(rows, target, lower, upper)

@@ -19,7 +19,6 @@ from armdyn.optimal.arcs import BANG
 from armdyn.optimal.boundary import BoundaryProblem, Extremal, solve_lobatto, solve_trapezoidal
 from armdyn.optimal.canonical import CanonicalSystem, canonical_system
 from armdyn.optimal.indirect_solution import IndirectOptions, IndirectSolution, checked, from_arcs, from_extremal
-from armdyn.optimal.mesh import tie_break
 from armdyn.optimal.monitor import Stop, stopping
 from armdyn.optimal.options import MinimumTimeOptions
 from armdyn.optimal.phases import Phases
@@ -130,7 +129,13 @@ def _seed_weight(problem: MinimumTimeProblem, options: IndirectOptions) -> float
         # τ = −D⁻¹ρ_v is the law of w = 1; (19), which lacks the factor k = 1/D, that of w = k.
         one = problem.robot.nv == 1
         return 1 / float(Dynamics(problem.robot).crba(problem.q_start)[0, 0]) if one else 1.0
-    return problem.effort_weight or _FIRST_WEIGHT * tie_break(problem, 1.0)
+    return problem.effort_weight or _FIRST_WEIGHT * _unit(problem)
+
+
+def _unit(problem: MinimumTimeProblem) -> float:
+    """The effort weight [1/(N m)²] with which full torques cost as much as time."""
+    limits = problem.limits
+    return float(2 / np.sum(np.maximum(limits.effort_upper**2, limits.effort_lower**2)))
 
 
 def _extremal(phases: Phases) -> Extremal:
@@ -167,7 +172,7 @@ def _minimum_time(
     problem: MinimumTimeProblem, system: CanonicalSystem, seed: _Seed, options: IndirectOptions, stop: Stop
 ) -> IndirectSolution:
     """Continuation w → 0, then shooting; a seed of minimum time has that way behind it."""
-    unit = tie_break(problem, 1.0)
+    unit = _unit(problem)
     weight, last, reached = seed.weight, seed.extremal, np.inf
     while weight > 0 and reached > _LAST_WEIGHT * unit:
         boundary = _boundary(problem, system, weight, last, options, stop)

@@ -59,15 +59,6 @@ class Scales:
         return effort_weight * self.effort**2 + 2 * tie / self.effort.size
 
 
-def tie_break(problem: MinimumTimeProblem, cost: float) -> float:
-    """An effort weight [1/(N m)²] with which full torques cost so much per second: it decides between equals.
-
-    Where one joint alone determines the time, the others may move in many ways.
-    """
-    limits = problem.limits
-    return float(2 * cost / np.sum(np.maximum(limits.effort_upper**2, limits.effort_lower**2)))
-
-
 def _states(q: Array, v: Array, scales: Scales) -> Array:
     return np.concatenate([q / scales.length, v / scales.speed], axis=-1)
 

@@ -16,6 +16,7 @@ from armdyn.models.obstacles import Obstacle
 from armdyn.models.reaching import GoalPose, poses_reaching
 from armdyn.models.robot import Robot
 from armdyn.optimal.turns import endless, ways_round
+from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -140,6 +141,16 @@ class MinimumTimeProblem:
     def x_goal(self) -> Array:
         """Goal state (q, v), shape (2 nv,)."""
         return np.concatenate([np.asarray(self.q_goal), np.asarray(self.v_goal)])
+
+    @property
+    def from_rest_to_rest(self) -> bool:
+        """It begins and ends without velocity."""
+        n = self.robot.nv
+        return not (np.any(self.x_start[n:]) or np.any(self.x_goal[n:]))
+
+    def beside_goal(self, motion: Trajectory) -> Array:
+        """How far a motion's last state (q, v) is from the goal's, shape (2 nv,)."""
+        return np.concatenate([motion.q[-1], motion.v[-1]]) - self.x_goal
 
     def variant(self, **changes: Any) -> Self:
         """The same with some fields changed, without a second warning of a goal that cannot be held."""

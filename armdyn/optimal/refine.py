@@ -158,7 +158,7 @@ def _land(
     best = phases, replay_torques(problem.robot, phases.torques)
     for _ in range(8):
         replay = best[1]
-        error = np.concatenate([replay.q[-1], replay.v[-1]]) - problem.x_goal
+        error = problem.beside_goal(replay)
         strays = float(np.max(np.abs(pontryagin(problem, best[0])[0]))) > 0.01 * HAMILTONIAN_TOLERANCE
         landed = np.max(np.abs(error[: problem.robot.nv])) <= _LANDED
         if (landed and (not strays or 2 * size > _MOST_INTERVALS)) or stop:

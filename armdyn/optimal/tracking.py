@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.dynamics.numeric import forward_dynamics, inverse_dynamics
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.rollout import replay_torques
 from armdyn.trajectory import Trajectory
@@ -42,26 +41,6 @@ class Step:
     through: Array
     forced: Array
     stretched: Array
-
-
-def slower(problem: MinimumTimeProblem, motion: Trajectory, ends: Array, tau: Array, factor: float) -> Array:
-    """Torques that are constant piece by piece for the same path, with its time scaled by a factor of about 1.
-
-    Args:
-        problem: whose robot moves.
-        motion: with its own time.
-        ends: of the pieces in that time [s], shape (P + 1,).
-        tau: shape (P, nv).
-        factor: above 1.
-
-    Returns:
-        Torques, shape (P, nv), within their limits.
-    """
-    forward, inverse, limits = forward_dynamics(problem.robot), inverse_dynamics(problem.robot), problem.limits
-    at = motion((ends[:-1] + ends[1:]) / 2)
-    rows = zip(at.q, at.v, tau, strict=True)
-    eased = np.array([inverse(q, v / factor, forward(q, v, torque) / factor**2) for q, v, torque in rows])
-    return np.asarray(np.clip(eased, limits.effort_lower, limits.effort_upper))
 
 
 def tracked(

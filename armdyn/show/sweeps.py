@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
@@ -19,7 +20,7 @@ _REACH = 0.3
 """A tangent goes this part of the way to the neighbouring payloads."""
 
 
-def sweep_row(payload: float, solution: Solution) -> dict[str, object]:
+def sweep_row(payload: float, solution: Solution) -> dict[str, Any]:
     """One line of the table: what is not known is None.
 
     Args:
@@ -41,51 +42,35 @@ def sweep_row(payload: float, solution: Solution) -> dict[str, object]:
     }
 
 
-def plot_sweep(payloads: Sequence[float], solutions: Sequence[Solution], title: str | None = None) -> Figure:
+def plot_sweep(rows: Sequence[dict[str, Any]], title: str | None = None) -> Figure:
     """Minimum time over payload, with the slope that each optimum's multipliers give.
 
     Args:
-        payloads: that the arm carries [kg], increasing.
-        solutions: as many; those that did not land are left out.
+        rows: `sweep_row` of increasing payloads; those that did not land are left out.
         title: above the axes.
 
     Returns:
         A figure of its own: pyplot knows nothing of it.
     """
-    landed = [(m, s) for m, s in zip(payloads, solutions, strict=True) if s.success]
+    landed = [row for row in rows if row["success"]]
+    grams = np.array([1e3 * row["payload_kg"] for row in landed])
+    times = np.array([row["duration_s"] for row in landed])
+    certified = np.array([row["certified"] for row in landed], dtype=bool)
     with rc_context(LOOK):
         figure = Figure(figsize=(7.0, 4.2), layout="constrained")
         axes = figure.subplots()
-        masses = np.array([m for m, _ in landed])
-        times = np.array([s.duration for _, s in landed])
-        axes.plot(1e3 * masses, times, color=COLORS[0], linewidth=1, alpha=0.5)
-        for certified, face, word in ((True, COLORS[0], "certified"), (False, "white", "landed, not certified")):
-            of = np.array([s.certificate.ok is certified for _, s in landed], dtype=bool)
+        axes.plot(grams, times, color=COLORS[0], linewidth=1, alpha=0.5)
+        for of, face, word in ((certified, COLORS[0], "certified"), (~certified, "white", "landed, not certified")):
             if np.any(of):
-                axes.plot(
-                    1e3 * masses[of],
-                    times[of],
-                    "o",
-                    color=COLORS[0],
-                    markerfacecolor=face,
-                    label=word,
-                    zorder=3,
-                )
-        labelled = False
-        for k, (mass, solution) in enumerate(landed):
-            by = solution.sensitivities()
-            if by is None or not solution.certificate.ok or len(landed) < 2:
+                axes.plot(grams[of], times[of], "o", color=COLORS[0], markerfacecolor=face, label=word, zorder=3)
+        slope: str | None = r"slope $\partial t_f/\partial m$ of the multipliers"
+        for k, row in enumerate(landed):
+            if len(landed) < 2 or not row["certified"]:
                 continue
-            ends = np.array([masses[max(k - 1, 0)], masses[min(k + 1, len(masses) - 1)]]) - mass
-            axes.plot(
-                1e3 * (mass + _REACH * ends),
-                solution.duration + by.payload_mass * _REACH * ends,
-                color=COLORS[1],
-                linewidth=2,
-                zorder=4,
-                label=None if labelled else r"slope $\partial t_f/\partial m$ of the multipliers",
-            )
-            labelled = True
+            ends = _REACH * (np.array([grams[max(k - 1, 0)], grams[min(k + 1, len(landed) - 1)]]) - grams[k])
+            rise = 1e-3 * row["ms_per_gram"] * ends
+            axes.plot(grams[k] + ends, times[k] + rise, color=COLORS[1], linewidth=2, zorder=4, label=slope)
+            slope = None
         axes.set_xlabel("payload [g]")
         axes.set_ylabel("minimum time [s]")
         if landed:
@@ -95,33 +80,33 @@ def plot_sweep(payloads: Sequence[float], solutions: Sequence[Solution], title: 
     return figure
 
 
-def write_sweep(folder: Path, payloads: Sequence[float], solutions: Sequence[Solution], title: str) -> list[Path]:
-    """Table (CSV), figure, JSON, and every motion that landed, in one folder.
+def write_sweep(
+    folder: Path, solutions: Sequence[Solution], rows: Sequence[dict[str, Any]], motions: Sequence[Path], title: str
+) -> list[Path]:
+    """Table (CSV), figure and JSON of a sweep, beside its motions.
 
     Args:
-        folder: made if it is not there.
-        payloads: that the arm carries [kg], increasing.
-        solutions: as many, at least one.
+        folder: that there is.
+        solutions: with increasing payload, at least one.
+        rows: `sweep_row` of each.
+        motions: files of `write_motion`.
         title: the figure's.
 
     Returns:
-        The files written.
+        All files, the motions first.
 
     Raises:
         OSError: the folder cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    files = [write_motion(folder, m, s) for m, s in zip(payloads, solutions, strict=True) if s.success]
-    rows = [sweep_row(m, s) for m, s in zip(payloads, solutions, strict=True)]
     text = StringIO()
     table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     table.writeheader()
     table.writerows(rows)
-    files.append(write_whole(folder / "sweep.csv", text.getvalue().encode()))
-    figure = plot_sweep(payloads, solutions, title)
+    files = [*motions, write_whole(folder / "sweep.csv", text.getvalue().encode())]
+    figure = plot_sweep(rows, title)
     files += [save_figure(figure, folder / f"figure.{suffix}") for suffix in ("png", "pdf")]
     result = folder / "result.json"
-    summary = {"rows": rows, "files": [path.name for path in [*files, result]]}
+    summary: dict[str, object] = {"rows": rows, "files": [path.name for path in [*files, result]]}
     return [*files, save_result(result, solutions[0].problem.robot, summary)]
 
 

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 import armdyn as ad
@@ -10,19 +9,13 @@ from armdyn.errors import ProblemError
 from armdyn.optimal import Status
 from armdyn.studies import sweep as module
 from armdyn.studies.sweep import sweep
-
-
-def problem(arm, mass):
-    robot = ad.Robot.from_spec(ad.ArmSpec.paper(arm), ad.Payload(mass=mass))
-    starts = {"r": [-np.pi / 2], "rr": [-np.pi / 2, np.pi / 84], "rrr": [-np.pi / 2, np.pi / 84, -np.pi / 84]}
-    goals = {"r": [np.pi / 20], "rr": [np.pi / 20, -np.pi / 84], "rrr": [np.pi / 20, -np.pi / 84, np.pi / 84]}
-    return ad.MinimumTimeProblem(robot, q_start=starts[arm], q_goal=goals[arm])
+from problems import paper_problem
 
 
 def test_same_optima_as_each_for_itself():
     masses, order = (0.0518, 0.1006, 0.2), []
-    solutions = sweep([problem("rr", mass) for mass in masses], done=lambda k, s: order.append((k, s.duration)))
-    alone = [ad.solve_minimum_time(problem("rr", mass)) for mass in masses]
+    solutions = sweep([paper_problem("rr", mass) for mass in masses], done=lambda k, s: order.append((k, s.duration)))
+    alone = [ad.solve_minimum_time(paper_problem("rr", mass)) for mass in masses]
     assert all(solution.certificate.ok for solution in solutions)
     # Both are certified to 1e-9 relative; two searches may stop at different multiples of rounding below that.
     assert [s.duration for s in solutions] == pytest.approx([s.duration for s in alone], rel=1e-8)
@@ -31,7 +24,7 @@ def test_same_optima_as_each_for_itself():
 
 def test_a_neighbour_leads_where_a_search_of_its_own_does_not():
     """RRR with 130.7 g: from 48 guesses 0.23626 s and no certificate, from the optimum with 121.9 g 0.23497 s."""
-    solutions = sweep([problem("rrr", mass) for mass in (0.1219, 0.1307)])
+    solutions = sweep([paper_problem("rrr", mass) for mass in (0.1219, 0.1307)])
     assert solutions[1].certificate.ok
     assert solutions[1].duration < 0.23498
     # The slope that the first one's multipliers give is that of the branch: the rest is curvature.
@@ -51,10 +44,10 @@ def test_the_way_back_takes_what_a_later_search_found(monkeypatch):
         return replace(solution, duration=2 * solution.duration, arcs=()) if len(calls) == 1 else solution
 
     monkeypatch.setattr(module, "solve_minimum_time", astray)
-    solutions = sweep([problem("r", 0.1), problem("r", 0.11)])
+    solutions = sweep([paper_problem("r", 0.1), paper_problem("r", 0.11)])
     assert calls == [0, 1, 1]
     monkeypatch.undo()
-    assert solutions[0].duration == pytest.approx(ad.solve_minimum_time(problem("r", 0.1)).duration, rel=1e-9)
+    assert solutions[0].duration == pytest.approx(ad.solve_minimum_time(paper_problem("r", 0.1)).duration, rel=1e-9)
 
 
 def test_interruption_leaves_what_there_is(monkeypatch):
@@ -66,7 +59,7 @@ def test_interruption_leaves_what_there_is(monkeypatch):
         return replace(solution, status=Status.INTERRUPTED, success=False) if len(calls) == 2 else solution
 
     monkeypatch.setattr(module, "solve_minimum_time", interrupted)
-    solutions = sweep([problem("r", mass) for mass in (0.1, 0.11, 0.12)])
+    solutions = sweep([paper_problem("r", mass) for mass in (0.1, 0.11, 0.12)])
     assert len(solutions) == len(calls) == 2
     assert solutions[0].success and solutions[1].status is Status.INTERRUPTED
 
@@ -74,10 +67,10 @@ def test_interruption_leaves_what_there_is(monkeypatch):
 def test_nothing_and_nonsense():
     assert sweep([]) == ()
     with pytest.raises(ProblemError, match=r"problems\[1\] moves joint1, joint2; the first moves joint1"):
-        sweep([problem("r", 0.1), problem("rr", 0.1)])
-    guess = ad.solve_minimum_time(problem("r", 0.1)).trajectory
+        sweep([paper_problem("r", 0.1), paper_problem("rr", 0.1)])
+    guess = ad.solve_minimum_time(paper_problem("r", 0.1)).trajectory
     with pytest.raises(ProblemError, match=r"guesses\[0\] moves 1 joints, rr has 2"):
-        ad.solve_minimum_time(problem("rr", 0.1), ad.MinimumTimeOptions(guesses=(guess,)))
-    weighted = ad.MinimumTimeProblem(problem("r", 0.1).robot, q_start=[0.0], q_goal=[0.1], effort_weight=1.0)
+        ad.solve_minimum_time(paper_problem("rr", 0.1), ad.MinimumTimeOptions(guesses=(guess,)))
+    weighted = ad.MinimumTimeProblem(paper_problem("r", 0.1).robot, q_start=[0.0], q_goal=[0.1], effort_weight=1.0)
     with pytest.raises(ProblemError, match="guesses"):
         ad.solve_minimum_time(weighted, ad.MinimumTimeOptions(guesses=(guess,)))
