@@ -2,15 +2,18 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ProblemError
+from armdyn.optimal.condensed import prepare_quickly, solve_quickly
 from armdyn.optimal.direct import Attempt, DirectOptions, solve_on_mesh
 from armdyn.optimal.monitor import Stop
 from armdyn.optimal.options import MinimumTimeOptions
 from armdyn.optimal.problem import MinimumTimeProblem
+from armdyn.optimal.processes import in_processes
 from armdyn.optimal.search import SAME, distinct, ranked, search
 from armdyn.optimal.starts import spline
 from armdyn.optimal.status import Status
@@ -24,7 +27,7 @@ _WORTH_REFINING = 1.2
 _TRUSTED = 1.05
 """Where the finer mesh makes the best this much slower, coarse ones were too coarse, and are searched on no more."""
 
-_STARTS = {1: 1, 2: 32, 3: 48}
+_STARTS = {1: 1, 2: 20, 3: 48}
 """Guesses by joints; beyond three a solve takes seconds, and there are 4."""
 _ROUND = {1: 1, 2: 12, 3: 16}
 """The same where there are obstacles: ways round them, chosen among many; beyond three joints 6."""
@@ -43,14 +46,16 @@ class Candidates:
         attempts: the best optima on the first mesh that arcs are read from, best first; if none converged, those
             that did not.
         converged: some did.
-        listed: durations of the others [s].
+        listed: durations of the others on coarse meshes [s].
         iterations: of IPOPT.
+        slower: durations of those that were told apart on the finer mesh, and were not worth more [s].
     """
 
     attempts: tuple[Attempt, ...]
     converged: bool
     listed: tuple[float, ...]
     iterations: int
+    slower: tuple[float, ...] = ()
 
 
 def find_candidates(
@@ -72,42 +77,44 @@ def find_candidates(
         tell: told in words what is being tried.
     """
     n = problem.robot.nv
+    workers = options.workers if n > 1 else 1  # a fork takes as long as the solve
     # With obstacles the straight guess is likely the worst: all begin coarse.
     rounds = bool(problem.obstacles) or problem.self_collision
     count = options.starts or (_ROUND.get(n, 6) if rounds else _STARTS.get(n, 4))
     meshes = options.coarse_intervals if n <= 3 else options.coarse_intervals[:1]
-    alone: list[Attempt] = []
+
+    def on_mesh(guess: Trajectory, own: DirectOptions) -> Callable[[], Attempt]:
+        prepare_quickly(problem, dynamics, scheme, options.intervals, own)
+        return lambda: solve_quickly(problem, guess, dynamics, scheme, options.intervals, own, stop)
+
+    def searched(meshes: Sequence[int], count: int, beside: Sequence[Callable[[], Attempt]] = ()) -> list[Attempt]:
+        own = options.coarse()
+        return search(problem, dynamics, scheme, meshes, count, options.seed, own, workers, stop, tell, beside)
+
+    beside = []
     for k, guess in enumerate(options.guesses):
         if guess.q.shape[1] != n:
             raise ProblemError(f"options.guesses[{k}] moves {guess.q.shape[1]} joints, {problem.robot.name} has {n}")
-        tell(f"given guess of {guess.duration:.4f} s")
-        alone.append(solve_on_mesh(problem, guess, dynamics, scheme, options.intervals, options.fine(), stop))
+        beside.append(on_mesh(guess, options.fine()))
     if n <= 3 or not rounds:
-        tell(f"straight guess on {options.intervals} intervals")
-        straight = spline(problem, [])
-        own = _patient(options.alone(), n)
-        alone.append(solve_on_mesh(problem, straight, dynamics, scheme, options.intervals, own, stop))
-        alone = ranked(alone)
-
-    def searched(meshes: Sequence[int], count: int) -> list[Attempt]:
-        return search(
-            problem, dynamics, scheme, meshes, count, options.seed, options.coarse(), options.workers, stop, tell
-        )
-
-    coarse = searched(meshes, count)
+        beside.append(on_mesh(spline(problem, []), _patient(options.alone(), n)))
+    tell(f"search: {count} guesses" + (f", and {len(beside)} on {options.intervals} intervals" if beside else ""))
+    attempts = searched(meshes, count, beside)
+    alone, coarse = ranked(attempts[: len(beside)]), attempts[len(beside) :]
     if n > 3 and alone and alone[0].status is Status.SOLVED:
         # A finer mesh costs seconds here: only what beats the straight guess on its own mesh is worth one.
-        mark = coarse[0].trajectory.duration * (1 - SAME) if coarse[0].status is Status.SOLVED else np.inf
+        straight = coarse[:1] and coarse[0].status is Status.SOLVED
+        mark = coarse[0].trajectory.duration * (1 - SAME) if straight else np.inf
         found = [*distinct(alone), *(a for a in distinct(ranked(coarse)) if a.trajectory.duration < mark)]
     else:
-        found = distinct(ranked([*coarse, *alone]))
+        found = distinct(ranked(attempts))
     if not found:
-        tried = _ladder(problem, dynamics, scheme, options, stop, ranked([*coarse, *alone]), tell)
+        tried = _ladder(problem, dynamics, scheme, options, stop, ranked(attempts), tell)
         iterations, found = sum(a.iterations for a in tried), distinct(ranked(tried))
         if not found:
             return Candidates(tuple(tried), False, (), iterations)
     else:
-        iterations = sum(a.iterations for a in [*alone, *coarse])
+        iterations = sum(a.iterations for a in attempts)
     limit = options.refinements or (4 if n <= 3 else 2)
     settled, listed, more = _settled(problem, dynamics, scheme, options, found, limit, stop, tell)
     iterations += more
@@ -141,25 +148,27 @@ def _settled(
         Them, in the order that this mesh puts them in; durations of the others; iterations spent.
     """
     candidates: list[Attempt] = []
-    listed: list[float] = []
     iterations = 0
-    for attempt in found:
-        # Coarse durations may be far too good to be true; those on the mesh are to be beaten.
-        best = min((a.trajectory.duration for a in candidates), default=np.inf)
-        worth = attempt.trajectory.duration < _WORTH_REFINING * best
-        if candidates and (len(candidates) == limit or stop or not worth):
-            listed.append(attempt.trajectory.duration)
-            continue
-        finer = attempt
-        if attempt.intervals != options.intervals:
-            tell(f"optimum of about {attempt.trajectory.duration:.4f} s on {options.intervals} intervals")
-            own = _patient(options.fine(), problem.robot.nv)
-            finer = solve_on_mesh(problem, attempt.trajectory, dynamics, scheme, options.intervals, own, stop)
-            finer = taken(finer, problem.robot.nv)
-            iterations += finer.iterations
-        candidates.append(finer if finer.status is Status.SOLVED else attempt)
+    own = _patient(options.fine(), problem.robot.nv)
+    prepare_quickly(problem, dynamics, scheme, options.intervals, own)
+
+    def finer(attempt: Attempt) -> Attempt:
+        if attempt.intervals == options.intervals:
+            return attempt
+        guess = attempt.trajectory
+        return taken(solve_quickly(problem, guess, dynamics, scheme, options.intervals, own, stop), problem.robot.nv)
+
+    tell(f"the best optima, about {found[0].trajectory.duration:.4f} s, on {options.intervals} intervals")
+    jobs = [partial(finer, attempt) for attempt in found]
+    for k, (attempt, fine) in enumerate(zip(found, in_processes(jobs, options.workers), strict=True)):
+        iterations += fine.iterations if attempt.intervals != options.intervals else 0
+        candidates.append(fine if fine.status is Status.SOLVED else attempt)
         candidates = distinct(ranked(candidates), _SAME_ON_MESH) or candidates[:1]
-    return candidates, listed, iterations
+        # Coarse durations may be far too good to be true; those on the mesh are to be beaten.
+        worth = _WORTH_REFINING * candidates[0].trajectory.duration
+        if len(candidates) == limit or stop or (k + 1 < len(found) and found[k + 1].trajectory.duration >= worth):
+            break
+    return candidates, [attempt.trajectory.duration for attempt in found[k + 1 :]], iterations
 
 
 def _patient(options: DirectOptions, joints: int) -> DirectOptions:

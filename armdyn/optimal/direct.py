@@ -109,7 +109,7 @@ def solve_on_mesh(
     fractions = np.concatenate([np.diff(mesh(size, n)) for size in legs.intervals])
     numbers = scales.parameters(effort_weights(problem, scales), dynamics.last_body)
     parameters = np.concatenate([fractions, numbers, scene_of(problem)])
-    lower, upper = bounds(problem, nlp, scales)
+    lower, upper = bounds(problem, nlp.layout, intervals, scales)
     shares = fractions
     if len(legs.intervals) > 1:
         shares = fractions * legs.durations[legs.of] / legs.durations.sum()
@@ -120,26 +120,33 @@ def solve_on_mesh(
     when = np.append(0.0, np.cumsum(shares))
     lbg, ubg = row_bounds(problem, nlp, rows, legs, course, scales, when)
     result = solver(x0=x, p=parameters, lbx=lower, ubx=upper, lbg=lbg, ubg=ubg)
+    status, word, iterations = outcome(solver, stop)
+    found = np.array(result["x"]).ravel()
+    x = found if np.all(np.isfinite(found)) else x
+    g = np.array(solver.get_function("nlp_g")(x, parameters)).ravel()
+    landed = status is Status.SOLVED
+    # Rows after the equations of motion are not looked at.
+    beyond = np.maximum(g - ubg, lbg - g)[: intervals * nlp.defects].reshape(intervals, -1)
+    own = np.maximum(x[np.cumsum((0, *legs.intervals[:-1])) * (layout.knot + layout.inner) + 2 * n] * scales.time, 0)
+    return Attempt(
+        status=status,
+        message=word,
+        trajectory=to_trajectory(x, layout, fractions, scales, problem.robot.joint_names, legs.intervals),
+        intervals=intervals,
+        iterations=iterations,
+        worst_violation=None if landed else worst_violation(problem, layout, x, beyond, fractions, scales),
+        passing=np.cumsum(own)[:-1],
+    )
+
+
+def outcome(solver: ca.Function, stop: Stop) -> tuple[Status, str, int]:
+    """How IPOPT ended, in our word and in its own, and its iterations."""
     stats: dict[str, Any] = solver.stats()
     word = str(stats["return_status"])
     status = _IPOPT_STATUS.get(word, Status.FAILED)
     if status is Status.INTERRUPTED and not stop.interrupted:
         status, word = Status.TIME_LIMIT, "time limit reached"
-    found = np.array(result["x"]).ravel()
-    x = found if np.all(np.isfinite(found)) else x
-    g = np.array(solver.get_function("nlp_g")(x, parameters)).ravel()
-    landed = status is Status.SOLVED
-    beyond = np.maximum(g - ubg, lbg - g)
-    own = np.maximum(x[np.cumsum((0, *legs.intervals[:-1])) * (layout.knot + layout.inner) + 2 * n] * scales.time, 0)
-    return Attempt(
-        status=status,
-        message=word.replace("_", " "),
-        trajectory=to_trajectory(x, layout, fractions, scales, problem.robot.joint_names, legs.intervals),
-        intervals=intervals,
-        iterations=int(stats["iter_count"]),
-        worst_violation=None if landed else worst_violation(problem, nlp, x, beyond, fractions, scales),
-        passing=np.cumsum(own)[:-1],
-    )
+    return status, word.replace("_", " "), int(stats["iter_count"])
 
 
 def _fix_legs(

@@ -5,11 +5,14 @@ from collections.abc import Mapping
 import casadi as ca
 
 from armdyn.optimal.monitor import Monitor
-from armdyn.optimal.transcription import Nlp
+from armdyn.optimal.transcription import Program
+
+_ASKED = 5
+"""Iterations between two questions whether to stop: a question costs as much as the gradients of a small arm."""
 
 
 def make_solver(
-    nlp: Nlp,
+    nlp: Program,
     tolerance: float,
     max_iterations: int,
     *,
@@ -35,6 +38,7 @@ def make_solver(
             "jac_g": nlp.jacobian,
             "hess_lag": nlp.hessian,
             "iteration_callback": monitor,
+            "iteration_callback_step": _ASKED,
             "calc_multipliers": False,
             "error_on_fail": False,
             "print_time": False,

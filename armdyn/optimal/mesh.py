@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.status import Violation
-from armdyn.optimal.transcription import Layout, Nlp
+from armdyn.optimal.transcription import Layout
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -150,9 +150,9 @@ def to_trajectory(
     return Trajectory(t, q, v, tau * scales.effort, joint_names, "minimum time")
 
 
-def bounds(problem: MinimumTimeProblem, nlp: Nlp, scales: Scales) -> tuple[Array, Array]:
+def bounds(problem: MinimumTimeProblem, layout: Layout, intervals: int, scales: Scales) -> tuple[Array, Array]:
     """Lower and upper bounds of the scaled unknowns; start and goal are bounds that coincide."""
-    limits, layout, N = problem.limits, nlp.layout, nlp.intervals
+    limits, N = problem.limits, intervals
     sides = []
     for position, speed, effort, end in (
         (limits.position_lower, -limits.velocity, limits.effort_lower, -1),
@@ -176,20 +176,19 @@ def bounds(problem: MinimumTimeProblem, nlp: Nlp, scales: Scales) -> tuple[Array
 
 
 def worst_violation(
-    problem: MinimumTimeProblem, nlp: Nlp, x: Array, g: Array, fractions: Array, scales: Scales
+    problem: MinimumTimeProblem, layout: Layout, x: Array, defects: Array, fractions: Array, scales: Scales
 ) -> Violation:
     """The equation of motion that unknowns violate most; IPOPT keeps bounds, so it is no limit.
 
     Args:
         problem: what is solved.
-        nlp: its program.
+        layout: of the unknowns.
         x: the unknowns.
-        g: how far every row is from its bounds; rows after the equations of motion are not looked at.
+        defects: how far every equation is from its bounds, those of an interval in a row.
         fractions: of the intervals.
         scales: of the unknowns.
     """
-    n, layout = nlp.layout.nv, nlp.layout
-    defects = np.abs(g[: nlp.intervals * nlp.defects].reshape(nlp.intervals, nlp.defects))
+    n, defects = layout.nv, np.abs(defects)
     interval, row = np.unravel_index(np.argmax(np.nan_to_num(defects, nan=np.inf)), defects.shape)
     duration = float(x[2 * n]) * scales.time
     time = duration * float(np.sum(fractions[:interval]))

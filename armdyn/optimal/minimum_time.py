@@ -2,35 +2,31 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ProblemError
 from armdyn.optimal.candidates import Candidates, find_candidates
-from armdyn.optimal.certificate import GOAL_TOLERANCE, HAMILTONIAN_TOLERANCE, LIMIT_TOLERANCE, Certificate, certify
-from armdyn.optimal.constrained import Checked, constrained_optima
-from armdyn.optimal.direct import Attempt, solve_on_mesh
+from armdyn.optimal.certificate import Certificate
+from armdyn.optimal.constrained import constrained_optima
+from armdyn.optimal.direct import Attempt
 from armdyn.optimal.goals import GoalTried, screened
 from armdyn.optimal.layers import without_dry_friction
 from armdyn.optimal.monitor import Stop, stopping
+from armdyn.optimal.optima import Optimum, refined_optima
 from armdyn.optimal.options import MinimumTimeOptions
 from armdyn.optimal.problem import MinimumTimeProblem
-from armdyn.optimal.refine import Refined, land, refine
-from armdyn.optimal.rollout import replay_torques
+from armdyn.optimal.refine import land
 from armdyn.optimal.search import SAME
 from armdyn.optimal.smooth import cost, settled, smooth_optima, trajectory_cost
 from armdyn.optimal.solution import Solution
-from armdyn.optimal.status import Status, Violation
+from armdyn.optimal.status import Status
 from armdyn.optimal.transcription import Scheme
-from armdyn.optimal.within import within_velocity_limits
 
 _SAME_OPTIMUM = 1e-6
 """Refined durations that differ by less than this part are one optimum."""
-_BEATEN = 1.02
-"""Optima of three joints and more that are this much slower on their mesh than one that is certified are only listed:
-to refine them takes longer than all the rest, and meshes are wrong by less."""
 
 
 def solve_minimum_time(
@@ -67,33 +63,10 @@ def solve_minimum_time(
         return _failure(problem, candidates.attempts[0], candidates.iterations, elapsed, options)
     iterations = candidates.iterations + sum(result.iterations for result in results)
     results = sorted(results, key=lambda result: (_rank(result, options), result.cost))
-    refined = [result.refined.trajectory.duration for result in results]
-    # A coarse duration may be off by a few SAME: near a refined one it is that one.
-    others = [d for d in candidates.listed if all(abs(d / known - 1) > 4 * SAME for known in refined)]
-    return _solution(problem, results[0], refined[1:] + others, iterations, elapsed, options, stop)
-
-
-@dataclass(frozen=True, eq=False)
-class _Result:
-    """An optimum refined.
-
-    Attributes:
-        refined: its motion and certificate.
-        cost: what it is judged by [s].
-        intervals: of the mesh it was read from.
-        iterations: of IPOPT.
-        worst_violation: of the mesh's solution, if that did not converge.
-        checked: the conditions along the way, if there are any.
-        via_times: when it passes the via points [s].
-    """
-
-    refined: Refined
-    cost: float
-    intervals: int
-    iterations: int
-    worst_violation: Violation | None = None
-    checked: Checked | None = None
-    via_times: tuple[float, ...] = ()
+    known = [*(result.refined.trajectory.duration for result in results), *candidates.slower]
+    # A coarse duration may be off by a few SAME: near a better known one it is that one.
+    others = [d for d in candidates.listed if all(abs(d / own - 1) > 4 * SAME for own in known)]
+    return _solution(problem, results[0], known[1:] + others, iterations, elapsed, options, stop)
 
 
 def _fastest_goal(problem: MinimumTimeProblem, options: MinimumTimeOptions, tell: Callable[[str], None]) -> Solution:
@@ -113,10 +86,10 @@ def _fastest_goal(problem: MinimumTimeProblem, options: MinimumTimeOptions, tell
     return replace(best, goals=tuple(tried), solve_time=time.perf_counter() - started)
 
 
-def _rank(result: _Result, options: MinimumTimeOptions) -> int:
+def _rank(result: Optimum, options: MinimumTimeOptions) -> int:
     """Those that keep all conditions and land come first, then those that land."""
     missed = result.checked is not None and bool(result.checked.reasons)
-    return 2 * (not _landed(result.refined, options)) + missed
+    return 2 * (not result.landed(options)) + missed
 
 
 def _constrained(
@@ -126,11 +99,11 @@ def _constrained(
     options: MinimumTimeOptions,
     stop: Stop,
     tell: Callable[[str], None],
-) -> tuple[list[_Result], Candidates]:
+) -> tuple[list[Optimum], Candidates]:
     """Optima of the mesh with conditions along the way."""
     found, candidates = constrained_optima(problem, dynamics, scheme, options, stop, tell)
     results = [
-        _Result(
+        Optimum(
             each.refined,
             trajectory_cost(each.refined.trajectory, problem.effort_weight),
             each.attempt.intervals,
@@ -151,7 +124,7 @@ def _minimum_time(
     options: MinimumTimeOptions,
     stop: Stop,
     tell: Callable[[str], None],
-) -> tuple[list[_Result], Candidates]:
+) -> tuple[list[Optimum], Candidates]:
     """Optima with arcs, refined in the order of their durations."""
     easier = without_dry_friction(problem) if problem.robot.nv > 3 else problem
     if easier is problem:
@@ -160,18 +133,10 @@ def _minimum_time(
         candidates = find_candidates(easier, Dynamics(easier.robot, free_last_body=True), scheme, options, stop, tell)
         unmeshed = tuple(replace(attempt, intervals=0) for attempt in candidates.attempts)
         candidates = replace(candidates, attempts=unmeshed)
-    results: list[_Result] = []
-    listed = list(candidates.listed)
-    for attempt in candidates.attempts if candidates.converged else ():
-        certified = min((r.cost for r in results if r.refined.certificate.ok), default=np.inf)
-        if (results and stop) or (problem.robot.nv > 2 and attempt.trajectory.duration > _BEATEN * certified):
-            listed.append(attempt.trajectory.duration)
-            continue
-        tell(f"refining optimum {len(results) + 1}, about {attempt.trajectory.duration:.4f} s")
-        # With an answer in hand a slower optimum is worth one mesh, not all of them.
-        finest = options.intervals if any(_landed(r.refined, options) for r in results) else options.max_intervals
-        results.append(_refined(problem, dynamics, scheme, options, attempt, finest, stop))
-    return results, replace(candidates, listed=tuple(listed))
+    if not candidates.converged:
+        return [], candidates
+    results, slower = refined_optima(problem, dynamics, scheme, options, candidates.attempts, stop, tell)
+    return results, replace(candidates, slower=tuple(slower))
 
 
 def _time_energy(
@@ -181,94 +146,27 @@ def _time_energy(
     options: MinimumTimeOptions,
     stop: Stop,
     tell: Callable[[str], None],
-) -> tuple[list[_Result], Candidates]:
+) -> tuple[list[Optimum], Candidates]:
     """Smooth optima in the order of their costs, as far as the first that survives its replay."""
     n = problem.robot.nv
     if options.guesses:
         raise ProblemError("options.guesses: a problem whose effort has a weight makes its own; leave them out")
     starts, limit = options.starts or {1: 2, 2: 16, 3: 24}.get(n, 4), options.refinements or (10 if n == 2 else 6)
     found = smooth_optima(problem, dynamics, scheme, starts, options.seed, limit, stop, tell, options.workers)
-    results: list[_Result] = []
+    results: list[Optimum] = []
     for phases in settled(problem, dynamics, scheme, found.optima, stop):
         tell(f"replaying an optimum of J = {cost(problem, phases):.4f} s")
         refined = land(problem, dynamics, scheme, phases, stop)
-        results.append(_Result(refined, cost(problem, phases), phases.arc_of.size, phases.iterations))
-        if _landed(refined, options) or stop:
+        results.append(Optimum(refined, cost(problem, phases), phases.arc_of.size, phases.iterations))
+        if refined.certificate.goal_error <= options.replay_tolerance or stop:
             break
     listed = tuple(phases.duration for phases in found.optima)
     return results, Candidates(found.attempts, bool(results), listed, sum(a.iterations for a in found.attempts))
 
 
-def _refined(
-    problem: MinimumTimeProblem,
-    dynamics: Dynamics,
-    scheme: Scheme,
-    options: MinimumTimeOptions,
-    coarse: Attempt,
-    finest: int,
-    stop: Stop,
-) -> _Result:
-    """One optimum on finer and finer meshes until it is certified, or else lands at all."""
-    mesh, guess, iterations = options.intervals, coarse.trajectory, 0
-    best: _Result | None = None
-    while True:
-        if coarse.intervals == mesh:
-            attempt = coarse
-        else:
-            attempt = solve_on_mesh(problem, guess, dynamics, scheme, mesh, options.fine(), stop)
-            iterations += attempt.iterations
-        if attempt.status is Status.SOLVED:
-            if options.arcs and scheme.control == "constant":
-                refined = refine(problem, dynamics, scheme, attempt.trajectory, mesh, stop)
-            else:
-                replay = replay_torques(problem.robot, attempt.trajectory)
-                certificate = certify(problem, replay, None, "arcs were not asked for")
-                refined = Refined(attempt.trajectory, certificate, None)
-            if attempt.worst_violation is not None:  # taken all the same: the motion is one, if not the fastest
-                remark = f"the collocation did not converge ({attempt.message}): a faster motion may be near"
-                told = "; ".join(filter(None, (remark, refined.certificate.remark)))
-                refined = replace(refined, certificate=replace(refined.certificate, remark=told))
-            if best is None or _quality(refined) < _quality(best.refined):
-                best = _Result(refined, refined.trajectory.duration, mesh, iterations)
-            guess = attempt.trajectory
-        # Finer meshes resolve the arcs of small arms; on larger ones they cost more than they have ever given.
-        modest = not options.arcs or problem.robot.nv > 3
-        enough = best is not None and (best.refined.certificate.ok or (modest and _landed(best.refined, options)))
-        # Arcs along which H vanishes are an extremal's: what a sign has against it no finer mesh takes back.
-        enough = enough or (best is not None and problem.robot.nv > 2 and _extremal(best.refined))
-        if enough or stop or 2 * mesh > finest or (best is None and mesh > options.intervals):
-            break
-        mesh *= 2
-    if best is None:
-        replay = replay_torques(problem.robot, coarse.trajectory)
-        remark = f"did not converge on {mesh} intervals ({attempt.message})"
-        unresolved = Refined(coarse.trajectory, certify(problem, replay, None, remark), None)
-        best = _Result(unresolved, coarse.trajectory.duration, mesh, iterations, attempt.worst_violation)
-    elif best.refined.phases is None and _landed(best.refined, options) and not stop:
-        certificate = best.refined.certificate
-        over = certificate.limit_violation > LIMIT_TOLERANCE
-        if over and (slower := within_velocity_limits(problem, best.refined.trajectory, certificate.remark, stop)):
-            best = replace(best, refined=Refined(*slower, None), cost=slower[0].duration)
-    return replace(best, iterations=iterations)
-
-
-def _quality(refined: Refined) -> tuple[bool, float]:
-    certificate = refined.certificate
-    return not certificate.ok, max(certificate.goal_error, certificate.limit_violation)
-
-
-def _extremal(refined: Refined) -> bool:
-    certificate = refined.certificate
-    return certificate.goal_error <= GOAL_TOLERANCE and certificate.hamiltonian_spread <= HAMILTONIAN_TOLERANCE
-
-
-def _landed(refined: Refined, options: MinimumTimeOptions) -> bool:
-    return refined.certificate.goal_error <= options.replay_tolerance
-
-
 def _solution(
     problem: MinimumTimeProblem,
-    result: _Result,
+    result: Optimum,
     others: Sequence[float],
     iterations: int,
     elapsed: float,
@@ -277,7 +175,7 @@ def _solution(
 ) -> Solution:
     best, certificate = result.refined, result.refined.certificate
     duration = best.trajectory.duration
-    status = Status.SOLVED if _landed(best, options) else Status.REPLAY_MISSED
+    status = Status.SOLVED if result.landed(options) else Status.REPLAY_MISSED
     missed = result.checked.reasons if result.checked else ()
     if missed and status is Status.SOLVED:
         status = Status.CONDITION_MISSED

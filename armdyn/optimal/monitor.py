@@ -1,11 +1,11 @@
 """Stops a solve from outside: at a deadline, or on Ctrl-C, with the last iterate kept."""
 
+import mmap
 import signal
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from types import FrameType
 from typing import Any
 
@@ -13,17 +13,28 @@ import casadi as ca
 import numpy as np
 
 
-@dataclass
 class Stop:
     """When to stop, and why it was stopped.
 
+    Processes forked after it was made see an interruption, too.
+
     Attributes:
-        deadline: by `time.perf_counter` [s].
-        interrupted: Ctrl-C was pressed.
+        deadline: by `time.perf_counter` [s], a clock that all processes share.
     """
 
-    deadline: float = np.inf
-    interrupted: bool = False
+    def __init__(self, deadline: float = np.inf, interrupted: bool = False):
+        self.deadline = deadline
+        self._flag = mmap.mmap(-1, 1)
+        self._flag[0] = interrupted
+
+    def interrupt(self) -> None:
+        """Say that Ctrl-C was pressed."""
+        self._flag[0] = True
+
+    @property
+    def interrupted(self) -> bool:
+        """Ctrl-C was pressed."""
+        return bool(self._flag[0])
 
     @property
     def late(self) -> bool:
@@ -45,7 +56,7 @@ def stopping(seconds: float) -> Iterator[Stop]:
     def on_interrupt(number: int, frame: FrameType | None) -> None:
         if stop.interrupted:
             raise KeyboardInterrupt
-        stop.interrupted = True
+        stop.interrupt()
 
     before = signal.signal(signal.SIGINT, on_interrupt)
     try:

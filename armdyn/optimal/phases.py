@@ -133,13 +133,8 @@ def solve_phases(
     """
     n, N = problem.robot.nv, intervals
     singular = any(arc.singular for arc in arcs)
-    nlp, solver, monitor = _solver(
-        dynamics,
-        replace(scheme, method=TABLEAU.name, control="stage"),
-        N,
-        near or not singular,
-        (_MANY if problem.effort_weight else _SOME) if singular else _FEW,
-    )
+    iterations = (_MANY if problem.effort_weight else _SOME) if singular else _FEW
+    nlp, solver, monitor = _solver(dynamics, _of_arcs(scheme), N, near or not singular, iterations)
     layout = nlp.layout
     scales = Scales.of(problem, guess)
     durations = np.array([arc.duration for arc in arcs])
@@ -147,7 +142,7 @@ def solve_phases(
     arc_of, part = deal(durations, N, density)
     share = durations[arc_of] * part / durations.sum()
     x = to_unknowns(guess, layout, share, scales)
-    lower, upper = bounds(problem, nlp, scales)
+    lower, upper = bounds(problem, nlp.layout, intervals, scales)
     _fix_modes(problem, arcs, arc_of, nlp, scales, lower, upper, keep)
     end = x.size - layout.knot
     for bound in (lower, upper):
@@ -210,6 +205,15 @@ def solve_phases(
         torques=torques,
         iterations=int(stats["iter_count"]),
     )
+
+
+def prepare_phases(dynamics: Dynamics, scheme: Scheme, intervals: int) -> None:
+    """Build, if it is not there, what `solve_phases` needs for arcs without free torques."""
+    _solver(dynamics, _of_arcs(scheme), intervals, True, _FEW)
+
+
+def _of_arcs(scheme: Scheme) -> Scheme:
+    return replace(scheme, method=TABLEAU.name, control="stage")
 
 
 def _defect_rows(layout: Layout, nlp: Nlp) -> NDArray[np.int_]:

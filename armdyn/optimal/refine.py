@@ -10,9 +10,8 @@ from armdyn.optimal.aim import aimed
 from armdyn.optimal.arcs import Arc, Mode, detect, merged
 from armdyn.optimal.certificate import HAMILTONIAN_TOLERANCE, SWITCHING_TOLERANCE, Certificate, certify, pontryagin
 from armdyn.optimal.direct import mesh
-from armdyn.optimal.grid import Density
 from armdyn.optimal.monitor import Stop
-from armdyn.optimal.phases import Phases, solve_phases
+from armdyn.optimal.phases import Phases, prepare_phases, solve_phases
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.rollout import replay_torques
 from armdyn.optimal.structure import by_sign, with_overlooked, without_idle_touches, without_vanished
@@ -26,6 +25,7 @@ _INTERVALS = 24
 _MOST_INTERVALS = 100
 _MOST_ARCS = 60
 _ROUNDS = 12
+_AIMS = 8
 _LANDED = 1e-9
 """Goal error [rad or m] at which the replay has landed: a few of the integrator's own."""
 
@@ -73,6 +73,12 @@ def refine(
     on_mesh = Refined(motion, certify(problem, replay, None, remark), None)
     # Arcs that are not certified are worth having only if their motion is the better one.
     return resolved if phases is not None and _error(resolved) <= _error(on_mesh) else on_mesh
+
+
+def prepare_refinement(dynamics: Dynamics, scheme: Scheme) -> None:
+    """Build, if it is not there, what `refine` is most likely to need."""
+    for intervals in (_INTERVALS, 2 * _INTERVALS):
+        prepare_phases(dynamics, scheme, intervals)
 
 
 def land(
@@ -152,28 +158,27 @@ def _idle(problem: MinimumTimeProblem, arcs: list[Arc]) -> list[str]:
 def _land(
     problem: MinimumTimeProblem, dynamics: Dynamics, scheme: Scheme, phases: Phases, stop: Stop
 ) -> tuple[Phases, Trajectory, str]:
-    """Aim beside the goal by the collocation's own error until the replay hits it; finer where H strays."""
-    offset, size = np.zeros(2 * problem.robot.nv), phases.arc_of.size
-    density: Density | None = phases.laid
-    best = phases, replay_torques(problem.robot, phases.torques)
-    for _ in range(8):
-        replay = best[1]
-        error = problem.beside_goal(replay)
-        strays = float(np.max(np.abs(pontryagin(problem, best[0])[0]))) > 0.01 * HAMILTONIAN_TOLERANCE
-        landed = np.max(np.abs(error[: problem.robot.nv])) <= _LANDED
-        if (landed and (not strays or 2 * size > _MOST_INTERVALS)) or stop:
-            return *best, ""
-        keep = None
-        if strays and 2 * size <= _MOST_INTERVALS:
-            size, offset, density = 2 * size, np.zeros_like(offset), best[0].density
-        else:
-            offset = offset - error
-            # Where time leaves torques free another solution has others, and the error is not the same again.
-            if problem.effort_weight == 0 and len(best[0].arcs) > 2 * problem.robot.nv:
-                keep = best[0]
+    """Finer while H strays; then aim beside the goal by the collocation's own error until the replay hits it."""
+    size, n = phases.arc_of.size, problem.robot.nv
+    while 2 * size <= _MOST_INTERVALS and _strays(problem, phases) and not stop:
+        size *= 2
+        laid = phases.density
+        tried = solve_phases(problem, phases.arcs, phases.torques, dynamics, scheme, size, stop, 0.0, True, laid)
+        if not tried.converged:
+            remark = f"the arcs did not converge on {size} intervals ({tried.message})"
+            return phases, replay_torques(problem.robot, phases.torques), remark
+        phases = tried
+    best, offset = (phases, replay_torques(problem.robot, phases.torques)), np.zeros(2 * n)
+    for _ in range(_AIMS):
+        error = problem.beside_goal(best[1])
+        if np.max(np.abs(error[:n])) <= _LANDED or stop:
+            break
+        offset = offset - error
+        # Where time leaves torques free another solution has others, and the error is not the same again.
+        keep = best[0] if problem.effort_weight == 0 and len(best[0].arcs) > 2 * n else None
         arcs, guess = best[0].arcs, best[0].torques
         tried = solve_phases(
-            problem, arcs, guess, dynamics, scheme, size, stop, offset, near=True, density=density, keep=keep
+            problem, arcs, guess, dynamics, scheme, size, stop, offset, near=True, density=phases.laid, keep=keep
         )
         if not tried.converged:
             return *best, f"the replay could not be brought onto the goal ({tried.message})"
@@ -182,3 +187,8 @@ def _land(
             return *best, "the replay left what numbers can hold"
         best = tried, replayed
     return *best, ""
+
+
+def _strays(problem: MinimumTimeProblem, phases: Phases) -> bool:
+    """H is not as good as it could be."""
+    return float(np.max(np.abs(pontryagin(problem, phases)[0]))) > 0.01 * HAMILTONIAN_TOLERANCE

@@ -1,26 +1,20 @@
 """Global search: many guesses solved coarsely, on all cores; the different optima that they lead to."""
 
-import multiprocessing
-import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Sequence
+from functools import partial
 
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.optimal.course import path_rows
-from armdyn.optimal.direct import Attempt, DirectOptions, prepare, solve_on_mesh
+from armdyn.optimal.condensed import condensable, prepare_quickly, solve_condensed
+from armdyn.optimal.direct import Attempt, DirectOptions, solve_on_mesh
 from armdyn.optimal.monitor import Stop
 from armdyn.optimal.problem import MinimumTimeProblem
+from armdyn.optimal.processes import in_processes
 from armdyn.optimal.starts import detours, spline
 from armdyn.optimal.status import Status
 from armdyn.optimal.transcription import Scheme
 
 SAME = 2e-3
 """Coarse durations that differ by less than this part are taken for one optimum."""
-
-_Job = Callable[[int], Attempt]
-_job: _Job | None = None
-"""What a forked worker does: inherited, as compiled solvers cannot be sent."""
 
 
 def search(
@@ -34,6 +28,7 @@ def search(
     workers: int | None,
     stop: Stop,
     progress: Callable[[str], None],
+    beside: Sequence[Callable[[], Attempt]] = (),
 ) -> list[Attempt]:
     """Attempts from guesses, in the order of the guesses; the first is the straight one.
 
@@ -41,28 +36,33 @@ def search(
 
     Guesses take turns on the meshes and, at half that pace, on the options: what one hides another may show.
 
-    The same seed gives the same attempts, on however many cores.
+    The same seed gives the same attempts, on however many cores. Those `beside` come first, and are begun first.
     """
     ways = detours(problem, seed, count)
-    rows = path_rows(problem)
+    solve = solve_condensed if condensable(problem, scheme) else solve_on_mesh
     for intervals in meshes:  # before the fork, so that every worker has them
         for option in options:
-            prepare(dynamics, scheme, intervals, option, rows)
+            prepare_quickly(problem, dynamics, scheme, intervals, option)
 
     def job(k: int) -> Attempt:
         mesh, option = meshes[k % len(meshes)], options[k // len(meshes) % len(options)]
-        return solve_on_mesh(problem, spline(problem, ways[k]), dynamics, scheme, mesh, option, stop)
+        return solve(problem, spline(problem, ways[k]), dynamics, scheme, mesh, option, stop)
 
+    done: list[Attempt] = []
     attempts: list[Attempt] = []
-    for attempt in _each(job, count, workers, stop):
+    jobs: list[Callable[[], Attempt]] = [*beside, *(partial(job, k) for k in range(count))]
+    for attempt in in_processes(jobs, workers):
+        if len(done) < len(beside):
+            done.append(attempt)
+            continue
         attempts.append(attempt)
         solved = [a.trajectory.duration for a in attempts if a.status is Status.SOLVED]
         best = f", best {min(solved):.4f} s" if solved else ""
         progress(f"search: guess {len(attempts)} of {count}{best}")
         # An optimum has another duration on another mesh, and counts on each: safer than to match them.
-        if _enough(len(solved), len(distinct(ranked(attempts)))):
+        if stop or _enough(len(solved), len(distinct(ranked(attempts)))):
             break
-    return attempts
+    return [*done, *attempts]
 
 
 def _enough(solved: int, optima: int) -> bool:
@@ -91,37 +91,3 @@ def distinct(attempts: Sequence[Attempt], same: float = SAME) -> list[Attempt]:
         else:
             groups.append([attempt])
     return [max(group, key=lambda attempt: attempt.intervals) for group in groups]
-
-
-def _each(job: _Job, count: int, workers: int | None, stop: Stop) -> Iterator[Attempt]:
-    """Results in order; in processes where that is possible, as IPOPT does not stand threads."""
-    global _job
-    workers = min(workers or os.cpu_count() or 1, count)
-    forks = "fork" in multiprocessing.get_all_start_methods() and not multiprocessing.current_process().daemon
-    done = 0
-    if workers > 1 and forks:
-        _job = job
-        try:
-            with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("fork")) as pool:
-                try:
-                    for future in [pool.submit(_work, k) for k in range(count)]:
-                        yield future.result()
-                        done += 1
-                        if stop:  # workers hear of Ctrl-C only from a terminal
-                            return
-                finally:  # also where the caller has seen enough
-                    pool.shutdown(wait=True, cancel_futures=True)
-        except BrokenProcessPool:
-            pass  # a worker died: what it did not do is done here
-        finally:
-            _job = None
-    for k in range(done, count):
-        yield job(k)
-        if stop:
-            return
-
-
-def _work(k: int) -> Attempt:
-    if _job is None:
-        raise RuntimeError("a worker without its job")
-    return _job(k)

@@ -172,7 +172,7 @@ def solve_staged(
     scales = Scales.of(problem, guess)
     fractions = np.full(intervals, 1 / intervals)
     parameters = np.concatenate([fractions, scales.parameters(effort_weights(problem, scales), dynamics.last_body)])
-    lower, upper = bounds(problem, nlp, scales)
+    lower, upper = bounds(problem, nlp.layout, intervals, scales)
     x = np.clip(to_unknowns(guess, nlp.layout, fractions, scales), lower, upper)
 
     iterations = 0
@@ -201,9 +201,11 @@ def solve_staged(
         intervals=intervals,
         iterations=iterations,
         worst_violation=(
-            None if status is Status.SOLVED else worst_violation(problem, nlp, x, g, fractions, scales)
+            None
+            if status is Status.SOLVED
+            else worst_violation(problem, nlp.layout, x, g.reshape(intervals, -1), fractions, scales)
         ),
-    )  # fmt: skip
+    )
 
 
 def _stages(x: Array, nlp: Nlp, ends: float | None = None) -> Array:

@@ -90,14 +90,15 @@ def spline(problem: MinimumTimeProblem, via: list[Array]) -> Trajectory:
     path = _path(problem, via or [np.asarray(q) for q in problem.via])
     s = np.linspace(0, 1, _SAMPLES)
     q, dq, ddq = path(s), path.derivative()(s), path.derivative(2)(s)
-    duration = _fitting_duration(problem, q, dq, ddq)
+    # Torque along a path is static + inertial / T² + friction.
+    friction, rest = problem.robot.friction, np.zeros_like(q)
+    static = _torques(problem, q, rest, rest)
+    inertial = _torques(problem, q, dq, ddq) - friction.torque(dq) - static
+    duration = _fitting_duration(problem, dq, ddq, inertial)
     v = dq / duration
+    tau = static + inertial / duration**2 + friction.torque(v)
+    tau = np.clip(tau, problem.limits.effort_lower, problem.limits.effort_upper)
     v[0], v[-1] = problem.v_start, problem.v_goal
-    tau = np.clip(
-        _torques(problem, q, dq / duration, ddq / duration**2),
-        problem.limits.effort_lower,
-        problem.limits.effort_upper,
-    )
     return Trajectory(s * duration, q, v, tau, problem.robot.joint_names, "start")
 
 
@@ -106,15 +107,13 @@ def _torques(problem: MinimumTimeProblem, q: Array, v: Array, a: Array) -> Array
     return np.array([torque(*x) for x in zip(q, v, a, strict=True)])
 
 
-def _fitting_duration(problem: MinimumTimeProblem, q: Array, dq: Array, ddq: Array) -> float:
+def _fitting_duration(problem: MinimumTimeProblem, dq: Array, ddq: Array, inertial: Array) -> float:
     """The time [s] in which the path's inertial torques reach, and its speeds keep, their limits.
 
     Torque along a path is I/T² + F/T, inertial and viscous, but for gravity, which a dynamic motion may
     outrun, and dry friction: only what scales is asked to fit.
     """
-    friction = problem.robot.friction
-    inertial = _torques(problem, q, dq, ddq) - friction.torque(dq) - _torques(problem, q, 0 * dq, 0 * ddq)
-    viscous = np.maximum(np.sign(inertial) * np.asarray(friction.damping) * dq, 0)
+    viscous = np.maximum(np.sign(inertial) * np.asarray(problem.robot.friction.damping) * dq, 0)
     limits = problem.limits
     bound = np.where(inertial > 0, limits.effort_upper, -limits.effort_lower)
     bound = np.maximum(bound, 1e-3 * (limits.effort_upper - limits.effort_lower))

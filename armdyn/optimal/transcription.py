@@ -187,26 +187,35 @@ def stage_accelerations(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.S
     return one.y, one.p, ca.horzcat(*one.accelerations) * one.p[1] / one.p[3]
 
 
-@dataclass(frozen=True)
-class Nlp:
+@dataclass(frozen=True, kw_only=True)
+class Program:
     """A nonlinear program with its exact derivatives, ready for `casadi.nlpsol`.
+
+    Attributes:
+        functions: x, p, f, g for nlpsol.
+        jacobian: (x, p) -> (g, ∂g/∂x).
+        hessian: (x, p, σ, λ) -> upper triangle of ∂²(σ f + λᵀg)/∂x².
+    """
+
+    functions: dict[str, ca.MX]
+    jacobian: ca.Function
+    hessian: ca.Function
+
+
+@dataclass(frozen=True, kw_only=True)
+class Nlp(Program):
+    """The program of a layout.
 
     Attributes:
         layout: where what stands.
         intervals: their number N.
-        functions: x, p, f, g for nlpsol.
-        jacobian: (x, p) -> (g, ∂g/∂x).
         gradient: (x, p) -> ∂f/∂x.
-        hessian: (x, p, σ, λ) -> upper triangle of ∂²(σ f + λᵀg)/∂x².
         defects: equations per interval.
     """
 
     layout: Layout
     intervals: int
-    functions: dict[str, ca.MX]
-    jacobian: ca.Function
     gradient: ca.Function
-    hessian: ca.Function
     defects: int
 
 
@@ -247,13 +256,22 @@ def build_nlp(dynamics: Dynamics, scheme: Scheme, intervals: int) -> Nlp:
         layout=layout,
         intervals=N,
         functions={"x": x, "p": p, "f": f, "g": g},
-        jacobian=ca.Function("nlp_jac_g", [x, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
+        jacobian=jacobian_function(x, p, g, jacobian),
         gradient=ca.Function("gradient", [x, p], [ca.gradient(f, x)]),
-        hessian=ca.Function(
-            "nlp_hess_l", [x, p, sigma, lam], [hessian], ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
-        ),
+        hessian=hessian_function(x, p, sigma, lam, hessian),
         defects=rows,
     )
+
+
+def jacobian_function(x: ca.MX, p: ca.MX, g: ca.MX, jacobian: ca.MX) -> ca.Function:
+    """As nlpsol wants it."""
+    return ca.Function("nlp_jac_g", [x, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"])
+
+
+def hessian_function(x: ca.MX, p: ca.MX, sigma: ca.MX, lam: ca.MX, hessian: ca.MX) -> ca.Function:
+    """As nlpsol wants it."""
+    names = ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
+    return ca.Function("nlp_hess_l", [x, p, sigma, lam], [hessian], *names)
 
 
 def assemble(pattern: ca.Sparsity, step: tuple[int, int], shape: tuple[int, int], nonzeros: ca.MX) -> ca.MX:
@@ -267,8 +285,12 @@ def assemble(pattern: ca.Sparsity, step: tuple[int, int], shape: tuple[int, int]
     """
     shift = np.arange(nonzeros.shape[1])
     row, col = (np.array(x, dtype=int) for x in pattern.get_triplet())
-    rows = (row[:, None] + step[0] * shift).ravel(order="F")
-    cols = (col[:, None] + step[1] * shift).ravel(order="F")
+    return scatter(row[:, None] + step[0] * shift, col[:, None] + step[1] * shift, shape, nonzeros)
+
+
+def scatter(rows: NDArray[np.int_], cols: NDArray[np.int_], shape: tuple[int, int], nonzeros: ca.MX) -> ca.MX:
+    """The sparse matrix of nonzeros, each in its row and column; what falls on the same place is added."""
+    rows, cols = rows.ravel(order="F"), cols.ravel(order="F")
     places, which = np.unique(cols * shape[0] + rows, return_inverse=True)  # column by column, as CasADi stores
     sparsity = ca.Sparsity.triplet(*shape, (places % shape[0]).tolist(), (places // shape[0]).tolist())
     gather = ca.Sparsity.triplet(places.size, rows.size, which.tolist(), list(range(rows.size)))
