@@ -21,7 +21,7 @@ _TOUCHING = 1e-4
 """How close to a limit, as a part of the joint's whole way, a position touches it."""
 _IN_CONTACT = 5e-3
 """The same for one that is held: a constant torque lets it off a little within every interval."""
-_SWITCH = 2
+SWITCH = 2
 """So many intervals off all limits in a row are a switch; more are an arc of their own."""
 
 
@@ -83,13 +83,14 @@ class Event:
     touch: bool = False
 
 
-def detect(problem: MinimumTimeProblem, trajectory: Trajectory, mesh: Array) -> list[Arc]:
+def detect(problem: MinimumTimeProblem, trajectory: Trajectory, mesh: Array, switch: int = SWITCH) -> list[Arc]:
     """The arcs of a collocation solution with constant torques between its knots.
 
     Args:
         problem: its limits.
         trajectory: the solution.
         mesh: its knots as parts of the duration.
+        switch: so many intervals off all limits in a row are a switch, and not an arc.
     """
     duration, limits, intervals = trajectory.duration, problem.limits, mesh.size - 1
     knots = duration * mesh
@@ -113,8 +114,8 @@ def detect(problem: MinimumTimeProblem, trajectory: Trajectory, mesh: Array) -> 
             for k in range(intervals)
         ]
         runs = _runs(_without_lifting_off(modes))
-        first.append(_first_mode(runs, level[:, i]))
-        events += _switches(runs, level[:, i], knots, i)
+        first.append(_first_mode(runs, level[:, i], switch))
+        events += _switches(runs, level[:, i], knots, i, switch)
         inner = np.flatnonzero(touching[1:-1]) + 1
         on_limit = [k for k in inner if modes[k] not in POSITION and modes[k - 1] not in POSITION]
         for run in np.split(on_limit, np.flatnonzero(np.diff(on_limit) > 1) + 1):
@@ -210,13 +211,13 @@ def _runs(modes: Sequence[Mode]) -> list[tuple[Mode, int, int]]:
     return [(modes[a], a, b) for a, b in pairwise(edges)]
 
 
-def _is_switch(runs: Sequence[tuple[Mode, int, int]], r: int) -> bool:
-    mode, start, stop = runs[r]
-    return mode is Mode.FREE and stop - start <= _SWITCH
+def _is_switch(run: tuple[Mode, int, int], switch: int) -> bool:
+    mode, start, stop = run
+    return mode is Mode.FREE and stop - start <= switch
 
 
-def _first_mode(runs: Sequence[tuple[Mode, int, int]], level: Array) -> Mode:
-    if not _is_switch(runs, 0):
+def _first_mode(runs: Sequence[tuple[Mode, int, int]], level: Array, switch: int) -> Mode:
+    if not _is_switch(runs[0], switch):
         return runs[0][0]
     after = runs[1][0] if len(runs) > 1 else Mode.FREE
     if after in VELOCITY:
@@ -225,14 +226,16 @@ def _first_mode(runs: Sequence[tuple[Mode, int, int]], level: Array) -> Mode:
     return _OPPOSITE.get(after, Mode.UPPER if level[0] > 0 else Mode.LOWER)
 
 
-def _switches(runs: Sequence[tuple[Mode, int, int]], level: Array, knots: Array, joint: int) -> list[Event]:
+def _switches(
+    runs: Sequence[tuple[Mode, int, int]], level: Array, knots: Array, joint: int, switch: int
+) -> list[Event]:
     """The switches of one joint, each where the mean torque of the intervals around it puts it."""
     events: list[Event] = []
     sign = {Mode.UPPER: 1.0, Mode.LOWER: -1.0}
-    mode = _first_mode(runs, level)
+    mode = _first_mode(runs, level, switch)
     for r, (here, start, stop) in enumerate(runs):
         t0, t1 = float(knots[start]), float(knots[stop])
-        if not _is_switch(runs, r):
+        if not _is_switch(runs[r], switch):
             if here is not mode:
                 if not events or events[-1].time < t0 or events[-1].mode is not here:
                     events.append(Event(t0, joint, here))
@@ -240,7 +243,7 @@ def _switches(runs: Sequence[tuple[Mode, int, int]], level: Array, knots: Array,
             continue
         away = _OPPOSITE[_TOWARD[mode]] if mode in VELOCITY else _OPPOSITE.get(mode, Mode.FREE)
         after = runs[r + 1][0] if r + 1 < len(runs) else away
-        if r + 1 < len(runs) and _is_switch(runs, r + 1):
+        if r + 1 < len(runs) and _is_switch(runs[r + 1], switch):
             continue
         part = float(np.mean((level[start:stop] + 1) / 2))  # of the time on the upper limit
         if after is mode:  # there and back: a short arc on the other limit

@@ -26,6 +26,8 @@ _WORTH_REFINING = 1.2
 """Coarse solutions this much slower than the best are not refined, only listed."""
 _TRUSTED = 1.05
 """Where the finer mesh makes the best this much slower, coarse ones were too coarse, and are searched on no more."""
+_HOPELESS = 1.3
+"""Where it makes it this much slower it is too coarse itself."""
 
 _STARTS = {1: 1, 2: 20, 3: 48}
 """Guesses by joints; beyond three a solve takes seconds, and there are 4."""
@@ -48,6 +50,7 @@ class Candidates:
         converged: some did.
         listed: durations of the others on coarse meshes [s].
         iterations: of IPOPT.
+        mesh: intervals of the one that arcs are to be read from first.
         slower: durations of those that were told apart on the finer mesh, and were not worth more [s].
     """
 
@@ -55,6 +58,7 @@ class Candidates:
     converged: bool
     listed: tuple[float, ...]
     iterations: int
+    mesh: int = 0
     slower: tuple[float, ...] = ()
 
 
@@ -115,21 +119,21 @@ def find_candidates(
             return Candidates(tuple(tried), False, (), iterations)
     else:
         iterations = sum(a.iterations for a in attempts)
-    limit = options.refinements or (4 if n <= 3 else 2)
+    limit, mesh = options.refinements or (4 if n <= 3 else 2), options.intervals
     settled, listed, more = _settled(problem, dynamics, scheme, options, found, limit, stop, tell)
     iterations += more
-    if (
-        1 < n <= 3
-        and not rounds
-        and settled[0].trajectory.duration > _TRUSTED * found[0].trajectory.duration
-        and not stop
-    ):
-        again = searched((options.intervals, options.intervals * 3 // 2), max(count // 2, 1))
+    slower = settled[0].trajectory.duration / found[0].trajectory.duration
+    if 1 < n <= 3 and not rounds and slower > _TRUSTED and not stop:
+        hopeless = slower > _HOPELESS and 2 * mesh <= options.max_intervals
+        mesh, count = (2 * mesh, count // 4) if hopeless else (mesh, count // 2)
+        tell(f"optima of {options.coarse_intervals} intervals are {slower:.2f} times as slow on {options.intervals}")
+        again = searched((mesh, mesh * 3 // 2), max(count, 1))
         iterations += sum(a.iterations for a in again)
-        found = distinct(ranked([*settled, *again]))
-        settled, listed, more = _settled(problem, dynamics, scheme, options, found, limit, stop, tell)
+        found = distinct(ranked(again if hopeless else [*settled, *again])) or settled
+        finer = replace(options, intervals=mesh)
+        settled, listed, more = _settled(problem, dynamics, scheme, finer, found, limit, stop, tell)
         iterations += more
-    return Candidates(tuple(settled), True, tuple(listed), iterations)
+    return Candidates(tuple(settled), True, tuple(listed), iterations, mesh)
 
 
 def _settled(

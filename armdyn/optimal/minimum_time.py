@@ -135,6 +135,7 @@ def _minimum_time(
         candidates = replace(candidates, attempts=unmeshed)
     if not candidates.converged:
         return [], candidates
+    options = replace(options, intervals=candidates.mesh)
     results, slower = refined_optima(problem, dynamics, scheme, options, candidates.attempts, stop, tell)
     return results, replace(candidates, slower=tuple(slower))
 

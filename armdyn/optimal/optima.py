@@ -97,34 +97,35 @@ def refined_optima(
     Returns:
         Them, in the attempts' order, and the durations of those that were not worth it.
     """
-    tell(f"refining optimum 1 of {len(attempts)}, about {attempts[0].trajectory.duration:.4f} s")
     if options.arcs and problem.robot.nv <= 3:
         prepare_refinement(dynamics, scheme)
-    jobs = [partial(_first, problem, dynamics, scheme, options, attempt, stop) for attempt in attempts]
-    reached: list[_Reached] = []
-    beaten = np.inf
-    for step in in_processes(jobs, options.workers if problem.robot.nv > 1 else 1):
-        reached.append(step)
-        if step.best is not None and step.best.refined.certificate.ok:
-            duration = step.guess.trajectory.duration
-            wrong = abs(duration - step.best.cost)
-            beaten = min(beaten, duration + _SURE * wrong, _SLOWER * step.best.cost)
-        left = attempts[len(reached) :]
-        if left and (stop or (problem.robot.nv > 2 and left[0].trajectory.duration > beaten)):
-            break
-        if left:
-            tell(f"refining optimum {len(reached) + 1}, about {left[0].trajectory.duration:.4f} s")
-    optima: list[Optimum] = []
-    for step in reached:
-        # With an answer in hand a slower optimum is worth one mesh, not all of them.
-        finest = options.intervals if any(optimum.landed(options) for optimum in optima) else options.max_intervals
+
+    def refined(k: int, begun: _Reached | None, finest: int) -> _Reached:
+        step = begun or _first(problem, dynamics, scheme, options, attempts[k], stop)
         while not (_enough(problem, options, step) or stop or 2 * step.mesh > finest):
             if step.best is None and step.mesh > options.intervals:
                 break
-            tell(f"about {step.guess.trajectory.duration:.4f} s on {2 * step.mesh} intervals")
             step = _finer(problem, dynamics, scheme, options, step, stop)
-        optima.append(_optimum(problem, options, step, stop))
-    return optima, [attempt.trajectory.duration for attempt in attempts[len(reached) :]]
+        return step
+
+    # With an answer in hand a slower optimum is worth one mesh, not all of them.
+    few, many = options.intervals, options.max_intervals
+    jobs = [partial(refined, k, None, few if k else many) for k in range(len(attempts))]
+    optima: list[Optimum] = []
+    beaten = np.inf
+    tell(f"refining optimum 1 of {len(attempts)}, about {attempts[0].trajectory.duration:.4f} s")
+    for step in in_processes(jobs, options.workers if problem.robot.nv > 1 else 1):
+        k, landed = len(optima), any(optimum.landed(options) for optimum in optima)
+        optima.append(_optimum(problem, options, step if landed else refined(k, step, many), stop))
+        if optima[k].refined.certificate.ok:
+            duration = attempts[k].trajectory.duration
+            beaten = min(beaten, duration + _SURE * abs(duration - optima[k].cost), _SLOWER * optima[k].cost)
+        left = attempts[k + 1 :]
+        if left and (stop or (problem.robot.nv > 2 and left[0].trajectory.duration > beaten)):
+            break
+        if left:
+            tell(f"refining optimum {k + 2}, about {left[0].trajectory.duration:.4f} s")
+    return optima, [attempt.trajectory.duration for attempt in attempts[len(optima) :]]
 
 
 def _first(
