@@ -25,7 +25,7 @@ _INTERVALS = 24
 _MOST_INTERVALS = 100
 _MOST_ARCS = 60
 _BLUR = 20
-"""A torque that is off its limits for less than this part of a fine mesh is taken for a switch first."""
+"""A torque that is off its limits for less than this part of a fine mesh is taken for a switch."""
 _ROUNDS = 12
 _AIMS = 8
 _LANDED = 1e-9
@@ -114,34 +114,14 @@ def _structure(
     stop: Stop,
 ) -> tuple[Phases | None, str]:
     """Phases whose switching functions agree with their modes, or the last ones and why they do not."""
-    knots = mesh(intervals, problem.robot.nv)
-    strict = merged(detect(problem, trajectory, knots))
-    idle = _idle(problem, strict)
+    # The torques of a fine mesh need not be on their limits where time hardly tells.
+    switch = max(SWITCH, intervals // _BLUR)
+    arcs = merged(detect(problem, trajectory, mesh(intervals, problem.robot.nv), switch))
+    idle = _idle(problem, arcs)
     if problem.robot.nv > 3 and idle:
         return None, f"time does not determine {', '.join(idle)}: on no limit for most of the motion"
-    readings = [strict]
-    if any(arc.singular for arc in strict) and intervals // _BLUR > SWITCH:
-        # A fine mesh's torques need not be on their limits, where time hardly tells.
-        readings.insert(0, merged(detect(problem, trajectory, knots, intervals // _BLUR)))
-    best: tuple[Phases | None, str] | None = None
-    for arcs in readings:
-        found = _settled(problem, dynamics, scheme, arcs, trajectory, stop)
-        if not found[1]:
-            return found
-        best = found if best is None or best[0] is None else best
-    return best or (None, "")
 
-
-def _settled(
-    problem: MinimumTimeProblem,
-    dynamics: Dynamics,
-    scheme: Scheme,
-    arcs: list[Arc],
-    guess: Trajectory,
-    stop: Stop,
-) -> tuple[Phases | None, str]:
-    """Phases of these arcs, or of those that they turn into."""
-    seen = set()
+    guess, seen = trajectory, set()
     last: Phases | None = None
     for _ in range(_ROUNDS):
         if len(arcs) > _MOST_ARCS:
