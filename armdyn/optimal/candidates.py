@@ -100,7 +100,7 @@ def find_candidates(
         if guess.q.shape[1] != n:
             raise ProblemError(f"options.guesses[{k}] moves {guess.q.shape[1]} joints, {problem.robot.name} has {n}")
         beside.append(on_mesh(guess, options.fine()))
-    if n <= 3 or not rounds:
+    if n == 1 or (n > 3 and not rounds):  # else there are guesses enough
         beside.append(on_mesh(spline(problem, []), _patient(options.alone(), n)))
     tell(f"search: {count} guesses" + (f", and {len(beside)} on {options.intervals} intervals" if beside else ""))
     attempts = searched(meshes, count, beside)
@@ -110,8 +110,8 @@ def find_candidates(
         straight = coarse[:1] and coarse[0].status is Status.SOLVED
         mark = coarse[0].trajectory.duration * (1 - SAME) if straight else np.inf
         found = [*distinct(alone), *(a for a in distinct(ranked(coarse)) if a.trajectory.duration < mark)]
-    else:
-        found = distinct(ranked(attempts))
+    else:  # what is on the finer mesh already may hide none of the others: it costs nothing more
+        found = ranked([*distinct(alone), *distinct(ranked(coarse))])
     if not found:
         tried = _ladder(problem, dynamics, scheme, options, stop, ranked(attempts), tell)
         iterations, found = sum(a.iterations for a in tried), distinct(ranked(tried))
