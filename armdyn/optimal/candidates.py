@@ -29,7 +29,7 @@ _TRUSTED = 1.05
 _HOPELESS = 1.3
 """Where it makes it this much slower it is too coarse itself."""
 
-_STARTS = {1: 1, 2: 20, 3: 48}
+_STARTS = {1: 1, 2: 20, 3: 40}
 """Guesses by joints; beyond three a solve takes seconds, and there are 4."""
 _ROUND = {1: 1, 2: 12, 3: 16}
 """The same where there are obstacles: ways round them, chosen among many; beyond three joints 6."""
