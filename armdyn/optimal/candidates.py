@@ -31,8 +31,10 @@ _HOPELESS = 1.3
 
 _STARTS = {1: 1, 2: 20, 3: 40}
 """Guesses by joints; beyond three a solve takes seconds, and there are 4."""
+_AGAIN = 10
+"""The least of them for another search, on finer meshes."""
 _ROUND = {1: 1, 2: 12, 3: 16}
-"""The same where there are obstacles: ways round them, chosen among many; beyond three joints 6."""
+"""Guesses by joints where there are obstacles: ways round them, chosen among many; beyond three joints 6."""
 
 _PATIENCE = 250
 """Iterations on a mesh for an arm of more than three joints: those that converge take half of it."""
@@ -125,9 +127,9 @@ def find_candidates(
     slower = settled[0].trajectory.duration / found[0].trajectory.duration
     if 1 < n <= 3 and not rounds and slower > _TRUSTED and not stop:
         hopeless = slower > _HOPELESS and 2 * mesh <= options.max_intervals
-        mesh, count = (2 * mesh, count // 4) if hopeless else (mesh, count // 2)
+        mesh, share = (2 * mesh, 4) if hopeless else (mesh, 2)
         tell(f"optima of {options.coarse_intervals} intervals are {slower:.2f} times as slow on {options.intervals}")
-        again = searched((mesh, mesh * 3 // 2), max(count, 1))
+        again = searched((mesh, mesh * 3 // 2), min(count, max(count // share, _AGAIN)))
         iterations += sum(a.iterations for a in again)
         found = distinct(ranked(again if hopeless else [*settled, *again])) or settled
         finer = replace(options, intervals=mesh)

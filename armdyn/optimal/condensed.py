@@ -47,25 +47,14 @@ Index = NDArray[np.int_]
 
 _NEAR = 1e-3
 """Of a joint's travel, and of its velocity limit: so near to a limit it is reached."""
+_RELAXED = 1e-8
+"""What IPOPT lets unknowns exceed their bounds by."""
 
 
 def condensable(problem: MinimumTimeProblem, scheme: Scheme) -> bool:
     """Whether a search may do with so few unknowns."""
     plain = scheme.tableau is LOBATTO_3 and scheme.dynamics == "forward" and scheme.control != "stage"
     return plain and problem.robot.nv <= 3 and not problem.conditions
-
-
-def solve_condensed(
-    problem: MinimumTimeProblem,
-    guess: Trajectory,
-    dynamics: Dynamics,
-    scheme: Scheme,
-    intervals: int,
-    options: DirectOptions,
-    stop: Stop,
-) -> Attempt:
-    """`direct.solve_on_mesh` where `condensable`, but for limits between the knots."""
-    return _solve(problem, guess, dynamics, scheme, intervals, options, stop)[0]
 
 
 def solve_quickly(
@@ -76,12 +65,24 @@ def solve_quickly(
     intervals: int,
     options: DirectOptions,
     stop: Stop,
+    between: bool = True,
 ) -> Attempt:
-    """`direct.solve_on_mesh`, by way of the condensed program: mostly it keeps the limits between knots, too."""
-    if not condensable(problem, scheme) or _on_limits(problem, guess):
+    """`direct.solve_on_mesh`, by way of the condensed program where that is possible.
+
+    Args:
+        problem: what is to be solved.
+        guess: where it starts.
+        dynamics: of the problem's robot.
+        scheme: the transcription.
+        intervals: of the mesh.
+        options: iteration limit, tolerance, verbosity.
+        stop: asked every few iterations.
+        between: a solution that exceeds a limit between the knots is solved again with all unknowns.
+    """
+    if not condensable(problem, scheme) or (between and _on_limits(problem, guess)):
         return solve_on_mesh(problem, guess, dynamics, scheme, intervals, options, stop)
-    attempt, within = _solve(problem, guess, dynamics, scheme, intervals, options, stop)
-    if within or attempt.status is not Status.SOLVED:
+    attempt, within = _condensed(problem, guess, dynamics, scheme, intervals, options, stop)
+    if within or not between or attempt.status is not Status.SOLVED:
         return attempt
     again = solve_on_mesh(problem, attempt.trajectory, dynamics, scheme, intervals, options, stop)
     return replace(again, iterations=attempt.iterations + again.iterations)
@@ -94,7 +95,7 @@ def _on_limits(problem: MinimumTimeProblem, guess: Trajectory) -> bool:
     return bool(beyond or np.any(np.abs(guess.v) >= (1 - _NEAR) * limits.velocity))
 
 
-def _solve(
+def _condensed(
     problem: MinimumTimeProblem,
     guess: Trajectory,
     dynamics: Dynamics,
@@ -103,7 +104,7 @@ def _solve(
     options: DirectOptions,
     stop: Stop,
 ) -> tuple[Attempt, bool]:
-    """An attempt, and whether it keeps all limits between the knots."""
+    """An attempt, and whether it keeps all limits between the knots, too."""
     program, solver, monitor = _solver(dynamics, scheme, intervals, options)
     scales, layout, places = Scales.of(problem, guess), Layout(dynamics.nv, scheme), program.places
     fractions = np.diff(mesh(intervals, dynamics.nv))
@@ -124,7 +125,8 @@ def _solve(
         defects = np.array(solver.get_function("nlp_g")(found, parameters)).reshape(intervals, -1)
         violation = worst_violation(problem, layout, x, defects, fractions, scales)
     motion = to_trajectory(x, layout, fractions, scales, problem.robot.joint_names)
-    within = bool(np.all((lower <= x + options.tolerance) & (x <= upper + options.tolerance)))
+    beyond = np.maximum(lower - x, x - upper)[places.middles]
+    within = bool(np.max(beyond) <= max(options.tolerance, _RELAXED))
     return Attempt(status, word, motion, intervals, iterations, violation), within
 
 

@@ -74,6 +74,87 @@ class _Reached:
     iterations: int
 
 
+@dataclass(frozen=True, eq=False)
+class _Refinement:
+    """What all optima of a problem are refined by."""
+
+    problem: MinimumTimeProblem
+    dynamics: Dynamics
+    scheme: Scheme
+    options: MinimumTimeOptions
+    stop: Stop
+
+    def first(self, attempt: Attempt) -> _Reached:
+        """The first mesh."""
+        if attempt.intervals != self.options.intervals:
+            return self.finer(_Reached(attempt, attempt, 0, None, 0))
+        best = self.read(attempt) if attempt.status is Status.SOLVED else None
+        return _Reached(attempt, attempt, self.options.intervals, best, 0)
+
+    def finer(self, step: _Reached) -> _Reached:
+        """The next mesh."""
+        mesh, guess = 2 * step.mesh or self.options.intervals, step.guess.trajectory
+        own = self.options.fine()
+        attempt = solve_quickly(self.problem, guess, self.dynamics, self.scheme, mesh, own, self.stop)
+        iterations = step.iterations + attempt.iterations
+        if attempt.status is not Status.SOLVED:
+            return replace(step, attempt=attempt, mesh=mesh, iterations=iterations)
+        best = self.read(attempt)
+        if step.best is not None and _quality(step.best.refined) <= _quality(best.refined):
+            best = step.best
+        return _Reached(attempt, attempt, mesh, best, iterations)
+
+    def up_to(self, finest: int, step: _Reached) -> _Reached:
+        """On finer and finer meshes until there is enough."""
+        while not (self.enough(step) or self.stop or 2 * step.mesh > finest):
+            if step.best is None and step.mesh > self.options.intervals:
+                break
+            step = self.finer(step)
+        return step
+
+    def read(self, attempt: Attempt) -> Optimum:
+        """What a mesh's solution comes to."""
+        problem, motion = self.problem, attempt.trajectory
+        if self.options.arcs and self.scheme.control == "constant":
+            refined = refine(problem, self.dynamics, self.scheme, motion, attempt.intervals, self.stop)
+        else:
+            certificate = certify(problem, replay_torques(problem.robot, motion), None, "arcs were not asked for")
+            refined = Refined(motion, certificate, None)
+        if attempt.worst_violation is not None:  # taken all the same: the motion is one, if not the fastest
+            remark = f"the collocation did not converge ({attempt.message}): a faster motion may be near"
+            told = "; ".join(filter(None, (remark, refined.certificate.remark)))
+            refined = replace(refined, certificate=replace(refined.certificate, remark=told))
+        return Optimum(refined, refined.trajectory.duration, attempt.intervals, 0)
+
+    def enough(self, step: _Reached) -> bool:
+        """Whether a finer mesh has nothing to give."""
+        if step.best is None:
+            return False
+        certificate, joints = step.best.refined.certificate, self.problem.robot.nv
+        # Finer meshes resolve the arcs of small arms; on larger ones they cost more than they have ever given.
+        modest = not self.options.arcs or joints > 3
+        # Arcs along which H vanishes are an extremal's: what a sign has against it no finer mesh takes back.
+        extremal = certificate.goal_error <= GOAL_TOLERANCE and certificate.hamiltonian_spread <= HAMILTONIAN_TOLERANCE
+        return certificate.ok or (modest and step.best.landed(self.options)) or (joints > 2 and extremal)
+
+    def optimum(self, step: _Reached) -> Optimum:
+        """The best of the meshes, within its limits; or what there is."""
+        problem, best, attempt = self.problem, step.best, step.attempt
+        if best is None:
+            motion = step.guess.trajectory
+            remark = f"did not converge on {step.mesh} intervals ({attempt.message})"
+            certificate = certify(problem, replay_torques(problem.robot, motion), None, remark)
+            unresolved = Refined(motion, certificate, None)
+            return Optimum(unresolved, motion.duration, step.mesh, step.iterations, attempt.worst_violation)
+        certificate = best.refined.certificate
+        over = certificate.limit_violation > LIMIT_TOLERANCE
+        if over and best.refined.phases is None and best.landed(self.options) and not self.stop:
+            motion, remark, near = best.refined.trajectory, certificate.remark, self.options.replay_tolerance
+            if slower := within_velocity_limits(problem, motion, remark, near, self.stop):
+                best = replace(best, refined=Refined(*slower, None), cost=slower[0].duration)
+        return replace(best, iterations=step.iterations)
+
+
 def refined_optima(
     problem: MinimumTimeProblem,
     dynamics: Dynamics,
@@ -97,26 +178,22 @@ def refined_optima(
     Returns:
         Them, in the attempts' order, and the durations of those that were not worth it.
     """
-    if options.arcs and problem.robot.nv <= 3:
+    if options.arcs and scheme.control == "constant" and problem.robot.nv <= 3:
         prepare_refinement(dynamics, scheme)
-
-    def refined(k: int, begun: _Reached | None, finest: int) -> _Reached:
-        step = begun or _first(problem, dynamics, scheme, options, attempts[k], stop)
-        while not (_enough(problem, options, step) or stop or 2 * step.mesh > finest):
-            if step.best is None and step.mesh > options.intervals:
-                break
-            step = _finer(problem, dynamics, scheme, options, step, stop)
-        return step
-
+    refinement = _Refinement(problem, dynamics, scheme, options, stop)
     # With an answer in hand a slower optimum is worth one mesh, not all of them.
     few, many = options.intervals, options.max_intervals
-    jobs = [partial(refined, k, None, few if k else many) for k in range(len(attempts))]
+
+    def refined(k: int) -> _Reached:
+        return refinement.up_to(few if k else many, refinement.first(attempts[k]))
+
     optima: list[Optimum] = []
     beaten = np.inf
     tell(f"refining optimum 1 of {len(attempts)}, about {attempts[0].trajectory.duration:.4f} s")
-    for step in in_processes(jobs, options.workers if problem.robot.nv > 1 else 1):
-        k, landed = len(optima), any(optimum.landed(options) for optimum in optima)
-        optima.append(_optimum(problem, options, step if landed else refined(k, step, many), stop))
+    jobs = [partial(refined, k) for k in range(len(attempts))]
+    for k, step in enumerate(in_processes(jobs, options.workers if problem.robot.nv > 1 else 1)):
+        landed = any(optimum.landed(options) for optimum in optima)
+        optima.append(refinement.optimum(step if landed else refinement.up_to(many, step)))
         if optima[k].refined.certificate.ok:
             duration = attempts[k].trajectory.duration
             beaten = min(beaten, duration + _SURE * abs(duration - optima[k].cost), _SLOWER * optima[k].cost)
@@ -126,93 +203,6 @@ def refined_optima(
         if left:
             tell(f"refining optimum {k + 2}, about {left[0].trajectory.duration:.4f} s")
     return optima, [attempt.trajectory.duration for attempt in attempts[len(optima) :]]
-
-
-def _first(
-    problem: MinimumTimeProblem,
-    dynamics: Dynamics,
-    scheme: Scheme,
-    options: MinimumTimeOptions,
-    attempt: Attempt,
-    stop: Stop,
-) -> _Reached:
-    """The first mesh."""
-    if attempt.intervals != options.intervals:
-        return _finer(problem, dynamics, scheme, options, _Reached(attempt, attempt, 0, None, 0), stop)
-    best = _read(problem, dynamics, scheme, options, attempt, stop) if attempt.status is Status.SOLVED else None
-    return _Reached(attempt, attempt, options.intervals, best, 0)
-
-
-def _finer(
-    problem: MinimumTimeProblem,
-    dynamics: Dynamics,
-    scheme: Scheme,
-    options: MinimumTimeOptions,
-    step: _Reached,
-    stop: Stop,
-) -> _Reached:
-    """The next mesh."""
-    mesh = 2 * step.mesh or options.intervals
-    attempt = solve_quickly(problem, step.guess.trajectory, dynamics, scheme, mesh, options.fine(), stop)
-    iterations = step.iterations + attempt.iterations
-    if attempt.status is not Status.SOLVED:
-        return replace(step, attempt=attempt, mesh=mesh, iterations=iterations)
-    best = _read(problem, dynamics, scheme, options, attempt, stop)
-    if step.best is not None and _quality(step.best.refined) <= _quality(best.refined):
-        best = step.best
-    return _Reached(attempt, attempt, mesh, best, iterations)
-
-
-def _read(
-    problem: MinimumTimeProblem,
-    dynamics: Dynamics,
-    scheme: Scheme,
-    options: MinimumTimeOptions,
-    attempt: Attempt,
-    stop: Stop,
-) -> Optimum:
-    """What a mesh's solution comes to."""
-    if options.arcs and scheme.control == "constant":
-        refined = refine(problem, dynamics, scheme, attempt.trajectory, attempt.intervals, stop)
-    else:
-        replay = replay_torques(problem.robot, attempt.trajectory)
-        certificate = certify(problem, replay, None, "arcs were not asked for")
-        refined = Refined(attempt.trajectory, certificate, None)
-    if attempt.worst_violation is not None:  # taken all the same: the motion is one, if not the fastest
-        remark = f"the collocation did not converge ({attempt.message}): a faster motion may be near"
-        told = "; ".join(filter(None, (remark, refined.certificate.remark)))
-        refined = replace(refined, certificate=replace(refined.certificate, remark=told))
-    return Optimum(refined, refined.trajectory.duration, attempt.intervals, 0)
-
-
-def _enough(problem: MinimumTimeProblem, options: MinimumTimeOptions, step: _Reached) -> bool:
-    """Whether a finer mesh has nothing to give."""
-    if step.best is None:
-        return False
-    certificate = step.best.refined.certificate
-    # Finer meshes resolve the arcs of small arms; on larger ones they cost more than they have ever given.
-    modest = not options.arcs or problem.robot.nv > 3
-    # Arcs along which H vanishes are an extremal's: what a sign has against it no finer mesh takes back.
-    extremal = certificate.goal_error <= GOAL_TOLERANCE and certificate.hamiltonian_spread <= HAMILTONIAN_TOLERANCE
-    return certificate.ok or (modest and step.best.landed(options)) or (problem.robot.nv > 2 and extremal)
-
-
-def _optimum(problem: MinimumTimeProblem, options: MinimumTimeOptions, step: _Reached, stop: Stop) -> Optimum:
-    """The best of the meshes, within its limits; or what there is."""
-    best, attempt = step.best, step.attempt
-    if best is None:
-        replay = replay_torques(problem.robot, step.guess.trajectory)
-        remark = f"did not converge on {step.mesh} intervals ({attempt.message})"
-        unresolved = Refined(step.guess.trajectory, certify(problem, replay, None, remark), None)
-        duration = unresolved.trajectory.duration
-        return Optimum(unresolved, duration, step.mesh, step.iterations, attempt.worst_violation)
-    certificate = best.refined.certificate
-    if best.refined.phases is None and best.landed(options) and not stop:
-        over, near = certificate.limit_violation > LIMIT_TOLERANCE, options.replay_tolerance
-        motion, remark = best.refined.trajectory, certificate.remark
-        if over and (slower := within_velocity_limits(problem, motion, remark, near, stop)):
-            best = replace(best, refined=Refined(*slower, None), cost=slower[0].duration)
-    return replace(best, iterations=step.iterations)
 
 
 def _quality(refined: Refined) -> tuple[bool, float]:

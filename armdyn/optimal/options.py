@@ -15,7 +15,7 @@ class MinimumTimeOptions:
 
     Attributes:
         guesses: motions of the same joints to begin with, beside the search's own: optima of similar problems.
-        starts: guesses of the global search; None: 1 for one joint, 32 for two, 48 for three, 4 beyond; where effort
+        starts: guesses of the global search; None: 1 for one joint, 20 for two, 40 for three, 4 beyond; where effort
             has a weight, 2 for one joint, 16 for two, 24 for three, 4 beyond.
         seed: of the guesses after the first; the same seed gives the same answer.
         refinements: so many of the optima found are refined; None: 4 up to three joints, 2 beyond; where
@@ -35,7 +35,7 @@ class MinimumTimeOptions:
             that keeps the equations is then taken all the same, and said not to have converged.
         tolerance: of IPOPT, on the scaled problem.
         time_limit: wall time for the whole solve [s].
-        workers: processes of the search; None: one per core. They make no difference to the answer.
+        workers: processes of search and refinement; None: one per core. They make no difference to the answer.
         verbose: let IPOPT print.
     """
 

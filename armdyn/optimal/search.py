@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.optimal.condensed import condensable, prepare_quickly, solve_condensed
-from armdyn.optimal.direct import Attempt, DirectOptions, solve_on_mesh
+from armdyn.optimal.condensed import prepare_quickly, solve_quickly
+from armdyn.optimal.direct import Attempt, DirectOptions
 from armdyn.optimal.monitor import Stop
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.processes import in_processes
@@ -39,14 +39,13 @@ def search(
     The same seed gives the same attempts, on however many cores. Those `beside` come first, and are begun first.
     """
     ways = detours(problem, seed, count)
-    solve = solve_condensed if condensable(problem, scheme) else solve_on_mesh
     for intervals in meshes:  # before the fork, so that every worker has them
         for option in options:
             prepare_quickly(problem, dynamics, scheme, intervals, option)
 
     def job(k: int) -> Attempt:
         mesh, option = meshes[k % len(meshes)], options[k // len(meshes) % len(options)]
-        return solve(problem, spline(problem, ways[k]), dynamics, scheme, mesh, option, stop)
+        return solve_quickly(problem, spline(problem, ways[k]), dynamics, scheme, mesh, option, stop, between=False)
 
     done: list[Attempt] = []
     attempts: list[Attempt] = []
