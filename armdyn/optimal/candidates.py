@@ -14,6 +14,7 @@ from armdyn.optimal.monitor import Stop
 from armdyn.optimal.options import MinimumTimeOptions
 from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.processes import in_processes
+from armdyn.optimal.rollout import replay_torques
 from armdyn.optimal.search import SAME, distinct, ranked, search
 from armdyn.optimal.starts import spline
 from armdyn.optimal.status import Status
@@ -26,8 +27,10 @@ _WORTH_REFINING = 1.2
 """Coarse solutions this much slower than the best are not refined, only listed."""
 _TRUSTED = 1.05
 """Where the finer mesh makes the best this much slower, coarse ones were too coarse, and are searched on no more."""
-_HOPELESS = 1.3
-"""Where it makes it this much slower it is too coarse itself."""
+_DOUBTED = 1.01
+"""Where it makes it this much slower, replays tell whether it is too coarse itself."""
+_ASTRAY = 0.2
+"""It is where those of all its optima end this far beside the goal, as a part of a joint's way."""
 
 _STARTS = {1: 1, 2: 20, 3: 40}
 """Guesses by joints; beyond three a solve takes seconds, and there are 4."""
@@ -125,8 +128,10 @@ def find_candidates(
     settled, listed, more = _settled(problem, dynamics, scheme, options, found, limit, stop, tell)
     iterations += more
     slower = settled[0].trajectory.duration / found[0].trajectory.duration
-    if 1 < n <= 3 and not rounds and slower > _TRUSTED and not stop:
-        hopeless = slower > _HOPELESS and 2 * mesh <= options.max_intervals
+    again_at_all = 1 < n <= 3 and not rounds and not stop
+    astray = again_at_all and slower > _DOUBTED and all(_astray(problem, attempt) for attempt in settled)
+    if astray or (again_at_all and slower > _TRUSTED):
+        hopeless = astray and 2 * mesh <= options.max_intervals
         mesh, share = (2 * mesh, 4) if hopeless else (mesh, 2)
         tell(f"optima of {options.coarse_intervals} intervals are {slower:.2f} times as slow on {options.intervals}")
         again = searched((mesh, mesh * 3 // 2), min(count, max(count // share, _AGAIN)))
@@ -175,6 +180,13 @@ def _settled(
         if len(candidates) == limit or stop or (k + 1 < len(found) and found[k + 1].trajectory.duration >= worth):
             break
     return candidates, [attempt.trajectory.duration for attempt in found[k + 1 :]], iterations
+
+
+def _astray(problem: MinimumTimeProblem, attempt: Attempt) -> bool:
+    """Whether the arm ends somewhere else when the mesh's torques are replayed."""
+    motion = attempt.trajectory
+    missed = np.abs(problem.beside_goal(replay_torques(problem.robot, motion))[: problem.robot.nv])
+    return not np.max(missed) <= _ASTRAY * np.max(np.ptp(motion.q, axis=0))
 
 
 def _patient(options: DirectOptions, joints: int) -> DirectOptions:
