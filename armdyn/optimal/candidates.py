@@ -32,7 +32,7 @@ _DOUBTED = 1.01
 _ASTRAY = 0.2
 """It is where those of all its optima end this far beside the goal, as a part of a joint's way."""
 
-_STARTS = {1: 1, 2: 20, 3: 40}
+_STARTS = {1: 1, 2: 16, 3: 40}
 """Guesses by joints; beyond three a solve takes seconds, and there are 4."""
 _AGAIN = 10
 """The least of them for another search, on finer meshes."""

@@ -15,7 +15,7 @@ class MinimumTimeOptions:
 
     Attributes:
         guesses: motions of the same joints to begin with, beside the search's own: optima of similar problems.
-        starts: guesses of the global search; None: 1 for one joint, 20 for two, 40 for three, 4 beyond; where effort
+        starts: guesses of the global search; None: 1 for one joint, 16 for two, 40 for three, 4 beyond; where effort
             has a weight, 2 for one joint, 16 for two, 24 for three, 4 beyond.
         seed: of the guesses after the first; the same seed gives the same answer.
         refinements: so many of the optima found are refined; None: 4 up to three joints, 2 beyond; where

@@ -3,7 +3,8 @@
 from protocol import INTERVALS, Answer, main
 
 import armdyn as ad
-from armdyn.optimal.direct import DirectOptions, prepare, solve_on_mesh
+from armdyn.optimal.condensed import prepare_quickly, solve_quickly
+from armdyn.optimal.direct import DirectOptions
 from armdyn.optimal.monitor import Stop
 from armdyn.optimal.starts import spline
 
@@ -13,7 +14,7 @@ def build(problem, method):
     options = ad.MinimumTimeOptions(compile=True)
     dynamics, scheme = ad.Dynamics(problem.robot, free_last_body=True), options.scheme(problem.robot.nv)
     if method == "full":
-        prepare(dynamics, scheme, options.intervals, options.alone())
+        prepare_quickly(problem, dynamics, scheme, options.intervals, options.alone())
 
         def solve():
             solution = ad.solve_minimum_time(problem, options)
@@ -23,10 +24,10 @@ def build(problem, method):
         return solve
 
     guess = spline(problem, [])
-    prepare(dynamics, scheme, INTERVALS, DirectOptions())
+    prepare_quickly(problem, dynamics, scheme, INTERVALS, DirectOptions())
 
     def solve_once():
-        attempt = solve_on_mesh(problem, guess, dynamics, scheme, INTERVALS, DirectOptions(), Stop())
+        attempt = solve_quickly(problem, guess, dynamics, scheme, INTERVALS, DirectOptions(), Stop())
         return Answer(attempt.trajectory, str(attempt.status))
 
     return solve_once
