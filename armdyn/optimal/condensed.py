@@ -6,7 +6,7 @@ Where dynamics are forward the middle of an interval follows from its ends,
 
 which is what the equations of `transcription` say together (Betts, Practical Methods for Optimal Control, 2010,
 section 4.5: compressed against separated). It is put in, and the final time stands once instead of at every knot:
-half as many unknowns and equations, the same solutions, and two thirds of IPOPT's time for an iteration. The price
+half as many unknowns and equations, the same solutions, and four fifths of the time for an iteration. The price
 are limits of positions and velocities that hold at the knots and no more in the middle, and so no conditions along
 the way.
 

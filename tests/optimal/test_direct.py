@@ -11,8 +11,9 @@ from armdyn.errors import ProblemError
 from armdyn.optimal import Status
 from armdyn.optimal.candidates import taken
 from armdyn.optimal.direct import DirectOptions, solve_on_mesh
-from armdyn.optimal.monitor import stopping
+from armdyn.optimal.monitor import Stop, stopping
 from armdyn.optimal.starts import detours, spline
+from armdyn.optimal.within import within_velocity_limits
 from problems import cart, paper_problem
 
 
@@ -53,6 +54,18 @@ def test_velocity_limit_holds_and_costs_time():
     assert np.max(np.abs(slow.trajectory.v)) <= 12 * (1 + max(1e-6, slow.certificate.limit_violation))
     assert slow.certificate.limit_violation < 1e-3
     assert slow.duration > max(free.duration, problem.duration_bound())
+
+
+def test_slowed_down_within_velocity_limits_only_where_it_lands():
+    problem = paper_problem("rr", velocity_limit=12.0)
+    options = ad.MinimumTimeOptions()
+    dynamics, scheme = ad.Dynamics(problem.robot, free_last_body=True), options.scheme(2)
+    motion = solve_on_mesh(problem, spline(problem, []), dynamics, scheme, 60, options.alone(), Stop()).trajectory
+    assert np.max(np.abs(ad.replay_torques(problem.robot, motion).v)) > 12 * (1 + 1e-5)  # there is something to mend
+    slowed, certificate = within_velocity_limits(problem, motion, "", 1e-2, Stop())
+    assert certificate.limit_violation <= 1e-6 and certificate.goal_error <= 1e-2
+    assert 1 < slowed.duration / motion.duration < 1.01
+    assert within_velocity_limits(problem, motion, "", 0.1 * certificate.goal_error, Stop()) is None
 
 
 def test_moving_start_and_goal():

@@ -23,12 +23,14 @@ def test_same_optima_as_each_for_itself():
 
 
 def test_a_neighbour_leads_where_a_search_of_its_own_does_not():
-    """RRR with 130.7 g: from 48 guesses 0.23626 s and no certificate, from the optimum with 121.9 g 0.23497 s."""
-    solutions = sweep([paper_problem("rrr", mass) for mass in (0.1219, 0.1307)])
-    assert solutions[1].certificate.ok
-    assert solutions[1].duration < 0.23498
+    """RRR with 121.9 g: eight guesses miss the optima that the neighbour of 100.6 g leads to."""
+    few = ad.MinimumTimeOptions(starts=8)
+    problems = [paper_problem("rrr", mass) for mass in (0.1006, 0.1219)]
+    solutions = sweep(problems, few)
+    assert all(solution.success for solution in solutions)
+    assert solutions[1].duration < 0.95 * ad.solve_minimum_time(problems[1], few).duration
     # The slope that the first one's multipliers give is that of the branch: the rest is curvature.
-    assert solutions[0].sensitivities().payload_mass * 0.0088 == pytest.approx(
+    assert solutions[0].sensitivities().payload_mass * 0.0213 == pytest.approx(
         solutions[1].duration - solutions[0].duration, rel=0.05
     )
 
