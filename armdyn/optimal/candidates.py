@@ -105,7 +105,7 @@ def find_candidates(
         if guess.q.shape[1] != n:
             raise ProblemError(f"options.guesses[{k}] moves {guess.q.shape[1]} joints, {problem.robot.name} has {n}")
         beside.append(on_mesh(guess, options.fine()))
-    if n == 1 or (n > 3 and not rounds):  # else there are guesses enough
+    if n > 3 and not rounds:  # else there are guesses enough
         beside.append(on_mesh(spline(problem, []), _patient(options.alone(), n)))
     tell(f"search: {count} guesses" + (f", and {len(beside)} on {options.intervals} intervals" if beside else ""))
     attempts = searched(meshes, count, beside)
