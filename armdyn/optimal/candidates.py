@@ -109,14 +109,7 @@ def find_candidates(
         beside.append(on_mesh(spline(problem, []), _patient(options.alone(), n)))
     tell(f"search: {count} guesses" + (f", and {len(beside)} on {options.intervals} intervals" if beside else ""))
     attempts = searched(meshes, count, beside)
-    alone, coarse = ranked(attempts[: len(beside)]), attempts[len(beside) :]
-    if n > 3 and alone and alone[0].status is Status.SOLVED:
-        # A finer mesh costs seconds here: only what beats the straight guess on its own mesh is worth one.
-        straight = coarse[:1] and coarse[0].status is Status.SOLVED
-        mark = coarse[0].trajectory.duration * (1 - SAME) if straight else np.inf
-        found = [*distinct(alone), *(a for a in distinct(ranked(coarse)) if a.trajectory.duration < mark)]
-    else:  # what is on the finer mesh already may hide none of the others: it costs nothing more
-        found = ranked([*distinct(alone), *distinct(ranked(coarse))])
+    found = _different(attempts[: len(beside)], attempts[len(beside) :], n)
     if not found:
         tried = _ladder(problem, dynamics, scheme, options, stop, ranked(attempts), tell)
         iterations, found = sum(a.iterations for a in tried), distinct(ranked(tried))
@@ -141,6 +134,17 @@ def find_candidates(
         settled, listed, more = _settled(problem, dynamics, scheme, finer, found, limit, stop, tell)
         iterations += more
     return Candidates(tuple(settled), True, tuple(listed), iterations, mesh)
+
+
+def _different(alone: Sequence[Attempt], coarse: Sequence[Attempt], joints: int) -> list[Attempt]:
+    """What is worth a finer mesh, best first: converged ones on that mesh already, and the search's."""
+    known, met = distinct(ranked(alone)), distinct(ranked(coarse))
+    if joints <= 3 or not known:  # what is on the finer mesh already may hide none of the others: it costs nothing more
+        return ranked([*known, *met])
+    # Such a mesh costs seconds here: only what beats the straight guess on its own mesh is worth one.
+    straight = coarse[:1] and coarse[0].status is Status.SOLVED
+    mark = coarse[0].trajectory.duration * (1 - SAME) if straight else np.inf
+    return [*known, *(attempt for attempt in met if attempt.trajectory.duration < mark)]
 
 
 def _settled(
