@@ -82,7 +82,7 @@ def find_candidates(
         dynamics: of its robot.
         scheme: the transcription.
         options: how many guesses, on which meshes.
-        stop: asked at every iteration.
+        stop: asked every few iterations.
         tell: told in words what is being tried.
     """
     n = problem.robot.nv

@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.optimal.compiled import compiled
 from armdyn.optimal.course import path_rows
 from armdyn.optimal.direct import Attempt, DirectOptions, effort_weights, mesh, outcome, prepare, solve_on_mesh
 from armdyn.optimal.ipopt import make_solver
@@ -31,19 +30,18 @@ from armdyn.optimal.problem import MinimumTimeProblem
 from armdyn.optimal.status import Status
 from armdyn.optimal.tableau import LOBATTO_3
 from armdyn.optimal.transcription import (
+    Index,
+    IntervalFunctions,
     Layout,
     Program,
     Scheme,
-    hessian_function,
-    jacobian_function,
-    nonzeros_of,
+    differentiated,
+    mapped,
     parameters_of,
-    scatter,
 )
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
-Index = NDArray[np.int_]
 
 _NEAR = 1e-3
 """Of a joint's travel, and of its velocity limit: so near to a limit it is reached."""
@@ -173,21 +171,9 @@ def _places(layout: Layout, intervals: int) -> _Places:
     return _Places(np.append(kept, 2 * n), knots + 2 * n, (inner[:, None] + np.arange(2 * n)).ravel())
 
 
-@dataclass(frozen=True)
-class _Interval:
-    """One interval's functions of y = (x_k, u_k, x_{k+1}, T) or (x_k, u_k, x_{k+1}, u_{k+1}, T), and p."""
-
-    defects: ca.Function
-    cost: ca.Function
-    middle: ca.Function
-    jacobian: ca.Function
-    jacobian_pattern: ca.Sparsity
-    hessian: ca.Function
-    hessian_pattern: ca.Sparsity
-
-
 @lru_cache(maxsize=16)
-def _interval(dynamics: Dynamics, scheme: Scheme) -> _Interval:
+def _interval(dynamics: Dynamics, scheme: Scheme) -> tuple[IntervalFunctions, ca.Function]:
+    """Functions of y = (x_k, u_k, x_{k+1}, T) or (x_k, u_k, x_{k+1}, u_{k+1}, T), and p; the middle's state."""
     n, linear = dynamics.nv, scheme.control == "linear"
     y, p = ca.SX.sym("y", 6 * n + 1 if linear else 5 * n + 1), ca.SX.sym("p", 1 + parameters_of(n))
     fraction, time, length, speed = ca.vertsplit(p[:4])
@@ -211,49 +197,23 @@ def _interval(dynamics: Dynamics, scheme: Scheme) -> _Interval:
     )
     cost = fraction * duration * (1 + squares / 2)
 
-    sigma, lam = ca.SX.sym("sigma"), ca.SX.sym("lam", 2 * n)
-    jacobian = ca.jacobian(defects, y)
-    hessian = ca.triu(ca.hessian(sigma * cost + ca.dot(lam, defects), y)[0])
-    functions = (
-        ca.Function("condensed_jacobian", [y, p], [nonzeros_of(jacobian)]),
-        ca.Function("condensed_hessian", [y, p, sigma, lam], [nonzeros_of(hessian)]),
-    )
-    fast = compiled(functions, scheme.compile)
-    return _Interval(
-        defects=ca.Function("condensed_defects", [y, p], [defects]),
-        cost=ca.Function("condensed_cost", [y, p], [cost]),
-        middle=ca.Function("condensed_middle", [y, p], [middle]),
-        jacobian=fast[0],
-        jacobian_pattern=jacobian.sparsity(),
-        hessian=fast[1],
-        hessian_pattern=hessian.sparsity(),
-    )
+    functions = differentiated("condensed", y, p, defects, cost, scheme.compile)
+    return functions, ca.Function("condensed_middle", [y, p], [middle])
 
 
 def _program(dynamics: Dynamics, scheme: Scheme, intervals: int) -> _Condensed:
-    n, one, N = dynamics.nv, _interval(dynamics, scheme), intervals
+    n, N, (one, middle) = dynamics.nv, intervals, _interval(dynamics, scheme)
     places = _places(Layout(n, scheme), N)
-    size, width, rows = places.kept.size, one.jacobian_pattern.shape[1], 2 * n
-    x, p = ca.MX.sym("x", size), ca.MX.sym("p", N + parameters_of(n))
+    size, width = places.kept.size, one.jacobian_pattern.shape[1]
     own = np.vstack([np.arange(width - 1)[:, None] + 3 * n * np.arange(N), np.full((1, N), size - 1)])
-    y = ca.reshape(x[own.ravel(order="F").tolist()], width, N)
-    parameters = ca.vertcat(p[:N].T, ca.repmat(p[N:], 1, N))
-    f, g = ca.sum2(one.cost.map(N)(y, parameters)), ca.vec(one.defects.map(N)(y, parameters))
-
-    row, col = (np.array(index, dtype=int) for index in one.jacobian_pattern.get_triplet())
-    nonzeros = one.jacobian.map(N)(y, parameters)
-    jacobian = scatter(row[:, None] + rows * np.arange(N), own[col], (rows * N, size), nonzeros)
-
-    sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", rows * N)
-    row, col = (np.array(index, dtype=int) for index in one.hessian_pattern.get_triplet())
-    nonzeros = one.hessian.map(N)(y, parameters, ca.repmat(sigma, 1, N), ca.reshape(lam, rows, N))
-    hessian = scatter(own[row], own[col], (size, size), nonzeros)
+    program, (y, parameters) = mapped(one, own, size, n)
+    x, p = program.functions["x"], program.functions["p"]
     return _Condensed(
-        functions={"x": x, "p": p, "f": f, "g": g},
-        jacobian=jacobian_function(x, p, g, jacobian),
-        hessian=hessian_function(x, p, sigma, lam, hessian),
+        functions=program.functions,
+        jacobian=program.jacobian,
+        hessian=program.hessian,
         places=places,
-        middles=ca.Function("middles", [x, p], [one.middle.map(N)(y, parameters)]),
+        middles=ca.Function("middles", [x, p], [middle.map(N)(y, parameters)]),
     )
 
 

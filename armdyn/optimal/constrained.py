@@ -112,7 +112,7 @@ def settle(
         scheme: of `scheme_for`.
         options: tolerances and meshes.
         attempt: a converged solution to start from.
-        stop: asked at every iteration.
+        stop: asked every few iterations.
         tell: told in words what is being tried.
     """
     course, size, iterations = PLAIN, options.intervals, 0
@@ -252,7 +252,7 @@ def constrained_optima(
         dynamics: of its robot.
         scheme: the transcription.
         options: how many guesses, on which meshes.
-        stop: asked at every iteration.
+        stop: asked every few iterations.
         tell: told in words what is being tried.
     """
     scheme = scheme_for(problem, scheme)

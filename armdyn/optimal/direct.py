@@ -99,7 +99,7 @@ def solve_on_mesh(
         scheme: the transcription.
         intervals: of the mesh, dealt out to the legs between via points.
         options: iteration limit, tolerance, verbosity.
-        stop: asked at every iteration.
+        stop: asked every few iterations.
         course: how much stricter than the problem to be.
     """
     rows = path_rows(problem, course.points)

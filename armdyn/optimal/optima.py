@@ -172,7 +172,7 @@ def refined_optima(
         scheme: the transcription.
         options: the meshes.
         attempts: on the first mesh or, where they have 0 intervals, of a neighbouring problem; best first.
-        stop: asked at every iteration.
+        stop: asked every few iterations.
         tell: told in words what is being tried.
 
     Returns:

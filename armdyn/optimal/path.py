@@ -15,7 +15,17 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.models.obstacles import Capsule, Obstacle
 from armdyn.optimal.compiled import compiled
 from armdyn.optimal.distance import SIZES, Solid, from_segment, least_over_segment, solid
-from armdyn.optimal.transcription import Layout, Nlp, Scheme, assemble, nonzeros_of, parameters_of, stage_accelerations
+from armdyn.optimal.transcription import (
+    Layout,
+    Nlp,
+    Scheme,
+    assemble,
+    hessian_function,
+    jacobian_function,
+    nonzeros_of,
+    parameters_of,
+    stage_accelerations,
+)
 
 Array = NDArray[np.float64]
 
@@ -108,13 +118,9 @@ def with_rows(nlp: Nlp, dynamics: Dynamics, rows: PathRows) -> Nlp:
     return replace(
         nlp,
         functions={"x": x, "p": whole, "f": f, "g": ca.vertcat(plain, *g)},
-        jacobian=ca.Function(
-            "nlp_jac_g", [x, whole], [ca.vertcat(plain_g, *g), jacobian_all], ["x", "p"], ["g", "jac_g_x"]
-        ),
+        jacobian=jacobian_function(x, whole, ca.vertcat(plain_g, *g), jacobian_all),
         gradient=ca.Function("gradient", [x, whole], [nlp.gradient(x, p)]),
-        hessian=ca.Function(
-            "nlp_hess_l", [x, whole, sigma, lam], [hessian_all], ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
-        ),
+        hessian=hessian_function(x, whole, sigma, lam, hessian_all),
     )
 
 

@@ -124,7 +124,7 @@ def solve_phases(
         dynamics: of the problem's robot.
         scheme: says the form of the dynamics.
         intervals: of the whole mesh.
-        stop: asked at every iteration.
+        stop: asked every few iterations.
         offset: how far beside the goal the collocation shall end, in (q, v), shape (2 nv,): where
             the collocation's error takes it back.
         near: the guess solves nearly the same problem: IPOPT stays where it is.

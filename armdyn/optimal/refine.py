@@ -63,7 +63,7 @@ def refine(
         scheme: says the form of the dynamics.
         trajectory: a collocation solution with constant torques between the knots of `direct.mesh`.
         intervals: of its mesh.
-        stop: asked at every iteration.
+        stop: asked every few iterations.
     """
     phases, remark = _structure(problem, dynamics, scheme, trajectory, intervals, stop)
     if phases is not None:
@@ -93,7 +93,7 @@ def land(
         dynamics: of its robot.
         scheme: says the form of the dynamics.
         phases: a solution of theirs.
-        stop: asked at every iteration.
+        stop: asked every few iterations.
         remark: what there is to say against them already.
     """
     phases, replay, landing = _land(problem, dynamics, scheme, phases, stop)

@@ -70,7 +70,7 @@ def smooth_optima(
         starts: guesses of the search, the first of them straight.
         seed: of the other guesses.
         count: so many optima at most.
-        stop: asked at every iteration.
+        stop: asked every few iterations.
         tell: told in words what is being tried.
         workers: processes of the search; None: one per core.
     """
@@ -93,7 +93,7 @@ def resolve(problem: MinimumTimeProblem, guess: Trajectory, dynamics: Dynamics, 
         guess: the motion to start from.
         dynamics: of its robot, with a free last body.
         scheme: says the form of the dynamics.
-        stop: asked at every iteration.
+        stop: asked every few iterations.
     """
     arc = Arc(guess.duration, (Mode.FREE,) * problem.robot.nv)
     return solve_phases(problem, [arc], guess, dynamics, scheme, _FINE, stop)
@@ -112,7 +112,7 @@ def settled(
         dynamics: of its robot, with a free last body.
         scheme: says the form of the dynamics.
         optima: with one arc each.
-        stop: asked at every iteration.
+        stop: asked every few iterations.
     """
     waiting, left = list(optima), []
 

@@ -33,6 +33,7 @@ from armdyn.optimal.transcription import (
     assemble,
     build_nlp,
     interval_functions,
+    jacobian_function,
     parameters_of,
 )
 from armdyn.trajectory import Trajectory
@@ -122,7 +123,7 @@ def build_staged(dynamics: Dynamics, scheme: Scheme, intervals: int) -> StagedNl
         layout=layout,
         intervals=N,
         functions={"x": x, "p": p, "f": f, "g": g},
-        jacobian=ca.Function("nlp_jac_g", [x, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
+        jacobian=jacobian_function(x, p, g, jacobian),
         hessian=ca.Function(
             "nlp_hess_l",
             [x, p, sigma, lam],

@@ -25,6 +25,7 @@ from armdyn.optimal.compiled import compiled
 from armdyn.optimal.tableau import TABLEAUS, Tableau
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int_]
 Control = Literal["linear", "constant", "stage"]
 DynamicsForm = Literal["forward", "inverse"]
 
@@ -230,37 +231,56 @@ def build_nlp(dynamics: Dynamics, scheme: Scheme, intervals: int) -> Nlp:
     Parameters p: interval fractions (N), scales of T, q, v, effort weights (nv), torque scales (nv), the last
     body's dynamic parameters (10).
     """
-    layout, N = Layout(dynamics.nv, scheme), intervals
-    one = interval_functions(dynamics, scheme)
+    layout, one = Layout(dynamics.nv, scheme), interval_functions(dynamics, scheme)
     block, width = layout.knot + layout.inner, 2 * layout.knot + layout.inner
-    size, rows = layout.size(N), one.defects.numel_out(0)
-
-    x = ca.MX.sym("x", size)
-    p = ca.MX.sym("p", N + parameters_of(dynamics.nv))
     # The unknowns of interval k: its own block and the next knot.
-    index = block * np.arange(N)[None, :] + np.arange(width)[:, None]
+    index = block * np.arange(intervals)[None, :] + np.arange(width)[:, None]
+    program, _ = mapped(one, index, layout.size(intervals), dynamics.nv)
+    x, p, f = (program.functions[name] for name in "xpf")
+    return Nlp(
+        functions=program.functions,
+        jacobian=program.jacobian,
+        hessian=program.hessian,
+        layout=layout,
+        intervals=intervals,
+        gradient=ca.Function("gradient", [x, p], [ca.gradient(f, x)]),
+        defects=one.defects.numel_out(0),
+    )
+
+
+def mapped(one: "IntervalFunctions", index: Index, size: int, joints: int) -> tuple[Program, tuple[ca.MX, ca.MX]]:
+    """The program of many intervals.
+
+    Args:
+        one: an interval.
+        index: which unknowns are an interval's, a column each.
+        size: number of all unknowns.
+        joints: of the arm.
+
+    Returns:
+        The program, and the intervals' unknowns and parameters, a column each.
+    """
+    (width, N), rows = index.shape, one.defects.numel_out(0)
+    x, p = ca.MX.sym("x", size), ca.MX.sym("p", N + parameters_of(joints))
     y = ca.reshape(x[index.ravel(order="F").tolist()], width, N)
     parameters = ca.vertcat(p[:N].T, ca.repmat(p[N:], 1, N))
-
     g = ca.vec(one.defects.map(N)(y, parameters))
     f = ca.sum2(one.cost.map(N)(y, parameters))
 
+    row, col = (np.array(place, dtype=int) for place in one.jacobian_pattern.get_triplet())
     nonzeros = one.jacobian.map(N)(y, parameters)
-    jacobian = assemble(one.jacobian_pattern, (rows, block), (rows * N, size), nonzeros)
+    jacobian = scatter(row[:, None] + rows * np.arange(N), index[col], (rows * N, size), nonzeros)
 
     sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", rows * N)
+    row, col = (np.array(place, dtype=int) for place in one.hessian_pattern.get_triplet())
     nonzeros = one.hessian.map(N)(y, parameters, ca.repmat(sigma, 1, N), ca.reshape(lam, rows, N))
-    hessian = assemble(one.hessian_pattern, (block, block), (size, size), nonzeros)
-
-    return Nlp(
-        layout=layout,
-        intervals=N,
+    hessian = scatter(index[row], index[col], (size, size), nonzeros)
+    program = Program(
         functions={"x": x, "p": p, "f": f, "g": g},
         jacobian=jacobian_function(x, p, g, jacobian),
-        gradient=ca.Function("gradient", [x, p], [ca.gradient(f, x)]),
         hessian=hessian_function(x, p, sigma, lam, hessian),
-        defects=rows,
     )
+    return program, (y, parameters)
 
 
 def jacobian_function(x: ca.MX, p: ca.MX, g: ca.MX, jacobian: ca.MX) -> ca.Function:
@@ -288,7 +308,7 @@ def assemble(pattern: ca.Sparsity, step: tuple[int, int], shape: tuple[int, int]
     return scatter(row[:, None] + step[0] * shift, col[:, None] + step[1] * shift, shape, nonzeros)
 
 
-def scatter(rows: NDArray[np.int_], cols: NDArray[np.int_], shape: tuple[int, int], nonzeros: ca.MX) -> ca.MX:
+def scatter(rows: Index, cols: Index, shape: tuple[int, int], nonzeros: ca.MX) -> ca.MX:
     """The sparse matrix of nonzeros, each in its row and column; what falls on the same place is added."""
     rows, cols = rows.ravel(order="F"), cols.ravel(order="F")
     places, which = np.unique(cols * shape[0] + rows, return_inverse=True)  # column by column, as CasADi stores
@@ -298,7 +318,7 @@ def scatter(rows: NDArray[np.int_], cols: NDArray[np.int_], shape: tuple[int, in
 
 
 @dataclass(frozen=True)
-class _IntervalFunctions:
+class IntervalFunctions:
     """One interval's values and the nonzeros of its derivatives."""
 
     defects: ca.Function
@@ -310,20 +330,33 @@ class _IntervalFunctions:
 
 
 @lru_cache(maxsize=16)
-def interval_functions(dynamics: Dynamics, scheme: Scheme) -> _IntervalFunctions:
+def interval_functions(dynamics: Dynamics, scheme: Scheme) -> IntervalFunctions:
     """The functions of one interval; the same model and scheme give the same ones."""
-    y, p, g, cost = _equations(dynamics, scheme)
-    sigma, lam = ca.SX.sym("sigma"), ca.SX.sym("lam", g.numel())
-    jacobian = ca.jacobian(g, y)
-    hessian = ca.triu(ca.hessian(sigma * cost + ca.dot(lam, g), y)[0])
+    return differentiated("interval", *_equations(dynamics, scheme), scheme.compile)
+
+
+def differentiated(name: str, y: ca.SX, p: ca.SX, defects: ca.SX, cost: ca.SX, asked: bool | None) -> IntervalFunctions:
+    """An interval's equations as functions, with their derivatives.
+
+    Args:
+        name: the functions' names begin so.
+        y: its unknowns.
+        p: its parameters.
+        defects: its equations.
+        cost: its part of the cost.
+        asked: for `compiled`.
+    """
+    sigma, lam = ca.SX.sym("sigma"), ca.SX.sym("lam", defects.numel())
+    jacobian = ca.jacobian(defects, y)
+    hessian = ca.triu(ca.hessian(sigma * cost + ca.dot(lam, defects), y)[0])
     derivatives = (
-        ca.Function("interval_jacobian", [y, p], [nonzeros_of(jacobian)]),
-        ca.Function("interval_hessian", [y, p, sigma, lam], [nonzeros_of(hessian)]),
+        ca.Function(f"{name}_jacobian", [y, p], [nonzeros_of(jacobian)]),
+        ca.Function(f"{name}_hessian", [y, p, sigma, lam], [nonzeros_of(hessian)]),
     )
-    fast = compiled(derivatives, scheme.compile)
-    return _IntervalFunctions(
-        defects=ca.Function("interval_defects", [y, p], [g]),
-        cost=ca.Function("interval_cost", [y, p], [cost]),  # apart: its gradient needs no dynamics
+    fast = compiled(derivatives, asked)
+    return IntervalFunctions(
+        defects=ca.Function(f"{name}_defects", [y, p], [defects]),
+        cost=ca.Function(f"{name}_cost", [y, p], [cost]),  # apart: its gradient needs no dynamics
         jacobian=fast[0],
         jacobian_pattern=jacobian.sparsity(),
         hessian=fast[1],
