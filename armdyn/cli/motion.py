@@ -48,7 +48,7 @@ from armdyn.cli.arguments import (
 from armdyn.cli.console import INTERRUPTED, NOT_CERTIFIED, answering, console, facts_table, working
 from armdyn.errors import ArmdynWarning, ProblemError, TrajectoryError
 from armdyn.optimal import Solution
-from armdyn.optimal.turns import endless
+from armdyn.optimal.problem.turns import endless
 from armdyn.trajectory import Trajectory
 
 

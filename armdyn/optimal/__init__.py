@@ -1,17 +1,17 @@
 """Minimum-time motion: global search, exact switching times, certificate; and the indirect method beside it."""
 
-from armdyn.optimal.arcs import Arc, Mode
-from armdyn.optimal.certificate import Certificate
+from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.gap import TimeOptimality, time_optimality, trajectory_from_path
-from armdyn.optimal.indirect import solve_indirect
-from armdyn.optimal.indirect_solution import Comparison, IndirectOptions, IndirectSolution, compare_with_direct
+from armdyn.optimal.indirect.solution import Comparison, IndirectOptions, IndirectSolution, compare_with_direct
+from armdyn.optimal.indirect.solve import solve_indirect
+from armdyn.optimal.landing.rollout import replay_torques
 from armdyn.optimal.minimum_time import solve_minimum_time
-from armdyn.optimal.options import MinimumTimeOptions
-from armdyn.optimal.problem import MinimumTimeProblem
-from armdyn.optimal.rollout import replay_torques
-from armdyn.optimal.sensitivity import Sensitivities
-from armdyn.optimal.solution import Solution
-from armdyn.optimal.status import Status, Violation
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Status, Violation
+from armdyn.optimal.proof.certificate import Certificate
+from armdyn.optimal.proof.sensitivity import Sensitivities
+from armdyn.optimal.task.options import MinimumTimeOptions
 
 __all__ = [
     "Arc",

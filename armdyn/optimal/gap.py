@@ -10,12 +10,12 @@ from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.errors import TrajectoryError
 from armdyn.models.limits import JointLimits
 from armdyn.models.robot import Robot
+from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.landing.rollout import replay_torques
 from armdyn.optimal.minimum_time import solve_minimum_time
-from armdyn.optimal.options import MinimumTimeOptions
-from armdyn.optimal.problem import MinimumTimeProblem
-from armdyn.optimal.rollout import replay_torques
-from armdyn.optimal.solution import Solution
-from armdyn.optimal.status import Violation
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Violation
+from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]

@@ -8,22 +8,22 @@ import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ProblemError
-from armdyn.optimal.candidates import Candidates, find_candidates
-from armdyn.optimal.certificate import Certificate
-from armdyn.optimal.constrained import constrained_optima
-from armdyn.optimal.direct import Attempt
-from armdyn.optimal.goals import GoalTried, screened
-from armdyn.optimal.layers import without_dry_friction
-from armdyn.optimal.monitor import Stop, stopping
-from armdyn.optimal.optima import Optimum, refined_optima
-from armdyn.optimal.options import MinimumTimeOptions
-from armdyn.optimal.problem import MinimumTimeProblem
-from armdyn.optimal.refine import land
-from armdyn.optimal.search import SAME
-from armdyn.optimal.smooth import cost, settled, smooth_optima, trajectory_cost
-from armdyn.optimal.solution import Solution
-from armdyn.optimal.status import Status
-from armdyn.optimal.transcription import Scheme
+from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.arcs.layers import without_dry_friction
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Status
+from armdyn.optimal.problem.stop import Stop, stopping
+from armdyn.optimal.proof.certificate import Certificate
+from armdyn.optimal.refine.arcs import land
+from armdyn.optimal.refine.constrained import constrained_optima
+from armdyn.optimal.refine.optima import Optimum, refined_optima
+from armdyn.optimal.refine.smooth import cost, settled, smooth_optima, trajectory_cost
+from armdyn.optimal.search.candidates import Candidates, find_candidates
+from armdyn.optimal.search.goals import GoalTried, screened
+from armdyn.optimal.search.multistart import SAME
+from armdyn.optimal.solve.direct import Attempt
+from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.optimal.task.scheme import Scheme
 
 _SAME_OPTIMUM = 1e-6
 """Refined durations that differ by less than this part are one optimum."""

@@ -23,7 +23,7 @@ from armdyn.optimal import (
     solve_indirect,
     solve_minimum_time,
 )
-from armdyn.optimal.smooth import trajectory_cost
+from armdyn.optimal.refine.smooth import trajectory_cost
 from armdyn.show.report import minimum_time_summary, pid_summary
 from armdyn.studies.paper import EXAMPLES, Example, Kind, example
 from armdyn.trajectory import Trajectory

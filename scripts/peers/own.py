@@ -3,10 +3,10 @@
 from protocol import INTERVALS, Answer, main
 
 import armdyn as ad
-from armdyn.optimal.condensed import prepare_quickly, solve_quickly
-from armdyn.optimal.direct import DirectOptions
-from armdyn.optimal.monitor import Stop
-from armdyn.optimal.starts import spline
+from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.search.starts import spline
+from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
+from armdyn.optimal.task.options import DirectOptions
 
 
 def build(problem, method):

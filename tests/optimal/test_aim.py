@@ -5,10 +5,10 @@ import pytest
 
 import armdyn as ad
 from armdyn.dynamics.numeric import inverse_dynamics
-from armdyn.optimal.aim import aimed, led_home
-from armdyn.optimal.direct import solve_on_mesh
-from armdyn.optimal.monitor import stopping
-from armdyn.optimal.starts import spline
+from armdyn.optimal.landing.aim import aimed, led_home
+from armdyn.optimal.problem.stop import stopping
+from armdyn.optimal.search.starts import spline
+from armdyn.optimal.solve.direct import solve_on_mesh
 from problems import cart, paper_problem
 
 

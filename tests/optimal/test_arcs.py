@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.arcs import Arc, Event, Mode, arcs_between, detect, merged, without_short
+from armdyn.optimal.arcs.arc import Arc, Event, Mode, arcs_between, detect, merged, without_short
 from problems import cart
 
 U, L = Mode.UPPER, Mode.LOWER

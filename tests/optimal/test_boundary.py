@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armdyn.optimal.boundary import BoundaryProblem, Extremal, solve_lobatto, solve_trapezoidal
-from armdyn.optimal.canonical import canonical_system, sampled
-from armdyn.optimal.monitor import Stop
-from armdyn.optimal.status import Status
+from armdyn.optimal.indirect.boundary import BoundaryProblem, Extremal, solve_lobatto, solve_trapezoidal
+from armdyn.optimal.indirect.canonical import canonical_system, sampled
+from armdyn.optimal.problem.status import Status
+from armdyn.optimal.problem.stop import Stop
 from problems import cart, paper_problem
 
 NONE = np.array([np.inf])

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from armdyn.optimal.canonical import canonical_system, sampled
+from armdyn.optimal.indirect.canonical import canonical_system, sampled
 from oracles import PinDynamics, random_states, robot_named
 
 ARMS = ("r", "rr", "rrr", "double_pendulum", "ur5")

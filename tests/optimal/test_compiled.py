@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from armdyn.dynamics import Dynamics
-from armdyn.optimal.compiled import cache_directory, compiled
-from armdyn.optimal.transcription import Scheme, build_nlp
+from armdyn.optimal.program.assembly import build_nlp
+from armdyn.optimal.program.compiled import cache_directory, compiled
+from armdyn.optimal.task.scheme import Scheme
 from problems import paper_arm
 
 needs_compiler = pytest.mark.skipif(not shutil.which("cc"), reason="there is no C compiler")

@@ -6,11 +6,12 @@ import pytest
 
 import armdyn as ad
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.optimal.condensed import condensable, solve_quickly
-from armdyn.optimal.direct import DirectOptions, solve_on_mesh
-from armdyn.optimal.monitor import Stop
-from armdyn.optimal.starts import spline
-from armdyn.optimal.transcription import Scheme
+from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.search.starts import spline
+from armdyn.optimal.solve.condensed import condensable, solve_quickly
+from armdyn.optimal.solve.direct import solve_on_mesh
+from armdyn.optimal.task.options import DirectOptions
+from armdyn.optimal.task.scheme import Scheme
 from problems import luus_problem, paper_problem
 
 TIGHT = DirectOptions(1e-9, 500, barrier=1e-2)

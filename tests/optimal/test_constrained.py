@@ -10,7 +10,7 @@ from armdyn.errors import ProblemError
 from armdyn.models.collision import CollisionModel
 from armdyn.models.obstacles import Box, Sphere
 from armdyn.models.reaching import GoalPose
-from armdyn.optimal.constrained import check
+from armdyn.optimal.refine.constrained import check
 from problems import POSES, cart, paper_arm, paper_problem
 
 START, GOAL = POSES["rr"]

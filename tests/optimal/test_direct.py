@@ -9,11 +9,12 @@ import pytest
 import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.optimal import Status
-from armdyn.optimal.candidates import taken
-from armdyn.optimal.direct import DirectOptions, solve_on_mesh
-from armdyn.optimal.monitor import Stop, stopping
-from armdyn.optimal.starts import detours, spline
-from armdyn.optimal.within import within_velocity_limits
+from armdyn.optimal.problem.stop import Stop, stopping
+from armdyn.optimal.refine.slowing import within_velocity_limits
+from armdyn.optimal.search.candidates import taken
+from armdyn.optimal.search.starts import detours, spline
+from armdyn.optimal.solve.direct import solve_on_mesh
+from armdyn.optimal.task.options import DirectOptions
 from problems import cart, paper_problem
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.certificate import certify, limit_violation
-from armdyn.optimal.search import distinct
-from armdyn.optimal.smooth import trajectory_cost
+from armdyn.optimal.proof.certificate import certify, limit_violation
+from armdyn.optimal.refine.smooth import trajectory_cost
+from armdyn.optimal.search.multistart import distinct
 from problems import cart, luus_problem, paper_arm, paper_problem
 
 # Exact bang-bang durations of Example 1 [s], payload at the tip, by quadrature of the energy integral.
@@ -191,7 +191,7 @@ def test_effort_weight_is_judged_by_cost_not_by_duration():
 
 
 def test_distinct_keeps_the_best_of_each(tmp_path):
-    from armdyn.optimal.direct import Attempt
+    from armdyn.optimal.solve.direct import Attempt
 
     def attempt(duration, status=ad.Status.SOLVED):
         motion = ad.Trajectory([0, duration], np.zeros((2, 1)), np.zeros((2, 1)), np.zeros((2, 1)))

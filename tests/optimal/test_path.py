@@ -8,10 +8,11 @@ import pytest
 
 import armdyn as ad
 from armdyn.models.obstacles import Box, Capsule, Sphere
-from armdyn.optimal.course import legs_of, path_rows, scene_of
-from armdyn.optimal.path import distances_at, with_rows
-from armdyn.optimal.starts import spline
-from armdyn.optimal.transcription import Scheme, build_nlp
+from armdyn.optimal.conditions.course import legs_of, path_rows, scene_of
+from armdyn.optimal.conditions.rows import distances_at, with_rows
+from armdyn.optimal.program.assembly import build_nlp
+from armdyn.optimal.search.starts import spline
+from armdyn.optimal.task.scheme import Scheme
 from problems import POSES, paper_arm, paper_problem
 
 START, GOAL = POSES["rr"]

@@ -7,8 +7,8 @@ from functools import partial
 
 import pytest
 
-from armdyn.optimal.monitor import Stop
-from armdyn.optimal.processes import in_processes
+from armdyn.optimal.problem.stop import Stop
+from armdyn.processes import in_processes
 
 HERE = os.getpid()
 

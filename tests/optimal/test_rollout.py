@@ -3,7 +3,7 @@ import pinocchio as pin
 import pytest
 
 import armdyn as ad
-from armdyn.optimal import rollout
+from armdyn.optimal.landing import rollout
 from problems import cart, paper_arm
 
 

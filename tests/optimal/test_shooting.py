@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.arcs import Arc, Mode
-from armdyn.optimal.canonical import canonical_system
-from armdyn.optimal.monitor import Stop
-from armdyn.optimal.shooting import BangBang, ShootingProblem, guess_arcs, shoot
-from armdyn.optimal.status import Status
+from armdyn.optimal.arcs.arc import Arc, Mode
+from armdyn.optimal.indirect.canonical import canonical_system
+from armdyn.optimal.indirect.shooting import BangBang, ShootingProblem, guess_arcs, shoot
+from armdyn.optimal.problem.status import Status
+from armdyn.optimal.problem.stop import Stop
 from problems import cart, luus_problem
 
 TOLERANCE = 1e-10

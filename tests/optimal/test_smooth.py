@@ -5,10 +5,10 @@ import pytest
 
 import armdyn as ad
 from armdyn.dynamics import Dynamics
-from armdyn.optimal.monitor import Stop
-from armdyn.optimal.smooth import cost, resolve, smooth_optima, trajectory_cost
-from armdyn.optimal.starts import spline
-from armdyn.optimal.transcription import Scheme
+from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.refine.smooth import cost, resolve, smooth_optima, trajectory_cost
+from armdyn.optimal.search.starts import spline
+from armdyn.optimal.task.scheme import Scheme
 from problems import cart, paper_problem
 
 

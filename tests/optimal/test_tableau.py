@@ -5,9 +5,10 @@ from scipy.integrate import solve_ivp
 from scipy.sparse.linalg import spsolve
 
 from armdyn.dynamics import Dynamics
-from armdyn.optimal.mesh import Scales, split, to_unknowns
-from armdyn.optimal.tableau import LOBATTO_3, TABLEAUS, Tableau
-from armdyn.optimal.transcription import Scheme, build_nlp
+from armdyn.optimal.program.assembly import build_nlp
+from armdyn.optimal.program.unknowns import Scales, split, to_unknowns
+from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.tableau import LOBATTO_3, TABLEAUS, Tableau
 from armdyn.trajectory import Trajectory
 from problems import paper_arm
 

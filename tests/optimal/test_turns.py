@@ -6,7 +6,7 @@ from scipy.integrate import quad
 
 import armdyn as ad
 from armdyn.errors import ProblemError
-from armdyn.optimal.turns import MOST_WAYS, endless, ways_round
+from armdyn.optimal.problem.turns import MOST_WAYS, endless, ways_round
 from oracles import joint, link, two_links, urdf
 
 EFFORT = 1.2

@@ -10,7 +10,7 @@ from armdyn.control import PidGains, simulate_pid
 from armdyn.dynamics import Dynamics
 from armdyn.dynamics.closed_form import PlanarArm
 from armdyn.models import ArmSpec, Payload
-from armdyn.optimal.canonical import canonical_system
+from armdyn.optimal.indirect.canonical import canonical_system
 from armdyn.studies import published
 from armdyn.studies.cases import Case, run_case
 from armdyn.studies.feasibility import holding

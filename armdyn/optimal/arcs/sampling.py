@@ -1,0 +1,79 @@
+"""The motion that a multi-phase solution stands for, as a trajectory."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.arcs.arc import BANG, Arc, Mode
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.task.tableau import Tableau
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_SAMPLES = 480
+"""Torque samples, about, on all arcs where the torque is not constant together: 4 to 16 on an interval."""
+
+
+def sampled(
+    problem: MinimumTimeProblem,
+    tableau: Tableau,
+    arcs: Sequence[Arc],
+    arc_of: NDArray[np.int_],
+    t: Array,
+    states: Array,
+    tau: Array,
+) -> Trajectory:
+    """The polynomials of the intervals, sampled: twice where all torques are constant, more often elsewhere.
+
+    Args:
+        problem: says the limits, which no torque exceeds.
+        tableau: says where the stages are.
+        arcs: the modes of the joints.
+        arc_of: which arc an interval is in, shape (K,).
+        t: knots [s], shape (K + 1,).
+        states: (q, v) at the start of every interval and at its stages, shape (K, stages + 1, 2, nv).
+        tau: torques at the stages [N m or N], shape (K, stages, nv).
+    """
+    nodes, limits = np.append(0.0, tableau.c), problem.limits
+    varying = sum(any(mode not in BANG for mode in arcs[a].modes) for a in arc_of)
+    samples = int(np.clip(_SAMPLES // max(varying, 1), 4, 16))
+    rows_t, rows_x, rows_tau = [], [], []
+    for k, a in enumerate(arc_of):
+        constant = all(mode in BANG for mode in arcs[a].modes)
+        s = np.array([0.0, 1.0]) if constant else np.linspace(0, 1, samples + 1)
+        values = lagrange(tableau.c, s) @ tau[k]
+        if not constant:  # lines between the samples shall have the polynomial's impulse, not only its values
+            values -= _curvature(tableau.c, s) @ tau[k] / (12 * samples**2)
+        values = np.clip(values, limits.effort_lower, limits.effort_upper)
+        for i, mode in enumerate(arcs[a].modes):
+            if mode in BANG:
+                values[:, i] = (limits.effort_upper if mode is Mode.UPPER else limits.effort_lower)[i]
+        times = t[k] + s * (t[k + 1] - t[k])
+        times[-1] = np.nextafter(t[k + 1], 0) if k < arc_of.size - 1 else t[k + 1]
+        rows_t.append(times)
+        rows_tau.append(values)
+        rows_x.append(np.einsum("sj,jxi->sxi", lagrange(nodes, s), states[k]))
+    times, values, x = (np.concatenate(rows) for rows in (rows_t, rows_tau, rows_x))
+    # Where the torque does not jump the sample one ulp before a knot says nothing new.
+    jump = np.append(np.any(np.abs(np.diff(values, axis=0)) > 0, axis=1) | (np.diff(times) > 1e-13), True)
+    names = problem.robot.joint_names
+    return Trajectory(times[jump], x[jump, 0], x[jump, 1], values[jump], names, "minimum time")
+
+
+def lagrange(nodes: Array, s: Array | float) -> Array:
+    """Values at s, shape (m,), of the polynomials that are 1 at one node and 0 at the others: shape (m, nodes)."""
+    apart = nodes[:, None] - nodes + np.eye(nodes.size)
+    factors = (np.atleast_1d(s)[:, None, None] - nodes) / apart  # (m, j, i)
+    factors[:, np.arange(nodes.size), np.arange(nodes.size)] = 1.0
+    values: Array = np.prod(factors, axis=2)
+    return values
+
+
+def _curvature(nodes: Array, s: Array) -> Array:
+    """Second derivatives at s, shape (m,), of the polynomials of `lagrange`: shape (m, nodes)."""
+    power = np.arange(2, nodes.size)
+    derivative = power * (power - 1) * s[:, None] ** (power - 2)
+    curvature: Array = derivative @ np.linalg.inv(nodes[:, None] ** np.arange(nodes.size))[2:]
+    return curvature

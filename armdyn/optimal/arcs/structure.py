@@ -1,0 +1,128 @@
+"""Corrections of a structure by the multipliers of its solution: limits overlooked, touches not wanted, signs."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.arcs.arc import (
+    BANG,
+    POSITION,
+    VELOCITY,
+    Arc,
+    Event,
+    Mode,
+    arcs_between,
+    merged,
+    outward,
+    without_short,
+)
+from armdyn.optimal.arcs.phases import TABLEAU, Phases
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+
+Array = NDArray[np.float64]
+
+_HELD = 1e-7
+"""A state limit on which more than this part of the motion hangs, for its whole size, holds the motion back."""
+_SHORTEST = 1e-6
+"""Arcs shorter than this part of the motion are taken out."""
+_TOUCH = 2
+"""A position limit that holds the motion back for no more intervals is touched there."""
+
+
+def with_overlooked(problem: MinimumTimeProblem, phases: Phases) -> list[Arc]:
+    """The structure with arcs on the limits of velocity and position that hold it back unnamed; none: it names all."""
+    limits, K = problem.limits, phases.arc_of.size
+    modes = np.array([phases.arcs[a].modes for a in phases.arc_of], dtype=object)
+    named = np.isin(modes, (*VELOCITY, *POSITION))
+    ends = np.concatenate([phases.knot_pull, np.zeros((1, *phases.knot_pull.shape[1:]))])
+    ends[:-1] *= ~(named[:-1] | named[1:])[:, None]
+    touches = np.flatnonzero(np.diff(phases.arc_of))  # last intervals of arcs
+    met = np.zeros(named.shape, dtype=bool)
+    for k, arc in zip(touches, phases.arcs, strict=False):
+        for i, _ in arc.touches:
+            ends[k, :, i] = 0.0
+            met[k : k + 2, i] = True
+    pulls = np.concatenate([phases.state_pull, ends[:, None]], axis=1)  # (K, stages, 2, nv)
+    times = phases.t[:-1, None] + np.diff(phases.t)[:, None] * TABLEAU.c
+    touched: list[Event] = []
+    found = False
+    for row, size, upper, lower in (
+        (0, np.ones(modes.shape[1]), Mode.POSITION_UPPER, Mode.POSITION_LOWER),
+        (1, np.where(np.isinf(limits.velocity), 0.0, limits.velocity), Mode.VELOCITY_UPPER, Mode.VELOCITY_LOWER),
+    ):
+        for sign, mode in ((-1, upper), (1, lower)):
+            held = (np.max(sign * pulls[:, :, row], axis=1) * size > _HELD * phases.duration) & ~named
+            found = found or bool(np.any(held))
+            for i in range(held.shape[1]):
+                inside = np.flatnonzero(held[:, i])
+                for run in np.split(inside, np.flatnonzero(np.diff(inside) > 1) + 1):
+                    if row == 0 and 0 < run.size <= _TOUCH and not np.any(met[run, i]):
+                        weight = np.maximum(sign * pulls[run, :, row, i], 0)
+                        touched.append(Event(float(np.average(times[run], weights=weight)), i, mode, touch=True))
+                    else:
+                        modes[run, i] = mode
+    if not found:
+        return []
+    events = [
+        Event(float(phases.t[k]), i, modes[k, i])
+        for i in range(modes.shape[1])
+        for k in range(1, K)
+        if modes[k, i] is not modes[k - 1, i]
+    ]
+    return merged(arcs_between(list(modes[0]), [*events, *touched, *_touches(phases)], phases.duration))
+
+
+def without_vanished(phases: Phases) -> list[Arc]:
+    """The structure without an arc whose duration has gone to nothing; none: no arc's has."""
+    shortest = _SHORTEST * phases.duration
+    if len(phases.arcs) == 1 or min(arc.duration for arc in phases.arcs) >= shortest:
+        return []
+    return without_short(phases.arcs, shortest)
+
+
+def without_idle_touches(phases: Phases) -> list[Arc]:
+    """The structure without the touches that the motion would rather not make; none: it wants them all."""
+    arcs, last = list(phases.arcs), np.flatnonzero(np.diff(phases.arc_of))
+    for a, k in enumerate(last):
+        wanted = tuple(
+            (i, mode)
+            for i, mode in arcs[a].touches
+            if outward(mode) * phases.knot_pull[k, int(mode in VELOCITY), i] < 0
+        )
+        arcs[a] = replace(arcs[a], touches=wanted)
+    return [] if tuple(arcs) == phases.arcs else merged(arcs)
+
+
+def _touches(phases: Phases) -> list[Event]:
+    ends = np.cumsum([arc.duration for arc in phases.arcs])
+    return [
+        Event(float(t), i, mode, touch=True)
+        for t, arc in zip(ends, phases.arcs, strict=True)
+        for i, mode in arc.touches
+    ]
+
+
+def by_sign(phases: Phases, switching: Array) -> list[Arc]:
+    """The structure that the switching functions' signs say, for joints that are only ever on torque limits."""
+    first = list(phases.arcs[0].modes)
+    events = _touches(phases)
+    starts = np.concatenate([[0], np.cumsum([arc.duration for arc in phases.arcs])])
+    for i in range(switching.shape[1]):
+        modes = [arc.modes[i] for arc in phases.arcs]
+        if any(mode not in BANG for mode in modes):
+            changes = (a for a in range(1, len(modes)) if modes[a] is not modes[a - 1])
+            events += [Event(float(starts[a]), i, modes[a]) for a in changes]
+            continue
+        s, t = switching[:, i], phases.t
+        s = np.where(np.abs(s) < 1e-9 * np.max(np.abs(s)), 0.0, s)
+        sign = np.sign(s)
+        inner = np.flatnonzero(sign)
+        first[i] = Mode.UPPER if sign[inner[0]] < 0 else Mode.LOWER
+        for before, after in pairwise(inner):
+            if sign[before] != sign[after]:
+                share = abs(s[before]) / (abs(s[before]) + abs(s[after]))
+                time = t[before] + (t[after] - t[before]) * share
+                events.append(Event(float(time), i, Mode.UPPER if sign[after] < 0 else Mode.LOWER))
+    return merged(arcs_between(first, events, phases.duration))

@@ -1,0 +1,1 @@
+"""The paper's second approach: Pontryagin's canonical system as equations."""

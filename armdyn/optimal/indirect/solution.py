@@ -1,0 +1,277 @@
+"""What `solve_indirect` is told and what comes out of it, beside the direct method's answer."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from armdyn.errors import ProblemError
+from armdyn.optimal.arcs.arc import Arc
+from armdyn.optimal.arcs.phases import TABLEAU, Phases
+from armdyn.optimal.indirect.boundary import BoundaryProblem, Extremal
+from armdyn.optimal.indirect.canonical import LAWS, Law, sampled
+from armdyn.optimal.indirect.shooting import BangBang, ShootingProblem
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Status
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+Method = Literal["lobatto", "trapezoidal"]
+
+_LIMIT_SLACK = 1e-6
+"""Excess over a position [rad or m] or velocity limit that counts as kept."""
+_INSIDE = 1e-6
+"""Part of an interval by which torques are read inside it: at its ends they may jump."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class IndirectOptions:
+    """How `solve_indirect` goes about it.
+
+    Attributes:
+        law: "minimum", the torque that minimises H; or "printed", the paper's (19) to (21) with H = 1 + ρᵀf.
+        method: "lobatto", three-stage Lobatto IIIA on a mesh that adapts, of order 4; or "trapezoidal",
+            finite differences on an even mesh, of order 2.
+        bounded: keep the torque limits (saturated law); or have none, as in the paper's (19) to (21).
+        tolerance: of the boundary value problem's residual (lobatto) or of its equations (trapezoidal).
+        intervals: of the trapezoidal mesh.
+        max_nodes: of the Lobatto mesh.
+        starts: guesses of the search that makes a seed; None: 1 for one joint, 6 for two, 16 beyond.
+        seed: of the guesses after the first.
+        continuations: so many of the optima found are followed to minimum time; the fastest is the answer.
+        time_limit: wall time [s].
+    """
+
+    law: Law = "minimum"
+    method: Method = "lobatto"
+    bounded: bool = True
+    tolerance: float = 1e-6
+    intervals: int = 200
+    max_nodes: int = 3000
+    starts: int | None = None
+    seed: int = 0
+    continuations: int = 6
+    time_limit: float = 60.0
+
+    def __post_init__(self) -> None:
+        for name, known in (("law", LAWS), ("method", ("lobatto", "trapezoidal"))):
+            if getattr(self, name) not in known:
+                raise ProblemError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}")
+        for name in ("intervals", "max_nodes", "starts", "continuations"):
+            value = getattr(self, name)
+            if value is not None and value < 1:
+                raise ProblemError(f"{name} is {value}; it must be at least 1")
+        for name in ("tolerance", "time_limit"):
+            if not getattr(self, name) > 0:
+                raise ProblemError(f"{name} is {getattr(self, name)}; it must be positive")
+
+
+@dataclass(frozen=True, eq=False)
+class IndirectSolution:
+    """An extremal: a motion with costates.
+
+    Attributes:
+        success: converged, within position and velocity limits.
+        status: SOLVED; INFEASIBLE if it leaves those limits, which this method does not know; or why it failed.
+        message: the same for people, with where the residual is largest.
+        problem: what was asked.
+        options: how.
+        duration: t_f [s]; of the last iterate if the solve failed.
+        cost: J = ∫ (1 + w/2 τᵀτ) dt [s].
+        trajectory: the motion at the knots; the last iterate if the solve failed.
+        costates: ρ = (ρ_q, ρ_v) at the trajectory's times, shape (n, 2 nv): [s/rad], [s²/rad], or per metre.
+        hamiltonian: H at the trajectory's times, shape (n,), the 1 that time costs among its terms.
+        hamiltonian_spread: largest |H|; 0 at an optimum.
+        residual: largest of the equations that were solved, scaled.
+        arcs: for minimum time, which limit every joint is on, and for how long; else empty.
+        direct: the direct method's solution that it was seeded with, if its arcs were resolved.
+        solve_time: wall time [s].
+    """
+
+    success: bool
+    status: Status
+    message: str
+    problem: MinimumTimeProblem
+    options: IndirectOptions
+    duration: float
+    cost: float
+    trajectory: Trajectory
+    costates: Array
+    hamiltonian: Array
+    hamiltonian_spread: float
+    residual: float
+    arcs: tuple[Arc, ...] = ()
+    direct: Phases | None = None
+    solve_time: float = 0.0
+
+
+def from_extremal(
+    problem: MinimumTimeProblem,
+    boundary: BoundaryProblem,
+    found: Extremal,
+    options: IndirectOptions,
+    direct: Phases | None,
+) -> IndirectSolution:
+    """The solution that an extremal is, converged or not.
+
+    Args:
+        problem: what was asked.
+        boundary: what was solved; its law and weight give the torque.
+        found: the extremal.
+        options: how.
+        direct: what it was seeded with.
+    """
+    if not (found.duration > 0 and np.all(np.isfinite(found.y))):  # nothing to show but where it began
+        guess = boundary.guess
+        found = replace(found, s=guess.s, y=guess.y, duration=guess.duration)
+    tau = sampled(boundary.system.torque, found.y, *boundary.constants)[0][:, 0]
+    hamiltonian = sampled(boundary.system.hamiltonian, found.y, tau, np.array([boundary.weight]))[0][0, 0]
+    t = found.s * found.duration
+    message = found.message
+    if options.law == "printed" and found.status is Status.SOLVED:
+        message += f"; H = 1 + ρᵀf varies by {np.ptp(hamiltonian):.3g}: the printed torque does not minimise it"
+    squares = CubicSpline(t, np.sum(tau**2, axis=0)).integrate(0, found.duration)
+    return checked(
+        problem, options, found.status, message, t, found.y.T, tau.T, hamiltonian,
+        cost=float(found.duration + problem.effort_weight / 2 * squares), residual=found.residual, direct=direct,
+    )  # fmt: skip
+
+
+def from_arcs(
+    problem: MinimumTimeProblem,
+    shooting: ShootingProblem,
+    bang: BangBang,
+    options: IndirectOptions,
+    direct: Phases | None,
+) -> IndirectSolution:
+    """The solution that converged arcs are; a jump of the torque is two samples one ulp apart.
+
+    Args:
+        problem: what was asked.
+        shooting: what was solved.
+        bang: the arcs.
+        options: how.
+        direct: what it was seeded with.
+    """
+    t = bang.t.copy()
+    t[:-1, -1] = np.nextafter(t[1:, 0], 0)
+    tau = np.repeat(shooting.torques(bang.arcs), t.shape[1], axis=0)
+    y = bang.y.reshape(t.size, -1)
+    hamiltonian = sampled(shooting.system.hamiltonian, y.T, tau.T, np.zeros(1))[0][0, 0]
+    found = checked(
+        problem, options, bang.status, bang.message, t.ravel(), y, tau, hamiltonian,
+        cost=bang.duration, residual=bang.residual, direct=direct,
+    )  # fmt: skip
+    return replace(found, arcs=bang.arcs)
+
+
+def checked(
+    problem: MinimumTimeProblem,
+    options: IndirectOptions,
+    status: Status,
+    message: str,
+    t: Array,
+    y: Array,
+    tau: Array,
+    hamiltonian: Array,
+    *,
+    cost: float,
+    residual: float,
+    direct: Phases | None,
+) -> IndirectSolution:
+    """The solution, if it keeps the limits on position and velocity that went into no equation.
+
+    Args:
+        problem: what was asked.
+        options: how.
+        status: of the equations.
+        message: of the equations.
+        t: times [s], shape (m,).
+        y: (q, v, ρ_q, ρ_v) there, shape (m, 4 nv).
+        tau: torques there [N m], shape (m, nv).
+        hamiltonian: H there, shape (m,).
+        cost: J [s].
+        residual: of the equations.
+        direct: what it was seeded with.
+    """
+    n, limits = problem.robot.nv, problem.limits
+    q, v = y[:, :n], y[:, n : 2 * n]
+    excess = np.stack([q - limits.position_upper, limits.position_lower - q, np.abs(v) - limits.velocity])
+    if status is Status.SOLVED and np.max(excess) > _LIMIT_SLACK:
+        kind, k, i = np.unravel_index(np.argmax(excess), excess.shape)
+        status = Status.INFEASIBLE
+        message = (
+            f"joint {problem.robot.joint_names[i]!r} leaves its {'velocity' if kind == 2 else 'position'} limit by "
+            f"{excess[kind, k, i]:.2g} at t = {t[k]:.4g} s: the canonical system knows torque limits only"
+        )
+    return IndirectSolution(
+        success=status is Status.SOLVED,
+        status=status,
+        message=f"{t[-1]:.9g} s; {message}",
+        problem=problem,
+        options=options,
+        duration=float(t[-1]),
+        cost=cost,
+        trajectory=Trajectory(t, q, v, tau, problem.robot.joint_names, "indirect", problem.robot.model_hash),
+        costates=y[:, 2 * n :],
+        hamiltonian=hamiltonian,
+        hamiltonian_spread=float(np.max(np.abs(hamiltonian))),
+        residual=residual,
+        direct=direct,
+    )
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Differences of two answers at equal parts of their durations, each against the peak of its kind.
+
+    Attributes:
+        duration: |difference| of t_f against t_f.
+        q: largest of the positions.
+        v: of the velocities.
+        tau: of the torques, at the direct method's stages, a millionth inside its intervals.
+        costate_q: of ρ_q.
+        costate_v: of ρ_v.
+    """
+
+    duration: float
+    q: float
+    v: float
+    tau: float
+    costate_q: float
+    costate_v: float
+
+
+def compare_with_direct(indirect: IndirectSolution, direct: Phases | None = None) -> Comparison:
+    """The indirect answer beside a direct one.
+
+    Args:
+        indirect: one answer; between its samples costates are linear, which costs about 1e-4 of their peak.
+        direct: the other, as `Solution.phases`; None: the one that seeded the first.
+
+    Raises:
+        ProblemError: there is none.
+    """
+    direct = direct or indirect.direct
+    if direct is None:
+        raise ProblemError("the indirect solution was not seeded by a direct one: give direct=")
+    n, motion = direct.q.shape[1], indirect.trajectory
+    stretch = indirect.duration / direct.duration
+    at = motion(stretch * direct.t)
+    inside = np.clip(TABLEAU.c, _INSIDE, 1 - _INSIDE)
+    stages = direct.t[:-1, None] + np.diff(direct.t)[:, None] * inside
+    costates = np.array([np.interp(stretch * direct.t, motion.t, row) for row in indirect.costates.T]).T
+
+    def difference(found: Array, known: Array) -> float:
+        return float(np.max(np.abs(found - known)) / max(np.max(np.abs(known)), 1e-300))
+
+    return Comparison(
+        duration=abs(stretch - 1),
+        q=difference(at.q, direct.q),
+        v=difference(at.v, direct.v),
+        tau=difference(motion(stretch * stages).tau, direct.tau),
+        costate_q=difference(costates[:, :n], direct.costate[:, :n]),
+        costate_v=difference(costates[:, n:], direct.costate[:, n:]),
+    )

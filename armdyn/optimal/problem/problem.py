@@ -1,0 +1,295 @@
+"""What is to be solved: from one pose to another within limits, as fast as can be."""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass, field, replace
+from typing import Any, Self
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from armdyn.errors import ArmdynWarning, ProblemError
+from armdyn.models.collision import collision_model
+from armdyn.models.limits import JointLimits
+from armdyn.models.obstacles import Obstacle
+from armdyn.models.reaching import GoalPose, poses_reaching
+from armdyn.models.robot import Robot
+from armdyn.optimal.problem.turns import endless, ways_round
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class MinimumTimeProblem:
+    """Bring an arm from one state to another in minimum time, or minimum time and effort.
+
+    Minimise J = ∫ (1 + w/2 τᵀτ) dt over the torques and the final time, subject to the equations of
+    motion, the joints' friction included, and the limits. With w = 0 this is equation (8) of the paper
+    with (9) put right.
+
+    Attributes:
+        robot: the arm.
+        q_start: joint positions at the start [rad or m], shape (nv,).
+        q_goal: joint positions at the end, shape (nv,); with `goal_pose` the nearest that reach it.
+        v_start: joint velocities at the start [rad/s or m/s], shape (nv,); None: at rest.
+        v_goal: joint velocities at the end, shape (nv,); None: at rest.
+        effort_limit: torque limits [N m or N]: one number, one per joint, or (lower, upper); None: the robot's.
+        velocity_limit: [rad/s or m/s]: one number or one per joint, inf for none; None: the robot's.
+        position_limit: (lower, upper) [rad or m], each one number or one per joint; None: the robot's.
+        effort_weight: w [1/(N m)²].
+        wrap: goals of endless joints, which turn and have no position limits, are meant modulo 2π: each is tried
+            by the shorter and by the longer way round. Without, a joint goes to the very angle that was asked
+            for: from 0 to 6 rad is nearly a whole turn, as where a cable must not be wound up.
+        goal_pose: instead of q_goal, where a frame is to be at the end; inverse kinematics choose among branches.
+        via: joint positions [rad or m] that are passed through in this order, at any time and any velocity.
+        obstacles: what the arm must keep clear of, in the world.
+        self_collision: whether its links must keep clear of each other, too.
+        clearance: how far, at least [m].
+        acceleration_limit: [rad/s² or m/s²]: one number or one per joint; None: none.
+        jerk_limit: likewise [rad/s³ or m/s³]; with one, the acceleration is zero at both ends.
+        limits: the limits that hold, each of shape (nv,).
+        goals: all joint positions that are tried as goals, each of shape (nv,); the first is q_goal.
+
+    Raises:
+        ProblemError: wrong length, not finite, a state outside the limits or in contact, start = goal, a joint
+            without a finite, non-zero torque limit, or a goal pose out of reach.
+
+    Warns:
+        ArmdynWarning: the actuators cannot hold the goal. A fast motion to it may exist all the same.
+    """
+
+    robot: Robot
+    _: KW_ONLY
+    q_start: ArrayLike
+    q_goal: ArrayLike | None = None
+    v_start: ArrayLike | None = None
+    v_goal: ArrayLike | None = None
+    effort_limit: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None
+    velocity_limit: ArrayLike | None = None
+    position_limit: tuple[ArrayLike, ArrayLike] | None = None
+    effort_weight: float = 0.0
+    wrap: bool = False
+    goal_pose: GoalPose | None = None
+    via: Sequence[ArrayLike] = ()
+    obstacles: Sequence[Obstacle] = ()
+    self_collision: bool = False
+    clearance: float = 0.005
+    acceleration_limit: ArrayLike | None = None
+    jerk_limit: ArrayLike | None = None
+    limits: JointLimits = field(init=False, repr=False)
+    goals: tuple[Array, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        zero = np.zeros(self.robot.nv)
+        if self.q_goal is None and self.goal_pose is None:
+            raise ProblemError("give q_goal or goal_pose")
+        for name in ("q_start", "q_goal", "v_start", "v_goal"):
+            if name == "q_goal" and self.goal_pose is not None:
+                continue
+            given = getattr(self, name)
+            array = self._joints(zero if given is None else given, name)
+            if not np.all(np.isfinite(array)):
+                raise ProblemError(f"{name} = {array} is not finite")
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        if not (np.isfinite(self.effort_weight) and self.effort_weight >= 0):
+            raise ProblemError(f"effort_weight is {self.effort_weight}; it must be finite and not negative")
+        object.__setattr__(self, "limits", self._resolve_limits())
+        goals = [np.asarray(self.q_goal)]
+        if self.goal_pose is not None:
+            goals = poses_reaching(self.robot, self.goal_pose, np.asarray(self.q_start), self.limits)
+            object.__setattr__(self, "q_goal", goals[0])
+        if self.wrap:
+            goals = ways_round(np.asarray(self.q_start), goals, self.limits, endless(self.robot, self.limits))
+            object.__setattr__(self, "q_goal", goals[0])
+        object.__setattr__(self, "goals", tuple(goals))
+        self._resolve_course()
+        for q, v, name in ((self.q_start, self.v_start, "start"), (self.q_goal, self.v_goal, "goal")):
+            self._check_state(np.asarray(q), np.asarray(v), name)
+        if np.array_equal(self.x_start, self.x_goal):
+            raise ProblemError(
+                f"start and goal are the same state, q = {self.x_start[: self.robot.nv]}: nothing is to be moved"
+            )
+        self._check_clear()
+        self._warn_if_not_held()
+
+    @property
+    def conditions(self) -> tuple[str, ...]:
+        """What is asked along the way besides the limits; only the collocation's mesh knows it, not its arcs."""
+        asked = {
+            "obstacles": bool(self.obstacles),
+            "self-collision": self.self_collision,
+            "via points": bool(self.via),
+            "acceleration limits": self.acceleration_limit is not None,
+            "jerk limits": self.jerk_limit is not None,
+        }
+        return tuple(name for name, wanted in asked.items() if wanted)
+
+    @property
+    def poses(self) -> Array:
+        """Start, via points and goal [rad or m], shape (legs + 1, nv)."""
+        return np.array([self.q_start, *self.via, self.q_goal])
+
+    @property
+    def x_start(self) -> Array:
+        """Start state (q, v), shape (2 nv,)."""
+        return np.concatenate([np.asarray(self.q_start), np.asarray(self.v_start)])
+
+    @property
+    def x_goal(self) -> Array:
+        """Goal state (q, v), shape (2 nv,)."""
+        return np.concatenate([np.asarray(self.q_goal), np.asarray(self.v_goal)])
+
+    @property
+    def from_rest_to_rest(self) -> bool:
+        """It begins and ends without velocity."""
+        n = self.robot.nv
+        return not (np.any(self.x_start[n:]) or np.any(self.x_goal[n:]))
+
+    def beside_goal(self, motion: Trajectory) -> Array:
+        """How far a motion's last state (q, v) is from the goal's, shape (2 nv,)."""
+        return np.concatenate([motion.q[-1], motion.v[-1]]) - self.x_goal
+
+    def variant(self, **changes: Any) -> Self:
+        """The same with some fields changed, without a second warning of a goal that cannot be held."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ArmdynWarning)
+            return replace(self, **changes)
+
+    def holding_torque(self) -> Array:
+        """Torque that holds the arm still at the goal [N m or N], shape (nv,)."""
+        model = self.robot.model
+        q = self.robot.configuration(np.asarray(self.q_goal))
+        return np.array(pin.computeGeneralizedGravity(model, model.createData(), q))
+
+    def duration_bound(self) -> float:
+        """No motion within the velocity limits is faster than this [s]; 0 without such limits."""
+        return float(np.sum(self.leg_bounds()))
+
+    def leg_bounds(self) -> Array:
+        """The same for every leg, from one of `poses` to the next [s], shape (legs,)."""
+        return np.asarray(np.max(np.abs(np.diff(self.poses, axis=0)) / self.limits.velocity, axis=1))
+
+    def _joints(self, value: ArrayLike, name: str) -> Array:
+        array = np.asarray(value, dtype=float)
+        if array.shape != (self.robot.nv,):
+            raise ProblemError(
+                f"{name} has shape {array.shape}; {self.robot.name} needs {self.robot.nv} numbers, for "
+                f"{', '.join(self.robot.joint_names)}"
+            )
+        return array.copy()
+
+    def _limit(self, value: ArrayLike, name: str) -> Array:
+        array = np.asarray(value, dtype=float)
+        array = self._joints(np.full(self.robot.nv, array) if array.ndim == 0 else array, name)
+        if np.any(np.isnan(array)):
+            raise ProblemError(f"{name} = {array} has a NaN")
+        return array
+
+    def _resolve_course(self) -> None:
+        """Check what is asked along the way, and keep it as tuples and arrays."""
+        via = [self._joints(q, f"via[{i}]") for i, q in enumerate(self.via)]
+        for i, q in enumerate(via):
+            if not np.all(np.isfinite(q)):
+                raise ProblemError(f"via[{i}] = {q} is not finite")
+            self._check_state(q, np.zeros_like(q), f"via[{i}]")
+            q.setflags(write=False)
+        object.__setattr__(self, "via", tuple(via))
+        legs = np.max(np.abs(np.diff(self.poses, axis=0)), axis=1)
+        if via and np.min(legs) == 0:
+            raise ProblemError(f"the leg from pose {int(np.argmin(legs))} to the next goes nowhere: start, via, goal")
+        object.__setattr__(self, "obstacles", tuple(self.obstacles))
+        for obstacle in self.obstacles:
+            if not isinstance(obstacle, Obstacle):
+                raise ProblemError(f"obstacle {obstacle!r} is no Sphere, Capsule or Box")
+        if not (np.isfinite(self.clearance) and self.clearance >= 0):
+            raise ProblemError(f"clearance is {self.clearance} m; it must be finite and not negative")
+        for name, unit in (("acceleration_limit", "rad/s²"), ("jerk_limit", "rad/s³")):
+            if getattr(self, name) is not None:
+                value = self._limit(getattr(self, name), name)
+                for joint, number in zip(self.robot.joint_names, value, strict=True):
+                    if not number > 0:
+                        raise ProblemError(f"{name} of joint {joint!r} is {number} {unit}; it must be positive")
+                value.setflags(write=False)
+                object.__setattr__(self, name, value)
+
+    def _check_clear(self) -> None:
+        """Drop goals in contact; complain of a start, a via point, or all goals."""
+        if not (self.obstacles or self.self_collision):
+            return
+        model = collision_model(self.robot, tuple(self.obstacles), self.self_collision)
+        fixed = [("start", np.asarray(self.q_start)), *((f"via[{i}]", np.asarray(q)) for i, q in enumerate(self.via))]
+        fixed += [("goal", np.asarray(self.q_goal))] if self.goal_pose is None else []
+        for name, q in fixed:
+            if (near := model.nearest(q)).distance < self.clearance:
+                raise ProblemError(f"at the {name}, {near.bodies()}; clearance is {1e3 * self.clearance:g} mm")
+        if self.goal_pose is not None:
+            nearest = [model.nearest(q) for q in self.goals]
+            clear = tuple(q for q, near in zip(self.goals, nearest, strict=True) if near.distance >= self.clearance)
+            if not clear:
+                best = max(nearest, key=lambda near: near.distance)
+                raise ProblemError(
+                    f"the goal pose cannot be reached clear of everything: in the best of {len(nearest)} branches "
+                    f"{best.bodies()}; clearance is {1e3 * self.clearance:g} mm"
+                )
+            object.__setattr__(self, "goals", clear)
+            object.__setattr__(self, "q_goal", clear[0])
+
+    def _resolve_limits(self) -> JointLimits:
+        own = self.robot.limits
+        effort_lower, effort_upper = own.effort_lower, own.effort_upper
+        if isinstance(self.effort_limit, tuple) and len(self.effort_limit) == 2:
+            effort_lower, effort_upper = (self._limit(x, "effort_limit") for x in self.effort_limit)
+        elif self.effort_limit is not None:
+            effort_upper = self._limit(self.effort_limit, "effort_limit")
+            effort_lower = -effort_upper
+        velocity = own.velocity
+        if self.velocity_limit is not None:
+            velocity = self._limit(self.velocity_limit, "velocity_limit")
+        lower, upper = own.position_lower, own.position_upper
+        if self.position_limit is not None:
+            if len(self.position_limit) != 2:
+                raise ProblemError("position_limit must be a pair (lower, upper) [rad or m]")
+            lower, upper = (self._limit(x, "position_limit") for x in self.position_limit)
+        for i, joint in enumerate(self.robot.joint_names):
+            if not effort_lower[i] < effort_upper[i] or not np.isfinite(effort_upper[i] - effort_lower[i]):
+                raise ProblemError(
+                    f"joint {joint!r} has torque limits [{effort_lower[i]}, {effort_upper[i]}] N m; minimum time "
+                    "needs finite ones, the lower below the upper: give effort_limit="
+                )
+            if not velocity[i] > 0:
+                raise ProblemError(f"joint {joint!r} has velocity limit {velocity[i]} rad/s; it must be positive")
+            if not lower[i] < upper[i]:
+                raise ProblemError(f"joint {joint!r} has position limits [{lower[i]}, {upper[i]}] rad: no room")
+        return JointLimits(
+            position_lower=lower, position_upper=upper, velocity=velocity,
+            effort_lower=effort_lower, effort_upper=effort_upper,
+        )  # fmt: skip
+
+    def _check_state(self, q: Array, v: Array, name: str) -> None:
+        limits, slack = self.limits, 1e-9  # a pose typed with ten digits may lie on its limit
+        for i, joint in enumerate(self.robot.joint_names):
+            if not limits.position_lower[i] - slack <= q[i] <= limits.position_upper[i] + slack:
+                raise ProblemError(
+                    f"{name} of joint {joint!r} (index {i}) is {q[i]:.6g} rad, outside its limits "
+                    f"[{limits.position_lower[i]:.6g}, {limits.position_upper[i]:.6g}] rad"
+                )
+            if abs(v[i]) > limits.velocity[i] + slack:
+                raise ProblemError(
+                    f"{name} velocity of joint {joint!r} (index {i}) is {v[i]:.6g} rad/s, beyond its limit "
+                    f"{limits.velocity[i]:.6g} rad/s"
+                )
+
+    def _warn_if_not_held(self) -> None:
+        torque = self.holding_torque()
+        for i, joint in enumerate(self.robot.joint_names):
+            bound = self.limits.effort_upper[i] if torque[i] > 0 else self.limits.effort_lower[i]
+            if abs(torque[i]) > abs(bound):
+                warnings.warn(
+                    f"joint {joint!r} needs {torque[i]:.4g} N m to hold the goal but its limit is {bound:.4g} N m: "
+                    "a motion to the goal may exist, staying there is beyond this actuator",
+                    ArmdynWarning,
+                    stacklevel=4,
+                )

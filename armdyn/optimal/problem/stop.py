@@ -1,0 +1,63 @@
+"""Stops a solve from outside: at a deadline, or on Ctrl-C, with the last iterate kept."""
+
+import mmap
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+import numpy as np
+
+
+class Stop:
+    """When to stop, and why it was stopped.
+
+    Processes forked after it was made see an interruption, too.
+
+    Attributes:
+        deadline: by `time.perf_counter` [s], a clock that all processes share.
+    """
+
+    def __init__(self, deadline: float = np.inf, interrupted: bool = False):
+        self.deadline = deadline
+        self._flag = mmap.mmap(-1, 1)
+        self._flag[0] = interrupted
+
+    def interrupt(self) -> None:
+        """Say that Ctrl-C was pressed."""
+        self._flag[0] = True
+
+    @property
+    def interrupted(self) -> bool:
+        """Ctrl-C was pressed."""
+        return bool(self._flag[0])
+
+    @property
+    def late(self) -> bool:
+        """The deadline has passed."""
+        return time.perf_counter() > self.deadline
+
+    def __bool__(self) -> bool:
+        return self.interrupted or self.late
+
+
+@contextmanager
+def stopping(seconds: float) -> Iterator[Stop]:
+    """Within it Ctrl-C and the clock set a `Stop` instead of raising; a second Ctrl-C raises."""
+    stop = Stop(time.perf_counter() + seconds)
+    if threading.current_thread() is not threading.main_thread():
+        yield stop  # only the main thread gets signals
+        return
+
+    def on_interrupt(number: int, frame: FrameType | None) -> None:
+        if stop.interrupted:
+            raise KeyboardInterrupt
+        stop.interrupt()
+
+    before = signal.signal(signal.SIGINT, on_interrupt)
+    try:
+        yield stop
+    finally:
+        signal.signal(signal.SIGINT, before)

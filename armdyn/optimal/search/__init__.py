@@ -1,0 +1,1 @@
+"""Guesses, many solves of them, the different optima that they lead to."""

@@ -1,0 +1,69 @@
+"""Several joint positions that reach one goal: which is reached fastest."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.dynamics.symbolic import Dynamics
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Status
+from armdyn.optimal.problem.stop import stopping
+from armdyn.optimal.refine.constrained import scheme_for
+from armdyn.optimal.search.starts import spline
+from armdyn.optimal.solve.direct import solve_on_mesh
+from armdyn.optimal.task.options import MinimumTimeOptions
+
+Array = NDArray[np.float64]
+
+_SOLVED = 2
+"""So many goals are solved in full, the best by one coarse solve each."""
+_HOPELESS = 1.05
+"""Goals that velocity limits alone put so far behind the best coarse duration are not tried; it is off by less."""
+
+
+@dataclass(frozen=True, eq=False)
+class GoalTried:
+    """One of the joint positions that reach a goal.
+
+    Attributes:
+        q: [rad or m], shape (nv,).
+        duration: of the motion found there [s]; inf if none was.
+        refined: solved in full; else by one guess on a coarse mesh.
+    """
+
+    q: Array
+    duration: float
+    refined: bool = False
+
+
+def screened(
+    problem: MinimumTimeProblem, options: MinimumTimeOptions, tell: Callable[[str], None]
+) -> tuple[list[MinimumTimeProblem], list[GoalTried]]:
+    """One problem for each of the most promising goals, best first; and all goals with coarse durations.
+
+    Args:
+        problem: with several `goals`.
+        options: meshes and time limit, of which this takes a third at most.
+        tell: told in words what is being tried.
+    """
+    dynamics = Dynamics(problem.robot, free_last_body=True)
+    scheme = scheme_for(problem, options.scheme(problem.robot.nv))
+    branches: list[MinimumTimeProblem] = []
+    durations: list[float] = []
+    with stopping(options.time_limit / 3) as stop:
+        for i, q in enumerate(problem.goals, start=1):
+            branch = problem.variant(q_goal=q, goal_pose=None, wrap=False)
+            branches.append(branch)
+            if stop or branch.duration_bound() > _HOPELESS * min(durations, default=np.inf):
+                durations.append(np.inf)
+                continue
+            tell(f"goal {i} of {len(problem.goals)}")
+            attempt = solve_on_mesh(
+                branch, spline(branch, []), dynamics, scheme, options.coarse_intervals[0], options.coarse()[1], stop
+            )
+            durations.append(attempt.trajectory.duration if attempt.status is Status.SOLVED else np.inf)
+    order = sorted(range(len(branches)), key=lambda i: (durations[i], i))
+    tried = [GoalTried(problem.goals[i], durations[i]) for i in order]
+    return [branches[i] for i in order[:_SOLVED]], tried

@@ -1,0 +1,126 @@
+"""Guesses from which a solve may start. A guess is a `Trajectory`; so is a coarse solution."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BPoly
+
+from armdyn.dynamics.numeric import inverse_dynamics
+from armdyn.models.collision import collision_model
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_SAMPLES = 101
+_TRIES = 300
+"""Ways that are looked at before a few that go round the obstacles are taken."""
+_LOOKS = 25
+_BRISK = 10.0
+"""A speed [rad/s or m/s] that stands for a missing limit where ways are compared."""
+
+
+def detours(problem: MinimumTimeProblem, seed: int, count: int) -> list[list[Array]]:
+    """What `spline` makes guesses of: first the straight way, then ways through random poses.
+
+    Args:
+        problem: what is to be solved.
+        seed: the same seed gives the same detours.
+        count: how many.
+
+    Returns:
+        For each guess the poses in between [rad or m], each of shape (nv,).
+    """
+    random = np.random.default_rng(seed)
+    # Fast motions fold far out of the straight way: two radians met the best known optima most often.
+    reach = np.maximum(np.abs(np.asarray(problem.q_goal) - np.asarray(problem.q_start)), 2.0)
+    middle = (np.asarray(problem.q_goal) + np.asarray(problem.q_start)) / 2
+    lower, upper = problem.limits.position_lower, problem.limits.position_upper
+    tries = count - 1 if not _collides(problem) else _TRIES
+    vias = np.clip(middle + random.normal(size=(tries, reach.size)) * reach, lower, upper)
+    ways = (
+        [_through(problem, via, int(random.integers(len(problem.via) + 1))) for via in vias]
+        if problem.via
+        else [[via] for via in vias]
+    )
+    straight: list[Array] = [np.asarray(q) for q in problem.via]
+    return [straight, *(ways if not _collides(problem) else _clearest(problem, ways, count - 1))]
+
+
+def _through(problem: MinimumTimeProblem, pose: Array, leg: int) -> list[Array]:
+    """The via points with one more pose on a leg."""
+    ways = [np.asarray(q) for q in problem.via]
+    return [*ways[:leg], pose, *ways[leg:]]
+
+
+def _collides(problem: MinimumTimeProblem) -> bool:
+    return bool(problem.obstacles) or problem.self_collision
+
+
+def _clearest(problem: MinimumTimeProblem, ways: list[list[Array]], count: int) -> list[list[Array]]:
+    """Ways round the obstacles: those that touch nothing, the quickest first; then those that touch least."""
+    model = collision_model(problem.robot, tuple(problem.obstacles), problem.self_collision)
+    s = np.linspace(0, 1, _LOOKS)
+    ranked = []
+    for k, way in enumerate(ways):
+        path = _path(problem, way)
+        depth = min(float(np.min(model.distances(q))) for q in path(s))
+        hurry = np.max(np.abs(path.derivative()(s)) / np.minimum(problem.limits.velocity, _BRISK), axis=None)
+        ranked.append((-min(depth, problem.clearance), float(hurry), k))
+    return [ways[k] for *_, k in sorted(ranked)[:count]]
+
+
+def _path(problem: MinimumTimeProblem, way: list[Array]) -> BPoly:
+    """A smooth path from start to goal through poses, over s from 0 to 1."""
+    poses = np.array([problem.q_start, *way, problem.q_goal])
+    fraction = np.linspace(0, 1, len(poses))
+    slopes = np.gradient(poses, fraction, axis=0) if way else np.zeros_like(poses)
+    slopes[0] = slopes[-1] = 0
+    curvature = np.zeros_like(poses)
+    return BPoly.from_derivatives(fraction, np.stack([poses, slopes, curvature], axis=1))
+
+
+def spline(problem: MinimumTimeProblem, via: list[Array]) -> Trajectory:
+    """A smooth path from start to goal through poses, timed so that the torques about fit their limits.
+
+    Args:
+        problem: its start, goal and limits.
+        via: poses in between [rad or m], each of shape (nv,), at equal fractions of the time; none: the
+            problem's own.
+    """
+    path = _path(problem, via or [np.asarray(q) for q in problem.via])
+    s = np.linspace(0, 1, _SAMPLES)
+    q, dq, ddq = path(s), path.derivative()(s), path.derivative(2)(s)
+    # Torque along a path is static + inertial / T² + friction.
+    friction, rest = problem.robot.friction, np.zeros_like(q)
+    static = _torques(problem, q, rest, rest)
+    inertial = _torques(problem, q, dq, ddq) - friction.torque(dq) - static
+    duration = _fitting_duration(problem, dq, ddq, inertial)
+    v = dq / duration
+    tau = static + inertial / duration**2 + friction.torque(v)
+    tau = np.clip(tau, problem.limits.effort_lower, problem.limits.effort_upper)
+    v[0], v[-1] = problem.v_start, problem.v_goal
+    return Trajectory(s * duration, q, v, tau, problem.robot.joint_names, "start")
+
+
+def _torques(problem: MinimumTimeProblem, q: Array, v: Array, a: Array) -> Array:
+    torque = inverse_dynamics(problem.robot)
+    return np.array([torque(*x) for x in zip(q, v, a, strict=True)])
+
+
+def _fitting_duration(problem: MinimumTimeProblem, dq: Array, ddq: Array, inertial: Array) -> float:
+    """The time [s] in which the path's inertial torques reach, and its speeds keep, their limits.
+
+    Torque along a path is I/T² + F/T, inertial and viscous, but for gravity, which a dynamic motion may
+    outrun, and dry friction: only what scales is asked to fit.
+    """
+    viscous = np.maximum(np.sign(inertial) * np.asarray(problem.robot.friction.damping) * dq, 0)
+    limits = problem.limits
+    bound = np.where(inertial > 0, limits.effort_upper, -limits.effort_lower)
+    bound = np.maximum(bound, 1e-3 * (limits.effort_upper - limits.effort_lower))
+    half = viscous / (2 * bound)
+    by_torque = np.max(half + np.sqrt(half**2 + np.abs(inertial) / bound))
+    by_speed = np.max(np.abs(dq) / limits.velocity)
+    by_acceleration = 0.0
+    if problem.acceleration_limit is not None:
+        by_acceleration = np.sqrt(np.max(np.abs(ddq) / problem.acceleration_limit))
+    return float(max(by_torque, by_speed, by_acceleration, problem.duration_bound(), 1e-6))

@@ -1,0 +1,1 @@
+"""One guess on one mesh, by IPOPT."""

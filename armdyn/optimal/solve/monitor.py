@@ -1,0 +1,41 @@
+"""Asks within IPOPT whether to stop."""
+
+from typing import Any
+
+import casadi as ca
+
+from armdyn.optimal.problem.stop import Stop
+
+
+class Monitor(ca.Callback):
+    """An iteration callback of `casadi.nlpsol` that asks a `Stop`.
+
+    Attributes:
+        stop: set before each solve.
+    """
+
+    def __init__(self, nx: int, ng: int, np_: int):
+        ca.Callback.__init__(self)
+        self._sizes = {"x": nx, "f": 1, "g": ng, "lam_x": nx, "lam_g": ng, "lam_p": np_}
+        self.stop = Stop()
+        self.construct("monitor", {})
+
+    def get_n_in(self) -> int:
+        """What nlpsol puts out goes in."""
+        return int(ca.nlpsol_n_out())
+
+    def get_n_out(self) -> int:
+        """One: whether to stop."""
+        return 1
+
+    def get_name_in(self, i: int) -> str:
+        """As nlpsol calls it."""
+        return str(ca.nlpsol_out(i))
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        """Dense columns."""
+        return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i)], 1)
+
+    def eval(self, arguments: Any) -> list[int]:
+        """Not zero: stop."""
+        return [int(bool(self.stop))]

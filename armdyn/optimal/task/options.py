@@ -1,0 +1,105 @@
+"""How `solve_minimum_time` goes about it."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from armdyn.errors import ProblemError
+from armdyn.optimal.task.scheme import Control, DynamicsForm, Scheme
+from armdyn.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class DirectOptions:
+    """Of one call of IPOPT.
+
+    Attributes:
+        tolerance: on the scaled problem.
+        max_iterations: before it gives up.
+        verbose: let it print.
+        barrier: IPOPT's mu_init, on the scaled problem.
+    """
+
+    tolerance: float = 1e-8
+    max_iterations: int = 500
+    verbose: bool = False
+    barrier: float = 0.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class MinimumTimeOptions:
+    """How `solve_minimum_time` goes about it.
+
+    Attributes:
+        guesses: motions of the same joints to begin with, beside the search's own: optima of similar problems.
+        starts: guesses of the global search; None: 1 for one joint, 16 for two, 40 for three, 4 beyond; where effort
+            has a weight, 2 for one joint, 16 for two, 24 for three, 4 beyond.
+        seed: of the guesses after the first; the same seed gives the same answer.
+        refinements: so many of the optima found are refined; None: 4 up to three joints, 2 beyond; where
+            effort has a weight, 10 for two joints, 6 else.
+        coarse_intervals: of the search's meshes, which its guesses take turns on; the first alone beyond three joints.
+        intervals: of the mesh on which the arcs are read.
+        max_intervals: of the finest such mesh, tried when the arcs resist or the replay misses the goal.
+        arcs: resolve the arcs to exact switching times; without, the answer is the mesh's.
+        replay_tolerance: largest goal error of the replay [rad or m] that counts as landed.
+        method: collocation tableau; "lobatto3" is Hermite-Simpson.
+        control: torque "linear" or "constant" between knots; the arcs are read from constant ones.
+        dynamics: "forward", "inverse", or "auto": forward up to three joints, inverse beyond, where
+            the derivatives of the articulated-body algorithm cost more than the extra unknowns.
+        compile: the program's derivatives as machine code, ten times as fast, built once by the C compiler and
+            kept in the user's cache: always, never, or (None) where building takes only seconds or is done.
+        max_iterations: of IPOPT, for one guess on one mesh; 250 at most on meshes beyond three joints, where a motion
+            that keeps the equations is then taken all the same, and said not to have converged.
+        tolerance: of IPOPT, on the scaled problem.
+        time_limit: wall time for the whole solve [s].
+        workers: processes of search and refinement; None: one per core. They make no difference to the answer.
+        verbose: let IPOPT print.
+    """
+
+    guesses: tuple[Trajectory, ...] = ()
+    starts: int | None = None
+    seed: int = 0
+    refinements: int | None = None
+    coarse_intervals: tuple[int, ...] = (15, 25)
+    intervals: int = 40
+    max_intervals: int = 160
+    arcs: bool = True
+    replay_tolerance: float = 1e-3
+    method: str = "lobatto3"
+    control: Control = "constant"
+    dynamics: DynamicsForm | Literal["auto"] = "auto"
+    compile: bool | None = None
+    max_iterations: int = 500
+    tolerance: float = 1e-8
+    time_limit: float = 300.0
+    workers: int | None = None
+    verbose: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.coarse_intervals or min(self.coarse_intervals) < 1:
+            raise ProblemError(f"coarse_intervals is {self.coarse_intervals}; it must be numbers of at least 1")
+        for name in ("starts", "refinements", "intervals", "max_intervals", "max_iterations", "workers"):
+            value = getattr(self, name)
+            if value is not None and value < 1:
+                raise ProblemError(f"{name} is {value}; it must be at least 1")
+        for name in ("replay_tolerance", "tolerance", "time_limit"):
+            if not getattr(self, name) > 0:
+                raise ProblemError(f"{name} is {getattr(self, name)}; it must be positive")
+        if self.control not in ("linear", "constant"):
+            raise ProblemError(f"control is {self.control!r}; it must be 'linear' or 'constant'")
+
+    def scheme(self, joints: int) -> Scheme:
+        """The transcription for an arm of so many joints."""
+        form: DynamicsForm = "forward" if joints <= 3 else "inverse"
+        return Scheme(self.method, self.control, form if self.dynamics == "auto" else self.dynamics, self.compile)
+
+    def coarse(self) -> list[DirectOptions]:
+        """The part that IPOPT needs for the search: small barriers keep more of the guess, and find more optima."""
+        return [DirectOptions(1e-5, self.max_iterations, self.verbose, barrier) for barrier in (1e-3, 1e-2)]
+
+    def fine(self) -> DirectOptions:
+        """The same where the guess is a solution on another mesh, and shall not be left."""
+        return DirectOptions(1e-6, self.max_iterations, self.verbose, 1e-3)
+
+    def alone(self) -> DirectOptions:
+        """The same for a guess that has to do without a search."""
+        return DirectOptions(self.tolerance, self.max_iterations, self.verbose)

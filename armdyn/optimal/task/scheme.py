@@ -1,0 +1,43 @@
+"""How motion becomes unknowns and equations."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from armdyn.optimal.task.tableau import TABLEAUS, Tableau
+
+Control = Literal["linear", "constant", "stage"]
+DynamicsForm = Literal["forward", "inverse"]
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """How motion becomes unknowns and equations.
+
+    Attributes:
+        method: name of a tableau.
+        control: torque between knots. Linear and constant both stay within their bounds everywhere;
+            "stage", a value for every stage, does so only where it is fixed, as on the arcs of a known
+            structure.
+        dynamics: "forward", acceleration from the articulated-body algorithm; or "inverse", torque from
+            recursive Newton-Euler with the accelerations as unknowns.
+        compile: derivatives as machine code: always, never, or where it costs little (see `compiled`).
+    """
+
+    method: str = "lobatto3"
+    control: Control = "linear"
+    dynamics: DynamicsForm = "forward"
+    compile: bool | None = None
+
+    def __post_init__(self) -> None:
+        for value, known in (
+            (self.method, tuple(TABLEAUS)),
+            (self.control, ("linear", "constant", "stage")),
+            (self.dynamics, ("forward", "inverse")),
+        ):
+            if value not in known:
+                raise ValueError(f"{value!r} is none of {', '.join(known)}")
+
+    @property
+    def tableau(self) -> Tableau:
+        """The coefficients."""
+        return TABLEAUS[self.method]
