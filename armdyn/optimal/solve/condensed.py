@@ -35,7 +35,7 @@ from armdyn.optimal.program.assembly import (
     parameters_of,
 )
 from armdyn.optimal.program.unknowns import Scales, bounds, to_trajectory, to_unknowns, worst_violation
-from armdyn.optimal.solve.direct import Attempt, effort_weights, mesh, outcome, prepare, solve_on_mesh
+from armdyn.optimal.solve.direct import Attempt, _solve_on_mesh, effort_weights, mesh, outcome, prepare
 from armdyn.optimal.solve.ipopt import make_solver
 from armdyn.optimal.solve.monitor import Monitor
 from armdyn.optimal.task.options import DirectOptions
@@ -80,11 +80,11 @@ def solve_quickly(
         between: a solution that exceeds a limit between the knots is solved again with all unknowns.
     """
     if not condensable(problem, scheme) or (between and _on_limits(problem, guess)):
-        return solve_on_mesh(problem, guess, dynamics, scheme, intervals, options, stop)
+        return _solve_on_mesh(problem, guess, dynamics, scheme, intervals, options, stop)
     attempt, within = _condensed(problem, guess, dynamics, scheme, intervals, options, stop)
     if within or not between or attempt.status is not Status.SOLVED:
         return attempt
-    again = solve_on_mesh(problem, attempt.trajectory, dynamics, scheme, intervals, options, stop)
+    again = _solve_on_mesh(problem, attempt.trajectory, dynamics, scheme, intervals, options, stop)
     return replace(again, iterations=attempt.iterations + again.iterations)
 
 
@@ -232,3 +232,18 @@ def _solver(
         options={"mu_init": options.barrier},
     )
     return program, solver, monitor
+
+
+def _old(f):
+    return f
+
+
+_solve_quickly, _prepare_quickly = solve_quickly, prepare_quickly
+
+
+def solve_quickly(task, guess, intervals, settings, between=True):
+    return _solve_quickly(task.problem, guess, task.dynamics, task.scheme, intervals, settings, task.stop, between)
+
+
+def prepare_quickly(task, intervals, settings):
+    return _prepare_quickly(task.problem, task.dynamics, task.scheme, intervals, settings)

@@ -55,6 +55,7 @@ class Attempt:
         iterations: of IPOPT.
         worst_violation: None if it converged.
         passing: when the motion is at the via points [s], shape (vias,).
+        taken: it did not converge, but keeps the equations of motion so well that it is taken all the same.
     """
 
     status: Status
@@ -64,6 +65,12 @@ class Attempt:
     iterations: int
     worst_violation: Violation | None
     passing: Array = field(default_factory=lambda: np.empty(0))
+    taken: bool = False
+
+    @property
+    def usable(self) -> bool:
+        """It is a motion of the arm: it converged, or nearly."""
+        return self.taken or self.status is Status.SOLVED
 
 
 def solve_on_mesh(
@@ -202,3 +209,10 @@ def _solver(
         nlp, options.tolerance, options.max_iterations, verbose=options.verbose, options=chosen
     )
     return nlp, solver, monitor
+
+
+_solve_on_mesh = solve_on_mesh
+
+
+def solve_on_mesh(task, guess, intervals, settings, course=PLAIN):
+    return _solve_on_mesh(task.problem, guess, task.dynamics, task.scheme, intervals, settings, task.stop, course)
