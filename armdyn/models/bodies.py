@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -14,6 +13,7 @@ from scipy.optimize import minimize
 from scipy.spatial import ConvexHull, QhullError
 
 from armdyn.errors import ProblemError
+from armdyn.exclusive import built_once
 from armdyn.models.meshes import load_meshes, numbers, origin, resolve_mesh
 from armdyn.models.obstacles import Capsule
 from armdyn.models.robot import Robot
@@ -48,7 +48,7 @@ class Body:
     capsule: Capsule
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def bodies(robot: Robot) -> tuple[Body, ...]:
     """What a robot can touch with: its URDF's collision geometry; if it has none, what is drawn of it.
 

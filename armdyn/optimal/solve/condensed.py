@@ -14,13 +14,13 @@ the way.
 """
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.exclusive import built_once, one_at_a_time
 from armdyn.optimal.conditions.course import path_rows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
@@ -112,9 +112,10 @@ def _condensed(
     parameters = np.concatenate([fractions, numbers])
     lower, upper = bounds(problem, layout, intervals, scales)
     start = np.clip(to_unknowns(guess, layout, fractions, scales), lower, upper)[places.kept]
-    monitor.stop = stop
-    result = solver(x0=start, p=parameters, lbx=lower[places.kept], ubx=upper[places.kept], lbg=0, ubg=0)
-    status, word, iterations = outcome(solver, stop)
+    with one_at_a_time:
+        monitor.stop = stop
+        result = solver(x0=start, p=parameters, lbx=lower[places.kept], ubx=upper[places.kept], lbg=0, ubg=0)
+        status, word, iterations = outcome(solver, stop)
     found = np.array(result["x"]).ravel()
     found = found if np.all(np.isfinite(found)) else start
     x = np.empty(layout.size(intervals))
@@ -173,7 +174,7 @@ def _places(layout: Layout, intervals: int) -> _Places:
     return _Places(np.append(kept, 2 * n), knots + 2 * n, (inner[:, None] + np.arange(2 * n)).ravel())
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def _interval(dynamics: Dynamics, scheme: Scheme) -> tuple[IntervalFunctions, ca.Function]:
     """Functions of y = (x_k, u_k, x_{k+1}, T) or (x_k, u_k, x_{k+1}, u_{k+1}, T), and p; the middle's state."""
     n, linear = dynamics.nv, scheme.control == "linear"
@@ -219,7 +220,7 @@ def _program(dynamics: Dynamics, scheme: Scheme, intervals: int) -> _Condensed:
     )
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def _solver(
     dynamics: Dynamics, scheme: Scheme, intervals: int, options: DirectOptions
 ) -> tuple[_Condensed, ca.Function, Monitor]:

@@ -1,7 +1,6 @@
 """Minimum time by direct collocation and IPOPT."""
 
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import Any
 
 import casadi as ca
@@ -9,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.exclusive import built_once, one_at_a_time
 from armdyn.optimal.conditions.course import PLAIN, Course, Legs, legs_of, path_rows, row_bounds, scene_of
 from armdyn.optimal.conditions.rows import PathRows, with_rows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -109,11 +109,12 @@ def solve_on_mesh(
     x = to_unknowns(guess, layout, shares, scales)
     _fix_legs(problem, layout, legs, course, scales, x, lower, upper)
     x = np.clip(x, lower, upper)
-    monitor.stop = stop
     when = np.append(0.0, np.cumsum(shares))
     lbg, ubg = row_bounds(problem, nlp, rows, legs, course, scales, when)
-    result = solver(x0=x, p=parameters, lbx=lower, ubx=upper, lbg=lbg, ubg=ubg)
-    status, word, iterations = outcome(solver, stop)
+    with one_at_a_time:
+        monitor.stop = stop
+        result = solver(x0=x, p=parameters, lbx=lower, ubx=upper, lbg=lbg, ubg=ubg)
+        status, word, iterations = outcome(solver, stop)
     found = np.array(result["x"]).ravel()
     x = found if np.all(np.isfinite(found)) else x
     g = np.array(solver.get_function("nlp_g")(x, parameters)).ravel()
@@ -193,7 +194,7 @@ def prepare(
     _solver(dynamics, scheme, intervals, options, rows)
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def _solver(
     dynamics: Dynamics, scheme: Scheme, intervals: int, options: DirectOptions, rows: PathRows | None
 ) -> tuple[Nlp, ca.Function, Monitor]:
