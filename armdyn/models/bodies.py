@@ -9,8 +9,6 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import minimize
-from scipy.spatial import ConvexHull, QhullError
 
 from armdyn.errors import ProblemError
 from armdyn.exclusive import built_once
@@ -164,6 +162,10 @@ def _around(points: Array, thickness: ArrayLike) -> Capsule:
         points: centres [m], shape (m, 3).
         thickness: radii [m], one or shape (m,).
     """
+    # Loaded here, for a third of a second is much for the many problems without obstacles.
+    from scipy.optimize import minimize
+    from scipy.spatial import ConvexHull, QhullError
+
     radii = np.broadcast_to(np.asarray(thickness, dtype=float), len(points))
     if not np.ptp(radii):
         with suppress(QhullError, ValueError):  # flat, or too few: all of them then
