@@ -21,7 +21,7 @@ from armdyn.optimal.refine.smooth import cost, settled, smooth_optima, trajector
 from armdyn.optimal.search.candidates import Candidates, find_candidates
 from armdyn.optimal.search.goals import GoalTried, screened
 from armdyn.optimal.search.multistart import SAME
-from armdyn.optimal.solve.direct import Attempt
+from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.scheme import Scheme
 

@@ -7,12 +7,15 @@ from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.arcs.arc import SWITCH, Arc, Mode, detect, merged
-from armdyn.optimal.arcs.phases import Phases, prepare_phases, solve_phases
+from armdyn.optimal.arcs.phases import Phases, Unresolved
+from armdyn.optimal.arcs.posing import PhaseAim
+from armdyn.optimal.arcs.solving import prepare_phases, solve_phases
 from armdyn.optimal.arcs.structure import by_sign, with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.landing.aim import aimed
 from armdyn.optimal.landing.rollout import replay_torques
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.program.mesh import mesh
 from armdyn.optimal.proof.certificate import (
     HAMILTONIAN_TOLERANCE,
     SWITCHING_TOLERANCE,
@@ -20,8 +23,10 @@ from armdyn.optimal.proof.certificate import (
     certify,
     pontryagin,
 )
-from armdyn.optimal.solve.direct import mesh
+from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -67,7 +72,7 @@ def refine(
         problem: what is solved.
         dynamics: of its robot.
         scheme: says the form of the dynamics.
-        trajectory: a collocation solution with constant torques between the knots of `direct.mesh`.
+        trajectory: a collocation solution with constant torques between the knots of `mesh`.
         intervals: of its mesh.
         stop: asked every few iterations.
     """
@@ -83,10 +88,10 @@ def refine(
     return resolved if phases is not None and _error(resolved) <= _error(on_mesh) else on_mesh
 
 
-def prepare_refinement(dynamics: Dynamics, scheme: Scheme) -> None:
+def prepare_refinement(task: Task) -> None:
     """Build, if it is not there, what `refine` is most likely to need."""
     for intervals in (_INTERVALS, 2 * _INTERVALS):
-        prepare_phases(dynamics, scheme, intervals)
+        prepare_phases(task, intervals)
 
 
 def land(
@@ -122,7 +127,8 @@ def _structure(
     """Phases whose switching functions agree with their modes, or the last ones and why they do not."""
     # The torques of a fine mesh need not be on their limits where time hardly tells.
     switch = max(SWITCH, intervals // _BLUR)
-    arcs = merged(detect(problem, trajectory, mesh(intervals, problem.robot.nv), switch))
+    task = Task(problem, dynamics, scheme, MinimumTimeOptions(), Policy.of(problem), stop)
+    arcs = merged(detect(problem, trajectory, mesh(intervals, task.policy.graded), switch))
     idle = _idle(problem, arcs)
     if problem.robot.nv > 3 and idle:
         return None, f"time does not determine {', '.join(idle)}: on no limit for most of the motion"
@@ -134,8 +140,8 @@ def _structure(
             return last, f"{len(arcs)} arcs: more than {_MOST_ARCS}"
         size = max(_INTERVALS, 3 * len(arcs))
         laid = last.density if last else None
-        phases = solve_phases(problem, arcs, guess, dynamics, scheme, size, stop, density=laid)
-        if not phases.converged:
+        phases = solve_phases(task, arcs, guess, size, PhaseAim(density=laid))
+        if isinstance(phases, Unresolved):
             return last, f"the durations of {len(arcs)} arcs did not converge ({phases.message})"
         guess = phases.torques
         structure = tuple((arc.modes, arc.touches) for arc in phases.arcs)
@@ -170,11 +176,12 @@ def _land(
 ) -> tuple[Phases, Trajectory, str]:
     """Finer while H strays; then aim beside the goal by the collocation's own error until the replay hits it."""
     size, n = phases.arc_of.size, problem.robot.nv
+    task = Task(problem, dynamics, scheme, MinimumTimeOptions(), Policy.of(problem), stop)
     while 2 * size <= _MOST_INTERVALS and _strays(problem, phases) and not stop:
         size *= 2
         laid = phases.density
-        tried = solve_phases(problem, phases.arcs, phases.torques, dynamics, scheme, size, stop, 0.0, True, laid)
-        if not tried.converged:
+        tried = solve_phases(task, phases.arcs, phases.torques, size, PhaseAim(near=True, density=laid))
+        if isinstance(tried, Unresolved):
             remark = f"the arcs did not converge on {size} intervals ({tried.message})"
             return phases, replay_torques(problem.robot, phases.torques), remark
         phases = tried
@@ -187,10 +194,9 @@ def _land(
         # Where time leaves torques free another solution has others, and the error is not the same again.
         keep = best[0] if problem.effort_weight == 0 and len(best[0].arcs) > 2 * n else None
         arcs, guess = best[0].arcs, best[0].torques
-        tried = solve_phases(
-            problem, arcs, guess, dynamics, scheme, size, stop, offset, near=True, density=phases.laid, keep=keep
-        )
-        if not tried.converged:
+        aim = PhaseAim(offset=offset, near=True, density=phases.laid, keep=keep)
+        tried = solve_phases(task, arcs, guess, size, aim)
+        if isinstance(tried, Unresolved):
             return *best, f"the replay could not be brought onto the goal ({tried.message})"
         replayed = replay_torques(problem.robot, tried.torques)
         if replayed.t[-1] != tried.torques.t[-1]:

@@ -22,7 +22,8 @@ from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.proof.certificate import certify
 from armdyn.optimal.refine.arcs import Refined
 from armdyn.optimal.search.candidates import Candidates, find_candidates
-from armdyn.optimal.solve.direct import Attempt, solve_on_mesh
+from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.scheme import Scheme
 from armdyn.trajectory import Trajectory

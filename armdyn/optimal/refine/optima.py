@@ -15,10 +15,12 @@ from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, HAMILTONIAN_TOLERAN
 from armdyn.optimal.refine.arcs import Refined, prepare_refinement, refine
 from armdyn.optimal.refine.constrained import Checked
 from armdyn.optimal.refine.slowing import within_velocity_limits
+from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import solve_quickly
-from armdyn.optimal.solve.direct import Attempt
 from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.task import Task
 from armdyn.processes import in_processes
 
 _SURE = 5.0
@@ -95,7 +97,9 @@ class _Refinement:
         """The next mesh."""
         mesh, guess = 2 * step.mesh or self.options.intervals, step.guess.trajectory
         own = self.options.fine()
-        attempt = solve_quickly(self.problem, guess, self.dynamics, self.scheme, mesh, own, self.stop)
+        policy = Policy.of(self.problem)
+        task = Task(self.problem, self.dynamics, self.scheme, self.options, policy, self.stop)
+        attempt = solve_quickly(task, guess, mesh, own)
         iterations = step.iterations + attempt.iterations
         if attempt.status is not Status.SOLVED:
             return replace(step, attempt=attempt, mesh=mesh, iterations=iterations)
@@ -179,7 +183,7 @@ def refined_optima(
         Them, in the attempts' order, and the durations of those that were not worth it.
     """
     if options.arcs and scheme.control == "constant" and problem.robot.nv <= 3:
-        prepare_refinement(dynamics, scheme)
+        prepare_refinement(Task(problem, dynamics, scheme, options, Policy.of(problem), stop))
     refinement = _Refinement(problem, dynamics, scheme, options, stop)
     # With an answer in hand a slower optimum is worth one mesh, not all of them.
     few, many = options.intervals, options.max_intervals

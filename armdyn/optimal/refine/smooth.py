@@ -12,16 +12,20 @@ import numpy as np
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.arcs.grid import Density
-from armdyn.optimal.arcs.phases import TABLEAU, Phases, solve_phases
+from armdyn.optimal.arcs.phases import TABLEAU, Phases, Unresolved
+from armdyn.optimal.arcs.posing import PhaseAim
+from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.arcs.structure import with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.proof.certificate import HAMILTONIAN_TOLERANCE, pontryagin
 from armdyn.optimal.search.multistart import search
-from armdyn.optimal.solve.direct import Attempt
-from armdyn.optimal.task.options import DirectOptions
+from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.task.options import DirectOptions, MinimumTimeOptions
+from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 _COARSE, _FINE, _MOST_ROUGH, _MOST = 25, 30, 120, 240
@@ -80,13 +84,16 @@ def smooth_optima(
     attempts = search(problem, dynamics, linear, [_COARSE], starts, seed, coarse, workers, stop, tell)
     found = [resolve(problem, guess, dynamics, scheme, stop) for guess in _distinct(problem, attempts)[:count]]
     optima: list[Phases] = []
-    for phases in sorted((phases for phases in found if phases.converged), key=lambda phases: cost(problem, phases)):
+    resolved = (phases for phases in found if isinstance(phases, Phases))
+    for phases in sorted(resolved, key=lambda phases: cost(problem, phases)):
         if not optima or cost(problem, phases) > (1 + _SAME_OPTIMUM) * cost(problem, optima[-1]):
             optima.append(phases)
     return SmoothOptima(tuple(optima), tuple(attempts))
 
 
-def resolve(problem: MinimumTimeProblem, guess: Trajectory, dynamics: Dynamics, scheme: Scheme, stop: Stop) -> Phases:
+def resolve(
+    problem: MinimumTimeProblem, guess: Trajectory, dynamics: Dynamics, scheme: Scheme, stop: Stop
+) -> Phases | Unresolved:
     """The optimum near a guess by Radau IIA of high order, with its multipliers.
 
     Args:
@@ -97,7 +104,8 @@ def resolve(problem: MinimumTimeProblem, guess: Trajectory, dynamics: Dynamics, 
         stop: asked every few iterations.
     """
     arc = Arc(guess.duration, (Mode.FREE,) * problem.robot.nv)
-    return solve_phases(problem, [arc], guess, dynamics, scheme, _FINE, stop)
+    task = Task(problem, dynamics, scheme, MinimumTimeOptions(), Policy.of(problem), stop)
+    return solve_phases(task, [arc], guess, _FINE)
 
 
 def settled(
@@ -116,13 +124,14 @@ def settled(
         stop: asked every few iterations.
     """
     waiting, left = list(optima), []
+    task = Task(problem, dynamics, scheme, MinimumTimeOptions(), Policy.of(problem), stop)
 
     def promise(phases: Phases) -> float:
         return cost(problem, phases)
 
-    def solved(arcs: Sequence[Arc], size: int, near: Phases, density: Density | None) -> Phases:
+    def solved(arcs: Sequence[Arc], size: int, near: Phases, density: Density | None) -> Phases | Unresolved:
         size = max(size, 3 * len(arcs))
-        return solve_phases(problem, arcs, near.torques, dynamics, scheme, size, stop, density=density)
+        return solve_phases(task, arcs, near.torques, size, PhaseAim(density=density))
 
     for _ in range(_STEPS):
         if not waiting or stop:
@@ -136,14 +145,14 @@ def settled(
         density = best.density if stray < 1 else None  # an artefact says nothing of where to look
         if HAMILTONIAN_TOLERANCE < stray < _ROUGH and (arcs := _corrected(problem, best)):
             better = solved(arcs, size, best, density)
-            if better.converged and _stray(problem, better) < stray:
+            if isinstance(better, Phases) and _stray(problem, better) < stray:
                 waiting.append(better)
                 continue
         if 2 * size > (_MOST if stray < _ROUGH else _MOST_ROUGH):
             left.append(best)
             continue
         better = solved(best.arcs, 2 * size, best, density)
-        if better.converged:
+        if isinstance(better, Phases):
             waiting.append(better)
     yield from sorted(left, key=promise)[:2] or sorted(waiting, key=promise)[:1] or optima[:1]
 

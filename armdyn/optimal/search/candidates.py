@@ -14,10 +14,13 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.search.multistart import SAME, distinct, ranked, search
 from armdyn.optimal.search.starts import spline
+from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
-from armdyn.optimal.solve.direct import Attempt, solve_on_mesh
+from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.options import DirectOptions, MinimumTimeOptions
+from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.scheme import DynamicsForm, Scheme
+from armdyn.optimal.task.task import Task
 from armdyn.processes import in_processes
 from armdyn.trajectory import Trajectory
 
@@ -85,7 +88,7 @@ def find_candidates(
         stop: asked every few iterations.
         tell: told in words what is being tried.
     """
-    n = problem.robot.nv
+    n, task = problem.robot.nv, Task(problem, dynamics, scheme, options, Policy.of(problem), stop, tell)
     workers = options.workers if n > 1 else 1  # a fork takes as long as the solve
     # With obstacles the straight guess is likely the worst: all begin coarse.
     rounds = bool(problem.obstacles) or problem.self_collision
@@ -93,8 +96,8 @@ def find_candidates(
     meshes = options.coarse_intervals if n <= 3 else options.coarse_intervals[:1]
 
     def on_mesh(guess: Trajectory, own: DirectOptions) -> Callable[[], Attempt]:
-        prepare_quickly(problem, dynamics, scheme, options.intervals, own)
-        return lambda: solve_quickly(problem, guess, dynamics, scheme, options.intervals, own, stop)
+        prepare_quickly(task, options.intervals, own)
+        return lambda: solve_quickly(task, guess, options.intervals, own)
 
     def searched(meshes: Sequence[int], count: int, beside: Sequence[Callable[[], Attempt]] = ()) -> list[Attempt]:
         own = options.coarse()
@@ -165,13 +168,13 @@ def _settled(
     candidates: list[Attempt] = []
     iterations = 0
     own = _patient(options.fine(), problem.robot.nv)
-    prepare_quickly(problem, dynamics, scheme, options.intervals, own)
+    task = Task(problem, dynamics, scheme, options, Policy.of(problem), stop)
+    prepare_quickly(task, options.intervals, own)
 
     def finer(attempt: Attempt) -> Attempt:
         if attempt.intervals == options.intervals:
             return attempt
-        guess = attempt.trajectory
-        return taken(solve_quickly(problem, guess, dynamics, scheme, options.intervals, own, stop), problem.robot.nv)
+        return taken(solve_quickly(task, attempt.trajectory, options.intervals, own), problem.robot.nv)
 
     tell(f"the best optima, about {found[0].trajectory.duration:.4f} s, on {options.intervals} intervals")
     jobs = [partial(finer, attempt) for attempt in found]

@@ -8,10 +8,12 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.search.starts import detours, spline
+from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
-from armdyn.optimal.solve.direct import Attempt
-from armdyn.optimal.task.options import DirectOptions
+from armdyn.optimal.task.options import DirectOptions, MinimumTimeOptions
+from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.task import Task
 from armdyn.processes import in_processes
 
 SAME = 2e-3
@@ -39,14 +41,15 @@ def search(
 
     The same seed gives the same attempts, on however many cores. Those `beside` come first, and are begun first.
     """
+    task = Task(problem, dynamics, scheme, MinimumTimeOptions(), Policy.of(problem), stop)
     ways = detours(problem, seed, count)
     for intervals in meshes:  # before the fork, so that every worker has them
         for option in options:
-            prepare_quickly(problem, dynamics, scheme, intervals, option)
+            prepare_quickly(task, intervals, option)
 
     def job(k: int) -> Attempt:
         mesh, option = meshes[k % len(meshes)], options[k // len(meshes) % len(options)]
-        return solve_quickly(problem, spline(problem, ways[k]), dynamics, scheme, mesh, option, stop, between=False)
+        return solve_quickly(task, spline(problem, ways[k]), mesh, option, between=False)
 
     done: list[Attempt] = []
     attempts: list[Attempt] = []
