@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import Arc
-from armdyn.optimal.arcs.grid import Density, density_of
+from armdyn.optimal.arcs.grid import Density
 from armdyn.optimal.task.tableau import RADAU_5
 from armdyn.trajectory import Trajectory
 
@@ -29,7 +29,7 @@ class Phases:
         tau: torques at the stages, shape (K, stages, nv).
         arc_of: which arc an interval is in, shape (K,).
         laid: what the intervals were laid by; None: the arcs' lengths.
-        layers: where dry friction turns around, over the same time; None: nowhere.
+        density: where another mesh needs its intervals.
         stage_q: positions at the stages, shape (K, stages, nv).
         stage_v: velocities at the stages, shape (K, stages, nv).
         stage_costate: ∫ρ over each stage's share of the time, shape (K, stages, 2 nv): what multiplies a
@@ -49,7 +49,7 @@ class Phases:
     tau: Array
     arc_of: NDArray[np.int_]
     laid: Density | None
-    layers: Density | None
+    density: Density
     stage_q: Array
     stage_v: Array
     stage_costate: Array
@@ -63,16 +63,6 @@ class Phases:
     def duration(self) -> float:
         """t_f [s]."""
         return float(self.t[-1])
-
-    @property
-    def density(self) -> Density:
-        """Where another mesh needs its intervals."""
-        c = TABLEAU.c
-        states = np.concatenate([self.stage_q, self.stage_v], axis=2)
-        from_start = np.concatenate([np.concatenate([self.q, self.v], axis=1)[:-1, None], states], axis=1)
-        costate = self.stage_costate / (TABLEAU.b[:, None] * np.diff(self.t)[:, None, None])
-        bends = density_of(self.t, [(np.append(0, c), from_start), (c, costate)])
-        return bends if self.layers is None else bends.with_half_of(self.layers)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import BANG, POSITION, VELOCITY, Arc, Mode
-from armdyn.optimal.arcs.grid import Density, deal
-from armdyn.optimal.arcs.layers import layered
+from armdyn.optimal.arcs.grid import Density, deal, layered
 from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.layout import Layout
@@ -19,13 +18,11 @@ from armdyn.trajectory import Trajectory
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
 
-_TIE = 1e-5
-"""Cost of full torques on joints that time leaves free, against the 1 of time: it makes them unique."""
 _SHORTEST = 1e-9
 """Least duration of an arc, scaled."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class PhaseAim:
     """What phases are to come to, and what is known of them already.
 
@@ -81,11 +78,11 @@ def pose(task: Task, arcs: Sequence[Arc], guess: Trajectory, layout: Layout, int
         intervals: of the whole mesh.
         aim: see there.
     """
-    problem, N = task.problem, intervals
+    problem, numbers, N = task.problem, task.policy.arcs, intervals
     scales = Scales.of(problem, guess)
     durations = np.array([arc.duration for arc in arcs])
-    density = aim.density or layered(guess, problem.robot.friction)
-    arc_of, part = deal(durations, N, density)
+    density = aim.density or layered(guess, problem.robot.friction, numbers)
+    arc_of, part = deal(durations, N, density, numbers.per_arc)
     x = to_unknowns(guess, layout, durations[arc_of] * part / durations.sum(), scales)
     lower, upper = bounds(problem, layout, N, scales)
     _Narrowed(problem, layout, scales, lower, upper).to(arcs, arc_of, aim.keep)
@@ -95,7 +92,7 @@ def pose(task: Task, arcs: Sequence[Arc], guess: Trajectory, layout: Layout, int
     x[times] = np.append(durations[arc_of], durations[-1]) / scales.time
     lower[times] = _SHORTEST
     tied = any(arc.singular for arc in arcs) and problem.effort_weight == 0
-    weights = scales.weights(problem.effort_weight, _TIE if tied else 0.0)
+    weights = scales.weights(problem.effort_weight, numbers.tie if tied else 0.0)
     return Posed(
         arcs=tuple(arcs),
         scales=scales,

@@ -12,10 +12,6 @@ from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_SAMPLES = 480
-"""Torque samples, about, on all arcs where the torque is not constant together: 4 to 16 on an interval."""
-
-
 def motion_of(
     problem: MinimumTimeProblem,
     arcs: Sequence[Arc],
@@ -23,6 +19,7 @@ def motion_of(
     t: Array,
     states: Array,
     tau: Array,
+    most: int,
 ) -> Trajectory:
     """The polynomials of the intervals, sampled: twice where all torques are constant, more often elsewhere.
 
@@ -33,10 +30,11 @@ def motion_of(
         t: knots [s], shape (K + 1,).
         states: (q, v) at the start of every interval and at its stages, shape (K, stages + 1, 2, nv).
         tau: torques at the stages [N m or N], shape (K, stages, nv).
+        most: samples, about, on all arcs where a torque varies together: 4 to 16 on an interval.
     """
     nodes, limits = np.append(0.0, TABLEAU.c), problem.limits
     varying = sum(any(mode not in BANG for mode in arcs[a].modes) for a in arc_of)
-    samples = int(np.clip(_SAMPLES // max(varying, 1), 4, 16))
+    samples = int(np.clip(most // max(varying, 1), 4, 16))
     rows_t, rows_x, rows_tau = [], [], []
     for k, a in enumerate(arc_of):
         constant = all(mode in BANG for mode in arcs[a].modes)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import Arc
-from armdyn.optimal.arcs.layers import layered
+from armdyn.optimal.arcs.grid import Density, density_of, layered
 from armdyn.optimal.arcs.phases import TABLEAU, Phases, Unresolved
 from armdyn.optimal.arcs.posing import PhaseAim, Posed, pose
 from armdyn.optimal.arcs.sampling import motion_of
@@ -26,10 +26,6 @@ from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_TOLERANCE = 1e-10
-"""Of IPOPT on the scaled problem: durations then hold to about as much."""
-_FEW, _SOME, _MANY = 60, 100, 200
-"""Iterations of IPOPT where all torques are held, where some are free, and where they are to be smooth."""
 _NEWTON: tuple[tuple[str, float | str], ...] = (("bound_relax_factor", 0.0), ("acceptable_iter", 0))
 """"Acceptable" to IPOPT is a defect of 1e-2: not to us."""
 _CAREFUL: tuple[tuple[str, float | str], ...] = (*_NEWTON, ("mu_init", 1e-3))
@@ -54,8 +50,9 @@ def solve_phases(
         intervals: of the whole mesh.
         aim: by default the goal, from a guess that may be far.
     """
-    aim, singular = aim or PhaseAim(), any(arc.singular for arc in arcs)
-    iterations = (_MANY if task.problem.effort_weight else _SOME) if singular else _FEW
+    aim, numbers, singular = aim or PhaseAim(), task.policy.arcs, any(arc.singular for arc in arcs)
+    free = numbers.smooth_iterations if task.problem.effort_weight else numbers.free_iterations
+    iterations = free if singular else numbers.held_iterations
     solver = _solver(task, intervals, aim.near or not singular, iterations)
     posed = pose(task, arcs, guess, solver.program.layout, intervals, aim)
     outcome = solver.solve(posed.x, posed.parameters, posed.x_bounds, posed.g_bounds, task.stop)
@@ -67,18 +64,19 @@ def solve_phases(
 
 def prepare_phases(task: Task, intervals: int) -> None:
     """Build, if it is not there, what `solve_phases` needs for arcs without free torques."""
-    _solver(task, intervals, near=True, iterations=_FEW)
+    _solver(task, intervals, near=True, iterations=task.policy.arcs.held_iterations)
 
 
 def _solver(task: Task, intervals: int, near: bool, iterations: int) -> Ipopt[Nlp]:
     scheme = replace(task.scheme, method=TABLEAU.name, control="stage")
-    settings = IpoptSettings(_TOLERANCE, iterations, options=_FROM_HERE if near else _CAREFUL)
+    settings = IpoptSettings(task.policy.arcs.tolerance, iterations, options=_FROM_HERE if near else _CAREFUL)
     return Ipopt.of(settings, build_nlp, task.dynamics, scheme, intervals)
 
 
 def _read(task: Task, nlp: Nlp, posed: Posed, outcome: Outcome) -> Phases:
     """The phases that unknowns and multipliers stand for."""
     layout, N, n, scales, x = nlp.layout, nlp.intervals, nlp.layout.nv, posed.scales, outcome.x
+    problem, numbers = task.problem, task.policy.arcs
     units = np.array([scales.length, scales.speed])[:, None]
     lengths = np.maximum(x[layout.times(N)[:-1]] * scales.time * posed.part, 1e-12)
     t = np.concatenate([[0], np.cumsum(lengths)])
@@ -86,7 +84,8 @@ def _read(task: Task, nlp: Nlp, posed: Posed, outcome: Outcome) -> Phases:
     knots = x[layout.states(N)].reshape(N + 1, 1, 2, n) * units
     stages = np.concatenate([x[layout.inner_states(N)].reshape(N, -1, 2, n) * units, knots[1:]], axis=1)
     tau = x[layout.torques(N)] * scales.effort
-    torques = motion_of(task.problem, arcs, posed.arc_of, t, np.concatenate([knots[:-1], stages], axis=1), tau)
+    states = np.concatenate([knots[:-1], stages], axis=1)
+    torques = motion_of(problem, arcs, posed.arc_of, t, states, tau, numbers.samples)
     slope = _slope(nlp, posed, outcome)
     costate, stage_costate = _costates(nlp, posed, outcome, slope)
     pull = scales.time / units
@@ -99,7 +98,7 @@ def _read(task: Task, nlp: Nlp, posed: Posed, outcome: Outcome) -> Phases:
         tau=tau,
         arc_of=posed.arc_of,
         laid=posed.density,
-        layers=layered(torques, task.problem.robot.friction),
+        density=_density(t, states, stage_costate, layered(torques, problem.robot.friction, numbers), numbers.floor),
         stage_q=stages[:, :, 0],
         stage_v=stages[:, :, 1],
         stage_costate=stage_costate,
@@ -109,6 +108,14 @@ def _read(task: Task, nlp: Nlp, posed: Posed, outcome: Outcome) -> Phases:
         torques=torques,
         iterations=outcome.iterations,
     )
+
+
+def _density(t: Array, states: Array, stage_costate: Array, layers: Density | None, floor: float) -> Density:
+    """Where another mesh needs its intervals: where states and costates bend, and where dry friction turns around."""
+    flat = states.reshape(*states.shape[:2], -1)
+    costate = stage_costate / (TABLEAU.b[:, None] * np.diff(t)[:, None, None])
+    bends = density_of(t, [(np.append(0, TABLEAU.c), flat), (TABLEAU.c, costate)], floor)
+    return bends if layers is None else bends.with_half_of(layers)
 
 
 def _slope(nlp: Nlp, posed: Posed, outcome: Outcome) -> Array:

@@ -12,11 +12,11 @@ the way.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import casadi as ca
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.exclusive import built_once
 from armdyn.optimal.program.assembly import Program, mapped
 from armdyn.optimal.program.interval import IntervalFunctions, differentiated, present_body
 from armdyn.optimal.program.layout import CondensedLayout, Layout, Parameters
@@ -63,7 +63,7 @@ def build_condensed(dynamics: Dynamics, scheme: Scheme, intervals: int) -> Conde
     )
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def _interval(dynamics: Dynamics, scheme: Scheme) -> tuple[IntervalFunctions, ca.Function]:
     """The functions of one interval, and of its unknowns and parameters the middle's state."""
     n, layout = dynamics.nv, CondensedLayout(Layout(dynamics.nv, scheme))

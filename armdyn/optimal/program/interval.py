@@ -1,12 +1,12 @@
 """One interval of direct collocation, written once for every tableau: its equations, cost and derivatives."""
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.exclusive import built_once
 from armdyn.optimal.program.compiled import compiled
 from armdyn.optimal.program.layout import Layout, Parameters
 from armdyn.optimal.task.scheme import Scheme
@@ -110,7 +110,7 @@ class IntervalFunctions:
     hessian_pattern: ca.Sparsity
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def interval_functions(dynamics: Dynamics, scheme: Scheme) -> IntervalFunctions:
     """The functions of one interval; the same model and scheme give the same ones."""
     return differentiated("interval", *_equations(dynamics, scheme), scheme.compile)

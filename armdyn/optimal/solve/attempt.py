@@ -23,6 +23,7 @@ class Attempt:
         iterations: of IPOPT.
         worst_violation: None if it converged.
         passing: when the motion is at the via points [s], shape (vias,).
+        taken: it did not converge, but keeps the equations of motion so well that it is taken all the same.
     """
 
     status: Status
@@ -32,3 +33,9 @@ class Attempt:
     iterations: int
     worst_violation: Violation | None
     passing: Array = field(default_factory=lambda: np.empty(0))
+    taken: bool = False
+
+    @property
+    def usable(self) -> bool:
+        """It is a motion of the arm: it converged, or nearly."""
+        return self.taken or self.status is Status.SOLVED

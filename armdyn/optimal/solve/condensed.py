@@ -5,12 +5,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.conditions.course import path_rows
-from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.condensed import CondensedNlp, build_condensed, has_condensed
-from armdyn.optimal.program.mesh import mesh
-from armdyn.optimal.program.unknowns import Scales, bounds, to_trajectory, to_unknowns, worst_violation
+from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_violation
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.direct import prepare, solve_on_mesh
 from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings
@@ -20,15 +17,13 @@ from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_NEAR = 1e-3
-"""Of a joint's travel, and of its velocity limit: so near to a limit it is reached."""
 _RELAXED = 1e-8
 """What IPOPT lets unknowns exceed their bounds by."""
 
 
 def condensable(task: Task) -> bool:
     """Whether a search may do with so few unknowns."""
-    return has_condensed(task.scheme) and task.policy.condensed and not task.problem.conditions
+    return has_condensed(task.scheme) and task.policy.program.condensed
 
 
 def solve_quickly(
@@ -43,13 +38,12 @@ def solve_quickly(
         settings: iteration limit, tolerance, verbosity.
         between: a solution that exceeds a limit between the knots is solved again with all unknowns.
     """
-    if not condensable(task) or (between and _on_limits(task.problem, guess)):
-        return solve_on_mesh(task.problem, guess, task.dynamics, task.scheme, intervals, settings, task.stop)
+    if not condensable(task) or (between and _on_limits(task, guess)):
+        return solve_on_mesh(task, guess, intervals, settings)
     attempt, within = _condensed(task, guess, intervals, settings)
     if within or not between or attempt.status is not Status.SOLVED:
         return attempt
-    guess = attempt.trajectory
-    again = solve_on_mesh(task.problem, guess, task.dynamics, task.scheme, intervals, settings, task.stop)
+    again = solve_on_mesh(task, attempt.trajectory, intervals, settings)
     return replace(again, iterations=attempt.iterations + again.iterations)
 
 
@@ -58,14 +52,15 @@ def prepare_quickly(task: Task, intervals: int, settings: DirectOptions) -> None
     if condensable(task):
         _solver(task, intervals, settings)
     else:
-        prepare(task.dynamics, task.scheme, intervals, settings, path_rows(task.problem), task.policy)
+        prepare(task, intervals, settings)
 
 
-def _on_limits(problem: MinimumTimeProblem, guess: Trajectory) -> bool:
+def _on_limits(task: Task, guess: Trajectory) -> bool:
     """A guess that reaches a position or velocity limit is likely to exceed it between the knots."""
-    limits, near = problem.limits, _NEAR * np.ptp(guess.q, axis=0)
-    beyond = np.any((guess.q <= limits.position_lower + near) | (guess.q >= limits.position_upper - near))
-    return bool(beyond or np.any(np.abs(guess.v) >= (1 - _NEAR) * limits.velocity))
+    limits, near = task.problem.limits, task.policy.program.near_limit
+    room = near * np.ptp(guess.q, axis=0)
+    beyond = np.any((guess.q <= limits.position_lower + room) | (guess.q >= limits.position_upper - room))
+    return bool(beyond or np.any(np.abs(guess.v) >= (1 - near) * limits.velocity))
 
 
 def _condensed(task: Task, guess: Trajectory, intervals: int, settings: DirectOptions) -> tuple[Attempt, bool]:
@@ -73,8 +68,8 @@ def _condensed(task: Task, guess: Trajectory, intervals: int, settings: DirectOp
     problem, solver = task.problem, _solver(task, intervals, settings)
     program, scales = solver.program, Scales.of(problem, guess)
     full, kept = program.layout.full, program.layout.kept(intervals)
-    fractions = np.diff(mesh(intervals, task.policy.graded))
-    weights = scales.weights(problem.effort_weight, task.policy.tie)
+    fractions = np.diff(mesh(intervals, task.policy.program.graded))
+    weights = scales.weights(problem.effort_weight, task.policy.program.tie)
     parameters = scales.parameters(fractions, weights, task.dynamics.last_body)
     lower, upper = bounds(problem, full, intervals, scales)
     start = np.clip(to_unknowns(guess, full, fractions, scales), lower, upper)[kept]

@@ -8,51 +8,39 @@ from armdyn.optimal.conditions.course import PLAIN, Course, Legs, legs_of, path_
 from armdyn.optimal.conditions.rows import PathRows, with_rows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.assembly import Nlp, build_nlp
 from armdyn.optimal.program.layout import Layout
-from armdyn.optimal.program.mesh import mesh
-from armdyn.optimal.program.unknowns import Scales, bounds, to_trajectory, to_unknowns, worst_violation
+from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_violation
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings
 from armdyn.optimal.task.options import DirectOptions
-from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
 
 def solve_on_mesh(
-    problem: MinimumTimeProblem,
-    guess: Trajectory,
-    dynamics: Dynamics,
-    scheme: Scheme,
-    intervals: int,
-    options: DirectOptions,
-    stop: Stop,
-    course: Course = PLAIN,
+    task: Task, guess: Trajectory, intervals: int, settings: DirectOptions, course: Course = PLAIN
 ) -> Attempt:
     """One call of IPOPT.
 
     Args:
-        problem: what is to be solved.
+        task: what is to be solved, and how.
         guess: where it starts.
-        dynamics: of the problem's robot.
-        scheme: the transcription.
         intervals: of the mesh, dealt out to the legs between via points.
-        options: iteration limit, tolerance, verbosity.
-        stop: asked every few iterations.
+        settings: iteration limit, tolerance, verbosity.
         course: how much stricter than the problem to be.
     """
+    problem, policy = task.problem, task.policy.program
     rows = path_rows(problem, course.points)
-    policy = Policy.of(problem)
-    solver = _solver(dynamics, scheme, intervals, options, rows, policy)
+    solver = _solver(task, intervals, settings, rows)
     nlp, scales = solver.program, Scales.of(problem, guess)
     layout, legs = nlp.layout, legs_of(problem, guess, intervals)
     fractions = np.concatenate([np.diff(mesh(size, policy.graded)) for size in legs.intervals])
     weights = scales.weights(problem.effort_weight, policy.tie)
-    parameters = np.concatenate([scales.parameters(fractions, weights, dynamics.last_body), scene_of(problem)])
+    parameters = np.concatenate([scales.parameters(fractions, weights, task.dynamics.last_body), scene_of(problem)])
     lower, upper = bounds(problem, layout, intervals, scales)
     shares = fractions
     if len(legs.intervals) > 1:
@@ -62,7 +50,7 @@ def solve_on_mesh(
     x = np.clip(x, lower, upper)
     when = np.append(0.0, np.cumsum(shares))
     lbg, ubg = row_bounds(problem, nlp, rows, legs, course, scales, when)
-    outcome = solver.solve(x, parameters, (lower, upper), (lbg, ubg), stop)
+    outcome = solver.solve(x, parameters, (lower, upper), (lbg, ubg), task.stop)
     x, g = outcome.x, solver.equations(outcome.x, parameters)
     landed = outcome.status is Status.SOLVED
     # Rows after the equations of motion are not looked at.
@@ -106,33 +94,17 @@ def _fix_legs(
         bound[knots[N, layout.knot.v]] += np.asarray(course.end_velocity) / scales.speed
 
 
-def prepare(
-    dynamics: Dynamics,
-    scheme: Scheme,
-    intervals: int,
-    options: DirectOptions,
-    rows: PathRows | None,
-    policy: Policy,
-) -> None:
-    """Build, if it is not there, what `solve_on_mesh` needs; rows: `path_rows` of the problem."""
-    _solver(dynamics, scheme, intervals, options, rows, policy)
+def prepare(task: Task, intervals: int, settings: DirectOptions) -> None:
+    """Build, if it is not there, what `solve_on_mesh` needs."""
+    _solver(task, intervals, settings, path_rows(task.problem))
 
 
-def _solver(
-    dynamics: Dynamics,
-    scheme: Scheme,
-    intervals: int,
-    options: DirectOptions,
-    rows: PathRows | None,
-    policy: Policy,
-) -> Ipopt[Nlp]:
-    flat = policy.flat if rows is None else policy.flat_with_rows
-    settings = IpoptSettings.of(options)
+def _solver(task: Task, intervals: int, settings: DirectOptions, rows: PathRows | None) -> Ipopt[Nlp]:
+    flat, own = task.policy.program.flat, IpoptSettings.of(settings)
     if flat is not None:
-        settings = IpoptSettings.of(
-            options, acceptable_tol=flat, acceptable_constr_viol_tol=options.tolerance, acceptable_iter=6
-        )
-    return Ipopt.of(settings, _program, dynamics, scheme, intervals, rows)
+        tolerance = settings.tolerance
+        own = IpoptSettings.of(settings, acceptable_tol=flat, acceptable_constr_viol_tol=tolerance, acceptable_iter=6)
+    return Ipopt.of(own, _program, task.dynamics, task.scheme, intervals, rows)
 
 
 def _program(dynamics: Dynamics, scheme: Scheme, intervals: int, rows: PathRows | None) -> Nlp:

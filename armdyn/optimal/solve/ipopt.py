@@ -1,15 +1,14 @@
 """IPOPT, set up for one program and called from one place."""
 
-import threading
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, Generic, Self, TypeVar
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.exclusive import built_once, one_at_a_time
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.assembly import Program
@@ -23,8 +22,6 @@ _ASKED = 5
 """Iterations between two questions whether to stop: a question costs as much as the gradients of a small arm."""
 _KEPT = 64
 """Programs that stay built."""
-_ALONE = threading.RLock()
-"""Held by whoever builds, or is within IPOPT: the monitor has one `Stop` at a time."""
 
 _STATUS = {
     "Solve_Succeeded": Status.SOLVED,
@@ -119,8 +116,7 @@ class Ipopt(Generic[P]):
     @classmethod
     def of(cls, settings: IpoptSettings, build: Callable[..., P], *arguments: Hashable) -> "Ipopt[P]":
         """IPOPT for what a function builds of its arguments: built once, and shared by all who ask for the same."""
-        with _ALONE:
-            return _built(settings, build, arguments)
+        return _built(settings, build, arguments)
 
     def solve(
         self, x: Array, p: Array, x_bounds: tuple[Array, Array], g_bounds: tuple[Array, Array], stop: Stop
@@ -135,7 +131,7 @@ class Ipopt(Generic[P]):
             stop: asked every few iterations of this call.
         """
         (lbx, ubx), (lbg, ubg) = x_bounds, g_bounds
-        with _ALONE, self._monitor.asking(stop):
+        with one_at_a_time, self._monitor.asking(stop):
             result = self._solver(x0=x, p=p, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg)
             stats: dict[str, Any] = self._solver.stats()
         word = str(stats["return_status"])
@@ -153,6 +149,6 @@ class Ipopt(Generic[P]):
         return np.array(self._solver.get_function("nlp_g")(x, p)).ravel()
 
 
-@lru_cache(maxsize=_KEPT)
+@built_once(maxsize=_KEPT)
 def _built(settings: IpoptSettings, build: Callable[..., P], arguments: tuple[Hashable, ...]) -> Ipopt[P]:
     return Ipopt(build(*arguments), settings)

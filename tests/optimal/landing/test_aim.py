@@ -41,8 +41,8 @@ def test_torques_change_a_little_and_land(friction):
     assert motion.duration == pytest.approx(found.duration, rel=10 * before)
 
 
-def test_what_is_far_off_or_not_constant_is_left_alone(tmp_path):
-    problem = ad.MinimumTimeProblem(cart(tmp_path), q_start=[0.0], q_goal=[2.0])
+def test_what_is_far_off_or_not_constant_is_left_alone():
+    problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0])
     t, zero = np.linspace(0, 3, 4), np.zeros((4, 1))
     with stopping(60) as stop:
         for torque in (zero, t[:, None]):
@@ -52,9 +52,9 @@ def test_what_is_far_off_or_not_constant_is_left_alone(tmp_path):
             assert np.array_equal(replay.q, ad.replay_torques(problem.robot, given).q)
 
 
-def test_lands_exactly_where_the_answer_is_known(tmp_path):
+def test_lands_exactly_where_the_answer_is_known():
     """A cart's torques that are a little weak: the double integrator's way is linear in the force."""
-    problem = ad.MinimumTimeProblem(cart(tmp_path), q_start=[0.0], q_goal=[2.0])
+    problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0])
     t = np.linspace(0, 3, 31)
     force = np.where(t < 1.5, 1, -1) * 2.0 / 1.5**2 * 0.99
     with stopping(60) as stop:

@@ -3,6 +3,7 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.sparse.linalg import spsolve
+from scipy.special import roots_jacobi, roots_legendre
 
 from armdyn.dynamics import Dynamics
 from armdyn.optimal.program.assembly import build_nlp
@@ -28,6 +29,17 @@ def test_order_measured_on_a_nonlinear_equation(tableau):
     slope = np.polyfit(np.log(n), np.log([error(k) for k in n]), 1)[0]
     # A regression over two halvings is off the asymptotic order by a few per cent.
     assert -slope == pytest.approx(tableau.order, rel=0.05)
+
+
+@pytest.mark.parametrize("tableau", [t for t in TABLEAUS.values() if t.name != "lobatto3"], ids=lambda t: t.name)
+def test_nodes_are_scipys(tableau):
+    s = tableau.c.size
+    if tableau.name.startswith("gauss"):
+        nodes = roots_legendre(s)[0]
+    else:
+        nodes = np.append(np.sort(roots_jacobi(s - 1, 1, 0)[0]), 1.0)
+    # Half a unit in the last place of numbers below one.
+    np.testing.assert_allclose(tableau.c, (1 + nodes) / 2, rtol=0, atol=1e-16)
 
 
 @pytest.fixture(scope="module")

@@ -24,8 +24,8 @@ def test_cost_of_linear_torques_is_exact():
     assert trajectory_cost(motion, 0.0) == 3
 
 
-def test_double_integrator_in_closed_form(tmp_path):
-    problem = ad.MinimumTimeProblem(cart(tmp_path), q_start=[0.0], q_goal=[1.0], effort_weight=2.0, effort_limit=50.0)
+def test_double_integrator_in_closed_form():
+    problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[1.0], effort_weight=2.0, effort_limit=50.0)
     phases = resolve(problem, spline(problem, []), Dynamics(problem.robot, free_last_body=True), Scheme(), Stop())
     duration = (18 * 2.0) ** 0.25  # of J = T + 6 w d²/T³
     assert phases.duration == pytest.approx(duration, rel=1e-7)  # J is flat there: IPOPT's 1e-10 leaves 1e-8
