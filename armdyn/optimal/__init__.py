@@ -2,6 +2,8 @@
 
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.arcs.arc import Arc, Mode
+from armdyn.optimal.conditions.limits.frame_speed import FrameSpeedLimit
+from armdyn.optimal.conditions.limits.torque_rate import TorqueRateLimit
 from armdyn.optimal.gap import TimeOptimality, time_optimality, trajectory_from_path
 from armdyn.optimal.indirect.solution import Comparison, IndirectOptions, IndirectSolution, compare_with_direct
 from armdyn.optimal.indirect.solve import solve_indirect
@@ -17,6 +19,7 @@ __all__ = [
     "Arc",
     "Certificate",
     "Comparison",
+    "FrameSpeedLimit",
     "IndirectOptions",
     "IndirectSolution",
     "MinimumTimeOptions",
@@ -26,6 +29,7 @@ __all__ = [
     "Solution",
     "Status",
     "TimeOptimality",
+    "TorqueRateLimit",
     "Violation",
     "compare_with_direct",
     "replay_torques",

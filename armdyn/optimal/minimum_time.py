@@ -23,7 +23,9 @@ from armdyn.optimal.search.goals import GoalTried, screened
 from armdyn.optimal.search.multistart import SAME
 from armdyn.optimal.solve.direct import Attempt
 from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.task import Task
 
 _SAME_OPTIMUM = 1e-6
 """Refined durations that differ by less than this part are one optimum."""
@@ -56,7 +58,7 @@ def solve_minimum_time(
         return _fastest_goal(problem, options, tell)
     dynamics, scheme = Dynamics(problem.robot, free_last_body=True), options.scheme(problem.robot.nv)
     with stopping(options.time_limit) as stop:
-        solve = _constrained if problem.conditions else _time_energy if problem.effort_weight > 0 else _minimum_time
+        solve = _constrained if problem.along_the_way else _time_energy if problem.effort_weight > 0 else _minimum_time
         results, candidates = solve(problem, dynamics, scheme, options, stop, tell)
     elapsed = time.perf_counter() - started
     if not results:
@@ -101,7 +103,8 @@ def _constrained(
     tell: Callable[[str], None],
 ) -> tuple[list[Optimum], Candidates]:
     """Optima of the mesh with conditions along the way."""
-    found, candidates = constrained_optima(problem, dynamics, scheme, options, stop, tell)
+    policy = Policy.of(problem)
+    found, candidates = constrained_optima(Task(problem, dynamics, policy.scheme(options), options, policy, stop, tell))
     results = [
         Optimum(
             each.refined,
@@ -206,6 +209,7 @@ def _solution(
         solve_time=elapsed,
         worst_violation=result.worst_violation,
         clearance=result.checked.clearance if result.checked else None,
+        kept=result.checked.kept if result.checked else (),
         via_times=result.via_times,
     )
 

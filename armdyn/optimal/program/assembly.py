@@ -145,10 +145,58 @@ def _equations(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX,
     return one.y, one.p, ca.vertcat(*defects), cost
 
 
-def stage_accelerations(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Unknowns and parameters of one interval, and the accelerations over speed/T at its stages, a column each."""
-    one = _interval(dynamics, scheme)
-    return one.y, one.p, ca.horzcat(*one.accelerations) * one.p[1] / one.p[3]
+@dataclass(frozen=True, eq=False)
+class Stages:
+    """One interval in SI units, a column for every stage: what conditions along the way are written in.
+
+    Attributes:
+        y: its unknowns.
+        p: its parameters.
+        h: its duration [s].
+        c: where the stages lie in it.
+        q: joint positions [rad or m], shape (nv, stages).
+        v: velocities [rad/s or m/s], likewise.
+        a: accelerations [rad/s² or m/s²], likewise.
+        tau: torques [N m or N], likewise.
+        acceleration: what is one in the scaled problem [rad/s² or m/s²].
+        effort: likewise [N m or N], shape (nv,).
+        dynamics: of the robot.
+        knots: whether the first and the last stage are knots.
+    """
+
+    y: ca.SX
+    p: ca.SX
+    h: ca.SX
+    c: Array
+    q: ca.SX
+    v: ca.SX
+    a: ca.SX
+    tau: ca.SX
+    acceleration: ca.SX
+    effort: ca.SX
+    dynamics: Dynamics
+    knots: tuple[bool, bool]
+
+
+def stages_of(dynamics: Dynamics, scheme: Scheme) -> Stages:
+    """The stages of one interval."""
+    n, one = dynamics.nv, _interval(dynamics, scheme)
+    fraction, time, length, speed = ca.vertsplit(one.p[:4])
+    effort = one.p[4 + n : 4 + 2 * n]
+    return Stages(
+        y=one.y,
+        p=one.p,
+        h=fraction * time * one.left[2 * n],
+        c=scheme.tableau.c,
+        q=ca.horzcat(*(length * x[:n] for x in one.states)),
+        v=ca.horzcat(*one.velocities),
+        a=ca.horzcat(*one.accelerations),
+        tau=ca.horzcat(*(effort * torque for torque in one.torques)),
+        acceleration=speed / time,
+        effort=effort,
+        dynamics=dynamics,
+        knots=(scheme.tableau.starts_at_knot, scheme.tableau.ends_at_knot),
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -255,20 +303,6 @@ def hessian_function(x: ca.MX, p: ca.MX, sigma: ca.MX, lam: ca.MX, hessian: ca.M
     """As nlpsol wants it."""
     names = ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
     return ca.Function("nlp_hess_l", [x, p, sigma, lam], [hessian], *names)
-
-
-def assemble(pattern: ca.Sparsity, step: tuple[int, int], shape: tuple[int, int], nonzeros: ca.MX) -> ca.MX:
-    """The sparse matrix of which every interval has the same pattern, `step` further down and right.
-
-    Args:
-        pattern: of one interval.
-        step: rows and columns from one interval to the next.
-        shape: of the whole.
-        nonzeros: a column per interval; what falls on the same place is added.
-    """
-    shift = np.arange(nonzeros.shape[1])
-    row, col = (np.array(x, dtype=int) for x in pattern.get_triplet())
-    return scatter(row[:, None] + step[0] * shift, col[:, None] + step[1] * shift, shape, nonzeros)
 
 
 def scatter(rows: Index, cols: Index, shape: tuple[int, int], nonzeros: ca.MX) -> ca.MX:

@@ -7,13 +7,13 @@ from functools import partial
 import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.optimal.conditions.demands import Checked
 from armdyn.optimal.landing.rollout import replay_torques
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, HAMILTONIAN_TOLERANCE, LIMIT_TOLERANCE, certify
 from armdyn.optimal.refine.arcs import Refined, prepare_refinement, refine
-from armdyn.optimal.refine.constrained import Checked
 from armdyn.optimal.refine.slowing import within_velocity_limits
 from armdyn.optimal.solve.condensed import solve_quickly
 from armdyn.optimal.solve.direct import Attempt

@@ -17,7 +17,9 @@ from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
 from armdyn.optimal.solve.direct import Attempt, solve_on_mesh
 from armdyn.optimal.task.options import DirectOptions, MinimumTimeOptions
+from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.scheme import DynamicsForm, Scheme
+from armdyn.optimal.task.task import Task
 from armdyn.processes import in_processes
 from armdyn.trajectory import Trajectory
 
@@ -222,7 +224,8 @@ def _ladder(
             break
         tell(f"no guess converged: trying {form} dynamics on {options.intervals} intervals")
         step = replace(scheme, dynamics=form)
-        attempt = solve_on_mesh(problem, guess, dynamics, step, options.intervals, options.alone(), stop)
+        task = Task(problem, dynamics, step, options, Policy.of(problem), stop)
+        attempt = solve_on_mesh(task, guess, options.intervals, options.alone())
         attempts.append(attempt)
         if attempt.status is Status.SOLVED:
             break

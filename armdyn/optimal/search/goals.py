@@ -6,14 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import stopping
-from armdyn.optimal.refine.constrained import scheme_for
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.optimal.task.task import Task
 
 Array = NDArray[np.float64]
 
@@ -48,8 +47,6 @@ def screened(
         options: meshes and time limit, of which this takes a third at most.
         tell: told in words what is being tried.
     """
-    dynamics = Dynamics(problem.robot, free_last_body=True)
-    scheme = scheme_for(problem, options.scheme(problem.robot.nv))
     branches: list[MinimumTimeProblem] = []
     durations: list[float] = []
     with stopping(options.time_limit / 3) as stop:
@@ -60,9 +57,8 @@ def screened(
                 durations.append(np.inf)
                 continue
             tell(f"goal {i} of {len(problem.goals)}")
-            attempt = solve_on_mesh(
-                branch, spline(branch, []), dynamics, scheme, options.coarse_intervals[0], options.coarse()[1], stop
-            )
+            task = Task.of(branch, options, stop)
+            attempt = solve_on_mesh(task, spline(branch, []), options.coarse_intervals[0], options.coarse()[1])
             durations.append(attempt.trajectory.duration if attempt.status is Status.SOLVED else np.inf)
     order = sorted(range(len(branches)), key=lambda i: (durations[i], i))
     tried = [GoalTried(problem.goals[i], durations[i]) for i in order]

@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.optimal.conditions.course import path_rows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
@@ -38,9 +37,11 @@ from armdyn.optimal.program.unknowns import Scales, bounds, to_trajectory, to_un
 from armdyn.optimal.solve.direct import Attempt, effort_weights, mesh, outcome, prepare, solve_on_mesh
 from armdyn.optimal.solve.ipopt import make_solver
 from armdyn.optimal.solve.monitor import Monitor
-from armdyn.optimal.task.options import DirectOptions
+from armdyn.optimal.task.options import DirectOptions, MinimumTimeOptions
+from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.scheme import Scheme
 from armdyn.optimal.task.tableau import LOBATTO_3
+from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -54,7 +55,7 @@ _RELAXED = 1e-8
 def condensable(problem: MinimumTimeProblem, scheme: Scheme) -> bool:
     """Whether a search may do with so few unknowns."""
     plain = scheme.tableau is LOBATTO_3 and scheme.dynamics == "forward" and scheme.control != "stage"
-    return plain and problem.robot.nv <= 3 and not problem.conditions
+    return plain and problem.robot.nv <= 3 and not problem.along_the_way
 
 
 def solve_quickly(
@@ -80,12 +81,16 @@ def solve_quickly(
         between: a solution that exceeds a limit between the knots is solved again with all unknowns.
     """
     if not condensable(problem, scheme) or (between and _on_limits(problem, guess)):
-        return solve_on_mesh(problem, guess, dynamics, scheme, intervals, options, stop)
+        return solve_on_mesh(_task(problem, dynamics, scheme, stop), guess, intervals, options)
     attempt, within = _condensed(problem, guess, dynamics, scheme, intervals, options, stop)
     if within or not between or attempt.status is not Status.SOLVED:
         return attempt
-    again = solve_on_mesh(problem, attempt.trajectory, dynamics, scheme, intervals, options, stop)
+    again = solve_on_mesh(_task(problem, dynamics, scheme, stop), attempt.trajectory, intervals, options)
     return replace(again, iterations=attempt.iterations + again.iterations)
+
+
+def _task(problem: MinimumTimeProblem, dynamics: Dynamics, scheme: Scheme, stop: Stop) -> Task:
+    return Task(problem, dynamics, scheme, MinimumTimeOptions(), Policy.of(problem), stop)
 
 
 def _on_limits(problem: MinimumTimeProblem, guess: Trajectory) -> bool:
@@ -137,7 +142,7 @@ def prepare_quickly(
     if condensable(problem, scheme):
         _solver(dynamics, scheme, intervals, options)
     else:
-        prepare(dynamics, scheme, intervals, options, path_rows(problem))
+        prepare(_task(problem, dynamics, scheme, Stop()), intervals, options)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.optimal.conditions.course import PLAIN, Course, Legs, legs_of, path_rows, row_bounds, scene_of
-from armdyn.optimal.conditions.rows import PathRows, with_rows
+from armdyn.optimal.conditions.condition import Knots
+from armdyn.optimal.conditions.demands import Demands, numbers_of, row_bounds
+from armdyn.optimal.conditions.legs import Aim, Legs, legs_of
+from armdyn.optimal.conditions.rows import Rows, with_rows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.problem.stop import Stop
@@ -20,6 +22,7 @@ from armdyn.optimal.solve.ipopt import make_solver
 from armdyn.optimal.solve.monitor import Monitor
 from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -67,60 +70,59 @@ class Attempt:
 
 
 def solve_on_mesh(
-    problem: MinimumTimeProblem,
-    guess: Trajectory,
-    dynamics: Dynamics,
-    scheme: Scheme,
-    intervals: int,
-    options: DirectOptions,
-    stop: Stop,
-    course: Course = PLAIN,
+    task: Task, guess: Trajectory, intervals: int, settings: DirectOptions, demands: Demands | None = None
 ) -> Attempt:
     """One call of IPOPT.
 
     Args:
-        problem: what is to be solved.
+        task: what is to be solved.
         guess: where it starts.
-        dynamics: of the problem's robot.
-        scheme: the transcription.
         intervals: of the mesh, dealt out to the legs between via points.
-        options: iteration limit, tolerance, verbosity.
-        stop: asked every few iterations.
-        course: how much stricter than the problem to be.
+        settings: iteration limit, tolerance, verbosity.
+        demands: how much stricter than the problem to be; None: as strict.
     """
-    rows = path_rows(problem, course.points)
-    nlp, solver, monitor = _solver(dynamics, scheme, intervals, options, rows)
-    scales, layout, n = Scales.of(problem, guess), nlp.layout, problem.robot.nv
+    problem, dynamics = task.problem, task.dynamics
+    demands = Demands.of(problem) if demands is None else demands
+    rows = demands.rows(problem)
+    nlp, solver, monitor = _solver(dynamics, task.scheme, intervals, settings, rows)
+    scales, layout = Scales.of(problem, guess), nlp.layout
     legs = legs_of(problem, guess, intervals)
-    fractions = np.concatenate([np.diff(mesh(size, n)) for size in legs.intervals])
-    numbers = scales.parameters(effort_weights(problem, scales), dynamics.last_body)
-    parameters = np.concatenate([fractions, numbers, scene_of(problem)])
-    lower, upper = bounds(problem, nlp.layout, intervals, scales)
+    fractions = np.concatenate([np.diff(mesh(size, layout.nv)) for size in legs.intervals])
     shares = fractions
     if len(legs.intervals) > 1:
         shares = fractions * legs.durations[legs.of] / legs.durations.sum()
+    knots = Knots(np.append(0.0, np.cumsum(shares)), (0, *legs.knots.tolist()))
+    values = demands.values(problem, knots)
+    numbers = scales.parameters(effort_weights(problem, scales), dynamics.last_body)
+    parameters = np.concatenate([fractions, numbers, numbers_of(values)])
+    lower, upper = bounds(problem, layout, intervals, scales)
     x = to_unknowns(guess, layout, shares, scales)
-    _fix_legs(problem, layout, legs, course, scales, x, lower, upper)
+    _fix_legs(problem, layout, legs, demands.aim, scales, x, lower, upper)
     x = np.clip(x, lower, upper)
-    monitor.stop = stop
-    when = np.append(0.0, np.cumsum(shares))
-    lbg, ubg = row_bounds(problem, nlp, rows, legs, course, scales, when)
+    lbg, ubg = (
+        np.concatenate(sides)
+        for sides in zip(_equations(nlp, legs), row_bounds(rows, values, dynamics, task.scheme, intervals), strict=True)
+    )
+    monitor.stop = task.stop
     result = solver(x0=x, p=parameters, lbx=lower, ubx=upper, lbg=lbg, ubg=ubg)
-    status, word, iterations = outcome(solver, stop)
+    status, word, iterations = outcome(solver, task.stop)
     found = np.array(result["x"]).ravel()
     x = found if np.all(np.isfinite(found)) else x
-    g = np.array(solver.get_function("nlp_g")(x, parameters)).ravel()
-    landed = status is Status.SOLVED
-    # Rows after the equations of motion are not looked at.
-    beyond = np.maximum(g - ubg, lbg - g)[: intervals * nlp.defects].reshape(intervals, -1)
-    own = np.maximum(x[np.cumsum((0, *legs.intervals[:-1])) * (layout.knot + layout.inner) + 2 * n] * scales.time, 0)
+    violation = None
+    if status is not Status.SOLVED:
+        g = np.array(solver.get_function("nlp_g")(x, parameters)).ravel()
+        # Rows after the equations of motion are not looked at.
+        beyond = np.maximum(g - ubg, lbg - g)[: intervals * nlp.defects].reshape(intervals, -1)
+        violation = worst_violation(problem, layout, x, beyond, fractions, scales)
+    first_knots = np.cumsum((0, *legs.intervals[:-1]))
+    own = np.maximum(x[first_knots * (layout.knot + layout.inner) + 2 * layout.nv] * scales.time, 0)
     return Attempt(
         status=status,
         message=word,
         trajectory=to_trajectory(x, layout, fractions, scales, problem.robot.joint_names, legs.intervals),
         intervals=intervals,
         iterations=iterations,
-        worst_violation=None if landed else worst_violation(problem, layout, x, beyond, fractions, scales),
+        worst_violation=violation,
         passing=np.cumsum(own)[:-1],
     )
 
@@ -135,11 +137,18 @@ def outcome(solver: ca.Function, stop: Stop) -> tuple[Status, str, int]:
     return status, word.replace("_", " "), int(stats["iter_count"])
 
 
+def _equations(nlp: Nlp, legs: Legs) -> tuple[Array, Array]:
+    """Lower and upper bounds of the equations of motion."""
+    lower = np.zeros((nlp.intervals, nlp.defects))
+    lower[legs.knots[:-1] - 1, -1] = -np.inf  # every leg has a duration of its own
+    return lower.ravel(), -lower.ravel()
+
+
 def _fix_legs(
     problem: MinimumTimeProblem,
     layout: Layout,
     legs: Legs,
-    course: Course,
+    aim: Aim,
     scales: Scales,
     x: Array,
     lower: Array,
@@ -153,7 +162,7 @@ def _fix_legs(
         durations = legs.durations[np.append(legs.of, legs.of[-1])] / scales.time
         least = np.maximum(problem.leg_bounds() / scales.time, 1e-3)[np.append(legs.of, legs.of[-1])]
         x[times], lower[times] = durations, least
-    offsets = np.broadcast_to(course.offsets, (len(legs.intervals), n))
+    offsets = np.broadcast_to(aim.offsets, (len(legs.intervals), n))
     for knot, q, offset in zip(legs.knots, problem.poses[1:], offsets, strict=True):
         if several or np.any(offset):
             lower[knot * block : knot * block + n] = upper[knot * block : knot * block + n] = (
@@ -161,7 +170,7 @@ def _fix_legs(
             ) / scales.length
     end = legs.knots[-1] * block + n
     for bound in (lower, upper):
-        bound[end : end + n] += np.asarray(course.end_velocity) / scales.speed
+        bound[end : end + n] += np.asarray(aim.end_velocity) / scales.speed
 
 
 def effort_weights(problem: MinimumTimeProblem, scales: Scales) -> Array:
@@ -179,24 +188,22 @@ def mesh(intervals: int, joints: int) -> Array:
     return even if joints <= 3 else 0.3 * even + 0.35 * (1 - np.cos(np.pi * even))
 
 
-def prepare(
-    dynamics: Dynamics, scheme: Scheme, intervals: int, options: DirectOptions, rows: PathRows | None = None
-) -> None:
-    """Build, if it is not there, what `solve_on_mesh` needs; rows: `path_rows` of the problem."""
-    _solver(dynamics, scheme, intervals, options, rows)
+def prepare(task: Task, intervals: int, settings: DirectOptions) -> None:
+    """Build, if it is not there, what `solve_on_mesh` needs."""
+    _solver(task.dynamics, task.scheme, intervals, settings, Demands.of(task.problem).rows(task.problem))
 
 
 @lru_cache(maxsize=16)
 def _solver(
-    dynamics: Dynamics, scheme: Scheme, intervals: int, options: DirectOptions, rows: PathRows | None
+    dynamics: Dynamics, scheme: Scheme, intervals: int, options: DirectOptions, rows: tuple[Rows, ...]
 ) -> tuple[Nlp, ca.Function, Monitor]:
     nlp = build_nlp(dynamics, scheme, intervals)
-    if rows is not None:
+    if rows:
         nlp = with_rows(nlp, dynamics, rows)
     chosen: dict[str, float | str] = {"mu_init": options.barrier}
-    if rows is not None or dynamics.nv > 3:
+    if rows or dynamics.nv > 3:
         # Some joints are idle, and where they are is the obstacles' business: IPOPT walks on in a flat valley.
-        flat = _NEARLY_FLAT if rows is None else _FLAT
+        flat = _FLAT if rows else _NEARLY_FLAT
         chosen |= {"acceptable_tol": flat, "acceptable_constr_viol_tol": options.tolerance, "acceptable_iter": 6}
     solver, monitor = make_solver(
         nlp, options.tolerance, options.max_iterations, verbose=options.verbose, options=chosen
