@@ -87,10 +87,9 @@ def settle(task: Task, attempt: Attempt) -> Constrained:
         if np.max(np.abs(replay.q[-1] - problem.q_goal)) > _FAR:
             if 2 * size > options.max_intervals:
                 break  # no motion of the arm, and no aim mends that
-            size, demands = 2 * size, demands.on_finer_mesh()
+            size, demands = 2 * size, demands.stricter(problem, found.checked).on_finer_mesh()
         else:
-            demands = demands.aimed(problem, replay, attempt.passing)
-        demands = demands.stricter(problem, found.checked)
+            demands = demands.stricter(problem, found.checked).aimed(problem, replay, attempt.passing)
     if best is None:
         best = _judged(task, replay_torques(problem.robot, attempt.trajectory), attempt, iterations)
     return replace(best, iterations=iterations)

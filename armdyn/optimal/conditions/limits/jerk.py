@@ -49,8 +49,10 @@ class JerkLimit(Condition):
 
 
 def _jerks(stages: Stages, over_limit: ca.SX) -> ca.SX:
-    steps = enumerate(np.diff(stages.c))
-    return ca.vertcat(*((stages.a[:, i + 1] - stages.a[:, i]) / (step * stages.h) * over_limit for i, step in steps))
+    rows = []
+    for i, step in enumerate(np.diff(stages.c)):
+        rows.append((stages.a[:, i + 1] - stages.a[:, i]) / (step * stages.h) * over_limit)
+    return ca.vertcat(*rows)
 
 
 def _acceleration_at(stages: Stages, numbers: ca.SX, stage: int) -> ca.SX:
