@@ -40,7 +40,7 @@ class FrameSpeedLimit(Condition):
     part: float = 1.0
 
     name = "frame speed limits"
-    option, metavar, help = "tip-speed", "V[@FRAME]", "how fast a frame may move \\[m/s], by default the tip"
+    option, metavar, help = "tip-speed", "V[@FRAME]", "how fast a frame may move [m/s], by default the tip"
 
     def __post_init__(self) -> None:
         if not (np.ndim(self.limit) == 0 and 0 < self.limit < np.inf):

@@ -49,8 +49,9 @@ class JerkLimit(Condition):
 
 
 def _jerks(stages: Stages, over_limit: ca.SX) -> ca.SX:
-    steps = enumerate(np.diff(stages.c))
-    return ca.vertcat(*((stages.a[:, i + 1] - stages.a[:, i]) / (step * stages.h) * over_limit for i, step in steps))
+    steps = ca.repmat(ca.DM(np.diff(stages.c)).T, over_limit.numel(), 1)
+    rises: ca.SX = (stages.a[:, 1:] - stages.a[:, :-1]) / (steps * stages.h)
+    return ca.vec(rises * ca.repmat(over_limit, 1, steps.shape[1]))
 
 
 def _acceleration_at(stages: Stages, numbers: ca.SX, stage: int) -> ca.SX:

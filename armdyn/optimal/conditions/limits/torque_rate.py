@@ -39,7 +39,7 @@ class TorqueRateLimit(Condition):
     option, metavar, help = (
         "torque-rate",
         "R[,R…]",
-        "how fast torques may change \\[N m/s], one number or one per joint",
+        "how fast torques may change [N m/s], one number or one per joint",
     )
 
     @classmethod
@@ -73,7 +73,7 @@ class TorqueRateLimit(Condition):
 
     def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
         """One either way; nothing beside what holds the arm."""
-        ends = [RowValues(-free, free, hold) for hold, free in (_held(problem, x) for x in _ends(problem))]
+        ends = [RowValues(-free, free, hold) for hold, free in (self._held(problem, x) for x in _ends(problem))]
         return (RowValues(-1, 1, 1 / np.asarray(self.limit)), *ends)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> Kept:
@@ -86,11 +86,19 @@ class TorqueRateLimit(Condition):
         if share > 1 + _TOLERANCE:
             reasons.append(f"the torque of joint {joint!r} changes {share:.4g} times as fast as its limit allows")
         for x, tau, end in zip(_ends(problem), motion.tau[[0, -1]], ("begins", "ends"), strict=True):
-            hold, free = _held(problem, x)
+            hold, free = self._held(problem, x)
             beside = np.where(free > 0, 0, np.abs(tau - hold)) / problem.limits.effort_upper
             if np.max(beside) > _TOLERANCE:
                 reasons.append(f"the torque {end} with a jump of {100 * np.max(beside):.2g} % of its limit")
         return Kept(self.name, f"{100 * share:.4g} % of the limit at most, by {joint!r}", share, tuple(reasons))
+
+    def _held(self, problem: MinimumTimeProblem, x: Array) -> tuple[Array, Array]:
+        """What holds the arm in a state [N m or N], and how far from it each torque may be: 0, or inf if it is free."""
+        robot, limits, n = problem.robot, problem.limits, problem.robot.nv
+        hold = pin.computeGeneralizedGravity(robot.model, robot.model.createData(), robot.configuration(x[:n]))
+        able = (hold >= limits.effort_lower) & (hold <= limits.effort_upper)
+        held = able & np.isfinite(self.limit) & (not np.any(x[n:]))
+        return np.array(hold), np.where(held, 0.0, np.inf)
 
 
 def _slope(stages: Stages) -> ca.SX:
@@ -112,11 +120,3 @@ def _beside(stages: Stages, hold: ca.SX, part: float) -> ca.SX:
 
 def _ends(problem: MinimumTimeProblem) -> tuple[Array, Array]:
     return problem.x_start, problem.x_goal
-
-
-def _held(problem: MinimumTimeProblem, x: Array) -> tuple[Array, Array]:
-    """What holds the arm in a state [N m or N], and how far from it the torque may be: 0, or inf if nothing is held."""
-    robot, limits, n = problem.robot, problem.limits, problem.robot.nv
-    hold = pin.computeGeneralizedGravity(robot.model, robot.model.createData(), robot.configuration(x[:n]))
-    held = (hold >= limits.effort_lower) & (hold <= limits.effort_upper) & (not np.any(x[n:]))
-    return np.array(hold), np.where(held, 0.0, np.inf)
