@@ -7,23 +7,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
-from armdyn.cli.arguments import Json, numbers
-from armdyn.cli.console import INTERRUPTED, NOT_CERTIFIED, answering, console, errors
-from armdyn.control.arrival import ARRIVAL_RULES
-from armdyn.control.stability import one_of
+from armdyn.cli.console import INTERRUPTED, NOT_CERTIFIED, answering, console, errors, escape
+from armdyn.cli.options.results import Json
+from armdyn.cli.options.text import numbers
 from armdyn.files import write_whole
-from armdyn.models import ArmSpec, Payload
-from armdyn.models.urdf import urdf_file_name, urdf_from_spec
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from armdyn.control.arrival import ArrivalRule
     from armdyn.studies.cases import Outcome
     from armdyn.studies.reproduce import Plan, Reproduced
+
+ARRIVAL_RULES: tuple["ArrivalRule", ...] = ("last_entry_first_joint", "last_entry_all_joints", "first_crossing")
+"""Those of `armdyn.control.arrival`, once more: help must not wait for numpy."""
 
 
 def reproduce(
@@ -55,6 +53,7 @@ def reproduce(
     armdyn reproduce --only table4,figure2[/]
     """
     with answering(json) as answer:
+        from armdyn.control.stability import one_of
         from armdyn.studies.reproduce import Plan
         from armdyn.studies.reproduce import reproduce as carry_out
 
@@ -92,6 +91,8 @@ def _progress(total: int, as_json: bool) -> "Iterator[Callable[[Outcome, int, in
     if as_json or not errors.is_terminal:
         yield lambda outcome, done, of: None
         return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
     columns = (
         TextColumn("reproduce"),
         BarColumn(),
@@ -100,7 +101,7 @@ def _progress(total: int, as_json: bool) -> "Iterator[Callable[[Outcome, int, in
         TextColumn("{task.description}"),
     )
     # It refreshes itself in a thread otherwise, and processes are to be forked.
-    with Progress(*columns, console=errors, transient=True, auto_refresh=False) as bar:
+    with Progress(*columns, console=errors.rich, transient=True, auto_refresh=False) as bar:
         task = bar.add_task("", total=total)
         bar.refresh()
 
@@ -127,6 +128,8 @@ def _facts(result: "Reproduced") -> dict[str, object]:
 
 def _print(result: "Reproduced", plan: "Plan", out: Path) -> None:
     """For people: the examples with the figures' payload, and where the rest is."""
+    from rich.table import Table
+
     grams = f"{1000 * plan.shown_payload:g} g"
     table = Table(title=f"The paper's examples with {grams} at the tip", title_justify="left")
     for column in ("#", "arm", "problem", "paper", "ours", "what happened"):
@@ -179,6 +182,9 @@ def urdf(
     [dim]armdyn urdf rr --payload 0.1006 > rr.urdf[/]
     """
     with answering(json) as answer:
+        from armdyn.models import ArmSpec, Payload
+        from armdyn.models.urdf import urdf_file_name, urdf_from_spec
+
         spec = ArmSpec.paper(arm)  # type: ignore[arg-type]  # paper refuses what it does not know
         load = Payload(mass=payload)
         text = urdf_from_spec(spec, load)

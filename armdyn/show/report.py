@@ -1,19 +1,29 @@
-"""What is left on disk of a run: trajectory, figure, replay and a summary, in one folder."""
+"""What is left on disk of a run: trajectory, figure, replay and a summary, in one folder.
 
-from collections.abc import Sequence
+A figure takes matplotlib and a replay meshcat: each is loaded when it is drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from armdyn.control import PidRun
-from armdyn.models.obstacles import Obstacle
-from armdyn.models.robot import Robot
-from armdyn.optimal import Solution
-from armdyn.show.plots import plot_trajectories, save_figure
-from armdyn.show.replay import write_html
 from armdyn.show.results import save_result
-from armdyn.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from armdyn.control import PidRun
+    from armdyn.models.obstacles import Obstacle
+    from armdyn.models.robot import Robot
+    from armdyn.optimal import Solution
+    from armdyn.trajectory import Trajectory
+
+Part = Literal["figure", "replay"]
+PARTS: tuple[Part, ...] = ("figure", "replay")
+"""What is drawn of a motion."""
 
 
 def minimum_time_summary(solution: Solution) -> dict[str, object]:
@@ -86,6 +96,9 @@ def write_run(
     summary: dict[str, object],
     title: str,
     obstacles: Sequence[Obstacle] = (),
+    *,
+    parts: Collection[Part] = PARTS,
+    tell: Callable[[str], None] | None = None,
 ) -> list[Path]:
     """Write trajectory.npz, figure.png, figure.pdf, replay.html and result.json.
 
@@ -96,6 +109,8 @@ def write_run(
         summary: what result.json says, besides the files.
         title: of the figure.
         obstacles: drawn in the replay.
+        parts: what is drawn.
+        tell: told in words what is being written.
 
     Returns:
         The files written.
@@ -103,12 +118,21 @@ def write_run(
     Raises:
         OSError: the folder cannot be written.
     """
+    tell = tell or (lambda text: None)
     folder.mkdir(parents=True, exist_ok=True)
     trajectory = replace(trajectory, model_hash=robot.model_hash)
     files = [trajectory.save(folder / "trajectory.npz")]
-    figure = plot_trajectories([trajectory], limits=robot.limits, title=title)
-    files += [save_figure(figure, folder / f"figure.{suffix}") for suffix in ("png", "pdf")]
-    files.append(write_html(robot, [trajectory], folder / "replay.html", obstacles=obstacles))
+    if "figure" in parts:
+        tell("drawing the figure")
+        from armdyn.show.plots import plot_trajectories, save_figure
+
+        figure = plot_trajectories([trajectory], limits=robot.limits, title=title)
+        files += [save_figure(figure, folder / f"figure.{suffix}") for suffix in ("png", "pdf")]
+    if "replay" in parts:
+        tell("writing the replay")
+        from armdyn.show.replay import write_html
+
+        files.append(write_html(robot, [trajectory], folder / "replay.html", obstacles=obstacles))
     result = folder / "result.json"
     names = [path.name for path in [*files, result]]
     return [*files, save_result(result, robot, {**summary, "files": names})]
