@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -12,6 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.errors import ProblemError
+from armdyn.exclusive import built_once
 from armdyn.models.meshes import load_meshes, numbers, origin, resolve_mesh
 from armdyn.models.obstacles import Capsule
 from armdyn.models.robot import Robot
@@ -46,7 +46,7 @@ class Body:
     capsule: Capsule
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def bodies(robot: Robot) -> tuple[Body, ...]:
     """What a robot can touch with: its URDF's collision geometry; if it has none, what is drawn of it.
 

@@ -5,7 +5,6 @@ from numpy.typing import NDArray
 
 from armdyn.models.friction import JointFriction
 from armdyn.optimal.arcs.grid import Density
-from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -16,13 +15,6 @@ _REACH = 3.0
 """Widths of the smoothed jump at which the mesh begins to thin out: friction is 0.5 % short of its all there."""
 _IN_LAYERS = 0.5
 """Part of the intervals that the turns get, all together."""
-
-
-def without_dry_friction(problem: MinimumTimeProblem) -> MinimumTimeProblem:
-    """The same without Coulomb friction, to begin with; itself if it has none."""
-    if not np.any(problem.robot.friction.coulomb):
-        return problem
-    return problem.variant(robot=problem.robot.with_friction(friction=0.0), goal_pose=None, wrap=False)
 
 
 def layered(guess: Trajectory, friction: JointFriction) -> Density | None:

@@ -8,13 +8,13 @@ The multipliers of the defects are the costates.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.exclusive import built_once, one_at_a_time
 from armdyn.optimal.arcs.arc import BANG, POSITION, VELOCITY, Arc, Mode
 from armdyn.optimal.arcs.grid import Density, deal, density_of
 from armdyn.optimal.arcs.layers import layered
@@ -163,9 +163,10 @@ def solve_phases(
     tied = singular and problem.effort_weight == 0
     weights = scales.weights(problem.effort_weight, _TIE if tied else 0.0)
     parameters = np.concatenate([part, scales.parameters(weights, dynamics.last_body)])
-    monitor.stop = stop
-    result = solver(x0=x, p=parameters, lbx=lower, ubx=upper, lbg=lbg.ravel(), ubg=-lbg.ravel())
-    stats = solver.stats()
+    with one_at_a_time:
+        monitor.stop = stop
+        result = solver(x0=x, p=parameters, lbx=lower, ubx=upper, lbg=lbg.ravel(), ubg=-lbg.ravel())
+        stats = solver.stats()
     x, lam = np.array(result["x"]).ravel(), np.array(result["lam_g"]).ravel()
     word = str(stats["return_status"])
     converged = word in ("Solve_Succeeded", "Solved_To_Acceptable_Level") and bool(np.all(np.isfinite(x)))
@@ -291,7 +292,7 @@ def _multipliers(nlp: Nlp, x: Array, parameters: Array, lam: Array, scales: Scal
     return costate * scales.time / state, weight * scales.time / state, slope
 
 
-@lru_cache(maxsize=32)
+@built_once(maxsize=32)
 def _solver(
     dynamics: Dynamics, scheme: Scheme, intervals: int, near: bool, iterations: int
 ) -> tuple[Nlp, ca.Function, Monitor]:

@@ -5,13 +5,13 @@ without such rows has the program of `transcription.build_nlp` itself.
 """
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.exclusive import built_once
 from armdyn.models.obstacles import Capsule, Obstacle
 from armdyn.optimal.conditions.distance import SIZES, Solid, from_segment, least_over_segment, solid
 from armdyn.optimal.program.assembly import (
@@ -150,7 +150,7 @@ def _functions(name: str, rows: ca.SX, y: ca.SX, others: list[ca.SX]) -> _Rows:
     )
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def _distance_rows(
     dynamics: Dynamics, scheme: Scheme, pairs: tuple[Pair, ...], kinds: tuple[type[Obstacle], ...]
 ) -> _Rows:
@@ -205,7 +205,7 @@ def _distance_rows(
     )
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def distances_at(dynamics: Dynamics, pairs: tuple[Pair, ...], kinds: tuple[type[Obstacle], ...] = ()) -> ca.Function:
     """Function of q [rad or m], shape (nv,), and the obstacles' numbers: the distance of every pair [m]."""
     q, scene = ca.SX.sym("q", dynamics.nv), ca.SX.sym("scene", sum(SIZES[kind] for kind in kinds))
@@ -236,7 +236,7 @@ def _distances(
     return ca.vertcat(*rows)
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def _motion_rows(dynamics: Dynamics, scheme: Scheme, jerks: bool) -> _Rows:
     """Accelerations over speed/T at the stages, then jerks over speed/T² between them."""
     y, p, a = stage_accelerations(dynamics, scheme)

@@ -25,7 +25,7 @@ from armdyn.optimal.indirect.solution import IndirectOptions, IndirectSolution, 
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop, stopping
-from armdyn.optimal.refine.smooth import resolve, smooth_optima
+from armdyn.optimal.refine.smooth import smooth_optima
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.task.options import MinimumTimeOptions
 

@@ -13,13 +13,13 @@ ten intervals and for a thousand.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.exclusive import built_once
 from armdyn.optimal.program.compiled import compiled
 from armdyn.optimal.task.scheme import Scheme
 
@@ -292,7 +292,7 @@ class IntervalFunctions:
     hessian_pattern: ca.Sparsity
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def interval_functions(dynamics: Dynamics, scheme: Scheme) -> IntervalFunctions:
     """The functions of one interval; the same model and scheme give the same ones."""
     return differentiated("interval", *_equations(dynamics, scheme), scheme.compile)

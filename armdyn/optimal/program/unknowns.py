@@ -199,3 +199,9 @@ def worst_violation(
         return Violation("equation of motion", names[row % n], time, value)
     row = (row - dynamics) % (2 * n)
     return Violation("position defect" if row < n else "velocity defect", names[row % n], time, value)
+
+
+def mesh(intervals: int, graded: bool) -> Array:
+    """Knots as parts of the duration, shape (intervals + 1,): even, or dense at both ends."""
+    even = np.linspace(0, 1, intervals + 1)
+    return 0.3 * even + 0.35 * (1 - np.cos(np.pi * even)) if graded else even

@@ -14,13 +14,13 @@ the way.
 """
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.exclusive import built_once, one_at_a_time
 from armdyn.optimal.conditions.course import path_rows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
@@ -35,7 +35,7 @@ from armdyn.optimal.program.assembly import (
     parameters_of,
 )
 from armdyn.optimal.program.unknowns import Scales, bounds, to_trajectory, to_unknowns, worst_violation
-from armdyn.optimal.solve.direct import Attempt, effort_weights, mesh, outcome, prepare, solve_on_mesh
+from armdyn.optimal.solve.direct import Attempt, _solve_on_mesh, effort_weights, mesh, outcome, prepare
 from armdyn.optimal.solve.ipopt import make_solver
 from armdyn.optimal.solve.monitor import Monitor
 from armdyn.optimal.task.options import DirectOptions
@@ -80,11 +80,11 @@ def solve_quickly(
         between: a solution that exceeds a limit between the knots is solved again with all unknowns.
     """
     if not condensable(problem, scheme) or (between and _on_limits(problem, guess)):
-        return solve_on_mesh(problem, guess, dynamics, scheme, intervals, options, stop)
+        return _solve_on_mesh(problem, guess, dynamics, scheme, intervals, options, stop)
     attempt, within = _condensed(problem, guess, dynamics, scheme, intervals, options, stop)
     if within or not between or attempt.status is not Status.SOLVED:
         return attempt
-    again = solve_on_mesh(problem, attempt.trajectory, dynamics, scheme, intervals, options, stop)
+    again = _solve_on_mesh(problem, attempt.trajectory, dynamics, scheme, intervals, options, stop)
     return replace(again, iterations=attempt.iterations + again.iterations)
 
 
@@ -112,9 +112,10 @@ def _condensed(
     parameters = np.concatenate([fractions, numbers])
     lower, upper = bounds(problem, layout, intervals, scales)
     start = np.clip(to_unknowns(guess, layout, fractions, scales), lower, upper)[places.kept]
-    monitor.stop = stop
-    result = solver(x0=start, p=parameters, lbx=lower[places.kept], ubx=upper[places.kept], lbg=0, ubg=0)
-    status, word, iterations = outcome(solver, stop)
+    with one_at_a_time:
+        monitor.stop = stop
+        result = solver(x0=start, p=parameters, lbx=lower[places.kept], ubx=upper[places.kept], lbg=0, ubg=0)
+        status, word, iterations = outcome(solver, stop)
     found = np.array(result["x"]).ravel()
     found = found if np.all(np.isfinite(found)) else start
     x = np.empty(layout.size(intervals))
@@ -173,7 +174,7 @@ def _places(layout: Layout, intervals: int) -> _Places:
     return _Places(np.append(kept, 2 * n), knots + 2 * n, (inner[:, None] + np.arange(2 * n)).ravel())
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def _interval(dynamics: Dynamics, scheme: Scheme) -> tuple[IntervalFunctions, ca.Function]:
     """Functions of y = (x_k, u_k, x_{k+1}, T) or (x_k, u_k, x_{k+1}, u_{k+1}, T), and p; the middle's state."""
     n, linear = dynamics.nv, scheme.control == "linear"
@@ -219,7 +220,7 @@ def _program(dynamics: Dynamics, scheme: Scheme, intervals: int) -> _Condensed:
     )
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def _solver(
     dynamics: Dynamics, scheme: Scheme, intervals: int, options: DirectOptions
 ) -> tuple[_Condensed, ca.Function, Monitor]:
@@ -232,3 +233,18 @@ def _solver(
         options={"mu_init": options.barrier},
     )
     return program, solver, monitor
+
+
+def _old(f):
+    return f
+
+
+_solve_quickly, _prepare_quickly = solve_quickly, prepare_quickly
+
+
+def solve_quickly(task, guess, intervals, settings, between=True):
+    return _solve_quickly(task.problem, guess, task.dynamics, task.scheme, intervals, settings, task.stop, between)
+
+
+def prepare_quickly(task, intervals, settings):
+    return _prepare_quickly(task.problem, task.dynamics, task.scheme, intervals, settings)

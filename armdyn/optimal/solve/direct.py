@@ -1,7 +1,6 @@
 """Minimum time by direct collocation and IPOPT."""
 
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import Any
 
 import casadi as ca
@@ -9,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.exclusive import built_once, one_at_a_time
 from armdyn.optimal.conditions.course import PLAIN, Course, Legs, legs_of, path_rows, row_bounds, scene_of
 from armdyn.optimal.conditions.rows import PathRows, with_rows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -55,6 +55,7 @@ class Attempt:
         iterations: of IPOPT.
         worst_violation: None if it converged.
         passing: when the motion is at the via points [s], shape (vias,).
+        taken: it did not converge, but keeps the equations of motion so well that it is taken all the same.
     """
 
     status: Status
@@ -64,6 +65,12 @@ class Attempt:
     iterations: int
     worst_violation: Violation | None
     passing: Array = field(default_factory=lambda: np.empty(0))
+    taken: bool = False
+
+    @property
+    def usable(self) -> bool:
+        """It is a motion of the arm: it converged, or nearly."""
+        return self.taken or self.status is Status.SOLVED
 
 
 def solve_on_mesh(
@@ -102,11 +109,12 @@ def solve_on_mesh(
     x = to_unknowns(guess, layout, shares, scales)
     _fix_legs(problem, layout, legs, course, scales, x, lower, upper)
     x = np.clip(x, lower, upper)
-    monitor.stop = stop
     when = np.append(0.0, np.cumsum(shares))
     lbg, ubg = row_bounds(problem, nlp, rows, legs, course, scales, when)
-    result = solver(x0=x, p=parameters, lbx=lower, ubx=upper, lbg=lbg, ubg=ubg)
-    status, word, iterations = outcome(solver, stop)
+    with one_at_a_time:
+        monitor.stop = stop
+        result = solver(x0=x, p=parameters, lbx=lower, ubx=upper, lbg=lbg, ubg=ubg)
+        status, word, iterations = outcome(solver, stop)
     found = np.array(result["x"]).ravel()
     x = found if np.all(np.isfinite(found)) else x
     g = np.array(solver.get_function("nlp_g")(x, parameters)).ravel()
@@ -186,7 +194,7 @@ def prepare(
     _solver(dynamics, scheme, intervals, options, rows)
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def _solver(
     dynamics: Dynamics, scheme: Scheme, intervals: int, options: DirectOptions, rows: PathRows | None
 ) -> tuple[Nlp, ca.Function, Monitor]:
@@ -202,3 +210,10 @@ def _solver(
         nlp, options.tolerance, options.max_iterations, verbose=options.verbose, options=chosen
     )
     return nlp, solver, monitor
+
+
+_solve_on_mesh = solve_on_mesh
+
+
+def solve_on_mesh(task, guess, intervals, settings, course=PLAIN):
+    return _solve_on_mesh(task.problem, guess, task.dynamics, task.scheme, intervals, settings, task.stop, course)

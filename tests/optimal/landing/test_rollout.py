@@ -7,12 +7,12 @@ from armdyn.optimal.landing import rollout
 from problems import cart, paper_arm
 
 
-def test_double_integrator_with_a_jump_of_the_force_is_exact(tmp_path):
+def test_double_integrator_with_a_jump_of_the_force_is_exact():
     half = 1.0
     t = np.array([0.0, np.nextafter(half, 0), half, 2 * half])
     zero = np.zeros((4, 1))
     motion = ad.Trajectory(t, zero, zero, [[1], [1], [-1], [-1]])
-    replay = ad.replay_torques(cart(tmp_path), motion)
+    replay = ad.replay_torques(cart(), motion)
     # One unit of force for one second, then back: x = 1, v = 0. The polynomial is exact for DOP853.
     np.testing.assert_allclose([replay.q[-1, 0], replay.v[-1, 0]], [1.0, 0.0], atol=1e-14)
 
@@ -38,9 +38,9 @@ def test_energy_is_what_the_torque_puts_in_less_what_friction_takes(friction):
     np.testing.assert_allclose(energy(60) - energy(0), np.trapezoid(power, fine), rtol=1e-3)
 
 
-def test_a_damped_body_coasts_to_rest_where_its_momentum_is_gone(tmp_path):
+def test_a_damped_body_coasts_to_rest_where_its_momentum_is_gone():
     damping = 2.0
-    robot = cart(tmp_path).with_friction(damping)
+    robot = cart().with_friction(damping)
     t = np.linspace(0, 3, 7)
     zero = np.zeros((7, 1))
     replay = ad.replay_torques(robot, ad.Trajectory(t, zero, zero + 1.5, zero))

@@ -63,7 +63,7 @@ def test_compiler_that_fails_is_done_without(own_cache, monkeypatch):
 
 @needs_compiler
 def test_large_functions_are_not_built_unasked(monkeypatch):
-    monkeypatch.setattr("armdyn.optimal.compiled._WORTH_IT", 5)
+    monkeypatch.setattr("armdyn.optimal.program.compiled._WORTH_IT", 5)
     plain = function()
     assert compiled([plain]) == [plain]
     (built,) = compiled([plain], True)

@@ -11,18 +11,12 @@ from armdyn.models.collision import CollisionModel
 from armdyn.models.obstacles import Box, Sphere
 from armdyn.models.reaching import GoalPose
 from armdyn.optimal.refine.constrained import check
-from problems import POSES, cart, paper_arm, paper_problem
+from problems import POSES, cart, paper_arm, paper_problem, solve
 
 START, GOAL = POSES["rr"]
 BALL = Sphere((0.33, 0, -0.12), 0.05, name="ball")
 RR_BEST = 0.21067170186256495
 """Best known of Example 2 with 100.6 g, without anything in the way [s]."""
-
-
-def solve(problem, **options):
-    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(**options))
-    assert solution.success, solution.message
-    return solution
 
 
 def rr(**conditions):
@@ -40,8 +34,8 @@ def rr(**conditions):
         ({"acceleration_limit": 0.4, "jerk_limit": 0.5, "velocity_limit": 0.5}, 2 / 0.5 + 0.5 / 0.4 + 0.4 / 0.5),
     ],
 )
-def test_a_cart_takes_the_time_that_its_profile_takes(tmp_path, limits, duration):
-    problem = ad.MinimumTimeProblem(cart(tmp_path), q_start=[0.0], q_goal=[2.0], **limits)
+def test_a_cart_takes_the_time_that_its_profile_takes(limits, duration):
+    problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0], **limits)
     solution = solve(problem)
     # Corners of the profile fall between knots; `settle` stops where a mesh twice as fine changes less than 5e-4.
     assert solution.duration == pytest.approx(duration, rel=1e-3)

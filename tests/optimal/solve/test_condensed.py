@@ -61,8 +61,8 @@ def test_limits_between_knots_are_kept_in_the_end():
     assert fastest[1] <= 12 * (1 + 1e-7)  # IPOPT relaxes bounds by 1e-8 of the scaled problem
 
 
-def test_quick_solution_goes_on_from_the_condensed_one(tmp_path):
-    problem = luus_problem(tmp_path)
+def test_quick_solution_goes_on_from_the_condensed_one():
+    problem = luus_problem()
     quick, condensed = solve(solve_quickly, problem), solve(solve_condensed, problem)
     assert quick.trajectory.duration == condensed.trajectory.duration
     assert quick.iterations == condensed.iterations

@@ -4,7 +4,7 @@ import pytest
 
 from armdyn.dynamics import Dynamics
 from armdyn.optimal.program.assembly import build_nlp
-from armdyn.optimal.program.unknowns import Scales, to_trajectory, to_unknowns
+from armdyn.optimal.program.unknowns import Scales, to_unknowns
 from armdyn.optimal.task.scheme import Scheme
 from armdyn.trajectory import Trajectory
 from problems import paper_arm
@@ -53,23 +53,3 @@ def test_defects_vanish_on_a_motion_that_collocation_integrates_exactly(scheme):
     # Inverse dynamics take the guess's acceleration by central differences, good to 1e-9 of tau's scale.
     assert np.max(np.abs(defects.full())) < 1e-9
     assert float(cost) * scales.time == pytest.approx(0.4, rel=1e-14)
-
-
-@pytest.mark.parametrize("scheme", SCHEMES, ids=str)
-def test_unknowns_and_back(scheme):
-    random = np.random.default_rng(1)
-    t = np.linspace(0, 1, 7)
-    tau = np.repeat(random.normal(size=(1, 2)), 7, axis=0)  # constant, so that every control can say it
-    motion = Trajectory(t, random.normal(size=(7, 2)), random.normal(size=(7, 2)), tau)
-    layout = build_nlp(Dynamics(paper_arm("rr"), free_last_body=True), scheme, 6).layout
-    scales, fractions = Scales(1.0, 2.0, 3.0, np.array([3.0, 4.0])), np.full(6, 1 / 6)
-    back = to_trajectory(to_unknowns(motion, layout, fractions, scales), layout, fractions, scales, ())
-    # Scaling there and back: an ulp or two.
-    np.testing.assert_allclose(back(t).q, motion.q, atol=1e-14)
-    np.testing.assert_allclose(back(t).v, motion.v, atol=1e-12)
-    np.testing.assert_allclose(back(t).tau, motion.tau, atol=1e-14)
-
-
-def test_unknown_names_are_refused():
-    with pytest.raises(ValueError, match="euler"):
-        Scheme(method="euler")
