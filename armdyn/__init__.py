@@ -1,6 +1,6 @@
 """Time-optimal and closed-loop motion of robot arms, from a URDF."""
 
-from armdyn.control import PAPER_GAINS, PidGains, PidRun, closed_loop_eigenvalues, simulate_pid
+from armdyn.control import PidGains, PidRun, closed_loop_eigenvalues, simulate_pid
 from armdyn.dynamics import Dynamics
 from armdyn.errors import ArmdynError, ArmdynWarning
 from armdyn.models import (
@@ -30,6 +30,7 @@ from armdyn.optimal import (
     time_optimality,
     trajectory_from_path,
 )
+from armdyn.studies.paper.printed.loop import PAPER_GAINS
 from armdyn.trajectory import Sample, Trajectory
 
 __version__ = "0.1.0"

@@ -2,7 +2,7 @@
 
 import warnings
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -46,10 +46,16 @@ from armdyn.cli.arguments import (
     slug,
 )
 from armdyn.cli.console import INTERRUPTED, NOT_CERTIFIED, answering, console, facts_table, working
+from armdyn.control.arrival import ARRIVAL_RULES
 from armdyn.errors import ArmdynWarning, ProblemError, TrajectoryError
+from armdyn.models import PAPER_ARMS
 from armdyn.optimal import Solution
 from armdyn.optimal.problem.turns import endless
+from armdyn.studies.paper.printed.loop import PAPER_RULE
 from armdyn.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from armdyn.control import PidRun
 
 
 def mintime(
@@ -99,7 +105,8 @@ def mintime(
     """
     with answering(json) as answer:
         from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Status, solve_minimum_time
-        from armdyn.show.report import minimum_time_summary, write_run
+        from armdyn.optimal.answer.summary import minimum_time_summary
+        from armdyn.show.report import write_run
 
         load = carried(payload, payload_frame, payload_com)
         arm = load_robot(
@@ -204,7 +211,9 @@ def pid(
     friction: Friction = None,
     friction_width: FrictionWidth = None,
     armature: Armature = None,
-    gains: Annotated[str, typer.Option(metavar="KP,KI,KD", help="The same for every joint.")] = "30,50,10",
+    gains: Annotated[
+        str, typer.Option(metavar="KP,KI,KD", help="The same for every joint; by default those of the paper's arms.")
+    ] = "30,50,10",
     form: Annotated[
         str,
         typer.Option(
@@ -212,17 +221,29 @@ def pid(
         ),
     ] = "acceleration",
     duration: Annotated[float, typer.Option(metavar="S", help="How long to simulate \\[s].")] = 10.0,
+    arrival_rule: Annotated[
+        str | None,
+        typer.Option(
+            metavar="RULE",
+            help="When it has arrived: " + ", ".join(ARRIVAL_RULES) + "; by default the first, of r, rr and rrr the "
+            "paper's, which is the second.",
+            show_default=False,
+        ),
+    ] = None,
     out: Out = None,
     json: Json = False,
 ) -> None:
     """What a PID loop does between two poses.
+
+    r, rr and rrr move as in the paper's Examples 4 to 6, and count as arrived when joint 1 is there to stay.
 
     [dim]armdyn pid rr --payload 0.1006
     armdyn pid rr --form torque --gains 30,50,3[/]
     """
     with answering(json) as answer:
         from armdyn.control import PidGains, simulate_pid
-        from armdyn.show.report import pid_summary, write_run
+        from armdyn.control.closed_loop import pid_summary
+        from armdyn.show.report import write_run
 
         load = carried(payload, payload_frame, payload_com)
         arm = load_robot(robot, load, lock, effort_limit, None, damping, friction, friction_width, armature, part)
@@ -230,6 +251,7 @@ def pid(
         values = numbers(gains, "--gains")
         if len(values) != 3:
             raise ProblemError(f"--gains: {gains!r} has {len(values)} numbers; give three, KP,KI,KD")
+        rule = arrival_rule or (PAPER_RULE if robot in PAPER_ARMS else ARRIVAL_RULES[0])
         with working(f"PID loop of {arm.name}", json) as progress:
             run = simulate_pid(
                 arm,
@@ -238,6 +260,7 @@ def pid(
                 gains=PidGains(kp=values[0], ki=values[1], kd=values[2]),
                 duration=duration,
                 form=form,  # type: ignore[arg-type]  # simulate_pid refuses what it does not know
+                arrival_rule=rule,  # type: ignore[arg-type]  # the same
             )
             progress("figure and replay")
             folder = out or Path("results") / f"pid-{slug(robot)}"
@@ -247,20 +270,28 @@ def pid(
         answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, "files": [str(file) for file in files]}
         answer.code = 0 if run.arrival_time is not None else NOT_CERTIFIED
         if not json:
-            arrival = "-" if run.arrival_time is None else f"{run.arrival_time:.4f} s"
             console.print(
                 facts_table(
                     f"{arm.name}: PID loop",
                     friction_words(arm)
                     | {
                         "status": f"{run.status}: {run.message}",
-                        "arrival": arrival,
+                        "arrival": _arrival(run),
                         "overshoot": ", ".join(f"{x:.4f}" for x in run.overshoot) + " rad",
                         "max Re λ": f"{run.max_real_eigenvalue:.4f} 1/s",
                         "results": str(folder),
                     },
                 )
             )
+
+
+def _arrival(run: "PidRun") -> str:
+    """When a loop arrived, and by which rule; with another rule than that all joints stay, when they all do, too."""
+    rule = run.arrival_rule.replace("_", " ")
+    told = f"{'-' if run.arrival_time is None else f'{run.arrival_time:.4f} s'} ({rule})"
+    if run.arrival_rule == ARRIVAL_RULES[0]:
+        return told
+    return f"{told}; all joints: {'-' if run.settling_time is None else f'{run.settling_time:.4f} s'}"
 
 
 def replay(

@@ -14,16 +14,17 @@ from rich.table import Table
 from armdyn.cli.arguments import Json, numbers
 from armdyn.cli.console import INTERRUPTED, NOT_CERTIFIED, answering, console, errors
 from armdyn.control.arrival import ARRIVAL_RULES
-from armdyn.control.stability import one_of
+from armdyn.control.reading import one_of
 from armdyn.files import write_whole
 from armdyn.models import ArmSpec, Payload
 from armdyn.models.urdf import urdf_file_name, urdf_from_spec
+from armdyn.studies.paper.printed.loop import PAPER_RULE
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from armdyn.studies.cases import Outcome
-    from armdyn.studies.reproduce import Plan, Reproduced
+    from armdyn.studies.paper.outcomes.outcome import Outcome
+    from armdyn.studies.paper.reproduce import Plan, Reproduced
 
 
 def reproduce(
@@ -41,7 +42,7 @@ def reproduce(
     fresh: Annotated[bool, typer.Option("--fresh", help="Solve again what DIR has already.")] = False,
     arrival_rule: Annotated[
         str, typer.Option(metavar="RULE", help="When a PID loop has arrived: " + ", ".join(ARRIVAL_RULES) + ".")
-    ] = ARRIVAL_RULES[0],
+    ] = PAPER_RULE,
     json: Json = False,
 ) -> None:
     """The whole paper: every example, table and figure, the published numbers beside ours.
@@ -55,8 +56,8 @@ def reproduce(
     armdyn reproduce --only table4,figure2[/]
     """
     with answering(json) as answer:
-        from armdyn.studies.reproduce import Plan
-        from armdyn.studies.reproduce import reproduce as carry_out
+        from armdyn.studies.paper.reproduce import Plan
+        from armdyn.studies.paper.reproduce import reproduce as carry_out
 
         one_of("--arrival-rule", arrival_rule, ARRIVAL_RULES)
         plan = Plan(
@@ -131,18 +132,19 @@ def _print(result: "Reproduced", plan: "Plan", out: Path) -> None:
     table = Table(title=f"The paper's examples with {grams} at the tip", title_justify="left")
     for column in ("#", "arm", "problem", "paper", "ours", "what happened"):
         table.add_column(column, justify="right" if column in ("#", "paper", "ours") else "left")
-    from armdyn.studies.published import published_time
-    from armdyn.studies.tables import setup
+    from armdyn.studies.paper.printed.published import printed_time
+    from armdyn.studies.paper.tables.rows import setup
 
     for outcome in sorted(result.outcomes, key=lambda o: (o.case.example, o.case.kind)):
-        case, paper = outcome.case, published_time(outcome.case)
+        case = outcome.case
+        paper = printed_time(case.example, case.payload)
         if case.payload != plan.shown_payload or case.reading != "tip" or setup(case):
             continue
         table.add_row(
             str(case.example),
             case.arm.upper(),
             {"minimum_time": "minimum time", "time_energy": "time–energy", "pid": "PID"}[case.kind],
-            "-" if paper is None else f"{paper:.3f} s",
+            "-" if paper is None else f"{paper.value:.3f} s",
             "-" if outcome.time is None else f"{outcome.time:.4f} s",
             escape(_happened(outcome)),
         )
