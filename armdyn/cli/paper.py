@@ -11,17 +11,15 @@ import typer
 from armdyn.cli.console import INTERRUPTED, NOT_CERTIFIED, answering, console, errors, escape
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.text import numbers
+from armdyn.control.arrival import ARRIVAL_RULES
+from armdyn.control.reading import one_of
 from armdyn.files import write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from armdyn.control.arrival import ArrivalRule
-    from armdyn.studies.cases import Outcome
-    from armdyn.studies.reproduce import Plan, Reproduced
-
-ARRIVAL_RULES: tuple["ArrivalRule", ...] = ("last_entry_first_joint", "last_entry_all_joints", "first_crossing")
-"""Those of `armdyn.control.arrival`, once more: help must not wait for numpy."""
+    from armdyn.studies.paper.outcomes.outcome import Outcome
+    from armdyn.studies.paper.reproduce import Plan, Reproduced
 
 
 def reproduce(
@@ -38,8 +36,13 @@ def reproduce(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results.")] = Path("results/paper"),
     fresh: Annotated[bool, typer.Option("--fresh", help="Solve again what DIR has already.")] = False,
     arrival_rule: Annotated[
-        str, typer.Option(metavar="RULE", help="When a PID loop has arrived: " + ", ".join(ARRIVAL_RULES) + ".")
-    ] = ARRIVAL_RULES[0],
+        str | None,
+        typer.Option(
+            metavar="RULE",
+            help="When a PID loop has arrived: " + ", ".join(ARRIVAL_RULES) + ".",
+            show_default="last_entry_first_joint, the paper's",
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """The whole paper: every example, table and figure, the published numbers beside ours.
@@ -53,15 +56,16 @@ def reproduce(
     armdyn reproduce --only table4,figure2[/]
     """
     with answering(json) as answer:
-        from armdyn.control.stability import one_of
-        from armdyn.studies.reproduce import Plan
-        from armdyn.studies.reproduce import reproduce as carry_out
+        from armdyn.studies.paper.printed.loop import PAPER_RULE
+        from armdyn.studies.paper.reproduce import Plan
+        from armdyn.studies.paper.reproduce import reproduce as carry_out
 
-        one_of("--arrival-rule", arrival_rule, ARRIVAL_RULES)
+        rule = arrival_rule or PAPER_RULE
+        one_of("--arrival-rule", rule, ARRIVAL_RULES)
         plan = Plan(
             only=tuple(part.strip().lower() for text in only or () for part in text.split(",")),
             payloads=tuple(mass for text in payload or () for mass in numbers(text, "--payload")),
-            arrival_rule=arrival_rule,  # type: ignore[arg-type]  # checked above
+            arrival_rule=rule,  # type: ignore[arg-type]  # checked above
             fresh=fresh,
         )
         count = 0
@@ -134,18 +138,19 @@ def _print(result: "Reproduced", plan: "Plan", out: Path) -> None:
     table = Table(title=f"The paper's examples with {grams} at the tip", title_justify="left")
     for column in ("#", "arm", "problem", "paper", "ours", "what happened"):
         table.add_column(column, justify="right" if column in ("#", "paper", "ours") else "left")
-    from armdyn.studies.published import published_time
-    from armdyn.studies.tables import setup
+    from armdyn.studies.paper.printed.published import printed_time
+    from armdyn.studies.paper.tables.rows import setup
 
     for outcome in sorted(result.outcomes, key=lambda o: (o.case.example, o.case.kind)):
-        case, paper = outcome.case, published_time(outcome.case)
+        case = outcome.case
+        paper = printed_time(case.example, case.payload)
         if case.payload != plan.shown_payload or case.reading != "tip" or setup(case):
             continue
         table.add_row(
             str(case.example),
             case.arm.upper(),
             {"minimum_time": "minimum time", "time_energy": "time–energy", "pid": "PID"}[case.kind],
-            "-" if paper is None else f"{paper:.3f} s",
+            "-" if paper is None else f"{paper.value:.3f} s",
             "-" if outcome.time is None else f"{outcome.time:.4f} s",
             escape(_happened(outcome)),
         )

@@ -10,83 +10,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-import numpy as np
-
 from armdyn.show.results import save_result
 
 if TYPE_CHECKING:
-    from armdyn.control import PidRun
     from armdyn.models.obstacles import Obstacle
     from armdyn.models.robot import Robot
-    from armdyn.optimal import Solution
     from armdyn.trajectory import Trajectory
 
 Part = Literal["figure", "replay"]
 PARTS: tuple[Part, ...] = ("figure", "replay")
 """What is drawn of a motion."""
-
-
-def minimum_time_summary(solution: Solution) -> dict[str, object]:
-    """A solution as JSON says it: numbers that are not finite are null, units as in `Solution`."""
-    worst, certificate, by = solution.worst_violation, solution.certificate, solution.sensitivities()
-    return {
-        "success": solution.success,
-        "status": str(solution.status),
-        "message": solution.message,
-        "duration": solution.duration,
-        "certified": certificate.ok,
-        "certificate": {
-            "ok": certificate.ok,
-            "goal_error": _finite(certificate.goal_error),
-            "goal_velocity_error": _finite(certificate.goal_velocity_error),
-            "hamiltonian_spread": _finite(certificate.hamiltonian_spread),
-            "switching_violation": _finite(certificate.switching_violation),
-            "limit_violation": _finite(certificate.limit_violation),
-            "singular": certificate.singular,
-            "reasons": list(certificate.reasons),
-        },
-        "replay_error": _finite(solution.replay_error),
-        "replay_velocity_error": _finite(solution.replay_velocity_error),
-        "arcs": [{"duration": arc.duration, "modes": [str(mode) for mode in arc.modes]} for arc in solution.arcs],
-        "local_optima": list(solution.local_optima),
-        "sensitivities": None
-        if by is None
-        else {
-            "payload_mass": by.payload_mass,
-            "effort_upper": by.effort_upper.tolist(),
-            "effort_lower": by.effort_lower.tolist(),
-            "velocity": by.velocity.tolist(),
-        },
-        "clearance": None
-        if solution.clearance is None
-        else {
-            "distance": solution.clearance.distance,
-            "time": solution.clearance.time,
-            "body": solution.clearance.body,
-            "other": solution.clearance.other,
-            "sure": solution.clearance.sure,
-        },
-        "q_goal": np.asarray(solution.problem.q_goal).tolist(),
-        "via_times": list(solution.via_times),
-        "goals": [{"q": goal.q.tolist(), "duration": _finite(goal.duration)} for goal in solution.goals],
-        "intervals": solution.intervals,
-        "iterations": solution.iterations,
-        "solve_time": round(solution.solve_time, 3),
-        "worst_violation": None if worst is None else str(worst),
-    }
-
-
-def pid_summary(run: PidRun) -> dict[str, object]:
-    """A closed-loop run as JSON says it: success is that it arrived; units as in `PidRun`."""
-    return {
-        "success": run.arrival_time is not None,
-        "status": str(run.status),
-        "message": run.message,
-        "arrival_time": run.arrival_time,
-        "overshoot": [float(x) for x in run.overshoot],
-        "max_real_eigenvalue": _finite(run.max_real_eigenvalue),
-        "duration": run.trajectory.duration,
-    }
 
 
 def write_run(
@@ -136,7 +69,3 @@ def write_run(
     result = folder / "result.json"
     names = [path.name for path in [*files, result]]
     return [*files, save_result(result, robot, {**summary, "files": names})]
-
-
-def _finite(number: float) -> float | None:
-    return number if abs(number) < float("inf") else None

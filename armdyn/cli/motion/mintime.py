@@ -59,7 +59,7 @@ def mintime(
     """
     json = results.output.json
     with answering(json) as answer:
-        from armdyn.show.report import minimum_time_summary
+        from armdyn.optimal.answer.summary import minimum_time_summary
 
         arm = joints.fit(robot.read(payload.carried()))
         problem = ad.MinimumTimeProblem(arm, **goal.asked(arm, robot.robot), **course.asked())
