@@ -115,7 +115,8 @@ def _seeds(problem: MinimumTimeProblem, seed: Solution | None, options: Indirect
     bound = wider * limits.effort_lower, wider * limits.effort_upper
     smooth = problem.variant(effort_weight=weight, effort_limit=bound)
     if seed is not None:
-        found = [resolve(smooth, seed.trajectory, dynamics, scheme, stop)]
+        near = resolve(smooth, seed.trajectory, dynamics, scheme, stop)
+        found = [near if isinstance(near, Phases) else near.last]  # a guess all the same
     else:
         starts = options.starts or _STARTS.get(problem.robot.nv, _MORE_STARTS)
         most = max(_CANDIDATES, options.continuations)

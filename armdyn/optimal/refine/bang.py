@@ -12,8 +12,8 @@ from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.resolve import prepare_resolving, resolve
 from armdyn.optimal.refine.slowing import within_velocity_limits
 from armdyn.optimal.search.candidates import Found, find
+from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import solve_quickly
-from armdyn.optimal.solve.direct import Attempt
 from armdyn.optimal.task.ladder import Ladder
 from armdyn.optimal.task.task import Task
 from armdyn.processes import in_processes

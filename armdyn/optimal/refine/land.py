@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from armdyn.optimal.arcs.phases import Phases
-from armdyn.optimal.arcs.solving import PhaseAim, Unresolved, solve_phases
+from armdyn.optimal.arcs.phases import Phases, Unresolved
+from armdyn.optimal.arcs.posing import PhaseAim
+from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.landing.rollout import replay_torques
 from armdyn.optimal.proof.certificate import certify
 from armdyn.optimal.proof.pontryagin import pontryagin

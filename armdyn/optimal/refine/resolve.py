@@ -4,8 +4,9 @@ import numpy as np
 
 from armdyn.optimal.arcs.arc import Arc, Mode, merged
 from armdyn.optimal.arcs.detection import detect
-from armdyn.optimal.arcs.phases import Phases
-from armdyn.optimal.arcs.solving import PhaseAim, Unresolved, prepare_phases, solve_phases
+from armdyn.optimal.arcs.phases import Phases, Unresolved
+from armdyn.optimal.arcs.posing import PhaseAim
+from armdyn.optimal.arcs.solving import prepare_phases, solve_phases
 from armdyn.optimal.arcs.structure import by_sign, with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.landing.aim import aimed
 from armdyn.optimal.program.unknowns import mesh
@@ -13,7 +14,7 @@ from armdyn.optimal.proof.certificate import SWITCHING_TOLERANCE, certify
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land
 from armdyn.optimal.refine.optimum import Optimum
-from armdyn.optimal.solve.direct import Attempt
+from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 

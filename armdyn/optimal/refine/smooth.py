@@ -11,8 +11,9 @@ import numpy as np
 
 from armdyn.errors import ProblemError
 from armdyn.optimal.arcs.arc import Arc, Mode
-from armdyn.optimal.arcs.phases import TABLEAU, Phases
-from armdyn.optimal.arcs.solving import PhaseAim, Unresolved, solve_phases
+from armdyn.optimal.arcs.phases import TABLEAU, Phases, Unresolved
+from armdyn.optimal.arcs.posing import PhaseAim
+from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.arcs.structure import with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.proof.pontryagin import pontryagin
@@ -21,7 +22,7 @@ from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.search.multistart import search
-from armdyn.optimal.solve.direct import Attempt
+from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.task.ladder import Ladder
 from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.task import Task

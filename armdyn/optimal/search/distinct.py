@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
 
-from armdyn.optimal.solve.direct import Attempt
+from armdyn.optimal.solve.attempt import Attempt
 
 Item = TypeVar("Item")
 

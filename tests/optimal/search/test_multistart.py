@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import armdyn as ad
 from armdyn.optimal.search.distinct import distinct, ranked
 from armdyn.optimal.search.multistart import enough
-from armdyn.optimal.solve.direct import Attempt
+from armdyn.optimal.solve.attempt import Attempt
 
 STATUSES = st.sampled_from([ad.Status.SOLVED, ad.Status.SOLVED, ad.Status.FAILED, ad.Status.ITERATION_LIMIT])
 
