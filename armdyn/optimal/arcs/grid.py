@@ -13,6 +13,7 @@ from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
+
 @dataclass(frozen=True, eq=False)
 class Density:
     """How many intervals a stretch of time deserves.

@@ -12,6 +12,7 @@ from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
+
 def motion_of(
     problem: MinimumTimeProblem,
     arcs: Sequence[Arc],

@@ -12,8 +12,8 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.search.distinct import distinct, ranked
 from armdyn.optimal.search.multistart import Job, search
 from armdyn.optimal.search.starts import spline
-from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
 from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.ladder import Ladder
 from armdyn.optimal.task.options import DirectOptions

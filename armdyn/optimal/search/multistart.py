@@ -5,8 +5,8 @@ from functools import partial
 
 from armdyn.optimal.search.distinct import distinct
 from armdyn.optimal.search.starts import detours, spline
-from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
 from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
 from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.task import Task
 from armdyn.processes import in_processes

@@ -4,7 +4,7 @@ import pytest
 
 from armdyn.dynamics import Dynamics
 from armdyn.optimal.program.assembly import build_nlp
-from armdyn.optimal.program.unknowns import Scales, to_trajectory, to_unknowns
+from armdyn.optimal.program.unknowns import Scales, to_unknowns
 from armdyn.optimal.task.scheme import Scheme
 from armdyn.trajectory import Trajectory
 from problems import paper_arm
