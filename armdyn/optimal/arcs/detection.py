@@ -47,7 +47,7 @@ def detect(
         touching = room < numbers.touching * scale
         near = room < numbers.in_contact * scale
         contact = touching[:-1] | touching[1:] | (near[:-1] & near[1:])  # one end tells where contact begins or ends
-        above = middle.q[:, i] > np.mean(bounds)
+        above = bounds[1] - middle.q[:, i] < middle.q[:, i] - bounds[0]
         fast = slow > limits.velocity[i] * (1 - numbers.near_speed)
         modes = [
             _torque_mode(level[k, i], numbers.near) or _state_mode(fast[k], middle.v[k, i], contact[k], above[k])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from armdyn.optimal.landing.pieces import Pieces
 from armdyn.optimal.landing.rollout import replay_torques
-from armdyn.optimal.landing.variation import Step, steps_along
+from armdyn.optimal.landing.variation import Step
 from armdyn.optimal.task.policy.landing import LandingPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -21,13 +21,14 @@ from armdyn.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 
-def tracked(task: Task, motion: Trajectory, pieces: Pieces, offset: Array) -> Pieces | None:
+def tracked(task: Task, motion: Trajectory, pieces: Pieces, steps: Sequence[Step], offset: Array) -> Pieces | None:
     """Torques that, replayed, stay near a motion, and end beside it.
 
     Args:
         task: whose torque limits hold.
         motion: to keep to.
         pieces: torques that about do.
+        steps: along the motion, one for each piece.
         offset: of the state that is aimed at from the motion's last, shape (2 nv,).
 
     Returns:
@@ -35,7 +36,6 @@ def tracked(task: Task, motion: Trajectory, pieces: Pieces, offset: Array) -> Pi
     """
     robot, limits, n = task.problem.robot, task.problem.limits, task.problem.robot.nv
     numbers, ends, tau = task.policy.landing, pieces.t, pieces.tau
-    steps = steps_along(robot, pieces, motion, numbers.steps)
     half = (limits.effort_upper - limits.effort_lower) / 2
     at = motion(ends)
     aside = np.clip((ends / ends[-1] - 1) / numbers.aiming + 1, 0, 1) ** 2

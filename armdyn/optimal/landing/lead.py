@@ -10,6 +10,7 @@ from armdyn.optimal.landing.limits import miss_of, overspeed
 from armdyn.optimal.landing.pace import paced, paced_torques
 from armdyn.optimal.landing.pieces import Pieces
 from armdyn.optimal.landing.rollout import replay_torques
+from armdyn.optimal.landing.variation import steps_along
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -55,5 +56,7 @@ def _led(task: Task, mesh: Trajectory, pieces: Pieces, factor: float, offset: Ar
         middles = mesh((pieces.t[:-1] + pieces.t[1:]) / 2)
         tau = paced_torques(problem.robot, middles, tau, factor)
         tau = np.asarray(np.clip(tau, limits.effort_lower, limits.effort_upper))
-    led = tracked(task, motion, Pieces(factor * pieces.t, tau), offset)
-    return None if led is None else led.trajectory(motion, task.policy.landing.samples)
+    slower, numbers = Pieces(factor * pieces.t, tau), task.policy.landing
+    steps = steps_along(problem.robot, slower, motion, numbers.steps)
+    led = tracked(task, motion, slower, steps, offset)
+    return None if led is None else led.trajectory(motion, numbers.samples)

@@ -12,8 +12,8 @@ from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.resolve import prepare_resolving, resolve
 from armdyn.optimal.refine.slowing import within_velocity_limits
 from armdyn.optimal.search.candidates import Found, find
-from armdyn.optimal.solve.condensed import solve_quickly
 from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.solve.condensed import solve_quickly
 from armdyn.optimal.task.ladder import Ladder
 from armdyn.optimal.task.task import Task
 from armdyn.processes import in_processes
@@ -167,9 +167,10 @@ def _optimum(task: Task, step: _Reached) -> Optimum:
         return Optimum(
             motion, certificate, motion.duration, mesh, iterations=step.iterations, worst_violation=violation
         )
-    over = best.certificate.limit_violation > LIMIT_TOLERANCE
-    if over and best.phases is None and best.landed(task.options.replay_tolerance) and not task.stop:
-        if slower := within_velocity_limits(task, best.trajectory, best.certificate.remark):
+    over = best.certificate.limit_violation > LIMIT_TOLERANCE and best.phases is None
+    if over and best.landed(task.options.replay_tolerance) and not task.stop:
+        slower = within_velocity_limits(task, best.trajectory, best.certificate.remark)
+        if slower is not None:
             motion, certificate = slower
             best = replace(best, trajectory=motion, certificate=certificate, cost=motion.duration)
     return replace(best, iterations=step.iterations)

@@ -56,7 +56,15 @@ class Task:
         """
         options, policy = options or MinimumTimeOptions(), Policy.of(problem)
         dynamics = Dynamics(problem.robot, free_last_body=True)
-        return cls(problem, dynamics, policy.scheme(options), options, policy, stop or Stop(), tell or _silently)
+        return cls(
+            problem,
+            dynamics,
+            policy.scheme(options),
+            options,
+            policy,
+            Stop() if stop is None else stop,
+            tell or _silently,
+        )
 
     def about(self, problem: MinimumTimeProblem) -> Self:
         """The same about another problem."""

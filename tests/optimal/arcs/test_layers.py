@@ -42,13 +42,3 @@ def test_joints_without_dry_friction_do_not_count():
     motion = ad.Trajectory(t, np.stack([t - t**2, t], axis=1), v, 0 * v)
     assert layered(motion, robot.with_friction(0.0, [0.0, 0.1], 0.01).friction, NUMBERS) is None
     assert layered(motion, robot.with_friction(0.0, [0.1, 0.0], 0.01).friction, NUMBERS) is not None
-
-
-def test_a_problem_without_dry_friction_begins_with_itself():
-    problem = paper_problem("rr")
-    assert problem.without_dry_friction() is problem
-    robot = problem.robot.with_friction(0.1, 0.2)
-    rough = ad.MinimumTimeProblem(robot, q_start=problem.q_start, q_goal=problem.q_goal)
-    smooth = rough.without_dry_friction()
-    assert not np.any(smooth.robot.friction.coulomb)
-    np.testing.assert_array_equal(smooth.robot.friction.damping, robot.friction.damping)
