@@ -61,7 +61,9 @@ def test_parts_have_equal_masses(density, data, count):
 
 @given(densities(), st.integers(2, 5))
 def test_a_refined_table_says_the_same(density, times):
-    t = np.unique(np.concatenate([np.linspace(a, b, times + 1) for a, b in zip(density.t, density.t[1:], strict=False)]))
+    t = np.unique(
+        np.concatenate([np.linspace(a, b, times + 1) for a, b in zip(density.t, density.t[1:], strict=False)])
+    )
     finer = Density(t, np.diff(density.up_to(t)))
     at = np.linspace(0, density.t[-1], 37)
     np.testing.assert_allclose(finer.up_to(at), density.up_to(at), atol=1e-12 * density.mass.sum())

@@ -29,7 +29,7 @@ def test_a_deadline_that_has_passed():
 
 def test_ctrl_c_is_told_once_and_raised_twice():
     before = signal.getsignal(signal.SIGINT)
-    with pytest.raises(KeyboardInterrupt), stopping(3600.0) as stop:  # noqa: PT012
+    with pytest.raises(KeyboardInterrupt), stopping(3600.0) as stop:
         os.kill(os.getpid(), signal.SIGINT)
         assert stop.interrupted
         os.kill(os.getpid(), signal.SIGINT)
