@@ -52,6 +52,7 @@ NUMBER = st.one_of(
 ).filter(lambda text: text.isprintable())
 
 
+@pytest.mark.slow
 @BOUNDED
 @given(
     attribute=st.sampled_from(["mass value=", "ixx=", "iyz=", "effort=", "velocity=", "lower=", "upper="]), to=NUMBER

@@ -66,7 +66,7 @@ def test_lands_exactly_where_the_answer_is_known():
     assert np.abs(motion.tau).max() <= 1.0
 
 
-@pytest.mark.parametrize("limit", [np.inf, 1.08])
+@pytest.mark.parametrize("limit", [np.inf, pytest.param(1.08, marks=pytest.mark.slow)])
 def test_feedback_leads_home_what_falls_over(limit):
     """Two links pass the upright slowly: open loop the error of 40 constant torques grows like e^(13 t)."""
     q0, q1, duration, pieces = np.array([np.pi / 2 - 0.3, 0.2]), np.array([np.pi / 2 + 0.3, -0.2]), 1.0, 40
