@@ -1,12 +1,12 @@
 """What a problem asks along the way, as rows and bounds of a nonlinear program: `path` says which rows there are."""
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.exclusive import built_once
 from armdyn.models.bodies import capsules
 from armdyn.models.collision import collision_model
 from armdyn.models.robot import Robot
@@ -65,7 +65,7 @@ def scene_of(problem: MinimumTimeProblem) -> Array:
     return np.array([number for obstacle in problem.obstacles for number in numbers_of(obstacle)])
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def _pairs(robot: Robot, obstacles: int, self_collision: bool, poses: bytes) -> tuple[Pair, ...]:
     """Every capsule against every obstacle; and capsules of links that must be apart, and are at given poses."""
     if not obstacles and not self_collision:

@@ -5,26 +5,19 @@ without such rows has the program of `transcription.build_nlp` itself.
 """
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.exclusive import built_once
 from armdyn.models.obstacles import Capsule, Obstacle
 from armdyn.optimal.conditions.distance import SIZES, Solid, from_segment, least_over_segment, solid
-from armdyn.optimal.program.assembly import (
-    Layout,
-    Nlp,
-    assemble,
-    hessian_function,
-    jacobian_function,
-    nonzeros_of,
-    parameters_of,
-    stage_accelerations,
-)
+from armdyn.optimal.program.assembly import Nlp, assemble, hessian_function, jacobian_function
 from armdyn.optimal.program.compiled import compiled
+from armdyn.optimal.program.interval import nonzeros_of, stage_accelerations
+from armdyn.optimal.program.layout import Layout, Parameters
 from armdyn.optimal.task.scheme import Scheme
 
 Array = NDArray[np.float64]
@@ -82,13 +75,12 @@ def with_rows(nlp: Nlp, dynamics: Dynamics, rows: PathRows) -> Nlp:
         rows: which.
     """
     layout, N = nlp.layout, nlp.intervals
-    block, width, size = layout.knot + layout.inner, 2 * layout.knot + layout.inner, layout.size(N)
+    block, size = layout.block, layout.size(N)
     x, own = nlp.functions["x"], nlp.functions["p"]
     whole = ca.MX.sym("p", own.numel() + sum(SIZES[kind] for kind in rows.kinds))
     p, scene = whole[: own.numel()], whole[own.numel() :]
-    index = block * np.arange(N)[None, :] + np.arange(width)[:, None]
-    y = ca.reshape(x[index.ravel(order="F").tolist()], width, N)
-    parameters = ca.vertcat(p[:N].T, ca.repmat(p[N:], 1, N))
+    y = ca.reshape(x[layout.intervals(N).ravel(order="F").tolist()], layout.width, N)
+    parameters = Parameters.by_interval(p, N)
 
     parts: list[tuple[_Rows, list[ca.DM | ca.MX]]] = []
     if rows.pairs:
@@ -150,7 +142,7 @@ def _functions(name: str, rows: ca.SX, y: ca.SX, others: list[ca.SX]) -> _Rows:
     )
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def _distance_rows(
     dynamics: Dynamics, scheme: Scheme, pairs: tuple[Pair, ...], kinds: tuple[type[Obstacle], ...]
 ) -> _Rows:
@@ -159,13 +151,11 @@ def _distance_rows(
     Differentiated by q, and by the chain rule from there to the interval's unknowns: a third of the operations.
     """
     n, layout = dynamics.nv, Layout(dynamics.nv, scheme)
-    y = ca.SX.sym("y", 2 * layout.knot + layout.inner)
-    p, s = ca.SX.sym("p", 1 + parameters_of(n)), ca.SX.sym("s")
-    fraction, time, length, speed = ca.vertsplit(p[:4])
-    end = layout.knot + layout.inner
-    h = fraction * time * y[2 * n]
-    q = [length * y[first : first + n] for first in (0, end)]
-    v = [speed * y[first : first + n] for first in (n, end + n)]
+    y, p, s = ca.SX.sym("y", layout.width), ca.SX.sym("p", Parameters.size(n)), ca.SX.sym("s")
+    by, (left, _, right) = Parameters.of(p, n), layout.parts(y)
+    h = by.fraction * by.time * left[layout.knot.time]
+    q = [by.length * knot[layout.knot.q] for knot in (left, right)]
+    v = [by.speed * knot[layout.knot.v] for knot in (left, right)]
     rise = q[1] - q[0]
     here = q[0] + s * (h * v[0] + s * (3 * rise - h * (2 * v[0] + v[1]) + s * (h * (v[0] + v[1]) - 2 * rise)))
     place = ca.Function("place", [y, p, s], [here])
@@ -205,7 +195,7 @@ def _distance_rows(
     )
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def distances_at(dynamics: Dynamics, pairs: tuple[Pair, ...], kinds: tuple[type[Obstacle], ...] = ()) -> ca.Function:
     """Function of q [rad or m], shape (nv,), and the obstacles' numbers: the distance of every pair [m]."""
     q, scene = ca.SX.sym("q", dynamics.nv), ca.SX.sym("scene", sum(SIZES[kind] for kind in kinds))
@@ -236,13 +226,14 @@ def _distances(
     return ca.vertcat(*rows)
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def _motion_rows(dynamics: Dynamics, scheme: Scheme, jerks: bool) -> _Rows:
     """Accelerations over speed/T at the stages, then jerks over speed/T² between them."""
     y, p, a = stage_accelerations(dynamics, scheme)
     rows = [ca.vec(a)]
     if jerks:
-        part = p[0] * y[2 * dynamics.nv]  # of the scale of time
+        fraction = Parameters.of(p, dynamics.nv).fraction
+        part = fraction * y[Layout(dynamics.nv, scheme).knot.time]  # of the scale of time
         for i, step in enumerate(np.diff(scheme.tableau.c)):
             rows.append((a[:, i + 1] - a[:, i]) / (step * part))
     return _functions("motion", ca.vertcat(*rows), y, [p])

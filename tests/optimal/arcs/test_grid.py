@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from armdyn.optimal.arcs.grid import Density, deal, density_of
 
+PER_ARC, FLOOR = 2, 0.15
 LENGTHS = st.floats(1e-3, 10.0)
 DURATIONS = st.lists(LENGTHS, min_size=1, max_size=8).map(np.array)
 
@@ -22,7 +23,7 @@ def densities(draw, total=None):
 @given(DURATIONS, st.integers(0, 60), st.none() | densities())
 def test_all_intervals_are_dealt_and_every_arc_has_two(durations, more, density):
     intervals = 2 * durations.size + more
-    arc_of, parts = deal(durations, intervals, density)
+    arc_of, parts = deal(durations, intervals, density, PER_ARC)
     assert arc_of.size == parts.size == intervals
     assert np.all(np.diff(arc_of) >= 0) and np.all(np.bincount(arc_of, minlength=durations.size) >= 2)
     assert np.all(parts > 0)
@@ -32,7 +33,7 @@ def test_all_intervals_are_dealt_and_every_arc_has_two(durations, more, density)
 
 @given(DURATIONS, st.integers(0, 60))
 def test_without_a_density_they_are_even_and_go_by_length(durations, more):
-    arc_of, parts = deal(durations, 2 * durations.size + more, None)
+    arc_of, parts = deal(durations, 2 * durations.size + more, None, PER_ARC)
     counts = np.bincount(arc_of)
     np.testing.assert_allclose(parts, 1 / counts[arc_of], rtol=1e-9)
     shorter = durations[:, None] < durations * (1 - 1e-9)
@@ -44,7 +45,9 @@ def test_a_density_of_other_times_is_stretched(durations, more, density, factor)
     """Durations are guesses: what counts is where in the motion a stretch is."""
     intervals = 2 * durations.size + more
     stretched = Density(factor * density.t, density.mass)
-    for one, other in zip(deal(durations, intervals, density), deal(durations, intervals, stretched), strict=True):
+    for one, other in zip(
+        deal(durations, intervals, density, PER_ARC), deal(durations, intervals, stretched, PER_ARC), strict=True
+    ):
         np.testing.assert_allclose(one, other, rtol=1e-6)
 
 
@@ -82,7 +85,7 @@ def test_a_mesh_is_dense_where_the_motion_bends():
     """A function that bends at the middle only: the intervals there are short, no other is too long."""
     t, nodes = np.linspace(0, 1, 21), np.linspace(0, 1, 4)
     at = t[:-1, None] + np.diff(t)[:, None] * nodes
-    density = density_of(t, [(nodes, np.tanh(40 * (at - 0.5))[:, :, None])])
+    density = density_of(t, [(nodes, np.tanh(40 * (at - 0.5))[:, :, None])], FLOOR)
     per_time = density.mass / np.diff(t)
     assert per_time[9] > 5 * per_time[0]
     assert np.argmax(per_time) in (8, 9, 10, 11)
@@ -96,7 +99,7 @@ def test_the_density_of_a_polynomial_of_lower_degree_is_even():
     t, nodes = np.array([0.0, 0.1, 0.4, 1.0]), np.array([0.0, 0.3, 0.6, 1.0])
     at = t[:-1, None] + np.diff(t)[:, None] * nodes
     # Of degree three, as the nodes: the highest coefficient is h³, its cube root over h the same everywhere.
-    density = density_of(t, [(nodes, at[:, :, None] ** 3)])
+    density = density_of(t, [(nodes, at[:, :, None] ** 3)], FLOOR)
     np.testing.assert_allclose(density.mass / np.diff(t), density.mass.sum(), rtol=1e-9)
 
 
@@ -104,5 +107,5 @@ def test_the_density_of_a_polynomial_of_lower_degree_is_even():
 def test_the_density_does_not_know_units(factor):
     t, nodes = np.linspace(0, 2, 9), np.linspace(0, 1, 4)
     values = np.sin(3 * (t[:-1, None] + np.diff(t)[:, None] * nodes))[:, :, None]
-    one, other = (density_of(t, [(nodes, scale * values)]) for scale in (1.0, factor))
+    one, other = (density_of(t, [(nodes, scale * values)], FLOOR) for scale in (1.0, factor))
     np.testing.assert_allclose(one.mass, other.mass, rtol=1e-9)

@@ -3,8 +3,11 @@
 import numpy as np
 
 import armdyn as ad
-from armdyn.optimal.arcs.layers import layered, without_dry_friction
+from armdyn.optimal.arcs.grid import layered
+from armdyn.optimal.task.policy.refinement import ArcsPolicy
 from problems import cart, paper_problem
+
+NUMBERS = ArcsPolicy()
 
 
 def there_and_back(joints=1):
@@ -15,7 +18,7 @@ def there_and_back(joints=1):
 
 def test_half_of_the_mass_is_where_the_joint_turns():
     friction = cart().with_friction(0.0, 0.3, 0.01).friction
-    density = layered(there_and_back(), friction)
+    density = layered(there_and_back(), friction, NUMBERS)
     assert np.isclose(density.mass.sum(), 1.0)
     # Three widths of 0.01 m/s are 0.015 s on either side of the turn; tanh(3) of the change is within three of these.
     inside = np.diff(density.up_to(np.array([0.5 - 0.045, 0.5 + 0.045])))[0]
@@ -26,10 +29,10 @@ def test_half_of_the_mass_is_where_the_joint_turns():
 
 
 def test_none_where_nothing_turns_or_nothing_rubs():
-    assert layered(there_and_back(), cart().with_friction(0.5, 0.0).friction) is None
+    assert layered(there_and_back(), cart().with_friction(0.5, 0.0).friction, NUMBERS) is None
     t = np.linspace(0, 1, 11)[:, None]
     steady = ad.Trajectory(t[:, 0], t, 0 * t + 1.0, 0 * t)
-    assert layered(steady, cart().with_friction(0.0, 0.3, 0.01).friction) is None
+    assert layered(steady, cart().with_friction(0.0, 0.3, 0.01).friction, NUMBERS) is None
 
 
 def test_joints_without_dry_friction_do_not_count():
@@ -37,15 +40,5 @@ def test_joints_without_dry_friction_do_not_count():
     t = np.linspace(0, 1, 41)
     v = np.stack([1 - 2 * t, np.ones_like(t)], axis=1)  # the first turns, the second does not
     motion = ad.Trajectory(t, np.stack([t - t**2, t], axis=1), v, 0 * v)
-    assert layered(motion, robot.with_friction(0.0, [0.0, 0.1], 0.01).friction) is None
-    assert layered(motion, robot.with_friction(0.0, [0.1, 0.0], 0.01).friction) is not None
-
-
-def test_a_problem_without_dry_friction_begins_with_itself():
-    problem = paper_problem("rr")
-    assert without_dry_friction(problem) is problem
-    robot = problem.robot.with_friction(0.1, 0.2)
-    rough = ad.MinimumTimeProblem(robot, q_start=problem.q_start, q_goal=problem.q_goal)
-    smooth = without_dry_friction(rough)
-    assert not np.any(smooth.robot.friction.coulomb)
-    np.testing.assert_array_equal(smooth.robot.friction.damping, robot.friction.damping)
+    assert layered(motion, robot.with_friction(0.0, [0.0, 0.1], 0.01).friction, NUMBERS) is None
+    assert layered(motion, robot.with_friction(0.0, [0.1, 0.0], 0.01).friction, NUMBERS) is not None

@@ -4,17 +4,16 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.dynamics import Dynamics
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.refine.smooth import cost, resolve, smooth_optima, trajectory_cost
+from armdyn.optimal.refine.smooth import cost, resolved_near, smooth_optima, trajectory_cost
 from armdyn.optimal.search.starts import spline
-from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.task import Task
 from problems import cart, paper_problem
 
 
 def search(problem, count, stop=None):
-    dynamics, scheme = Dynamics(problem.robot, free_last_body=True), Scheme()
-    return smooth_optima(problem, dynamics, scheme, 6, 0, count, stop or Stop()).optima
+    optima, _ = smooth_optima(Task.of(problem, stop=stop), 6, count)
+    return optima
 
 
 def test_cost_of_linear_torques_is_exact():
@@ -26,7 +25,7 @@ def test_cost_of_linear_torques_is_exact():
 
 def test_double_integrator_in_closed_form():
     problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[1.0], effort_weight=2.0, effort_limit=50.0)
-    phases = resolve(problem, spline(problem, []), Dynamics(problem.robot, free_last_body=True), Scheme(), Stop())
+    phases = resolved_near(Task.of(problem), spline(problem, []))
     duration = (18 * 2.0) ** 0.25  # of J = T + 6 w d²/T³
     assert phases.duration == pytest.approx(duration, rel=1e-7)  # J is flat there: IPOPT's 1e-10 leaves 1e-8
     assert cost(problem, phases) == pytest.approx(4 / 3 * duration, rel=1e-9)

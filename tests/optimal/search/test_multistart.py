@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import armdyn as ad
-from armdyn.optimal.search.multistart import _enough, distinct, ranked
-from armdyn.optimal.solve.direct import Attempt
+from armdyn.optimal.search.distinct import distinct, ranked
+from armdyn.optimal.search.multistart import enough
+from armdyn.optimal.solve.attempt import Attempt
 
 STATUSES = st.sampled_from([ad.Status.SOLVED, ad.Status.SOLVED, ad.Status.FAILED, ad.Status.ITERATION_LIMIT])
 
@@ -30,14 +31,14 @@ ATTEMPTS = st.lists(st.builds(attempt, st.floats(0.1, 10), STATUSES, st.sampled_
 def test_enough_guesses_by_the_rule(optima, guesses):
     """W (n - 1) / (n - W - 2) <= W + 1/2 is n >= 2 W² + 3 W + 2."""
     assert guesses == 2 * optima**2 + 3 * optima + 2
-    assert not _enough(guesses - 1, optima) and _enough(guesses, optima)
+    assert not enough(guesses - 1, optima) and enough(guesses, optima)
 
 
 @given(st.integers(0, 200), st.integers(1, 40))
 def test_who_has_enough_has_enough_of_more_and_for_fewer(solved, optima):
-    if _enough(solved, optima):
-        assert _enough(solved + 1, optima)
-        assert optima == 1 or _enough(solved, optima - 1)
+    if enough(solved, optima):
+        assert enough(solved + 1, optima)
+        assert optima == 1 or enough(solved, optima - 1)
 
 
 @given(ATTEMPTS)
@@ -52,7 +53,7 @@ def test_ranked_loses_none_and_puts_what_converged_first(attempts):
 @given(ATTEMPTS)
 def test_distinct_ones_converged_and_all_that_did_are_near_one_of_them(attempts):
     same = 0.01
-    kept = distinct(ranked(attempts), same)
+    kept = distinct(attempts, same)
     assert all(a.status is ad.Status.SOLVED for a in kept)
     solved = [a for a in attempts if a.status is ad.Status.SOLVED]
     assert bool(kept) == bool(solved)
@@ -65,10 +66,10 @@ def test_distinct_ones_converged_and_all_that_did_are_near_one_of_them(attempts)
 
 
 def test_distinct_keeps_the_best_of_each():
-    found = distinct([attempt(1.0), attempt(1.001), attempt(1.1), attempt(2.0, ad.Status.FAILED)])
+    found = distinct([attempt(1.0), attempt(1.001), attempt(1.1), attempt(2.0, ad.Status.FAILED)], 2e-3)
     assert durations(found) == [1.0, 1.1]
 
 
 def test_the_finer_mesh_speaks_for_an_optimum():
-    found = distinct([attempt(1.0), attempt(1.001, intervals=25), attempt(1.1)])
+    found = distinct([attempt(1.0), attempt(1.001, intervals=25), attempt(1.1)], 2e-3)
     assert [a.intervals for a in found] == [25, 15]

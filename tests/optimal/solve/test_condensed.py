@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.condensed import condensable, solve_quickly
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.task import Task
 from problems import luus_problem, paper_problem
 
 TIGHT = DirectOptions(1e-9, 500, barrier=1e-2)
@@ -21,10 +21,16 @@ CONSTANT = Scheme("lobatto3", "constant", "forward")
 solve_condensed = partial(solve_quickly, between=False)
 
 
+def solve_in_full(task, guess, intervals, options):
+    return solve_on_mesh(task.problem, guess, task.dynamics, task.scheme, intervals, options, task.stop)
+
+
 def solve(solver, problem, scheme=CONSTANT, guess=None, intervals=20, options=TIGHT, stop=None):
-    dynamics = Dynamics(problem.robot, free_last_body=True)
-    guess = guess or spline(problem, [])
-    return solver(problem, guess, dynamics, scheme, intervals, options, stop or Stop())
+    return solver(task(problem, scheme, stop), guess or spline(problem, []), intervals, options)
+
+
+def task(problem, scheme=CONSTANT, stop=None):
+    return replace(Task.of(problem, stop=stop), scheme=scheme)
 
 
 @pytest.mark.parametrize("weight", [0.0, 0.01])
@@ -32,7 +38,7 @@ def solve(solver, problem, scheme=CONSTANT, guess=None, intervals=20, options=TI
 @pytest.mark.parametrize("arm", ["r", "rr", "rrr"])
 def test_same_solution_as_with_all_unknowns(arm, control, weight):
     problem, scheme = paper_problem(arm, effort_weight=weight), replace(CONSTANT, control=control)
-    full = solve(solve_on_mesh, problem, scheme)
+    full = solve(solve_in_full, problem, scheme)
     condensed = solve(solve_condensed, problem, scheme, full.trajectory)
     assert full.status is condensed.status is ad.Status.SOLVED
     # Both to IPOPT's 1e-9 in the scaled problem; states and torques follow by the square root at the optimum.
@@ -70,11 +76,11 @@ def test_quick_solution_goes_on_from_the_condensed_one():
 
 def test_what_cannot_be_condensed():
     plain = paper_problem("rr")
-    assert condensable(plain, CONSTANT)
-    assert not condensable(plain, replace(CONSTANT, dynamics="inverse"))
-    assert not condensable(plain, replace(CONSTANT, method="radau3"))
-    assert not condensable(paper_problem("rr", acceleration_limit=100.0), CONSTANT)
-    assert not condensable(paper_problem("rr", via=([0.0, 0.5],)), CONSTANT)
+    assert condensable(task(plain))
+    assert not condensable(task(plain, replace(CONSTANT, dynamics="inverse")))
+    assert not condensable(task(plain, replace(CONSTANT, method="radau3")))
+    assert not condensable(task(paper_problem("rr", acceleration_limit=100.0)))
+    assert not condensable(task(paper_problem("rr", via=([0.0, 0.5],))))
 
 
 def test_failure_names_the_worst_equation_and_what_was_in_the_way():

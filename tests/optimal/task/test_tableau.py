@@ -3,10 +3,11 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.sparse.linalg import spsolve
+from scipy.special import roots_jacobi, roots_legendre
 
 from armdyn.dynamics import Dynamics
 from armdyn.optimal.program.assembly import build_nlp
-from armdyn.optimal.program.unknowns import Scales, split, to_unknowns
+from armdyn.optimal.program.unknowns import Scales, to_unknowns
 from armdyn.optimal.task.scheme import Scheme
 from armdyn.optimal.task.tableau import LOBATTO_3, TABLEAUS, Tableau
 from armdyn.trajectory import Trajectory
@@ -28,6 +29,17 @@ def test_order_measured_on_a_nonlinear_equation(tableau):
     slope = np.polyfit(np.log(n), np.log([error(k) for k in n]), 1)[0]
     # A regression over two halvings is off the asymptotic order by a few per cent.
     assert -slope == pytest.approx(tableau.order, rel=0.05)
+
+
+@pytest.mark.parametrize("tableau", [t for t in TABLEAUS.values() if t.name != "lobatto3"], ids=lambda t: t.name)
+def test_nodes_are_scipys(tableau):
+    s = tableau.c.size
+    if tableau.name.startswith("gauss"):
+        nodes = roots_legendre(s)[0]
+    else:
+        nodes = np.append(np.sort(roots_jacobi(s - 1, 1, 0)[0]), 1.0)
+    # Half a unit in the last place of numbers below one.
+    np.testing.assert_allclose(tableau.c, (1 + nodes) / 2, rtol=0, atol=1e-16)
 
 
 @pytest.fixture(scope="module")
@@ -56,20 +68,19 @@ def test_order_measured_through_the_nonlinear_program(tableau, form, swing):
     def error(intervals):
         nlp = build_nlp(dynamics, scheme, intervals)
         fractions = np.full(intervals, 1 / intervals)
-        p = np.concatenate([fractions, scales.parameters(scales.weights(0.0), dynamics.last_body)])
+        p = scales.parameters(fractions, scales.weights(0.0), dynamics.last_body)
         x = to_unknowns(exact, nlp.layout, fractions, scales)
         free = np.ones(x.size, dtype=bool)
-        free[: nlp.layout.knot] = False  # the state and the duration at the start
-        _, inner = split(np.arange(x.size), nlp.layout, intervals)
-        free[inner[:, nlp.layout.stages : nlp.layout.stages + 2]] = False  # the torques
+        free[nlp.layout.knots(intervals)[0]] = False  # the state and the duration at the start
+        free[nlp.layout.torques(intervals)] = False
         for _ in range(20):
             g, jacobian = nlp.jacobian(x, p)
             step = spsolve(jacobian.sparse()[:, free], np.array(g).ravel())
             x[free] -= step
             if np.max(np.abs(step)) < 1e-12:  # the next one is at rounding: Newton's method is quadratic
                 break
-        knots, _ = split(x, nlp.layout, intervals)
-        end = np.concatenate([scales.length * knots[-1, :2], scales.speed * knots[-1, 2:4]])
+        q, v = x[nlp.layout.states(intervals)[-1]].reshape(2, -1)
+        end = np.concatenate([scales.length * q, scales.speed * v])
         return np.max(np.abs(end - [*exact.q[-1], *exact.v[-1]]))
 
     # Asymptotic, and above the 1e-11 to which the motion itself is known.
