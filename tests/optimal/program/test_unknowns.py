@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from armdyn.dynamics import Dynamics
 from armdyn.optimal.program.assembly import build_nlp
-from armdyn.optimal.program.unknowns import Scales, bounds, split, to_trajectory, to_unknowns
+from armdyn.optimal.program.unknowns import Scales, bounds, to_trajectory, to_unknowns
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.task.scheme import Scheme
 from armdyn.optimal.task.tableau import TABLEAUS
@@ -74,16 +74,6 @@ def test_unknowns_and_back(scheme):
 
 
 @pytest.mark.parametrize("scheme", SCHEMES, ids=str)
-def test_blocks_are_the_unknowns_one_after_the_other(scheme):
-    layout = layout_of(scheme)
-    x = np.arange(layout.size(N), dtype=float)
-    knots, inner = split(x, layout, N)
-    assert len(knots) == N + 1 and len(inner) == N
-    together = [part for k in range(N) for part in (knots[k], inner[k])]
-    np.testing.assert_array_equal(np.concatenate([*together, knots[N]]), x)
-
-
-@pytest.mark.parametrize("scheme", SCHEMES, ids=str)
 def test_a_guess_is_within_the_bounds_and_its_ends_are_fixed(scheme):
     problem = paper_problem("rr", velocity_limit=[15.0, 20.0])
     guess, layout = spline(problem, []), layout_of(scheme)
@@ -92,7 +82,7 @@ def test_a_guess_is_within_the_bounds_and_its_ends_are_fixed(scheme):
     x = to_unknowns(guess, layout, np.full(N, 1 / N), scales)
     # Start and goal are divided by a scale once and multiplied once.
     assert np.all(lower - 1e-12 <= x) and np.all(x <= upper + 1e-12)
-    knots_lower, knots_upper = (split(side, layout, N)[0] for side in (lower, upper))
+    knots_lower, knots_upper = (layout.split(side)[0] for side in (lower, upper))
     for k, (q, v) in ((0, (problem.q_start, problem.v_start)), (-1, (problem.q_goal, problem.v_goal))):
         state = np.concatenate([np.asarray(q) / scales.length, np.asarray(v) / scales.speed])
         np.testing.assert_allclose(knots_lower[k, :4], state, rtol=1e-14)
