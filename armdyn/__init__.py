@@ -24,12 +24,14 @@ if TYPE_CHECKING:
     from armdyn.optimal import (
         Arc,
         Certificate,
+        FrameSpeedLimit,
         MinimumTimeOptions,
         MinimumTimeProblem,
         Sensitivities,
         Solution,
         Status,
         TimeOptimality,
+        TorqueRateLimit,
         replay_torques,
         solve_minimum_time,
         time_optimality,
@@ -44,8 +46,8 @@ else:
             "dynamics": "Dynamics",
             "models": "PAPER_PAYLOADS ArmSpec Box Capsule GoalPose "
             "JointLimits LinkSpec Payload Robot Sphere urdf_from_spec",
-            "optimal": "Arc Certificate MinimumTimeOptions MinimumTimeProblem Sensitivities Solution "
-            "Status TimeOptimality replay_torques solve_minimum_time time_optimality trajectory_from_path",
+            "optimal": "Arc Certificate FrameSpeedLimit MinimumTimeOptions MinimumTimeProblem Sensitivities Solution "
+            "Status TimeOptimality TorqueRateLimit replay_torques solve_minimum_time time_optimality trajectory_from_path",
             "trajectory": "Sample Trajectory",
         },
     )
@@ -63,6 +65,7 @@ __all__ = [
     "Capsule",
     "Certificate",
     "Dynamics",
+    "FrameSpeedLimit",
     "GoalPose",
     "JointLimits",
     "LinkSpec",
@@ -78,6 +81,7 @@ __all__ = [
     "Sphere",
     "Status",
     "TimeOptimality",
+    "TorqueRateLimit",
     "Trajectory",
     "__version__",
     "closed_loop_eigenvalues",

@@ -45,6 +45,7 @@ from armdyn.cli.arguments import (
     poses,
     slug,
 )
+from armdyn.cli.conditions import Limits, limit_words, limits_of
 from armdyn.cli.console import INTERRUPTED, NOT_CERTIFIED, answering, console, facts_table, working
 from armdyn.errors import ArmdynWarning, ProblemError, TrajectoryError
 from armdyn.optimal import Solution
@@ -75,6 +76,7 @@ def mintime(
     clearance: ClearanceOption = 0.005,
     acceleration_limit: AccelerationLimit = None,
     jerk_limit: JerkLimit = None,
+    limit: Limits = None,
     starts: Annotated[
         int | None, typer.Option(help="Guesses of the global search; by default 1 to 48, by the joints.")
     ] = None,
@@ -89,11 +91,12 @@ def mintime(
     Pinocchio's forward dynamics by an independent integrator, and checks Pontryagin's conditions.
     Exit code 0 means certified; 3 that something of this failed, and the output says what.
 
-    With obstacles, via points or limits of acceleration and jerk the answer is the collocation's, replayed and
+    With obstacles, via points or limits along the way the answer is the collocation's, replayed and
     checked all along; the switching times are then not resolved, so that its exit code is 3, too.
 
     [dim]armdyn mintime rr --payload 0.1006
     armdyn mintime rr --obstacle sphere:0.05@0.3,0,-0.1
+    armdyn mintime rr --limit tip-speed=2 --limit torque-rate=50
     armdyn mintime rr --goal-pose tip:0.35,0,0.1
     armdyn mintime panda --q-start 0,-0.785,0,-2.356,0,1.571,0.785 --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5[/]
     """
@@ -119,6 +122,7 @@ def mintime(
             clearance=clearance,
             acceleration_limit=one_or_more(acceleration_limit, "--acceleration-limit"),
             jerk_limit=one_or_more(jerk_limit, "--jerk-limit"),
+            conditions=limits_of(limit),
         )
         options = MinimumTimeOptions(starts=starts, time_limit=time_limit, seed=seed)
         with working(f"minimum time of {arm.name}", json) as progress:
@@ -166,6 +170,7 @@ def _facts(solution: Solution, folder: Path) -> dict[str, str]:
     if solution.clearance is not None:
         proof = "nothing is missed between looks" if solution.clearance.sure else "looked at 10,000 times at most"
         facts["nearest"] = f"{solution.clearance} ({proof})"
+    facts |= limit_words(solution)
     if solution.via_times:
         facts["via points"] = "at " + ", ".join(f"{t:.4f}" for t in solution.via_times) + " s"
     if solution.goals:
