@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from armdyn.dynamics import Dynamics
-from armdyn.optimal.program.assembly import assemble, build_nlp, scatter
+from armdyn.optimal.program.assembly import build_nlp, scatter
 from armdyn.optimal.program.unknowns import Scales, to_unknowns
 from armdyn.optimal.task.scheme import Scheme
 from armdyn.trajectory import Trajectory
@@ -71,19 +71,3 @@ def test_scattered_nonzeros_are_a_dense_sum(shape, data):
     matrix = ca.Function("f", [symbols], [scatter(rows, cols, shape, symbols)])(values)
     assert matrix.nnz() == len({*zip(rows, cols, strict=True)})
     np.testing.assert_array_equal(matrix.full(), expected)  # small whole numbers: exact
-
-
-@given(SIZES, st.tuples(st.integers(0, 3), st.integers(0, 3)), st.integers(1, 4), st.integers(0, 2**16))
-def test_blocks_are_assembled_one_after_the_other(size, step, count, seed):
-    random = np.random.default_rng(seed)
-    places = np.argwhere(random.random(size) < 0.7)
-    pattern = ca.Sparsity.triplet(*size, *places.T.tolist())
-    row, col = (np.array(place, dtype=int) for place in pattern.get_triplet())
-    values = random.integers(-9, 9, (row.size, count)).astype(float)
-    shape = tuple(n + s * (count - 1) for n, s in zip(size, step, strict=True))
-    expected = np.zeros(shape)
-    for k in range(count):
-        np.add.at(expected, (row + step[0] * k, col + step[1] * k), values[:, k])
-    symbols = ca.MX.sym("v", row.size, count)
-    matrix = ca.Function("f", [symbols], [assemble(pattern, step, shape, symbols)])(values)
-    np.testing.assert_array_equal(matrix.full(), expected)
