@@ -9,14 +9,14 @@ from armdyn.optimal.landing.aim import aimed, led_home
 from armdyn.optimal.problem.stop import stopping
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.direct import solve_on_mesh
+from armdyn.optimal.task.task import Task
 from problems import cart, paper_problem
 
 
 def on_mesh(problem, intervals):
-    options = ad.MinimumTimeOptions()
-    scheme, dynamics = options.scheme(problem.robot.nv), ad.Dynamics(problem.robot, free_last_body=True)
     with stopping(60) as stop:
-        found = solve_on_mesh(problem, spline(problem, []), dynamics, scheme, intervals, options.alone(), stop)
+        task = Task.of(problem, stop=stop)
+        found = solve_on_mesh(task, spline(problem, []), intervals, task.options.alone())
         return found.trajectory, *aimed(problem, found.trajectory, stop)
 
 

@@ -12,6 +12,7 @@ from armdyn.optimal.solve.condensed import condensable, solve_quickly
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.task import Task
 from problems import luus_problem, paper_problem
 
 TIGHT = DirectOptions(1e-9, 500, barrier=1e-2)
@@ -27,12 +28,16 @@ def solve(solver, problem, scheme=CONSTANT, guess=None, intervals=20, options=TI
     return solver(problem, guess, dynamics, scheme, intervals, options, stop or Stop())
 
 
+def solve_in_full(problem, guess, dynamics, scheme, intervals, options, stop):
+    return solve_on_mesh(replace(Task.of(problem, stop=stop), scheme=scheme), guess, intervals, options)
+
+
 @pytest.mark.parametrize("weight", [0.0, 0.01])
 @pytest.mark.parametrize("control", ["constant", "linear"])
 @pytest.mark.parametrize("arm", ["r", "rr", "rrr"])
 def test_same_solution_as_with_all_unknowns(arm, control, weight):
     problem, scheme = paper_problem(arm, effort_weight=weight), replace(CONSTANT, control=control)
-    full = solve(solve_on_mesh, problem, scheme)
+    full = solve(solve_in_full, problem, scheme)
     condensed = solve(solve_condensed, problem, scheme, full.trajectory)
     assert full.status is condensed.status is ad.Status.SOLVED
     # Both to IPOPT's 1e-9 in the scaled problem; states and torques follow by the square root at the optimum.

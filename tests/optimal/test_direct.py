@@ -15,6 +15,7 @@ from armdyn.optimal.search.candidates import taken
 from armdyn.optimal.search.starts import detours, spline
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.options import DirectOptions
+from armdyn.optimal.task.task import Task
 from problems import cart, paper_problem
 
 
@@ -59,9 +60,8 @@ def test_velocity_limit_holds_and_costs_time():
 
 def test_slowed_down_within_velocity_limits_only_where_it_lands():
     problem = paper_problem("rr", velocity_limit=12.0)
-    options = ad.MinimumTimeOptions()
-    dynamics, scheme = ad.Dynamics(problem.robot, free_last_body=True), options.scheme(2)
-    motion = solve_on_mesh(problem, spline(problem, []), dynamics, scheme, 60, options.alone(), Stop()).trajectory
+    task = Task.of(problem)
+    motion = solve_on_mesh(task, spline(problem, []), 60, task.options.alone()).trajectory
     assert np.max(np.abs(ad.replay_torques(problem.robot, motion).v)) > 12 * (1 + 1e-5)  # there is something to mend
     slowed, certificate = within_velocity_limits(problem, motion, "", 1e-2, Stop())
     assert certificate.limit_violation <= 1e-6 and certificate.goal_error <= 1e-2
@@ -147,12 +147,12 @@ def test_library_arm_within_torque_and_velocity_limits(name):
 def test_beyond_three_joints_a_feasible_motion_is_taken_and_said_not_to_have_converged():
     robot = ad.Robot.from_library("ur5")
     problem = ad.MinimumTimeProblem(robot, q_start=[0, -1, 1, -1, -1.5, 0], q_goal=[-1.5, -1.8, 1.6, -0.4, 0.3, 1.0])
-    dynamics, scheme = ad.Dynamics(robot, free_last_body=True), ad.MinimumTimeOptions().scheme(6)
     with stopping(60) as stop:
+        task = Task.of(problem, stop=stop)
 
         def solve(iterations):
             options = DirectOptions(1e-16, iterations)  # below rounding: it never ends by itself
-            return solve_on_mesh(problem, spline(problem, []), dynamics, scheme, 20, options, stop)
+            return solve_on_mesh(task, spline(problem, []), 20, options)
 
         near, far = solve(100), solve(3)
     assert near.status is far.status is Status.ITERATION_LIMIT
