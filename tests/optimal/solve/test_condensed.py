@@ -29,16 +29,12 @@ def task(problem, scheme=CONSTANT, stop=None):
     return replace(Task.of(problem, stop=stop), scheme=scheme)
 
 
-def solve_in_full(problem, guess, dynamics, scheme, intervals, options, stop):
-    return solve_on_mesh(replace(Task.of(problem, stop=stop), scheme=scheme), guess, intervals, options)
-
-
 @pytest.mark.parametrize("weight", [0.0, 0.01])
 @pytest.mark.parametrize("control", ["constant", "linear"])
 @pytest.mark.parametrize("arm", ["r", "rr", "rrr"])
 def test_same_solution_as_with_all_unknowns(arm, control, weight):
     problem, scheme = paper_problem(arm, effort_weight=weight), replace(CONSTANT, control=control)
-    full = solve(solve_in_full, problem, scheme)
+    full = solve(solve_on_mesh, problem, scheme)
     condensed = solve(solve_condensed, problem, scheme, full.trajectory)
     assert full.status is condensed.status is ad.Status.SOLVED
     # Both to IPOPT's 1e-9 in the scaled problem; states and torques follow by the square root at the optimum.
