@@ -42,7 +42,7 @@ def test_a_cart_takes_the_time_of_its_trapezoid(limit):
     assert solution.duration == pytest.approx(2 / limit + limit, rel=1e-3)
     assert solution.duration > (2 / limit + limit) * (1 - 1e-3)  # the limit's own tolerance
     (kept,) = solution.kept
-    assert kept.share == pytest.approx(1, abs=1e-3) and "speed of 'body'" in kept.name and "m/s" in kept.said
+    assert kept.share == pytest.approx(1, abs=1e-3) and "speed of 'cart'" in kept.name and "m/s" in kept.said
 
 
 @pytest.mark.slow
