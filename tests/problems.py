@@ -3,6 +3,10 @@
 import numpy as np
 
 import armdyn as ad
+from armdyn.optimal.arcs.arc import Arc, Mode
+from armdyn.optimal.indirect.bang_bang import BangBangExtremal, BangBangProblem
+from armdyn.optimal.indirect.canonical import canonical_system
+from armdyn.optimal.problem.stop import Stop
 
 POSES = {
     "r": ([-np.pi / 2], [np.pi / 20]),
@@ -35,6 +39,18 @@ def cart(folder):
     path = folder / "cart.urdf"
     path.write_text(CART)
     return ad.Robot.from_urdf(path)
+
+
+def cart_bang_bang(folder):
+    """The double integrator over 2 m: t_f = 2 √2 s, with a switch in the middle."""
+    ends = np.array([0.0, 0.0]), np.array([2.0, 0.0])
+    return BangBangProblem(canonical_system(cart(folder)), *ends, np.array([-1.0]), np.array([1.0]), 1e-10, Stop())
+
+
+def cart_guess(modes=(Mode.UPPER, Mode.LOWER), durations=(1.0, 2.0)):
+    """A poor guess of its arcs."""
+    arcs = tuple(Arc(d, (mode,)) for d, mode in zip(durations, modes, strict=True))
+    return BangBangExtremal(arcs, (0,), np.array([[0.0, 0.0, -1.0, -1.0], [1.0, 1.0, -1.0, 0.0]]))
 
 
 LUUS = """<robot name="luus_two_link"><link name="base"/>

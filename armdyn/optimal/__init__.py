@@ -4,7 +4,7 @@ from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.gap import TimeOptimality, time_optimality, trajectory_from_path
 from armdyn.optimal.indirect.solution import Comparison, IndirectOptions, IndirectSolution, compare_with_direct
-from armdyn.optimal.indirect.solve import solve_indirect
+from armdyn.optimal.indirect.solve_indirect import solve_indirect
 from armdyn.optimal.landing.rollout import replay_torques
 from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.problem import MinimumTimeProblem

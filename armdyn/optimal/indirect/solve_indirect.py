@@ -9,6 +9,8 @@ basin it was started in, not proven to be the best one.
 
 import time
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +20,18 @@ from armdyn.errors import ProblemError
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.arcs.arc import BANG
 from armdyn.optimal.arcs.phases import Phases
+from armdyn.optimal.indirect.bang_bang import BangBangProblem, guess_arcs
 from armdyn.optimal.indirect.boundary import BoundaryProblem, Extremal, solve_lobatto, solve_trapezoidal
 from armdyn.optimal.indirect.canonical import CanonicalSystem, canonical_system
-from armdyn.optimal.indirect.shooting import ShootingProblem, guess_arcs, shoot
-from armdyn.optimal.indirect.solution import IndirectOptions, IndirectSolution, checked, from_arcs, from_extremal
+from armdyn.optimal.indirect.shooting import shoot
+from armdyn.optimal.indirect.solution import (
+    IndirectOptions,
+    IndirectSolution,
+    Samples,
+    checked,
+    from_arcs,
+    from_extremal,
+)
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop, stopping
@@ -46,13 +56,71 @@ _CANDIDATES = 6
 """Optima of the search that are tried until one is confirmed: some, the best above all, are artefacts of the mesh."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class _Question:
+    """What is asked, and how.
+
+    Attributes:
+        problem: the motion.
+        options: how.
+        stop: asked as the solvers go on.
+    """
+
+    problem: MinimumTimeProblem
+    options: IndirectOptions
+    stop: Stop
+
+    @cached_property
+    def system(self) -> CanonicalSystem:
+        """The canonical system of the robot under the options' law."""
+        return canonical_system(self.problem.robot, self.options.law)
+
+    @property
+    def fastest(self) -> bool:
+        """Minimum time is asked for, by a law that leads there."""
+        return self.problem.effort_weight == 0 and self.options.law.minimises
+
+    @property
+    def enough(self) -> int:
+        """So many seeds are followed though one has led to an answer."""
+        return self.options.continuations if self.fastest else 1
+
+    @property
+    def unit(self) -> float:
+        """The effort weight [1/(N m)²] with which full torques cost as much as time."""
+        limits = self.problem.limits
+        return float(2 / np.sum(np.maximum(limits.effort_upper**2, limits.effort_lower**2)))
+
+    @property
+    def seed_weight(self) -> float:
+        """The weight of the time-energy problem whose optimum is nearest."""
+        law = self.options.law
+        if law.seed_weight is not None:
+            return law.seed_weight(self.problem)
+        return self.problem.effort_weight or _FIRST_WEIGHT * self.unit
+
+    def boundary(self, weight: float, guess: Extremal) -> BoundaryProblem:
+        """The boundary value problem of a weight."""
+        problem = self.problem
+        lower, upper = problem.limits.effort_lower, problem.limits.effort_upper
+        if not self.options.bounded:
+            lower, upper = np.full_like(lower, -np.inf), np.full_like(upper, np.inf)
+        return BoundaryProblem(self.system, problem.x_start, problem.x_goal, weight, lower, upper, guess, self.stop)
+
+
+@dataclass(frozen=True, eq=False)
 class _Seed:
     """An extremal, or nearly, of some weight."""
 
     extremal: Extremal
     weight: float
     direct: Phases | None
+
+    @classmethod
+    def of(cls, phases: Phases, weight: float) -> Self:
+        """The direct method's solution, whose multipliers are the costates."""
+        y = np.hstack([phases.q, phases.v, phases.costate]).T
+        return cls(Extremal(phases.t / phases.duration, y, phases.duration), weight, phases)
 
 
 def solve_indirect(
@@ -78,39 +146,51 @@ def solve_indirect(
             or the seed is of another arm.
     """
     options, started = options or IndirectOptions(), time.perf_counter()
-    fastest = problem.effort_weight == 0 and options.law == "minimum"
-    if fastest and not options.bounded:
+    with stopping(options.time_limit) as stop:
+        question = _Question(problem, options, stop)
+        _refuse(question, seed)
+        best = _best(question, _seeds(question, seed))
+    return replace(best, solve_time=time.perf_counter() - started)
+
+
+def _refuse(question: _Question, seed: Solution | None) -> None:
+    """Raise a ProblemError where this method has no answer."""
+    problem = question.problem
+    if question.fastest and not question.options.bounded:
         raise ProblemError("minimum time needs torque limits: bounded=False asks for effort_weight > 0")
     if seed is not None and seed.problem.robot.nv != problem.robot.nv:
         raise ProblemError(f"the seed moves {seed.problem.robot.nv} joints, the problem {problem.robot.nv}")
     if problem.conditions:
         raise ProblemError(f"the indirect method knows no {', '.join(problem.conditions)}")
-    system = canonical_system(problem.robot, options.law)
+
+
+def _best(question: _Question, seeds: list[_Seed]) -> IndirectSolution:
+    """The best answer that the seeds lead to; without one, the best failure."""
     best: IndirectSolution | None = None
     given_up: list[str] = []
-    with stopping(options.time_limit) as stop:
-        seeds = _seeds(problem, seed, options, stop)
-        for k, one in enumerate(seeds):
-            if best is not None and (stop or (best.success and k >= (options.continuations if fastest else 1))):
-                break
-            found = (_minimum_time if fastest else _time_energy)(problem, system, one, options, stop)
-            if best is None or (not found.success, found.cost) < (not best.success, best.cost):
-                best = found
-            if not found.success:
-                given_up.append(found.message)
-        best = best or _no_seed(problem, options, stop)
+    for k, seed in enumerate(seeds):
+        if best is not None and (question.stop or (best.success and k >= question.enough)):
+            break
+        found = _minimum_time(question, seed) if question.fastest else _time_energy(question, seed)
+        if best is None or (not found.success, found.cost) < (not best.success, best.cost):
+            best = found
+        if not found.success:
+            given_up.append(found.message)
+    if best is None:
+        return _no_seed(question)
     if best.success and given_up:
         more = f"{len(given_up)} of {len(seeds)} seeds were given up, the first as: {given_up[0]}"
-        best = replace(best, message=f"{best.message}; {more}")
-    return replace(best, solve_time=time.perf_counter() - started)
+        return replace(best, message=f"{best.message}; {more}")
+    return best
 
 
-def _seeds(problem: MinimumTimeProblem, seed: Solution | None, options: IndirectOptions, stop: Stop) -> list[_Seed]:
+def _seeds(question: _Question, seed: Solution | None) -> list[_Seed]:
     """What there is to start from, the likeliest first."""
-    if seed is not None and seed.phases is not None and options.law == "minimum":
-        return [_Seed(_extremal(seed.phases), seed.problem.effort_weight, seed.phases)]
+    problem, options, stop = question.problem, question.options, question.stop
+    if seed is not None and seed.phases is not None and options.law.minimises:
+        return [_Seed.of(seed.phases, seed.problem.effort_weight)]
     dynamics, scheme = Dynamics(problem.robot, free_last_body=True), MinimumTimeOptions().scheme(problem.robot.nv)
-    weight = _seed_weight(problem, options)
+    weight = question.seed_weight
     wider, limits = 1.0 if options.bounded else _WIDER, problem.limits
     bound = wider * limits.effort_lower, wider * limits.effort_upper
     smooth = problem.variant(effort_weight=weight, effort_limit=bound)
@@ -120,47 +200,13 @@ def _seeds(problem: MinimumTimeProblem, seed: Solution | None, options: Indirect
         starts = options.starts or _STARTS.get(problem.robot.nv, _MORE_STARTS)
         most = max(_CANDIDATES, options.continuations)
         found = list(smooth_optima(smooth, dynamics, scheme, starts, options.seed, most, stop).optima)
-    return [_Seed(_extremal(phases), weight, phases) for phases in found]
+    return [_Seed.of(phases, weight) for phases in found]
 
 
-def _seed_weight(problem: MinimumTimeProblem, options: IndirectOptions) -> float:
-    """The weight of the time-energy problem whose optimum is nearest."""
-    if options.law == "printed":
-        # τ = −D⁻¹ρ_v is the law of w = 1; (19), which lacks the factor k = 1/D, that of w = k.
-        one = problem.robot.nv == 1
-        return 1 / float(Dynamics(problem.robot).crba(problem.q_start)[0, 0]) if one else 1.0
-    return problem.effort_weight or _FIRST_WEIGHT * _unit(problem)
-
-
-def _unit(problem: MinimumTimeProblem) -> float:
-    """The effort weight [1/(N m)²] with which full torques cost as much as time."""
-    limits = problem.limits
-    return float(2 / np.sum(np.maximum(limits.effort_upper**2, limits.effort_lower**2)))
-
-
-def _extremal(phases: Phases) -> Extremal:
-    return Extremal(phases.t / phases.duration, np.hstack([phases.q, phases.v, phases.costate]).T, phases.duration)
-
-
-def _boundary(
-    problem: MinimumTimeProblem,
-    system: CanonicalSystem,
-    weight: float,
-    guess: Extremal,
-    options: IndirectOptions,
-    stop: Stop,
-) -> BoundaryProblem:
-    lower, upper = problem.limits.effort_lower, problem.limits.effort_upper
-    if not options.bounded:
-        lower, upper = np.full_like(lower, -np.inf), np.full_like(upper, np.inf)
-    return BoundaryProblem(system, problem.x_start, problem.x_goal, weight, lower, upper, guess, stop)
-
-
-def _time_energy(
-    problem: MinimumTimeProblem, system: CanonicalSystem, seed: _Seed, options: IndirectOptions, stop: Stop
-) -> IndirectSolution:
+def _time_energy(question: _Question, seed: _Seed) -> IndirectSolution:
     """The boundary value problem of the problem's own weight."""
-    boundary = _boundary(problem, system, problem.effort_weight, seed.extremal, options, stop)
+    problem, options = question.problem, question.options
+    boundary = question.boundary(problem.effort_weight, seed.extremal)
     if options.method == "lobatto":
         found = solve_lobatto(boundary, options.tolerance, options.max_nodes)
     else:
@@ -168,22 +214,17 @@ def _time_energy(
     return from_extremal(problem, boundary, found, options, seed.direct)
 
 
-def _minimum_time(
-    problem: MinimumTimeProblem, system: CanonicalSystem, seed: _Seed, options: IndirectOptions, stop: Stop
-) -> IndirectSolution:
+def _minimum_time(question: _Question, seed: _Seed) -> IndirectSolution:
     """Continuation w → 0, then shooting; a seed of minimum time has that way behind it."""
-    unit = _unit(problem)
+    problem, options, unit = question.problem, question.options, question.unit
     weight, last, reached = seed.weight, seed.extremal, np.inf
     while weight > 0 and reached > _LAST_WEIGHT * unit:
-        boundary = _boundary(problem, system, weight, last, options, stop)
-        found = solve_lobatto(boundary, _ROUGH, _ROUGH_NODES)
+        found = solve_lobatto(question.boundary(weight, last), _ROUGH, _ROUGH_NODES)
         if found.status is not Status.SOLVED:
             break
         last, reached, weight = found, weight, _FALL * weight
-    limits = problem.limits
-    shooting = ShootingProblem(
-        system, problem.x_start, problem.x_goal, limits.effort_lower, limits.effort_upper, _SHOT, stop
-    )
+    bounds = problem.limits.effort_lower, problem.limits.effort_upper
+    shooting = BangBangProblem(question.system, problem.x_start, problem.x_goal, *bounds, _SHOT, question.stop)
     bang = shoot(shooting, guess_arcs(shooting, last.s * last.duration, last.y))
     if bang.status is Status.SOLVED:
         return from_arcs(problem, shooting, bang, options, seed.direct)
@@ -192,18 +233,18 @@ def _minimum_time(
     if other := modes.difference(BANG):
         how += f" (whose arcs have modes that shooting does not know: {', '.join(sorted(other))})"
     failed = replace(last, status=bang.status, message=f"{how}; {bang.message}", residual=bang.residual)
-    boundary = _boundary(problem, system, min(reached, _LAST_WEIGHT * unit), last, options, stop)
-    return from_extremal(problem, boundary, failed, options, seed.direct)
+    return from_extremal(
+        problem, question.boundary(min(reached, _LAST_WEIGHT * unit), last), failed, options, seed.direct
+    )
 
 
-def _no_seed(problem: MinimumTimeProblem, options: IndirectOptions, stop: Stop) -> IndirectSolution:
-    status = Status.FAILED
-    if stop:
-        status = Status.INTERRUPTED if stop.interrupted else Status.TIME_LIMIT
+def _no_seed(question: _Question) -> IndirectSolution:
+    """A failure that shows a guess."""
+    problem, stop = question.problem, question.stop
+    status = stop.status if stop else Status.FAILED
     motion = spline(problem, [])
     y = np.hstack([motion.q, motion.v, np.zeros((motion.t.size, 2 * problem.robot.nv))])
     message = f"{status.replace('_', ' ')}: the direct method found nothing to start from"
-    return checked(
-        problem, options, status, message, motion.t, y, motion.tau, np.full(motion.t.size, np.nan),
-        cost=np.inf, residual=np.inf, direct=None,
-    )  # fmt: skip
+    nowhere = np.full(motion.t.size, np.nan)
+    samples = Samples(motion.t, y, motion.tau, nowhere, np.inf, status, message, np.inf)
+    return checked(problem, question.options, samples, direct=None)
