@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
+from armdyn.errors import ProblemError
 from armdyn.optimal import IndirectOptions, solve_indirect
 from armdyn.optimal.indirect import MINIMUM, Law
 from armdyn.optimal.indirect.canonical import canonical_system
@@ -44,7 +45,7 @@ def test_it_goes_to_other_processes():
 
 @pytest.mark.parametrize("name", ["minimum", "printed", None])
 def test_a_name_is_refused(name):
-    with pytest.raises(ad.ProblemError, match=r"a value of the class Law, not a name.*MINIMUM"):
+    with pytest.raises(ProblemError, match=r"a value of the class Law, not a name.*MINIMUM"):
         IndirectOptions(law=name)
 
 
