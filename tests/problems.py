@@ -7,6 +7,10 @@ from pathlib import Path
 import numpy as np
 
 import armdyn as ad
+from armdyn.optimal.arcs.arc import Arc, Mode
+from armdyn.optimal.indirect.bang_bang import BangBangExtremal, BangBangProblem
+from armdyn.optimal.indirect.canonical import canonical_system
+from armdyn.optimal.problem.stop import Stop
 
 CASES = Path(__file__).parent / "cases"
 """Published problems, a folder each: the robot as a URDF, and `case.json` with poses, limits and known answers."""
@@ -55,6 +59,18 @@ def cart():
 def luus_problem():
     """R. Luus, Iterative Dynamic Programming (2000), section 12.4.2, example 2: two rods and a tip mass, no gravity."""
     return published_problem("luus_two_link")
+
+
+def cart_bang_bang():
+    """The double integrator over 2 m: t_f = 2 √2 s, with a switch in the middle."""
+    ends = np.array([0.0, 0.0]), np.array([2.0, 0.0])
+    return BangBangProblem(canonical_system(cart()), *ends, np.array([-1.0]), np.array([1.0]), 1e-10, Stop())
+
+
+def cart_guess(modes=(Mode.UPPER, Mode.LOWER), durations=(1.0, 2.0)):
+    """A poor guess of its arcs."""
+    arcs = tuple(Arc(d, (mode,)) for d, mode in zip(durations, modes, strict=True))
+    return BangBangExtremal(arcs, (0,), np.array([[0.0, 0.0, -1.0, -1.0], [1.0, 1.0, -1.0, 0.0]]))
 
 
 @cache
