@@ -99,6 +99,8 @@ def test_pid_and_replay_of_both(tmp_path):
     # 4.5535 s: RR_Ex5, reading tip, first joint's last entry into 0.005 rad.
     answer = run_json("pid", "rr", "--payload", 0.1006, "--out", tmp_path)
     assert answer["success"] and answer["arrival_time"] == pytest.approx(4.5535, abs=2e-3)
+    assert answer["arrival_rule"] == "last_entry_first_joint"  # the paper's, of its arms
+    assert answer["settling_time"] == pytest.approx(5.848, abs=2e-3)
     file = tmp_path / "trajectory.npz"
     page = run_json("replay", "rr", file, file, "--payload", 0.1006, "--out", tmp_path / "both")
     assert Path(page["files"][0]).read_text().count("<script") >= 1
@@ -140,6 +142,7 @@ def test_doctor(tmp_path):
         (["mintime", "rr", "--starts", "0"], "starts is 0"),
         (["pid", "rr", "--gains", "1,2"], "give three"),
         (["pid", "rr", "--form", "magic"], "magic"),
+        (["pid", "rr", "--arrival-rule", "soon"], "soon"),
         (["replay", "rr", "missing.npz"], "missing.npz: no such file"),
         (["urdf", "rrrr"], "no arm 'rrrr'"),
     ],
