@@ -7,10 +7,6 @@ from pathlib import Path
 import numpy as np
 
 import armdyn as ad
-from armdyn.optimal.arcs.arc import Arc, Mode
-from armdyn.optimal.indirect.bang_bang import BangBangExtremal, BangBangProblem
-from armdyn.optimal.indirect.canonical import canonical_system
-from armdyn.optimal.problem.stop import Stop
 
 CASES = Path(__file__).parent / "cases"
 """Published problems, a folder each: the robot as a URDF, and `case.json` with poses, limits and known answers."""
@@ -61,16 +57,19 @@ def luus_problem():
     return published_problem("luus_two_link")
 
 
-def cart_bang_bang():
-    """The double integrator over 2 m: t_f = 2 √2 s, with a switch in the middle."""
-    ends = np.array([0.0, 0.0]), np.array([2.0, 0.0])
-    return BangBangProblem(canonical_system(cart()), *ends, np.array([-1.0]), np.array([1.0]), 1e-10, Stop())
+def miss(problem, motion):
+    """How far beside the goal a motion ends, in [rad or m] or per second: the largest."""
+    return np.abs(problem.beside_goal(motion)).max()
 
 
-def cart_guess(modes=(Mode.UPPER, Mode.LOWER), durations=(1.0, 2.0)):
-    """A poor guess of its arcs."""
-    arcs = tuple(Arc(d, (mode,)) for d, mode in zip(durations, modes, strict=True))
-    return BangBangExtremal(arcs, (0,), np.array([[0.0, 0.0, -1.0, -1.0], [1.0, 1.0, -1.0, 0.0]]))
+def both_sides(ends):
+    """Times of samples at the ends of pieces, shape (2 P,) for P pieces: an end between two is sampled on both sides.
+
+    An ulp before it the torque is still the piece's that ends.
+    """
+    t = np.repeat(ends, 2)[1:-1]
+    t[1:-1:2] = np.nextafter(t[1:-1:2], 0)
+    return t
 
 
 @cache

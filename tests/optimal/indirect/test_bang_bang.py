@@ -12,8 +12,8 @@ from armdyn.optimal.indirect.bang_bang import BangBangExtremal, BangBangProblem,
 from armdyn.optimal.indirect.canonical import canonical_system
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
+from optimal.indirect.carts import cart_bang_bang, cart_guess
 from oracles import robot_named
-from problems import cart_bang_bang, cart_guess
 
 HALF = np.sqrt(2)
 """Of the exact duration over 2 m [s]."""
@@ -30,15 +30,15 @@ def two_links():
     return BangBangProblem(canonical_system(robot_named("rr")), np.zeros(4), np.ones(4), -bound, bound, 1e-10, Stop())
 
 
-def test_torques_are_those_of_the_modes(tmp_path):
-    problem = replace(cart_bang_bang(tmp_path), lower=np.array([-0.5]))
+def test_torques_are_those_of_the_modes():
+    problem = replace(cart_bang_bang(), lower=np.array([-0.5]))
     np.testing.assert_array_equal(problem.torques(cart_guess().arcs), [[1.0], [-0.5]])
 
 
-def test_arcs_are_read_from_the_signs_of_s(tmp_path):
+def test_arcs_are_read_from_the_signs_of_s():
     t = np.linspace(0, 3, 7)
     y = np.array([0 * t, 0 * t, -1 + 0 * t, t - 1.2])
-    guess = guess_arcs(cart_bang_bang(tmp_path), t, y)
+    guess = guess_arcs(cart_bang_bang(), t, y)
     assert [arc.modes for arc in guess.arcs] == [(Mode.UPPER,), (Mode.LOWER,)]
     np.testing.assert_allclose(guess.lengths, [1.2, 1.8], rtol=1e-12)  # S = ρ_v is linear
     assert guess.duration == pytest.approx(3, rel=1e-12)
@@ -60,8 +60,8 @@ def test_arcs_are_as_long_as_the_motion_and_one_joint_switches_at_a_time(numbers
         assert [i for i in range(2) if before.modes[i] != after.modes[i]] == [joint]
 
 
-def test_samples_are_the_motion(tmp_path):
-    found = with_samples(cart_bang_bang(tmp_path), exact())
+def test_samples_are_the_motion():
+    found = with_samples(cart_bang_bang(), exact())
     t, y = found.path
     assert np.all(np.diff(t) > 0) and t[-1] == pytest.approx(2 * HALF, rel=1e-12)
     first = t <= HALF
@@ -71,9 +71,9 @@ def test_samples_are_the_motion(tmp_path):
     assert found.wrong_sign < 1e-12
 
 
-def test_a_wrong_sign_is_what_h_would_fall_by(tmp_path):
+def test_a_wrong_sign_is_what_h_would_fall_by():
     arcs = (Arc(HALF, (Mode.LOWER,)), Arc(HALF, (Mode.UPPER,)))
-    found = with_samples(cart_bang_bang(tmp_path), replace(exact(), arcs=arcs))
+    found = with_samples(cart_bang_bang(), replace(exact(), arcs=arcs))
     # S is −1 at the start; the torque could go from −1 N to 1 N.
     assert found.wrong_sign == pytest.approx(2, rel=1e-9)
 

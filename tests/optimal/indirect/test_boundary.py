@@ -14,7 +14,7 @@ from problems import cart, paper_problem
 NONE = np.array([np.inf])
 
 
-def cart_problem(folder, distance, weight):
+def cart_problem(distance, weight):
     """∫ (1 + w/2 u²) dt on the double integrator, from rest to rest, with a poor guess."""
     s = np.linspace(0, 1, 9)
     q, v = distance * s, np.full(s.size, distance)
@@ -41,8 +41,8 @@ def arm_problem(intervals):
 @pytest.mark.parametrize("distance", [0.5, 2.0])
 @pytest.mark.parametrize("weight", [0.3, 1.0])
 @pytest.mark.parametrize("method", ["lobatto", "trapezoidal"])
-def test_double_integrator_in_closed_form(tmp_path, distance, weight, method):
-    problem = cart_problem(tmp_path, distance, weight)
+def test_double_integrator_in_closed_form(distance, weight, method):
+    problem = cart_problem(distance, weight)
     # u falls linearly from 6d/T² to its negative; J = T + 6 w d²/T³ is least at T⁴ = 18 w d².
     duration = (18 * weight * distance**2) ** 0.25
     if method == "lobatto":

@@ -49,8 +49,8 @@ def test_a_name_is_refused(name):
         IndirectOptions(law=name)
 
 
-def test_another_law_is_solved_and_commented(tmp_path):
-    problem = ad.MinimumTimeProblem(cart(tmp_path), q_start=[0.0], q_goal=[2.0], effort_weight=0.5)
+def test_another_law_is_solved_and_commented():
+    problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0], effort_weight=0.5)
     law = replace(FOURFOLD, seed_weight=lambda problem: 2.0, remark="it has to")
     found = solve_indirect(problem, options=replace(FREE, law=law))
     assert found.success, found.message

@@ -13,7 +13,8 @@ from armdyn.optimal.indirect.newton import SingularError
 from armdyn.optimal.indirect.shooting import ShootingEquations, shoot
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
-from problems import cart_bang_bang, cart_guess, luus_problem, paper_problem
+from optimal.indirect.carts import cart_bang_bang, cart_guess
+from problems import luus_problem, paper_problem
 
 
 def arm_equations():
@@ -29,8 +30,8 @@ def arm_equations():
     return ShootingEquations.of(task, guess), guess
 
 
-def test_double_integrator_in_closed_form(tmp_path):
-    found = shoot(cart_bang_bang(tmp_path), cart_guess())
+def test_double_integrator_in_closed_form():
+    found = shoot(cart_bang_bang(), cart_guess())
     assert found.status is Status.SOLVED, found.message
     # t_f = 2 √2, half of it on each limit; ρ = ∂(time to go)/∂x.
     np.testing.assert_allclose(found.lengths, np.sqrt(2), rtol=1e-10)
@@ -64,8 +65,8 @@ def test_along_its_step_the_residual_falls_by_as_much():
     np.testing.assert_allclose(slope, -point.residual / np.max(np.abs(step)), atol=1e-5 * np.max(np.abs(slope)))
 
 
-def test_a_singular_jacobian_is_told(tmp_path):
-    problem = cart_bang_bang(tmp_path)
+def test_a_singular_jacobian_is_told():
+    problem = cart_bang_bang()
     guess = cart_guess()
     guess = replace(guess, starts=guess.starts * [1, 1, 0, 0])  # no costates: H is 1 whatever the torque
     equations = ShootingEquations.of(problem, guess)
@@ -76,20 +77,20 @@ def test_a_singular_jacobian_is_told(tmp_path):
     assert found.status is Status.FAILED and "singular" in found.message
 
 
-def test_a_way_that_the_modes_cannot_go_is_no_solution(tmp_path):
-    found = shoot(cart_bang_bang(tmp_path), cart_guess(modes=(Mode.LOWER, Mode.UPPER)))
+def test_a_way_that_the_modes_cannot_go_is_no_solution():
+    found = shoot(cart_bang_bang(), cart_guess(modes=(Mode.LOWER, Mode.UPPER)))
     assert found.status in (Status.FAILED, Status.ITERATION_LIMIT)
     assert "switching times of 2 arcs" in found.message
     assert np.all(found.lengths > 0)
 
 
-def test_a_stop_is_told(tmp_path):
-    late = shoot(replace(cart_bang_bang(tmp_path), stop=Stop(deadline=0.0)), cart_guess())
+def test_a_stop_is_told():
+    late = shoot(replace(cart_bang_bang(), stop=Stop(deadline=0.0)), cart_guess())
     assert late.status is Status.TIME_LIMIT and "time limit" in late.message
 
 
-def test_luus_switching_times(tmp_path):
-    problem = luus_problem(tmp_path)
+def test_luus_switching_times():
+    problem = luus_problem()
     direct = ad.solve_minimum_time(problem)
     found = ad.optimal.solve_indirect(problem, direct)
     assert found.success, found.message

@@ -14,13 +14,14 @@ from armdyn.optimal.indirect.canonical import canonical_system
 from armdyn.optimal.indirect.shooting import shoot
 from armdyn.optimal.indirect.solution import Samples, checked, from_arcs, from_extremal
 from armdyn.optimal.problem.stop import Stop
-from problems import cart, cart_bang_bang, cart_guess
+from optimal.indirect.carts import cart_bang_bang, cart_guess
+from problems import cart
 
 OPTIONS = IndirectOptions()
 
 
-def cart_problem(folder, **limits):
-    return ad.MinimumTimeProblem(cart(folder), q_start=[0.0], q_goal=[2.0], **limits)
+def cart_problem(**limits):
+    return ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0], **limits)
 
 
 def line(problem, status=Status.SOLVED, shift=0.0):
@@ -51,8 +52,8 @@ def test_options_that_make_no_sense_are_refused(wrong):
         IndirectOptions(**wrong)
 
 
-def test_what_is_within_all_limits_is_a_solution(tmp_path):
-    found = line(cart_problem(tmp_path))
+def test_what_is_within_all_limits_is_a_solution():
+    found = line(cart_problem())
     assert found.success and found.status is Status.SOLVED
     assert found.message == "4 s; as told"
     assert (found.duration, found.cost, found.residual) == (4.0, 4.5, 1e-7)
@@ -68,16 +69,16 @@ def test_what_is_within_all_limits_is_a_solution(tmp_path):
         ({"position_limit": (-0.1, 3.0)}, -0.3, "'slide' leaves its position limit by 0.2 at t = 0 s"),
     ],
 )
-def test_a_limit_that_is_left_is_told(tmp_path, limits, shift, said):
-    problem = cart_problem(tmp_path, **limits)
+def test_a_limit_that_is_left_is_told(limits, shift, said):
+    problem = cart_problem(**limits)
     found = line(problem, shift=shift)
     assert not found.success and found.status is Status.INFEASIBLE
     assert said in found.message and "torque limits only" in found.message
     assert line(problem, Status.FAILED, shift).message == "4 s; as told"  # of what failed no more is said
 
 
-def test_torque_cost_and_h_of_an_extremal(tmp_path):
-    problem = cart_problem(tmp_path, effort_weight=1.0)
+def test_torque_cost_and_h_of_an_extremal():
+    problem = cart_problem(effort_weight=1.0)
     s = np.linspace(0, 1, 11)
     y = np.array([2 * s, 0.5 + 0 * s, -1 + 0 * s, 2 * s - 1])
     boundary, found = extremal(problem, y)
@@ -89,18 +90,18 @@ def test_torque_cost_and_h_of_an_extremal(tmp_path):
 
 
 @pytest.mark.parametrize(("value", "duration"), [(np.nan, 4.0), (1.0, -1.0), (1.0, np.nan)])
-def test_what_is_no_motion_shows_the_guess(tmp_path, value, duration):
-    problem = cart_problem(tmp_path, effort_weight=1.0)
+def test_what_is_no_motion_shows_the_guess(value, duration):
+    problem = cart_problem(effort_weight=1.0)
     boundary, found = extremal(problem, np.full((4, 7), value), duration)
     solution = from_extremal(problem, boundary, replace(found, status=Status.FAILED), OPTIONS, None)
     assert not solution.success
     assert solution.duration == 3.0 and np.all(solution.trajectory.q == 1)
 
 
-def test_a_jump_of_the_torque_is_two_samples(tmp_path):
-    shooting = cart_bang_bang(tmp_path)
+def test_a_jump_of_the_torque_is_two_samples():
+    shooting = cart_bang_bang()
     found = with_samples(shooting, shoot(shooting, cart_guess()))
-    solution = from_arcs(cart_problem(tmp_path), shooting, found, OPTIONS, None)
+    solution = from_arcs(cart_problem(), shooting, found, OPTIONS, None)
     assert solution.success and solution.arcs == found.arcs
     t, tau = solution.trajectory.t, solution.trajectory.tau[:, 0]
     assert np.all(np.diff(t) > 0)
@@ -110,13 +111,13 @@ def test_a_jump_of_the_torque_is_two_samples(tmp_path):
     assert solution.hamiltonian_spread < 1e-9
 
 
-def test_a_comparison_needs_a_direct_answer(tmp_path):
+def test_a_comparison_needs_a_direct_answer():
     with pytest.raises(ProblemError, match="direct="):
-        compare_with_direct(line(cart_problem(tmp_path)))
+        compare_with_direct(line(cart_problem()))
 
 
-def test_an_answer_differs_from_itself_by_nothing(tmp_path):
-    found = ad.optimal.solve_indirect(cart_problem(tmp_path))
+def test_an_answer_differs_from_itself_by_nothing():
+    found = ad.optimal.solve_indirect(cart_problem())
     beside = compare_with_direct(found)
     same = compare_with_direct(found, found.direct)
     assert beside == same

@@ -148,7 +148,7 @@ def test_finite_differences_come_to_the_same_at_second_order():
     assert (coarse.duration - exact) / (fine.duration - exact) == pytest.approx(4, rel=0.1)  # leading term h²
 
 
-def test_double_integrator_both_ways(tmp_path):
+def test_double_integrator_both_ways():
     robot = cart()
     problem = ad.MinimumTimeProblem(robot, q_start=[0.0], q_goal=[2.0], effort_weight=2.0)
     found = solve_indirect(problem, options=FREE)
@@ -185,7 +185,7 @@ def test_what_is_not_solved_says_so():
     assert short.trajectory.t.size > 2
 
 
-def test_bad_input_raises(tmp_path):
+def test_bad_input_raises():
     with pytest.raises(ad.ArmdynError, match="torque limits"):
         solve_indirect(paper_problem("r"), options=FREE)
     seed = ad.solve_minimum_time(paper_problem("r"))
