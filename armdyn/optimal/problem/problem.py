@@ -13,6 +13,7 @@ from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.models.collision import collision_model
 from armdyn.models.limits import JointLimits
 from armdyn.models.obstacles import Obstacle
+from armdyn.models.per_joint import per_joint
 from armdyn.models.reaching import GoalPose, poses_reaching
 from armdyn.models.robot import Robot
 from armdyn.optimal.problem.turns import endless, ways_round
@@ -90,8 +91,6 @@ class MinimumTimeProblem:
                 continue
             given = getattr(self, name)
             array = self._joints(zero if given is None else given, name)
-            if not np.all(np.isfinite(array)):
-                raise ProblemError(f"{name} = {array} is not finite")
             array.setflags(write=False)
             object.__setattr__(self, name, array)
         if not (np.isfinite(self.effort_weight) and self.effort_weight >= 0):
@@ -179,27 +178,15 @@ class MinimumTimeProblem:
         return np.asarray(np.max(np.abs(np.diff(self.poses, axis=0)) / self.limits.velocity, axis=1))
 
     def _joints(self, value: ArrayLike, name: str) -> Array:
-        array = np.asarray(value, dtype=float)
-        if array.shape != (self.robot.nv,):
-            raise ProblemError(
-                f"{name} has shape {array.shape}; {self.robot.name} needs {self.robot.nv} numbers, for "
-                f"{', '.join(self.robot.joint_names)}"
-            )
-        return array.copy()
+        return per_joint(value, self.robot.joint_names, name, error=ProblemError, scalar=False)
 
     def _limit(self, value: ArrayLike, name: str) -> Array:
-        array = np.asarray(value, dtype=float)
-        array = self._joints(np.full(self.robot.nv, array) if array.ndim == 0 else array, name)
-        if np.any(np.isnan(array)):
-            raise ProblemError(f"{name} = {array} has a NaN")
-        return array
+        return per_joint(value, self.robot.joint_names, name, error=ProblemError, finite=False)
 
     def _resolve_course(self) -> None:
         """Check what is asked along the way, and keep it as tuples and arrays."""
         via = [self._joints(q, f"via[{i}]") for i, q in enumerate(self.via)]
         for i, q in enumerate(via):
-            if not np.all(np.isfinite(q)):
-                raise ProblemError(f"via[{i}] = {q} is not finite")
             self._check_state(q, np.zeros_like(q), f"via[{i}]")
             q.setflags(write=False)
         object.__setattr__(self, "via", tuple(via))
