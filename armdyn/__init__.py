@@ -24,12 +24,14 @@ if TYPE_CHECKING:
     from armdyn.optimal import (
         Arc,
         Certificate,
+        FrameSpeedLimit,
         MinimumTimeOptions,
         MinimumTimeProblem,
         Sensitivities,
         Solution,
         Status,
         TimeOptimality,
+        TorqueRateLimit,
         replay_torques,
         solve_minimum_time,
         time_optimality,
@@ -45,8 +47,9 @@ else:
             "dynamics": "Dynamics",
             "models": "PAPER_PAYLOADS ArmSpec Box Capsule GoalPose "
             "JointLimits LinkSpec Payload Robot Sphere urdf_from_spec",
-            "optimal": "Arc Certificate MinimumTimeOptions MinimumTimeProblem Sensitivities Solution "
-            "Status TimeOptimality replay_torques solve_minimum_time time_optimality trajectory_from_path",
+            "optimal": "Arc Certificate FrameSpeedLimit MinimumTimeOptions MinimumTimeProblem Sensitivities "
+            "Solution Status TimeOptimality TorqueRateLimit "
+            "replay_torques solve_minimum_time time_optimality trajectory_from_path",
             "studies.paper.printed.loop": "PAPER_GAINS",
             "trajectory": "Sample Trajectory",
         },
@@ -65,6 +68,7 @@ __all__ = [
     "Capsule",
     "Certificate",
     "Dynamics",
+    "FrameSpeedLimit",
     "GoalPose",
     "JointLimits",
     "LinkSpec",
@@ -80,6 +84,7 @@ __all__ = [
     "Sphere",
     "Status",
     "TimeOptimality",
+    "TorqueRateLimit",
     "Trajectory",
     "__version__",
     "closed_loop_eigenvalues",

@@ -7,6 +7,8 @@ from armdyn.lazy import facade
 if TYPE_CHECKING:
     from armdyn.optimal.answer.solution import Solution
     from armdyn.optimal.arcs.arc import Arc, Mode
+    from armdyn.optimal.conditions.limits.frame_speed import FrameSpeedLimit
+    from armdyn.optimal.conditions.limits.torque_rate import TorqueRateLimit
     from armdyn.optimal.gap import TimeOptimality, time_optimality, trajectory_from_path
     from armdyn.optimal.indirect.solution import Comparison, IndirectOptions, IndirectSolution, compare_with_direct
     from armdyn.optimal.indirect.solve import solve_indirect
@@ -23,6 +25,8 @@ else:
         {
             "answer.solution": "Solution",
             "arcs.arc": "Arc Mode",
+            "conditions.limits.frame_speed": "FrameSpeedLimit",
+            "conditions.limits.torque_rate": "TorqueRateLimit",
             "gap": "TimeOptimality time_optimality trajectory_from_path",
             "indirect.solution": "Comparison IndirectOptions IndirectSolution compare_with_direct",
             "indirect.solve": "solve_indirect",
@@ -40,6 +44,7 @@ __all__ = [
     "Arc",
     "Certificate",
     "Comparison",
+    "FrameSpeedLimit",
     "IndirectOptions",
     "IndirectSolution",
     "MinimumTimeOptions",
@@ -49,6 +54,7 @@ __all__ = [
     "Solution",
     "Status",
     "TimeOptimality",
+    "TorqueRateLimit",
     "Violation",
     "compare_with_direct",
     "replay_torques",

@@ -55,7 +55,7 @@ def solve_minimum_time(
 
 
 def _strategy(problem: MinimumTimeProblem) -> Strategy:
-    if problem.conditions:
+    if problem.along_the_way:
         return constrained
     return time_energy if problem.effort_weight > 0 else minimum_time
 

@@ -65,6 +65,7 @@ def test_people_are_told_what_was_written_and_how_long_it_took(tmp_path):
     assert "written trajectory.npz, figure.png, figure.pdf, result.json in" in words
 
 
+@pytest.mark.slow
 def test_mintime_round_an_obstacle_to_a_pose(tmp_path):
     (tmp_path / "scene.json").write_text('[{"type": "sphere", "center": [0.33, 0, -0.12], "radius": 0.05}]')
     options = ["--payload", 0.1006, "--obstacle", "scene.json", "--goal-pose", "tip:0.4783,0,0.0574"]
@@ -86,6 +87,7 @@ def test_mintime_round_an_obstacle_to_a_pose(tmp_path):
         assert done.returncode == 2 and says in " ".join(done.stderr.split()), done.stderr
 
 
+@pytest.mark.slow
 def test_mintime_of_a_urdf_file_with_poses_and_limits(tmp_path):
     (tmp_path / "cart.urdf").write_text(CART)
     answer = run_json("mintime", "cart.urdf", "--q-start", "0", "--q-goal", "-2", "--effort-limit", "4", cwd=tmp_path)
@@ -94,6 +96,7 @@ def test_mintime_of_a_urdf_file_with_poses_and_limits(tmp_path):
     assert (tmp_path / "results" / "mintime-cart" / "replay.html").exists()
 
 
+@pytest.mark.slow
 def test_sweep(tmp_path):
     answer = run_json("sweep", "r", "--payload", "0.2,0.1,0.1", "--out", tmp_path)
     assert answer["success"] and answer["status"] == "done"
@@ -114,10 +117,13 @@ def test_sweep(tmp_path):
     assert done.returncode == 2 and "--payload" in done.stderr
 
 
+@pytest.mark.slow
 def test_pid_and_replay_of_both(tmp_path):
     # 4.5535 s: RR_Ex5, reading tip, first joint's last entry into 0.005 rad.
     answer = run_json("pid", "rr", "--payload", 0.1006, "--out", tmp_path)
     assert answer["success"] and answer["arrival_time"] == pytest.approx(4.5535, abs=2e-3)
+    assert answer["arrival_rule"] == "last_entry_first_joint"  # the paper's, of its arms
+    assert answer["settling_time"] == pytest.approx(5.848, abs=2e-3)
     file = tmp_path / "trajectory.npz"
     page = run_json("replay", "rr", file, file, "--payload", 0.1006, "--out", tmp_path / "both")
     assert Path(page["files"][0]).read_text().count("<script") >= 1
@@ -159,6 +165,7 @@ def test_doctor(tmp_path):
         (["mintime", "rr", "--starts", "0"], "starts is 0"),
         (["pid", "rr", "--gains", "1,2"], "give three"),
         (["pid", "rr", "--form", "magic"], "magic"),
+        (["pid", "rr", "--arrival-rule", "soon"], "soon"),
         (["replay", "rr", "missing.npz"], "missing.npz: no such file"),
         (["urdf", "rrrr"], "no arm 'rrrr'"),
     ],
@@ -185,6 +192,7 @@ def test_not_converged_is_exit_3(tmp_path):
     assert (tmp_path / "trajectory.npz").exists()
 
 
+@pytest.mark.slow
 def test_interrupt_is_exit_130_with_partial_results(tmp_path):
     # With 1 kg no search of so many guesses says early that it has seen enough: it takes minutes.
     arguments = ["mintime", "rrr", "--payload", "1", "--starts", "5000", "--out", str(tmp_path / "run"), "--json"]

@@ -88,6 +88,7 @@ def simulated(robot, trajectory, lost):
     return x
 
 
+@pytest.mark.slow
 def test_rr_with_friction_is_certified_and_arrives():
     bare = paper_problem("rr")
     damping, coulomb, width = np.array([0.1, 0.1]), np.array([0.2, 0.2]), 0.05
@@ -102,6 +103,7 @@ def test_rr_with_friction_is_certified_and_arrives():
     assert np.abs(simulated(robot, solution.trajectory, np.zeros_like) - problem.x_goal).max() > 0.1
 
 
+@pytest.mark.slow
 def test_ur5_with_damping_and_coulomb_friction_arrives():
     damping, coulomb = np.array([10, 10, 10, 2, 2, 2.0]), np.array([8, 8, 8, 2, 2, 2.0])
     robot = ad.Robot.from_library("ur5", damping=damping, friction=coulomb)

@@ -85,6 +85,7 @@ def test_one_link_minimum_time_is_exact(reading, mass):
     assert np.all(np.abs(found.trajectory.tau) == 3.0)
 
 
+@pytest.mark.slow
 def test_two_links_minimum_time_from_time_energy_and_from_the_direct_costates():
     problem = paper_problem("rr", position_limit=ANYWHERE)
     direct = ad.solve_minimum_time(problem)
@@ -175,6 +176,7 @@ def test_printed_law_is_slower_and_worse_and_its_h_varies(arm):
     assert np.ptp(kept) < 1e-6 * np.max(np.abs(printed.hamiltonian))
 
 
+@pytest.mark.slow
 def test_three_links_outside_the_position_limits():
     problem = paper_problem("rrr", effort_weight=1.0, position_limit=ANYWHERE)
     found = solve_indirect(problem, options=FREE)

@@ -49,11 +49,12 @@ def mintime(
     Pinocchio's forward dynamics by an independent integrator, and checks Pontryagin's conditions.
     Exit code 0 means certified; 3 that something of this failed, and the output says what.
 
-    With obstacles, via points or limits of acceleration and jerk the answer is the collocation's, replayed and
+    With obstacles, via points or limits along the way the answer is the collocation's, replayed and
     checked all along; the switching times are then not resolved, so that its exit code is 3, too.
 
     [dim]armdyn mintime rr --payload 0.1006
     armdyn mintime rr --obstacle sphere:0.05@0.3,0,-0.1
+    armdyn mintime rr --limit tip-speed=2 --limit torque-rate=50
     armdyn mintime rr --goal-pose tip:0.35,0,0.1
     armdyn mintime panda --q-start 0,-0.785,0,-2.356,0,1.571,0.785 --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5[/]
     """

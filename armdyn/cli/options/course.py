@@ -1,4 +1,4 @@
-"""What is asked of a motion along its way. One more condition is one more field, and a line in `asked`."""
+"""What is asked of a motion along its way."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import typer
 
+from armdyn.cli.options.limits import Limits, limits_of
 from armdyn.cli.options.text import numbers, one_or_more
 from armdyn.errors import ProblemError
 
@@ -50,6 +51,8 @@ class CourseOptions:
         typer.Option(metavar="J[,J…]", help="Jerk limits \\[rad/s³]: the torque no longer jumps. By default none."),
     ] = None
 
+    limit: Limits = None
+
     def asked(self) -> dict[str, Any]:
         """The arguments of a `MinimumTimeProblem` that they are.
 
@@ -63,6 +66,7 @@ class CourseOptions:
             "clearance": self.clearance,
             "acceleration_limit": one_or_more(self.acceleration_limit, "--acceleration-limit"),
             "jerk_limit": one_or_more(self.jerk_limit, "--jerk-limit"),
+            "conditions": limits_of(self.limit or ()),
         }
 
 

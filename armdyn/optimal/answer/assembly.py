@@ -45,6 +45,7 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float) -
         solve_time=elapsed,
         worst_violation=best.worst_violation,
         clearance=best.checked.clearance if best.checked else None,
+        kept=best.checked.kept if best.checked else (),
         via_times=best.via_times,
     )
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from armdyn.models.collision import Clearance
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.phases import Phases
+from armdyn.optimal.conditions.condition import Kept
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.proof.certificate import Certificate
@@ -34,6 +35,7 @@ class Solution:
         solve_time: wall time [s].
         worst_violation: None if the solver converged.
         clearance: where the motion comes nearest to an obstacle or to itself; None if neither was to be kept clear of.
+        kept: how the motion keeps each of the conditions along the way; empty without any.
         via_times: when it passes the via points [s].
         goals: all joint positions tried that reach a goal pose, fastest first; empty if there was but one.
     """
@@ -53,6 +55,7 @@ class Solution:
     solve_time: float = 0.0
     worst_violation: Violation | None = None
     clearance: Clearance | None = None
+    kept: tuple[Kept, ...] = ()
     via_times: tuple[float, ...] = ()
     goals: tuple[GoalTried, ...] = ()
 

@@ -45,6 +45,10 @@ def minimum_time_summary(solution: Solution) -> dict[str, object]:
             "other": solution.clearance.other,
             "sure": solution.clearance.sure,
         },
+        "conditions": [
+            {"name": kept.name, "share": kept.share, "said": kept.said, "reasons": list(kept.reasons)}
+            for kept in solution.kept
+        ],
         "q_goal": np.asarray(solution.problem.q_goal).tolist(),
         "via_times": list(solution.via_times),
         "goals": [{"q": goal.q.tolist(), "duration": _finite(goal.duration)} for goal in solution.goals],

@@ -83,8 +83,8 @@ def solve_indirect(
         raise ProblemError("minimum time needs torque limits: bounded=False asks for effort_weight > 0")
     if seed is not None and seed.problem.robot.nv != problem.robot.nv:
         raise ProblemError(f"the seed moves {seed.problem.robot.nv} joints, the problem {problem.robot.nv}")
-    if problem.conditions:
-        raise ProblemError(f"the indirect method knows no {', '.join(problem.conditions)}")
+    if problem.along_the_way:
+        raise ProblemError(f"the indirect method knows no {', '.join(problem.along_the_way)}")
     system = canonical_system(problem.robot, options.law)
     best: IndirectSolution | None = None
     given_up: list[str] = []

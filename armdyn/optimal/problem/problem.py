@@ -16,6 +16,17 @@ from armdyn.models.obstacles import Obstacle
 from armdyn.models.per_joint import per_joint
 from armdyn.models.reaching import GoalPose, poses_reaching
 from armdyn.models.robot import Robot
+from armdyn.optimal.problem.asked import Asked
+from armdyn.optimal.problem.checks import (
+    check_clear,
+    check_conditions,
+    check_limits,
+    check_poses,
+    check_scene,
+    check_state,
+    clear_goals,
+    warn_if_not_held,
+)
 from armdyn.optimal.problem.turns import endless, ways_round
 from armdyn.trajectory import Trajectory
 
@@ -50,6 +61,7 @@ class MinimumTimeProblem:
         clearance: how far, at least [m].
         acceleration_limit: [rad/s² or m/s²]: one number or one per joint; None: none.
         jerk_limit: likewise [rad/s³ or m/s³]; with one, the acceleration is zero at both ends.
+        conditions: what else is asked along the way, such as `FrameSpeedLimit(0.25)` or `TorqueRateLimit(50.0)`.
         limits: the limits that hold, each of shape (nv,).
         goals: all joint positions that are tried as goals, each of shape (nv,); the first is q_goal.
 
@@ -79,6 +91,7 @@ class MinimumTimeProblem:
     clearance: float = 0.005
     acceleration_limit: ArrayLike | None = None
     jerk_limit: ArrayLike | None = None
+    conditions: Sequence[Asked] = ()
     limits: JointLimits = field(init=False, repr=False)
     goals: tuple[Array, ...] = field(init=False, repr=False)
 
@@ -104,27 +117,32 @@ class MinimumTimeProblem:
             goals = ways_round(np.asarray(self.q_start), goals, self.limits, endless(self.robot, self.limits))
             object.__setattr__(self, "q_goal", goals[0])
         object.__setattr__(self, "goals", tuple(goals))
-        self._resolve_course()
         for q, v, name in ((self.q_start, self.v_start, "start"), (self.q_goal, self.v_goal, "goal")):
-            self._check_state(np.asarray(q), np.asarray(v), name)
+            check_state(self.robot, self.limits, np.asarray(q), np.asarray(v), name)
         if np.array_equal(self.x_start, self.x_goal):
             raise ProblemError(
                 f"start and goal are the same state, q = {self.x_start[: self.robot.nv]}: nothing is to be moved"
             )
-        self._check_clear()
-        self._warn_if_not_held()
+        self._resolve_course()
+        warn_if_not_held(self.robot, self.limits, self.holding_torque())
 
     @property
-    def conditions(self) -> tuple[str, ...]:
-        """What is asked along the way besides the limits; only the collocation's mesh knows it, not its arcs."""
+    def along_the_way(self) -> tuple[str, ...]:
+        """Names of what is asked besides the limits; only the collocation's mesh knows it, not its arcs."""
         asked = {
             "obstacles": bool(self.obstacles),
             "self-collision": self.self_collision,
             "via points": bool(self.via),
             "acceleration limits": self.acceleration_limit is not None,
             "jerk limits": self.jerk_limit is not None,
+            **{condition.name: True for condition in self.conditions},
         }
         return tuple(name for name, wanted in asked.items() if wanted)
+
+    @property
+    def continuous_torque(self) -> bool:
+        """Jumps of the torque are forbidden."""
+        return self.jerk_limit is not None or any(condition.continuous_torque for condition in self.conditions)
 
     @property
     def poses(self) -> Array:
@@ -187,46 +205,35 @@ class MinimumTimeProblem:
         """Check what is asked along the way, and keep it as tuples and arrays."""
         via = [self._joints(q, f"via[{i}]") for i, q in enumerate(self.via)]
         for i, q in enumerate(via):
-            self._check_state(q, np.zeros_like(q), f"via[{i}]")
+            check_state(self.robot, self.limits, q, np.zeros_like(q), f"via[{i}]")
             q.setflags(write=False)
         object.__setattr__(self, "via", tuple(via))
-        legs = np.max(np.abs(np.diff(self.poses, axis=0)), axis=1)
-        if via and np.min(legs) == 0:
-            raise ProblemError(f"the leg from pose {int(np.argmin(legs))} to the next goes nowhere: start, via, goal")
+        check_poses(self.poses)
         object.__setattr__(self, "obstacles", tuple(self.obstacles))
-        for obstacle in self.obstacles:
-            if not isinstance(obstacle, Obstacle):
-                raise ProblemError(f"obstacle {obstacle!r} is no Sphere, Capsule or Box")
-        if not (np.isfinite(self.clearance) and self.clearance >= 0):
-            raise ProblemError(f"clearance is {self.clearance} m; it must be finite and not negative")
+        check_scene(self.obstacles, self.clearance)
         for name, unit in (("acceleration_limit", "rad/s²"), ("jerk_limit", "rad/s³")):
             if getattr(self, name) is not None:
-                value = self._limit(getattr(self, name), name)
-                for joint, number in zip(self.robot.joint_names, value, strict=True):
-                    if not number > 0:
-                        raise ProblemError(f"{name} of joint {joint!r} is {number} {unit}; it must be positive")
+                value = per_joint(
+                    getattr(self, name), self.robot.joint_names, name,
+                    unit=unit, error=ProblemError, finite=False, sign="positive",
+                )  # fmt: skip
                 value.setflags(write=False)
                 object.__setattr__(self, name, value)
+        self._resolve_clear()
+        check_conditions(self.conditions)
+        bound = tuple(condition.on(self.robot, self.x_start, self.x_goal) for condition in self.conditions)
+        object.__setattr__(self, "conditions", bound)
 
-    def _check_clear(self) -> None:
+    def _resolve_clear(self) -> None:
         """Drop goals in contact; complain of a start, a via point, or all goals."""
         if not (self.obstacles or self.self_collision):
             return
         model = collision_model(self.robot, tuple(self.obstacles), self.self_collision)
         fixed = [("start", np.asarray(self.q_start)), *((f"via[{i}]", np.asarray(q)) for i, q in enumerate(self.via))]
         fixed += [("goal", np.asarray(self.q_goal))] if self.goal_pose is None else []
-        for name, q in fixed:
-            if (near := model.nearest(q)).distance < self.clearance:
-                raise ProblemError(f"at the {name}, {near.bodies()}; clearance is {1e3 * self.clearance:g} mm")
+        check_clear(model, fixed, self.clearance)
         if self.goal_pose is not None:
-            nearest = [model.nearest(q) for q in self.goals]
-            clear = tuple(q for q, near in zip(self.goals, nearest, strict=True) if near.distance >= self.clearance)
-            if not clear:
-                best = max(nearest, key=lambda near: near.distance)
-                raise ProblemError(
-                    f"the goal pose cannot be reached clear of everything: in the best of {len(nearest)} branches "
-                    f"{best.bodies()}; clearance is {1e3 * self.clearance:g} mm"
-                )
+            clear = clear_goals(model, self.goals, self.clearance)
             object.__setattr__(self, "goals", clear)
             object.__setattr__(self, "q_goal", clear[0])
 
@@ -246,43 +253,9 @@ class MinimumTimeProblem:
             if len(self.position_limit) != 2:
                 raise ProblemError("position_limit must be a pair (lower, upper) [rad or m]")
             lower, upper = (self._limit(x, "position_limit") for x in self.position_limit)
-        for i, joint in enumerate(self.robot.joint_names):
-            if not effort_lower[i] < effort_upper[i] or not np.isfinite(effort_upper[i] - effort_lower[i]):
-                raise ProblemError(
-                    f"joint {joint!r} has torque limits [{effort_lower[i]}, {effort_upper[i]}] N m; minimum time "
-                    "needs finite ones, the lower below the upper: give effort_limit="
-                )
-            if not velocity[i] > 0:
-                raise ProblemError(f"joint {joint!r} has velocity limit {velocity[i]} rad/s; it must be positive")
-            if not lower[i] < upper[i]:
-                raise ProblemError(f"joint {joint!r} has position limits [{lower[i]}, {upper[i]}] rad: no room")
-        return JointLimits(
+        limits = JointLimits(
             position_lower=lower, position_upper=upper, velocity=velocity,
             effort_lower=effort_lower, effort_upper=effort_upper,
         )  # fmt: skip
-
-    def _check_state(self, q: Array, v: Array, name: str) -> None:
-        limits, slack = self.limits, 1e-9  # a pose typed with ten digits may lie on its limit
-        for i, joint in enumerate(self.robot.joint_names):
-            if not limits.position_lower[i] - slack <= q[i] <= limits.position_upper[i] + slack:
-                raise ProblemError(
-                    f"{name} of joint {joint!r} (index {i}) is {q[i]:.6g} rad, outside its limits "
-                    f"[{limits.position_lower[i]:.6g}, {limits.position_upper[i]:.6g}] rad"
-                )
-            if abs(v[i]) > limits.velocity[i] + slack:
-                raise ProblemError(
-                    f"{name} velocity of joint {joint!r} (index {i}) is {v[i]:.6g} rad/s, beyond its limit "
-                    f"{limits.velocity[i]:.6g} rad/s"
-                )
-
-    def _warn_if_not_held(self) -> None:
-        torque = self.holding_torque()
-        for i, joint in enumerate(self.robot.joint_names):
-            bound = self.limits.effort_upper[i] if torque[i] > 0 else self.limits.effort_lower[i]
-            if abs(torque[i]) > abs(bound):
-                warnings.warn(
-                    f"joint {joint!r} needs {torque[i]:.4g} N m to hold the goal but its limit is {bound:.4g} N m: "
-                    "a motion to the goal may exist, staying there is beyond this actuator",
-                    ArmdynWarning,
-                    stacklevel=4,
-                )
+        check_limits(self.robot, limits)
+        return limits

@@ -123,20 +123,6 @@ def hessian_function(x: ca.MX, p: ca.MX, sigma: ca.MX, lam: ca.MX, hessian: ca.M
     return ca.Function("nlp_hess_l", [x, p, sigma, lam], [hessian], *names)
 
 
-def assemble(pattern: ca.Sparsity, step: tuple[int, int], shape: tuple[int, int], nonzeros: ca.MX) -> ca.MX:
-    """The sparse matrix of which every interval has the same pattern, `step` further down and right.
-
-    Args:
-        pattern: of one interval.
-        step: rows and columns from one interval to the next.
-        shape: of the whole.
-        nonzeros: a column per interval; what falls on the same place is added.
-    """
-    shift = np.arange(nonzeros.shape[1])
-    row, col = (np.array(x, dtype=int) for x in pattern.get_triplet())
-    return scatter(row[:, None] + step[0] * shift, col[:, None] + step[1] * shift, shape, nonzeros)
-
-
 def scatter(rows: Index, cols: Index, shape: tuple[int, int], nonzeros: ca.MX) -> ca.MX:
     """The sparse matrix of nonzeros, each in its row and column; what falls on the same place is added."""
     rows, cols = rows.ravel(order="F"), cols.ravel(order="F")

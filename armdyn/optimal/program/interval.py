@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.exclusive import built_once
@@ -11,9 +12,11 @@ from armdyn.optimal.program.compiled import compiled
 from armdyn.optimal.program.layout import Layout, Parameters
 from armdyn.optimal.task.scheme import Scheme
 
+Array = NDArray[np.float64]
+
 
 @dataclass(frozen=True)
-class _Stages:
+class _ScaledStages:
     """One interval: unknowns y = (knot, inner, next knot), parameters p, and what follows from them at its stages."""
 
     y: ca.SX
@@ -25,7 +28,7 @@ class _Stages:
     balances: list[ca.SX]
 
 
-def _stages(dynamics: Dynamics, scheme: Scheme) -> _Stages:
+def _scaled_stages(dynamics: Dynamics, scheme: Scheme) -> _ScaledStages:
     """Scaled states and torques, velocities, accelerations [rad/s²], how far inverse dynamics are from balance."""
     n, tableau, layout = dynamics.nv, scheme.tableau, Layout(dynamics.nv, scheme)
     y, p = ca.SX.sym("y", layout.width), ca.SX.sym("p", Parameters.size(n))
@@ -54,7 +57,7 @@ def _stages(dynamics: Dynamics, scheme: Scheme) -> _Stages:
             balances.append(dynamics.rnea(q, v, a, body) / by.effort - torque)
         velocities.append(v)
         accelerations.append(a)
-    return _Stages(y, p, states, u, velocities, accelerations, balances)
+    return _ScaledStages(y, p, states, u, velocities, accelerations, balances)
 
 
 def present_body(dynamics: Dynamics, p: ca.SX) -> ca.SX:
@@ -71,7 +74,7 @@ def present_body(dynamics: Dynamics, p: ca.SX) -> ca.SX:
 
 def _equations(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
     """Unknowns, parameters, defects and cost of one interval, all scaled."""
-    n, tableau, layout, one = dynamics.nv, scheme.tableau, Layout(dynamics.nv, scheme), _stages(dynamics, scheme)
+    n, tableau, layout, one = dynamics.nv, scheme.tableau, Layout(dynamics.nv, scheme), _scaled_stages(dynamics, scheme)
     by, (left, _, right) = Parameters.of(one.p, n), layout.parts(one.y)
     start, end, duration = left[layout.knot.state], right[layout.knot.state], left[layout.knot.time]
     scale = ca.vertcat(ca.repmat(by.length, n, 1), ca.repmat(by.speed, n, 1))
@@ -91,11 +94,57 @@ def _equations(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX,
     return one.y, one.p, ca.vertcat(*defects), cost
 
 
-def stage_accelerations(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Unknowns and parameters of one interval, and the accelerations over speed/T at its stages, a column each."""
-    one = _stages(dynamics, scheme)
-    by = Parameters.of(one.p, dynamics.nv)
-    return one.y, one.p, ca.horzcat(*one.accelerations) * by.time / by.speed
+@dataclass(frozen=True, eq=False)
+class Stages:
+    """One interval in SI units, a column for every stage: what conditions along the way are written in.
+
+    Attributes:
+        y: its unknowns.
+        p: its parameters.
+        h: its duration [s].
+        c: where the stages lie in it.
+        q: joint positions [rad or m], shape (nv, stages).
+        v: velocities [rad/s or m/s], likewise.
+        a: accelerations [rad/s² or m/s²], likewise.
+        tau: torques [N m or N], likewise.
+        acceleration: what is one in the scaled problem [rad/s² or m/s²].
+        effort: likewise [N m or N], shape (nv,).
+        dynamics: of the robot.
+        knots: whether the first and the last stage are knots.
+    """
+
+    y: ca.SX
+    p: ca.SX
+    h: ca.SX
+    c: Array
+    q: ca.SX
+    v: ca.SX
+    a: ca.SX
+    tau: ca.SX
+    acceleration: ca.SX
+    effort: ca.SX
+    dynamics: Dynamics
+    knots: tuple[bool, bool]
+
+
+def stages_of(dynamics: Dynamics, scheme: Scheme) -> Stages:
+    """The stages of one interval."""
+    layout, one = Layout(dynamics.nv, scheme), _scaled_stages(dynamics, scheme)
+    by, (left, _, _) = Parameters.of(one.p, dynamics.nv), layout.parts(one.y)
+    return Stages(
+        y=one.y,
+        p=one.p,
+        h=by.fraction * by.time * left[layout.knot.time],
+        c=scheme.tableau.c,
+        q=ca.horzcat(*(by.length * x[layout.knot.q] for x in one.states)),
+        v=ca.horzcat(*one.velocities),
+        a=ca.horzcat(*one.accelerations),
+        tau=ca.horzcat(*(by.effort * torque for torque in one.torques)),
+        acceleration=by.speed / by.time,
+        effort=by.effort,
+        dynamics=dynamics,
+        knots=(scheme.tableau.starts_at_knot, scheme.tableau.ends_at_knot),
+    )
 
 
 @dataclass(frozen=True)

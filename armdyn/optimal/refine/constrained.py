@@ -1,5 +1,121 @@
-"""Shim."""
+"""Minimum time with conditions along the way: obstacles, via points, limits of acceleration, speed and torque rate.
+
+The answer is the mesh's, replayed: arcs between obstacles, and with them the certificate, are not resolved.
+What the mesh asks for only at its points is checked everywhere on the replay, and asked for more strictly
+where it does not hold there.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armdyn.optimal.conditions.demands import Demands
+from armdyn.optimal.landing.rollout import replay_torques
+from armdyn.optimal.proof.certificate import certify
+from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.refine.smooth import trajectory_cost
+from armdyn.optimal.search.candidates import Found, find
+from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.solve.direct import solve_on_mesh
+from armdyn.optimal.task.ladder import Ladder
+from armdyn.optimal.task.task import Task
+from armdyn.trajectory import Trajectory
 
 
-def constrained(task):
-    raise NotImplementedError
+def constrained(task: Task) -> tuple[list[Optimum], Found]:
+    """Optima of the mesh that keep the conditions along the way, as far as one that none left can beat.
+
+    Args:
+        task: a problem with conditions along the way.
+    """
+    found = find(task)
+    optima: list[Optimum] = []
+    listed = list(found.listed)
+    for attempt in found.attempts:
+        best = min((one.trajectory.duration for one in optima if not any(_faults(task, one))), default=np.inf)
+        if optima and (task.stop or attempt.trajectory.duration >= best):
+            listed.append(attempt.trajectory.duration)
+            continue
+        task.tell(f"optimum {len(optima) + 1}, about {attempt.trajectory.duration:.4f} s")
+        optima.append(settled(task, attempt))
+    return optima, replace(found, listed=tuple(listed))
+
+
+@dataclass(frozen=True, eq=False)
+class _Mesh:
+    """What is asked of the next mesh: how many intervals it has, what is demanded, and the duration to settle on."""
+
+    intervals: int
+    demands: Demands
+    settled: float = np.inf
+
+
+def settled(task: Task, attempt: Attempt) -> Optimum:
+    """Solve a mesh again, aimed and more strictly, until its replay lands and keeps all conditions.
+
+    Args:
+        task: a problem with conditions along the way.
+        attempt: a usable solution to start from.
+    """
+    numbers, iterations = task.policy.conditions, 0
+    again = replace(task.fine(), barrier=task.policy.program.again_barrier)
+    mesh: _Mesh | None = _Mesh(task.options.intervals, Demands.of(task.problem))
+    best: Optimum | None = None
+    for k in range(numbers.rounds):
+        if mesh is None:
+            break
+        if k or attempt.intervals != mesh.intervals:
+            tried = solve_on_mesh(task, attempt.trajectory, mesh.intervals, again, mesh.demands)
+            iterations += tried.iterations
+            if not tried.usable:
+                break
+            attempt = tried
+        replay = replay_torques(task.problem.robot, attempt.trajectory)
+        found = _judged(task, replay, attempt)
+        best = found if best is None or _rank(task, found) <= _rank(task, best) else best
+        reasons = found.checked.reasons if found.checked else ()
+        task.tell("; ".join((f"round {k + 1}: {attempt.trajectory.duration:.4f} s", *reasons)))
+        mesh = None if task.stop else _next(task, mesh, found, replay, attempt)
+    if best is None:
+        best = _judged(task, replay_torques(task.problem.robot, attempt.trajectory), attempt)
+    return replace(best, iterations=iterations)
+
+
+def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: Attempt) -> _Mesh | None:
+    """What to ask of the next mesh; None: nothing, it is well, or no mesh mends it."""
+    numbers, problem, duration = task.policy.conditions, task.problem, found.trajectory.duration
+    finer = Ladder(task.options.max_intervals).above(mesh.intervals)
+    if not any(_faults(task, found)):
+        if finer is None or numbers.one_mesh or abs(duration / mesh.settled - 1) < numbers.settled:
+            return None
+        return _Mesh(finer, mesh.demands.on_finer_mesh(), duration)
+    demands = mesh.demands if found.checked is None else mesh.demands.stricter(problem, found.checked)
+    if np.max(np.abs(replay.q[-1] - problem.q_goal)) <= numbers.far:
+        return replace(mesh, demands=demands.aimed(problem, replay, attempt.passing))
+    # Else it is no motion of the arm, and no aim mends that.
+    return None if finer is None else replace(mesh, intervals=finer, demands=demands.on_finer_mesh())
+
+
+def _faults(task: Task, optimum: Optimum) -> tuple[bool, bool]:
+    """Whether it misses a condition, and the goal."""
+    missed = optimum.checked is not None and bool(optimum.checked.reasons)
+    return missed, optimum.certificate.goal_error > task.policy.conditions.near
+
+
+def _rank(task: Task, optimum: Optimum) -> tuple[bool, bool, float]:
+    """Sorts: those that keep the conditions first, then those that land, then by duration."""
+    return (*_faults(task, optimum), optimum.trajectory.duration)
+
+
+def _judged(task: Task, replay: Trajectory, attempt: Attempt) -> Optimum:
+    problem = task.problem
+    remark = f"arcs are not resolved, nor Pontryagin's conditions checked, with {', '.join(problem.along_the_way)}"
+    motion = replace(replay, name="minimum time")
+    return Optimum(
+        motion,
+        certify(problem, motion, None, remark),
+        trajectory_cost(motion, problem.effort_weight),
+        attempt.intervals,
+        checked=Demands.of(problem).check(problem, motion, attempt.passing),
+        via_times=tuple(attempt.passing.tolist()),
+    )

@@ -1,9 +1,9 @@
 """An optimum refined."""
 
 from dataclasses import dataclass
-from typing import Any
 
 from armdyn.optimal.arcs.phases import Phases
+from armdyn.optimal.conditions.demands import Checked
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.proof.certificate import Certificate
 from armdyn.trajectory import Trajectory
@@ -32,7 +32,7 @@ class Optimum:
     phases: Phases | None = None
     iterations: int = 0
     worst_violation: Violation | None = None
-    checked: Any = None
+    checked: Checked | None = None
     via_times: tuple[float, ...] = ()
 
     @property

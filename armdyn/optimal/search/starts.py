@@ -5,7 +5,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
 from armdyn.dynamics.numeric import inverse_dynamics
-from armdyn.models.collision import collision_model
+from armdyn.optimal.conditions.condition import Path
+from armdyn.optimal.conditions.registry import conditions_of
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.trajectory import Trajectory
 
@@ -35,7 +36,8 @@ def detours(problem: MinimumTimeProblem, seed: int, count: int) -> list[list[Arr
     reach = np.maximum(np.abs(np.asarray(problem.q_goal) - np.asarray(problem.q_start)), 2.0)
     middle = (np.asarray(problem.q_goal) + np.asarray(problem.q_start)) / 2
     lower, upper = problem.limits.position_lower, problem.limits.position_upper
-    tries = count - 1 if not _collides(problem) else _TRIES
+    round_it = any(condition.goes_round for condition in conditions_of(problem))
+    tries = _TRIES if round_it else count - 1
     vias = np.clip(middle + random.normal(size=(tries, reach.size)) * reach, lower, upper)
     ways = (
         [_through(problem, via, int(random.integers(len(problem.via) + 1))) for via in vias]
@@ -43,7 +45,7 @@ def detours(problem: MinimumTimeProblem, seed: int, count: int) -> list[list[Arr
         else [[via] for via in vias]
     )
     straight: list[Array] = [np.asarray(q) for q in problem.via]
-    return [straight, *(ways if not _collides(problem) else _clearest(problem, ways, count - 1))]
+    return [straight, *(_clearest(problem, ways, count - 1) if round_it else ways)]
 
 
 def _through(problem: MinimumTimeProblem, pose: Array, leg: int) -> list[Array]:
@@ -52,18 +54,14 @@ def _through(problem: MinimumTimeProblem, pose: Array, leg: int) -> list[Array]:
     return [*ways[:leg], pose, *ways[leg:]]
 
 
-def _collides(problem: MinimumTimeProblem) -> bool:
-    return bool(problem.obstacles) or problem.self_collision
-
-
 def _clearest(problem: MinimumTimeProblem, ways: list[list[Array]], count: int) -> list[list[Array]]:
-    """Ways round the obstacles: those that touch nothing, the quickest first; then those that touch least."""
-    model = collision_model(problem.robot, tuple(problem.obstacles), problem.self_collision)
+    """Ways round what is forbidden: those that touch nothing, the quickest first; then those that touch least."""
+    forbidding = [condition for condition in conditions_of(problem) if condition.goes_round]
     s = np.linspace(0, 1, _LOOKS)
     ranked = []
     for k, way in enumerate(ways):
         path = _path(problem, way)
-        depth = min(float(np.min(model.distances(q))) for q in path(s))
+        depth = min(condition.depth(problem, q) for q in path(s) for condition in forbidding)
         hurry = np.max(np.abs(path.derivative()(s)) / np.minimum(problem.limits.velocity, _BRISK), axis=None)
         ranked.append((-min(depth, problem.clearance), float(hurry), k))
     return [ways[k] for *_, k in sorted(ranked)[:count]]
@@ -94,7 +92,7 @@ def spline(problem: MinimumTimeProblem, via: list[Array]) -> Trajectory:
     friction, rest = problem.robot.friction, np.zeros_like(q)
     static = _torques(problem, q, rest, rest)
     inertial = _torques(problem, q, dq, ddq) - friction.torque(dq) - static
-    duration = _fitting_duration(problem, dq, ddq, inertial)
+    duration = _fitting_duration(problem, Path(q, dq, ddq), inertial)
     v = dq / duration
     tau = static + inertial / duration**2 + friction.torque(v)
     tau = np.clip(tau, problem.limits.effort_lower, problem.limits.effort_upper)
@@ -107,20 +105,18 @@ def _torques(problem: MinimumTimeProblem, q: Array, v: Array, a: Array) -> Array
     return np.array([torque(*x) for x in zip(q, v, a, strict=True)])
 
 
-def _fitting_duration(problem: MinimumTimeProblem, dq: Array, ddq: Array, inertial: Array) -> float:
-    """The time [s] in which the path's inertial torques reach, and its speeds keep, their limits.
+def _fitting_duration(problem: MinimumTimeProblem, path: Path, inertial: Array) -> float:
+    """The time [s] in which the path's inertial torques reach, and its speeds and conditions keep, their limits.
 
     Torque along a path is I/T² + F/T, inertial and viscous, but for gravity, which a dynamic motion may
     outrun, and dry friction: only what scales is asked to fit.
     """
-    viscous = np.maximum(np.sign(inertial) * np.asarray(problem.robot.friction.damping) * dq, 0)
+    viscous = np.maximum(np.sign(inertial) * np.asarray(problem.robot.friction.damping) * path.dq, 0)
     limits = problem.limits
     bound = np.where(inertial > 0, limits.effort_upper, -limits.effort_lower)
     bound = np.maximum(bound, 1e-3 * (limits.effort_upper - limits.effort_lower))
     half = viscous / (2 * bound)
     by_torque = np.max(half + np.sqrt(half**2 + np.abs(inertial) / bound))
-    by_speed = np.max(np.abs(dq) / limits.velocity)
-    by_acceleration = 0.0
-    if problem.acceleration_limit is not None:
-        by_acceleration = np.sqrt(np.max(np.abs(ddq) / problem.acceleration_limit))
-    return float(max(by_torque, by_speed, by_acceleration, problem.duration_bound(), 1e-6))
+    by_speed = np.max(np.abs(path.dq) / limits.velocity)
+    asked = (condition.least_duration(problem, path) for condition in conditions_of(problem))
+    return float(max(by_torque, by_speed, *asked, problem.duration_bound(), 1e-6))

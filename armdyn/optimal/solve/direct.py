@@ -4,8 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.optimal.conditions.course import PLAIN, Course, Legs, legs_of, path_rows, row_bounds, scene_of
-from armdyn.optimal.conditions.rows import PathRows, with_rows
+from armdyn.optimal.conditions.condition import Knots
+from armdyn.optimal.conditions.demands import Demands, numbers_of, row_bounds
+from armdyn.optimal.conditions.legs import Aim, Legs, legs_of
+from armdyn.optimal.conditions.rows import Rows, with_rows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Nlp, build_nlp
@@ -22,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 def solve_on_mesh(
-    task: Task, guess: Trajectory, intervals: int, settings: DirectOptions, course: Course = PLAIN
+    task: Task, guess: Trajectory, intervals: int, settings: DirectOptions, demands: Demands | None = None
 ) -> Attempt:
     """One call of IPOPT.
 
@@ -31,25 +33,29 @@ def solve_on_mesh(
         guess: where it starts.
         intervals: of the mesh, dealt out to the legs between via points.
         settings: iteration limit, tolerance, verbosity.
-        course: how much stricter than the problem to be.
+        demands: how much stricter than the problem to be; None: as strict.
     """
     problem, policy = task.problem, task.policy.program
-    rows = path_rows(problem, course.points)
+    demands = Demands.of(problem) if demands is None else demands
+    rows = demands.rows(problem)
     solver = _solver(task, intervals, settings, rows)
     nlp, scales = solver.program, Scales.of(problem, guess)
     layout, legs = nlp.layout, legs_of(problem, guess, intervals)
     fractions = np.concatenate([np.diff(mesh(size, policy.graded)) for size in legs.intervals])
     weights = scales.weights(problem.effort_weight, policy.tie)
-    parameters = np.concatenate([scales.parameters(fractions, weights, task.dynamics.last_body), scene_of(problem)])
     lower, upper = bounds(problem, layout, intervals, scales)
     shares = fractions
     if len(legs.intervals) > 1:
         shares = fractions * legs.durations[legs.of] / legs.durations.sum()
+    knots = Knots(np.append(0.0, np.cumsum(shares)), (0, *legs.knots.tolist()))
+    values = demands.values(problem, knots)
+    parameters = scales.parameters(fractions, weights, task.dynamics.last_body)
+    parameters = np.concatenate([parameters, numbers_of(values)])
     x = to_unknowns(guess, layout, shares, scales)
-    _fix_legs(problem, layout, legs, course, scales, x, lower, upper)
+    _fix_legs(problem, layout, legs, demands.aim, scales, x, (lower, upper))
     x = np.clip(x, lower, upper)
-    when = np.append(0.0, np.cumsum(shares))
-    lbg, ubg = row_bounds(problem, nlp, rows, legs, course, scales, when)
+    sides = row_bounds(rows, values, task.dynamics, task.scheme, intervals)
+    lbg, ubg = (np.concatenate(both) for both in zip(_equations(nlp, legs), sides, strict=True))
     outcome = solver.solve(x, parameters, (lower, upper), (lbg, ubg), task.stop)
     x, g = outcome.x, solver.equations(outcome.x, parameters)
     landed = outcome.status is Status.SOLVED
@@ -67,39 +73,45 @@ def solve_on_mesh(
     )
 
 
+def _equations(nlp: Nlp, legs: Legs) -> tuple[Array, Array]:
+    """Lower and upper bounds of the equations of motion."""
+    lower = np.zeros((nlp.intervals, nlp.defects))
+    lower[legs.knots[:-1] - 1, nlp.layout.equations.time] = -np.inf  # every leg has a duration of its own
+    return lower.ravel(), -lower.ravel()
+
+
 def _fix_legs(
     problem: MinimumTimeProblem,
     layout: Layout,
     legs: Legs,
-    course: Course,
+    aim: Aim,
     scales: Scales,
     x: Array,
-    lower: Array,
-    upper: Array,
+    sides: tuple[Array, Array],
 ) -> None:
     """Write the legs' durations into a guess; via points, and where to aim instead, into the bounds."""
-    N, several = int(legs.knots[-1]), len(legs.intervals) > 1
+    (lower, upper), N, several = sides, int(legs.knots[-1]), len(legs.intervals) > 1
     knots = layout.knots(N)
     if several:
         times = layout.times(N)
         durations = legs.durations[np.append(legs.of, legs.of[-1])] / scales.time
         least = np.maximum(problem.leg_bounds() / scales.time, 1e-3)[np.append(legs.of, legs.of[-1])]
         x[times], lower[times] = durations, least
-    offsets = np.broadcast_to(course.offsets, (len(legs.intervals), layout.nv))
+    offsets = np.broadcast_to(aim.offsets, (len(legs.intervals), layout.nv))
     for knot, q, offset in zip(legs.knots, problem.poses[1:], offsets, strict=True):
         if several or np.any(offset):
             place = knots[knot, layout.knot.q]
             lower[place] = upper[place] = (q + offset) / scales.length
-    for bound in (lower, upper):
-        bound[knots[N, layout.knot.v]] += np.asarray(course.end_velocity) / scales.speed
+    for bound in sides:
+        bound[knots[N, layout.knot.v]] += np.asarray(aim.end_velocity) / scales.speed
 
 
 def prepare(task: Task, intervals: int, settings: DirectOptions) -> None:
     """Build, if it is not there, what `solve_on_mesh` needs."""
-    _solver(task, intervals, settings, path_rows(task.problem))
+    _solver(task, intervals, settings, Demands.of(task.problem).rows(task.problem))
 
 
-def _solver(task: Task, intervals: int, settings: DirectOptions, rows: PathRows | None) -> Ipopt[Nlp]:
+def _solver(task: Task, intervals: int, settings: DirectOptions, rows: tuple[Rows, ...]) -> Ipopt[Nlp]:
     flat, own = task.policy.program.flat, IpoptSettings.of(settings)
     if flat is not None:
         tolerance = settings.tolerance
@@ -107,6 +119,6 @@ def _solver(task: Task, intervals: int, settings: DirectOptions, rows: PathRows 
     return Ipopt.of(own, _program, task.dynamics, task.scheme, intervals, rows)
 
 
-def _program(dynamics: Dynamics, scheme: Scheme, intervals: int, rows: PathRows | None) -> Nlp:
+def _program(dynamics: Dynamics, scheme: Scheme, intervals: int, rows: tuple[Rows, ...]) -> Nlp:
     nlp = build_nlp(dynamics, scheme, intervals)
-    return nlp if rows is None else with_rows(nlp, dynamics, rows)
+    return with_rows(nlp, dynamics, rows) if rows else nlp

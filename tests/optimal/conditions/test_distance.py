@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from armdyn.models.obstacles import Box, Capsule, Sphere
-from armdyn.optimal.conditions.distance import SIZES, from_segment, least_over_segment, numbers_of, solid
+from armdyn.optimal.conditions.clearance.distance import SIZES, from_segment, least_over_segment, numbers_of, solid
 
 OBSTACLES = (
     Sphere((0.1, 0.2, 0.3), 0.1),

@@ -1,26 +1,30 @@
 """Rows along the path: their derivatives against CasADi's own, and that a plain problem has none."""
 
-from dataclasses import replace
-
 import casadi as ca
 import numpy as np
 import pytest
 
 import armdyn as ad
 from armdyn.models.obstacles import Box, Capsule, Sphere
-from armdyn.optimal.conditions.course import legs_of, path_rows, scene_of
-from armdyn.optimal.conditions.rows import distances_at, with_rows
+from armdyn.optimal.conditions.clearance.keeping import scene_of
+from armdyn.optimal.conditions.clearance.pairs import distances_at
+from armdyn.optimal.conditions.condition import Knots
+from armdyn.optimal.conditions.demands import Demands, numbers_of, row_bounds
+from armdyn.optimal.conditions.legs import legs_of
+from armdyn.optimal.conditions.rows import with_rows
 from armdyn.optimal.program.assembly import build_nlp
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.task.scheme import Scheme
 from problems import POSES, paper_arm, paper_problem
 
 START, GOAL = POSES["rr"]
+KNOTS = Knots(np.array([0.0, 0.5, 1.0]), (0, 2))
 
 
 def test_a_plain_problem_has_no_rows_and_one_leg():
     problem = paper_problem("rr")
-    assert path_rows(problem) is None and scene_of(problem).size == 0 and problem.conditions == ()
+    demands = Demands.of(problem)
+    assert demands.conditions == () and demands.rows(problem) == () and problem.along_the_way == ()
     assert legs_of(problem, spline(problem, []), 40).intervals == (40,)
 
 
@@ -34,12 +38,16 @@ def test_derivatives(method, form):
         obstacles=[Sphere((0.6, 0, 0.1), 0.05), Capsule((0.5, 0, 0.5), (0, 0, 0.6), 0.01), Box((1, 1, 0.1), (0, 0, 1))],
         acceleration_limit=100,
         jerk_limit=1e4,
+        conditions=[ad.FrameSpeedLimit(0.5), ad.FrameSpeedLimit(0.5, "link2"), ad.TorqueRateLimit([20.0, 30.0])],
     )
-    scheme = Scheme(method, "linear", form, compile=False)
-    dynamics, rows, N = ad.Dynamics(problem.robot, free_last_body=True), path_rows(problem), 2
+    scheme, demands = Scheme(method, "linear", form, compile=False), Demands.of(problem)
+    dynamics, rows, N = ad.Dynamics(problem.robot, free_last_body=True), demands.rows(problem), KNOTS.intervals
+    values = demands.values(problem, KNOTS)
     nlp = build_nlp(dynamics, scheme, N)
     more = with_rows(nlp, dynamics, rows)
     x, p, f, g = (more.functions[name] for name in "xpfg")
+    lower, upper = row_bounds(rows, values, dynamics, scheme, N)
+    assert lower.size == upper.size == g.numel() - N * nlp.defects and np.all(lower <= upper)
     lam, sigma = ca.MX.sym("lam", g.numel()), ca.MX.sym("sigma")
     expected = ca.Function(
         "expected",
@@ -49,11 +57,11 @@ def test_derivatives(method, form):
     random = np.random.default_rng(0)
     at = 0.3 * random.normal(size=x.numel())
     own = nlp.functions["p"].numel()
-    numbers = np.concatenate([np.full(N, 1 / N), np.ones(own - N - 10), dynamics.last_body, scene_of(problem)])
+    numbers = np.concatenate([np.full(N, 1 / N), np.ones(own - N - 10), dynamics.last_body, numbers_of(values)])
     weights = random.normal(size=g.numel())
-    values, jacobian, hessian = (np.array(each) for each in expected(at, numbers, 0.7, weights))
+    found, jacobian, hessian = (np.array(each) for each in expected(at, numbers, 0.7, weights))
     mine = [np.array(each) for each in more.jacobian(at, numbers)]
-    np.testing.assert_allclose(mine[0], values, atol=1e-12 * np.max(np.abs(values)))
+    np.testing.assert_allclose(mine[0], found, atol=1e-12 * np.max(np.abs(found)))
     # Rounding only: the same derivatives in another order of operations.
     np.testing.assert_allclose(mine[1], jacobian, atol=1e-10 * np.max(np.abs(jacobian)))
     np.testing.assert_allclose(
@@ -63,13 +71,18 @@ def test_derivatives(method, form):
     np.testing.assert_array_equal(mine[0][: plain.size], plain)
 
 
-def test_one_program_serves_all_obstacles_of_a_kind():
-    first, second = (
-        ad.MinimumTimeProblem(paper_arm("rr"), q_start=START, q_goal=GOAL, obstacles=[Sphere((0.6, 0, z), 0.05)])
-        for z in (0.1, 0.2)
-    )
-    assert replace(path_rows(first), pairs=()) == replace(path_rows(second), pairs=())
-    function = distances_at(ad.Dynamics(first.robot), path_rows(first).pairs, path_rows(first).kinds)
+def test_one_program_serves_all_numbers():
+    def problem(z, speed, rate):
+        conditions = [ad.FrameSpeedLimit(speed), ad.TorqueRateLimit(rate)]
+        ball = Sphere((0.6, 0, z), 0.05)
+        return ad.MinimumTimeProblem(
+            paper_arm("rr"), q_start=START, q_goal=GOAL, obstacles=[ball], conditions=conditions
+        )
+
+    first, second = problem(0.1, 1, 20.0), problem(0.2, 2, [30.0, np.inf])
+    rows = [Demands.of(each).rows(each) for each in (first, second)]
+    assert rows[0] == rows[1] and hash(rows[0]) == hash(rows[1])
+    function = distances_at(ad.Dynamics(first.robot), rows[0][0].pairs, rows[0][0].kinds)
     here = np.array(function([0, 0], scene_of(first))).ravel()
     moved = np.array(function([0, 0], scene_of(second))).ravel()
     # The ball's axis distance from the stretched arm's end: √(0.116² + z²).

@@ -14,7 +14,7 @@ def miss(problem, replay):
     return np.abs(problem.beside_goal(replay)).max()
 
 
-@pytest.mark.parametrize("limit", [np.inf, 1.08])
+@pytest.mark.parametrize("limit", [np.inf, pytest.param(1.08, marks=pytest.mark.slow)])
 def test_feedback_leads_home_what_falls_over(limit):
     """Two links pass the upright slowly: open loop the error of 40 constant torques grows like e^(13 t)."""
     q0, q1, duration, pieces = np.array([np.pi / 2 - 0.3, 0.2]), np.array([np.pi / 2 + 0.3, -0.2]), 1.0, 40

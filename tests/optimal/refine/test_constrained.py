@@ -10,7 +10,7 @@ from armdyn.errors import ProblemError
 from armdyn.models.collision import CollisionModel
 from armdyn.models.obstacles import Box, Sphere
 from armdyn.models.reaching import GoalPose
-from armdyn.optimal.refine.constrained import check
+from armdyn.optimal.conditions.demands import Demands
 from problems import POSES, cart, paper_arm, paper_problem, solve
 
 START, GOAL = POSES["rr"]
@@ -76,15 +76,19 @@ def test_round_a_ball_that_the_straight_motion_hits():
 
 def test_check_says_what_is_hit():
     straight = solve(rr(), arcs=False, starts=1)
-    checked = check(rr(obstacles=[BALL]), straight.trajectory, np.empty(0))
+
+    def check(problem, *passing):
+        return Demands.of(problem).check(problem, straight.trajectory, np.array(passing))
+
+    checked = check(rr(obstacles=[BALL]))
     (reason,) = checked.reasons
-    assert "'ball'" in reason and "inside" in reason
-    checked = check(rr(via=[[1.0, 1.0]]), straight.trajectory, np.array([0.1]))
+    assert "'ball'" in reason and "inside" in reason and checked.clearance.other == "ball"
+    checked = check(rr(via=[[1.0, 1.0]]), 0.1)
     assert "beside via point 0" in checked.reasons[0]
-    checked = check(rr(acceleration_limit=50), straight.trajectory, np.empty(0))
-    assert "acceleration" in checked.reasons[0] and checked.acceleration > 2
-    checked = check(rr(jerk_limit=1e9), straight.trajectory, np.empty(0))
-    assert checked.jerk < 1  # jumps of the torque are none of these jerks: the scheme forbids them
+    checked = check(rr(acceleration_limit=50))
+    assert "acceleration" in checked.reasons[0] and checked.kept[0].share > 2
+    checked = check(rr(jerk_limit=1e9))
+    assert checked.kept[0].share < 1  # jumps of the torque are none of these jerks: the scheme forbids them
 
 
 def test_start_and_goal_in_contact_are_named():
@@ -154,6 +158,7 @@ def test_plain_problems_are_as_they_were():
     assert solution.clearance is None and solution.via_times == () and solution.goals == ()
 
 
+@pytest.mark.slow
 def test_a_folding_arm_keeps_its_links_apart():
     start, goal = POSES["rrr"]
     problem = ad.MinimumTimeProblem(paper_arm("rrr"), q_start=start, q_goal=goal, self_collision=True)

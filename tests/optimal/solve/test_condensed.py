@@ -21,10 +21,6 @@ CONSTANT = Scheme("lobatto3", "constant", "forward")
 solve_condensed = partial(solve_quickly, between=False)
 
 
-def solve_in_full(task, guess, intervals, options):
-    return solve_on_mesh(task.problem, guess, task.dynamics, task.scheme, intervals, options, task.stop)
-
-
 def solve(solver, problem, scheme=CONSTANT, guess=None, intervals=20, options=TIGHT, stop=None):
     return solver(task(problem, scheme, stop), guess or spline(problem, []), intervals, options)
 
@@ -38,7 +34,7 @@ def task(problem, scheme=CONSTANT, stop=None):
 @pytest.mark.parametrize("arm", ["r", "rr", "rrr"])
 def test_same_solution_as_with_all_unknowns(arm, control, weight):
     problem, scheme = paper_problem(arm, effort_weight=weight), replace(CONSTANT, control=control)
-    full = solve(solve_in_full, problem, scheme)
+    full = solve(solve_on_mesh, problem, scheme)
     condensed = solve(solve_condensed, problem, scheme, full.trajectory)
     assert full.status is condensed.status is ad.Status.SOLVED
     # Both to IPOPT's 1e-9 in the scaled problem; states and torques follow by the square root at the optimum.

@@ -93,6 +93,7 @@ def test_progress_counts_every_case_once(loops):
     assert [done for _, done, _ in told] == list(range(1, len(told) + 1)) and told[-1][1] == told[-1][2]
 
 
+@pytest.mark.slow
 def test_what_is_done_is_not_done_again(loops):
     folder, plan, *_ = loops
     cases = sorted((folder / "cases").iterdir())
@@ -108,6 +109,7 @@ def test_what_is_done_is_not_done_again(loops):
     assert again == {f"{case.name}{s}" for case in cases_of(4, 0.2) for s in (".json", ".npz")}
 
 
+@pytest.mark.slow
 def test_an_interrupt_leaves_what_is_done(tmp_path):
     plan = Plan(only=("example4", "example3"), payloads=(PAYLOAD, 0.2), workers=2)
 

@@ -50,13 +50,13 @@ class Policy:
     @classmethod
     def of(cls, problem: MinimumTimeProblem) -> Self:
         """The policy for a problem, by its joints, its limits and its conditions along the way."""
-        joints, asked = problem.robot.nv, bool(problem.conditions)
+        joints, asked = problem.robot.nv, bool(problem.along_the_way)
         small, crowded = joints <= _SMALL, bool(problem.obstacles) or problem.self_collision
         easy = small or problem.effort_weight > 0
         return cls(
             program=ProgramPolicy(
                 dynamics="forward" if small else "inverse",
-                linear=problem.jerk_limit is not None,
+                linear=problem.continuous_torque,
                 condensed=small and not asked,
                 graded=not small,
                 tie=0.0 if easy else 1e-2,
@@ -105,7 +105,7 @@ class Policy:
 
 def _has_rows(problem: MinimumTimeProblem) -> bool:
     """Whether the program has rows besides the equations of motion."""
-    return bool(set(problem.conditions) - {"via points"})
+    return bool(set(problem.along_the_way) - {"via points"})
 
 
 def _by_joints(joints: int, few: tuple[int, ...], many: int) -> int:

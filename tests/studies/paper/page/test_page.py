@@ -60,6 +60,7 @@ def test_verdicts_are_in_words_with_their_reasons(written):
     assert "max Re λ = -1.053 1/s" in page
 
 
+@pytest.mark.slow
 def test_it_is_read_in_a_browser_and_the_arm_moves(written):
     folder, _ = written
     with open_page(folder / "index.html", ready=READY) as (page, requests, errors):
@@ -102,6 +103,7 @@ def test_it_follows_the_screen(written):
         assert not errors
 
 
+@pytest.mark.slow
 def test_strings_from_elsewhere_stay_text(tmp_path):
     evil = "</script><script>window.broken = 1</script><img src=x onerror='broken=1'>{{body}}"
     case = Case(4, "r", "pid", 0.1006)
@@ -119,6 +121,7 @@ def test_strings_from_elsewhere_stay_text(tmp_path):
         assert not errors
 
 
+@pytest.mark.slow
 def test_the_same_outcomes_give_the_same_page(written, tmp_path):
     folder, _ = written
     write_page(tmp_path, outcomes(), all_rows(outcomes()))

@@ -1,0 +1,51 @@
+"""Limits of the joints' accelerations."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.conditions.condition import Condition, Kept, Knots, Path
+from armdyn.optimal.conditions.limits.rates import accelerations, kept_by_joints
+from armdyn.optimal.conditions.rows import Rows, RowValues, StageRows
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.program.interval import Stages
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class AccelerationLimit(Condition):
+    """No joint accelerates by more than `problem.acceleration_limit`."""
+
+    name = "acceleration limits"
+
+    @classmethod
+    def asked_by(cls, problem: MinimumTimeProblem) -> Self | None:
+        """By its keyword."""
+        return None if problem.acceleration_limit is None else cls()
+
+    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+        """At the stages of every interval, as parts of the limits."""
+        return (StageRows(_accelerations, numbers=problem.robot.nv),)
+
+    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+        """One either way."""
+        return (RowValues(-1, 1, 1 / np.asarray(problem.acceleration_limit)),)
+
+    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> Kept:
+        """By forward dynamics, at five points of every sample."""
+        _, a = accelerations(problem.robot, motion)
+        share = float(np.max(np.abs(a) / np.asarray(problem.acceleration_limit)))
+        return kept_by_joints(self.name, "acceleration", share)
+
+    def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
+        """As its bends allow."""
+        return float(np.sqrt(np.max(np.abs(path.ddq) / np.asarray(problem.acceleration_limit))))
+
+
+def _accelerations(stages: Stages, over_limit: ca.SX) -> ca.SX:
+    return ca.vec(stages.a * ca.repmat(over_limit, 1, stages.a.shape[1]))

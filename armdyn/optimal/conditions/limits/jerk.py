@@ -1,0 +1,59 @@
+"""Limits of the joints' jerks."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.conditions.condition import Condition, Kept, Knots
+from armdyn.optimal.conditions.limits.rates import accelerations, kept_by_joints
+from armdyn.optimal.conditions.rows import Rows, RowValues, StageRows
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.program.interval import Stages
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class JerkLimit(Condition):
+    """No joint's acceleration changes faster than `problem.jerk_limit`; before and after the motion it is zero."""
+
+    name = "jerk limits"
+    continuous_torque = True
+
+    @classmethod
+    def asked_by(cls, problem: MinimumTimeProblem) -> Self | None:
+        """By its keyword."""
+        return None if problem.jerk_limit is None else cls()
+
+    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+        """Differences between the stages as parts of the limits; the accelerations at both ends."""
+        return (
+            StageRows(_jerks, numbers=problem.robot.nv),
+            StageRows(_acceleration_at, (0,), where="first"),
+            StageRows(_acceleration_at, (-1,), where="last"),
+        )
+
+    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+        """One either way; zero."""
+        return RowValues(-1, 1, 1 / np.asarray(problem.jerk_limit)), RowValues(0, 0), RowValues(0, 0)
+
+    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> Kept:
+        """By differences of forward dynamics, between five points of every sample."""
+        t, a = accelerations(problem.robot, motion)
+        jerks = np.diff(a, axis=1) / np.diff(t, axis=1)[..., None]
+        return kept_by_joints(self.name, "jerk", float(np.max(np.abs(jerks) / np.asarray(problem.jerk_limit))))
+
+
+def _jerks(stages: Stages, over_limit: ca.SX) -> ca.SX:
+    steps = ca.repmat(ca.DM(np.diff(stages.c)).T, over_limit.numel(), 1)
+    rises: ca.SX = (stages.a[:, 1:] - stages.a[:, :-1]) / (steps * stages.h)
+    return ca.vec(rises * ca.repmat(over_limit, 1, steps.shape[1]))
+
+
+def _acceleration_at(stages: Stages, numbers: ca.SX, stage: int) -> ca.SX:
+    scaled: ca.SX = stages.a[:, stage] / stages.acceleration
+    return scaled

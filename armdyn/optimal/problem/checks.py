@@ -1,0 +1,109 @@
+"""What a problem is refused for, and warned of."""
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.errors import ArmdynWarning, ProblemError
+from armdyn.models.collision import CollisionModel
+from armdyn.models.limits import JointLimits
+from armdyn.models.obstacles import Obstacle
+from armdyn.models.robot import Robot
+from armdyn.optimal.problem.asked import Asked
+
+Array = NDArray[np.float64]
+
+_TYPED = 1e-9
+"""So far [rad or m] beyond its limit a pose may be: it was typed with ten digits."""
+
+
+def check_state(robot: Robot, limits: JointLimits, q: Array, v: Array, name: str) -> None:
+    """Refuse a state outside the limits."""
+    for i, joint in enumerate(robot.joint_names):
+        if not limits.position_lower[i] - _TYPED <= q[i] <= limits.position_upper[i] + _TYPED:
+            raise ProblemError(
+                f"{name} of joint {joint!r} (index {i}) is {q[i]:.6g} rad, outside its limits "
+                f"[{limits.position_lower[i]:.6g}, {limits.position_upper[i]:.6g}] rad"
+            )
+        if abs(v[i]) > limits.velocity[i] + _TYPED:
+            raise ProblemError(
+                f"{name} velocity of joint {joint!r} (index {i}) is {v[i]:.6g} rad/s, beyond its limit "
+                f"{limits.velocity[i]:.6g} rad/s"
+            )
+
+
+def check_limits(robot: Robot, limits: JointLimits) -> None:
+    """Refuse limits that leave no room, and torques without limits."""
+    for i, joint in enumerate(robot.joint_names):
+        lower, upper = limits.effort_lower[i], limits.effort_upper[i]
+        if not lower < upper or not np.isfinite(upper - lower):
+            raise ProblemError(
+                f"joint {joint!r} has torque limits [{lower}, {upper}] N m; minimum time "
+                "needs finite ones, the lower below the upper: give effort_limit="
+            )
+        if not limits.velocity[i] > 0:
+            raise ProblemError(f"joint {joint!r} has velocity limit {limits.velocity[i]} rad/s; it must be positive")
+        lower, upper = limits.position_lower[i], limits.position_upper[i]
+        if not lower < upper:
+            raise ProblemError(f"joint {joint!r} has position limits [{lower}, {upper}] rad: no room")
+
+
+def check_poses(poses: Array) -> None:
+    """Refuse a leg between two of the poses, shape (legs + 1, nv), that goes nowhere."""
+    legs = np.max(np.abs(np.diff(poses, axis=0)), axis=1)
+    if legs.size > 1 and np.min(legs) == 0:
+        raise ProblemError(f"the leg from pose {int(np.argmin(legs))} to the next goes nowhere: start, via, goal")
+
+
+def check_scene(obstacles: Sequence[Obstacle], clearance: float) -> None:
+    """Refuse what is no obstacle, and no clearance."""
+    for obstacle in obstacles:
+        if not isinstance(obstacle, Obstacle):
+            raise ProblemError(f"obstacle {obstacle!r} is no Sphere, Capsule or Box")
+    if not (np.isfinite(clearance) and clearance >= 0):
+        raise ProblemError(f"clearance is {clearance} m; it must be finite and not negative")
+
+
+def check_conditions(conditions: Sequence[Asked]) -> None:
+    """Refuse what is no condition."""
+    for i, condition in enumerate(conditions):
+        if isinstance(condition, type) or not isinstance(condition, Asked):
+            raise ProblemError(
+                f"conditions[{i}] = {condition!r} is no condition; give values such as FrameSpeedLimit(0.25) or "
+                "TorqueRateLimit(50.0)"
+            )
+
+
+def check_clear(model: CollisionModel, poses: Sequence[tuple[str, Array]], clearance: float) -> None:
+    """Refuse a named pose in which something is nearer than the clearance [m]."""
+    for name, q in poses:
+        if (near := model.nearest(q)).distance < clearance:
+            raise ProblemError(f"at the {name}, {near.bodies()}; clearance is {1e3 * clearance:g} mm")
+
+
+def clear_goals(model: CollisionModel, goals: Sequence[Array], clearance: float) -> tuple[Array, ...]:
+    """Those of the goals in which nothing is nearer than the clearance [m]; one at least."""
+    nearest = [model.nearest(q) for q in goals]
+    clear = tuple(q for q, near in zip(goals, nearest, strict=True) if near.distance >= clearance)
+    if not clear:
+        best = max(nearest, key=lambda near: near.distance)
+        raise ProblemError(
+            f"the goal pose cannot be reached clear of everything: in the best of {len(nearest)} branches "
+            f"{best.bodies()}; clearance is {1e3 * clearance:g} mm"
+        )
+    return clear
+
+
+def warn_if_not_held(robot: Robot, limits: JointLimits, torque: Array) -> None:
+    """Warn of a goal that the actuators cannot hold; torque: what would hold it [N m or N], shape (nv,)."""
+    for i, joint in enumerate(robot.joint_names):
+        bound = limits.effort_upper[i] if torque[i] > 0 else limits.effort_lower[i]
+        if abs(torque[i]) > abs(bound):
+            warnings.warn(
+                f"joint {joint!r} needs {torque[i]:.4g} N m to hold the goal but its limit is {bound:.4g} N m: "
+                "a motion to the goal may exist, staying there is beyond this actuator",
+                ArmdynWarning,
+                stacklevel=4,
+            )
