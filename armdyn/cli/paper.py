@@ -1,7 +1,7 @@
 """Commands about the paper's arms: reproduce, urdf."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -56,19 +56,9 @@ def reproduce(
     armdyn reproduce --only table4,figure2[/]
     """
     with answering(json) as answer:
-        from armdyn.studies.paper.printed.loop import PAPER_RULE
-        from armdyn.studies.paper.reproduce import Plan
         from armdyn.studies.paper.reproduce import reproduce as carry_out
 
-        rule = arrival_rule or PAPER_RULE
-        one_of("--arrival-rule", rule, ARRIVAL_RULES)
-        plan = Plan(
-            only=tuple(part.strip().lower() for text in only or () for part in text.split(",")),
-            payloads=tuple(mass for text in payload or () for mass in numbers(text, "--payload")),
-            arrival_rule=rule,  # type: ignore[arg-type]  # checked above
-            fresh=fresh,
-        )
-        count = 0
+        plan, count = _plan(only or (), payload or (), arrival_rule, fresh), 0
         try:
             with _progress(len(plan.cases()), json) as tell:
 
@@ -87,6 +77,21 @@ def reproduce(
             answer.code = 0 if answer.facts["success"] else NOT_CERTIFIED
             if not json:
                 _print(result, plan, out)
+
+
+def _plan(only: Sequence[str], payloads: Sequence[str], rule: str | None, fresh: bool) -> "Plan":
+    """What the options ask for."""
+    from armdyn.studies.paper.printed.loop import PAPER_RULE
+    from armdyn.studies.paper.reproduce import Plan
+
+    rule = rule or PAPER_RULE
+    one_of("--arrival-rule", rule, ARRIVAL_RULES)
+    return Plan(
+        only=tuple(part.strip().lower() for text in only for part in text.split(",")),
+        payloads=tuple(mass for text in payloads for mass in numbers(text, "--payload")),
+        arrival_rule=rule,  # type: ignore[arg-type]  # checked above
+        fresh=fresh,
+    )
 
 
 @contextmanager

@@ -1,11 +1,17 @@
 """From an `ArmSpec` to a URDF, written by yourdfpy."""
 
+from __future__ import annotations
+
 import re
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armdyn.errors import SpecError
-from armdyn.models.spec import ArmSpec, Payload
+from armdyn.models.spec import ArmSpec, LinkSpec, Payload
+
+if TYPE_CHECKING:
+    import yourdfpy as yp
 
 TIP = "tip"
 POINT_INERTIA = 1e-12
@@ -64,74 +70,84 @@ def urdf_from_spec(spec: ArmSpec, payload: Payload | None = None) -> str:
     import yourdfpy as yp  # slow to import (trimesh), and only whoever writes a URDF needs it
     from lxml import etree
 
-    def material(name: str) -> yp.Material:
-        rgba = _COLORS.get(name, _COLORS["link1"])
-        return yp.Material(name=name, color=yp.Color(rgba=np.array(rgba)))
-
-    def visual(name: str, origin: np.ndarray, color: str, **shape: object) -> yp.Visual:
-        return yp.Visual(name=name, origin=origin, geometry=yp.Geometry(**shape), material=material(color))
-
     robot = yp.Robot(name=spec.name)
-    base = yp.Link(name="base")
-    base.visuals = [
-        visual("foot", _pose(z=-0.035), "base", cylinder=yp.Cylinder(radius=0.045, length=0.03)),
-        visual("post", _pose(z=-0.01), "base", box=yp.Box(size=np.array([0.03, 0.05, 0.04]))),
-    ]
-    robot.links = [base]
-    robot.joints = []
-    parent, reach = base, 0.0
+    robot.links, robot.joints = [_base()], []
+    parent, reach = "base", 0.0
     for i, link in enumerate(spec.links, start=1):
-        # A rod about its own axis; across it the given inertia, in both directions.
-        axial = min(0.5 * link.mass * _ROD_RADIUS**2, link.inertia)
-        body = yp.Link(
-            name=f"link{i}",
-            inertial=yp.Inertial(
-                origin=_pose(x=link.com), mass=link.mass, inertia=np.diag([axial, link.inertia, link.inertia])
-            ),
+        robot.links.append(_body(link, f"link{i}"))
+        limit = yp.Limit(
+            effort=spec.effort_limit,
+            velocity=spec.velocity_limit,
+            lower=-spec.position_limit,
+            upper=spec.position_limit,
         )
-        rod = yp.Cylinder(radius=_ROD_RADIUS, length=link.length)
-        hub = yp.Cylinder(radius=_JOINT_RADIUS, length=0.042)
-        body.visuals = [
-            visual("rod", _pose(x=link.length / 2, pitch=np.pi / 2), f"link{i}", cylinder=rod),
-            visual("hub", _pose(roll=np.pi / 2), "joint", cylinder=hub),
-        ]
-        robot.links.append(body)
-        robot.joints.append(
-            yp.Joint(
-                name=f"joint{i}",
-                type="revolute",
-                parent=parent.name,
-                child=body.name,
-                origin=_pose(x=reach),
-                axis=np.array([0.0, -1.0, 0.0]),  # positive turns up
-                limit=yp.Limit(
-                    effort=spec.effort_limit,
-                    velocity=spec.velocity_limit,
-                    lower=-spec.position_limit,
-                    upper=spec.position_limit,
-                ),
-            )
-        )
-        parent, reach = body, link.length
-
-    def attach(link: yp.Link, to: str, origin: np.ndarray) -> None:
-        robot.links.append(link)
-        robot.joints.append(
-            yp.Joint(name=f"{link.name}_joint", type="fixed", parent=to, child=link.name, origin=origin)
-        )
-
-    attach(yp.Link(name=TIP), parent.name, _pose(x=reach))
+        turns = {"axis": np.array([0.0, -1.0, 0.0]), "limit": limit}  # positive turns up
+        robot.joints.append(_joint(f"joint{i}", "revolute", parent, f"link{i}", _pose(x=reach), **turns))
+        parent, reach = f"link{i}", link.length
+    robot.links.append(yp.Link(name=TIP))
+    robot.joints.append(_joint(f"{TIP}_joint", "fixed", parent, TIP, _pose(x=reach)))
     if payload is not None and payload.mass > 0:
-        place = np.eye(4)
-        place[:3, 3] = payload.com
-        own = yp.Inertial(origin=np.eye(4), mass=payload.mass, inertia=positive_tensor(payload))
-        load = yp.Link(name="payload", inertial=own)
-        radius = float(np.cbrt(payload.mass / _DENSITY * 3 / (4 * np.pi)))
-        load.visuals = [visual("ball", np.eye(4), "payload", sphere=yp.Sphere(radius=round(max(radius, 0.016), 4)))]
         links = [link.name for link in robot.links[1:]]
         if (frame := payload.frame or TIP) not in links:
             raise SpecError(f"no moving link {frame!r} in ArmSpec {spec.name!r} for the payload: {', '.join(links)}")
-        attach(load, frame, place)
+        place = np.eye(4)
+        place[:3, 3] = payload.com
+        robot.links.append(_load(payload))
+        robot.joints.append(_joint("payload_joint", "fixed", frame, "payload", place))
     tree = yp.URDF(robot=robot, build_scene_graph=False, load_meshes=False).write_xml()
     text = etree.tostring(tree, pretty_print=True, encoding="unicode")
     return re.sub(r'(?<=[" ])-0\.0(?=[" ])', "0.0", text)
+
+
+def _visual(name: str, origin: np.ndarray, color: str, **shape: object) -> yp.Visual:
+    import yourdfpy as yp
+
+    own = color if color in _COLORS else "link1"
+    material = yp.Material(name=color, color=yp.Color(rgba=np.array(_COLORS[own])))
+    return yp.Visual(name=name, origin=origin, geometry=yp.Geometry(**shape), material=material)
+
+
+def _joint(name: str, kind: str, parent: str, child: str, origin: np.ndarray, **more: object) -> yp.Joint:
+    import yourdfpy as yp
+
+    return yp.Joint(name=name, type=kind, parent=parent, child=child, origin=origin, **more)
+
+
+def _base() -> yp.Link:
+    """What stands still."""
+    import yourdfpy as yp
+
+    base = yp.Link(name="base")
+    base.visuals = [
+        _visual("foot", _pose(z=-0.035), "base", cylinder=yp.Cylinder(radius=0.045, length=0.03)),
+        _visual("post", _pose(z=-0.01), "base", box=yp.Box(size=np.array([0.03, 0.05, 0.04]))),
+    ]
+    return base
+
+
+def _body(link: LinkSpec, name: str) -> yp.Link:
+    """A rod and its joint's hub."""
+    import yourdfpy as yp
+
+    # A rod about its own axis; across it the given inertia, in both directions.
+    axial = min(0.5 * link.mass * _ROD_RADIUS**2, link.inertia)
+    inertia = np.diag([axial, link.inertia, link.inertia])
+    body = yp.Link(name=name, inertial=yp.Inertial(origin=_pose(x=link.com), mass=link.mass, inertia=inertia))
+    rod = yp.Cylinder(radius=_ROD_RADIUS, length=link.length)
+    hub = yp.Cylinder(radius=_JOINT_RADIUS, length=0.042)
+    body.visuals = [
+        _visual("rod", _pose(x=link.length / 2, pitch=np.pi / 2), name, cylinder=rod),
+        _visual("hub", _pose(roll=np.pi / 2), "joint", cylinder=hub),
+    ]
+    return body
+
+
+def _load(payload: Payload) -> yp.Link:
+    """The payload as a ball of its mass."""
+    import yourdfpy as yp
+
+    own = yp.Inertial(origin=np.eye(4), mass=payload.mass, inertia=positive_tensor(payload))
+    load = yp.Link(name="payload", inertial=own)
+    radius = float(np.cbrt(payload.mass / _DENSITY * 3 / (4 * np.pi)))
+    load.visuals = [_visual("ball", np.eye(4), "payload", sphere=yp.Sphere(radius=round(max(radius, 0.016), 4)))]
+    return load
