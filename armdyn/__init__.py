@@ -1,38 +1,56 @@
 """Time-optimal and closed-loop motion of robot arms, from a URDF."""
 
-from armdyn.control import PAPER_GAINS, PidGains, PidRun, closed_loop_eigenvalues, simulate_pid
-from armdyn.dynamics import Dynamics
+from typing import TYPE_CHECKING
+
 from armdyn.errors import ArmdynError, ArmdynWarning
-from armdyn.models import (
-    PAPER_PAYLOADS,
-    ArmSpec,
-    Box,
-    Capsule,
-    GoalPose,
-    JointLimits,
-    LinkSpec,
-    Payload,
-    Robot,
-    Sphere,
-    urdf_from_spec,
-)
-from armdyn.optimal import (
-    Arc,
-    Certificate,
-    FrameSpeedLimit,
-    MinimumTimeOptions,
-    MinimumTimeProblem,
-    Sensitivities,
-    Solution,
-    Status,
-    TimeOptimality,
-    TorqueRateLimit,
-    replay_torques,
-    solve_minimum_time,
-    time_optimality,
-    trajectory_from_path,
-)
-from armdyn.trajectory import Sample, Trajectory
+from armdyn.lazy import facade
+
+if TYPE_CHECKING:
+    from armdyn.control import PAPER_GAINS, PidGains, PidRun, closed_loop_eigenvalues, simulate_pid
+    from armdyn.dynamics import Dynamics
+    from armdyn.models import (
+        PAPER_PAYLOADS,
+        ArmSpec,
+        Box,
+        Capsule,
+        GoalPose,
+        JointLimits,
+        LinkSpec,
+        Payload,
+        Robot,
+        Sphere,
+        urdf_from_spec,
+    )
+    from armdyn.optimal import (
+        Arc,
+        Certificate,
+        FrameSpeedLimit,
+        MinimumTimeOptions,
+        MinimumTimeProblem,
+        Sensitivities,
+        Solution,
+        Status,
+        TimeOptimality,
+        TorqueRateLimit,
+        replay_torques,
+        solve_minimum_time,
+        time_optimality,
+        trajectory_from_path,
+    )
+    from armdyn.trajectory import Sample, Trajectory
+else:
+    __getattr__, __dir__ = facade(
+        __name__,
+        {
+            "control": "PAPER_GAINS PidGains PidRun closed_loop_eigenvalues simulate_pid",
+            "dynamics": "Dynamics",
+            "models": "PAPER_PAYLOADS ArmSpec Box Capsule GoalPose "
+            "JointLimits LinkSpec Payload Robot Sphere urdf_from_spec",
+            "optimal": "Arc Certificate FrameSpeedLimit MinimumTimeOptions MinimumTimeProblem Sensitivities Solution "
+            "Status TimeOptimality TorqueRateLimit replay_torques solve_minimum_time time_optimality trajectory_from_path",
+            "trajectory": "Sample Trajectory",
+        },
+    )
 
 __version__ = "0.1.0"
 

@@ -1,80 +1,145 @@
-"""Jobs side by side in processes, as IPOPT does not stand threads."""
+"""Jobs side by side in processes that end with the one that hired them."""
 
+import ctypes
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+import sys
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkProcess
 from typing import TypeVar
 
+from armdyn.exclusive import one_at_a_time
+
 Result = TypeVar("Result")
+Crew = Mapping[Connection, ForkProcess]
+
+_AGAIN = 1.0
+"""Who is still at work so long after an interrupt hears the next one [s]."""
+_PR_SET_PDEATHSIG = 1
+
+_ours: set[Connection] = set()
+"""Our ends of all lines to workers. A worker must not keep those of others: they would never hear that we ended."""
 
 
-def in_processes(jobs: Sequence[Callable[[], Result]], workers: int | None) -> Iterator[Result]:
+def in_processes(jobs: Sequence[Callable[[], Result]], workers: int | None) -> Generator[Result]:
     """The jobs' results, in their order, each as soon as those before it are there.
 
-    Workers are forks, which know all that was built before; jobs are begun in order, results are pickled. Who has seen
-    enough stops asking: what is still under way is then killed. Jobs ask a `Stop` of this process, which forks share.
+    Workers are forks, which know all that was built before; jobs are begun in order, results are pickled. Workers end
+    with this process, however it ends, and with the thread that asked first. Who has seen enough stops asking: what
+    is still under way is then killed. Jobs ask a `Stop` of this process, which forks share.
 
     Args:
         jobs: what is to be done. A job whose worker dies or raises is done again here.
-        workers: processes at most; None: one per core. With one, or where there is no fork, all is done here.
+        workers: processes at most; None: one per core. With one, within a worker, or where there is no fork, all is
+            done here.
     """
+    with _crew(jobs, workers) as crew:
+        ended, known = _ended(jobs, crew), dict[int, tuple[Result] | None]()
+        for k, job in enumerate(jobs):
+            while k not in known:
+                known.update([next(ended)])
+            result = known.pop(k)
+            yield job() if result is None else result[0]
+
+
+def as_they_end(jobs: Sequence[Callable[[], Result]], workers: int | None) -> Generator[Result]:
+    """The jobs' results as `in_processes` gives them, but each as soon as it is there.
+
+    Who stops asking interrupts what is under way, and waits for it: a job hears SIGINT only where it listens, as
+    `solve_minimum_time` does, and else goes on to its end.
+    """
+    with _crew(jobs, workers, patient=True) as crew:
+        for k, result in _ended(jobs, crew):
+            yield jobs[k]() if result is None else result[0]
+
+
+def _ended(jobs: Sequence[Callable[[], Result]], crew: Crew) -> Iterator[tuple[int, tuple[Result] | None]]:
+    """Numbers of jobs that are no longer under way, with their results; None: it is to be done here."""
+    idle, under_way = list(crew), dict[Connection, int]()
+    begun = 0
+    while begun < len(jobs) or under_way:
+        while idle and begun < len(jobs):
+            line = idle.pop()
+            with suppress(OSError):  # else it is no more
+                line.send(begun)
+                under_way[line] = begun
+                begun += 1
+        if not under_way:  # there is nobody, or nobody is left
+            begun += 1
+            yield begun - 1, None
+            continue
+        ready = wait(list(under_way))
+        for line in [line for line in under_way if line in ready]:
+            k, result = under_way.pop(line), None
+            with suppress(OSError, EOFError):
+                result = (line.recv(),)
+                idle.append(line)
+            yield k, result
+
+
+@contextmanager
+def _crew(jobs: Sequence[Callable[[], object]], workers: int | None, patient: bool = False) -> Iterator[Crew]:
+    """Workers at the ends of their lines; none where all is to be done here."""
     count = min(workers or os.cpu_count() or 1, len(jobs))
     forks = "fork" in multiprocessing.get_all_start_methods() and not multiprocessing.current_process().daemon
-    if count <= 1 or not forks:
-        for job in jobs:
-            yield job()
-        return
-    crew = [_hired(jobs) for _ in range(count)]
+    crew: dict[Connection, ForkProcess] = {}
     try:
-        yield from _in_order(jobs, [line for _, line in crew])
+        while forks and len(crew) < count > 1:
+            _hire(jobs, crew)
+        yield crew
     finally:
-        for process, line in crew:  # nobody waits for their end, which takes as long as a small solve
-            process.kill()
+        _ours.difference_update(crew)
+        for line in crew:
             line.close()
+        try:
+            while patient and (busy := [worker for worker in crew.values() if worker.is_alive()]):
+                for worker in busy:
+                    os.kill(worker.ident or os.getpid(), signal.SIGINT)
+                wait([worker.sentinel for worker in busy], _AGAIN)
+        finally:
+            for worker in crew.values():  # nobody waits for their end, which takes as long as a small solve
+                worker.kill()
 
 
-def _in_order(jobs: Sequence[Callable[[], Result]], lines: Sequence[Connection]) -> Iterator[Result]:
-    results: dict[int, Result] = {}
-    idle, under_way = list(lines), dict[Connection, int]()
-    begun = 0
-    for k, job in enumerate(jobs):
-        while k not in results:
-            while idle and begun < len(jobs):
-                line = idle.pop()
-                with suppress(OSError):  # else it is no more
-                    line.send(begun)
-                    under_way[line] = begun
-                    begun += 1
-            if k not in under_way.values():  # nobody is left to do it, or who did it died of it
-                results[k] = job()
-                begun = max(begun, k + 1)
-                break
-            ready = wait(list(under_way))
-            for line in [line for line in under_way if line in ready]:
-                own = under_way.pop(line)
-                with suppress(OSError, EOFError):
-                    results[own] = line.recv()
-                    idle.append(line)
-        yield results.pop(k)
-
-
-def _hired(jobs: Sequence[Callable[[], Result]]) -> tuple[ForkProcess, Connection]:
+def _hire(jobs: Sequence[Callable[[], object]], crew: dict[Connection, ForkProcess]) -> None:
     context = multiprocessing.get_context("fork")
-    ours, theirs = context.Pipe()
-    process = context.Process(target=_work, args=(jobs, theirs), daemon=True)
-    process.start()
-    theirs.close()
-    return process, ours
-
-
-def _work(jobs: Sequence[Callable[[], Result]], line: Connection) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a `Stop` says so
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # until who is born is deaf to it
     try:
+        with one_at_a_time:  # or another thread's worker might keep the other end
+            ours, theirs = context.Pipe()
+            _ours.add(ours)
+            worker = context.Process(target=_work, args=(jobs, theirs, os.getpid()), daemon=True)
+            worker.start()
+            theirs.close()
+        crew[ours] = worker
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _work(jobs: Sequence[Callable[[], object]], line: Connection, owner: int) -> None:
+    try:
+        _end_with(owner)
+        signal.set_wakeup_fd(-1)  # an event loop's, of the owner
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # a `Stop` says so, or a job that listens
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        for other in _ours:
+            other.close()
         while True:
             line.send(jobs[line.recv()]())
     except BaseException:  # whoever waits hears that the line is dead, and does the job himself
+        os._exit(1)
+
+
+def _end_with(owner: int) -> None:
+    """Have the kernel kill this process when its owner ends, even within a long call that knows no Python.
+
+    Strictly, when the owner's thread ends that forked: what is lost is done again there. Where the kernel cannot, a
+    worker ends after its job, by the dead line.
+    """
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, ctypes.c_ulong(signal.SIGKILL))
+    if os.getppid() != owner:  # it ended before
         os._exit(1)

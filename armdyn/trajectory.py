@@ -90,6 +90,20 @@ class Trajectory:
         """Last time minus first [s]."""
         return float(self.t[-1] - self.t[0])
 
+    @property
+    def jumps(self) -> NDArray[np.bool_]:
+        """Where no time passes from one sample to the next, shape (n - 1,): there the torque may jump.
+
+        `jumps[k]` is of samples k and k + 1: they are one ulp of time apart, or two where a sum of times was rounded.
+        """
+        return np.asarray(np.diff(self.t) <= 2 * np.spacing(self.t[1:]))
+
+    @property
+    def switch_times(self) -> tuple[tuple[float, ...], ...]:
+        """For each joint the times at which its torque jumps [s], increasing; of each jump's first sample."""
+        jumping = self.jumps[:, None] & (self.tau[1:] != self.tau[:-1])
+        return tuple(tuple(map(float, self.t[:-1][column])) for column in jumping.T)
+
     def __call__(self, time: ArrayLike) -> Sample:
         """State and torque at one or many times [s]; outside the trajectory its ends are held.
 

@@ -20,7 +20,7 @@ import numpy as np
 from peers.protocol import CASES, INTERVALS, problem
 
 import armdyn as ad
-from armdyn.optimal.proof.certificate import limit_violation
+from armdyn.optimal.landing.limits import limit_violation
 
 PEERS = Path(__file__).resolve().parent / "peers"
 ROWS = (

@@ -1,8 +1,15 @@
-"""Motion problems that several tests solve."""
+"""Motion problems that several tests solve, and their solutions."""
+
+import json
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 
 import armdyn as ad
+
+CASES = Path(__file__).parent / "cases"
+"""Published problems, a folder each: the robot as a URDF, and `case.json` with poses, limits and known answers."""
 
 POSES = {
     "r": ([-np.pi / 2], [np.pi / 20]),
@@ -11,11 +18,7 @@ POSES = {
 }
 """Start and goal of the paper's Examples 1 to 3 [rad]."""
 
-CART = """<robot name="cart"><link name="base"/>
-<link name="body"><inertial><mass value="1"/>
-<inertia ixx=".1" ixy="0" ixz="0" iyy=".1" iyz="0" izz=".1"/></inertial></link>
-<joint name="slide" type="prismatic"><parent link="base"/><child link="body"/><axis xyz="1 0 0"/>
-<limit lower="-1000" upper="1000" effort="1" velocity="1000"/></joint></robot>"""
+CART = (CASES / "double_integrator_sym" / "robot.urdf").read_text()
 """The double integrator: 1 kg on a level rail, at most 1 N."""
 
 
@@ -30,27 +33,40 @@ def paper_problem(arm, mass=0.1006, **limits):
     return ad.MinimumTimeProblem(paper_arm(arm, mass), q_start=start, q_goal=goal, **limits)
 
 
-def cart(folder):
+@cache
+def published(name):
+    """What is known of a published case: `case.json`."""
+    return json.loads((CASES / name / "case.json").read_text())
+
+
+def published_problem(name):
+    """A published case, as it is posed."""
+    case = published(name)
+    robot = ad.Robot.from_urdf(CASES / name / "robot.urdf")
+    torques = (case["tau_lower"], case["tau_upper"])
+    return ad.MinimumTimeProblem(robot, q_start=case["q0"], q_goal=case["qf"], effort_limit=torques)
+
+
+def cart():
     """The double integrator as a robot."""
-    path = folder / "cart.urdf"
-    path.write_text(CART)
-    return ad.Robot.from_urdf(path)
+    return published_problem("double_integrator_sym").robot
 
 
-LUUS = """<robot name="luus_two_link"><link name="base"/>
-<link name="link1"><inertial><origin xyz="0.5 0 0"/><mass value="1"/><inertia ixx="0.041666666666666664" ixy="0"
- ixz="0" iyy="0.041666666666666664" iyz="0" izz="0.08333333333333333"/></inertial></link>
-<joint name="joint1" type="revolute"><parent link="base"/><child link="link1"/><axis xyz="0 0 1"/>
-<limit lower="-10" upper="10" effort="1" velocity="1000"/></joint>
-<link name="link2"><inertial><origin xyz="0.75 0 0"/><mass value="2"/><inertia ixx="0.10416666666666666" ixy="0"
- ixz="0" iyy="0.10416666666666666" iyz="0" izz="0.20833333333333331"/></inertial></link>
-<joint name="joint2" type="revolute"><parent link="link1"/><child link="link2"/><origin xyz="1 0 0"/>
-<axis xyz="0 0 1"/><limit lower="-10" upper="10" effort="1" velocity="1000"/></joint></robot>"""
-"""R. Luus, Iterative Dynamic Programming (2000), section 12.4.2, example 2: two rods and a tip mass, no gravity."""
+def luus_problem():
+    """R. Luus, Iterative Dynamic Programming (2000), section 12.4.2, example 2: two rods and a tip mass, no gravity."""
+    return published_problem("luus_two_link")
 
 
-def luus_problem(folder):
-    """The published two-link benchmark."""
-    path = folder / "luus.urdf"
-    path.write_text(LUUS)
-    return ad.MinimumTimeProblem(ad.Robot.from_urdf(path), q_start=[0.0, 0.5], q_goal=[0.522, 0.5])
+@cache
+def solved(arm):
+    """Examples 1 to 3 with 100.6 g, solved as users solve them; once for all tests of a process."""
+    solution = ad.solve_minimum_time(paper_problem(arm))
+    assert solution.success, solution.message
+    return solution
+
+
+def solve(problem, **options):
+    """The solution of a problem that has one."""
+    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(**options))
+    assert solution.success, solution.message
+    return solution

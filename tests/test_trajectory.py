@@ -81,6 +81,22 @@ def test_jump_of_one_ulp():
     assert sample.v.max() <= 1.5
 
 
+def test_jumps_and_switch_times():
+    """Both torques jump at 0.5 s, only the second one at 2 s; at 3 s samples lie close for nothing."""
+    t = [0.0, 0.5, np.nextafter(0.5, 1), 2.0, 2.0 + 2 * np.spacing(2.0), 3.0, np.nextafter(3.0, 4), 4.0]
+    tau = np.array([[1, 2], [1, 2], [-1, -2], [-1, -2], [-1, 2], [-1, 2], [-1, 2], [0, 0]])
+    motion = Trajectory(t, np.zeros((8, 2)), np.zeros((8, 2)), tau)
+    assert motion.jumps.tolist() == [False, True, False, True, False, True, False]
+    assert motion.switch_times == ((0.5,), (0.5, 2.0))
+
+
+def test_close_samples_are_no_jump():
+    t = np.array([0.0, 1.0, 1.0 + 3 * np.spacing(1.0)])
+    motion = Trajectory(t, np.zeros((3, 1)), np.zeros((3, 1)), [[0.0], [1.0], [2.0]])
+    assert not motion.jumps.any()
+    assert motion.switch_times == ((),)
+
+
 def test_duration_and_joints(motion):
     assert motion.duration == 1.1
     assert replace(motion, t=T + 5.0).duration == pytest.approx(1.1, rel=1e-15)

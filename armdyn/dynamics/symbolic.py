@@ -2,7 +2,6 @@
 
 import hashlib
 import struct
-from functools import lru_cache
 from typing import Any
 
 import casadi as ca
@@ -10,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from armdyn.errors import BridgeError, SpecError
+from armdyn.exclusive import built_once
 from armdyn.models.robot import Robot
 
 _NO_MASS = 1e-100
@@ -195,7 +195,7 @@ def _tree(model: pin.Model, payload_joint: int, without_body: bool = False) -> t
     return tuple(parent), tuple(prismatic), *numbers, armature, gravity, payload_joint
 
 
-@lru_cache(maxsize=64)
+@built_once(maxsize=64)
 def _functions(
     parent: tuple[int, ...],
     prismatic: tuple[bool, ...],
@@ -229,7 +229,7 @@ def _functions(
     return {name: ca.Function.deserialize(text) for name, text in serialized.items()}
 
 
-@lru_cache(maxsize=64)
+@built_once(maxsize=64)
 def _with_friction(tree: tuple[Any, ...], damping: bytes, coulomb: bytes, width: float) -> dict[str, ca.Function]:
     """The Functions of a tree whose joints lose damping v + coulomb tanh(v / width)."""
     smooth = dict(_functions(*tree))

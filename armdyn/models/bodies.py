@@ -3,17 +3,15 @@
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import minimize
-from scipy.spatial import ConvexHull, QhullError
 
 from armdyn.errors import ProblemError
+from armdyn.exclusive import built_once
 from armdyn.models.meshes import load_meshes, numbers, origin, resolve_mesh
 from armdyn.models.obstacles import Capsule
 from armdyn.models.robot import Robot
@@ -48,7 +46,7 @@ class Body:
     capsule: Capsule
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def bodies(robot: Robot) -> tuple[Body, ...]:
     """What a robot can touch with: its URDF's collision geometry; if it has none, what is drawn of it.
 
@@ -164,6 +162,10 @@ def _around(points: Array, thickness: ArrayLike) -> Capsule:
         points: centres [m], shape (m, 3).
         thickness: radii [m], one or shape (m,).
     """
+    # Loaded here, for a third of a second is much for the many problems without obstacles.
+    from scipy.optimize import minimize
+    from scipy.spatial import ConvexHull, QhullError
+
     radii = np.broadcast_to(np.asarray(thickness, dtype=float), len(points))
     if not np.ptp(radii):
         with suppress(QhullError, ValueError):  # flat, or too few: all of them then

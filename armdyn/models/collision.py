@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from armdyn.exclusive import built_once, one_at_a_time
 from armdyn.models.bodies import Body, bodies
 from armdyn.models.obstacles import Capsule, Obstacle, Sphere
 from armdyn.models.robot import Robot
@@ -96,10 +96,10 @@ class CollisionModel:
 
     def distances(self, q: ArrayLike) -> Array:
         """Of every pair [m], shape (pairs,), at joint positions q [rad or m], shape (nv,); negative: they overlap."""
-        pin.computeDistances(
-            self.robot.model, self._data, self._model, self._geometry, self.robot.configuration(np.asarray(q))
-        )
-        return np.array([result.min_distance for result in self._geometry.distanceResults])
+        configuration = self.robot.configuration(np.asarray(q))
+        with one_at_a_time:  # the work space is the model's
+            pin.computeDistances(self.robot.model, self._data, self._model, self._geometry, configuration)
+            return np.array([result.min_distance for result in self._geometry.distanceResults])
 
     def nearest(self, q: ArrayLike, time: float = 0.0) -> Clearance:
         """The pair that is nearest at joint positions q [rad or m], shape (nv,)."""
@@ -139,7 +139,7 @@ class CollisionModel:
         return float(np.max(np.nan_to_num(np.abs(motion.v) @ self._reach, nan=np.inf)))
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def collision_model(robot: Robot, obstacles: tuple[Obstacle, ...], self_collision: bool) -> CollisionModel:
     """A `CollisionModel`, built once for the same arguments."""
     return CollisionModel(robot, obstacles, self_collision)
@@ -163,7 +163,7 @@ def _solid(obstacle: Obstacle) -> tuple[Array, Any]:
     return obstacle.pose, coal.Box(*obstacle.size)
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def _apart(robot: Robot) -> tuple[tuple[int, int], ...]:
     """Pairs of the arm's bodies that can touch and need not: neither on neighbouring joints nor always touching."""
     own = bodies(robot)

@@ -1,19 +1,44 @@
 """Minimum-time motion: global search, exact switching times, certificate; and the indirect method beside it."""
 
-from armdyn.optimal.answer.solution import Solution
-from armdyn.optimal.arcs.arc import Arc, Mode
-from armdyn.optimal.conditions.limits.frame_speed import FrameSpeedLimit
-from armdyn.optimal.conditions.limits.torque_rate import TorqueRateLimit
-from armdyn.optimal.gap import TimeOptimality, time_optimality, trajectory_from_path
-from armdyn.optimal.indirect.solution import Comparison, IndirectOptions, IndirectSolution, compare_with_direct
-from armdyn.optimal.indirect.solve import solve_indirect
-from armdyn.optimal.landing.rollout import replay_torques
-from armdyn.optimal.minimum_time import solve_minimum_time
-from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.problem.status import Status, Violation
-from armdyn.optimal.proof.certificate import Certificate
-from armdyn.optimal.proof.sensitivity import Sensitivities
-from armdyn.optimal.task.options import MinimumTimeOptions
+from typing import TYPE_CHECKING
+
+from armdyn.lazy import facade
+
+if TYPE_CHECKING:
+    from armdyn.optimal.answer.solution import Solution
+    from armdyn.optimal.arcs.arc import Arc, Mode
+    from armdyn.optimal.conditions.limits.frame_speed import FrameSpeedLimit
+    from armdyn.optimal.conditions.limits.torque_rate import TorqueRateLimit
+    from armdyn.optimal.gap import TimeOptimality, time_optimality, trajectory_from_path
+    from armdyn.optimal.indirect.solution import Comparison, IndirectOptions, IndirectSolution, compare_with_direct
+    from armdyn.optimal.indirect.solve import solve_indirect
+    from armdyn.optimal.landing.rollout import replay_torques
+    from armdyn.optimal.minimum_time import solve_minimum_time
+    from armdyn.optimal.problem.problem import MinimumTimeProblem
+    from armdyn.optimal.problem.status import Status, Violation
+    from armdyn.optimal.proof.certificate import Certificate
+    from armdyn.optimal.proof.sensitivity import Sensitivities
+    from armdyn.optimal.task.options import MinimumTimeOptions
+else:
+    __getattr__, __dir__ = facade(
+        __name__,
+        {
+            "answer.solution": "Solution",
+            "arcs.arc": "Arc Mode",
+            "conditions.limits.frame_speed": "FrameSpeedLimit",
+            "conditions.limits.torque_rate": "TorqueRateLimit",
+            "gap": "TimeOptimality time_optimality trajectory_from_path",
+            "indirect.solution": "Comparison IndirectOptions IndirectSolution compare_with_direct",
+            "indirect.solve": "solve_indirect",
+            "landing.rollout": "replay_torques",
+            "minimum_time": "solve_minimum_time",
+            "problem.problem": "MinimumTimeProblem",
+            "problem.status": "Status Violation",
+            "proof.certificate": "Certificate",
+            "proof.sensitivity": "Sensitivities",
+            "task.options": "MinimumTimeOptions",
+        },
+    )
 
 __all__ = [
     "Arc",

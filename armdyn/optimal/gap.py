@@ -11,6 +11,7 @@ from armdyn.errors import TrajectoryError
 from armdyn.models.limits import JointLimits
 from armdyn.models.robot import Robot
 from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.landing.limits import worst_violation
 from armdyn.optimal.landing.rollout import replay_torques
 from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -113,7 +114,7 @@ def time_optimality(robot: Robot, trajectory: Trajectory, options: MinimumTimeOp
     problem = MinimumTimeProblem(
         robot, q_start=trajectory.q[0], q_goal=trajectory.q[-1], v_start=trajectory.v[0], v_goal=trajectory.v[-1]
     )
-    violation = _worst_violation(problem.limits, trajectory, robot.joint_names)
+    violation = worst_violation(problem.limits, trajectory, robot.joint_names, dense=2)
     replay = replay_torques(robot, trajectory)
     arrived = replay.t[-1] == trajectory.t[-1]
     idle, intervals = _idleness(problem.limits, trajectory)
@@ -178,24 +179,6 @@ def _check_joints(robot: Robot, trajectory: Trajectory) -> None:
             f"the trajectory is of joints {', '.join(trajectory.joint_names)}; {robot.name} has, in this order, "
             f"{', '.join(robot.joint_names)}"
         )
-
-
-def _worst_violation(limits: JointLimits, motion: Trajectory, names: tuple[str, ...]) -> Violation | None:
-    """What exceeds its limit most, at the samples and half-way between them; torque is linear, so samples do."""
-    t = np.sort(np.concatenate([motion.t, (motion.t[:-1] + motion.t[1:]) / 2]))
-    at = motion(t)
-    half = (limits.effort_upper - limits.effort_lower) / 2
-    reach = limits.position_upper - limits.position_lower
-    excess = {
-        "torque limit": np.maximum(at.tau - limits.effort_upper, limits.effort_lower - at.tau) / half,
-        "velocity limit": (np.abs(at.v) - limits.velocity) / np.where(np.isinf(limits.velocity), 1, limits.velocity),
-        "position limit": np.maximum(at.q - limits.position_upper, limits.position_lower - at.q)
-        / np.where(np.isinf(reach), 1, reach),
-    }
-    constraint = max(excess, key=lambda name: float(np.max(excess[name])))
-    sample, joint = np.unravel_index(np.argmax(excess[constraint]), excess[constraint].shape)
-    value = float(excess[constraint][sample, joint])
-    return Violation(constraint, names[joint], float(t[sample]), value) if value > 0 else None
 
 
 def _idleness(limits: JointLimits, motion: Trajectory) -> tuple[Array, tuple[tuple[tuple[float, float], ...], ...]]:

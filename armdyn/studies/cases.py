@@ -217,7 +217,7 @@ def _open_loop(case: Case, solution: Solution) -> Outcome:
     if solution.success and case.arm != "rrr":  # position limits, which RRR touches, are not the method's
         facts |= _indirect(case, solution)
     if case.kind == "minimum_time":
-        facts |= {f"switch_times_j{i + 1}": times for i, times in enumerate(switch_times(motion))}
+        facts |= {f"switch_times_j{i + 1}": list(times) for i, times in enumerate(motion.switch_times)}
     return Outcome(
         case=case,
         time=solution.duration if solution.success else None,
@@ -271,15 +271,6 @@ def _closed_loop(case: Case) -> Outcome:
         },
         summary=pid_summary(run),
     )
-
-
-def switch_times(motion: Trajectory) -> list[list[float]]:
-    """For each joint the times at which its torque jumps [s]: samples one ulp apart."""
-    jumps = np.flatnonzero(np.diff(motion.t) <= 2 * np.spacing(motion.t[1:]))
-    return [
-        [float(motion.t[k]) for k in jumps if motion.tau[k, i] != motion.tau[k + 1, i]]
-        for i in range(motion.tau.shape[1])
-    ]
 
 
 def _finite(number: float) -> float | None:

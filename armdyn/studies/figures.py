@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from armdyn.show.plots import COLORS, INK, STYLES, plot_trajectories, save_figure
 from armdyn.studies import published
-from armdyn.studies.cases import Case, Outcome, switch_times
+from armdyn.studies.cases import Case, Outcome
 from armdyn.studies.lookup import by_case
 from armdyn.studies.paper import EXAMPLES, PAYLOAD
 from armdyn.studies.traits import Traits
@@ -171,7 +171,7 @@ def _switches(outcome: Outcome) -> list[list[float]]:
     if motion is None:
         return []
     found = []
-    for joint, times in enumerate(switch_times(motion)):
+    for joint, times in enumerate(motion.switch_times):
         k = np.searchsorted(motion.t, times)
         steps = np.abs(motion.tau[k, joint] - motion.tau[k + 1, joint])
         found.append([t for t, step in zip(times, steps, strict=True) if step > 0.4 * np.ptp(motion.tau[:, joint])])

@@ -43,7 +43,7 @@ def trapezoidal_integral(motion: Trajectory, until: float | None = None, step: f
 
 def _interpolant(motion: Trajectory, joint: int) -> PPoly:
     t, tau = motion.t, motion.tau[:, joint]
-    if np.any(np.diff(t) <= 2 * np.spacing(t[1:])):
+    if motion.jumps.any():
         return PPoly(np.stack([np.diff(tau) / np.diff(t), tau[:-1]]), t)
     return CubicSpline(t, tau)
 

@@ -1,18 +1,16 @@
 """The whole paper: which cases, solved side by side, kept as they are done, and what is written of them."""
 
-import multiprocessing
-import os
-import signal
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from contextlib import closing
 from dataclasses import dataclass, field
-from itertools import islice
+from functools import partial
 from pathlib import Path
 
 from armdyn.control.arrival import ArrivalRule
 from armdyn.errors import ProblemError
 from armdyn.models.spec import PAPER_PAYLOADS
 from armdyn.optimal import Status
+from armdyn.processes import as_they_end
 from armdyn.show.report import write_run
 from armdyn.studies.cases import READINGS, Case, Outcome, run_case
 from armdyn.studies.layout import write_findings, write_methods, write_tables
@@ -167,37 +165,16 @@ def _outcomes(
     folder: Path, plan: Plan, cases: Sequence[Case], done: Callable[[Outcome, int, int], None] | None
 ) -> dict[Case, Outcome]:
     """The cases' outcomes, solved side by side."""
-    workers = max(1, min(plan.workers or os.cpu_count() or 1, len(cases)))
+    jobs = [partial(_work, folder, case, _has_folder(case, plan), plan.fresh) for case in cases]
     found: dict[Case, Outcome] = {}
-    coming = iter(cases)
-    # Forked, as a process that starts anew spends seconds on imports; before anything here starts a thread.
-    with ProcessPoolExecutor(workers, multiprocessing.get_context("fork"), _deaf_to_interrupts) as pool:
-
-        def start(count: int) -> set[Future[Outcome]]:
-            """No more than there are processes, so that an interrupt leaves nothing queued."""
-            some = islice(coming, count)
-            return {pool.submit(_work, folder, case, _has_folder(case, plan), plan.fresh) for case in some}
-
-        try:
-            running = start(workers)
-            while running:
-                ready, running = wait(running, return_when=FIRST_COMPLETED)
-                running |= start(len(ready))
-                for outcome in (future.result() for future in ready):
-                    found[outcome.case] = outcome
-                    if done:
-                        done(outcome, len(found), len(cases))
-        except BaseException:
-            for child in multiprocessing.active_children():
-                if child.pid is not None:
-                    os.kill(child.pid, signal.SIGINT)  # a solve that is running hears it and returns
-            raise
+    with closing(as_they_end(jobs, plan.workers)) as outcomes:
+        for outcome in outcomes:
+            if outcome.status == Status.INTERRUPTED:
+                raise KeyboardInterrupt  # it reached the solve
+            found[outcome.case] = outcome
+            if done:
+                done(outcome, len(found), len(cases))
     return found
-
-
-def _deaf_to_interrupts() -> None:
-    """Ctrl-C reaches all processes of a terminal; only a running solve is to hear it, in its own way."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _work(folder: Path, case: Case, with_folder: bool, fresh: bool) -> Outcome:

@@ -3,18 +3,18 @@
 from protocol import INTERVALS, Answer, main
 
 import armdyn as ad
-from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
 from armdyn.optimal.task.options import DirectOptions
+from armdyn.optimal.task.task import Task
 
 
 def build(problem, method):
     """One of the two, ready to solve."""
     options = ad.MinimumTimeOptions(compile=True)
-    dynamics, scheme = ad.Dynamics(problem.robot, free_last_body=True), options.scheme(problem.robot.nv)
+    task = Task.of(problem, options)
     if method == "full":
-        prepare_quickly(problem, dynamics, scheme, options.intervals, options.alone())
+        prepare_quickly(task, options.intervals, options.alone())
 
         def solve():
             solution = ad.solve_minimum_time(problem, options)
@@ -24,10 +24,10 @@ def build(problem, method):
         return solve
 
     guess = spline(problem, [])
-    prepare_quickly(problem, dynamics, scheme, INTERVALS, DirectOptions())
+    prepare_quickly(task, INTERVALS, DirectOptions())
 
     def solve_once():
-        attempt = solve_quickly(problem, guess, dynamics, scheme, INTERVALS, DirectOptions(), Stop())
+        attempt = solve_quickly(task, guess, INTERVALS, DirectOptions())
         return Answer(attempt.trajectory, str(attempt.status))
 
     return solve_once

@@ -20,7 +20,7 @@ def cart_problem(folder, distance, weight):
     q, v = distance * s, np.full(s.size, distance)
     guess = Extremal(s, np.array([q, v, -np.ones(s.size), 2 * s - 1]), 1.0)
     ends = np.array([0.0, 0.0]), np.array([distance, 0.0])
-    return BoundaryProblem(canonical_system(cart(folder)), *ends, weight, -NONE, NONE, guess, Stop())
+    return BoundaryProblem(canonical_system(cart()), *ends, weight, -NONE, NONE, guess, Stop())
 
 
 def arm_problem(intervals):

@@ -49,8 +49,8 @@ def solved(robot):
 
 
 @pytest.mark.parametrize("damping", [0.05, 0.3, 2.0])
-def test_viscous_damping_against_the_closed_form(damping, tmp_path):
-    solution = solved(cart(tmp_path).with_friction(damping))
+def test_viscous_damping_against_the_closed_form(damping):
+    solution = solved(cart().with_friction(damping))
     assert solution.certificate.ok, solution.certificate.reasons
     # What is promised; 1e-12 measured.
     assert solution.duration == pytest.approx(viscous(damping), rel=1e-8)
@@ -59,16 +59,16 @@ def test_viscous_damping_against_the_closed_form(damping, tmp_path):
 @pytest.mark.parametrize(
     ("damping", "coulomb", "width"), [(0.0, 0.3, 0.1), (0.0, 0.8, 0.01), (0.5, 0.3, 0.01), (0.0, 0.3, 1e-3)]
 )
-def test_coulomb_friction_against_quadrature(damping, coulomb, width, tmp_path):
-    solution = solved(cart(tmp_path).with_friction(damping, coulomb, width))
+def test_coulomb_friction_against_quadrature(damping, coulomb, width):
+    solution = solved(cart().with_friction(damping, coulomb, width))
     assert solution.certificate.ok, solution.certificate.reasons
     # The replay is aimed to 1e-9 m; 1e-9 measured.
     assert solution.duration == pytest.approx(dry(damping, coulomb, width), rel=1e-8)
 
 
-def test_a_narrow_jump_tends_to_the_sharp_one(tmp_path):
+def test_a_narrow_jump_tends_to_the_sharp_one():
     widths = np.array([1e-2, 1e-3, 1e-4])
-    off = [solved(cart(tmp_path).with_friction(0.0, 0.3, width)).duration - sharp(0.3) for width in widths]
+    off = [solved(cart().with_friction(0.0, 0.3, width)).duration - sharp(0.3) for width in widths]
     # First order in the width, with one sign.
     assert np.polyfit(np.log(widths), np.log(np.negative(off)), 1)[0] == pytest.approx(1.0, abs=0.02)
 
@@ -118,8 +118,8 @@ def test_ur5_with_damping_and_coulomb_friction_arrives():
     assert solution.duration > problem.duration_bound()
 
 
-def test_torques_of_a_path_pay_for_friction(tmp_path):
-    robot = cart(tmp_path).with_friction(0.5, 0.2, 0.1)
+def test_torques_of_a_path_pay_for_friction():
+    robot = cart().with_friction(0.5, 0.2, 0.1)
     t = np.linspace(0, 1, 11)
     path = ad.trajectory_from_path(robot, t, t[:, None], np.ones((11, 1)), np.zeros((11, 1)))
     np.testing.assert_allclose(path.tau[:, 0], 0.5 + 0.2 * np.tanh(10.0), rtol=1e-12)

@@ -6,7 +6,7 @@ import pytest
 import armdyn as ad
 from armdyn.errors import ProblemError, TrajectoryError
 from armdyn.optimal.gap import TimeOptimality, time_optimality, trajectory_from_path
-from problems import POSES, cart, paper_arm, paper_problem
+from problems import POSES, cart, paper_arm, solved
 
 
 def quintic(robot, start, goal, duration, n=201):
@@ -22,13 +22,13 @@ def quintic(robot, start, goal, duration, n=201):
 @lru_cache
 def judged_one_link():
     robot = paper_arm("r")
-    optimum = ad.solve_minimum_time(paper_problem("r"))
+    optimum = solved("r")
     t, q, v, _ = quintic(robot, *POSES["r"], 2 * optimum.duration)
     return optimum, time_optimality(robot, trajectory_from_path(robot, t, q, v, name="quintic"))
 
 
 def test_an_optimum_has_ratio_one_and_no_idle_joint():
-    optimum = ad.solve_minimum_time(paper_problem("rr"))
+    optimum = solved("rr")
     result = time_optimality(optimum.problem.robot, optimum.trajectory)
     assert result.ratio == pytest.approx(1, abs=1e-8)  # the same deterministic solve, of the same problem
     assert result.gap == pytest.approx(0, abs=1e-8)
@@ -38,8 +38,8 @@ def test_an_optimum_has_ratio_one_and_no_idle_joint():
     assert all(not spans or max(b - a for a, b in spans) < 1e-3 for spans in result.idle_intervals)
 
 
-def test_the_double_integrator_at_half_force_is_slower_by_root_two(tmp_path):
-    robot = cart(tmp_path)
+def test_the_double_integrator_at_half_force_is_slower_by_root_two():
+    robot = cart()
     half = 2.0  # 0.5 N on 1 kg for 2 s, then back: 2 m, where 1 N would need 2 √2 s
     t = [0.0, np.nextafter(half, 0), half, 2 * half]
     motion = ad.Trajectory(t, [[0], [1], [1], [2]], [[0], [1], [1], [0]], [[0.5], [0.5], [-0.5], [-0.5]])
@@ -49,8 +49,8 @@ def test_the_double_integrator_at_half_force_is_slower_by_root_two(tmp_path):
     assert result.idle_intervals == (((0.0, 4.0),),)
 
 
-def test_idle_is_where_torque_is_off_its_limit(tmp_path):
-    robot = cart(tmp_path)
+def test_idle_is_where_torque_is_off_its_limit():
+    robot = cart()
     t = [0.0, 1.0, np.nextafter(1.0, 2), 3.0, np.nextafter(3.0, 4), 4.0]  # push, coast for 2 s, brake
     force = [[1], [1], [0], [0], [-1], [-1]]
     motion = ad.Trajectory(t, [[0], [0.5], [0.5], [2.5], [2.5], [3]], [[0], [1], [1], [1], [1], [0]], force)
@@ -96,8 +96,8 @@ def test_a_motion_beyond_the_limits_is_flagged():
     assert "BROKEN" in str(result)
 
 
-def test_a_velocity_limit_is_looked_at_between_samples(tmp_path):
-    robot = cart(tmp_path).with_limits(None, 1.0)
+def test_a_velocity_limit_is_looked_at_between_samples():
+    robot = cart().with_limits(None, 1.0)
     t, q, v, a = quintic(robot, [0.0], [2.0], 3.0, n=4)  # fastest half-way, 1.25 m/s, where no sample is
     result = time_optimality(robot, trajectory_from_path(robot, t, q, v, a))
     assert result.worst_violation.constraint == "velocity limit"

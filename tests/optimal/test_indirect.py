@@ -148,7 +148,7 @@ def test_finite_differences_come_to_the_same_at_second_order():
 
 
 def test_double_integrator_both_ways(tmp_path):
-    robot = cart(tmp_path)
+    robot = cart()
     problem = ad.MinimumTimeProblem(robot, q_start=[0.0], q_goal=[2.0], effort_weight=2.0)
     found = solve_indirect(problem, options=FREE)
     # Minimum of T + 6 w d²/T³.

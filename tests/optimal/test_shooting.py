@@ -20,7 +20,7 @@ def cart_problem(folder):
     """1 kg, 1 N, 2 m."""
     ends = np.array([0.0, 0.0]), np.array([2.0, 0.0])
     return ShootingProblem(
-        canonical_system(cart(folder)), *ends, np.array([-1.0]), np.array([1.0]), TOLERANCE, Stop()
+        canonical_system(cart()), *ends, np.array([-1.0]), np.array([1.0]), TOLERANCE, Stop()
     )  # fmt: skip
 
 
@@ -62,7 +62,7 @@ def test_a_stop_is_told(tmp_path):
 
 
 def test_luus_switching_times(tmp_path):
-    problem = luus_problem(tmp_path)
+    problem = luus_problem()
     direct = ad.solve_minimum_time(problem)
     found = ad.optimal.solve_indirect(problem, direct)
     assert found.success, found.message

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armdyn.studies import published
-from armdyn.studies.cases import Case, run_case, switch_times
+from armdyn.studies.cases import Case, run_case
 from armdyn.studies.figures import EXAMPLE_OF_FIGURE, draw, paper_figures, save_figures
 from armdyn.studies.paper import EXAMPLES
 from studies.outcomes import outcome, outcomes
@@ -62,7 +62,7 @@ def test_time_optimal_figure_marks_switches_bounds_goal_and_the_papers_time():
     figure = paper_figures(outcomes())[0]
     fastest = figure.outcomes[0]
     position, velocity, torque = draw(figure).axes
-    (switch,) = switch_times(fastest.trajectory)[0]
+    (switch,) = fastest.trajectory.switch_times[0]
     assert f"{switch:.5f} s" in figure.caption
     assert switch in verticals(torque)
     assert {-3.0, 3.0} <= levels(torque)

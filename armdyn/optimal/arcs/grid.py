@@ -1,4 +1,4 @@
-"""Where the intervals of a multi-phase mesh lie: short where the motion bends, by the decay of its polynomials."""
+"""Where the intervals of a multi-phase mesh lie: short where the motion bends, or dry friction turns around."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,12 +7,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from armdyn.models.friction import JointFriction
+from armdyn.optimal.task.policy.refinement import ArcsPolicy
+from armdyn.trajectory import Trajectory
 
-_FLOOR = 0.15
-"""Least density, as a part of the mean one: an estimate may see nothing where there is something."""
-_PER_ARC = 2
-"""Intervals of the shortest arc."""
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,13 +44,14 @@ class Density:
         return Density(t, np.diff(self.up_to(t) / self.mass.sum() + other.up_to(t) / other.mass.sum()))
 
 
-def deal(durations: Array, intervals: int, density: Density | None) -> tuple[NDArray[np.int_], Array]:
-    """Intervals for every arc: two at least, the rest by what it deserves.
+def deal(durations: Array, intervals: int, density: Density | None, per_arc: int) -> tuple[NDArray[np.int_], Array]:
+    """Intervals for every arc: a few at least, the rest by what it deserves.
 
     Args:
         durations: of the arcs [s].
         intervals: to be dealt out.
         density: where they are needed; None: the same everywhere.
+        per_arc: so many at least.
 
     Returns:
         Which arc each interval is in, and its part of that arc, both of shape (intervals,).
@@ -62,13 +62,13 @@ def deal(durations: Array, intervals: int, density: Density | None) -> tuple[NDA
     else:  # the durations may be a guess of others
         density = Density(density.t * (ends[-1] / density.t[-1]), density.mass)
     mass = np.maximum(np.diff(density.up_to(ends)), 1e-12)
-    counts = _PER_ARC + np.floor((intervals - _PER_ARC * mass.size) * mass / mass.sum()).astype(int)
+    counts = per_arc + np.floor((intervals - per_arc * mass.size) * mass / mass.sum()).astype(int)
     counts[np.argmax(mass)] += intervals - counts.sum()
     parts = [density.between(a, b, n) for (a, b), n in zip(pairwise(ends), counts, strict=True)]
     return np.repeat(np.arange(mass.size), counts), np.concatenate(parts)
 
 
-def density_of(t: Array, polynomials: Sequence[tuple[Array, Array]]) -> Density:
+def density_of(t: Array, polynomials: Sequence[tuple[Array, Array]], floor: float) -> Density:
     """What a solution on one mesh says about the next.
 
     The error of an interval falls with some power p of its length; the same everywhere (de Boor's
@@ -78,6 +78,7 @@ def density_of(t: Array, polynomials: Sequence[tuple[Array, Array]]) -> Density:
     Args:
         t: knots [s], shape (K + 1,).
         polynomials: nodes as parts of the interval, shape (p + 1,), and values there, shape (K, p + 1, n).
+        floor: least density, as a part of the mean one: an estimate may see nothing where there is something.
     """
     mass = np.zeros(t.size - 1)
     for nodes, values in polynomials:
@@ -87,4 +88,31 @@ def density_of(t: Array, polynomials: Sequence[tuple[Array, Array]]) -> Density:
         mass = np.maximum(mass, np.max(highest / size, axis=1) ** (1 / (nodes.size - 1)))
     rate = mass / np.diff(t)
     near = np.max([rate, np.append(rate[1:], 0), np.append(0, rate[:-1])], axis=0)
-    return Density(t, np.maximum(near, _FLOOR * mass.sum() / t[-1]) * np.diff(t))
+    return Density(t, np.maximum(near, floor * mass.sum() / t[-1]) * np.diff(t))
+
+
+def layered(guess: Trajectory, friction: JointFriction, numbers: ArcsPolicy) -> Density | None:
+    """How densely a mesh should stand where Coulomb friction changes in the blink in which a joint turns around.
+
+    Half of the intervals stand evenly in time, half evenly in the change of tanh(v / width), summed over the
+    joints: equidistribution of a monitor function (Ascher, Mattheij and Russell, Numerical Solution of
+    Boundary Value Problems for Ordinary Differential Equations, section 9.3).
+
+    Args:
+        guess: about the motion.
+        friction: of its joints.
+        numbers: the layer's reach, and its part of the intervals.
+
+    Returns:
+        None where even will do.
+    """
+    dry = np.broadcast_to(np.asarray(friction.coulomb) > 0, guess.v.shape[1:])
+    if not np.any(dry):
+        return None
+    samples, reach, part = numbers.layer_samples, numbers.layer_reach, numbers.in_layers
+    t = np.linspace(0, guess.duration, samples + 1)
+    v = guess(guess.t[0] + t).v[:, dry]
+    change = np.sum(np.abs(np.diff(np.tanh(v / (reach * friction.width)), axis=0)), axis=1)
+    if not np.any(change):
+        return None
+    return Density(t, (1 - part) / samples + part * change / np.sum(change))

@@ -6,46 +6,43 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import BANG, Arc, Mode
+from armdyn.optimal.arcs.phases import TABLEAU
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.task.tableau import Tableau
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_SAMPLES = 480
-"""Torque samples, about, on all arcs where the torque is not constant together: 4 to 16 on an interval."""
 
-
-def sampled(
+def motion_of(
     problem: MinimumTimeProblem,
-    tableau: Tableau,
     arcs: Sequence[Arc],
     arc_of: NDArray[np.int_],
     t: Array,
     states: Array,
     tau: Array,
+    most: int,
 ) -> Trajectory:
     """The polynomials of the intervals, sampled: twice where all torques are constant, more often elsewhere.
 
     Args:
         problem: says the limits, which no torque exceeds.
-        tableau: says where the stages are.
         arcs: the modes of the joints.
         arc_of: which arc an interval is in, shape (K,).
         t: knots [s], shape (K + 1,).
         states: (q, v) at the start of every interval and at its stages, shape (K, stages + 1, 2, nv).
         tau: torques at the stages [N m or N], shape (K, stages, nv).
+        most: samples, about, on all arcs where a torque varies together: 4 to 16 on an interval.
     """
-    nodes, limits = np.append(0.0, tableau.c), problem.limits
+    nodes, limits = np.append(0.0, TABLEAU.c), problem.limits
     varying = sum(any(mode not in BANG for mode in arcs[a].modes) for a in arc_of)
-    samples = int(np.clip(_SAMPLES // max(varying, 1), 4, 16))
+    samples = int(np.clip(most // max(varying, 1), 4, 16))
     rows_t, rows_x, rows_tau = [], [], []
     for k, a in enumerate(arc_of):
         constant = all(mode in BANG for mode in arcs[a].modes)
         s = np.array([0.0, 1.0]) if constant else np.linspace(0, 1, samples + 1)
-        values = lagrange(tableau.c, s) @ tau[k]
+        values = lagrange(TABLEAU.c, s) @ tau[k]
         if not constant:  # lines between the samples shall have the polynomial's impulse, not only its values
-            values -= _curvature(tableau.c, s) @ tau[k] / (12 * samples**2)
+            values -= _curvature(TABLEAU.c, s) @ tau[k] / (12 * samples**2)
         values = np.clip(values, limits.effort_lower, limits.effort_upper)
         for i, mode in enumerate(arcs[a].modes):
             if mode in BANG:

@@ -20,18 +20,12 @@ from armdyn.optimal.arcs.arc import (
 )
 from armdyn.optimal.arcs.phases import TABLEAU, Phases
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.task.policy.refinement import ArcsPolicy
 
 Array = NDArray[np.float64]
 
-_HELD = 1e-7
-"""A state limit on which more than this part of the motion hangs, for its whole size, holds the motion back."""
-_SHORTEST = 1e-6
-"""Arcs shorter than this part of the motion are taken out."""
-_TOUCH = 2
-"""A position limit that holds the motion back for no more intervals is touched there."""
 
-
-def with_overlooked(problem: MinimumTimeProblem, phases: Phases) -> list[Arc]:
+def with_overlooked(problem: MinimumTimeProblem, phases: Phases, numbers: ArcsPolicy) -> list[Arc]:
     """The structure with arcs on the limits of velocity and position that hold it back unnamed; none: it names all."""
     limits, K = problem.limits, phases.arc_of.size
     modes = np.array([phases.arcs[a].modes for a in phases.arc_of], dtype=object)
@@ -53,12 +47,12 @@ def with_overlooked(problem: MinimumTimeProblem, phases: Phases) -> list[Arc]:
         (1, np.where(np.isinf(limits.velocity), 0.0, limits.velocity), Mode.VELOCITY_UPPER, Mode.VELOCITY_LOWER),
     ):
         for sign, mode in ((-1, upper), (1, lower)):
-            held = (np.max(sign * pulls[:, :, row], axis=1) * size > _HELD * phases.duration) & ~named
+            held = (np.max(sign * pulls[:, :, row], axis=1) * size > numbers.held * phases.duration) & ~named
             found = found or bool(np.any(held))
             for i in range(held.shape[1]):
                 inside = np.flatnonzero(held[:, i])
                 for run in np.split(inside, np.flatnonzero(np.diff(inside) > 1) + 1):
-                    if row == 0 and 0 < run.size <= _TOUCH and not np.any(met[run, i]):
+                    if row == 0 and 0 < run.size <= numbers.touch and not np.any(met[run, i]):
                         weight = np.maximum(sign * pulls[run, :, row, i], 0)
                         touched.append(Event(float(np.average(times[run], weights=weight)), i, mode, touch=True))
                     else:
@@ -74,9 +68,9 @@ def with_overlooked(problem: MinimumTimeProblem, phases: Phases) -> list[Arc]:
     return merged(arcs_between(list(modes[0]), [*events, *touched, *_touches(phases)], phases.duration))
 
 
-def without_vanished(phases: Phases) -> list[Arc]:
+def without_vanished(phases: Phases, numbers: ArcsPolicy) -> list[Arc]:
     """The structure without an arc whose duration has gone to nothing; none: no arc's has."""
-    shortest = _SHORTEST * phases.duration
+    shortest = numbers.shortest * phases.duration
     if len(phases.arcs) == 1 or min(arc.duration for arc in phases.arcs) >= shortest:
         return []
     return without_short(phases.arcs, shortest)

@@ -6,7 +6,6 @@ without such rows has the program of `build_nlp` itself.
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from typing import Literal, Protocol
 
 import casadi as ca
@@ -14,16 +13,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.exclusive import built_once
 from armdyn.optimal.program.assembly import (
     Nlp,
-    Stages,
     hessian_function,
     jacobian_function,
-    nonzeros_of,
     scatter,
-    stages_of,
 )
 from armdyn.optimal.program.compiled import compiled
+from armdyn.optimal.program.interval import Stages, nonzeros_of, stages_of
+from armdyn.optimal.program.layout import Parameters
 from armdyn.optimal.task.scheme import Scheme
 
 Array = NDArray[np.float64]
@@ -124,10 +123,11 @@ def with_rows(nlp: Nlp, dynamics: Dynamics, rows: Sequence[Rows]) -> Nlp:
         rows: which; those of one kind follow each other, interval by interval.
     """
     layout, N = nlp.layout, nlp.intervals
-    block, width, size = layout.knot + layout.inner, 2 * layout.knot + layout.inner, layout.size(N)
+    size, unknowns = layout.size(N), layout.intervals(N)
     x, own = nlp.functions["x"], nlp.functions["p"]
     whole = ca.MX.sym("p", own.numel() + sum(each.numbers for each in rows))
     p, place = whole[: own.numel()], own.numel()
+    by_interval = Parameters.by_interval(p, N)
 
     parts = [(each, each.functions(dynamics, layout.scheme)) for each in rows]
     counts = [one.size * _intervals(each.where, N).size for each, one in parts]
@@ -136,11 +136,11 @@ def with_rows(nlp: Nlp, dynamics: Dynamics, rows: Sequence[Rows]) -> Nlp:
     first = nlp.defects * N
     for (each, one), count in zip(parts, counts, strict=True):
         here = _intervals(each.where, N)
-        index = block * here[None, :] + np.arange(width)[:, None]
+        index = unknowns[:, here]
         numbers, place = whole[place : place + each.numbers], place + each.numbers
         arguments = (
-            ca.reshape(x[index.ravel(order="F").tolist()], width, here.size),
-            ca.vertcat(p[here.tolist()].T, ca.repmat(p[N:], 1, here.size)),
+            ca.reshape(x[index.ravel(order="F").tolist()], layout.width, here.size),
+            by_interval[:, here.tolist()],
             ca.repmat(numbers, 1, here.size),
         )
         g.append(ca.vec(one.values.map(here.size)(*arguments)))
@@ -176,7 +176,7 @@ def _places(pattern: ca.Sparsity) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
     return np.array(row, dtype=int), np.array(col, dtype=int)
 
 
-@lru_cache(maxsize=64)
+@built_once(maxsize=64)
 def _stage_functions(rows: StageRows, dynamics: Dynamics, scheme: Scheme) -> RowFunctions:
     one: Stages = stages_of(dynamics, scheme)
     numbers = ca.SX.sym("numbers", rows.numbers)

@@ -9,7 +9,6 @@ f is affine in τ, so that with the switching function S = ∂(ρᵀf)/∂τ = D
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Literal
 
 import casadi as ca
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.exclusive import built_once
 from armdyn.models.robot import Robot
 
 Array = NDArray[np.float64]
@@ -78,7 +78,7 @@ def sampled(function: ca.Function, *arguments: Array) -> list[Array]:
     return [x.full().reshape(x.shape[0], m, -1).transpose(0, 2, 1) for x in out]
 
 
-@lru_cache(maxsize=64)
+@built_once(maxsize=64)
 def _build(dynamics: Dynamics, law: Law) -> CanonicalSystem:
     n, printed = dynamics.nv, law == "printed"
     y, tau = ca.SX.sym("y", 4 * n), ca.SX.sym("tau", n)

@@ -25,7 +25,7 @@ from armdyn.optimal.indirect.solution import IndirectOptions, IndirectSolution, 
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop, stopping
-from armdyn.optimal.refine.smooth import resolve, smooth_optima
+from armdyn.optimal.refine.smooth import smooth_optima
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.task.options import MinimumTimeOptions
 
@@ -115,7 +115,8 @@ def _seeds(problem: MinimumTimeProblem, seed: Solution | None, options: Indirect
     bound = wider * limits.effort_lower, wider * limits.effort_upper
     smooth = problem.variant(effort_weight=weight, effort_limit=bound)
     if seed is not None:
-        found = [resolve(smooth, seed.trajectory, dynamics, scheme, stop)]
+        near = resolve(smooth, seed.trajectory, dynamics, scheme, stop)
+        found = [near if isinstance(near, Phases) else near.last]  # a guess all the same
     else:
         starts = options.starts or _STARTS.get(problem.robot.nv, _MORE_STARTS)
         most = max(_CANDIDATES, options.continuations)

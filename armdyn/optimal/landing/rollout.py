@@ -39,11 +39,11 @@ def replay_torques(robot: Robot, trajectory: Trajectory, rtol: float = RTOL) -> 
     def rate(t: float, x: Array, *, start: float, tau: Array, slope: Array) -> Array:
         return np.concatenate([x[n:], acceleration(x[:n], x[n:], tau + (t - start) * slope)])
 
-    t, torque = trajectory.t, trajectory.tau
+    t, torque, jumps = trajectory.t, trajectory.tau, trajectory.jumps
     states = [np.concatenate([trajectory.q[0], trajectory.v[0]])]
     k, spent = 0, 0
     while k < t.size - 1:
-        if t[k + 1] - t[k] <= 2 * np.spacing(t[k + 1]):  # a jump of the torque: no time passes
+        if jumps[k]:  # no time passes
             states.append(states[-1])
             k += 1
             continue

@@ -9,111 +9,113 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armdyn.optimal.conditions.demands import Checked, Demands
-from armdyn.optimal.conditions.via import NEAR
+from armdyn.optimal.conditions.demands import Demands
 from armdyn.optimal.landing.rollout import replay_torques
-from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import certify
-from armdyn.optimal.refine.arcs import Refined
-from armdyn.optimal.search.candidates import Candidates, find_candidates
-from armdyn.optimal.solve.direct import Attempt, solve_on_mesh
+from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.refine.smooth import trajectory_cost
+from armdyn.optimal.search.candidates import Found, find
+from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.solve.direct import solve_on_mesh
+from armdyn.optimal.task.ladder import Ladder
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
-_ROUNDS = 8
-_FAR = 0.1
-"""Of the goal [rad or m]: the mesh was too coarse for what the arm does."""
-_SETTLED = 5e-4
-"""A duration that a mesh twice as fine changes by less than this part is the answer, up to three joints."""
+
+def constrained(task: Task) -> tuple[list[Optimum], Found]:
+    """Optima of the mesh that keep the conditions along the way, as far as one that none left can beat.
+
+    Args:
+        task: a problem with conditions along the way.
+    """
+    found = find(task)
+    optima: list[Optimum] = []
+    listed = list(found.listed)
+    for attempt in found.attempts:
+        best = min((one.trajectory.duration for one in optima if not any(_faults(task, one))), default=np.inf)
+        if optima and (task.stop or attempt.trajectory.duration >= best):
+            listed.append(attempt.trajectory.duration)
+            continue
+        task.tell(f"optimum {len(optima) + 1}, about {attempt.trajectory.duration:.4f} s")
+        optima.append(settled(task, attempt))
+    return optima, replace(found, listed=tuple(listed))
 
 
 @dataclass(frozen=True, eq=False)
-class Constrained:
-    """An optimum of the mesh, replayed and checked.
+class _Mesh:
+    """What is asked of the next mesh: how many intervals it has, what is demanded, and the duration to settle on."""
 
-    Attributes:
-        refined: the replay and its certificate, which says what was not checked.
-        checked: the conditions along the way.
-        attempt: the mesh's last.
-        iterations: of IPOPT.
-    """
-
-    refined: Refined
-    checked: Checked
-    attempt: Attempt
-    iterations: int
-
-    @property
-    def good(self) -> tuple[bool, bool, float]:
-        """Sorts: those that keep the conditions first, then those that land, then by duration."""
-        certificate = self.refined.certificate
-        missed = certificate.goal_error > NEAR
-        return bool(self.checked.reasons), missed, self.refined.trajectory.duration
+    intervals: int
+    demands: Demands
+    settled: float = np.inf
 
 
-def settle(task: Task, attempt: Attempt) -> Constrained:
+def settled(task: Task, attempt: Attempt) -> Optimum:
     """Solve a mesh again, aimed and more strictly, until its replay lands and keeps all conditions.
 
     Args:
         task: a problem with conditions along the way.
-        attempt: a converged solution to start from.
+        attempt: a usable solution to start from.
     """
-    problem, options = task.problem, task.options
-    demands, size, iterations = Demands.of(problem), options.intervals, 0
-    best: Constrained | None = None
-    settled = np.inf
-    for k in range(_ROUNDS):
-        if k or attempt.intervals != size:
-            near = replace(options.fine(), barrier=1e-5)
-            tried = solve_on_mesh(task, attempt.trajectory, size, near, demands)
+    numbers, iterations = task.policy.conditions, 0
+    again = replace(task.fine(), barrier=task.policy.program.again_barrier)
+    mesh: _Mesh | None = _Mesh(task.options.intervals, Demands.of(task.problem))
+    best: Optimum | None = None
+    for k in range(numbers.rounds):
+        if mesh is None:
+            break
+        if k or attempt.intervals != mesh.intervals:
+            tried = solve_on_mesh(task, attempt.trajectory, mesh.intervals, again, mesh.demands)
             iterations += tried.iterations
-            if tried.status is not Status.SOLVED:
+            if not tried.usable:
                 break
             attempt = tried
-        replay = replay_torques(problem.robot, attempt.trajectory)
-        found = _judged(task, replay, attempt, iterations)
-        best = found if best is None or found.good <= best.good else best
-        said = "".join(f"; {reason}" for reason in found.checked.reasons)
-        task.tell(f"round {k + 1}: {attempt.trajectory.duration:.4f} s{said}")
-        if task.stop:
-            break
-        if not any(found.good[:2]):
-            duration = found.refined.trajectory.duration
-            done = abs(duration / settled - 1) < _SETTLED or problem.robot.nv > 3
-            if done or 2 * size > options.max_intervals:
-                break
-            size, settled, demands = 2 * size, duration, demands.on_finer_mesh()
-            continue
-        if np.max(np.abs(replay.q[-1] - problem.q_goal)) > _FAR:
-            if 2 * size > options.max_intervals:
-                break  # no motion of the arm, and no aim mends that
-            size, demands = 2 * size, demands.stricter(problem, found.checked).on_finer_mesh()
-        else:
-            demands = demands.stricter(problem, found.checked).aimed(problem, replay, attempt.passing)
+        replay = replay_torques(task.problem.robot, attempt.trajectory)
+        found = _judged(task, replay, attempt)
+        best = found if best is None or _rank(task, found) <= _rank(task, best) else best
+        reasons = found.checked.reasons if found.checked else ()
+        task.tell("; ".join((f"round {k + 1}: {attempt.trajectory.duration:.4f} s", *reasons)))
+        mesh = None if task.stop else _next(task, mesh, found, replay, attempt)
     if best is None:
-        best = _judged(task, replay_torques(problem.robot, attempt.trajectory), attempt, iterations)
+        best = _judged(task, replay_torques(task.problem.robot, attempt.trajectory), attempt)
     return replace(best, iterations=iterations)
 
 
-def _judged(task: Task, replay: Trajectory, attempt: Attempt, iterations: int) -> Constrained:
+def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: Attempt) -> _Mesh | None:
+    """What to ask of the next mesh; None: nothing, it is well, or no mesh mends it."""
+    numbers, problem, duration = task.policy.conditions, task.problem, found.trajectory.duration
+    finer = Ladder(task.options.max_intervals).above(mesh.intervals)
+    if not any(_faults(task, found)):
+        if finer is None or numbers.one_mesh or abs(duration / mesh.settled - 1) < numbers.settled:
+            return None
+        return _Mesh(finer, mesh.demands.on_finer_mesh(), duration)
+    demands = mesh.demands if found.checked is None else mesh.demands.stricter(problem, found.checked)
+    if np.max(np.abs(replay.q[-1] - problem.q_goal)) <= numbers.far:
+        return replace(mesh, demands=demands.aimed(problem, replay, attempt.passing))
+    # Else it is no motion of the arm, and no aim mends that.
+    return None if finer is None else replace(mesh, intervals=finer, demands=demands.on_finer_mesh())
+
+
+def _faults(task: Task, optimum: Optimum) -> tuple[bool, bool]:
+    """Whether it misses a condition, and the goal."""
+    missed = optimum.checked is not None and bool(optimum.checked.reasons)
+    return missed, optimum.certificate.goal_error > task.policy.conditions.near
+
+
+def _rank(task: Task, optimum: Optimum) -> tuple[bool, bool, float]:
+    """Sorts: those that keep the conditions first, then those that land, then by duration."""
+    return (*_faults(task, optimum), optimum.trajectory.duration)
+
+
+def _judged(task: Task, replay: Trajectory, attempt: Attempt) -> Optimum:
     problem = task.problem
     remark = f"arcs are not resolved, nor Pontryagin's conditions checked, with {', '.join(problem.along_the_way)}"
-    named = replace(replay, name="minimum time")
-    refined = Refined(named, certify(problem, named, None, remark), None)
-    return Constrained(refined, Demands.of(problem).check(problem, named, attempt.passing), attempt, iterations)
-
-
-def constrained_optima(task: Task) -> tuple[list[Constrained], Candidates]:
-    """Optima of the mesh that keep the conditions along the way, as far as one that none left can beat."""
-    stop, tell = task.stop, task.tell
-    candidates = find_candidates(task.problem, task.dynamics, task.scheme, task.options, stop, tell)
-    found: list[Constrained] = []
-    listed = list(candidates.listed)
-    for attempt in candidates.attempts if candidates.converged else ():
-        best = min((each.refined.trajectory.duration for each in found if not any(each.good[:2])), default=np.inf)
-        if found and (stop or attempt.trajectory.duration >= best):
-            listed.append(attempt.trajectory.duration)
-            continue
-        tell(f"optimum {len(found) + 1}, about {attempt.trajectory.duration:.4f} s")
-        found.append(settle(task, attempt))
-    return found, replace(candidates, listed=tuple(listed))
+    motion = replace(replay, name="minimum time")
+    return Optimum(
+        motion,
+        certify(problem, motion, None, remark),
+        trajectory_cost(motion, problem.effort_weight),
+        attempt.intervals,
+        checked=Demands.of(problem).check(problem, motion, attempt.passing),
+        via_times=tuple(attempt.passing.tolist()),
+    )

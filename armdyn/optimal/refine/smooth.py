@@ -4,148 +4,143 @@ With a weight on effort the torque is continuous where no limit of a state is me
 find, but there are several local optima, and J = ∫ (1 + w/2 τᵀτ) dt tells them apart, not the duration.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from armdyn.dynamics.symbolic import Dynamics
+from armdyn.errors import ProblemError
 from armdyn.optimal.arcs.arc import Arc, Mode
-from armdyn.optimal.arcs.grid import Density
-from armdyn.optimal.arcs.phases import TABLEAU, Phases, solve_phases
+from armdyn.optimal.arcs.phases import TABLEAU, Phases, Unresolved
+from armdyn.optimal.arcs.posing import PhaseAim
+from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.arcs.structure import with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.proof.certificate import HAMILTONIAN_TOLERANCE, pontryagin
+from armdyn.optimal.proof.pontryagin import pontryagin
+from armdyn.optimal.refine.land import land
+from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.search.candidates import Found
+from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.search.multistart import search
-from armdyn.optimal.solve.direct import Attempt
+from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.task.ladder import Ladder
 from armdyn.optimal.task.options import DirectOptions
-from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
-_COARSE, _FINE, _MOST_ROUGH, _MOST = 25, 30, 120, 240
-"""Intervals of the search, of the first solution by a high order, of the last that is rough, and of the finest."""
-_STEPS = 12
-"""Solves spent on all optima together; one takes from a tenth of a second to twenty on the finest mesh."""
-_SETTLED, _ROUGH = 0.1 * HAMILTONIAN_TOLERANCE, 0.05
-"""Of H, and of what it could fall by: where a mesh is fine enough to be replayed, and too coarse to tell limits by."""
-_SAME = 1e-4
-"""Coarse optima whose J and duration both differ by less than this part and ten times it are one."""
-_SAME_OPTIMUM = 1e-7
-"""Resolved optima whose J differs by less than this part are one."""
-_WORTH = 1.5
-"""Coarse optima of a J this much larger than the best are let go; not more, as some of the best are artefacts."""
 
+def time_energy(task: Task) -> tuple[list[Optimum], Found]:
+    """Optima in the order of their costs, as far as the first that survives its replay, and their search.
 
-@dataclass(frozen=True, eq=False)
-class SmoothOptima:
-    """What a search has found.
+    Args:
+        task: with a weight on effort.
 
-    Attributes:
-        optima: different local optima, the one of least J first, with costates from the multipliers.
-        attempts: what they were found among.
+    Raises:
+        ProblemError: the options have guesses.
     """
+    if task.options.guesses:
+        raise ProblemError("options.guesses: a problem whose effort has a weight makes its own; leave them out")
+    starts = task.options.starts or task.policy.smooth.starts
+    optima, attempts = smooth_optima(task, starts, task.options.refinements or task.policy.smooth.refined)
+    landed: list[Optimum] = []
+    for phases in settled(task, optima):
+        paid = cost(task.problem, phases)
+        task.tell(f"replaying an optimum of J = {paid:.4f} s")
+        landed.append(replace(land(task, phases), cost=paid))
+        if landed[-1].landed(task.options.replay_tolerance) or task.stop:
+            break
+    iterations, listed = sum(attempt.iterations for attempt in attempts), tuple(phases.duration for phases in optima)
+    return landed, Found((), failed=tuple(attempts), listed=listed, iterations=iterations)
 
-    optima: tuple[Phases, ...]
-    attempts: tuple[Attempt, ...]
 
-
-def smooth_optima(
-    problem: MinimumTimeProblem,
-    dynamics: Dynamics,
-    scheme: Scheme,
-    starts: int,
-    seed: int,
-    count: int,
-    stop: Stop,
-    tell: Callable[[str], None] = lambda text: None,
-    workers: int | None = 1,
-) -> SmoothOptima:
+def smooth_optima(task: Task, starts: int, most: int) -> tuple[tuple[Phases, ...], tuple[Attempt, ...]]:
     """Different local optima from many guesses.
 
     Args:
-        problem: with effort_weight > 0.
-        dynamics: of its robot, with a free last body.
-        scheme: says the form of the dynamics.
+        task: with a weight on effort.
         starts: guesses of the search, the first of them straight.
-        seed: of the other guesses.
-        count: so many optima at most.
-        stop: asked every few iterations.
-        tell: told in words what is being tried.
-        workers: processes of the search; None: one per core.
+        most: so many optima at most.
+
+    Returns:
+        Optima, the one of least J first, with costates from the multipliers; and what they were found among.
     """
-    linear = replace(scheme, method="lobatto3", control="linear")
-    coarse = [DirectOptions(1e-5, 200)]
-    attempts = search(problem, dynamics, linear, [_COARSE], starts, seed, coarse, workers, stop, tell)
-    found = [resolve(problem, guess, dynamics, scheme, stop) for guess in _distinct(problem, attempts)[:count]]
-    optima: list[Phases] = []
-    for phases in sorted((phases for phases in found if phases.converged), key=lambda phases: cost(problem, phases)):
-        if not optima or cost(problem, phases) > (1 + _SAME_OPTIMUM) * cost(problem, optima[-1]):
-            optima.append(phases)
-    return SmoothOptima(tuple(optima), tuple(attempts))
+    numbers, problem = task.policy.smooth, task.problem
+    linear = replace(task, scheme=replace(task.scheme, method="lobatto3", control="linear"))
+    coarse = [DirectOptions(task.policy.program.coarse_tolerance, numbers.iterations)]
+    attempts = search(linear, [numbers.coarse], starts, coarse)
+    found = [resolved_near(task, guess) for guess in _distinct(task, attempts)[:most]]
+    solved = sorted((each for each in found if isinstance(each, Phases)), key=lambda phases: cost(problem, phases))
+    alike = within(task.policy.same.resolved_cost)
+    groups = grouped(solved, lambda first, item: alike(cost(problem, first), cost(problem, item)))
+    return tuple(group[0] for group in groups), tuple(attempts)
 
 
-def resolve(problem: MinimumTimeProblem, guess: Trajectory, dynamics: Dynamics, scheme: Scheme, stop: Stop) -> Phases:
+def resolved_near(task: Task, guess: Trajectory) -> Phases | Unresolved:
     """The optimum near a guess by Radau IIA of high order, with its multipliers.
 
     Args:
-        problem: with effort_weight > 0.
+        task: with a weight on effort.
         guess: the motion to start from.
-        dynamics: of its robot, with a free last body.
-        scheme: says the form of the dynamics.
-        stop: asked every few iterations.
     """
-    arc = Arc(guess.duration, (Mode.FREE,) * problem.robot.nv)
-    return solve_phases(problem, [arc], guess, dynamics, scheme, _FINE, stop)
+    arc = Arc(guess.duration, (Mode.FREE,) * task.problem.robot.nv)
+    return solve_phases(task, [arc], guess, task.policy.smooth.fine)
 
 
-def settled(
-    problem: MinimumTimeProblem, dynamics: Dynamics, scheme: Scheme, optima: Sequence[Phases], stop: Stop
-) -> Iterator[Phases]:
+def settled(task: Task, optima: Sequence[Phases]) -> Iterator[Phases]:
     """Optima whose mesh and structure are good enough to be replayed, that of least J first.
 
     The one of least J is improved, by one solve, until it is the best of all and there is nothing to improve:
     coarse meshes promise more than there is, and only what promises most is worth a finer one.
 
     Args:
-        problem: with effort_weight > 0.
-        dynamics: of its robot, with a free last body.
-        scheme: says the form of the dynamics.
+        task: with a weight on effort.
         optima: with one arc each.
-        stop: asked every few iterations.
     """
-    waiting, left = list(optima), []
+    waiting, left, numbers = list(optima), list[Phases](), task.policy.smooth
 
     def promise(phases: Phases) -> float:
-        return cost(problem, phases)
+        return cost(task.problem, phases)
 
-    def solved(arcs: Sequence[Arc], size: int, near: Phases, density: Density | None) -> Phases:
-        size = max(size, 3 * len(arcs))
-        return solve_phases(problem, arcs, near.torques, dynamics, scheme, size, stop, density=density)
-
-    for _ in range(_STEPS):
-        if not waiting or stop:
+    for _ in range(numbers.steps):
+        if not waiting or task.stop:
             break
         best = min(waiting, key=promise)
         waiting.remove(best)
-        stray, size = _stray(problem, best), best.arc_of.size
-        if stray <= _SETTLED:
+        stray = _stray(task.problem, best)
+        if stray <= numbers.settled:
             yield best
             continue
-        density = best.density if stray < 1 else None  # an artefact says nothing of where to look
-        if HAMILTONIAN_TOLERANCE < stray < _ROUGH and (arcs := _corrected(problem, best)):
-            better = solved(arcs, size, best, density)
-            if better.converged and _stray(problem, better) < stray:
-                waiting.append(better)
-                continue
-        if 2 * size > (_MOST if stray < _ROUGH else _MOST_ROUGH):
+        better = _restructured(task, best, stray)
+        size = Ladder(numbers.most if stray < numbers.rough else numbers.most_rough).above(best.arc_of.size)
+        if better is None and size is None:
             left.append(best)
             continue
-        better = solved(best.arcs, 2 * size, best, density)
-        if better.converged:
+        if better is None and size is not None:
+            finer = _solved(task, best.arcs, size, best, stray)
+            better = finer if isinstance(finer, Phases) else None
+        if better is not None:
             waiting.append(better)
     yield from sorted(left, key=promise)[:2] or sorted(waiting, key=promise)[:1] or optima[:1]
+
+
+def _restructured(task: Task, phases: Phases, stray: float) -> Phases | None:
+    """With the structure that the multipliers ask for; None: there is none, or it is no better."""
+    numbers, arcs = task.policy.smooth, task.policy.arcs
+    if not numbers.doubted < stray < numbers.rough:
+        return None
+    wanted = (
+        without_vanished(phases, arcs) or with_overlooked(task.problem, phases, arcs) or without_idle_touches(phases)
+    )
+    if not wanted:
+        return None
+    better = _solved(task, wanted, phases.arc_of.size, phases, stray)
+    return better if isinstance(better, Phases) and _stray(task.problem, better) < stray else None
+
+
+def _solved(task: Task, arcs: Sequence[Arc], size: int, near: Phases, stray: float) -> Phases | Unresolved:
+    """Arcs on a mesh, from a solution that is near; an artefact says nothing of where to look."""
+    density = near.density if stray < task.policy.smooth.artefact else None
+    return solve_phases(task, arcs, near.torques, max(size, 3 * len(arcs)), PhaseAim(density=density))
 
 
 def _stray(problem: MinimumTimeProblem, phases: Phases) -> float:
@@ -154,30 +149,25 @@ def _stray(problem: MinimumTimeProblem, phases: Phases) -> float:
     return float(max(np.max(np.abs(hamiltonian)), sign))
 
 
-def _corrected(problem: MinimumTimeProblem, phases: Phases) -> list[Arc]:
-    """The structure that the multipliers ask for; none: this one."""
-    return without_vanished(phases) or with_overlooked(problem, phases) or without_idle_touches(phases)
-
-
 def cost(problem: MinimumTimeProblem, phases: Phases) -> float:
     """J = ∫ (1 + w/2 τᵀτ) dt [s], by the collocation's own quadrature."""
     squares = np.sum(phases.tau**2, axis=2) @ TABLEAU.b
     return float(phases.duration + problem.effort_weight / 2 * np.diff(phases.t) @ squares)
 
 
-def _distinct(problem: MinimumTimeProblem, attempts: list[Attempt]) -> list[Trajectory]:
-    """Motions of converged attempts, no two the same, by J."""
-    solved = [a.trajectory for a in attempts if a.status is Status.SOLVED]
-    costs = sorted(((trajectory_cost(motion, problem.effort_weight), k) for k, motion in enumerate(solved)))
-    kept: list[tuple[float, Trajectory]] = []
-    for value, k in costs:
-        motion = solved[k]
-        if value <= _WORTH * costs[0][0] and not any(
-            value <= (1 + _SAME) * other and abs(motion.duration / like.duration - 1) <= 10 * _SAME
-            for other, like in kept
-        ):
-            kept.append((value, motion))
-    return [motion for _, motion in kept]
+def _distinct(task: Task, attempts: Sequence[Attempt]) -> list[Trajectory]:
+    """Motions of usable attempts, no two the same, by J."""
+    problem, same = task.problem, task.policy.same.coarse_cost
+    paid = [(trajectory_cost(a.trajectory, problem.effort_weight), a.trajectory) for a in attempts if a.usable]
+    paid.sort(key=lambda one: one[0])
+    alike = within(same)
+    groups = grouped(
+        (one for one in paid if one[0] <= task.policy.smooth.worth * paid[0][0]),
+        lambda first, one: (
+            alike(first[0], one[0]) and abs(one[1].duration / first[1].duration - 1) <= task.policy.same.coarse_duration
+        ),
+    )
+    return [group[0][1] for group in groups]
 
 
 def trajectory_cost(motion: Trajectory, weight: float) -> float:

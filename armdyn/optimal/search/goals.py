@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import stopping
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.direct import solve_on_mesh
@@ -15,11 +14,6 @@ from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task
 
 Array = NDArray[np.float64]
-
-_SOLVED = 2
-"""So many goals are solved in full, the best by one coarse solve each."""
-_HOPELESS = 1.05
-"""Goals that velocity limits alone put so far behind the best coarse duration are not tried; it is off by less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,16 +44,18 @@ def screened(
     branches: list[MinimumTimeProblem] = []
     durations: list[float] = []
     with stopping(options.time_limit / 3) as stop:
+        task = Task.of(problem, options, stop, tell)
+        numbers = task.policy.search
         for i, q in enumerate(problem.goals, start=1):
             branch = problem.variant(q_goal=q, goal_pose=None, wrap=False)
             branches.append(branch)
-            if stop or branch.duration_bound() > _HOPELESS * min(durations, default=np.inf):
+            if stop or branch.duration_bound() > numbers.hopeless * min(durations, default=np.inf):
                 durations.append(np.inf)
                 continue
             tell(f"goal {i} of {len(problem.goals)}")
-            task = Task.of(branch, options, stop)
-            attempt = solve_on_mesh(task, spline(branch, []), options.coarse_intervals[0], options.coarse()[1])
-            durations.append(attempt.trajectory.duration if attempt.status is Status.SOLVED else np.inf)
+            settings = task.coarse()[-1]
+            attempt = solve_on_mesh(task.about(branch), spline(branch, []), options.coarse_intervals[0], settings)
+            durations.append(attempt.trajectory.duration if attempt.usable else np.inf)
     order = sorted(range(len(branches)), key=lambda i: (durations[i], i))
     tried = [GoalTried(problem.goals[i], durations[i]) for i in order]
-    return [branches[i] for i in order[:_SOLVED]], tried
+    return [branches[i] for i in order[: numbers.goals_solved]], tried

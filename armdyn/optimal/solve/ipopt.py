@@ -1,57 +1,154 @@
-"""IPOPT, set up for the programs of `transcription`."""
+"""IPOPT, set up for one program and called from one place."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from typing import Any, Generic, Self, TypeVar
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
+from armdyn.exclusive import built_once, one_at_a_time
+from armdyn.optimal.problem.status import Status
+from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.monitor import Monitor
+from armdyn.optimal.task.options import DirectOptions
+
+Array = NDArray[np.float64]
+P = TypeVar("P", bound=Program)
 
 _ASKED = 5
 """Iterations between two questions whether to stop: a question costs as much as the gradients of a small arm."""
+_KEPT = 64
+"""Programs that stay built."""
+
+_STATUS = {
+    "Solve_Succeeded": Status.SOLVED,
+    "Solved_To_Acceptable_Level": Status.SOLVED,
+    "Infeasible_Problem_Detected": Status.INFEASIBLE,
+    "Restoration_Failed": Status.INFEASIBLE,
+    "Maximum_Iterations_Exceeded": Status.ITERATION_LIMIT,
+    "Maximum_CpuTime_Exceeded": Status.TIME_LIMIT,
+    "Maximum_WallTime_Exceeded": Status.TIME_LIMIT,
+    "User_Requested_Stop": Status.INTERRUPTED,
+}
 
 
-def make_solver(
-    nlp: Program,
-    tolerance: float,
-    max_iterations: int,
-    *,
-    verbose: bool = False,
-    options: Mapping[str, float | str] | None = None,
-) -> tuple[ca.Function, Monitor]:
-    """A solver with exact derivatives, and the monitor that can stop it.
+@dataclass(frozen=True)
+class IpoptSettings:
+    """How IPOPT goes about a program.
 
-    Args:
-        nlp: the program.
+    Attributes:
         tolerance: IPOPT's tol on the scaled problem.
         max_iterations: IPOPT's max_iter.
         verbose: let IPOPT print.
-        options: further IPOPT options.
+        options: further IPOPT options and their values.
     """
-    nx, ng, parameters = (nlp.functions[name].numel() for name in ("x", "g", "p"))
-    monitor = Monitor(nx, ng, parameters)
-    solver = ca.nlpsol(
-        "minimum_time",
-        "ipopt",
-        nlp.functions,
-        {
-            "jac_g": nlp.jacobian,
-            "hess_lag": nlp.hessian,
-            "iteration_callback": monitor,
-            "iteration_callback_step": _ASKED,
-            "calc_multipliers": False,
-            "error_on_fail": False,
-            "print_time": False,
-            "show_eval_warnings": verbose,
-            "ipopt": {
-                "tol": tolerance,
-                "max_iter": max_iterations,
-                "nlp_scaling_method": "none",  # the unknowns and equations are scaled already
-                "fixed_variable_treatment": "make_parameter",
-                "print_level": 5 if verbose else 0,
-                "sb": "yes",
-                **(options or {}),
+
+    tolerance: float
+    max_iterations: int
+    verbose: bool = False
+    options: tuple[tuple[str, float | str], ...] = ()
+
+    @classmethod
+    def of(cls, options: DirectOptions, **more: float | str) -> Self:
+        """Those of a call on a mesh, and further IPOPT options."""
+        own = ("mu_init", options.barrier)
+        return cls(options.tolerance, options.max_iterations, options.verbose, (own, *more.items()))
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What IPOPT made of a program.
+
+    Attributes:
+        status: how it ended.
+        message: IPOPT's word for it.
+        iterations: of IPOPT.
+        x: the unknowns where it ended; those where it began if it ended in none that are finite.
+        lam_g: multipliers of the equations.
+    """
+
+    status: Status
+    message: str
+    iterations: int
+    x: Array
+    lam_g: Array
+
+
+class Ipopt(Generic[P]):
+    """IPOPT set up for a program, with exact derivatives.
+
+    Attributes:
+        program: what it solves.
+    """
+
+    def __init__(self, program: P, settings: IpoptSettings):
+        nx, ng, parameters = (program.functions[name].numel() for name in ("x", "g", "p"))
+        self.program = program
+        self._monitor = Monitor(nx, ng, parameters)
+        self._solver = ca.nlpsol(
+            "minimum_time",
+            "ipopt",
+            program.functions,
+            {
+                "jac_g": program.jacobian,
+                "hess_lag": program.hessian,
+                "iteration_callback": self._monitor,
+                "iteration_callback_step": _ASKED,
+                "calc_multipliers": False,
+                "error_on_fail": False,
+                "print_time": False,
+                "show_eval_warnings": settings.verbose,
+                "ipopt": {
+                    "tol": settings.tolerance,
+                    "max_iter": settings.max_iterations,
+                    "nlp_scaling_method": "none",  # the unknowns and equations are scaled already
+                    "fixed_variable_treatment": "make_parameter",
+                    "print_level": 5 if settings.verbose else 0,
+                    "sb": "yes",
+                    **dict(settings.options),
+                },
             },
-        },
-    )
-    return solver, monitor
+        )
+
+    @classmethod
+    def of(cls, settings: IpoptSettings, build: Callable[..., P], *arguments: Hashable) -> "Ipopt[P]":
+        """IPOPT for what a function builds of its arguments: built once, and shared by all who ask for the same."""
+        return _built(settings, build, arguments)
+
+    def solve(
+        self, x: Array, p: Array, x_bounds: tuple[Array, Array], g_bounds: tuple[Array, Array], stop: Stop
+    ) -> Outcome:
+        """One call of IPOPT, and all of them go through here.
+
+        Args:
+            x: the unknowns to start from.
+            p: parameters.
+            x_bounds: least and largest unknowns.
+            g_bounds: least and largest values of the equations.
+            stop: asked every few iterations of this call.
+        """
+        (lbx, ubx), (lbg, ubg) = x_bounds, g_bounds
+        with one_at_a_time, self._monitor.asking(stop):
+            result = self._solver(x0=x, p=p, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg)
+            stats: dict[str, Any] = self._solver.stats()
+        word = str(stats["return_status"])
+        status = _STATUS.get(word, Status.FAILED)
+        if status is Status.INTERRUPTED and not stop.interrupted:
+            status, word = Status.TIME_LIMIT, "time limit reached"
+        found = np.array(result["x"]).ravel()
+        if not np.all(np.isfinite(found)):
+            status, found = Status.FAILED if status is Status.SOLVED else status, x
+        lam_g = np.array(result["lam_g"]).ravel()
+        return Outcome(status, word.replace("_", " "), int(stats["iter_count"]), found, lam_g)
+
+    def equations(self, x: Array, p: Array) -> Array:
+        """Values of the program's equations at unknowns and parameters."""
+        return np.array(self._solver.get_function("nlp_g")(x, p)).ravel()
+
+
+@built_once(maxsize=_KEPT)
+def _built(settings: IpoptSettings, build: Callable[..., P], arguments: tuple[Hashable, ...]) -> Ipopt[P]:
+    return Ipopt(build(*arguments), settings)

@@ -1,5 +1,7 @@
 """Asks within IPOPT whether to stop."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import casadi as ca
@@ -8,17 +10,22 @@ from armdyn.optimal.problem.stop import Stop
 
 
 class Monitor(ca.Callback):
-    """An iteration callback of `casadi.nlpsol` that asks a `Stop`.
-
-    Attributes:
-        stop: set before each solve.
-    """
+    """An iteration callback of `casadi.nlpsol` that asks a `Stop` while there is one."""
 
     def __init__(self, nx: int, ng: int, np_: int):
         ca.Callback.__init__(self)
         self._sizes = {"x": nx, "f": 1, "g": ng, "lam_x": nx, "lam_g": ng, "lam_p": np_}
-        self.stop = Stop()
+        self._stop: Stop | None = None
         self.construct("monitor", {})
+
+    @contextmanager
+    def asking(self, stop: Stop) -> Iterator[None]:
+        """Within it, and no longer, a `Stop` is asked."""
+        self._stop = stop
+        try:
+            yield
+        finally:
+            self._stop = None
 
     def get_n_in(self) -> int:
         """What nlpsol puts out goes in."""
@@ -38,4 +45,4 @@ class Monitor(ca.Callback):
 
     def eval(self, arguments: Any) -> list[int]:
         """Not zero: stop."""
-        return [int(bool(self.stop))]
+        return [int(bool(self._stop))]

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from armdyn.errors import ProblemError
-from armdyn.optimal.task.scheme import Control, DynamicsForm, Scheme
+from armdyn.optimal.task.scheme import Control, DynamicsForm
 from armdyn.trajectory import Trajectory
 
 
@@ -86,20 +86,3 @@ class MinimumTimeOptions:
                 raise ProblemError(f"{name} is {getattr(self, name)}; it must be positive")
         if self.control not in ("linear", "constant"):
             raise ProblemError(f"control is {self.control!r}; it must be 'linear' or 'constant'")
-
-    def scheme(self, joints: int) -> Scheme:
-        """The transcription for an arm of so many joints."""
-        form: DynamicsForm = "forward" if joints <= 3 else "inverse"
-        return Scheme(self.method, self.control, form if self.dynamics == "auto" else self.dynamics, self.compile)
-
-    def coarse(self) -> list[DirectOptions]:
-        """The part that IPOPT needs for the search: small barriers keep more of the guess, and find more optima."""
-        return [DirectOptions(1e-5, self.max_iterations, self.verbose, barrier) for barrier in (1e-3, 1e-2)]
-
-    def fine(self) -> DirectOptions:
-        """The same where the guess is a solution on another mesh, and shall not be left."""
-        return DirectOptions(1e-6, self.max_iterations, self.verbose, 1e-3)
-
-    def alone(self) -> DirectOptions:
-        """The same for a guess that has to do without a search."""
-        return DirectOptions(self.tolerance, self.max_iterations, self.verbose)

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.polynomial import legendre
 from numpy.typing import NDArray
-from scipy.special import roots_jacobi, roots_legendre
 
 Array = NDArray[np.float64]
 
@@ -74,13 +74,17 @@ def _collocation(name: str, c: Array, order: int) -> Tableau:
 
 def _radau(stages: int) -> Tableau:
     """Radau IIA: stiffly accurate, L-stable, of order 2 stages - 1 (Hairer, Wanner, Solving ODEs II, IV.5)."""
-    c = np.append((1 + np.sort(roots_jacobi(stages - 1, 1, 0)[0])) / 2, 1.0)
-    return _collocation(f"radau{stages}", c, 2 * stages - 1)
+    # (P_{s-1} - P_s) / (1 - x) as a series of Legendre polynomials, by Christoffel and Darboux: its roots and x = 1.
+    series = 2.0 * np.arange(stages) + 1
+    roots = np.sort(legendre.legroots(series).real)
+    for _ in range(2):  # Newton's method, from 1e-15 to the last bit
+        roots = roots - legendre.legval(roots, series) / legendre.legval(roots, legendre.legder(series))
+    return _collocation(f"radau{stages}", np.append((1 + roots) / 2, 1.0), 2 * stages - 1)
 
 
 def _gauss(stages: int) -> Tableau:
     """Gauss: no stage is a knot; 2 stages is the highest order there is (the same, IV.5)."""
-    return _collocation(f"gauss{stages}", (1 + np.sort(roots_legendre(stages)[0])) / 2, 2 * stages)
+    return _collocation(f"gauss{stages}", (1 + legendre.leggauss(stages)[0]) / 2, 2 * stages)
 
 
 LOBATTO_3 = _collocation("lobatto3", np.array([0.0, 0.5, 1.0]), 4)

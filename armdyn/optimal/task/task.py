@@ -7,7 +7,7 @@ from typing import Any, Self
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.optimal.task.options import DirectOptions, MinimumTimeOptions
 from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.scheme import Scheme
 
@@ -56,7 +56,15 @@ class Task:
         """
         options, policy = options or MinimumTimeOptions(), Policy.of(problem)
         dynamics = Dynamics(problem.robot, free_last_body=True)
-        return cls(problem, dynamics, policy.scheme(options), options, policy, stop or Stop(), tell or _silently)
+        return cls(
+            problem,
+            dynamics,
+            policy.scheme(options),
+            options,
+            policy,
+            Stop() if stop is None else stop,
+            tell or _silently,
+        )
 
     def about(self, problem: MinimumTimeProblem) -> Self:
         """The same about another problem."""
@@ -67,3 +75,29 @@ class Task:
     def with_options(self, **changes: Any) -> Self:
         """The same with some options changed."""
         return replace(self, options=replace(self.options, **changes))
+
+    @property
+    def workers(self) -> int | None:
+        """Processes of search and refinement; None: one per core."""
+        return self.options.workers if self.policy.search.side_by_side else 1
+
+    def coarse(self) -> list[DirectOptions]:
+        """What IPOPT needs for the search; guesses take turns on these."""
+        numbers = self.policy.program
+        return [self._settings(numbers.coarse_tolerance, barrier) for barrier in numbers.coarse_barriers]
+
+    def fine(self) -> DirectOptions:
+        """The same where the guess is a solution on another mesh, and shall not be left."""
+        return self._settings(self.policy.program.fine_tolerance, self.policy.program.fine_barrier)
+
+    def alone(self) -> DirectOptions:
+        """The same for a guess that has to do without a search."""
+        return self._settings(self.options.tolerance, DirectOptions.barrier)
+
+    def patient(self, settings: DirectOptions) -> DirectOptions:
+        """The same with no more iterations than a fine mesh is worth."""
+        most = self.policy.program.patience
+        return settings if most is None else replace(settings, max_iterations=min(settings.max_iterations, most))
+
+    def _settings(self, tolerance: float, barrier: float) -> DirectOptions:
+        return DirectOptions(tolerance, self.options.max_iterations, self.options.verbose, barrier)

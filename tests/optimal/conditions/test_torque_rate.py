@@ -32,8 +32,8 @@ def solve(problem, **options):
         (4.0, 1 / 4 + np.sqrt(1 / 4**2 + 4 * 2)),  # here the torque reaches its 1 N, too
     ],
 )
-def test_a_cart_takes_the_time_of_its_double_s(tmp_path, rate, duration):
-    problem = ad.MinimumTimeProblem(cart(tmp_path), q_start=[0.0], q_goal=[2.0], conditions=[ad.TorqueRateLimit(rate)])
+def test_a_cart_takes_the_time_of_its_double_s(rate, duration):
+    problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0], conditions=[ad.TorqueRateLimit(rate)])
     solution = solve(problem)
     # Corners fall between knots: `settle` stops where a mesh twice as fine changes less than 5e-4.
     assert solution.duration == pytest.approx(duration, rel=5e-4)
@@ -60,7 +60,7 @@ def test_none_at_all_changes_nothing_but_the_control():
     task, guess = Task.of(problem), spline(plain, [])
     assert task.scheme.control == "linear" and Task.of(plain).scheme.control == "constant"
     linear = Task.of(plain, ad.MinimumTimeOptions(control="linear"))
-    durations = [solve_on_mesh(each, guess, 40, each.options.alone()).trajectory.duration for each in (task, linear)]
+    durations = [solve_on_mesh(each, guess, 40, each.alone()).trajectory.duration for each in (task, linear)]
     assert durations[0] == pytest.approx(durations[1], rel=1e-6)  # IPOPT's 1e-8, scaled
 
 

@@ -1,17 +1,18 @@
 """Rows that ask for distances between capsules around links and what these must keep clear of."""
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.exclusive import built_once
 from armdyn.models.obstacles import Capsule, Obstacle
 from armdyn.optimal.conditions.clearance.distance import SIZES, Solid, from_segment, least_over_segment, solid
 from armdyn.optimal.conditions.rows import RowFunctions, Where
-from armdyn.optimal.program.assembly import Layout, nonzeros_of, parameters_of
 from armdyn.optimal.program.compiled import compiled
+from armdyn.optimal.program.interval import nonzeros_of
+from armdyn.optimal.program.layout import Layout, Parameters
 from armdyn.optimal.task.scheme import Scheme
 
 Kinds = tuple[type[Obstacle], ...]
@@ -62,22 +63,22 @@ class PairRows:
         return _distance_rows(dynamics, scheme, self.pairs, self.kinds)
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def distances_at(dynamics: Dynamics, pairs: tuple[Pair, ...], kinds: Kinds = ()) -> ca.Function:
     """Function of q [rad or m], shape (nv,), and the obstacles' numbers: the distance of every pair [m]."""
     q, scene = ca.SX.sym("q", dynamics.nv), ca.SX.sym("scene", sum(SIZES[kind] for kind in kinds))
     return ca.Function("distances", [q, scene], [ca.cse(_distances(dynamics, q, scene, pairs, kinds))])
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def _distance_rows(dynamics: Dynamics, scheme: Scheme, pairs: tuple[Pair, ...], kinds: Kinds) -> RowFunctions:
     """Distances at a part s of an interval, on the cubic through positions and velocities of its knots.
 
     Differentiated by q, and by the chain rule from there to the interval's unknowns: a third of the operations.
     """
     n, layout = dynamics.nv, Layout(dynamics.nv, scheme)
-    y = ca.SX.sym("y", 2 * layout.knot + layout.inner)
-    p, s = ca.SX.sym("p", 1 + parameters_of(n)), ca.SX.sym("s")
+    y = ca.SX.sym("y", layout.width)
+    p, s = ca.SX.sym("p", Parameters.size(n)), ca.SX.sym("s")
     here = _between_knots(y, p, s, layout)
     place = ca.Function("place", [y, p, s], [here])
     values, slopes, bends_at = _by_positions(dynamics, pairs, kinds, scheme.compile)
@@ -107,14 +108,13 @@ def _distance_rows(dynamics: Dynamics, scheme: Scheme, pairs: tuple[Pair, ...], 
 
 def _between_knots(y: ca.SX, p: ca.SX, s: ca.SX, layout: Layout) -> ca.SX:
     """Joint positions [rad or m] at a part s of an interval."""
-    n = layout.nv
-    fraction, time, length, speed = ca.vertsplit(p[:4])
-    end = layout.knot + layout.inner
-    h = fraction * time * y[2 * n]
-    q = [length * y[first : first + n] for first in (0, end)]
-    v = [speed * y[first : first + n] for first in (n, end + n)]
+    by, knot, (left, _, right) = Parameters.of(p, layout.nv), layout.knot, layout.parts(y)
+    h = by.fraction * by.time * left[knot.time]
+    q = [by.length * end[knot.q] for end in (left, right)]
+    v = [by.speed * end[knot.v] for end in (left, right)]
     rise = q[1] - q[0]
-    return q[0] + s * (h * v[0] + s * (3 * rise - h * (2 * v[0] + v[1]) + s * (h * (v[0] + v[1]) - 2 * rise)))
+    here: ca.SX = q[0] + s * (h * v[0] + s * (3 * rise - h * (2 * v[0] + v[1]) + s * (h * (v[0] + v[1]) - 2 * rise)))
+    return here
 
 
 def _by_positions(

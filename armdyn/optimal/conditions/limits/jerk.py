@@ -11,7 +11,7 @@ from armdyn.optimal.conditions.condition import Condition, Kept, Knots
 from armdyn.optimal.conditions.limits.rates import accelerations, kept_by_joints
 from armdyn.optimal.conditions.rows import Rows, RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.program.assembly import Stages
+from armdyn.optimal.program.interval import Stages
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]

@@ -13,7 +13,7 @@ from armdyn.models.robot import Robot
 from armdyn.optimal.conditions.condition import Condition, Kept, Knots
 from armdyn.optimal.conditions.rows import Rows, RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.program.assembly import Stages
+from armdyn.optimal.program.interval import Stages
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]

@@ -1,0 +1,45 @@
+"""One at a time: what threads must not do at once.
+
+CasADi lets go of the interpreter's lock whenever it is called, so that threads do meet in it. Building expressions
+and evaluating Functions are safe there. A solver is not: it has one memory, whoever calls it, and one monitor that
+says when to stop. Whoever calls IPOPT therefore takes `one_at_a_time`, and so does who builds, or works in what is
+built once and changed by its use. It is never held from one call of IPOPT to the next: threads take turns.
+
+A fork waits for its turn, too, so that its child finds nothing half done and no lock of IPOPT's taken.
+"""
+
+import os
+import threading
+from collections.abc import Callable
+from functools import lru_cache, wraps
+from typing import ParamSpec, TypeVar
+
+Parameters = ParamSpec("Parameters")
+Built = TypeVar("Built")
+
+one_at_a_time = threading.RLock()
+"""Of the whole process."""
+
+os.register_at_fork(
+    before=one_at_a_time.acquire, after_in_parent=one_at_a_time.release, after_in_child=one_at_a_time.release
+)
+
+
+def built_once(maxsize: int) -> Callable[[Callable[Parameters, Built]], Callable[Parameters, Built]]:
+    """A decorator: the same hashable arguments give the same object, which one thread builds while others wait.
+
+    Args:
+        maxsize: so many objects are kept.
+    """
+
+    def decorate(build: Callable[Parameters, Built]) -> Callable[Parameters, Built]:
+        known = lru_cache(maxsize)(build)
+
+        @wraps(known)
+        def alone(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Built:
+            with one_at_a_time:
+                return known(*args, **kwargs)  # type: ignore[arg-type]  # hashable they must be
+
+        return alone
+
+    return decorate

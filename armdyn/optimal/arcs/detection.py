@@ -1,0 +1,151 @@
+"""Arcs read from the torques and states of a mesh."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.arcs.arc import BANG, POSITION, VELOCITY, Arc, Event, Mode, arcs_between
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.task.policy.refinement import ArcsPolicy
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_TOWARD = {Mode.VELOCITY_UPPER: Mode.UPPER, Mode.VELOCITY_LOWER: Mode.LOWER}
+"""The torque that brings a joint to a velocity limit; away from it, the other."""
+_OPPOSITE = {Mode.UPPER: Mode.LOWER, Mode.LOWER: Mode.UPPER}
+
+
+def detect(
+    problem: MinimumTimeProblem, trajectory: Trajectory, mesh: Array, switch: int, numbers: ArcsPolicy
+) -> list[Arc]:
+    """The arcs of a collocation solution with constant torques between its knots.
+
+    Args:
+        problem: its limits.
+        trajectory: the solution.
+        mesh: its knots as parts of the duration.
+        switch: so many intervals off all limits in a row are a switch, and not an arc.
+        numbers: how near a limit is on it.
+    """
+    duration, limits, intervals = trajectory.duration, problem.limits, mesh.size - 1
+    knots = duration * mesh
+    middle = trajectory((knots[:-1] + knots[1:]) / 2)
+    at_knots = trajectory(knots)
+    centre = (limits.effort_upper + limits.effort_lower) / 2
+    level = (middle.tau - centre) / (limits.effort_upper - centre)
+    first: list[Mode] = []
+    events: list[Event] = []
+    for i in range(problem.robot.nv):
+        # Constant torque cannot hold a limit exactly: both ends of an interval near it are enough.
+        slow = np.minimum(np.abs(at_knots.v[:-1, i]), np.abs(at_knots.v[1:, i]))
+        bounds = np.array([limits.position_lower[i], limits.position_upper[i]])
+        room = np.min(np.abs(at_knots.q[:, i, None] - bounds), axis=1)
+        scale = max(float(np.ptp(at_knots.q[:, i])), 0.1)
+        touching = room < numbers.touching * scale
+        near = room < numbers.in_contact * scale
+        contact = touching[:-1] | touching[1:] | (near[:-1] & near[1:])  # one end tells where contact begins or ends
+        above = bounds[1] - middle.q[:, i] < middle.q[:, i] - bounds[0]
+        fast = slow > limits.velocity[i] * (1 - numbers.near_speed)
+        modes = [
+            _torque_mode(level[k, i], numbers.near) or _state_mode(fast[k], middle.v[k, i], contact[k], above[k])
+            for k in range(intervals)
+        ]
+        runs = _runs(_without_lifting_off(modes))
+        first.append(_first_mode(runs, level[:, i], switch))
+        events += _switches(runs, level[:, i], knots, i, switch)
+        inner = np.flatnonzero(touching[1:-1]) + 1
+        on_limit = [k for k in inner if modes[k] not in POSITION and modes[k - 1] not in POSITION]
+        for run in np.split(on_limit, np.flatnonzero(np.diff(on_limit) > 1) + 1):
+            if len(run):
+                k = int(run[len(run) // 2])
+                side = Mode.POSITION_UPPER if at_knots.q[k, i] > np.mean(bounds) else Mode.POSITION_LOWER
+                events.append(Event(float(knots[k]), i, side, touch=True))
+    return arcs_between(first, events, duration)
+
+
+def _torque_mode(level: float, near: float) -> Mode | None:
+    if level > 1 - near:
+        return Mode.UPPER
+    return Mode.LOWER if level < -1 + near else None
+
+
+def _state_mode(fast: bool, v: float, contact: bool, above: bool) -> Mode:
+    if fast:
+        return Mode.VELOCITY_UPPER if v > 0 else Mode.VELOCITY_LOWER
+    if contact:
+        return Mode.POSITION_UPPER if above else Mode.POSITION_LOWER
+    return Mode.FREE
+
+
+def _without_lifting_off(modes: Sequence[Mode]) -> list[Mode]:
+    """Between contacts with one limit a free torque is that contact: it costs nothing to bounce a little."""
+    out, runs = list(modes), _runs(modes)
+    for (before, *_), (mode, start, stop), (after, *_) in zip(runs, runs[1:], runs[2:], strict=False):
+        if mode is Mode.FREE and before is after and before in POSITION:
+            out[start:stop] = [before] * (stop - start)
+    return out
+
+
+def _runs(modes: Sequence[Mode]) -> list[tuple[Mode, int, int]]:
+    """Maximal runs of one mode: (mode, first interval, one past the last)."""
+    edges = [0, *(k for k in range(1, len(modes)) if modes[k] is not modes[k - 1]), len(modes)]
+    return [(modes[a], a, b) for a, b in pairwise(edges)]
+
+
+def _is_switch(run: tuple[Mode, int, int], switch: int) -> bool:
+    mode, start, stop = run
+    return mode is Mode.FREE and stop - start <= switch
+
+
+def _first_mode(runs: Sequence[tuple[Mode, int, int]], level: Array, switch: int) -> Mode:
+    if not _is_switch(runs[0], switch):
+        return runs[0][0]
+    after = runs[1][0] if len(runs) > 1 else Mode.FREE
+    if after in VELOCITY:
+        return _TOWARD[after]
+    # The switch lies within the first intervals: it must come from the other side.
+    return _OPPOSITE.get(after, Mode.UPPER if level[0] > 0 else Mode.LOWER)
+
+
+def _switches(
+    runs: Sequence[tuple[Mode, int, int]], level: Array, knots: Array, joint: int, switch: int
+) -> list[Event]:
+    """The switches of one joint, each where the mean torque of the intervals around it puts it."""
+    events: list[Event] = []
+    sign = {Mode.UPPER: 1.0, Mode.LOWER: -1.0}
+    mode = _first_mode(runs, level, switch)
+    for r, (here, start, stop) in enumerate(runs):
+        t0, t1 = float(knots[start]), float(knots[stop])
+        if not _is_switch(runs[r], switch):
+            if here is not mode:
+                if not events or events[-1].time < t0 or events[-1].mode is not here:
+                    events.append(Event(t0, joint, here))
+                mode = here
+            continue
+        away = _OPPOSITE[_TOWARD[mode]] if mode in VELOCITY else _OPPOSITE.get(mode, Mode.FREE)
+        after = runs[r + 1][0] if r + 1 < len(runs) else away
+        if r + 1 < len(runs) and _is_switch(runs[r + 1], switch):
+            continue
+        part = float(np.mean((level[start:stop] + 1) / 2))  # of the time on the upper limit
+        if after is mode:  # there and back: a short arc on the other limit
+            if mode not in sign:
+                continue
+            there = (1 - part) if mode is Mode.UPPER else part
+            half = there * (t1 - t0) / 2
+            if there > 0.02:
+                centre = (t0 + t1) / 2
+                events += [Event(centre - half, joint, _OPPOSITE[mode]), Event(centre + half, joint, mode)]
+            continue
+        if mode in sign and after in sign:
+            share = part if mode is Mode.UPPER else 1 - part
+            events.append(Event(t0 + share * (t1 - t0), joint, after))
+        else:
+            between = _TOWARD.get(after, away)
+            if between in BANG and between is not mode and between is not after:
+                events.append(Event(t0 + 0.25 * (t1 - t0), joint, between))
+            events.append(Event((t0 + t1) / 2, joint, after))
+        mode = after
+    return events

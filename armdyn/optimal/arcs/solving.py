@@ -1,0 +1,137 @@
+"""Arcs of known structure as one nonlinear program whose durations are unknown.
+
+Every arc is a phase of five-stage Radau IIA collocation on which the torque (or the velocity, or the position)
+of each joint stays on its limit. What is left to find are the durations: within a phase the motion
+is smooth, so that the collocation's error falls with its full order, and t_f is exact to rounding.
+The multipliers of the defects are the costates.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.arcs.arc import Arc
+from armdyn.optimal.arcs.grid import Density, density_of, layered
+from armdyn.optimal.arcs.phases import TABLEAU, Phases, Unresolved
+from armdyn.optimal.arcs.posing import PhaseAim, Posed, pose
+from armdyn.optimal.arcs.sampling import motion_of
+from armdyn.optimal.problem.status import Status
+from armdyn.optimal.program.assembly import Nlp, build_nlp
+from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, Outcome
+from armdyn.optimal.task.task import Task
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_NEWTON: tuple[tuple[str, float | str], ...] = (("bound_relax_factor", 0.0), ("acceptable_iter", 0))
+""""Acceptable" to IPOPT is a defect of 1e-2: not to us."""
+_CAREFUL: tuple[tuple[str, float | str], ...] = (*_NEWTON, ("mu_init", 1e-3))
+_FROM_HERE: tuple[tuple[str, float | str], ...] = (
+    *_NEWTON,
+    ("mu_init", 1e-9),
+    ("bound_push", 1e-9),
+    ("bound_frac", 1e-9),
+)
+"""The guess is near, or all torques are held: Newton's method from where it stands."""
+
+
+def solve_phases(
+    task: Task, arcs: Sequence[Arc], guess: Trajectory, intervals: int, aim: PhaseAim | None = None
+) -> Phases | Unresolved:
+    """Durations of arcs, by Newton's method in the shape of IPOPT.
+
+    Args:
+        task: what is to be solved; its scheme says the form of the dynamics.
+        arcs: the structure, and guesses of its durations.
+        guess: states to start from, at the times that the durations say.
+        intervals: of the whole mesh.
+        aim: by default the goal, from a guess that may be far.
+    """
+    aim, numbers, singular = aim or PhaseAim(), task.policy.arcs, any(arc.singular for arc in arcs)
+    free = numbers.smooth_iterations if task.problem.effort_weight else numbers.free_iterations
+    iterations = free if singular else numbers.held_iterations
+    solver = _solver(task, intervals, aim.near or not singular, iterations)
+    posed = pose(task, arcs, guess, solver.program.layout, intervals, aim)
+    outcome = solver.solve(posed.x, posed.parameters, posed.x_bounds, posed.g_bounds, task.stop)
+    phases = _read(task, solver.program, posed, outcome)
+    if outcome.status is Status.SOLVED:
+        return phases
+    return Unresolved(outcome.message, outcome.iterations, phases)
+
+
+def prepare_phases(task: Task, intervals: int) -> None:
+    """Build, if it is not there, what `solve_phases` needs for arcs without free torques."""
+    _solver(task, intervals, near=True, iterations=task.policy.arcs.held_iterations)
+
+
+def _solver(task: Task, intervals: int, near: bool, iterations: int) -> Ipopt[Nlp]:
+    scheme = replace(task.scheme, method=TABLEAU.name, control="stage")
+    settings = IpoptSettings(task.policy.arcs.tolerance, iterations, options=_FROM_HERE if near else _CAREFUL)
+    return Ipopt.of(settings, build_nlp, task.dynamics, scheme, intervals)
+
+
+def _read(task: Task, nlp: Nlp, posed: Posed, outcome: Outcome) -> Phases:
+    """The phases that unknowns and multipliers stand for."""
+    layout, N, n, scales, x = nlp.layout, nlp.intervals, nlp.layout.nv, posed.scales, outcome.x
+    problem, numbers = task.problem, task.policy.arcs
+    units = np.array([scales.length, scales.speed])[:, None]
+    lengths = np.maximum(x[layout.times(N)[:-1]] * scales.time * posed.part, 1e-12)
+    t = np.concatenate([[0], np.cumsum(lengths)])
+    arcs = tuple(replace(arc, duration=float(lengths[posed.arc_of == a].sum())) for a, arc in enumerate(posed.arcs))
+    knots = x[layout.states(N)].reshape(N + 1, 1, 2, n) * units
+    stages = np.concatenate([x[layout.inner_states(N)].reshape(N, -1, 2, n) * units, knots[1:]], axis=1)
+    tau = x[layout.torques(N)] * scales.effort
+    states = np.concatenate([knots[:-1], stages], axis=1)
+    torques = motion_of(problem, arcs, posed.arc_of, t, states, tau, numbers.samples)
+    slope = _slope(nlp, posed, outcome)
+    costate, stage_costate = _costates(nlp, posed, outcome, slope)
+    pull = scales.time / units
+    return Phases(
+        arcs=arcs,
+        t=t,
+        q=knots[:, 0, 0],
+        v=knots[:, 0, 1],
+        costate=costate,
+        tau=tau,
+        arc_of=posed.arc_of,
+        laid=posed.density,
+        density=_density(t, states, stage_costate, layered(torques, problem.robot.friction, numbers), numbers.floor),
+        stage_q=stages[:, :, 0],
+        stage_v=stages[:, :, 1],
+        stage_costate=stage_costate,
+        torque_pull=slope[layout.torques(N)] * (scales.time / scales.effort),
+        state_pull=slope[layout.inner_states(N)].reshape(N, -1, 2, n) * pull,
+        knot_pull=slope[layout.states(N)[1:-1]].reshape(N - 1, 2, n) * pull,
+        torques=torques,
+        iterations=outcome.iterations,
+    )
+
+
+def _density(t: Array, states: Array, stage_costate: Array, layers: Density | None, floor: float) -> Density:
+    """Where another mesh needs its intervals: where states and costates bend, and where dry friction turns around."""
+    flat = states.reshape(*states.shape[:2], -1)
+    costate = stage_costate / (TABLEAU.b[:, None] * np.diff(t)[:, None, None])
+    bends = density_of(t, [(np.append(0, TABLEAU.c), flat), (TABLEAU.c, costate)], floor)
+    return bends if layers is None else bends.with_half_of(layers)
+
+
+def _slope(nlp: Nlp, posed: Posed, outcome: Outcome) -> Array:
+    """The Lagrangian's gradient without the bounds' multipliers, which it therefore is."""
+    jacobian = nlp.jacobian(outcome.x, posed.parameters)[1]
+    slope = np.array(ca.mtimes(jacobian.T, outcome.lam_g)).ravel()
+    slope += np.array(nlp.gradient(outcome.x, posed.parameters)).ravel()
+    return slope
+
+
+def _costates(nlp: Nlp, posed: Posed, outcome: Outcome, slope: Array) -> tuple[Array, Array]:
+    """Costates at the knots, shape (N + 1, 2 nv), and their integrals over the stages, shape (N, stages, 2 nv)."""
+    layout, N, scales = nlp.layout, nlp.intervals, posed.scales
+    rows = outcome.lam_g.reshape(N, layout.equations.size)[:, layout.defects]  # (N, stages, 2 nv)
+    units = np.repeat([scales.length, scales.speed], layout.nv)
+    costate = np.concatenate([-rows.sum(axis=1), -slope[layout.states(N)[-1:]]])
+    lengths = posed.part * outcome.x[layout.times(N)[:-1]]
+    integrals = -np.einsum("kia,ij,k->kja", rows, TABLEAU.A, lengths * scales.time)
+    return costate * scales.time / units, integrals * scales.time / units

@@ -1,0 +1,201 @@
+"""One interval of direct collocation, written once for every tableau: its equations, cost and derivatives."""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.dynamics.symbolic import Dynamics
+from armdyn.exclusive import built_once
+from armdyn.optimal.program.compiled import compiled
+from armdyn.optimal.program.layout import Layout, Parameters
+from armdyn.optimal.task.scheme import Scheme
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _ScaledStages:
+    """One interval: unknowns y = (knot, inner, next knot), parameters p, and what follows from them at its stages."""
+
+    y: ca.SX
+    p: ca.SX
+    states: list[ca.SX]
+    torques: list[ca.SX]
+    velocities: list[ca.SX]
+    accelerations: list[ca.SX]
+    balances: list[ca.SX]
+
+
+def _scaled_stages(dynamics: Dynamics, scheme: Scheme) -> _ScaledStages:
+    """Scaled states and torques, velocities, accelerations [rad/s²], how far inverse dynamics are from balance."""
+    n, tableau, layout = dynamics.nv, scheme.tableau, Layout(dynamics.nv, scheme)
+    y, p = ca.SX.sym("y", layout.width), ca.SX.sym("p", Parameters.size(n))
+    by, body = Parameters.of(p, n), present_body(dynamics, p)
+    left, inner, right = layout.parts(y)
+
+    states = ca.vertsplit(inner[layout.inner.states], 2 * n) if len(tableau.inner) else []
+    if tableau.starts_at_knot:
+        states.insert(0, left[layout.knot.state])
+    if tableau.ends_at_knot:
+        states.append(right[layout.knot.state])
+    if scheme.control == "linear":
+        u = [(1 - c) * left[layout.knot.torque] + c * right[layout.knot.torque] for c in tableau.c]
+    else:
+        own = ca.vertsplit(inner[layout.inner.torques], n)
+        u = own if scheme.control == "stage" else own * tableau.c.size
+    scaled = ca.vertsplit(inner[layout.inner.accelerations], n) if scheme.dynamics == "inverse" else []
+
+    velocities, accelerations, balances = [], [], []
+    for i, (x, torque) in enumerate(zip(states, u, strict=True)):
+        q, v = by.length * x[layout.knot.q], by.speed * x[layout.knot.v]
+        if scheme.dynamics == "forward":
+            a = dynamics.aba(q, v, by.effort * torque, body)
+        else:
+            a = scaled[i] * by.speed / by.time
+            balances.append(dynamics.rnea(q, v, a, body) / by.effort - torque)
+        velocities.append(v)
+        accelerations.append(a)
+    return _ScaledStages(y, p, states, u, velocities, accelerations, balances)
+
+
+def present_body(dynamics: Dynamics, p: ca.SX) -> ca.SX:
+    """The last body of an interval's parameters.
+
+    What it has none of, as a planar arm most products of inertia, is no part of the expressions.
+    """
+    if dynamics.last_body.size == 0:
+        raise ValueError("a transcription takes Dynamics(robot, free_last_body=True)")
+    numbers, present = Parameters.of(p, dynamics.nv).last_body, dynamics.last_body != 0
+    body: ca.SX = ca.vertcat(*(numbers[i] if there else 0 for i, there in enumerate(present)))
+    return body
+
+
+def _equations(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    """Unknowns, parameters, defects and cost of one interval, all scaled."""
+    n, tableau, layout, one = dynamics.nv, scheme.tableau, Layout(dynamics.nv, scheme), _scaled_stages(dynamics, scheme)
+    by, (left, _, right) = Parameters.of(one.p, n), layout.parts(one.y)
+    start, end, duration = left[layout.knot.state], right[layout.knot.state], left[layout.knot.time]
+    scale = ca.vertcat(ca.repmat(by.length, n, 1), ca.repmat(by.speed, n, 1))
+    h = by.fraction * by.time * duration
+    rates = [ca.vertcat(v, a) / scale for v, a in zip(one.velocities, one.accelerations, strict=True)]
+    defects = list(one.balances)
+    for i in range(tableau.c.size):
+        if np.any(tableau.A[i]):
+            rise = sum(tableau.A[i, j] * rates[j] for j in range(tableau.c.size))
+            defects.append(one.states[i] - start - h * rise)
+    if not tableau.ends_at_knot:
+        defects.append(end - start - h * sum(b * f for b, f in zip(tableau.b, rates, strict=True)))
+    defects.append(right[layout.knot.time] - duration)
+
+    square = sum(b * ca.dot(by.weights, torque**2) for b, torque in zip(tableau.b, one.torques, strict=True))
+    cost = by.fraction * duration * (1 + square / 2)
+    return one.y, one.p, ca.vertcat(*defects), cost
+
+
+@dataclass(frozen=True, eq=False)
+class Stages:
+    """One interval in SI units, a column for every stage: what conditions along the way are written in.
+
+    Attributes:
+        y: its unknowns.
+        p: its parameters.
+        h: its duration [s].
+        c: where the stages lie in it.
+        q: joint positions [rad or m], shape (nv, stages).
+        v: velocities [rad/s or m/s], likewise.
+        a: accelerations [rad/s² or m/s²], likewise.
+        tau: torques [N m or N], likewise.
+        acceleration: what is one in the scaled problem [rad/s² or m/s²].
+        effort: likewise [N m or N], shape (nv,).
+        dynamics: of the robot.
+        knots: whether the first and the last stage are knots.
+    """
+
+    y: ca.SX
+    p: ca.SX
+    h: ca.SX
+    c: Array
+    q: ca.SX
+    v: ca.SX
+    a: ca.SX
+    tau: ca.SX
+    acceleration: ca.SX
+    effort: ca.SX
+    dynamics: Dynamics
+    knots: tuple[bool, bool]
+
+
+def stages_of(dynamics: Dynamics, scheme: Scheme) -> Stages:
+    """The stages of one interval."""
+    layout, one = Layout(dynamics.nv, scheme), _scaled_stages(dynamics, scheme)
+    by, (left, _, _) = Parameters.of(one.p, dynamics.nv), layout.parts(one.y)
+    return Stages(
+        y=one.y,
+        p=one.p,
+        h=by.fraction * by.time * left[layout.knot.time],
+        c=scheme.tableau.c,
+        q=ca.horzcat(*(by.length * x[layout.knot.q] for x in one.states)),
+        v=ca.horzcat(*one.velocities),
+        a=ca.horzcat(*one.accelerations),
+        tau=ca.horzcat(*(by.effort * torque for torque in one.torques)),
+        acceleration=by.speed / by.time,
+        effort=by.effort,
+        dynamics=dynamics,
+        knots=(scheme.tableau.starts_at_knot, scheme.tableau.ends_at_knot),
+    )
+
+
+@dataclass(frozen=True)
+class IntervalFunctions:
+    """One interval's values and the nonzeros of its derivatives."""
+
+    defects: ca.Function
+    cost: ca.Function
+    jacobian: ca.Function
+    jacobian_pattern: ca.Sparsity
+    hessian: ca.Function
+    hessian_pattern: ca.Sparsity
+
+
+@built_once(maxsize=16)
+def interval_functions(dynamics: Dynamics, scheme: Scheme) -> IntervalFunctions:
+    """The functions of one interval; the same model and scheme give the same ones."""
+    return differentiated("interval", *_equations(dynamics, scheme), scheme.compile)
+
+
+def differentiated(name: str, y: ca.SX, p: ca.SX, defects: ca.SX, cost: ca.SX, asked: bool | None) -> IntervalFunctions:
+    """An interval's equations as functions, with their derivatives.
+
+    Args:
+        name: the functions' names begin so.
+        y: its unknowns.
+        p: its parameters.
+        defects: its equations.
+        cost: its part of the cost.
+        asked: for `compiled`.
+    """
+    sigma, lam = ca.SX.sym("sigma"), ca.SX.sym("lam", defects.numel())
+    jacobian = ca.jacobian(defects, y)
+    hessian = ca.triu(ca.hessian(sigma * cost + ca.dot(lam, defects), y)[0])
+    derivatives = (
+        ca.Function(f"{name}_jacobian", [y, p], [nonzeros_of(jacobian)]),
+        ca.Function(f"{name}_hessian", [y, p, sigma, lam], [nonzeros_of(hessian)]),
+    )
+    fast = compiled(derivatives, asked)
+    return IntervalFunctions(
+        defects=ca.Function(f"{name}_defects", [y, p], [defects]),
+        cost=ca.Function(f"{name}_cost", [y, p], [cost]),  # apart: its gradient needs no dynamics
+        jacobian=fast[0],
+        jacobian_pattern=jacobian.sparsity(),
+        hessian=fast[1],
+        hessian_pattern=hessian.sparsity(),
+    )
+
+
+def nonzeros_of(matrix: ca.SX) -> ca.SX:
+    """The nonzeros of a matrix as a dense column."""
+    column = ca.SX(ca.Sparsity.dense(matrix.nnz(), 1), 0)
+    column.nz[:] = matrix.nz[:]
+    return column

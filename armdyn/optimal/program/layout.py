@@ -1,0 +1,283 @@
+"""Where in the unknowns, equations and parameters of a program what stands, by name: the only place that counts.
+
+The unknowns stand in the order of time, and the final time is copied to every knot:
+
+    w = [knot_0 | inner_0 | knot_1 | inner_1 | … | knot_N]
+    knot_k  = q, v, T, and the torque if it is linear between knots
+    inner_k = the stages that are no knots, the torques if they are not linear, the accelerations if the
+              dynamics are inverse
+
+Slices serve numpy arrays and casadi's SX, MX and DM alike. All numbers are scaled.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Self
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.task.scheme import Scheme
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int_]
+
+_BODY = 10
+"""Dynamic parameters of a body: mass, first moments, inertia."""
+
+
+def _after(before: slice, size: int) -> slice:
+    """The next so many places."""
+    return slice(before.stop, before.stop + size)
+
+
+@dataclass(frozen=True)
+class KnotFields:
+    """Of a knot's block.
+
+    Attributes:
+        q: positions.
+        v: velocities.
+        state: both.
+        time: the final time, T.
+        torque: empty unless the torque is linear between knots.
+        size: of the block.
+    """
+
+    q: slice
+    v: slice
+    state: slice
+    time: int
+    torque: slice
+    size: int
+
+
+@dataclass(frozen=True)
+class InnerFields:
+    """Of an interval's own block.
+
+    Attributes:
+        states: (q, v) of the stages that are no knots, one stage after the other.
+        torques: of the interval, or of its stages; empty if they are linear between knots.
+        accelerations: of all stages; empty unless the dynamics are inverse.
+        size: of the block.
+    """
+
+    states: slice
+    torques: slice
+    accelerations: slice
+    size: int
+
+
+@dataclass(frozen=True)
+class EquationFields:
+    """Of an interval's equations.
+
+    Attributes:
+        balances: inverse dynamics at all stages; empty if the dynamics are forward.
+        defects: of (q, v), as many as stages that do not begin the interval, or one more if the last ends before it.
+        time: the final time is the same at both knots.
+        size: of them all.
+    """
+
+    balances: slice
+    defects: slice
+    time: int
+    size: int
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where in the program of an arm of `nv` joints what stands."""
+
+    nv: int
+    scheme: Scheme
+
+    @property
+    def linear(self) -> bool:
+        """Whether the torque is, between knots, where it then stands."""
+        return self.scheme.control == "linear"
+
+    @cached_property
+    def knot(self) -> KnotFields:
+        """A knot's block."""
+        n = self.nv
+        torque = slice(2 * n + 1, 2 * n + 1 + (n if self.linear else 0))
+        return KnotFields(slice(0, n), slice(n, 2 * n), slice(0, 2 * n), 2 * n, torque, torque.stop)
+
+    @cached_property
+    def inner(self) -> InnerFields:
+        """An interval's own block."""
+        n, stages = self.nv, self.scheme.tableau.c.size
+        states = slice(0, 2 * n * len(self.scheme.tableau.inner))
+        torques = _after(states, n * {"linear": 0, "constant": 1, "stage": stages}[self.scheme.control])
+        accelerations = _after(torques, n * stages if self.scheme.dynamics == "inverse" else 0)
+        return InnerFields(states, torques, accelerations, accelerations.stop)
+
+    @cached_property
+    def equations(self) -> EquationFields:
+        """An interval's equations."""
+        n, tableau = self.nv, self.scheme.tableau
+        balances = slice(0, n * tableau.c.size if self.scheme.dynamics == "inverse" else 0)
+        defects = _after(balances, 2 * n * (len(tableau.inner) + 1))
+        return EquationFields(balances, defects, defects.stop, defects.stop + 1)
+
+    @property
+    def defects(self) -> Index:
+        """Which of an interval's equations are defects of q and v, shape (stages, 2 nv)."""
+        return np.arange(self.equations.size)[self.equations.defects].reshape(-1, 2 * self.nv)
+
+    @property
+    def block(self) -> int:
+        """From one knot to the next."""
+        return self.knot.size + self.inner.size
+
+    @property
+    def width(self) -> int:
+        """Number of an interval's unknowns: its knots' and its own."""
+        return self.block + self.knot.size
+
+    def size(self, intervals: int) -> int:
+        """Number of all unknowns."""
+        return self.block * intervals + self.knot.size
+
+    def parts(self, y: Any) -> tuple[Any, Any, Any]:
+        """An interval's unknowns as its first knot's, its own, and its last knot's."""
+        return y[: self.knot.size], y[self.knot.size : self.block], y[self.block : self.width]
+
+    def split(self, x: Array) -> tuple[Array, Array]:
+        """All unknowns as knot blocks, shape (N + 1, knot), and inner blocks, shape (N, inner)."""
+        blocks = x[: -self.knot.size].reshape(-1, self.block)
+        knots = np.vstack([blocks[:, : self.knot.size], x[-self.knot.size :]])
+        return knots, blocks[:, self.knot.size :]
+
+    def joined(self, knots: Array, inner: Array) -> Array:
+        """All unknowns of their blocks: what `split` takes apart."""
+        return np.concatenate([np.concatenate([knots[:-1], inner], axis=1).ravel(), knots[-1]])
+
+    def intervals(self, N: int) -> Index:
+        """Which unknowns are an interval's, a column each, shape (width, N)."""
+        return self.block * np.arange(N)[None, :] + np.arange(self.width)[:, None]
+
+    def knots(self, N: int) -> Index:
+        """Which unknowns are a knot's, shape (N + 1, knot)."""
+        return self.block * np.arange(N + 1)[:, None] + np.arange(self.knot.size)
+
+    def inners(self, N: int) -> Index:
+        """Which unknowns are an interval's own, shape (N, inner)."""
+        return self.block * np.arange(N)[:, None] + self.knot.size + np.arange(self.inner.size)
+
+    def times(self, N: int) -> Index:
+        """Which unknowns are a final time, shape (N + 1,)."""
+        return self.knots(N)[:, self.knot.time]
+
+    def states(self, N: int) -> Index:
+        """Which unknowns are a knot's q and v, shape (N + 1, 2 nv)."""
+        return self.knots(N)[:, self.knot.state]
+
+    def inner_states(self, N: int) -> Index:
+        """Which unknowns are an inner stage's q and v, shape (N, inner stages, 2 nv)."""
+        return self.inners(N)[:, self.inner.states].reshape(N, -1, 2 * self.nv)
+
+    def torques(self, N: int) -> Index:
+        """Which unknowns are torques that are not linear, shape (N, 1 or stages, nv)."""
+        return self.inners(N)[:, self.inner.torques].reshape(N, -1, self.nv)
+
+    def equation(self, row: int) -> tuple[str, int]:
+        """What an interval's equation says, and of which joint; the last, of times, counts as a position."""
+        if row < self.equations.defects.start:
+            return "equation of motion", row % self.nv
+        row = (row - self.equations.defects.start) % (2 * self.nv)
+        return "position defect" if row < self.nv else "velocity defect", row % self.nv
+
+
+@dataclass(frozen=True)
+class CondensedLayout:
+    """The same without inner stages, with the final time once: `condensed` says when that will do.
+
+    w = [x_0 | u_0 | x_1 | u_1 | … | x_N | T], with u_N only if the torque is linear between knots.
+    """
+
+    full: Layout
+
+    @property
+    def width(self) -> int:
+        """Number of an interval's unknowns: (x_k, u_k, x_{k+1}, T), or (x_k, u_k, x_{k+1}, u_{k+1}, T)."""
+        return (6 if self.full.linear else 5) * self.full.nv + 1
+
+    def parts(self, y: Any) -> tuple[Any, Any, Any, Any, Any]:
+        """An interval's unknowns: state and torque where it begins, both where it ends, and T."""
+        n = self.full.nv
+        first = y[2 * n : 3 * n]
+        return y[: 2 * n], first, y[3 * n : 5 * n], y[5 * n : 6 * n] if self.full.linear else first, y[-1]
+
+    def intervals(self, N: int) -> Index:
+        """Which unknowns are an interval's, a column each, shape (width, N)."""
+        own = np.arange(self.width - 1)[:, None] + 3 * self.full.nv * np.arange(N)
+        return np.vstack([own, np.full((1, N), self.kept(N).size - 1)])
+
+    def kept(self, N: int) -> Index:
+        """For each unknown its place in the full layout; of the times the first."""
+        full, knots = self.full, self.full.knots(N)
+        torques = knots[:, full.knot.torque] if self.full.linear else full.torques(N)
+        states = np.sort(np.concatenate([full.states(N).ravel(), torques.ravel()]))
+        return np.append(states, full.times(N)[0])
+
+    def expanded(self, w: Array, middles: Array) -> Array:
+        """The unknowns of the full layout.
+
+        Args:
+            w: the unknowns.
+            middles: states in the middle of the intervals, a column each, shape (2 nv, N).
+        """
+        full, N = self.full, middles.shape[1]
+        x = np.empty(full.size(N))
+        x[self.kept(N)], x[full.times(N)] = w, w[-1]
+        x[full.inner_states(N).ravel()] = middles.ravel(order="F")
+        return x
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """What an interval's equations depend on beside the unknowns: numbers, or symbols for them.
+
+    Attributes:
+        fraction: of the interval, of the whole duration.
+        time: scale of time [s].
+        length: scale of positions [rad or m].
+        speed: scale of velocities [rad/s or m/s].
+        weights: of the squares of scaled torques, shape (nv,).
+        effort: scales of torques [N m or N], shape (nv,).
+        last_body: dynamic parameters of all that the last joint carries, shape (10,).
+    """
+
+    fraction: Any
+    time: Any
+    length: Any
+    speed: Any
+    weights: Any
+    effort: Any
+    last_body: Any
+
+    @staticmethod
+    def size(joints: int, intervals: int = 1) -> int:
+        """How many there are: all but the fraction are the same for all intervals."""
+        return intervals + 3 + 2 * joints + _BODY
+
+    @classmethod
+    def of(cls, p: Any, joints: int) -> Self:
+        """By name, of an interval's parameters one after the other."""
+        weights = slice(4, 4 + joints)
+        effort = _after(weights, joints)
+        return cls(p[0], p[1], p[2], p[3], p[weights], p[effort], p[_after(effort, _BODY)])
+
+    def packed(self) -> Array:
+        """One after the other; the fractions of all intervals, shape (N,), make it a program's."""
+        fractions = np.atleast_1d(self.fraction)
+        return np.array([*fractions, self.time, self.length, self.speed, *self.weights, *self.effort, *self.last_body])
+
+    @staticmethod
+    def by_interval(p: ca.MX, N: int) -> ca.MX:
+        """A column of parameters for each of N intervals, of the program's."""
+        return ca.vertcat(p[:N].T, ca.repmat(p[N:], 1, N))

@@ -1,0 +1,180 @@
+"""Minimum time: the optima of a search refined to arcs and certified, side by side."""
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from armdyn.optimal.landing.rollout import replay_torques
+from armdyn.optimal.problem.status import Violation
+from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, HAMILTONIAN_TOLERANCE, LIMIT_TOLERANCE, certify
+from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.refine.resolve import prepare_resolving, resolve
+from armdyn.optimal.refine.slowing import within_velocity_limits
+from armdyn.optimal.search.candidates import Found, find
+from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.solve.condensed import solve_quickly
+from armdyn.optimal.task.ladder import Ladder
+from armdyn.optimal.task.task import Task
+from armdyn.processes import in_processes
+
+
+def minimum_time(task: Task) -> tuple[list[Optimum], Found]:
+    """Optima with arcs, in the order of their durations on the mesh, and the search they come from.
+
+    Args:
+        task: without a weight on effort, and without conditions along the way.
+    """
+    problem, easier = task.problem, task.problem
+    if task.policy.search.without_dry_friction:
+        easier = problem.without_dry_friction()
+    found = find(task if easier is problem else task.about(easier))
+    if not found.attempts:
+        return [], found
+    found = replace(found, easier=easier is not problem)
+    optima = refined(task.with_options(intervals=found.mesh), found)
+    left = [attempt.trajectory.duration for attempt in found.attempts[len(optima) :]]
+    return optima, replace(found, slower=tuple(left))
+
+
+def refined(task: Task, found: Found) -> list[Optimum]:
+    """The arcs of optima read on the first mesh; on finer ones for the best, until one lands or is certified.
+
+    Args:
+        task: whose `options.intervals` is the first mesh.
+        found: the optima, best first.
+
+    Returns:
+        As many of them, in their order, as are worth it.
+    """
+    attempts, numbers, options = found.attempts, task.policy.refinement, task.options
+    if _resolvable(task):
+        prepare_resolving(task)
+    # With an answer in hand a slower optimum is worth one mesh, not all of them.
+    few, many = Ladder(options.intervals), Ladder(options.max_intervals)
+
+    def climbed(k: int) -> _Reached:
+        return _up(task, few if k else many, _first(task, attempts[k], found.easier))
+
+    optima: list[Optimum] = []
+    beaten = np.inf
+    task.tell(f"refining optimum 1 of {len(attempts)}, about {attempts[0].trajectory.duration:.4f} s")
+    for k, reached in enumerate(in_processes([partial(climbed, k) for k in range(len(attempts))], task.workers)):
+        landed = any(optimum.landed(options.replay_tolerance) for optimum in optima)
+        optima.append(_optimum(task, reached if landed else _up(task, many, reached)))
+        if optima[k].certificate.ok:
+            duration, cost = attempts[k].trajectory.duration, optima[k].cost
+            beaten = min(beaten, duration + numbers.sure * abs(duration - cost), numbers.slower * cost)
+        left = attempts[k + 1 :]
+        if left and (task.stop or (numbers.lists_slower and left[0].trajectory.duration > beaten)):
+            break
+        if left:
+            task.tell(f"refining optimum {k + 2}, about {left[0].trajectory.duration:.4f} s")
+    return optima
+
+
+@dataclass(frozen=True, eq=False)
+class _Reached:
+    """How far refinement has come.
+
+    Attributes:
+        guess: the last attempt that converged.
+        mesh: intervals of the last; None: no mesh of this problem has been tried.
+        best: of the meshes so far; None: none has converged.
+        iterations: of all.
+        resisted: what the last mesh says if it did not converge, and what it violates most.
+    """
+
+    guess: Attempt
+    mesh: int | None = None
+    best: Optimum | None = None
+    iterations: int = 0
+    resisted: tuple[str, Violation | None] = ("", None)
+
+
+def _first(task: Task, attempt: Attempt, easier: bool) -> _Reached:
+    """The first mesh."""
+    if easier or attempt.intervals != task.options.intervals:
+        return _on(task, task.options.intervals, _Reached(attempt))
+    if not attempt.usable:
+        return _Reached(attempt, attempt.intervals, resisted=(attempt.message, attempt.worst_violation))
+    return _Reached(attempt, attempt.intervals, _read(task, attempt))
+
+
+def _on(task: Task, mesh: int, step: _Reached) -> _Reached:
+    """One mesh more."""
+    attempt = solve_quickly(task, step.guess.trajectory, mesh, task.fine())
+    iterations = step.iterations + attempt.iterations
+    if not attempt.usable:
+        resisted = attempt.message, attempt.worst_violation
+        return replace(step, mesh=mesh, iterations=iterations, resisted=resisted)
+    best = _read(task, attempt)
+    if step.best is not None and _quality(step.best) <= _quality(best):
+        best = step.best
+    return _Reached(attempt, mesh, best, iterations)
+
+
+def _up(task: Task, ladder: Ladder, step: _Reached) -> _Reached:
+    """On finer and finer meshes until there is enough."""
+    while not (_enough(task, step) or task.stop):
+        finer = task.options.intervals if step.mesh is None else ladder.above(step.mesh)
+        if finer is None or (step.best is None and step.mesh is not None and step.mesh > task.options.intervals):
+            break
+        step = _on(task, finer, step)
+    return step
+
+
+def _resolvable(task: Task) -> bool:
+    """Whether arcs were asked for, and can be read."""
+    return task.options.arcs and task.scheme.control == "constant"
+
+
+def _read(task: Task, attempt: Attempt) -> Optimum:
+    """What a mesh's solution comes to."""
+    motion = attempt.trajectory
+    if _resolvable(task):
+        optimum = replace(resolve(task, attempt), iterations=0)
+    else:
+        replay = replay_torques(task.problem.robot, motion)
+        certificate = certify(task.problem, replay, None, "arcs were not asked for")
+        optimum = Optimum(motion, certificate, motion.duration, attempt.intervals)
+    if attempt.taken:  # the motion is one, if not the fastest
+        remark = f"the collocation did not converge ({attempt.message}): a faster motion may be near"
+        told = "; ".join(filter(None, (remark, optimum.certificate.remark)))
+        optimum = replace(optimum, certificate=replace(optimum.certificate, remark=told))
+    return optimum
+
+
+def _enough(task: Task, step: _Reached) -> bool:
+    """Whether a finer mesh has nothing to give."""
+    if step.best is None:
+        return False
+    certificate, numbers = step.best.certificate, task.policy.refinement
+    modest = not task.options.arcs or numbers.landing_is_enough
+    extremal = certificate.goal_error <= GOAL_TOLERANCE and certificate.hamiltonian_spread <= HAMILTONIAN_TOLERANCE
+    landed = step.best.landed(task.options.replay_tolerance)
+    return certificate.ok or (modest and landed) or (numbers.extremal_is_enough and extremal)
+
+
+def _optimum(task: Task, step: _Reached) -> Optimum:
+    """The best of the meshes, within its limits; or what there is."""
+    problem, best = task.problem, step.best
+    if best is None:
+        motion, (message, violation) = step.guess.trajectory, step.resisted
+        remark = f"did not converge on {step.mesh} intervals ({message})"
+        certificate = certify(problem, replay_torques(problem.robot, motion), None, remark)
+        mesh = step.mesh or task.options.intervals
+        return Optimum(
+            motion, certificate, motion.duration, mesh, iterations=step.iterations, worst_violation=violation
+        )
+    over = best.certificate.limit_violation > LIMIT_TOLERANCE and best.phases is None
+    if over and best.landed(task.options.replay_tolerance) and not task.stop:
+        slower = within_velocity_limits(task, best.trajectory, best.certificate.remark)
+        if slower is not None:
+            motion, certificate = slower
+            best = replace(best, trajectory=motion, certificate=certificate, cost=motion.duration)
+    return replace(best, iterations=step.iterations)
+
+
+def _quality(optimum: Optimum) -> tuple[bool, float]:
+    return not optimum.certificate.ok, optimum.error

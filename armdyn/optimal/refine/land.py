@@ -1,0 +1,73 @@
+"""Arcs made finer, and aimed beside the goal, until their replay lands on it."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from armdyn.optimal.arcs.phases import Phases, Unresolved
+from armdyn.optimal.arcs.posing import PhaseAim
+from armdyn.optimal.arcs.solving import solve_phases
+from armdyn.optimal.landing.rollout import replay_torques
+from armdyn.optimal.proof.certificate import certify
+from armdyn.optimal.proof.pontryagin import pontryagin
+from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.task.ladder import Ladder
+from armdyn.optimal.task.task import Task
+from armdyn.trajectory import Trajectory
+
+
+def land(task: Task, phases: Phases, remark: str = "", intervals: int | None = None) -> Optimum:
+    """Solve arcs until their replay is on the goal, and certify it.
+
+    Args:
+        task: what is solved.
+        phases: a solution of its arcs.
+        remark: what there is to say against them already.
+        intervals: of the mesh that they were read from; None: their own.
+    """
+    phases, replay, resisted = _finer(task, phases)
+    if not resisted:
+        phases, replay, resisted = _on_goal(task, phases)
+    replay = replace(replay, name="minimum time")
+    certificate = certify(task.problem, replay, phases, remark or resisted)
+    size = intervals or phases.arc_of.size
+    return Optimum(replay, certificate, replay.duration, size, phases, iterations=phases.iterations)
+
+
+def _finer(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
+    """On finer meshes while H strays; with the replay, and what went wrong."""
+    numbers = task.policy.refinement
+    ladder = Ladder(numbers.most_intervals)
+    while (size := ladder.above(phases.arc_of.size)) and not task.stop:
+        if np.max(np.abs(pontryagin(task.problem, phases)[0])) <= numbers.stray:
+            break
+        aim = PhaseAim(near=True, density=phases.density)
+        tried = solve_phases(task, phases.arcs, phases.torques, size, aim)
+        if isinstance(tried, Unresolved):
+            remark = f"the arcs did not converge on {size} intervals ({tried.message})"
+            return phases, replay_torques(task.problem.robot, phases.torques), remark
+        phases = tried
+    return phases, replay_torques(task.problem.robot, phases.torques), ""
+
+
+def _on_goal(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
+    """Aimed beside the goal by the collocation's own error."""
+    problem, numbers, n = task.problem, task.policy.refinement, task.problem.robot.nv
+    best, replay = phases, replay_torques(problem.robot, phases.torques)
+    offset = np.zeros(2 * n)
+    for _ in range(numbers.aims):
+        error = problem.beside_goal(replay)
+        if np.max(np.abs(error[:n])) <= numbers.landed or task.stop:
+            break
+        offset = offset - error
+        # Where time leaves torques free another solution has others, and the error is not the same again.
+        keep = best if problem.effort_weight == 0 and len(best.arcs) > 2 * n else None
+        aim = PhaseAim(offset, near=True, density=best.laid, keep=keep)
+        tried = solve_phases(task, best.arcs, best.torques, best.arc_of.size, aim)
+        if isinstance(tried, Unresolved):
+            return best, replay, f"the replay could not be brought onto the goal ({tried.message})"
+        replayed = replay_torques(problem.robot, tried.torques)
+        if replayed.t[-1] != tried.torques.t[-1]:
+            return best, replay, "the replay left what numbers can hold"
+        best, replay = tried, replayed
+    return best, replay, ""

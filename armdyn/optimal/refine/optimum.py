@@ -1,0 +1,45 @@
+"""An optimum refined."""
+
+from dataclasses import dataclass
+
+from armdyn.optimal.arcs.phases import Phases
+from armdyn.optimal.conditions.demands import Checked
+from armdyn.optimal.problem.status import Violation
+from armdyn.optimal.proof.certificate import Certificate
+from armdyn.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """A motion, replayed and certified as far as that goes.
+
+    Attributes:
+        trajectory: replayed torques: states and torques fit each other to the integrator's tolerance.
+        certificate: of it.
+        cost: what it is judged by [s].
+        intervals: of the mesh that it was read from.
+        phases: its arcs; None: they could not be resolved, and the certificate says why.
+        iterations: of IPOPT.
+        worst_violation: of the mesh's solution, if that did not converge.
+        checked: the conditions along the way, if there are any.
+        via_times: when it passes the via points [s].
+    """
+
+    trajectory: Trajectory
+    certificate: Certificate
+    cost: float
+    intervals: int
+    phases: Phases | None = None
+    iterations: int = 0
+    worst_violation: Violation | None = None
+    checked: Checked | None = None
+    via_times: tuple[float, ...] = ()
+
+    @property
+    def error(self) -> float:
+        """What is worst about it: of the goal [rad or m], or of a limit, as a part of it."""
+        return max(self.certificate.goal_error, self.certificate.limit_violation)
+
+    def landed(self, tolerance: float) -> bool:
+        """Whether its replay ends within a tolerance of the goal [rad or m]."""
+        return self.certificate.goal_error <= tolerance

@@ -1,0 +1,100 @@
+"""From a mesh's solution to its arcs: the structure whose switching functions agree with its modes."""
+
+import numpy as np
+
+from armdyn.optimal.arcs.arc import Arc, Mode, merged
+from armdyn.optimal.arcs.detection import detect
+from armdyn.optimal.arcs.phases import Phases, Unresolved
+from armdyn.optimal.arcs.posing import PhaseAim
+from armdyn.optimal.arcs.solving import prepare_phases, solve_phases
+from armdyn.optimal.arcs.structure import by_sign, with_overlooked, without_idle_touches, without_vanished
+from armdyn.optimal.landing.aim import aimed
+from armdyn.optimal.program.unknowns import mesh
+from armdyn.optimal.proof.certificate import SWITCHING_TOLERANCE, certify
+from armdyn.optimal.proof.pontryagin import pontryagin
+from armdyn.optimal.refine.land import land
+from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.task.task import Task
+from armdyn.trajectory import Trajectory
+
+Structure = tuple[tuple[tuple[Mode, ...], tuple[tuple[int, Mode], ...]], ...]
+
+
+def resolve(task: Task, attempt: Attempt) -> Optimum:
+    """The arcs of a mesh's solution, or its own motion and why they resist.
+
+    Args:
+        task: what is solved.
+        attempt: a collocation solution with constant torques between its knots.
+    """
+    motion, intervals = attempt.trajectory, attempt.intervals
+    phases, remark = _structure(task, motion, intervals)
+    resolved: Optimum | None = None
+    if phases is not None:
+        resolved = land(task, phases, remark, intervals)
+        if resolved.certificate.ok:
+            return resolved
+        remark = resolved.certificate.remark
+    landed, replay = aimed(task, motion)
+    certificate = certify(task.problem, replay, None, remark)
+    on_mesh = Optimum(landed, certificate, landed.duration, intervals)
+    # Arcs that are not certified are worth having only if their motion is the better one.
+    return resolved if resolved is not None and resolved.error <= on_mesh.error else on_mesh
+
+
+def prepare_resolving(task: Task) -> None:
+    """Build, if it is not there, what `resolve` is most likely to need."""
+    if task.policy.refinement.arcs_first:
+        for finer in (1, 2):
+            prepare_phases(task, finer * task.policy.refinement.intervals)
+
+
+def _structure(task: Task, motion: Trajectory, intervals: int) -> tuple[Phases | None, str]:
+    """Phases whose switching functions agree with their modes, or the last ones and why they do not."""
+    problem, numbers = task.problem, task.policy.refinement
+    # The torques of a fine mesh need not be on their limits where time hardly tells.
+    switch = max(task.policy.arcs.switch, intervals // numbers.blur)
+    knots = mesh(intervals, task.policy.program.graded)
+    arcs = merged(detect(problem, motion, knots, switch, task.policy.arcs))
+    if numbers.idle_end_it and (idle := _idle(task, arcs)):
+        return None, f"time does not determine {', '.join(idle)}: on no limit for most of the motion"
+    guess, seen = motion, set[Structure]()
+    last: Phases | None = None
+    for _ in range(numbers.rounds):
+        if len(arcs) > numbers.most_arcs:
+            return last, f"{len(arcs)} arcs: more than {numbers.most_arcs}"
+        size = max(numbers.intervals, 3 * len(arcs))
+        phases = solve_phases(task, arcs, guess, size, PhaseAim(density=last.density if last else None))
+        if isinstance(phases, Unresolved):
+            return last, f"the durations of {len(arcs)} arcs did not converge ({phases.message})"
+        guess, structure = phases.torques, _named(phases.arcs)
+        if structure not in seen and (fewer := without_vanished(phases, task.policy.arcs)):
+            seen.add(structure)
+            arcs = fewer
+            continue
+        last = phases
+        arcs = with_overlooked(problem, phases, task.policy.arcs) or without_idle_touches(phases)
+        if arcs and structure not in seen and not task.stop:
+            seen.add(structure)
+            continue
+        _, switching, worst = pontryagin(problem, phases)
+        if worst <= SWITCHING_TOLERANCE:
+            return phases, ""
+        arcs = by_sign(phases, switching)
+        if structure in seen or task.stop or structure == _named(arcs):
+            break
+        seen.add(structure)
+    return last, "the switching structure did not settle"
+
+
+def _named(arcs: tuple[Arc, ...] | list[Arc]) -> Structure:
+    return tuple((arc.modes, arc.touches) for arc in arcs)
+
+
+def _idle(task: Task, arcs: list[Arc]) -> list[str]:
+    """Joints that are on no limit for more than half of the motion."""
+    names = task.problem.robot.joint_names
+    durations = np.array([arc.duration for arc in arcs])
+    free = durations @ np.array([[mode is Mode.FREE for mode in arc.modes] for arc in arcs])
+    return [name for name, time in zip(names, free, strict=True) if time > durations.sum() / 2]

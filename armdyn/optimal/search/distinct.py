@@ -1,0 +1,50 @@
+"""Which of many answers are one optimum."""
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import TypeVar
+
+from armdyn.optimal.solve.attempt import Attempt
+
+Item = TypeVar("Item")
+
+
+def grouped(items: Iterable[Item], alike: Callable[[Item, Item], bool]) -> list[list[Item]]:
+    """Items in groups: each joins the first group whose first member it is like, or begins one.
+
+    Args:
+        items: best first.
+        alike: whether a later item is the same as a group's first.
+    """
+    groups: list[list[Item]] = []
+    for item in items:
+        group = next((group for group in groups if alike(group[0], item)), None)
+        if group is None:
+            groups.append([item])
+        else:
+            group.append(item)
+    return groups
+
+
+def within(same: float) -> Callable[[float, float], bool]:
+    """Whether a number exceeds a smaller one by no more than a part of it."""
+    return lambda first, item: item <= first * (1 + same)
+
+
+def ranked(attempts: Sequence[Attempt]) -> list[Attempt]:
+    """Usable ones by duration, then the rest."""
+    return sorted(attempts, key=lambda a: (not a.usable, a.trajectory.duration))
+
+
+def distinct(attempts: Sequence[Attempt], same: float) -> list[Attempt]:
+    """Usable attempts of which no two have about the same duration, best first; of those the finest mesh's.
+
+    Args:
+        attempts: in any order.
+        same: durations that differ by no more than this part are one optimum's.
+    """
+    alike = within(same)
+    groups = grouped(
+        (attempt for attempt in ranked(attempts) if attempt.usable),
+        lambda first, item: alike(first.trajectory.duration, item.trajectory.duration),
+    )
+    return [max(group, key=lambda attempt: attempt.intervals) for group in groups]

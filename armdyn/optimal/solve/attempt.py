@@ -1,0 +1,41 @@
+"""What comes of one guess on one mesh."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.problem.status import Status, Violation
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """What IPOPT made of one guess on one mesh.
+
+    Attributes:
+        status: how it ended.
+        message: IPOPT's word for it.
+        trajectory: the motion; the last iterate if it did not converge.
+        intervals: of the mesh.
+        iterations: of IPOPT.
+        worst_violation: None if it converged.
+        passing: when the motion is at the via points [s], shape (vias,).
+        taken: it did not converge, but keeps the equations of motion so well that it is taken all the same.
+    """
+
+    status: Status
+    message: str
+    trajectory: Trajectory
+    intervals: int
+    iterations: int
+    worst_violation: Violation | None
+    passing: Array = field(default_factory=lambda: np.empty(0))
+    taken: bool = False
+
+    @property
+    def usable(self) -> bool:
+        """It is a motion of the arm: it converged, or nearly."""
+        return self.taken or self.status is Status.SOLVED

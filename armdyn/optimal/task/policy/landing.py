@@ -1,0 +1,59 @@
+"""Numbers of replays, of bringing them onto the goal, and of conditions along the way."""
+
+from dataclasses import dataclass
+
+from armdyn.optimal.task.policy.tuned import LARGE, PAPER, UNRECORDED, by_kind, tuned
+
+
+@dataclass(frozen=True, kw_only=True)
+class LandingPolicy:
+    """How torques of a mesh are brought to land."""
+
+    leads_home: bool = by_kind(
+        "-", "beyond three joints feedback leads a replay that goes astray; before, a finer mesh is better", LARGE
+    )
+    rounds: int = tuned(8, "rounds", "of Newton's method on the torques", PAPER)
+    landed: float = tuned(1e-9, "rad or m", "miss of the goal that is a few of the integrator's own", PAPER)
+    leads: int = tuned(12, "rounds", "of feedback; each halves the miss or so", "Baxter, xArm, Kinova")
+    astray: float = tuned(1e-3, "rad or m", "miss that Newton's method cannot leave where it converges", LARGE)
+    far: float = tuned(0.1, "rad or m", "miss beyond which a replay is no neighbour of what is sought", LARGE)
+    steps: int = tuned(600, "steps", "of the variational equations: 1 ms resolves a turn through dry friction", "Panda")
+    samples: int = tuned(8, "samples", "of the motion under each constant torque", PAPER)
+    below: float = tuned(1e-8, "of a limit", "kept from a velocity limit: what interpolation may be off", LARGE)
+    near: float = tuned(1e-3, "of a limit", "a velocity so near its limit is held while the goal is corrected", LARGE)
+    rank: float = tuned(1e-10, "-", "part of the most that torques can do about the goal: rounding", LARGE)
+    longer: float = tuned(10.0, "-", "cost of a change of duration against that of all torques", LARGE)
+    worth: float = tuned(0.01, "rad or m", "position error that is worth a torque of half the range", "Baxter, xArm")
+    quick: float = tuned(0.1, "of the duration", "in which an error is to be gone", "Baxter, xArm")
+    at_goal: float = tuned(100.0, "-", "weight of an error at the goal against one on the way", "Baxter, xArm")
+    aiming: float = tuned(
+        0.3, "of the duration", "last part, in which a motion turns to what is aimed at", "Baxter, xArm"
+    )
+    lost: float = tuned(1.0, "rad or m", "beside the motion: feedback has lost it", UNRECORDED)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConditionsPolicy:
+    """How a mesh is asked again until its replay keeps what was asked along the way."""
+
+    one_mesh: bool = by_kind(
+        "-", "beyond three joints the first mesh that keeps everything is the answer", "Panda: a post"
+    )
+    rounds: int = tuned(8, "rounds", "of meshes solved again", "RR: spheres, boxes; Panda: a post")
+    most_points: int = tuned(8, "points", "of an interval, at which distances are asked for", "RR: thin boxes")
+    near: float = tuned(1e-4, "rad or m", "of via points and goal: no further round is worth its seconds", "RR, Panda")
+    far: float = tuned(0.1, "rad or m", "of the goal: the mesh was too coarse for what the arm does", "RR, Panda")
+    settled: float = tuned(
+        5e-4, "of the duration", "that a mesh twice as fine changes no more is the answer", "RR, RRR"
+    )
+    margin: float = tuned(1e-3, "m", "added to the clearance: for what is between the points", "RR: spheres, boxes")
+    spare: float = tuned(5e-4, "m", "what a margin is raised by beyond what was missing", "RR: spheres, boxes")
+    deep: float = tuned(
+        5e-3, "m", "overlap of a motion that went through something between two points", "RR: thin boxes"
+    )
+    ramp: float = tuned(
+        0.2, "of the motion", "in which capsules too near at a given pose come away", "Panda: self-collision"
+    )
+    rate_tolerance: float = tuned(
+        0.02, "of a limit", "of acceleration and jerk, which the mesh keeps at its points", "RR"
+    )

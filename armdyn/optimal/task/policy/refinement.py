@@ -1,0 +1,112 @@
+"""Numbers of what comes after the search: arcs, their mesh, smooth optima, conditions along the way."""
+
+from dataclasses import dataclass
+
+from armdyn.optimal.task.policy.tuned import LARGE, PAPER, UNRECORDED, by_kind, tuned
+
+
+@dataclass(frozen=True, kw_only=True)
+class RefinementPolicy:
+    """How far an optimum of a mesh is refined."""
+
+    arcs_first: bool = by_kind(
+        "-", "programs of the arcs are built before the fork: beyond three joints few get there", LARGE
+    )
+    idle_end_it: bool = by_kind(
+        "-", "beyond three joints a joint on no limit for most of the motion leaves the arcs undetermined", LARGE
+    )
+    landing_is_enough: bool = by_kind(
+        "-", "beyond three joints a mesh that lands is not made finer: it costs more than it has ever given", LARGE
+    )
+    extremal_is_enough: bool = by_kind(
+        "-",
+        "beyond two joints arcs with H = 0 are not made finer: a wrong sign no finer mesh takes back",
+        "RRR, ten payloads",
+    )
+    lists_slower: bool = by_kind("-", "beyond two joints an optimum slower than a certified one is only listed", "RRR")
+    sure: float = tuned(
+        5.0, "-", "slower by so many times what the certified one's mesh was wrong by", "RRR, ten payloads"
+    )
+    slower: float = tuned(1.02, "of a certified duration", "the same, at the most", "RRR, ten payloads")
+    intervals: int = tuned(24, "intervals", "of the first mesh of arcs", PAPER)
+    most_intervals: int = tuned(100, "intervals", "of the finest such mesh", PAPER)
+    most_arcs: int = tuned(60, "arcs", "more are no structure", UNRECORDED)
+    blur: int = tuned(
+        20, "-", "off its limits for less than this part of a fine mesh a torque is switching", "RRR 1 kg"
+    )
+    rounds: int = tuned(12, "rounds", "of structures corrected by multipliers", PAPER)
+    aims: int = tuned(8, "rounds", "of aiming arcs beside the goal", PAPER)
+    landed: float = tuned(1e-9, "rad or m", "goal error at which a replay has landed: a few of the integrator's", PAPER)
+    stray: float = tuned(1e-6, "-", "|H| that is as good as it can be: a hundredth of what is certified", PAPER)
+    slowing: int = tuned(3, "rounds", "of slowing a motion down until its velocity limits hold", LARGE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArcsPolicy:
+    """How arcs are read from a mesh, laid on intervals and solved."""
+
+    near: float = tuned(2e-3, "of a limit", "a torque so near is on it: IPOPT's barrier leaves 1e-4", PAPER)
+    near_speed: float = tuned(
+        2e-2, "of a limit", "the same for speeds: a constant torque holds one in the mean", "Panda, UR5"
+    )
+    touching: float = tuned(1e-4, "of a joint's way", "a position so near its limit touches it", "RRR, ten payloads")
+    in_contact: float = tuned(5e-3, "of a joint's way", "the same for one that is held there", "RRR, ten payloads")
+    switch: int = tuned(2, "intervals", "off all limits in a row are a switch; more are an arc", PAPER)
+    held: float = tuned(
+        1e-7, "of the duration", "that hangs on a limit, for its whole size: it holds the motion back", "RRR"
+    )
+    shortest: float = tuned(1e-6, "of the duration", "arcs shorter than that are taken out", PAPER)
+    touch: int = tuned(2, "intervals", "a position limit that holds the motion back for no more is touched", "RRR")
+    floor: float = tuned(0.15, "of the mean", "least density of a mesh: an estimate may overlook something", PAPER)
+    per_arc: int = tuned(2, "intervals", "of the shortest arc", PAPER)
+    layer_samples: int = tuned(
+        4000, "samples", "in which turns through dry friction are looked for", "RR with friction"
+    )
+    layer_reach: float = tuned(
+        3.0, "widths", "of the jump at which a mesh thins out: friction is 0.5 % short", "RR with friction"
+    )
+    in_layers: float = tuned(0.5, "-", "part of the intervals that such turns get", "RR with friction")
+    tolerance: float = tuned(1e-10, "scaled", "of IPOPT: durations then hold to about as much", PAPER)
+    held_iterations: int = tuned(60, "iterations", "where all torques are held", PAPER)
+    free_iterations: int = tuned(100, "iterations", "where some are free", PAPER)
+    smooth_iterations: int = tuned(200, "iterations", "where they are to be smooth", PAPER)
+    tie: float = tuned(1e-5, "of 1 for time", "cost of full torques that time leaves free: it makes them unique", "RRR")
+    samples: int = tuned(480, "samples", "of torques that are not constant, 4 to 16 on an interval", "RRR time-energy")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SmoothPolicy:
+    """How optima of time and energy are searched and refined."""
+
+    starts: int = by_kind("guesses", "16 for two joints, 24 for three", "the paper's arms, w = 1, unbounded")
+    refined: int = by_kind("optima", "so many are refined", "the paper's arms, w = 1, unbounded")
+    coarse: int = tuned(25, "intervals", "of the search", PAPER)
+    iterations: int = tuned(200, "iterations", "of a guess of the search", PAPER)
+    fine: int = tuned(30, "intervals", "of the first solution by a high order", PAPER)
+    most_rough: int = tuned(120, "intervals", "of the last mesh that is rough", "RRR, 500 g and 1 kg")
+    most: int = tuned(240, "intervals", "of the finest mesh", "RRR, 500 g and 1 kg")
+    steps: int = tuned(12, "solves", "spent on all optima together: one takes 0.1 to 20 s", "RRR, ten payloads")
+    settled: float = tuned(1e-5, "-", "|H| at which a mesh is replayed: a tenth of what is certified", PAPER)
+    doubted: float = tuned(1e-4, "-", "|H| beyond which the structure is looked at: what is certified", PAPER)
+    rough: float = tuned(0.05, "-", "|H| beyond which a mesh is too coarse to tell limits by", PAPER)
+    artefact: float = tuned(1.0, "-", "|H| beyond which it says nothing of where to look, either", PAPER)
+    worth: float = tuned(
+        1.5, "of the least J", "coarse optima beyond are let go; some of the best are artefacts", PAPER
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class IndirectPolicy:
+    """How the indirect method is seeded and led to minimum time."""
+
+    starts: int = by_kind("guesses", "of the search that makes a seed", "R, RR, RRR with 100.6 g")
+    first_weight: float = tuned(0.5, "of 1 for time", "cost of full torques where continuation begins", "R, RR, Luus")
+    last_weight: float = tuned(2e-3, "of 1 for time", "and where it ends", "R, RR, Luus")
+    fall: float = tuned(0.25, "-", "from step to step", "R, RR, Luus")
+    rough: float = tuned(1e-3, "-", "tolerance on the way: good enough to see the arcs", "R, RR, Luus")
+    rough_nodes: int = tuned(1000, "nodes", "at most, on the way", "R, RR, Luus")
+    wider: float = tuned(10.0, "of a limit", "limits of a seed without limits", "R, RR")
+    shot: float = tuned(
+        1e-10, "scaled", "of the shooting equations: durations then hold to about as much", "R, RR, Luus"
+    )
+    candidates: int = tuned(6, "optima", "tried until one is confirmed: some are artefacts of the mesh", "R, RR, RRR")

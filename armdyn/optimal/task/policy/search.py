@@ -1,0 +1,123 @@
+"""Numbers of the program and of the search."""
+
+from dataclasses import dataclass
+
+from armdyn.optimal.task.policy.tuned import LARGE, PAPER, UNRECORDED, by_kind, tuned
+from armdyn.optimal.task.scheme import DynamicsForm
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProgramPolicy:
+    """How a motion becomes a nonlinear program, and what IPOPT is told of it."""
+
+    dynamics: DynamicsForm = by_kind(
+        "-",
+        "forward up to three joints; inverse beyond, where derivatives of ABA cost more than the extra unknowns",
+        "one solve from the straight guess: R, RR, RRR, Luus, Panda",
+    )
+    linear: bool = by_kind("-", "torque linear between knots: a condition forbids it to jump", "by definition")
+    condensed: bool = by_kind(
+        "-",
+        "the middle of an interval is put in: half the unknowns; it needs forward dynamics and no rows along the way",
+        "RR, RRR with 100.6 g: 48 guesses each",
+    )
+    graded: bool = by_kind(
+        "-",
+        "dense at both ends beyond three joints: ramps to a velocity limit are a thousandth of the motion",
+        LARGE,
+    )
+    tie: float = by_kind(
+        "of 1 for time",
+        "cost of full torques beyond three joints, where some are idle; with a tenth IPOPT takes 2 to 10 times as long",
+        LARGE,
+    )
+    flat: float | None = by_kind(
+        "scaled",
+        "IPOPT's error at which it may stop once the equations hold: idle joints make a flat valley",
+        LARGE + "; sphere and post before RR and Panda",
+    )
+    near_limit: float = tuned(
+        1e-3, "of travel or limit", "a guess so near a limit is likely to exceed it between knots", UNRECORDED
+    )
+    coarse_tolerance: float = tuned(1e-5, "scaled", "of IPOPT in the search: with 1e-4 durations blur", PAPER)
+    coarse_barriers: tuple[float, ...] = tuned(
+        (1e-3, 1e-2),
+        "scaled",
+        "IPOPT's mu_init in turn: small ones keep more of the guess, and find more optima",
+        PAPER,
+    )
+    fine_tolerance: float = tuned(1e-6, "scaled", "of IPOPT from a solution on another mesh", PAPER)
+    fine_barrier: float = tuned(1e-3, "scaled", "its mu_init there: the guess shall not be left", PAPER)
+    again_barrier: float = tuned(1e-5, "scaled", "the same on the same mesh, asked for a little more", UNRECORDED)
+    patience: int | None = by_kind(
+        "iterations", "on a mesh beyond three joints: those that converge take half of it; none: the options'", LARGE
+    )
+    kept: float | None = by_kind(
+        "scaled defect",
+        "with which a motion beyond three joints is taken, though IPOPT walks on in its flat valley; none: never",
+        LARGE,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchPolicy:
+    """How many guesses, of what, and which of their optima go on."""
+
+    starts: int = by_kind(
+        "guesses",
+        "16 for two joints met the best optimum within six over eight seeds; 40 for three; beyond, a solve takes "
+        "seconds; around obstacles ways are chosen among many",
+        PAPER,
+    )
+    neighbour_starts: int = by_kind("guesses", "of a search that has a neighbour's optimum, in a sweep", PAPER)
+    every_mesh: bool = by_kind("-", "guesses take turns on all coarse meshes; beyond three joints on the first", LARGE)
+    side_by_side: bool = by_kind("-", "in processes: for one joint a fork takes as long as the solve", PAPER)
+    straight_on_fine: bool = by_kind(
+        "-",
+        "beyond three joints the straight guess is solved on the fine mesh at once, unless obstacles are there",
+        LARGE,
+    )
+    straight_is_mark: bool = by_kind(
+        "-",
+        "beyond three joints a fine mesh costs seconds: only what beats the straight guess on its own is worth one",
+        LARGE,
+    )
+    without_dry_friction: bool = by_kind(
+        "-", "beyond three joints Coulomb friction is left out of the search: five times as fast", "Panda with friction"
+    )
+    again: bool = by_kind("-", "where a finer mesh contradicts the search it is done again on that", PAPER)
+    refined: int = by_kind("optima", "so many are worth a finer mesh", PAPER + "; " + LARGE)
+    again_at_least: int = tuned(10, "guesses", "of another search, on finer meshes", PAPER)
+    worth: float = tuned(1.2, "of the best duration", "coarse solutions slower than that are only listed", PAPER)
+    too_coarse: float = tuned(
+        1.05, "of the coarse duration", "where the finer mesh makes the best this slow, coarse ones are left", PAPER
+    )
+    doubted: float = tuned(1.01, "of the coarse duration", "the same, where replays tell whether it is", PAPER)
+    astray: float = tuned(
+        0.2, "of a joint's way", "it is where those of all its optima end this far beside the goal", "RRR 500 g, 1 kg"
+    )
+    goals_solved: int = tuned(2, "goals", "solved in full, the best by one coarse solve each", "UR5: eight branches")
+    hopeless: float = tuned(
+        1.05, "of the best coarse duration", "goals that velocity limits alone put so far behind are not tried", "UR5"
+    )
+    bow: float = tuned(
+        2.0, "rad", "least spread of random poses: fast motions fold far out of the straight way", "RR, RRR, Luus"
+    )
+    tries: int = tuned(300, "ways", "looked at before a few that go round the obstacles are taken", "RR, Panda: a post")
+    looks: int = tuned(25, "poses", "of a way that are held against the obstacles", UNRECORDED)
+    brisk: float = tuned(10.0, "rad/s", "stands for a missing velocity limit where ways are compared", UNRECORDED)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SamePolicy:
+    """When two durations are one optimum's, as parts of them: by how well each kind of answer is known."""
+
+    coarse: float = tuned(2e-3, "-", "on coarse meshes", PAPER)
+    near_known: float = tuned(
+        8e-3, "-", "a coarse one beside a better known one: it may be off by a few of those", PAPER
+    )
+    mesh: float = tuned(5e-4, "-", "from different guesses on one mesh", PAPER)
+    coarse_cost: float = tuned(1e-4, "-", "J on coarse meshes", PAPER)
+    coarse_duration: float = tuned(1e-3, "-", "durations of motions of the same J on coarse meshes", PAPER)
+    resolved: float = tuned(1e-6, "-", "resolved to arcs", PAPER)
+    resolved_cost: float = tuned(1e-7, "-", "J by the ninth order", PAPER)

@@ -1,0 +1,38 @@
+"""What all tests share: how hypothesis searches, which tests come first, URDFs given as text."""
+
+import pytest
+from hypothesis import settings
+
+from armdyn.models import Robot
+
+# Examples are the same in every run, and none is judged by the clock of a busy machine.
+settings.register_profile("armdyn", deadline=None, derandomize=True)
+settings.load_profile("armdyn")
+
+
+def pytest_collection_modifyitems(items):
+    """Files with slow tests come first, so that no process is left with one in the end."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
+
+
+@pytest.fixture
+def file(tmp_path):
+    """Writes a URDF, given as text, and gives its path."""
+
+    def write(text):
+        path = tmp_path / "arm.urdf"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+@pytest.fixture
+def read(file):
+    """Reads a robot from a URDF, given as text."""
+
+    def from_text(text, **options):
+        return Robot.from_urdf(file(text), **options)
+
+    return from_text

@@ -1,0 +1,58 @@
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import armdyn as ad
+from armdyn.optimal.landing import rollout
+from problems import cart, paper_arm
+
+
+def test_double_integrator_with_a_jump_of_the_force_is_exact():
+    half = 1.0
+    t = np.array([0.0, np.nextafter(half, 0), half, 2 * half])
+    zero = np.zeros((4, 1))
+    motion = ad.Trajectory(t, zero, zero, [[1], [1], [-1], [-1]])
+    replay = ad.replay_torques(cart(), motion)
+    # One unit of force for one second, then back: x = 1, v = 0. The polynomial is exact for DOP853.
+    np.testing.assert_allclose([replay.q[-1, 0], replay.v[-1, 0]], [1.0, 0.0], atol=1e-14)
+
+
+@pytest.mark.parametrize("friction", [(0.0, 0.0), (0.01, 0.05)], ids=["none", "friction"])
+def test_energy_is_what_the_torque_puts_in_less_what_friction_takes(friction):
+    robot = paper_arm("rrr").with_friction(*friction, 0.5)
+    random = np.random.default_rng(0)
+    t = np.linspace(0, 0.3, 61)
+    rest = np.zeros((61, 3))
+    bent = np.tile([0.1, -0.4, 0.8], (61, 1))
+    replay = ad.replay_torques(robot, ad.Trajectory(t, bent, rest, random.normal(size=(61, 3))))
+    model, data = robot.model, robot.model.createData()
+
+    def energy(k):
+        return pin.computeMechanicalEnergy(model, data, replay.q[k], replay.v[k])
+
+    fine = np.linspace(0, 0.3, 60 * 100 + 1)
+    sample = replay(fine)
+    lost = friction[0] * sample.v + friction[1] * np.tanh(sample.v / 0.5)
+    power = np.sum((sample.tau - lost) * sample.v, axis=1)
+    # The cubic between samples, 5 ms apart, carries the velocity to about 1e-4 of its 20 rad/s.
+    np.testing.assert_allclose(energy(60) - energy(0), np.trapezoid(power, fine), rtol=1e-3)
+
+
+def test_a_damped_body_coasts_to_rest_where_its_momentum_is_gone():
+    damping = 2.0
+    robot = cart().with_friction(damping)
+    t = np.linspace(0, 3, 7)
+    zero = np.zeros((7, 1))
+    replay = ad.replay_torques(robot, ad.Trajectory(t, zero, zero + 1.5, zero))
+    # 1 kg: v = v0 exp(-d t), x = v0 (1 - exp(-d t)) / d; the integrator's tolerance is 1e-10.
+    np.testing.assert_allclose(replay.v[:, 0], 1.5 * np.exp(-damping * t), atol=1e-9)
+    np.testing.assert_allclose(replay.q[:, 0], 1.5 / damping * -np.expm1(-damping * t), atol=1e-9)
+
+
+def test_a_stiff_arm_does_not_hold_it_up(monkeypatch):
+    # Damping stops this joint within 1e-8 s, and an explicit integrator has to follow.
+    monkeypatch.setattr(rollout, "_MOST_EVALUATIONS", 2000)
+    robot = ad.Robot.from_spec(ad.ArmSpec.paper("r")).with_friction(damping=1e6)
+    still, torque = np.zeros((3, 1)), np.array([[0.0], [1.0], [0.0]])
+    replay = ad.replay_torques(robot, ad.Trajectory([0.0, 0.5, 1.0], still, still, torque, robot.joint_names))
+    assert replay.t[-1] < 1.0  # it ended early

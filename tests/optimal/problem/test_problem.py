@@ -1,0 +1,78 @@
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import armdyn as ad
+from armdyn.errors import ProblemError
+from problems import POSES, paper_arm, paper_problem
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"q_start": [0.0]}, r"q_start has shape \(1,\).*joint1, joint2"),
+        ({"q_goal": [0.0, np.nan]}, "q_goal .* not finite"),
+        ({"v_goal": [0.0, np.inf]}, "v_goal .* not finite"),
+        ({"q_goal": [0.1, 3.2]}, r"goal of joint 'joint2' \(index 1\) is 3.2 rad, outside its limits"),
+        ({"q_start": [-3.3, 0.0]}, "start of joint 'joint1'"),
+        ({"v_start": [2000.0, 0.0]}, "start velocity of joint 'joint1'.*1000 rad/s"),
+        ({"q_goal": POSES["rr"][0]}, "start and goal are the same state"),
+        ({"effort_limit": 0.0}, r"joint 'joint1' has torque limits \[-?0.0, 0.0\]"),
+        ({"effort_limit": [3.0, np.inf]}, "joint 'joint2' has torque limits"),
+        ({"effort_limit": [3.0, 3.0, 3.0]}, "effort_limit has shape"),
+        ({"velocity_limit": -1.0}, "velocity limit -1.0 rad/s"),
+        ({"velocity_limit": np.nan}, "velocity_limit .* NaN"),
+        ({"position_limit": (1.0, -1.0)}, "no room"),
+        ({"effort_weight": -1.0}, "effort_weight is -1.0"),
+    ],
+)
+def test_ill_posed(change, message):
+    given = {"q_start": POSES["rr"][0], "q_goal": POSES["rr"][1], **change}
+    with pytest.raises(ProblemError, match=message):
+        ad.MinimumTimeProblem(paper_arm("rr"), **given)
+
+
+def test_a_joint_without_torque_is_refused_by_name():
+    robot = ad.Robot.from_library("double_pendulum")
+    with pytest.raises(ProblemError, match="effort_limit="):
+        ad.MinimumTimeProblem(robot, q_start=[0, 0], q_goal=[1, 0])
+    ad.MinimumTimeProblem(robot, q_start=[0, 0], q_goal=[1, 0], effort_limit=50, velocity_limit=10)
+
+
+def test_limits_are_resolved():
+    problem = paper_problem("rr", effort_limit=([-1.0, -2.0], 3.0), velocity_limit=[5, np.inf])
+    np.testing.assert_array_equal(problem.limits.effort_lower, [-1, -2])
+    np.testing.assert_array_equal(problem.limits.effort_upper, [3, 3])
+    np.testing.assert_array_equal(problem.limits.velocity, [5, np.inf])
+    # The first joint turns 11/20 of π at 5 rad/s; the second has no limit.
+    assert problem.duration_bound() == pytest.approx(11 * np.pi / 20 / 5, rel=1e-14)
+    assert paper_problem("rr", position_limit=(-np.inf, np.inf)).limits.position_upper[0] == np.inf
+
+
+def test_goal_that_cannot_be_held_is_a_warning():
+    # 5.510 N m: reference.json's static holding torque of RR with 1 kg at the tip.
+    with pytest.warns(ad.ArmdynWarning, match=r"'joint1' needs 5.51 N m to hold the goal but its limit is 3 N m"):
+        problem = paper_problem("rr", 1.0)
+    assert problem.holding_torque()[0] == pytest.approx(5.510426069386133, rel=1e-9)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        paper_problem("rr", 0.2)
+
+
+def test_values_are_frozen():
+    problem = paper_problem("r")
+    with pytest.raises(ValueError, match="read-only"):
+        problem.q_start[0] = 1.0
+    assert replace(problem, effort_weight=1.0).effort_weight == 1.0
+
+
+def test_a_problem_without_dry_friction_begins_with_itself():
+    problem = paper_problem("rr")
+    assert problem.without_dry_friction() is problem
+    robot = problem.robot.with_friction(0.1, 0.2)
+    rough = ad.MinimumTimeProblem(robot, q_start=problem.q_start, q_goal=problem.q_goal)
+    smooth = rough.without_dry_friction()
+    assert not np.any(smooth.robot.friction.coulomb)
+    np.testing.assert_array_equal(smooth.robot.friction.damping, robot.friction.damping)

@@ -1,0 +1,167 @@
+"""Obstacles, via points, acceleration and jerk: against closed forms, and by coal on the replay."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import armdyn as ad
+from armdyn.errors import ProblemError
+from armdyn.models.collision import CollisionModel
+from armdyn.models.obstacles import Box, Sphere
+from armdyn.models.reaching import GoalPose
+from armdyn.optimal.conditions.demands import Demands
+from problems import POSES, cart, paper_arm, paper_problem, solve
+
+START, GOAL = POSES["rr"]
+BALL = Sphere((0.33, 0, -0.12), 0.05, name="ball")
+RR_BEST = 0.21067170186256495
+"""Best known of Example 2 with 100.6 g, without anything in the way [s]."""
+
+
+def rr(**conditions):
+    return ad.MinimumTimeProblem(paper_arm("rr"), q_start=START, q_goal=GOAL, **conditions)
+
+
+@pytest.mark.parametrize(
+    ("limits", "duration"),
+    [
+        ({"acceleration_limit": 0.5}, 2 * np.sqrt(2 / 0.5)),
+        ({"acceleration_limit": 0.5, "velocity_limit": 0.6}, 2 / 0.6 + 0.6 / 0.5),
+        # Double S, see Biagiotti and Melchiorri, Trajectory Planning (2008), section 3.4.
+        ({"jerk_limit": 0.5}, 4 * np.cbrt(2 / (2 * 0.5))),
+        ({"acceleration_limit": 0.4, "jerk_limit": 0.5}, 0.8 + np.sqrt(0.8**2 + 4 * 2 / 0.4)),
+        ({"acceleration_limit": 0.4, "jerk_limit": 0.5, "velocity_limit": 0.5}, 2 / 0.5 + 0.5 / 0.4 + 0.4 / 0.5),
+    ],
+)
+def test_a_cart_takes_the_time_that_its_profile_takes(limits, duration):
+    problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0], **limits)
+    solution = solve(problem)
+    # Corners of the profile fall between knots; `settle` stops where a mesh twice as fine changes less than 5e-4.
+    assert solution.duration == pytest.approx(duration, rel=1e-3)
+    assert solution.duration > duration * (1 - 1e-4)  # what IPOPT's tolerance gives away
+    assert not solution.certificate.ok and "limits" in solution.message
+    assert solution.replay_error < 1e-4
+
+
+def test_joints_with_low_limits_take_as_long_as_the_slowest():
+    limits = {"acceleration_limit": [20.0, 5.0], "velocity_limit": [4.0, 0.3]}
+    solution = solve(rr(**limits))
+    away = np.abs(np.subtract(GOAL, START))
+    by_joint = [
+        d / v + v / a if d > v * v / a else 2 * np.sqrt(d / a)
+        for d, v, a in zip(away, limits["velocity_limit"], limits["acceleration_limit"], strict=True)
+    ]
+    assert solution.duration == pytest.approx(max(by_joint), rel=1e-3)  # as above
+    torques = solution.trajectory.tau
+    assert np.max(np.abs(torques)) < 3.0  # the torques are not what limits this motion
+
+
+def test_round_a_ball_that_the_straight_motion_hits():
+    plain = ad.MinimumTimeProblem(paper_arm("rr"), q_start=START, q_goal=GOAL)
+    free = solve(replace(plain), arcs=False, starts=1)
+    model = CollisionModel(free.problem.robot, [BALL])
+    assert model.along(free.trajectory)[0].distance < 0
+    solution = solve(rr(obstacles=[BALL]), starts=6)
+    clearance = solution.clearance
+    # An independent look: as many times as one likes.
+    times = np.linspace(0, solution.duration, 3000)
+    nearest = min(model.nearest(q).distance for q in solution.trajectory(times).q)
+    assert nearest >= 0.005 and clearance.sure
+    assert clearance.distance == pytest.approx(nearest, abs=1e-4)  # 0.1 ms at a few m/s, where the distance is least
+    assert clearance.other == "ball" and 0 < clearance.time < solution.duration
+    assert solution.duration >= RR_BEST
+    assert "obstacles" in "".join(solution.certificate.reasons)
+
+
+def test_check_says_what_is_hit():
+    straight = solve(rr(), arcs=False, starts=1)
+
+    def check(problem, *passing):
+        return Demands.of(problem).check(problem, straight.trajectory, np.array(passing))
+
+    checked = check(rr(obstacles=[BALL]))
+    (reason,) = checked.reasons
+    assert "'ball'" in reason and "inside" in reason and checked.clearance.other == "ball"
+    checked = check(rr(via=[[1.0, 1.0]]), 0.1)
+    assert "beside via point 0" in checked.reasons[0]
+    checked = check(rr(acceleration_limit=50))
+    assert "acceleration" in checked.reasons[0] and checked.kept[0].share > 2
+    checked = check(rr(jerk_limit=1e9))
+    assert checked.kept[0].share < 1  # jumps of the torque are none of these jerks: the scheme forbids them
+
+
+def test_start_and_goal_in_contact_are_named():
+    with pytest.raises(ProblemError, match=r"start, 'link1' is .* mm inside 'post'"):
+        rr(obstacles=[Box((0.1, 0.1, 0.1), (0, 0, -0.2), name="post")])
+    with pytest.raises(ProblemError, match=r"goal, 'payload' is .* mm from 'wall'; clearance is 30 mm"):
+        rr(obstacles=[Box((0.1, 1, 1), (0.57, 0, 0), name="wall")], clearance=0.03)
+    with pytest.raises(ProblemError, match="no Sphere"):
+        rr(obstacles=["wall"])
+    with pytest.raises(ProblemError, match="clearance"):
+        rr(clearance=-1.0)
+
+
+def test_a_via_point_is_passed_in_flight():
+    via = [-0.7, 0.8]
+    solution = solve(rr(via=[via]), starts=4)
+    (time,) = solution.via_times
+    at = solution.trajectory(time)
+    np.testing.assert_allclose(at.q, via, atol=1e-4)  # what `constrained` aims for
+    assert np.max(np.abs(at.v)) > 1.0  # it does not stop there
+    assert RR_BEST < solution.duration < 0.2610  # the best of 16 guesses takes 0.26065 s
+    robot = solution.problem.robot
+    legs = [ad.MinimumTimeProblem(robot, q_start=a, q_goal=b) for a, b in ((START, via), (via, GOAL))]
+    assert solution.duration < sum(solve(leg, arcs=False, starts=4).duration for leg in legs)
+
+
+@pytest.mark.parametrize(
+    ("conditions", "says"),
+    [
+        ({"via": [[0.0]]}, r"via\[0\]"),
+        ({"via": [[0.0, np.inf]]}, "not finite"),
+        ({"via": [[9.0, 0.0]]}, r"via\[0\] of joint 'joint1'"),
+        ({"via": [START]}, "goes nowhere"),
+        ({"acceleration_limit": 0}, "acceleration_limit of joint 'joint1'"),
+        ({"jerk_limit": [1, 2, 3]}, "jerk_limit"),
+    ],
+)
+def test_what_is_wrong_is_named(conditions, says):
+    with pytest.raises(ProblemError, match=says):
+        rr(**conditions)
+
+
+def test_the_fastest_of_two_elbows_is_kept():
+    robot = paper_arm("rr")
+    problem = ad.MinimumTimeProblem(robot, q_start=START, goal_pose=GoalPose("tip", [0.35, 0, 0.1]))
+    solution = solve(problem, starts=4)
+    each = [solve(ad.MinimumTimeProblem(robot, q_start=START, q_goal=q), starts=4).duration for q in problem.goals]
+    assert solution.duration == pytest.approx(min(each), rel=1e-9)  # the same solve
+    assert [goal.duration for goal in solution.goals] == pytest.approx(sorted(each), rel=1e-9)
+    assert solution.certificate.ok  # a goal pose is no condition along the way
+    tip, _ = ad.Dynamics(robot).frame_placement(solution.trajectory.q[-1], "tip")[::-1]
+    np.testing.assert_allclose(tip, [0.35, 0, 0.1], atol=1e-7)  # the replay's 1e-8 rad
+
+
+def test_a_goal_in_contact_is_left_out():
+    robot = paper_arm("rr")
+    pose = GoalPose("tip", [0.35, 0, 0.1])
+    up, down = ad.MinimumTimeProblem(robot, q_start=START, goal_pose=pose).goals
+    elbow = 0.25 * np.array([np.cos(down[0]), 0, np.sin(down[0])])
+    problem = ad.MinimumTimeProblem(robot, q_start=START, goal_pose=pose, obstacles=[Sphere(elbow, 0.03)])
+    assert len(problem.goals) == 1
+    np.testing.assert_array_equal(problem.q_goal, up)
+
+
+def test_plain_problems_are_as_they_were():
+    solution = solve(paper_problem("rr"), arcs=False, starts=1, workers=1)
+    assert solution.clearance is None and solution.via_times == () and solution.goals == ()
+
+
+def test_a_folding_arm_keeps_its_links_apart():
+    start, goal = POSES["rrr"]
+    problem = ad.MinimumTimeProblem(paper_arm("rrr"), q_start=start, q_goal=goal, self_collision=True)
+    solution = solve(problem, starts=4)
+    assert solution.clearance.distance >= problem.clearance
+    # The fastest motion known, 0.22567 s, folds the payload 28 mm into the first link.
+    assert 0.2257 < solution.duration < 0.2500

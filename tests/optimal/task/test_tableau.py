@@ -1,0 +1,112 @@
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.sparse.linalg import spsolve
+from scipy.special import roots_jacobi, roots_legendre
+
+from armdyn.dynamics import Dynamics
+from armdyn.optimal.program.assembly import build_nlp
+from armdyn.optimal.program.unknowns import Scales, to_unknowns
+from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.tableau import LOBATTO_3, TABLEAUS, Tableau
+from armdyn.trajectory import Trajectory
+from problems import paper_arm
+
+
+@pytest.mark.parametrize("tableau", TABLEAUS.values(), ids=lambda tableau: tableau.name)
+def test_order_measured_on_a_nonlinear_equation(tableau):
+    # x' = x cos t, x = exp(sin t): one Newton-free linear solve per interval, as f is linear in x.
+    def error(n):
+        h, x = 2.0 / n, 1.0
+        for k in range(n):
+            rate = np.cos(k * h + tableau.c * h)
+            stages = np.linalg.solve(np.eye(tableau.c.size) - h * tableau.A * rate, np.full(tableau.c.size, x))
+            x += h * tableau.b @ (rate * stages)
+        return abs(x - np.exp(np.sin(2.0)))
+
+    n = np.array([8, 16, 32]) if tableau.order <= 6 else np.array([5, 6, 8])  # ninth at rounding with 12
+    slope = np.polyfit(np.log(n), np.log([error(k) for k in n]), 1)[0]
+    # A regression over two halvings is off the asymptotic order by a few per cent.
+    assert -slope == pytest.approx(tableau.order, rel=0.05)
+
+
+@pytest.mark.parametrize("tableau", [t for t in TABLEAUS.values() if t.name != "lobatto3"], ids=lambda t: t.name)
+def test_nodes_are_scipys(tableau):
+    s = tableau.c.size
+    if tableau.name.startswith("gauss"):
+        nodes = roots_legendre(s)[0]
+    else:
+        nodes = np.append(np.sort(roots_jacobi(s - 1, 1, 0)[0]), 1.0)
+    # Half a unit in the last place of numbers below one.
+    np.testing.assert_allclose(tableau.c, (1 + nodes) / 2, rtol=0, atol=1e-16)
+
+
+@pytest.fixture(scope="module")
+def swing():
+    """RR from a bent pose at rest with constant torque and for a given time, by DOP853."""
+    robot, tau, duration = paper_arm("rr"), np.array([1.0, -0.3]), 0.2
+    model, data = robot.model, robot.model.createData()
+    q, v = np.array([-1.0, 0.4]), np.zeros(2)
+
+    def rate(t, x):
+        return np.concatenate([x[2:], pin.aba(model, data, x[:2], x[2:], tau)])
+
+    t = np.linspace(0, duration, 65)
+    x = solve_ivp(rate, (0, duration), np.concatenate([q, v]), "DOP853", t_eval=t, rtol=1e-13, atol=1e-14).y.T
+    return robot, Trajectory(t, x[:, :2], x[:, 2:], np.tile(tau, (t.size, 1)))
+
+
+@pytest.mark.parametrize("form", ["forward", "inverse"])
+@pytest.mark.parametrize("tableau", TABLEAUS.values(), ids=lambda tableau: tableau.name)
+def test_order_measured_through_the_nonlinear_program(tableau, form, swing):
+    """With start, duration and torque held fixed the defects are an integrator, and have its order."""
+    robot, exact = swing
+    scheme, dynamics = Scheme(tableau.name, "constant", form), Dynamics(robot, free_last_body=True)
+    scales = Scales(exact.duration, 1.0, 10.0, np.array([3.0, 3.0]))
+
+    def error(intervals):
+        nlp = build_nlp(dynamics, scheme, intervals)
+        fractions = np.full(intervals, 1 / intervals)
+        p = scales.parameters(fractions, scales.weights(0.0), dynamics.last_body)
+        x = to_unknowns(exact, nlp.layout, fractions, scales)
+        free = np.ones(x.size, dtype=bool)
+        free[nlp.layout.knots(intervals)[0]] = False  # the state and the duration at the start
+        free[nlp.layout.torques(intervals)] = False
+        for _ in range(20):
+            g, jacobian = nlp.jacobian(x, p)
+            step = spsolve(jacobian.sparse()[:, free], np.array(g).ravel())
+            x[free] -= step
+            if np.max(np.abs(step)) < 1e-12:  # the next one is at rounding: Newton's method is quadratic
+                break
+        q, v = x[nlp.layout.states(intervals)[-1]].reshape(2, -1)
+        end = np.concatenate([scales.length * q, scales.speed * v])
+        return np.max(np.abs(end - [*exact.q[-1], *exact.v[-1]]))
+
+    # Asymptotic, and above the 1e-11 to which the motion itself is known.
+    n = np.array([24, 32, 48]) if tableau.order <= 6 else np.array([6, 8, 10, 12])
+    slope = np.polyfit(np.log(n), np.log([error(k) for k in n]), 1)[0]
+    assert -slope == pytest.approx(tableau.order, rel=0.1)
+
+
+def test_a_wrong_coefficient_is_refused():
+    A = LOBATTO_3.A.copy()
+    A[1, 2] *= -1
+    with pytest.raises(ValueError, match="does not integrate"):
+        Tableau("wrong", A, LOBATTO_3.b, LOBATTO_3.c, 4)
+    with pytest.raises(ValueError, match="degree 4"):
+        Tableau("too proud", LOBATTO_3.A, LOBATTO_3.b, LOBATTO_3.c, 5)
+
+
+def test_knots_of_lobatto():
+    assert LOBATTO_3.starts_at_knot and LOBATTO_3.ends_at_knot
+    assert list(LOBATTO_3.inner) == [1]
+
+
+def test_knots_of_the_others():
+    # Radau ends at a knot, Gauss knows none.
+    knots = {name: (t.starts_at_knot, t.ends_at_knot, len(t.inner)) for name, t in TABLEAUS.items()}
+    assert knots["radau2"] == (False, True, 1)
+    assert knots["radau3"] == (False, True, 2)
+    assert knots["gauss2"] == (False, False, 2)
+    assert knots["gauss3"] == (False, False, 3)

@@ -1,0 +1,45 @@
+"""How a solve ends that finds nothing, or not in time, or is not let finish."""
+
+import os
+import signal
+
+import numpy as np
+import pytest
+
+import armdyn as ad
+from problems import paper_problem
+
+
+def test_unreachable_goal_is_reported_not_pretended():
+    # A torque that cannot even lift the arm's own weight leaves no motion to the goal.
+    with pytest.warns(ad.ArmdynWarning, match="hold the goal"):
+        problem = paper_problem("r", 1.0, effort_limit=0.05, position_limit=(-1.6, 0.2))
+    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(starts=2, max_iterations=200))
+    assert not solution.success
+    assert solution.status in (ad.Status.INFEASIBLE, ad.Status.ITERATION_LIMIT, ad.Status.FAILED)
+    assert solution.worst_violation is not None
+    assert "joint1" in solution.message
+
+
+def test_time_limit_returns_what_there_is():
+    solution = ad.solve_minimum_time(paper_problem("rrr"), ad.MinimumTimeOptions(time_limit=1e-3))
+    assert not solution.success
+    assert solution.status is ad.Status.TIME_LIMIT
+    assert solution.trajectory.duration > 0
+
+
+def test_interrupt_returns_what_there_is():
+    told = []
+
+    def press(text):
+        if not told:
+            os.kill(os.getpid(), signal.SIGINT)
+        told.append(text)
+
+    problem = paper_problem("rrr", position_limit=(-np.inf, np.inf))
+    before = signal.getsignal(signal.SIGINT)
+    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(starts=400), press)
+    assert solution.status is ad.Status.INTERRUPTED, solution.message
+    assert not solution.success
+    assert len(told) < 100  # of 400 guesses
+    assert signal.getsignal(signal.SIGINT) is before
