@@ -6,7 +6,7 @@ from armdyn.errors import ArmdynError, ArmdynWarning
 from armdyn.lazy import facade
 
 if TYPE_CHECKING:
-    from armdyn.control import PAPER_GAINS, PidGains, PidRun, closed_loop_eigenvalues, simulate_pid
+    from armdyn.control import PidGains, PidRun, closed_loop_eigenvalues, simulate_pid
     from armdyn.dynamics import Dynamics
     from armdyn.models import (
         PAPER_PAYLOADS,
@@ -37,17 +37,20 @@ if TYPE_CHECKING:
         time_optimality,
         trajectory_from_path,
     )
+    from armdyn.studies.paper.printed.loop import PAPER_GAINS
     from armdyn.trajectory import Sample, Trajectory
 else:
     __getattr__, __dir__ = facade(
         __name__,
         {
-            "control": "PAPER_GAINS PidGains PidRun closed_loop_eigenvalues simulate_pid",
+            "control": "PidGains PidRun closed_loop_eigenvalues simulate_pid",
             "dynamics": "Dynamics",
             "models": "PAPER_PAYLOADS ArmSpec Box Capsule GoalPose "
             "JointLimits LinkSpec Payload Robot Sphere urdf_from_spec",
-            "optimal": "Arc Certificate FrameSpeedLimit MinimumTimeOptions MinimumTimeProblem Sensitivities Solution "
-            "Status TimeOptimality TorqueRateLimit replay_torques solve_minimum_time time_optimality trajectory_from_path",
+            "optimal": "Arc Certificate FrameSpeedLimit MinimumTimeOptions MinimumTimeProblem Sensitivities "
+            "Solution Status TimeOptimality TorqueRateLimit "
+            "replay_torques solve_minimum_time time_optimality trajectory_from_path",
+            "studies.paper.printed.loop": "PAPER_GAINS",
             "trajectory": "Sample Trajectory",
         },
     )

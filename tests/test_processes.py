@@ -1,33 +1,56 @@
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
+from contextlib import closing
 from functools import partial
+from pathlib import Path
 
 import pytest
 
-from armdyn.optimal.problem.stop import Stop
-from armdyn.processes import in_processes
+from armdyn.optimal.problem.stop import Stop, stopping
+from armdyn.processes import as_they_end, in_processes
 
 HERE = os.getpid()
+FORK = multiprocessing.get_context("fork")
+PATIENCE = 20  # [s] until what should happen counts as never happening
 
 
-def slow_square(k):
-    time.sleep(0.05 * (k % 3 == 0))  # others overtake it
+def square(k):
     return k * k, os.getpid()
 
 
+@pytest.mark.parametrize("together", [in_processes, as_they_end])
 @pytest.mark.parametrize("workers", [1, 2, 3, None])
-def test_results_come_in_the_jobs_order(workers):
-    results = list(in_processes([partial(slow_square, k) for k in range(10)], workers))
-    assert [square for square, _ in results] == [k * k for k in range(10)]
+def test_every_job_is_done_once(workers, together):
+    results = list(together([partial(square, k) for k in range(10)], workers))
+    squares = [result for result, _ in results]
+    assert (squares if together is in_processes else sorted(squares)) == [k * k for k in range(10)]
     crew = min(workers or os.cpu_count() or 1, 10)  # each begins with a job of its own
     assert len({pid for _, pid in results} - {HERE}) == (0 if crew == 1 else crew)
 
 
 def test_no_jobs_no_results():
-    assert list(in_processes([], 2)) == []
+    assert list(in_processes([], 2)) == list(as_they_end([], 2)) == []
+
+
+def overtaken(event, k):
+    """The first job waits for the last."""
+    if k == 0:
+        assert event.wait(PATIENCE)
+    if k == 3:
+        event.set()
+    return k
+
+
+@pytest.mark.parametrize(
+    ("together", "orders"), [(in_processes, [[0, 1, 2, 3]]), (as_they_end, [[1, 2, 3, 0], [1, 2, 0, 3]])]
+)
+def test_in_order_or_as_they_end(together, orders):
+    event = FORK.Event()
+    assert list(together([partial(overtaken, event, k) for k in range(4)], 2)) in orders
 
 
 def dies_elsewhere(k):
@@ -36,8 +59,9 @@ def dies_elsewhere(k):
     return k, os.getpid()
 
 
-def test_what_a_dead_worker_left_is_done_here():
-    results = list(in_processes([partial(dies_elsewhere, k) for k in range(6)], 2))
+@pytest.mark.parametrize("together", [in_processes, as_they_end])
+def test_what_a_dead_worker_left_is_done_here(together):
+    results = sorted(together([partial(dies_elsewhere, k) for k in range(6)], 2))
     assert [k for k, _ in results] == list(range(6))
     assert {results[1][1], results[3][1], results[5][1]} == {HERE}
 
@@ -55,45 +79,134 @@ def test_an_error_is_raised_here_when_its_turn_comes():
         next(results)
 
 
-def waits(k, seconds):
-    time.sleep(seconds)
+def first_of_all(k):
+    while k:
+        signal.pause()
     return k
 
 
+def gone(deadline=PATIENCE):
+    """Whether the workers are gone in time."""
+    until = time.monotonic() + deadline
+    while multiprocessing.active_children() and time.monotonic() < until:
+        time.sleep(0.01)
+    return not multiprocessing.active_children()
+
+
 def test_who_has_seen_enough_waits_for_nobody():
-    started = time.perf_counter()
-    for result in in_processes([partial(waits, 0, 0.0), partial(waits, 1, 60.0), partial(waits, 2, 60.0)], 2):
+    for result in in_processes([partial(first_of_all, k) for k in range(3)], 2):
         assert result == 0
         break
-    assert time.perf_counter() - started < 10  # far less than what is under way
-    deadline = time.perf_counter() + 10
-    while multiprocessing.active_children() and time.perf_counter() < deadline:
+    assert gone()
+
+
+def listens(file, begun):
+    """As a solve does, which then returns."""
+    with stopping(PATIENCE) as stop:
+        begun.set()
+        while not stop:
+            time.sleep(0.01)
+    file.write_text("interrupted" if stop.interrupted else "late")
+
+
+def is_deaf(file, begun, go_on):
+    begun.set()
+    assert go_on.wait(PATIENCE)
+    file.write_text("whole")
+
+
+def test_who_stops_asking_interrupts_and_waits(tmp_path):
+    begun, go_on = [FORK.Event(), FORK.Event()], FORK.Event()
+    files = [tmp_path / "listens", tmp_path / "deaf"]
+    callers_own = FORK.Process(target=signal.pause, daemon=True)
+    callers_own.start()
+    jobs = [partial(listens, files[0], begun[0]), partial(is_deaf, files[1], begun[1], go_on), int]
+    with closing(as_they_end([int, *jobs], 3)) as results:
+        assert next(results) == 0
+        assert all(event.wait(PATIENCE) for event in begun)
+        releaser = threading.Thread(target=release, args=(files[0], go_on))
+        releaser.start()
+    releaser.join()
+    assert [file.read_text() for file in files] == ["interrupted", "whole"]
+    assert callers_own.is_alive()  # nobody else was interrupted
+    callers_own.kill()
+    callers_own.join()
+    assert gone()
+
+
+def release(file, go_on):
+    """Let the deaf one go on when the other has heard."""
+    until = time.monotonic() + PATIENCE
+    while not file.exists() and time.monotonic() < until:
         time.sleep(0.01)
-    assert not multiprocessing.active_children()
+    go_on.set()
 
 
-def waits_for(stop):
-    while not stop.interrupted:
+def waits_for(stop, begun):
+    begun.release()
+    while not stop:
         time.sleep(0.01)
     return os.getpid()
 
 
-def test_an_interruption_reaches_the_workers_and_ctrl_c_does_not_kill_them():
-    stop = Stop(time.perf_counter() + 60)
-    timer = threading.Timer(0.3, stop.interrupt)
-    timer.start()
-    pids = list(in_processes([partial(waits_for, stop)] * 2, 2))
+def test_an_interruption_reaches_the_workers():
+    stop, begun = Stop(time.perf_counter() + PATIENCE), FORK.Semaphore(0)
+    when_both_are_at_it = threading.Thread(target=lambda: (begun.acquire(), begun.acquire(), stop.interrupt()))
+    when_both_are_at_it.start()
+    pids = list(in_processes([partial(waits_for, stop, begun)] * 2, 2))
+    when_both_are_at_it.join()
     assert HERE not in pids and len(set(pids)) == 2
-    assert stop and stop.interrupted and not stop.late
+    assert stop.interrupted and not stop.late
+
+
+def survives_ctrl_c():
+    os.kill(os.getpid(), signal.SIGINT)
+    return os.getpid()
+
+
+def test_ctrl_c_does_not_kill_workers():
+    assert HERE not in list(in_processes([survives_ctrl_c] * 2, 2))
 
 
 def nested(line):
-    line.send(list(in_processes([os.getpid, os.getpid], 2)))
+    line.send([*in_processes([os.getpid] * 2, 2), *as_they_end([os.getpid] * 2, 2)])
 
 
 def test_a_worker_has_no_workers_of_its_own():
     ours, theirs = multiprocessing.Pipe()
-    process = multiprocessing.get_context("fork").Process(target=nested, args=(theirs,), daemon=True)
+    process = FORK.Process(target=nested, args=(theirs,), daemon=True)
     process.start()
-    assert ours.recv() == [process.pid, process.pid]
+    assert ours.recv() == [process.pid] * 4
     process.join()
+
+
+def lines():
+    """The sockets that this process has."""
+    found = set()
+    for entry in Path("/proc/self/fd").iterdir():
+        try:
+            found.add(str(entry.readlink()))
+        except OSError:  # the listing's own
+            continue
+    return {name for name in found if name.startswith("socket:")}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_a_worker_keeps_no_line_but_its_own():
+    before = lines()
+    other = in_processes([int, int], 2)  # of another crew, which is there at the same time
+    assert next(other) == 0
+    held = [sockets - before for sockets in in_processes([lines] * 3, 3)]
+    other.close()
+    assert [len(sockets) for sockets in held] == [1, 1, 1] and len(set.union(*held)) == 3
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the kernel's doing")
+def test_what_a_thread_left_behind_is_done_all_the_same():
+    results = in_processes([partial(square, k) for k in range(6)], 2)
+    known = []
+    thread = threading.Thread(target=lambda: known.append(next(results)))
+    thread.start()
+    thread.join()  # and its workers end with it
+    assert [square for square, _ in [*known, *results]] == [k * k for k in range(6)]
+    assert gone()

@@ -1,5 +1,7 @@
 """How commands speak: to people on a terminal, to machines as one JSON object."""
 
+from __future__ import annotations
+
 import json
 import os
 import sys
@@ -7,19 +9,52 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import typer
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from armdyn.errors import ArmdynError, ArmdynWarning
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
 
 DONE, INTERNAL, BAD_INPUT, NOT_CERTIFIED, INTERRUPTED = 0, 1, 2, 3, 130
 """Exit codes."""
 
-console = Console(highlight=False)
-errors = Console(stderr=True, highlight=False)
+
+class Terminal:
+    """Standard output or error, spoken to by rich; which is loaded when there is something to say."""
+
+    def __init__(self, *, stderr: bool = False):
+        self._stderr = stderr
+
+    @cached_property
+    def rich(self) -> Console:
+        """Rich's console."""
+        from rich.console import Console
+
+        return Console(stderr=self._stderr, highlight=False)
+
+    @property
+    def is_terminal(self) -> bool:
+        """Someone watches."""
+        return self.rich.is_terminal
+
+    def print(self, what: str | Table) -> None:
+        """Say something, in rich's markup."""
+        self.rich.print(what)
+
+
+console, errors = Terminal(), Terminal(stderr=True)
+
+
+def escape(text: str) -> str:
+    """The text as it is, in rich's markup."""
+    from rich.markup import escape as escaped
+
+    return escaped(text)
 
 
 @dataclass
@@ -86,12 +121,14 @@ def working(what: str, as_json: bool) -> Iterator[Callable[[str], None]]:
     if as_json or not errors.is_terminal:
         yield lambda text: None
         return
-    with errors.status(escape(what)) as status:
+    with errors.rich.status(escape(what)) as status:
         yield lambda text: status.update(escape(f"{what}: {text}"))
 
 
 def facts_table(title: str, facts: dict[str, str]) -> Table:
     """Two columns, what and how much."""
+    from rich.table import Table
+
     table = Table(title=escape(title), title_justify="left", title_style="bold", show_header=False, box=None)
     table.add_column(style="dim")
     table.add_column()

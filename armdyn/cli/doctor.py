@@ -1,20 +1,28 @@
 """The command that looks at the installation, or at a robot, and says what is wrong."""
 
+from __future__ import annotations
+
+import math
 import os
 import platform
-from importlib.metadata import version
-from typing import Annotated
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
-from rich.markup import escape
-from rich.table import Table
 
-from armdyn.cli.arguments import Json, Lock, Part, load_robot
-from armdyn.cli.console import NOT_CERTIFIED, answering, console, facts_table
-from armdyn.models import Payload, Robot
+import armdyn as ad
+from armdyn.cli.console import NOT_CERTIFIED, answering, console, escape, facts_table
+from armdyn.cli.options.results import Json
+from armdyn.cli.options.robot import PartOptions
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+Facts = dict[str, object]
 
 _PACKAGES = ("armdyn", "pin", "casadi", "numpy", "scipy", "yourdfpy", "meshcat", "matplotlib")
+_AGREE = 1e-10
+"""Relative difference of two computations of an acceleration, some hundred operations of 1e-16 apart."""
 
 
 def doctor(
@@ -22,42 +30,51 @@ def doctor(
         str | None,
         typer.Argument(metavar="[ROBOT]", help="r, rr, rrr, a URDF file or a library name; none: the installation."),
     ] = None,
-    lock: Lock = None,
-    part: Part = None,
+    *,
+    part: PartOptions,
+    policy: Annotated[
+        bool, typer.Option("--policy", help="Show every tuned number of a minimum-time solve of ROBOT, and its reason.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Check the installation, or what armdyn reads from a robot's URDF.
 
     [dim]armdyn doctor
     armdyn doctor panda
+    armdyn doctor panda --policy
     armdyn doctor my_arm.urdf[/]
     """
     with answering(json) as answer:
+        tables: list[str | Table]
         if robot is None:
-            facts = _installation()
+            arm, facts = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), ad.Payload(mass=0.1)), _installation()
             answer.facts |= {"success": True, "status": "healthy", "files": [], **facts}
-            if not json:
-                console.print(facts_table("armdyn's installation", {k: str(v) for k, v in facts.items()}))
+            tables = [facts_table("armdyn's installation", {k: str(v) for k, v in facts.items()})]
         else:
-            arm = load_robot(robot, lock=lock, part=part)
+            arm = part.read(robot)
             joints, remarks = _joints(arm), _remarks(arm)
-            answer.facts |= {
-                "success": True, "status": "read", "files": [], "robot": arm.name, "tip": arm.tip,
-                "joints": joints, "remarks": remarks,
-            }  # fmt: skip
-            if not json:
-                _show(arm, joints, remarks)
-        error = _disagreement(load_robot("rr", Payload(mass=0.1)) if robot is None else arm)
+            answer.facts |= {"success": True, "status": "read", "files": [], "robot": arm.name, "tip": arm.tip}
+            answer.facts |= {"joints": joints, "remarks": remarks}
+            tables = [_table(arm, joints), *(f"[yellow]note:[/] {escape(remark)}" for remark in remarks)]
+        if policy:
+            rows = _policy(arm)
+            answer.facts["policy"] = policy_facts(rows)
+            tables.append(policy_table(arm.name, rows))
+        error = _disagreement(arm)
         answer.facts["dynamics_error"] = error
-        if error > 1e-10:
+        if error > _AGREE:
             answer.facts |= {"success": False, "status": "dynamics_disagree"}
             answer.code = NOT_CERTIFIED
         if not json:
-            verdict = "[green]agree[/]" if error <= 1e-10 else "[bold red]DISAGREE[/]"
+            for table in tables:
+                console.print(table)
+            verdict = "[green]agree[/]" if error <= _AGREE else "[bold red]DISAGREE[/]"
             console.print(f"CasADi and Pinocchio dynamics {verdict} (largest relative difference {error:.1e})")
 
 
-def _installation() -> dict[str, object]:
+def _installation() -> Facts:
+    from importlib.metadata import version
+
     from armdyn.dynamics.symbolic import bridge_versions
 
     return {
@@ -68,11 +85,13 @@ def _installation() -> dict[str, object]:
     }
 
 
-def _disagreement(robot: Robot) -> float:
+def _disagreement(robot: ad.Robot) -> float:
     """Largest relative difference of forward dynamics, CasADi against Pinocchio, at ten seeded states."""
-    from armdyn.dynamics import Dynamics, forward_dynamics
+    import numpy as np
 
-    dynamics, random = Dynamics(robot), np.random.default_rng(0)
+    from armdyn.dynamics import forward_dynamics
+
+    dynamics, random = ad.Dynamics(robot), np.random.default_rng(0)
     numeric, worst = forward_dynamics(robot), 0.0
     for q, v, tau in random.uniform(-1, 1, (10, 3, robot.nv)):
         reference = numeric(q, v, tau)
@@ -81,13 +100,64 @@ def _disagreement(robot: Robot) -> float:
     return worst
 
 
+PolicyRow = tuple[str, object, str, str, str]
+"""Name, value, unit, reason and cases that it was chosen on."""
+
+
+def _policy(robot: ad.Robot) -> list[PolicyRow]:
+    """The policy of a robot's minimum-time problems without conditions along the way, whatever the poses."""
+    import numpy as np
+
+    from armdyn.optimal.task.policy import Policy
+
+    lower, upper = robot.limits.position_lower, robot.limits.position_upper
+    start = np.clip(np.zeros(robot.nv), lower, upper)
+    goal = np.where(start + 0.1 <= upper, np.minimum(start + 0.1, upper), np.maximum(start - 0.1, lower))
+    problem = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal)
+    return list(Policy.of(problem).rows())
+
+
+def policy_facts(rows: Iterable[PolicyRow]) -> list[Facts]:
+    """A policy for machines; a value that JSON does not know is its text."""
+    return [
+        {
+            "name": name,
+            "value": value if value is None or isinstance(value, bool | int | float | str) else str(value),
+            "unit": unit,
+            "reason": reason,
+            "cases": cases,
+        }
+        for name, value, unit, reason, cases in rows
+    ]
+
+
+def policy_table(name: str, rows: Iterable[PolicyRow]) -> Table:
+    """A policy for people.
+
+    Args:
+        name: the robot's.
+        rows: of every number.
+    """
+    from rich.table import Table
+
+    table = Table(title=escape(f"{name}: policy of minimum time"), title_justify="left", header_style="bold", box=None)
+    table.add_column("number", overflow="fold")
+    table.add_column("value", justify="right", overflow="fold")
+    for column in ("unit", "what it is, and why", "chosen on"):
+        table.add_column(column)
+    for what, value, unit, reason, cases in rows:
+        shown = f"{value:g}" if isinstance(value, float) else str(value)
+        table.add_row(*(escape(text) for text in (what, shown, unit, reason, cases)))
+    return table
+
+
 def _number(x: float) -> float | None:
-    return float(x) if np.isfinite(x) else None
+    return float(x) if math.isfinite(x) else None
 
 
-def _joints(robot: Robot) -> list[dict[str, object]]:
+def _joints(robot: ad.Robot) -> list[Facts]:
     limits, model = robot.limits, robot.model
-    applied = [np.broadcast_to(np.asarray(x), robot.nv) for x in (robot.friction.damping, robot.friction.coulomb)]
+    applied = robot.friction.per_joint(robot.nv)
     return [
         {
             "name": name,
@@ -106,7 +176,7 @@ def _joints(robot: Robot) -> list[dict[str, object]]:
     ]
 
 
-def _remarks(robot: Robot) -> list[str]:
+def _remarks(robot: ad.Robot) -> list[str]:
     joints = _joints(robot)
     findings = {
         "no torque limit: minimum time needs --effort-limit": [j for j in joints if j["effort_upper"] is None],
@@ -129,7 +199,9 @@ def _remarks(robot: Robot) -> list[str]:
     return remarks
 
 
-def _show(robot: Robot, joints: list[dict[str, object]], remarks: list[str]) -> None:
+def _table(robot: ad.Robot, joints: list[Facts]) -> Table:
+    from rich.table import Table
+
     title = escape(f"{robot.name}: {robot.nv} joints, tip {robot.tip!r}")
     table = Table(title=title, title_justify="left", box=None, header_style="bold", pad_edge=False)
     table.add_column("joint", overflow="fold")
@@ -142,7 +214,7 @@ def _show(robot: Robot, joints: list[dict[str, object]], remarks: list[str]) -> 
     def show(x: object) -> str:
         return "-" if x is None else f"{x:.4g}"
 
-    def between(joint: dict[str, object], what: str) -> str:
+    def between(joint: Facts, what: str) -> str:
         lower, upper = joint[f"{what}_lower"], joint[f"{what}_upper"]
         if lower is None or upper is None:
             return "-" if lower is upper else f"{show(lower)} … {show(upper)}"
@@ -156,6 +228,4 @@ def _show(robot: Robot, joints: list[dict[str, object]], remarks: list[str]) -> 
             between(joint, "effort"),
             *(show(joint[what]) for what in more),
         )
-    console.print(table)
-    for remark in remarks:
-        console.print(f"[yellow]note:[/] {escape(remark)}")
+    return table

@@ -1,34 +1,36 @@
-"""The application and its entry point."""
+"""The application and its entry point.
+
+A command's module is read to know its options; what the command works with is imported when it runs.
+"""
 
 import sys
 from typing import Annotated
 
 import typer
 
-from armdyn.cli import doctor, motion, paper, robots, sweep
+from armdyn import __version__
+from armdyn.cli.doctor import doctor
+from armdyn.cli.motion.mintime import mintime
+from armdyn.cli.motion.pid import pid
+from armdyn.cli.motion.replay import replay
+from armdyn.cli.motion.sweep import sweep
+from armdyn.cli.options.groups import with_options
+from armdyn.cli.paper import reproduce, urdf
+from armdyn.cli.robots import robots
 
 app = typer.Typer(
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
     help="Time-optimal and closed-loop motion of robot arms, from a URDF.",
     epilog="Exit codes: 0 done, 2 bad usage or input, 3 not converged or not landed, 130 interrupted.",
 )
-app.command()(motion.mintime)
-app.command()(motion.pid)
-app.command()(paper.reproduce)
-app.command()(sweep.sweep)
-app.command()(motion.replay)
-app.command()(paper.urdf)
-app.command()(robots.robots)
-app.command()(doctor.doctor)
+for command in (mintime, pid, reproduce, sweep, replay, urdf, robots, doctor):
+    app.command()(with_options(command))
 
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from armdyn import __version__
-
         sys.stdout.write(f"armdyn {__version__}\n")
         raise typer.Exit
 
@@ -36,7 +38,7 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def _options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
+        bool, typer.Option("--version", metavar="", callback=_version, is_eager=True, help="Show the version and exit.")
     ] = False,
 ) -> None:
     pass

@@ -7,23 +7,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
-from armdyn.cli.arguments import Json, numbers
-from armdyn.cli.console import INTERRUPTED, NOT_CERTIFIED, answering, console, errors
+from armdyn.cli.console import INTERRUPTED, NOT_CERTIFIED, answering, console, errors, escape
+from armdyn.cli.options.results import Json
+from armdyn.cli.options.text import numbers
 from armdyn.control.arrival import ARRIVAL_RULES
-from armdyn.control.stability import one_of
+from armdyn.control.reading import one_of
 from armdyn.files import write_whole
-from armdyn.models import ArmSpec, Payload
-from armdyn.models.urdf import urdf_file_name, urdf_from_spec
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from armdyn.studies.cases import Outcome
-    from armdyn.studies.reproduce import Plan, Reproduced
+    from armdyn.studies.paper.outcomes.outcome import Outcome
+    from armdyn.studies.paper.reproduce import Plan, Reproduced
 
 
 def reproduce(
@@ -40,8 +36,13 @@ def reproduce(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results.")] = Path("results/paper"),
     fresh: Annotated[bool, typer.Option("--fresh", help="Solve again what DIR has already.")] = False,
     arrival_rule: Annotated[
-        str, typer.Option(metavar="RULE", help="When a PID loop has arrived: " + ", ".join(ARRIVAL_RULES) + ".")
-    ] = ARRIVAL_RULES[0],
+        str | None,
+        typer.Option(
+            metavar="RULE",
+            help="When a PID loop has arrived: " + ", ".join(ARRIVAL_RULES) + ".",
+            show_default="last_entry_first_joint, the paper's",
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """The whole paper: every example, table and figure, the published numbers beside ours.
@@ -55,14 +56,16 @@ def reproduce(
     armdyn reproduce --only table4,figure2[/]
     """
     with answering(json) as answer:
-        from armdyn.studies.reproduce import Plan
-        from armdyn.studies.reproduce import reproduce as carry_out
+        from armdyn.studies.paper.printed.loop import PAPER_RULE
+        from armdyn.studies.paper.reproduce import Plan
+        from armdyn.studies.paper.reproduce import reproduce as carry_out
 
-        one_of("--arrival-rule", arrival_rule, ARRIVAL_RULES)
+        rule = arrival_rule or PAPER_RULE
+        one_of("--arrival-rule", rule, ARRIVAL_RULES)
         plan = Plan(
             only=tuple(part.strip().lower() for text in only or () for part in text.split(",")),
             payloads=tuple(mass for text in payload or () for mass in numbers(text, "--payload")),
-            arrival_rule=arrival_rule,  # type: ignore[arg-type]  # checked above
+            arrival_rule=rule,  # type: ignore[arg-type]  # checked above
             fresh=fresh,
         )
         count = 0
@@ -92,6 +95,8 @@ def _progress(total: int, as_json: bool) -> "Iterator[Callable[[Outcome, int, in
     if as_json or not errors.is_terminal:
         yield lambda outcome, done, of: None
         return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
     columns = (
         TextColumn("reproduce"),
         BarColumn(),
@@ -100,7 +105,7 @@ def _progress(total: int, as_json: bool) -> "Iterator[Callable[[Outcome, int, in
         TextColumn("{task.description}"),
     )
     # It refreshes itself in a thread otherwise, and processes are to be forked.
-    with Progress(*columns, console=errors, transient=True, auto_refresh=False) as bar:
+    with Progress(*columns, console=errors.rich, transient=True, auto_refresh=False) as bar:
         task = bar.add_task("", total=total)
         bar.refresh()
 
@@ -127,22 +132,25 @@ def _facts(result: "Reproduced") -> dict[str, object]:
 
 def _print(result: "Reproduced", plan: "Plan", out: Path) -> None:
     """For people: the examples with the figures' payload, and where the rest is."""
+    from rich.table import Table
+
     grams = f"{1000 * plan.shown_payload:g} g"
     table = Table(title=f"The paper's examples with {grams} at the tip", title_justify="left")
     for column in ("#", "arm", "problem", "paper", "ours", "what happened"):
         table.add_column(column, justify="right" if column in ("#", "paper", "ours") else "left")
-    from armdyn.studies.published import published_time
-    from armdyn.studies.tables import setup
+    from armdyn.studies.paper.printed.published import printed_time
+    from armdyn.studies.paper.tables.rows import setup
 
     for outcome in sorted(result.outcomes, key=lambda o: (o.case.example, o.case.kind)):
-        case, paper = outcome.case, published_time(outcome.case)
+        case = outcome.case
+        paper = printed_time(case.example, case.payload)
         if case.payload != plan.shown_payload or case.reading != "tip" or setup(case):
             continue
         table.add_row(
             str(case.example),
             case.arm.upper(),
             {"minimum_time": "minimum time", "time_energy": "time–energy", "pid": "PID"}[case.kind],
-            "-" if paper is None else f"{paper:.3f} s",
+            "-" if paper is None else f"{paper.value:.3f} s",
             "-" if outcome.time is None else f"{outcome.time:.4f} s",
             escape(_happened(outcome)),
         )
@@ -179,6 +187,9 @@ def urdf(
     [dim]armdyn urdf rr --payload 0.1006 > rr.urdf[/]
     """
     with answering(json) as answer:
+        from armdyn.models import ArmSpec, Payload
+        from armdyn.models.urdf import urdf_file_name, urdf_from_spec
+
         spec = ArmSpec.paper(arm)  # type: ignore[arg-type]  # paper refuses what it does not know
         load = Payload(mass=payload)
         text = urdf_from_spec(spec, load)

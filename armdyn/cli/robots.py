@@ -1,17 +1,20 @@
 """The command that lists the robots that have a name."""
 
-from typing import Annotated
+from __future__ import annotations
 
-import numpy as np
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated
+
 import typer
-from rich.markup import escape
-from rich.table import Table
 
-from armdyn.cli.arguments import Json
-from armdyn.cli.console import answering, console, working
+import armdyn as ad
+from armdyn import models
+from armdyn.cli.console import answering, console, escape, working
+from armdyn.cli.options.results import Json
 from armdyn.errors import ArmdynError
-from armdyn.models import PAPER_ARMS, ArmSpec, Robot
-from armdyn.models.library import LIBRARY_ARMS, other_robots
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 Facts = dict[str, object]
 
@@ -34,8 +37,10 @@ def robots(
     armdyn doctor baxter_left[/]
     """
     with answering(json) as answer:
+        from armdyn.models.library import LIBRARY_ARMS, other_robots
+
         with working("robots", json) as progress:
-            arms = [_facts(name, progress) for name in (*PAPER_ARMS, *LIBRARY_ARMS)]
+            arms = [_facts(name, progress) for name in (*models.PAPER_ARMS, *LIBRARY_ARMS)]
             others = [_facts(name, progress) for name in other_robots()] if everything or json else []
         answer.facts |= {"success": True, "status": "listed", "files": [], "robots": arms, "others": others}
         if not json:
@@ -48,14 +53,17 @@ def robots(
             )
 
 
-def _facts(name: str, progress: object) -> Facts:
+def _facts(name: str, progress: Callable[[str], None]) -> Facts:
     """What one robot is; never an exception, for one bad robot must not hide the others."""
-    if callable(progress):
-        progress(name)
+    import numpy as np
+
+    from armdyn.models.library import LIBRARY_ARMS
+
+    progress(name)
     arm = LIBRARY_ARMS.get(name)
     facts: Facts = {"name": name, "robot": name if arm is None else arm.robot, "loads": False, "reason": ""}
     try:
-        robot = Robot.from_spec(ArmSpec.paper(name)) if name in PAPER_ARMS else Robot.from_library(name)
+        robot = ad.Robot.from_spec(ad.ArmSpec.paper(name)) if name in models.PAPER_ARMS else ad.Robot.from_library(name)
     except ArmdynError as error:
         return facts | {"reason": str(error).rsplit("/", 1)[-1]}  # without the folder, which is always the same
     except Exception as error:  # a damaged installation of the library, say
@@ -81,6 +89,8 @@ def _facts(name: str, progress: object) -> Facts:
 
 
 def _table(title: str, robots: list[Facts]) -> Table:
+    from rich.table import Table
+
     table = Table(title=title, title_justify="left", box=None, header_style="bold", pad_edge=False)
     table.add_column("name", no_wrap=True)
     for heading in ("dof", "q", "v", "τ", "locked"):

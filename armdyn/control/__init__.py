@@ -6,16 +6,16 @@ from armdyn.lazy import facade
 
 if TYPE_CHECKING:
     from armdyn.control.closed_loop import PidRun, simulate_pid
-    from armdyn.control.pid import PAPER_GAINS, PidGains
+    from armdyn.control.pid import PidGains
     from armdyn.control.stability import closed_loop_eigenvalues
 else:
     __getattr__, __dir__ = facade(
         __name__,
         {
             "closed_loop": "PidRun simulate_pid",
-            "pid": "PAPER_GAINS PidGains",
+            "pid": "PidGains",
             "stability": "closed_loop_eigenvalues",
         },
     )
 
-__all__ = ["PAPER_GAINS", "PidGains", "PidRun", "closed_loop_eigenvalues", "simulate_pid"]
+__all__ = ["PidGains", "PidRun", "closed_loop_eigenvalues", "simulate_pid"]

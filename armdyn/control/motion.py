@@ -87,7 +87,7 @@ _STEP = 1e-3
 
 
 class GivenMotion:
-    """Equations of motion from D, C v and g. D need not be symmetric: the paper's printed (7) is not."""
+    """Equations of motion from D, C v and g. D need not be symmetric, so that misprints can be tried, too."""
 
     def __init__(self, dynamics: EquationsOfMotion):
         self._dynamics = dynamics

@@ -1,4 +1,4 @@
-"""The gains of a PID controller, and what its output may mean."""
+"""A PID controller: its gains, what its output means, whether it saturates."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -6,7 +6,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armdyn.control.reading import one_of
 from armdyn.errors import ProblemError
+from armdyn.models.per_joint import per_joint
 
 Array = NDArray[np.float64]
 
@@ -19,10 +21,6 @@ Form = Literal["acceleration", "torque", "computed_torque"]
   integrator of its own.
 """
 FORMS: tuple[Form, ...] = ("acceleration", "torque", "computed_torque")
-
-DerivativeSign = Literal["corrected", "printed"]
-"""Sign of k_D θ̇: "corrected" is -k_D θ̇, which (27) says as ė = -θ̇; "printed" is +k_D θ̇ of (28)-(30)."""
-DERIVATIVE_SIGNS: tuple[DerivativeSign, ...] = ("corrected", "printed")
 
 
 @dataclass(frozen=True)
@@ -63,16 +61,53 @@ class PidGains:
 
 
 def _gain(name: str, value: ArrayLike) -> float | tuple[float, ...]:
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        raise ProblemError(f"{name} is {value!r}; expected a number, or one per joint") from None
-    if array.ndim > 1 or array.size == 0:
-        raise ProblemError(f"{name} has shape {array.shape}; expected a number, or one per joint")
-    if not np.all(np.isfinite(array) & (array >= 0)):
-        raise ProblemError(f"{name} is {value!r}; gains must be finite and not negative")
+    array = per_joint(value, None, name, error=ProblemError, sign="not negative")
     return float(array) if array.ndim == 0 else tuple(map(float, array))
 
 
-PAPER_GAINS = PidGains(kp=30.0, ki=50.0, kd=10.0)
-"""Eqs (32)-(34): the same for every joint of R, RR and RRR."""
+DEFAULT_GAINS = PidGains(kp=30.0, ki=50.0, kd=10.0)
+"""Where none are given. With form "computed_torque" they put each joint's poles at -6.6 and -1.7 ± 2.2i 1/s, whatever
+the arm. With the other forms it depends on the arm whether they suit, and `PidRun.max_real_eigenvalue` tells. The
+paper has the same numbers for its arms, (32) to (34)."""
+
+
+@dataclass(frozen=True)
+class Controller:
+    """u = kp e + ki ∫e dt + kd ė, eq. (27), and what becomes of u.
+
+    Attributes:
+        gains: see `PidGains`.
+        form: see `Form`.
+        saturate: clip tau at the robot's effort limits, and halt a joint's integral while its torque is
+            clipped and its error asks for more (anti-windup by conditional integration, faded over one
+            percent of the limit so that the equations stay continuous). None: for "torque" only.
+        error_rate: what the controller takes for ė, as a multiple of the joint's velocity. It is -1 of
+            e = goal - position, eq. (26), with a goal at rest; another number is another law.
+
+    Raises:
+        ProblemError: unknown form, or error_rate not finite.
+    """
+
+    gains: PidGains = DEFAULT_GAINS
+    form: Form = "acceleration"
+    saturate: bool | None = None
+    error_rate: float = -1.0
+
+    def __post_init__(self) -> None:
+        one_of("form", self.form, FORMS)
+        if not np.isfinite(self.error_rate):
+            raise ProblemError(f"error_rate is {self.error_rate}; it must be finite")
+
+    @property
+    def saturates(self) -> bool:
+        """Whether the torque is clipped at the effort limits."""
+        return self.form == "torque" if self.saturate is None else self.saturate
+
+    def coefficients(self, nv: int) -> tuple[Array, Array, Array]:
+        """a, b and c of u = a e + b ∫e dt - c v, each of shape (nv,).
+
+        Raises:
+            ProblemError: the gains are for another number of joints.
+        """
+        kp, ki, kd = self.gains.per_joint(nv)
+        return kp, ki, -self.error_rate * kd

@@ -71,7 +71,7 @@ class Dynamics:
         friction = robot.friction
         rubs: tuple[bytes, bytes, float] | tuple[()] = ()
         if friction.present:
-            damping, coulomb = (np.broadcast_to(x, self.nv) for x in (friction.damping, friction.coulomb))
+            damping, coulomb = friction.per_joint(self.nv)
             rubs = (damping.tobytes(), coulomb.tobytes(), friction.width)
         self.functions = _with_friction(self._tree, *rubs) if rubs else _functions(*self._tree)
         present = tuple((self.last_body != 0).tolist())

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.errors import SpecError
+from armdyn.models.per_joint import per_joint
 
 Array = NDArray[np.float64]
 
@@ -42,9 +43,7 @@ class JointFriction:
 
     def __post_init__(self) -> None:
         for name in ("damping", "coulomb"):
-            array = np.array(getattr(self, name), dtype=float)
-            if not np.all(np.isfinite(array) & (array >= 0)):
-                raise SpecError(f"joint friction: {name} is {array}; it must be finite and not negative")
+            array = per_joint(getattr(self, name), None, f"joint friction: {name}", sign="not negative")
             array.setflags(write=False)
             object.__setattr__(self, name, array)
         if not (np.isfinite(self.width) and self.width > 0):
@@ -54,6 +53,13 @@ class JointFriction:
     def present(self) -> bool:
         """Some joint has some."""
         return bool(np.any(self.damping) or np.any(self.coulomb))
+
+    def per_joint(self, nv: int) -> tuple[Array, Array]:
+        """Damping [N m s/rad or N s/m] and Coulomb friction [N m or N], each of shape (nv,)."""
+        damping, coulomb = (
+            np.broadcast_to(np.asarray(own, dtype=float), (nv,)) for own in (self.damping, self.coulomb)
+        )
+        return damping, coulomb
 
     def torque(self, v: Array) -> Array:
         """What the joints lose [N m or N] at velocities v [rad/s or m/s], both of shape (…, nv)."""

@@ -26,7 +26,7 @@ def model_hash(model: pin.Model, friction: JointFriction) -> str:
         numbers += [place.homogeneous.ravel(), inertia.toDynamicParameters()]
         if "Unaligned" in joint.shortname():
             numbers.append(np.ravel(joint.createData().S))
-    numbers += [np.broadcast_to(value, (model.nv,)) for value in (friction.damping, friction.coulomb)]
+    numbers += friction.per_joint(model.nv)
     numbers.append(np.array([friction.width if np.any(friction.coulomb) else 0.0]))
     # Plus zero: what is rounded to minus zero is zero.
     rounded = (np.round(np.concatenate(numbers), 12) + 0.0).astype("<f8")

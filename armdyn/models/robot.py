@@ -16,6 +16,7 @@ from armdyn.models.identity import model_hash
 from armdyn.models.library import library_arm
 from armdyn.models.limits import JointLimits
 from armdyn.models.meshes import mesh_folders
+from armdyn.models.per_joint import per_joint
 from armdyn.models.reading import check_inertia, configuration, joint_limits, read_arm
 from armdyn.models.spec import ArmSpec, Payload
 from armdyn.models.urdf import TIP, positive_tensor, urdf_from_spec
@@ -197,10 +198,11 @@ class Robot:
         """
         limits = self.limits
         if effort_limit is not None:
-            effort = self.per_joint(effort_limit, "effort_limit")
+            effort = self._read(effort_limit, "effort_limit", "N m or N", finite=False)
             limits = replace(limits, effort_lower=-effort, effort_upper=effort)
         if velocity_limit is not None:
-            limits = replace(limits, velocity=self.per_joint(velocity_limit, "velocity_limit"))
+            velocity = self._read(velocity_limit, "velocity_limit", "rad/s or m/s", finite=False)
+            limits = replace(limits, velocity=velocity)
         return replace(self, limits=limits)
 
     def with_friction(
@@ -225,7 +227,7 @@ class Robot:
                 return own
             if isinstance(value, str) and value != "urdf":
                 raise SpecError(f'{what} is {value!r}; it is numbers or "urdf"')
-            return self.per_joint(urdf, f"the URDF's {what}") if isinstance(value, str) else self.per_joint(value, what)
+            return self._read(urdf, f"the URDF's {what}") if isinstance(value, str) else self._read(value, what)
 
         own = self.friction
         return replace(
@@ -246,9 +248,7 @@ class Robot:
         if armature is None:
             return self
         model = self.model.copy()
-        model.armature = self.per_joint(armature, "armature")
-        if not np.all(np.isfinite(model.armature)):
-            raise SpecError(f"armature is {armature}; it must be finite")
+        model.armature = self._read(armature, "armature", "kg m² or kg")
         return replace(self, model=model)
 
     def _carrying(self, payload: Payload | None) -> Self:
@@ -262,20 +262,9 @@ class Robot:
             model.appendBodyToJoint(frame.parentJoint, payload_inertia(payload), frame.placement)
         return replace(self, model=model, payload=payload)
 
-    def per_joint(self, value: ArrayLike, what: str) -> Array:
-        """One number, or one per joint, as an array of shape (nv,).
-
-        Raises:
-            SpecError: wrong length, NaN, or negative.
-        """
-        array = np.asarray(value, dtype=float)
-        if array.shape not in ((), (self.nv,)):
-            raise SpecError(f"{what} has shape {array.shape}; expected one number or {self.nv}, one per joint")
-        array = np.broadcast_to(array, (self.nv,)).copy()
-        for name, number in zip(self.joint_names, array, strict=True):
-            if not number >= 0:
-                raise SpecError(f"{what} of joint {name!r} is {number}; it must not be negative")
-        return array
+    def _read(self, value: ArrayLike, what: str, unit: str = "", *, finite: bool = True) -> Array:
+        """One number, or one per joint, that is not negative, as an array of shape (nv,)."""
+        return per_joint(value, self.joint_names, what, unit=unit, finite=finite, sign="not negative")
 
     def frame(self, name: str) -> pin.Frame:
         """A frame of the model by name; the link where a joint has the same name.

@@ -2,10 +2,10 @@
 
 import json
 import os
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NoReturn
 
-import armdyn
 from armdyn.errors import ResultError
 from armdyn.files import write_whole
 from armdyn.models.robot import Robot
@@ -38,7 +38,7 @@ def save_result(path: str | os.PathLike[str], robot: Robot, facts: dict[str, obj
     """
     head = {
         "format": _FORMAT,
-        "armdyn": armdyn.__version__,
+        "armdyn": version("armdyn"),
         "units": _UNITS,
         "model": {"name": robot.name, "source": robot.source, "hash": robot.model_hash, "joints": robot.joint_names},
     }

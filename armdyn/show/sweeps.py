@@ -1,20 +1,23 @@
 """What is left on disk of a sweep over payloads: a table, a figure, and every motion."""
 
+from __future__ import annotations
+
 import csv
 from collections.abc import Sequence
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib import rc_context
-from matplotlib.figure import Figure
 
 from armdyn.files import write_whole
-from armdyn.optimal import Solution
-from armdyn.show.plots import COLORS, LOOK, save_figure
 from armdyn.show.results import save_result
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from armdyn.optimal import Solution
 
 _REACH = 0.3
 """A tangent goes this part of the way to the neighbouring payloads."""
@@ -52,6 +55,11 @@ def plot_sweep(rows: Sequence[dict[str, Any]], title: str | None = None) -> Figu
     Returns:
         A figure of its own: pyplot knows nothing of it.
     """
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    from armdyn.show.plots import COLORS, LOOK
+
     landed = [row for row in rows if row["success"]]
     grams = np.array([1e3 * row["payload_kg"] for row in landed])
     times = np.array([row["duration_s"] for row in landed])
@@ -81,7 +89,13 @@ def plot_sweep(rows: Sequence[dict[str, Any]], title: str | None = None) -> Figu
 
 
 def write_sweep(
-    folder: Path, solutions: Sequence[Solution], rows: Sequence[dict[str, Any]], motions: Sequence[Path], title: str
+    folder: Path,
+    solutions: Sequence[Solution],
+    rows: Sequence[dict[str, Any]],
+    motions: Sequence[Path],
+    title: str,
+    *,
+    figure: bool = True,
 ) -> list[Path]:
     """Table (CSV), figure and JSON of a sweep, beside its motions.
 
@@ -91,6 +105,7 @@ def write_sweep(
         rows: `sweep_row` of each.
         motions: files of `write_motion`.
         title: the figure's.
+        figure: whether there is one.
 
     Returns:
         All files, the motions first.
@@ -103,8 +118,11 @@ def write_sweep(
     table.writeheader()
     table.writerows(rows)
     files = [*motions, write_whole(folder / "sweep.csv", text.getvalue().encode())]
-    figure = plot_sweep(rows, title)
-    files += [save_figure(figure, folder / f"figure.{suffix}") for suffix in ("png", "pdf")]
+    if figure:
+        from armdyn.show.plots import save_figure
+
+        drawn = plot_sweep(rows, title)
+        files += [save_figure(drawn, folder / f"figure.{suffix}") for suffix in ("png", "pdf")]
     result = folder / "result.json"
     summary: dict[str, object] = {"rows": rows, "files": [path.name for path in [*files, result]]}
     return [*files, save_result(result, solutions[0].problem.robot, summary)]

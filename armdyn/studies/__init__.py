@@ -1,1 +1,1 @@
-"""Whole studies: the paper, reproduced."""
+"""Whole studies: one motion of many robots (`sweep`), and the paper, reproduced (`paper`)."""

@@ -31,6 +31,7 @@ def turntable(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_files_friction_is_applied_unless_told_otherwise(turntable):
     poses = ("--q-start", "0", "--q-goal", "2")
     own = run_json("mintime", "arm.urdf", *poses, cwd=turntable)
@@ -46,6 +47,7 @@ def test_a_files_friction_is_applied_unless_told_otherwise(turntable):
     )
 
 
+@pytest.mark.slow
 def test_wrap_takes_the_shorter_way(turntable):
     frictionless = ("mintime", "arm.urdf", "--damping", "0", "--friction", "0", "--q-start", "3", "--q-goal", "-3")
     wrapped = run_json(*frictionless, "--wrap", cwd=turntable)
@@ -63,6 +65,7 @@ def test_a_payload_on_a_link(turntable):
     assert answer["duration"] == pytest.approx(2 * np.sqrt(2 * (0.03 + 0.5 * 0.2**2) / 2), rel=1e-8)
 
 
+@pytest.mark.slow
 def test_pid_knows_friction(turntable):
     loop = ("pid", "arm.urdf", "--form", "torque", "--gains", "2,0,0", "--q-start", "0", "--q-goal", "1")
     # Without any the loop swings for ever; with the file's damping it comes to rest.

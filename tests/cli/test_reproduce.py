@@ -21,6 +21,7 @@ def run(*arguments, code=0):
     return done
 
 
+@pytest.mark.slow
 def test_one_table_with_two_payloads(tmp_path):
     only = ("--only", "table4", "--payload", "0.1006,0.5", "--out", tmp_path)
     answer = json.loads(run(*only, "--json").stdout)
@@ -36,7 +37,8 @@ def test_one_table_with_two_payloads(tmp_path):
         assert folder == {"trajectory.npz", "figure.png", "figure.pdf", "replay.html", "result.json"}
     # The same again is a matter of reading, and people are told.
     words = run(*only).stdout
-    assert "minimum time" in words and "index.html" in words and "reproduced" in words
+    assert "minimum time" in words and "reproduced" in words
+    assert "index.html" in "".join(words.split())  # a long path is broken anywhere
 
 
 @pytest.mark.parametrize(
@@ -59,6 +61,7 @@ def test_a_folder_that_cannot_be_written_is_exit_2(tmp_path):
     assert "file" in run("--only", "example4", "--out", tmp_path / "file", code=2).stderr
 
 
+@pytest.mark.slow
 def test_interrupt_keeps_what_is_done_and_goes_on_from_there(tmp_path):
     arguments = ["--only", "example4,example3", "--payload", "0.1006", "--out", str(tmp_path)]
     process = subprocess.Popen(

@@ -1,5 +1,7 @@
 """Simulated loops against reference times, a closed form, another integrator, and Newton's law."""
 
+import json
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -8,9 +10,12 @@ from scipy.linalg import expm
 
 import armdyn as ad
 from armdyn.control import PidGains, simulate_pid
+from armdyn.control.arrival import Arrival
+from armdyn.control.closed_loop import Move, pid_summary, simulate
+from armdyn.control.pid import Controller
 from armdyn.dynamics.closed_form import PlanarArm
-from armdyn.dynamics.printed import PrintedArm
 from armdyn.errors import ProblemError
+from armdyn.studies.paper.printed.equations import PrintedArm
 from control.loops import example, loaded_arm
 
 # Last entry of |e1| into 0.005 rad [s], by payload reading and mass [g]: R Example 4, RR Example 5.
@@ -28,6 +33,7 @@ ARRIVALS = {
     ("tip", 500): (4.1080, 9.5208),
     ("tip", 1000): (4.0896, None),
 }
+FIRST = "last_entry_first_joint"  # the paper's rule
 SAMPLING = 2e-3  # the references were read off grids of 1e-4 to 5e-4 s
 
 
@@ -35,7 +41,7 @@ SAMPLING = 2e-3  # the references were read off grids of 1e-4 to 5e-4 s
 def test_arrival_in_the_papers_examples(reading, grams):
     for name, expected in zip(("R Ex4", "RR Ex5"), ARRIVALS[reading, grams], strict=True):
         robot, poses = example(name, reading, grams)
-        run = simulate_pid(robot, **poses)
+        run = simulate_pid(robot, **poses, arrival_rule=FIRST)
         if expected is None:
             assert run.arrival_time is None
             assert not run.settled
@@ -47,13 +53,33 @@ def test_arrival_in_the_papers_examples(reading, grams):
 
 def test_arrival_rules():
     robot, poses = example("RR Ex5", "mM", 100.6)
-    all_joints = simulate_pid(robot, **poses, arrival_rule="last_entry_all_joints")
-    assert all_joints.arrival_time == pytest.approx(6.1211, abs=SAMPLING)
+    all_joints = simulate_pid(robot, **poses)
+    assert all_joints.arrival_time == all_joints.settling_time == pytest.approx(6.1211, abs=SAMPLING)
     assert all_joints.settled
+    assert all_joints.arrival_rule == "last_entry_all_joints"
+    first = simulate_pid(robot, **poses, arrival_rule=FIRST)
+    assert first.arrival_time < first.settling_time == all_joints.arrival_time
     robot, poses = example("R Ex4", "mM", 100.6)
     crossing = simulate_pid(robot, **poses, arrival_rule="first_crossing")
     assert crossing.arrival_time == pytest.approx(1.976, abs=SAMPLING)
     assert crossing.arrival_rule == "first_crossing"
+
+
+@pytest.mark.parametrize("name", ["R Ex4", "RR Ex5", "RR Ex2", "RRR Ex6"])
+def test_settled_and_arrived_are_one_unless_asked(name):
+    robot, poses = example(name, grams=100.6)
+    run = simulate_pid(robot, **poses)
+    assert run.settled == (run.arrival_time is not None)
+    assert run.arrival_time == run.settling_time
+
+
+def test_summary_is_json():
+    robot, poses = example("RR Ex5", grams=100.6)
+    summary = pid_summary(simulate_pid(robot, **poses, arrival_rule=FIRST))
+    assert json.loads(json.dumps(summary, allow_nan=False)) == summary
+    assert summary["arrival_rule"] == FIRST
+    assert summary["arrival_time"] == pytest.approx(4.5535, abs=SAMPLING)
+    assert summary["settling_time"] == pytest.approx(5.8535, abs=1e-2)
 
 
 def test_arrival_lies_on_the_tolerance():
@@ -188,10 +214,15 @@ def test_unstable_loop_of_three_joints_returns():
     assert run.trajectory.duration == 10.0
 
 
+def wrong_sign(robot, poses, rule="last_entry_all_joints"):
+    """Eqs (28) to (30) as printed, + k_D θ̇."""
+    move = Move.of(robot, poses["q_start"], poses["q_goal"], None, 10.0)
+    return simulate(robot, Controller(error_rate=1.0), move, Arrival(rule))
+
+
 @pytest.mark.parametrize("name", ["R Ex4", "RR Ex5", "RRR Ex6"])
-def test_printed_sign_diverges(name):
-    robot, poses = example(name, grams=100.6)
-    run = simulate_pid(robot, **poses, derivative_sign="printed")
+def test_a_derivative_of_the_wrong_sign_diverges(name):
+    run = wrong_sign(*example(name, grams=100.6))
     assert run.status == "diverged"
     assert run.message.startswith("diverged at t = ")
     assert run.arrival_time is None
@@ -200,11 +231,10 @@ def test_printed_sign_diverges(name):
 
 
 def test_passing_the_goal_of_an_unstable_loop_is_no_arrival():
-    robot, poses = example("R Ex4")
-    crossing = simulate_pid(robot, **poses, derivative_sign="printed", arrival_rule="first_crossing")
-    staying = simulate_pid(robot, **poses, derivative_sign="printed")
+    crossing = wrong_sign(*example("R Ex4"), "first_crossing")
     assert crossing.arrival_time is not None
-    assert staying.arrival_time is None
+    assert crossing.settling_time is None
+    assert wrong_sign(*example("R Ex4")).arrival_time is None
 
 
 def test_torque_saturates_at_the_effort_limits():
@@ -262,7 +292,9 @@ def test_given_equations_of_motion():
 
 def test_equation_7_as_printed_settles():
     robot, poses = example("RRR Ex6")
-    run = simulate_pid(robot, **poses, dynamics=PrintedArm.from_spec(ad.ArmSpec.paper("rrr"), 0.1006))
+    run = simulate_pid(
+        robot, **poses, dynamics=PrintedArm.from_spec(ad.ArmSpec.paper("rrr"), 0.1006), arrival_rule=FIRST
+    )
     assert run.settled
     assert run.arrival_time == pytest.approx(8.2955, abs=SAMPLING)
 
@@ -275,7 +307,6 @@ def test_a_library_robot_settles_under_torque():
         q_goal=[0.5, -1.2, 1.3, 0, 0.2, 0],
         gains=PidGains(500, 300, 50),
         form="torque",
-        arrival_rule="last_entry_all_joints",
     )
     assert run.settled
     assert run.trajectory.joint_names == robot.joint_names
@@ -324,7 +355,6 @@ def test_uniform_samples():
         ({"duration": np.inf}, "duration"),
         ({"arrival_tolerance": 0.0}, "arrival_tolerance"),
         ({"form": "force"}, "form is 'force'; it is one of 'acceleration'"),
-        ({"derivative_sign": "plus"}, "derivative_sign"),
         ({"arrival_rule": "any"}, "arrival_rule"),
         ({"samples": 1}, "samples"),
         ({"samples": 2.5}, "samples"),

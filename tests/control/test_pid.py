@@ -1,20 +1,17 @@
-"""Gains: what they accept, and how they reach the joints."""
+"""Gains and controllers: what they accept, and how they reach the joints."""
 
 import dataclasses
 
 import numpy as np
 import pytest
 
-from armdyn.control import PAPER_GAINS, PidGains
+from armdyn.control import PidGains
+from armdyn.control.pid import DEFAULT_GAINS, Controller
 from armdyn.errors import ProblemError
 
 
-def test_the_papers_gains_are_equations_32_to_34():
-    assert (PAPER_GAINS.kp, PAPER_GAINS.ki, PAPER_GAINS.kd) == (30.0, 50.0, 10.0)
-
-
 def test_one_number_serves_every_joint():
-    kp, ki, kd = PAPER_GAINS.per_joint(3)
+    kp, ki, kd = DEFAULT_GAINS.per_joint(3)
     for gain, expected in ((kp, 30.0), (ki, 50.0), (kd, 10.0)):
         np.testing.assert_array_equal(gain, np.full(3, expected))
 
@@ -28,8 +25,8 @@ def test_gains_are_values():
     assert PidGains([1, 2], 3, 4) == PidGains(kp=np.array([1.0, 2.0]), ki=3.0, kd=4)
     assert hash(PidGains([1, 2], 3, 4)) == hash(PidGains((1, 2), 3, 4))
     with pytest.raises(dataclasses.FrozenInstanceError):
-        PAPER_GAINS.kp = 1.0
-    assert dataclasses.replace(PAPER_GAINS, ki=0).ki == 0.0
+        DEFAULT_GAINS.kp = 1.0
+    assert dataclasses.replace(DEFAULT_GAINS, ki=0).ki == 0.0
 
 
 @pytest.mark.parametrize("field", ["kp", "ki", "kd"])
@@ -47,3 +44,21 @@ def test_gains_of_different_lengths():
 def test_gains_of_another_robot():
     with pytest.raises(ProblemError, match="kp has 2 numbers"):
         PidGains(kp=[1, 2], ki=1, kd=1).per_joint(3)
+
+
+def test_what_saturates():
+    assert Controller(form="torque").saturates and not Controller(form="torque", saturate=False).saturates
+    assert not Controller().saturates and Controller(saturate=True).saturates
+
+
+def test_the_error_falls_as_fast_as_the_joint_moves():
+    """ė = -v of a goal at rest, so that the derivative term brakes; `error_rate` says otherwise."""
+    gains = PidGains(1, 2, [3, 4])
+    np.testing.assert_array_equal(Controller(gains).coefficients(2), [[1, 1], [2, 2], [3, 4]])
+    np.testing.assert_array_equal(Controller(gains, error_rate=1.0).coefficients(2), [[1, 1], [2, 2], [-3, -4]])
+
+
+@pytest.mark.parametrize(("change", "match"), [({"form": "volt"}, "form"), ({"error_rate": np.nan}, "error_rate")])
+def test_bad_controllers(change, match):
+    with pytest.raises(ProblemError, match=match):
+        Controller(**change)

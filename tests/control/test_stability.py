@@ -4,13 +4,15 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from armdyn.control import PAPER_GAINS, PidGains, closed_loop_eigenvalues
-from armdyn.control.stability import closed_loop_matrix
+from armdyn.control import PidGains, closed_loop_eigenvalues
+from armdyn.control.motion import motion_of
+from armdyn.control.pid import DEFAULT_GAINS, Controller
+from armdyn.control.stability import closed_loop_matrix, eigenvalues
 from armdyn.dynamics import Dynamics
 from armdyn.dynamics.closed_form import PlanarArm
-from armdyn.dynamics.printed import PrintedArm
 from armdyn.errors import ProblemError
 from armdyn.models import ArmSpec, Payload
+from armdyn.studies.paper.printed.equations import PrintedArm
 from control.loops import POSES, example
 from oracles import PinDynamics, robot_named
 
@@ -66,7 +68,7 @@ def test_matrix_is_the_jacobian_of_the_loop(name, form):
     rest = np.concatenate([held / ki, goal, np.zeros(n)])
     assert np.abs(np.array(ca.Function("f", [x], [rate])(rest))).max() < 1e-9
     expected = np.array(ca.Function("A", [x], [ca.jacobian(rate, x)])(rest))
-    got = closed_loop_matrix(robot, goal, PidGains(kp, ki, kd), form)
+    got = closed_loop_matrix(motion_of(robot, None), goal, Controller(PidGains(kp, ki, kd), form))
     # Two exact derivatives: what is left is rounding, times the condition of D.
     np.testing.assert_allclose(got, expected, atol=1e-10 * np.abs(expected).max())
 
@@ -79,12 +81,20 @@ def test_computed_torque_is_a_triple_integrator_per_joint():
     np.testing.assert_allclose(np.sort_complex(got), np.sort_complex(expected), atol=1e-5)
 
 
-def test_printed_sign_is_unstable():
+def test_a_derivative_of_the_wrong_sign_is_unstable():
+    """Eqs (28) to (30) as printed, + k_D θ̇."""
     robot, poses = example("R Ex4", "mM", 100.6)
-    loop = {"derivative_sign": "printed"}
-    assert closed_loop_eigenvalues(robot, poses["q_goal"], **loop)[0].real > 5
-    linear = closed_loop_eigenvalues(robot, poses["q_goal"], form="computed_torque", **loop)
-    np.testing.assert_allclose(linear[0].real, np.roots([1, -10, 30, 50]).real.max(), atol=1e-9)
+    motion, goal = motion_of(robot, None), np.array(poses["q_goal"])
+    for form in ("acceleration", "computed_torque"):
+        largest = eigenvalues(closed_loop_matrix(motion, goal, Controller(form=form, error_rate=1.0)))[0].real
+        assert largest > 5
+    np.testing.assert_allclose(largest, np.roots([1, -10, 30, 50]).real.max(), atol=1e-9)
+
+
+def test_poles_that_the_default_gains_are_said_to_have():
+    robot, poses = example("R Ex4")
+    got = closed_loop_eigenvalues(robot, poses["q_goal"], form="computed_torque")
+    np.testing.assert_allclose(np.sort_complex(got), [-6.6, -1.7 - 2.2j, -1.7 + 2.2j], atol=0.05)
 
 
 def test_without_integral_gain_its_state_is_left_out():
@@ -99,8 +109,8 @@ def test_given_equations_of_motion(form):
     """The five-point stencil on hand-derived equations against Pinocchio's analytic derivatives."""
     robot, poses = example("RRR Ex6", grams=100.6)
     arm = PlanarArm.from_spec(ArmSpec.paper("rrr"), Payload(mass=0.1006))
-    own = closed_loop_matrix(robot, poses["q_goal"], form=form)
-    given = closed_loop_matrix(robot, poses["q_goal"], form=form, dynamics=arm)
+    goal, controller = np.array(poses["q_goal"]), Controller(form=form)
+    own, given = (closed_loop_matrix(motion_of(robot, d), goal, controller) for d in (None, arm))
     # The stencil's rounding, times the condition of D: 4e-10 of the largest entry measured.
     np.testing.assert_allclose(given, own, rtol=0, atol=5e-9 * np.abs(own).max())
 
@@ -120,11 +130,10 @@ def test_equation_7_as_printed_is_stable(grams, expected):
         ({"q_goal": [0.0, np.nan]}, "joint2.*finite"),
         ({"q_goal": ["a", "b"]}, "q_goal"),
         ({"form": "voltage"}, "form is 'voltage'"),
-        ({"derivative_sign": "minus"}, "derivative_sign"),
         ({"gains": PidGains([1, 2, 3], 1, 1)}, "kp has 3"),
     ],
 )
 def test_bad_input(change, match):
     robot, poses = example("RR Ex5")
     with pytest.raises(ProblemError, match=match):
-        closed_loop_eigenvalues(robot, **({"q_goal": poses["q_goal"], "gains": PAPER_GAINS} | change))
+        closed_loop_eigenvalues(robot, **({"q_goal": poses["q_goal"], "gains": DEFAULT_GAINS} | change))

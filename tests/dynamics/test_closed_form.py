@@ -53,7 +53,7 @@ a_payload = st.builds(
 )
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.lists(a_link, min_size=1, max_size=3), st.none() | a_payload, st.integers(0, 2**16))
 def test_any_planar_arm(links, payload, seed):
     assert_same_mechanics(ArmSpec(name="any", links=tuple(links)), payload, seed, count=1)

@@ -169,11 +169,9 @@ def test_armature_is_added_to_the_inertia():
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic", "continuous"])
 @pytest.mark.parametrize("axis", ["1 0 0", "0 0 -1", "0.6 0 0.8"])
-def test_any_axis(kind, axis, tmp_path):
-    path = tmp_path / "arm.urdf"
+def test_any_axis(kind, axis, read):
     inside = f'<origin xyz="0.1 0.2 0.3" rpy="0.3 0.2 0.1"/><axis xyz="{axis}"/>{LIMIT}'
-    path.write_text(two_links(joint=joint("j", "base", "arm", kind, inside)))
-    robot = Robot.from_urdf(path)
+    robot = read(two_links(joint=joint("j", "base", "arm", kind, inside)))
     dynamics, oracle = Dynamics(robot), PinDynamics(robot)
     for q, v, u in random_states(1, count=2):
         assert_close(dynamics.aba(q, v, u), oracle.aba(q, v, u), TOLERANCE)
@@ -227,18 +225,14 @@ def test_another_casadi_is_refused(monkeypatch):
 ROTOR = '<inertial><mass value="0"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.2"/></inertial>'
 
 
-def test_rotor_without_mass_keeps_its_moments(tmp_path):
-    path = tmp_path / "rotor.urdf"
-    path.write_text(two_links(link=link("arm", ROTOR)))
-    robot = Robot.from_urdf(path)
+def test_rotor_without_mass_keeps_its_moments(read):
+    robot = read(two_links(link=link("arm", ROTOR)))
     assert_close(Dynamics(robot).crba([0.1]), [[0.2]], TOLERANCE)
     assert_close(Dynamics(robot).aba([0.1], [0.2], [0.3]), [1.5], TOLERANCE)
 
 
-def test_no_payload_on_a_link_without_mass(tmp_path):
-    path = tmp_path / "rotor.urdf"
-    path.write_text(two_links(link=link("arm", ROTOR)))
-    dynamics = Dynamics(Robot.from_urdf(path), payload_frame="arm")
+def test_no_payload_on_a_link_without_mass(read):
+    dynamics = Dynamics(read(two_links(link=link("arm", ROTOR))), payload_frame="arm")
     p = ca.SX.sym("p", 10)
     a = dynamics.aba(ca.SX(0.1), ca.SX(0.2), ca.SX(0.3), p)
     value, slope = ca.Function("f", [p], [a, ca.jacobian(a, p)])(np.zeros(10))

@@ -11,7 +11,7 @@ from armdyn.models.bodies import bodies, capsules, volume
 from armdyn.models.collision import CollisionModel, collision_model
 from armdyn.models.obstacles import Box, Capsule, Sphere
 from oracles import robot_named
-from problems import CART, paper_arm
+from problems import CART, cart, paper_arm
 
 
 def from_segment(capsule, points):
@@ -84,15 +84,12 @@ def test_along_a_motion_misses_nothing_thin():
     assert clear.sure and clear.distance > 0.2
 
 
-def test_what_cannot_be_checked_is_an_error(tmp_path):
-    path = tmp_path / "cart.urdf"
-    path.write_text(CART)
+def test_what_cannot_be_checked_is_an_error(read):
     with pytest.raises(ProblemError, match="no geometry"):
-        bodies(ad.Robot.from_urdf(path))
-    mesh = '<collision><geometry><mesh filename="gone.stl"/></geometry></collision></link>\n<joint'
-    path.write_text(CART.replace("</link>\n<joint", mesh))
+        bodies(cart())
+    mesh = '<collision><geometry><mesh filename="gone.stl"/></geometry></collision></link>'
     with pytest.raises(ProblemError, match=r"gone\.stl"):
-        bodies(ad.Robot.from_urdf(path))
+        bodies(read(CART.replace("</link>", mesh)))
 
 
 def test_an_arm_reaches_as_far_as_it_says():

@@ -78,9 +78,8 @@ def test_the_librarys_placeholders_are_taken_only_if_asked():
     assert np.array_equal(friction.coulomb, [1, 2, 1, 1, 1, 1])
 
 
-def test_refusals_name_the_joint(tmp_path):
-    path = tmp_path / "arm.urdf"
-    path.write_text(two_links(joint=joint("shoulder", "base", "arm", inside=dynamics(-0.5, 0))))
+def test_refusals_name_the_joint(file):
+    path = file(two_links(joint=joint("shoulder", "base", "arm", inside=dynamics(-0.5, 0))))
     with pytest.raises(UrdfError, match=r"shoulder.*damping is -0\.5"):
         Robot.from_urdf(path)
     arm = Robot.from_spec(ArmSpec.paper("rr"))

@@ -31,10 +31,8 @@ def tree():
 
 
 @pytest.fixture
-def file(tmp_path):
-    path = tmp_path / "pincer.urdf"
-    path.write_text(PINCER)
-    return path
+def pincer(file):
+    return file(PINCER)
 
 
 @pytest.mark.parametrize(
@@ -70,49 +68,49 @@ def test_no_chain(tree, arm, words):
         tree.chain(*arm)
 
 
-def test_arm_of_a_file(file):
-    robot = Robot.from_urdf(file, arm=("shoulder", "elbow"))
+def test_arm_of_a_file(pincer):
+    robot = Robot.from_urdf(pincer, arm=("shoulder", "elbow"))
     assert robot.joint_names == ("shoulder", "elbow")
     # Nearest to zero within 0.2 … 0.9; the finger follows: -2 · 0 + 0.1.
     assert robot.locked == pytest.approx({"lift": 0.2, "left": 0.0, "right_finger": 0.1, "wag": 0.0})
     assert robot.tip == "hand"  # with a joint between, the fingers are no part of it
-    assert Robot.from_urdf(file, arm=("shoulder", "lower")).tip == "lower"
+    assert Robot.from_urdf(pincer, arm=("shoulder", "lower")).tip == "lower"
 
 
-def test_arm_with_locks(file):
+def test_arm_with_locks(pincer):
     lock = {"left": 0.04, "lift": 0.5, "shoulder": -0.7}
-    robot = Robot.from_urdf(file, lock=lock, arm=("base", "hand"))
+    robot = Robot.from_urdf(pincer, lock=lock, arm=("base", "hand"))
     assert robot.joint_names == ("elbow",)
     assert robot.locked == pytest.approx({**lock, "right_finger": 0.02, "wag": 0.0})
 
 
-def test_a_follower_of_a_locked_joint_is_locked(file):
-    robot = Robot.from_urdf(file, lock={"left": 0.3})
+def test_a_follower_of_a_locked_joint_is_locked(pincer):
+    robot = Robot.from_urdf(pincer, lock={"left": 0.3})
     assert robot.joint_names == ("lift", "shoulder", "elbow", "wag") and robot.locked["right_finger"] == -0.5
 
 
-def test_a_follower_of_a_moving_joint_is_refused_unless_locked(file):
+def test_a_follower_of_a_moving_joint_is_refused_unless_locked(pincer):
     with pytest.raises(UnsupportedJointError, match="mimics 'left', which moves") as caught:
-        Robot.from_urdf(file)
+        Robot.from_urdf(pincer)
     assert caught.value.element == "joint 'right_finger'"
     with pytest.raises(UnsupportedJointError, match="which moves"):
-        Robot.from_urdf(file, arm=("hand", "left"))
-    follower = Robot.from_urdf(file, arm=("shoulder", "right"))
+        Robot.from_urdf(pincer, arm=("hand", "left"))
+    follower = Robot.from_urdf(pincer, arm=("shoulder", "right"))
     assert (follower.joint_names, follower.tip) == (("shoulder", "elbow"), "right")
-    robot = Robot.from_urdf(file, lock={"right_finger": 0.2})
+    robot = Robot.from_urdf(pincer, lock={"right_finger": 0.2})
     assert "left" in robot.joint_names and robot.locked == {"right_finger": 0.2}
 
 
 @pytest.mark.parametrize("name", ["bolt", "tail_joint", "hand"])
-def test_only_moving_joints_can_be_locked(file, name):
+def test_only_moving_joints_can_be_locked(pincer, name):
     with pytest.raises(SpecError, match=f"cannot lock '{name}': .* has joints lift, shoulder, "):
-        Robot.from_urdf(file, lock={name: 0.0})
+        Robot.from_urdf(pincer, lock={name: 0.0})
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1e300])
-def test_locks_are_finite(file, value):
+def test_locks_are_finite(pincer, value):
     with pytest.raises(SpecError, match="cannot lock 'lift' at"):
-        Robot.from_urdf(file, lock={"lift": value})
+        Robot.from_urdf(pincer, lock={"lift": value})
 
 
 def followers(*leaders):
@@ -123,33 +121,27 @@ def followers(*leaders):
 
 
 @pytest.mark.parametrize("leaders", [("j0",), ("j1", "j0"), ("j1", "j2", "j1")])
-def test_followers_of_themselves(leaders, tmp_path):
-    path = tmp_path / "round.urdf"
-    path.write_text(followers(*leaders))
+def test_followers_of_themselves(leaders, read):
     with pytest.raises(UrdfError, match="mimics itself"):
-        Robot.from_urdf(path)
+        read(followers(*leaders))
 
 
-def test_follower_of_nobody(tmp_path):
-    path = tmp_path / "nobody.urdf"
-    path.write_text(followers("ghost"))
+def test_follower_of_nobody(read):
     with pytest.raises(UrdfError, match="mimics 'ghost', which is no joint") as caught:
-        Robot.from_urdf(path)
+        read(followers("ghost"))
     assert caught.value.element == "joint 'j0'"
 
 
 @pytest.mark.parametrize("numbers", ['multiplier="nan"', 'offset="x"', 'multiplier=""', 'offset="1e999"'])
-def test_follower_by_no_number(numbers, tmp_path):
-    path = tmp_path / "bad.urdf"
-    path.write_text(urdf(link("a"), link("b"), joint("j", "a", "b", inside=mimic("j", numbers))))
+def test_follower_by_no_number(numbers, file):
+    path = file(urdf(link("a"), link("b"), joint("j", "a", "b", inside=mimic("j", numbers))))
     with pytest.raises(UrdfError, match="is not a finite number"):
         Robot.from_urdf(path)
 
 
-def test_a_rest_beyond_measure(tmp_path):
-    path = tmp_path / "far.urdf"
+def test_a_rest_beyond_measure(file):
     far = '<limit lower="1e300" upper="1e301" effort="1" velocity="1"/>'
-    path.write_text(urdf(link("a"), link("b"), link("c"), joint("i", "a", "b"), joint("j", "b", "c", "prismatic", far)))
+    path = file(urdf(link("a"), link("b"), link("c"), joint("i", "a", "b"), joint("j", "b", "c", "prismatic", far)))
     with pytest.raises(UrdfError, match=r"would be locked at 1e\+300"):
         Robot.from_urdf(path, arm=("i", "i"))
 

@@ -13,21 +13,19 @@ from armdyn.models import ArmSpec, Payload, Robot, urdf_from_spec
 from armdyn.models.library import library_urdf
 from mutations import mutated
 
-BOUNDED = settings(
-    max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+BOUNDED = settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 RR = urdf_from_spec(ArmSpec.paper("rr"), Payload(mass=0.1))
 
 
 def check(path, **options):
-    started = time.perf_counter()
+    started = time.process_time()
     try:
         robot = Robot.from_urdf(path, **options)
     except ArmdynError as error:
         assert str(error) and len(str(error)) < 2000
         return False
     finally:
-        assert time.perf_counter() - started < 10.0  # measured: below 0.7 s for any of 10,000
+        assert time.process_time() - started < 10.0  # measured: below 0.7 s for any of 10,000
     limits, n = robot.limits, robot.nv
     assert n == len(robot.joint_names) >= 1
     assert np.all(limits.velocity > 0) and np.all(limits.effort_upper >= 0)
@@ -38,6 +36,7 @@ def check(path, **options):
     return True
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("base", ["rr", "ur5", "panda"])
 @BOUNDED
 @given(choice=st.randoms(use_true_random=False))
@@ -53,6 +52,7 @@ NUMBER = st.one_of(
 ).filter(lambda text: text.isprintable())
 
 
+@pytest.mark.slow
 @BOUNDED
 @given(
     attribute=st.sampled_from(["mass value=", "ixx=", "iyz=", "effort=", "velocity=", "lower=", "upper="]), to=NUMBER

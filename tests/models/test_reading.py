@@ -3,22 +3,9 @@ import pinocchio as pin
 import pytest
 
 from armdyn.errors import UrdfError
-from armdyn.models import Robot
 from oracles import LIMIT, joint, link, urdf
 
 BAD_TENSOR = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="9"/></inertial>'
-
-
-@pytest.fixture
-def read(tmp_path):
-    """Reads a URDF, given as text."""
-
-    def from_text(text, **options):
-        path = tmp_path / "arm.urdf"
-        path.write_text(text)
-        return Robot.from_urdf(path, **options)
-
-    return from_text
 
 
 TOWER = urdf(

@@ -9,18 +9,6 @@ from armdyn.models.robot import payload_inertia
 from oracles import joint, link, random_states, robot_named, two_links, urdf
 
 
-@pytest.fixture
-def file(tmp_path):
-    """Writes a URDF and gives its path."""
-
-    def write(text):
-        path = tmp_path / "arm.urdf"
-        path.write_text(text)
-        return path
-
-    return write
-
-
 @pytest.mark.parametrize("arm", PAPER_ARMS)
 def test_from_spec(arm):
     robot = Robot.from_spec(ArmSpec.paper(arm))

@@ -30,6 +30,7 @@ def test_urdf_folder_is_what_the_script_writes(script):
     assert script.differing(ROOT / "urdf", files) == []
 
 
+@pytest.mark.slow
 def test_check_names_what_differs(script, tmp_path):
     def run(*arguments):
         command = [sys.executable, str(SCRIPT), "--folder", str(tmp_path), *arguments]

@@ -135,10 +135,9 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_urdf_is_named(case, tmp_path):
+def test_bad_urdf_is_named(case, file):
     text, element, words = BAD[case]
-    path = tmp_path / "bad.urdf"
-    path.write_text(text)
+    path = file(text)
     with pytest.raises(UrdfError) as caught:
         Robot.from_urdf(path)
     error = caught.value
@@ -161,19 +160,19 @@ def test_unsupported_joint(kind):
 def test_entity_bomb_is_refused_quickly():
     rows = "".join(f'<!ENTITY e{i} "{f"&e{i - 1};" * 10}">' for i in range(1, 30))
     text = f'<!DOCTYPE robot [<!ENTITY e0 "boom">{rows}]><robot name="x">&e29;</robot>'
-    started = time.perf_counter()
+    started = time.process_time()
     with pytest.raises(UrdfError, match="DTD"):
         parse_urdf(text, "bomb.urdf")
     # Refused at its first declaration; 10^29 expansions would outlast us all.
-    assert time.perf_counter() - started < 1.0
+    assert time.process_time() - started < 1.0
 
 
 def test_deep_nesting_is_refused_quickly():
     deep = "<a>" * 200_000
-    started = time.perf_counter()
+    started = time.process_time()
     with pytest.raises(UrdfError, match=f"deeper than {MAX_DEPTH}"):
         parse_urdf(f"<robot>{deep}", "deep.urdf")
-    assert time.perf_counter() - started < 1.0  # stops at the limit, wherever the text ends
+    assert time.process_time() - started < 1.0  # stops at the limit, wherever the text ends
 
 
 def tree(n, deep, moving):
@@ -190,24 +189,22 @@ def test_many_links_are_refused_quickly(deep, tmp_path):
     path = tmp_path / "many.urdf"
     for n, moving, words in ((MAX_LINKS + 1, 10, "more than 1000 links"), (MAX_MOVING + 2, 1, "more than 150 joints")):
         path.write_text(tree(n, deep, moving))
-        started = time.perf_counter()
+        started = time.process_time()
         with pytest.raises(UrdfError, match=words):
             Robot.from_urdf(path)
-        assert time.perf_counter() - started < 2.0  # 0.03 s on an idle machine
+        assert time.process_time() - started < 2.0  # 0.03 s on an idle machine
 
 
 @pytest.mark.parametrize("deep", [True, False])
-def test_what_is_allowed_does_not_end_pinocchios_recursion(deep, tmp_path):
-    path = tmp_path / "many.urdf"
-    path.write_text(tree(MAX_LINKS, deep, 7))
-    assert Robot.from_urdf(path).nv == 142
+def test_what_is_allowed_does_not_end_pinocchios_recursion(deep, read):
+    assert read(tree(MAX_LINKS, deep, 7)).nv == 142
 
 
 def test_many_elements_are_refused_quickly():
-    started = time.perf_counter()
+    started = time.process_time()
     with pytest.raises(UrdfError, match="more than 200000 elements"):
         parse_urdf(f'<robot name="x">{"<a/>" * (MAX_ELEMENTS + 1)}', "many.urdf")
-    assert time.perf_counter() - started < 5.0  # 0.2 s on an idle machine; 8 million fit into MAX_BYTES
+    assert time.process_time() - started < 5.0  # 0.2 s on an idle machine; 8 million fit into MAX_BYTES
 
 
 def test_messages_are_short():
@@ -251,15 +248,12 @@ def test_too_large(tmp_path):
         read_urdf(path)
 
 
-def test_byte_order_mark_is_skipped(tmp_path):
-    path = tmp_path / "bom.urdf"
-    path.write_text(two_links(), encoding="utf-8-sig")
-    assert Robot.from_urdf(path).nv == 1
+def test_byte_order_mark_is_skipped(read):
+    assert read("\ufeff" + two_links()).nv == 1
 
 
-def test_a_wrong_encoding_declaration_does_not_matter(tmp_path):
-    path = tmp_path / "declared.urdf"
-    path.write_text(two_links().replace('?xml version="1.0"', '?xml version="1.0" encoding="ISO-8859-1"'))
+def test_a_wrong_encoding_declaration_does_not_matter(file):
+    path = file(two_links().replace('?xml version="1.0"', '?xml version="1.0" encoding="ISO-8859-1"'))
     assert Robot.from_urdf(path).nv == 1
 
 
@@ -271,19 +265,15 @@ def test_good_ones_pass():
     parse_urdf(two_links(link=link("arm", INERTIAL)), "same")
 
 
-def test_joint_that_moves_no_inertia(tmp_path):
-    path = tmp_path / "light.urdf"
-    path.write_text(two_links(link=link("arm", "")))
+def test_joint_that_moves_no_inertia(read):
     with pytest.raises(UrdfError, match="moves no inertia") as caught:
-        Robot.from_urdf(path)
+        read(two_links(link=link("arm", "")))
     assert caught.value.element == "joint 'shoulder'"
 
 
-def test_robot_without_moving_joint(tmp_path):
-    path = tmp_path / "still.urdf"
-    path.write_text(jointed("fixed", ""))
+def test_robot_without_moving_joint(read):
     with pytest.raises(UrdfError, match="no moving joint"):
-        Robot.from_urdf(path)
+        read(jointed("fixed", ""))
 
 
 def test_damaged_files_raise_nothing_else(tmp_path):

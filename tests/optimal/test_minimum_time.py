@@ -81,6 +81,7 @@ def test_luus_two_link_and_its_other_optimum():
     np.testing.assert_allclose(starts, [0.94314035, 1.49113997, 2.62754505], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_three_links_without_position_limits():
     solution = solve(paper_problem("rrr", position_limit=(-np.inf, np.inf)))
     assert solution.duration <= 0.2193035  # best known 0.21930342
@@ -88,6 +89,7 @@ def test_three_links_without_position_limits():
     assert len(solution.local_optima) >= 2
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::armdyn.ArmdynWarning")  # 1 kg cannot be held at the goal
 def test_a_payload_too_heavy_for_coarse_meshes():
     """1 kg within ±π: meshes of 15 to 60 intervals promise 0.22 to 0.40 s, and no replay of theirs lands."""
@@ -147,6 +149,7 @@ def test_two_links_land_when_replayed():
     assert np.max(np.abs(solution.trajectory.tau)) <= 3 * (1 + 1e-7)  # IPOPT's relaxed bounds
 
 
+@pytest.mark.slow
 def test_velocity_limit_holds_and_costs_time():
     problem = paper_problem("rr", velocity_limit=12.0)
     slow = solve(problem, refinements=1, max_intervals=80)
@@ -163,6 +166,7 @@ def test_moving_start_and_goal():
     assert solution.replay_velocity_error < 1e-2
 
 
+@pytest.mark.slow
 def test_library_arm_within_torque_and_velocity_limits():
     robot = ad.Robot.from_library("panda")
     problem = ad.MinimumTimeProblem(

@@ -15,8 +15,9 @@ import armdyn as ad
 from armdyn.errors import ArmdynWarning, TrajectoryError
 from armdyn.models import meshes
 from armdyn.show import replay, visuals
+from problems import paper_arm
 from show.browser import left_the_page, open_page, screenshot
-from show.motions import HANGING, RAISED, paper_arm, quintic
+from show.motions import HANGING, RAISED, quintic
 
 MESH_ARM = """
 <robot name="stranger">
@@ -75,6 +76,7 @@ def test_the_arm_moves_in_a_browser_without_a_network(tmp_path):
         assert not left_the_page(requests)
 
 
+@pytest.mark.slow
 def test_several_trajectories_move_apart(tmp_path):
     robot, fast = motion("rrr", 0.35)
     slow = quintic(robot, HANGING["rrr"], [0.5, 0.6, 0.7], 2.0, "PID")
@@ -90,6 +92,7 @@ def test_several_trajectories_move_apart(tmp_path):
         assert not errors
 
 
+@pytest.mark.slow
 def test_a_panda_is_drawn_by_its_meshes(tmp_path):
     robot = ad.Robot.from_library("panda")
     home = np.array([0, -0.3, 0, -2.2, 0, 2, 0.8])
@@ -116,6 +119,7 @@ def test_the_page_holds_no_links_and_the_same_input_gives_the_same_bytes(tmp_pat
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a", "b"]
 
 
+@pytest.mark.slow
 def test_names_from_strangers_stay_text(tmp_path):
     robot, run = motion()
     evil = "</script><script>window.broken = 1</script><img src=x onerror='broken=1'>{{viewer}}"
@@ -194,6 +198,7 @@ def test_bad_input(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_obstacles_stand_where_they_are(tmp_path):
     robot, run = motion()
     things = [ad.Box((0.1, 0.2, 0.3), (0.6, 0, 0.1)), ad.Sphere((0, 0, 1), 0.1), ad.Capsule((1, 0, 0), (1, 0, 1), 0.05)]

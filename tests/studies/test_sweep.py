@@ -12,6 +12,7 @@ from armdyn.studies.sweep import sweep
 from problems import paper_problem
 
 
+@pytest.mark.slow
 def test_same_optima_as_each_for_itself():
     masses, order = (0.0518, 0.1006, 0.2), []
     solutions = sweep([paper_problem("rr", mass) for mass in masses], done=lambda k, s: order.append((k, s.duration)))
@@ -22,6 +23,7 @@ def test_same_optima_as_each_for_itself():
     assert order == [(k, solution.duration) for k, solution in enumerate(solutions)]
 
 
+@pytest.mark.slow
 def test_a_neighbour_leads_where_a_search_of_its_own_does_not():
     """RRR with 121.9 g: eight guesses miss the optima that the neighbour of 100.6 g leads to."""
     few = ad.MinimumTimeOptions(starts=8)

@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -96,7 +98,7 @@ def events_of(arcs):
 def test_merged_keeps_the_duration_and_every_joints_modes(arcs):
     joined = merged(arcs)
     assert total(joined) == pytest.approx(total(arcs), rel=1e-12)
-    assert all(a.modes != b.modes for a, b in zip(joined, joined[1:], strict=False))
+    assert all(a.modes != b.modes for a, b in pairwise(joined))
     assert merged(joined) == joined
     assert all(of_joint(joined, i) == of_joint(arcs, i) for i in range(len(arcs[0].modes)))
 

@@ -9,7 +9,7 @@ from armdyn.optimal.landing.pieces import Pieces
 from armdyn.optimal.landing.rollout import replay_torques
 from armdyn.optimal.landing.variation import Step
 from armdyn.optimal.task.task import Task
-from problems import cart
+from problems import both_sides, cart
 
 PIECES = 20
 ENDS = np.linspace(0, 4, PIECES + 1)
@@ -33,9 +33,7 @@ def steps(tau):
 
 def stepped(tau):
     """The cart's motion by constant forces, shape (PIECES, 1), from rest at 0."""
-    t = np.repeat(ENDS, 2)[1:-1]
-    t[1:-1:2] = np.nextafter(t[1:-1:2], 0)
-    zero = np.zeros((t.size, 1))
+    t, zero = both_sides(ENDS), np.zeros((2 * PIECES, 1))
     return replay_torques(cart(), ad.Trajectory(t, zero, zero, np.repeat(tau, 2, axis=0), ("slide",)))
 
 
@@ -64,9 +62,8 @@ def test_it_ends_where_it_is_told_beside_the_motion(aside):
     motion = stepped(FORCE)
     replay = stepped(led(motion, FORCE, steps(FORCE), np.array([aside, 0.0])))
     assert 0.4 < (replay.q[-1, 0] - 2.0) / aside <= 1.0  # feedback lags; whoever aims asks again
-    before = replay(ENDS[0.69 * ENDS[-1] > ENDS])
-    # It turns aside in the last three tenths only.
-    np.testing.assert_allclose(before.q, motion(ENDS[: before.q.shape[0]]).q, atol=1e-9)
+    before = np.linspace(0, 0.69 * ENDS[-1], 30)  # it turns aside in the last three tenths only
+    np.testing.assert_allclose(replay(before).q, motion(before).q, atol=1e-9)
 
 
 def test_a_motion_that_is_lost_is_said_to_be():

@@ -67,13 +67,12 @@ def test_without_gravity_it_is_the_shorter(start, goal, short, tmp_path):
     assert solution.duration == pytest.approx(2 * np.sqrt(abs(short) * 0.03 / EFFORT), rel=1e-8)
 
 
-def test_one_endless_joint_of_two(tmp_path):
+@pytest.mark.slow
+def test_one_endless_joint_of_two(read):
     """A joint with limits goes where it is told; its neighbour takes the nearer turn."""
     limited = joint("elbow", "a", "b")
     first = endless_joint("shoulder", ("base", "a"), "0 -1 0")
-    path = tmp_path / "arm.urdf"
-    path.write_text(urdf('<link name="base"/>', link("a"), link("b"), first, limited))
-    robot = ad.Robot.from_urdf(path, effort_limit=5.0)
+    robot = read(urdf('<link name="base"/>', link("a"), link("b"), first, limited), effort_limit=5.0)
     problem = ad.MinimumTimeProblem(robot, q_start=[-3.0, 0.0], q_goal=[3.0, 0.5], wrap=True)
     assert endless(robot, problem.limits).tolist() == [True, False]
     assert np.allclose(problem.goals, [[3.0 - 2 * np.pi, 0.5], [3.0, 0.5]])

@@ -1,9 +1,11 @@
 import casadi as ca
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from armdyn.dynamics import Dynamics
-from armdyn.optimal.program.assembly import build_nlp
+from armdyn.optimal.program.assembly import build_nlp, scatter
 from armdyn.optimal.program.unknowns import Scales, to_unknowns
 from armdyn.optimal.task.scheme import Scheme
 from armdyn.trajectory import Trajectory
@@ -53,3 +55,19 @@ def test_defects_vanish_on_a_motion_that_collocation_integrates_exactly(scheme):
     # Inverse dynamics take the guess's acceleration by central differences, good to 1e-9 of tau's scale.
     assert np.max(np.abs(defects.full())) < 1e-9
     assert float(cost) * scales.time == pytest.approx(0.4, rel=1e-14)
+
+
+SIZES = st.tuples(st.integers(1, 6), st.integers(1, 5))
+
+
+@given(SIZES, st.data())
+def test_scattered_nonzeros_are_a_dense_sum(shape, data):
+    count = data.draw(st.integers(1, 20))
+    rows, cols = (np.array(data.draw(st.lists(st.integers(0, n - 1), min_size=count, max_size=count))) for n in shape)
+    values = np.array(data.draw(st.lists(st.integers(-9, 9), min_size=count, max_size=count)), dtype=float)
+    expected = np.zeros(shape)
+    np.add.at(expected, (rows, cols), values)
+    symbols = ca.MX.sym("v", count)
+    matrix = ca.Function("f", [symbols], [scatter(rows, cols, shape, symbols)])(values)
+    assert matrix.nnz() == len({*zip(rows, cols, strict=True)})
+    np.testing.assert_array_equal(matrix.full(), expected)  # small whole numbers: exact

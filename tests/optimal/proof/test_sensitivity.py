@@ -1,22 +1,71 @@
+"""Derivatives of the minimum time from the multipliers, against differences of solved minimum times."""
+
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from armdyn.optimal.proof.sensitivity import Sensitivities
 from problems import paper_problem, solve, solved
 
+STEP = 1e-4
+"""Of central differences of numbers good to 1e-10: 1e-6, and the third derivative's share."""
 
-def test_sensitivities_against_finite_differences():
+
+def slope(duration, at):
+    return (duration(at + STEP) - duration(at - STEP)) / (2 * STEP)
+
+
+def test_one_link_by_differences():
+    by = solved("r").sensitivities()
+    assert by.payload_mass == pytest.approx(slope(lambda m: solve(paper_problem("r", m)).duration, 0.1006), rel=1e-4)
+    for side, derivative in ((0, -by.effort_lower[0]), (1, by.effort_upper[0])):
+
+        def duration(limit, side=side):
+            limits = ([-3.0], [limit]) if side else ([-limit], [3.0])
+            return solve(paper_problem("r", effort_limit=limits)).duration
+
+        assert derivative == pytest.approx(slope(duration, 3.0), rel=1e-4)
+    np.testing.assert_array_equal(by.velocity, [0.0])  # its 1000 rad/s are far away
+
+
+def test_a_velocity_limit_that_holds_by_differences():
+    def held(limit):
+        return solve(paper_problem("r", velocity_limit=limit))
+
+    by = held(10.0).sensitivities()
+    assert by.velocity[0] == pytest.approx(slope(lambda v: held(v).duration, 10.0), rel=1e-4)
+    assert by.velocity[0] < 0
+
+
+@pytest.mark.slow
+def test_two_links_by_differences():
     solution = solved("rr")
     assert solution.certificate.ok, solution.message
     by = solution.sensitivities()
-
-    def duration(mass=0.1006, effort_limit=3.0):
-        return solve(paper_problem("rr", mass, effort_limit=effort_limit)).duration
-
-    step = 1e-4  # central differences of numbers good to 1e-10: 1e-6, and the third derivative's share
-    slope = (duration(mass=0.1006 + step) - duration(mass=0.1006 - step)) / (2 * step)
-    assert by.payload_mass == pytest.approx(slope, rel=1e-3)
+    assert by.payload_mass == pytest.approx(slope(lambda m: solve(paper_problem("rr", m)).duration, 0.1006), rel=1e-3)
     for i in range(2):
-        up, down = np.array([3.0, 3.0]), np.array([3.0, 3.0])
-        up[i], down[i] = 3 + step, 3 - step
-        slope = (duration(effort_limit=up) - duration(effort_limit=down)) / (2 * step)
-        assert by.effort()[i] == pytest.approx(slope, rel=1e-3)
+
+        def duration(limit, i=i):
+            limits = np.array([3.0, 3.0])
+            limits[i] = limit
+            return solve(paper_problem("rr", effort_limit=limits)).duration
+
+        assert by.effort()[i] == pytest.approx(slope(duration, 3.0), rel=1e-3)
+
+
+def test_the_limit_that_saves_most_by_one_per_cent():
+    problem = paper_problem("rr", effort_limit=[3.0, 1.0], velocity_limit=[10.0, 20.0])
+    by = Sensitivities(1.0, np.array([-0.01, -0.02]), np.array([0.01, 0.02]), np.array([0.0, -0.001]))
+    assert np.array_equal(by.effort(), [-0.02, -0.04])
+    # 0.06 s and 0.04 s by the torques, 0.02 s by the second velocity.
+    assert by.limited_most_by(problem) == ("the torque of joint1", pytest.approx(6e-4))
+    faster = replace(by, velocity=np.array([0.0, -0.01]))
+    assert faster.limited_most_by(problem) == ("the velocity of joint2", pytest.approx(2e-3))
+
+
+@pytest.mark.parametrize("arm", ["r", "rr"])
+def test_more_torque_is_never_slower_and_more_payload_never_faster(arm):
+    by = solved(arm).sensitivities()
+    assert by.payload_mass > 0
+    assert np.all(by.effort_upper <= 0) and np.all(by.effort_lower >= 0) and np.all(by.effort() < 0)

@@ -1,9 +1,66 @@
 """Guesses: smooth, from pose to pose, within what the arm can do."""
 
-import numpy as np
+from functools import cache
 
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import armdyn as ad
+from armdyn.models.collision import CollisionModel
+from armdyn.models.obstacles import Sphere
 from armdyn.optimal.search.starts import detours, spline
-from problems import paper_problem
+from oracles import PinDynamics
+from problems import POSES, cart, paper_arm, paper_problem
+
+arm_problem = cache(paper_problem)
+ANGLE = st.floats(-3, 3)
+
+
+@pytest.mark.parametrize("arm", POSES)
+@given(data=st.data())
+def test_a_guess_goes_through_its_poses_at_equal_parts_of_the_time(arm, data):
+    problem = arm_problem(arm)
+    via = [np.array(data.draw(st.tuples(*len(arm) * [ANGLE]))) for _ in range(data.draw(st.integers(0, 3)))]
+    guess = spline(problem, via)
+    poses = [problem.q_start, *via, problem.q_goal]
+    at = guess(guess.duration * np.linspace(0, 1, len(poses)))
+    # Poses that fall between two of its 101 samples are met by the cubic between these.
+    np.testing.assert_allclose(at.q, poses, atol=2e-3)
+    np.testing.assert_allclose(guess.q[[0, -1]], [problem.q_start, problem.q_goal], atol=1e-14)
+    assert np.all(guess.tau >= problem.limits.effort_lower) and np.all(guess.tau <= problem.limits.effort_upper)
+
+
+@pytest.mark.parametrize("limit", [2.0, 8.0, 1000.0])
+def test_a_guess_keeps_velocity_limits(limit):
+    problem = paper_problem("rr", velocity_limit=limit)
+    guess = spline(problem, [np.array([0.5, -1.0])])
+    assert np.all(np.abs(guess.v) <= limit * (1 + 1e-12))
+    assert guess.duration >= problem.duration_bound()
+
+
+def test_an_inertial_torque_meets_its_limit():
+    """Without gravity and friction, the straight way is as fast as its torques allow."""
+    problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0])
+    guess = spline(problem, [])
+    # s³ (10 - 15 s + 6 s²) has |s''| <= 10/√3; 101 samples miss its peak by 1e-4 of it.
+    assert guess.duration == pytest.approx(np.sqrt(2.0 * 10 / np.sqrt(3)), rel=1e-3)
+
+
+def test_torques_of_a_slow_guess_are_those_of_its_path():
+    problem = paper_problem("rr", velocity_limit=0.5)
+    guess, pin = spline(problem, []), PinDynamics(problem.robot)
+    inner = slice(1, -1)
+    a = np.gradient(guess.v, guess.t, axis=0)
+    expected = [pin.rnea(*row) for row in zip(guess.q[inner], guess.v[inner], a[inner], strict=True)]
+    # Differences of velocities 0.04 s apart stand in for accelerations of 0.1 rad/s².
+    np.testing.assert_allclose(guess.tau[inner], expected, atol=1e-3)
+
+
+def test_moving_ends_are_kept():
+    problem = paper_problem("rr", v_start=[3.0, -2.0], v_goal=[1.0, 1.0])
+    np.testing.assert_array_equal(spline(problem, []).v[[0, -1]], [[3.0, -2.0], [1.0, 1.0]])
 
 
 def test_same_seed_same_guesses_and_they_fit_the_problem():
@@ -13,3 +70,46 @@ def test_same_seed_same_guesses_and_they_fit_the_problem():
         np.testing.assert_array_equal(a.q, b.q)
     np.testing.assert_allclose(spline(problem, []).q[[0, -1]], [problem.q_start, problem.q_goal], atol=1e-14)
     assert not np.array_equal(first[1].q, first[2].q)
+
+
+@given(st.integers(0, 2**16), st.integers(1, 20))
+def test_the_first_way_is_straight_and_all_are_within_limits(seed, count):
+    problem = arm_problem("rr")
+    ways = detours(problem, seed, count)
+    assert len(ways) == count and ways[0] == []
+    limits = problem.limits
+    assert all(np.all(limits.position_lower <= q) and np.all(q <= limits.position_upper) for way in ways for q in way)
+
+
+def test_more_guesses_begin_with_the_same():
+    few, many = (detours(arm_problem("rr"), 0, count) for count in (4, 9))
+    for one, other in zip(few, many, strict=False):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_ways_of_a_problem_with_via_points_pass_them():
+    via = [[-0.7, 0.8], [-0.3, 0.9]]
+    ways = detours(paper_problem("rr", via=via), 0, 6)
+    np.testing.assert_array_equal(ways[0], via)
+    for way in ways[1:]:
+        assert len(way) == 3
+        rows = [list(q) for q in way]
+        assert [row for row in rows if row in via] == via
+
+
+def test_ways_round_an_obstacle_touch_nothing_where_they_are_looked_at():
+    start, goal = POSES["rr"]
+    ball = Sphere((0.33, 0, -0.12), 0.05)
+    problem = ad.MinimumTimeProblem(paper_arm("rr"), q_start=start, q_goal=goal, obstacles=[ball])
+    straight, *ways = detours(problem, 0, 6)
+    assert straight == [] and len(ways) == 5
+
+    model = CollisionModel(problem.robot, [ball])
+
+    def clearance(way):
+        guess = spline(problem, way)
+        looks = np.linspace(0, guess.duration, 25)  # as many as `detours` takes: in between it may still touch
+        return min(model.nearest(q).distance for q in guess(looks).q)
+
+    assert clearance(straight) < 0
+    assert all(clearance(way) > 0 for way in ways)

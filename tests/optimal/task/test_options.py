@@ -1,11 +1,31 @@
+"""What a user may choose, and what is refused."""
+
+from dataclasses import fields
+
 import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
 
 
-def test_bad_options():
-    with pytest.raises(ProblemError, match="intervals is 0"):
-        ad.MinimumTimeOptions(intervals=0)
-    with pytest.raises(ProblemError, match="time_limit"):
-        ad.MinimumTimeOptions(time_limit=-1.0)
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ({"intervals": 0}, "intervals is 0"),
+        ({"workers": 0}, "workers is 0"),
+        ({"starts": -1}, "starts is -1"),
+        ({"time_limit": -1.0}, "time_limit is -1.0; it must be positive"),
+        ({"tolerance": float("nan")}, "tolerance"),
+        ({"coarse_intervals": ()}, "coarse_intervals"),
+        ({"coarse_intervals": (15, 0)}, "coarse_intervals"),
+        ({"control": "stage"}, "control"),
+    ],
+)
+def test_bad_options(option, message):
+    with pytest.raises(ProblemError, match=message):
+        ad.MinimumTimeOptions(**option)
+
+
+def test_every_option_is_told_of():
+    text = ad.MinimumTimeOptions.__doc__
+    assert all(f"{field.name}:" in text for field in fields(ad.MinimumTimeOptions))

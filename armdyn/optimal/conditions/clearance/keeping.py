@@ -30,7 +30,7 @@ class Clearance(Condition):
     """
 
     margins: Array | float = ConditionsPolicy.margin
-    points: int = 2
+    points: int = ConditionsPolicy.points
 
     goes_round = True
 

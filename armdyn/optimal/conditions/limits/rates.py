@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 def pieces(motion: Trajectory, dense: int = 5) -> tuple[Array, NDArray[np.bool_]]:
     """Times evenly within samples [s], shape (samples between jumps of the torque, dense); which samples those are."""
     steps = np.diff(motion.t)
-    flows = steps > 2 * np.spacing(motion.t[1:])  # no jump of the torque
+    flows = ~motion.jumps
     return (motion.t[:-1, None] + steps[:, None] * np.linspace(0, 1, dense))[flows], flows
 
 

@@ -1,0 +1,126 @@
+"""The command that closes a PID loop around an arm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+import typer
+
+import armdyn as ad
+from armdyn import models
+from armdyn.cli.console import NOT_CERTIFIED, answering, console, facts_table, working
+from armdyn.cli.options.joints import JointOptions, friction_facts, friction_words
+from armdyn.cli.options.poses import PoseOptions
+from armdyn.cli.options.results import ResultOptions
+from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+from armdyn.cli.options.text import numbers
+from armdyn.control.arrival import ARRIVAL_RULES, ArrivalRule
+from armdyn.errors import ProblemError
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoopOptions:
+    """The controller, and how long it is watched; see `simulate_pid`."""
+
+    panel: ClassVar[str] = "Loop"
+
+    gains: Annotated[
+        str, typer.Option(metavar="KP,KI,KD", help="The same for every joint; by default those of the paper's arms.")
+    ] = "30,50,10"
+    form: Annotated[
+        str, typer.Option(help="acceleration (the paper's), torque (a real controller, saturated), or computed_torque.")
+    ] = "acceleration"
+    duration: Annotated[float, typer.Option(metavar="S", help="How long to simulate \\[s].")] = 10.0
+    arrival_rule: Annotated[
+        str | None,
+        typer.Option(
+            metavar="RULE",
+            help="When it has arrived: " + ", ".join(ARRIVAL_RULES) + "; by default the first, of r, rr and rrr the "
+            "paper's, which is the second.",
+            show_default=False,
+        ),
+    ] = None
+
+    def run(self, arm: ad.Robot, start: list[float], goal: list[float], usual: ArrivalRule) -> ad.PidRun:
+        """Close the loop between two poses [rad or m], each of shape (nv,).
+
+        Args:
+            arm: that moves.
+            start: from here.
+            goal: to here.
+            usual: rule of arrival where none is asked for.
+
+        Raises:
+            ProblemError: the gains are not three numbers, or something does not fit the arm.
+        """
+        values = numbers(self.gains, "--gains")
+        if len(values) != 3:
+            raise ProblemError(f"--gains: {self.gains!r} has {len(values)} numbers; give three, KP,KI,KD")
+        return ad.simulate_pid(
+            arm,
+            q_start=start,
+            q_goal=goal,
+            gains=ad.PidGains(kp=values[0], ki=values[1], kd=values[2]),
+            duration=self.duration,
+            form=self.form,  # type: ignore[arg-type]  # simulate_pid refuses what it does not know
+            arrival_rule=self.arrival_rule or usual,  # type: ignore[arg-type]  # the same
+        )
+
+
+def pid(
+    poses: PoseOptions,
+    payload: PayloadOptions,
+    robot: RobotOptions,
+    joints: JointOptions,
+    loop: LoopOptions,
+    results: ResultOptions,
+) -> None:
+    """What a PID loop does between two poses.
+
+    r, rr and rrr move as in the paper's Examples 4 to 6, and count as arrived when joint 1 is there to stay.
+
+    [dim]armdyn pid rr --payload 0.1006
+    armdyn pid rr --form torque --gains 30,50,3[/]
+    """
+    json = results.output.json
+    with answering(json) as answer:
+        from armdyn.control.closed_loop import pid_summary
+        from armdyn.studies.paper.printed.loop import PAPER_RULE
+
+        arm = joints.fit(robot.read(payload.carried()))
+        start, goal = poses.start(arm, robot.robot, "pid"), poses.goal(arm, robot.robot, "pid")
+        with working(f"PID loop of {arm.name}", json) as progress:
+            run = loop.run(arm, start, goal, PAPER_RULE if robot.robot in models.PAPER_ARMS else ARRIVAL_RULES[0])
+            summary = pid_summary(run)
+            title = f"{arm.name}, {1000 * payload.payload:g} g: PID loop"
+            folder = results.output.folder("pid", robot.robot)
+            written = results.write(folder, arm, run.trajectory, summary, title, tell=progress)
+        answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, **written.facts}
+        answer.code = 0 if run.arrival_time is not None else NOT_CERTIFIED
+        if not json:
+            words = friction_words(arm) | _words(run) | written.words
+            console.print(facts_table(f"{arm.name}: PID loop", words))
+
+
+def _words(run: ad.PidRun) -> dict[str, str]:
+    """A run in words."""
+    return {
+        "status": f"{run.status}: {run.message}",
+        "arrival": _arrival(run),
+        "overshoot": ", ".join(f"{x:.4f}" for x in run.overshoot) + " rad",
+        "max Re λ": f"{run.max_real_eigenvalue:.4f} 1/s",
+    }
+
+
+def _arrival(run: ad.PidRun) -> str:
+    """When a loop arrived, and by which rule; with another rule than that all joints stay, when they all do, too."""
+    rule = run.arrival_rule.replace("_", " ")
+    told = f"{_seconds(run.arrival_time)} ({rule})"
+    if run.arrival_rule == ARRIVAL_RULES[0]:
+        return told
+    return f"{told}; all joints: {_seconds(run.settling_time)}"
+
+
+def _seconds(time: float | None) -> str:
+    return "-" if time is None else f"{time:.4f} s"

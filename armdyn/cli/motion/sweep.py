@@ -1,0 +1,166 @@
+"""The command that moves one robot with many payloads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import typer
+
+import armdyn as ad
+from armdyn import models
+from armdyn.cli.console import DONE, INTERRUPTED, NOT_CERTIFIED, answering, console, errors, escape, working
+from armdyn.cli.options.joints import FastJointOptions
+from armdyn.cli.options.poses import PoseOptions
+from armdyn.cli.options.results import NoFigure, OutputOptions
+from armdyn.cli.options.robot import PayloadPlace, RobotOptions
+from armdyn.cli.options.text import numbers
+from armdyn.errors import ProblemError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from rich.table import Table
+
+_CODES = {"done": DONE, "not_landed": NOT_CERTIFIED, "interrupted": INTERRUPTED}
+
+
+@dataclass(frozen=True, kw_only=True)
+class PayloadsOptions:
+    """What the robot carries, one after the other, and where.
+
+    Attributes:
+        payload: the masses [kg] as text; None: the paper's.
+        place: where each is.
+    """
+
+    panel: ClassVar[str] = PayloadPlace.panel
+
+    payload: Annotated[
+        str | None,
+        typer.Option(metavar="KG,KG,…", help="Point masses that the arm carries \\[kg]. r, rr, rrr: the paper's ten."),
+    ] = None
+    place: PayloadPlace = field(default_factory=PayloadPlace)
+
+    def masses(self, robot: str) -> list[float]:
+        """The masses [kg] that a robot is to carry, each once, increasing.
+
+        Raises:
+            ProblemError: none is given for a robot that is not the paper's.
+        """
+        if self.payload is not None:
+            return sorted(set(numbers(self.payload, "--payload")))
+        if robot not in models.PAPER_ARMS:
+            raise ProblemError(f"give --payload with the masses [kg] that {robot} is to carry, such as 0,0.5,1")
+        return sorted(models.PAPER_PAYLOADS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepOptions:
+    """How much is searched for each payload; see `MinimumTimeOptions`."""
+
+    panel: ClassVar[str] = "Search"
+
+    starts: Annotated[
+        int | None, typer.Option(help="Guesses of every search; by default the first has mintime's, the others few.")
+    ] = None
+    time_limit: Annotated[float, typer.Option(metavar="S", help="For each payload \\[s].")] = 300.0
+
+    def solve(
+        self,
+        problems: list[ad.MinimumTimeProblem],
+        progress: Callable[[str], None],
+        done: Callable[[int, ad.Solution], None],
+    ) -> tuple[ad.Solution, ...]:
+        """Solve one problem after the other; fewer solutions than problems after Ctrl-C."""
+        from armdyn.studies.sweep import sweep as solve_all
+
+        return solve_all(
+            problems, ad.MinimumTimeOptions(starts=self.starts, time_limit=self.time_limit), progress, done
+        )
+
+
+def sweep(
+    poses: PoseOptions,
+    payloads: PayloadsOptions,
+    robot: RobotOptions,
+    joints: FastJointOptions,
+    search: SweepOptions,
+    output: OutputOptions,
+    no_figure: NoFigure = False,
+) -> None:
+    """Minimum time over payload: how much each gram costs, and which limit counts.
+
+    Each optimum is where the search for the next payload's begins; what a heavier payload's search finds is
+    tried on the lighter one, too. A payload that is solved is on disk at once. Exit code 0: all landed.
+
+    [dim]armdyn sweep rr
+    armdyn sweep panda --payload 0,1,2,3 --q-start 0,-0.785,0,-2.356,0,1.571,0.785 --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5[/]
+    """
+    with answering(output.json) as answer:
+        from armdyn.show.sweeps import sweep_row, write_motion, write_sweep
+
+        masses = payloads.masses(robot.robot)
+        arms = [joints.fit(robot.read(payloads.place.carried(mass))) for mass in masses]
+        start, goal = (read(arms[0], robot.robot, "minimum_time") for read in (poses.start, poses.goal))
+        problems = [ad.MinimumTimeProblem(arm, q_start=start, q_goal=goal) for arm in arms]
+        folder = output.folder("sweep", robot.robot)
+        folder.mkdir(parents=True, exist_ok=True)
+        motions: dict[int, Path] = {}
+
+        def keep(k: int, solution: ad.Solution) -> None:
+            if solution.success:
+                motions[k] = write_motion(folder, masses[k], solution)
+
+        with working(f"minimum times of {arms[0].name}", output.json) as progress:
+            solutions = search.solve(problems, progress, keep)
+            rows = [sweep_row(*pair) for pair in zip(masses, solutions, strict=False)]  # fewer after Ctrl-C
+            title = f"{arms[0].name}: minimum time over payload"
+            progress("writing the table" if no_figure else "writing the table and the figure")
+            written = [motions[k] for k in sorted(motions)]
+            files = write_sweep(folder, solutions, rows, written, title, figure=not no_figure)
+        status = _status(solutions, len(problems))
+        answer.facts |= {
+            "success": status == "done",
+            "status": status,
+            "robot": arms[0].name,
+            "rows": rows,
+            "files": [str(file) for file in files],
+        }
+        answer.code = _CODES[status]
+        if status == "interrupted":
+            answer.facts["message"] = f"interrupted; what was solved is in {folder}"
+        if not output.json:
+            console.print(_table(arms[0].name, rows))
+            console.print(f"results in {escape(str(folder))}")
+            if status == "not_landed":
+                errors.print("some payloads did not land: their messages are in sweep.csv")
+
+
+def _status(solutions: tuple[ad.Solution, ...], wanted: int) -> str:
+    """What came of it, in a word."""
+    if any(solution.status is ad.Status.INTERRUPTED for solution in solutions):
+        return "interrupted"
+    landed = len(solutions) == wanted and all(solution.success for solution in solutions)
+    return "done" if landed else "not_landed"
+
+
+def _table(name: str, rows: list[dict[str, object]]) -> Table:
+    """For people."""
+    from rich.table import Table
+
+    table = Table(title=f"{escape(name)}: minimum time over payload", title_justify="left")
+    for column in ("payload", "minimum time", "certified", "1 g costs", "limited most by", "1 % saves"):
+        table.add_column(column, justify="left" if column in ("certified", "limited most by") else "right")
+    for row in rows:
+        gram, most, saved = row["ms_per_gram"], row["limited_most_by"], row["ms_saved_by_one_per_cent"]
+        table.add_row(
+            f"{1e3 * float(str(row['payload_kg'])):g} g",
+            f"{float(str(row['duration_s'])):.6f} s" if row["success"] else "-",
+            "yes" if row["certified"] else "no",
+            "-" if gram is None else f"{gram:.3f} ms",
+            "-" if most is None else escape(str(most)),
+            "-" if saved is None else f"{saved:.2f} ms",
+        )
+    return table

@@ -1,0 +1,102 @@
+"""What is asked of a motion along its way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+import typer
+
+from armdyn.cli.options.limits import Limits, limits_of
+from armdyn.cli.options.text import numbers, one_or_more
+from armdyn.errors import ProblemError
+
+if TYPE_CHECKING:
+    from armdyn.models.obstacles import Obstacle
+
+_SHAPES = {"box": (3, 1), "sphere": (1, 1), "capsule": (1, 2)}
+"""How many sizes and how many places a shape has."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CourseOptions:
+    """Via points, obstacles, limits of acceleration and jerk: the texts of the options."""
+
+    panel: ClassVar[str] = "Along the way"
+
+    via: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="Q,Q,…", help="Pose to pass through, at any time and speed; may be given again, in order."
+        ),
+    ] = None
+    obstacle: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="SHAPE|FILE.json",
+            help="Something to keep clear of, in the world \\[m]: box:SX,SY,SZ@X,Y,Z (edges, centre), sphere:R@X,Y,Z, "
+            "capsule:R@X,Y,Z;X,Y,Z, or a file of them, boxes turned too (docs/obstacles.md). May be given again.",
+        ),
+    ] = None
+    self_collision: Annotated[
+        bool, typer.Option("--self-collision", help="Keep the arm's links clear of each other, too.")
+    ] = False
+    clearance: Annotated[float, typer.Option(metavar="M", help="From obstacles, and between links \\[m].")] = 0.005
+    acceleration_limit: Annotated[
+        str | None, typer.Option(metavar="A[,A…]", help="Acceleration limits \\[rad/s²]; by default none.")
+    ] = None
+    jerk_limit: Annotated[
+        str | None,
+        typer.Option(metavar="J[,J…]", help="Jerk limits \\[rad/s³]: the torque no longer jumps. By default none."),
+    ] = None
+
+    limit: Limits = None
+
+    def asked(self) -> dict[str, Any]:
+        """The arguments of a `MinimumTimeProblem` that they are.
+
+        Raises:
+            ProblemError: a text is not what its option takes.
+        """
+        return {
+            "via": [numbers(text, "--via") for text in self.via or ()],
+            "obstacles": obstacles_of(self.obstacle or ()),
+            "self_collision": self.self_collision,
+            "clearance": self.clearance,
+            "acceleration_limit": one_or_more(self.acceleration_limit, "--acceleration-limit"),
+            "jerk_limit": one_or_more(self.jerk_limit, "--jerk-limit"),
+            "conditions": limits_of(self.limit or ()),
+        }
+
+
+def obstacles_of(texts: Sequence[str]) -> tuple[Obstacle, ...]:
+    """Obstacles as --obstacle says them.
+
+    Raises:
+        ProblemError: a text is no shape and no file, or the file has none.
+    """
+    from armdyn.models.obstacles import load_obstacles
+
+    found: list[Obstacle] = []
+    for text in texts:
+        kind, colon, rest = text.partition(":")
+        found += [_shape(kind, rest, f"--obstacle {text}")] if colon and kind in _SHAPES else load_obstacles(text)
+    return tuple(found)
+
+
+def _shape(kind: str, text: str, what: str) -> Obstacle:
+    """One shape, written SIZES@PLACES."""
+    from armdyn.models.obstacles import obstacle_from
+
+    sizes, _, places = text.partition("@")
+    values, at = numbers(sizes, what), [numbers(place, what) for place in places.split(";")]
+    if (len(values), len(at)) != _SHAPES[kind]:
+        raise ProblemError(f"{what}: write box:SX,SY,SZ@X,Y,Z or sphere:R@X,Y,Z or capsule:R@X,Y,Z;X,Y,Z")
+    if kind == "box":
+        entry: dict[str, object] = {"size": values, "position": at[0]}
+    elif kind == "sphere":
+        entry = {"radius": values[0], "center": at[0]}
+    else:
+        entry = {"radius": values[0], "a": at[0], "b": at[1]}
+    return obstacle_from({"type": kind, **entry}, what)

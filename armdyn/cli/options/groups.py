@@ -1,0 +1,76 @@
+"""Options in groups: each is written once, and a command takes as many groups as it needs."""
+
+from collections.abc import Callable, Iterator, Mapping
+from copy import copy
+from dataclasses import MISSING, fields, is_dataclass
+from functools import wraps
+from inspect import Parameter, Signature, cleandoc, signature
+from typing import Annotated, Any, get_origin, get_type_hints
+
+from typer.models import OptionInfo
+
+
+def with_options(command: Callable[..., None]) -> Callable[..., None]:
+    """A command as typer takes it, with one parameter per option, of a command that takes groups.
+
+    A group is a frozen dataclass. Its fields are annotated as a command's parameters are, `Annotated[type,
+    typer.Option(…)] = default`, or are groups themselves; they become the command's options in their order. All
+    options of a group stand in the help panel that its class attribute `panel` names, if it has one.
+
+    Raises:
+        TypeError: two groups of a command have an option of the same name.
+    """
+    hints = get_type_hints(command, include_extras=True)
+    hints.pop("return", None)
+    flat: dict[str, Parameter] = {}
+    for name, parameter in signature(command).parameters.items():
+        for option in _expanded(name, hints[name], parameter.default, None):
+            if option.name in flat:
+                raise TypeError(f"{command.__name__} has two options {option.name!r}")
+            flat[option.name] = option
+
+    @wraps(command)
+    def flattened(**values: Any) -> None:
+        command(**{name: _gathered(name, hint, values) for name, hint in hints.items()})
+
+    flattened.__doc__ = _flowing(command.__doc__ or "")
+    flattened.__annotations__ = {name: option.annotation for name, option in flat.items()}
+    flattened.__signature__ = Signature(list(flat.values()))  # type: ignore[attr-defined]  # inspect reads it
+    return flattened
+
+
+def _expanded(name: str, hint: Any, default: Any, panel: str | None) -> Iterator[Parameter]:
+    """A parameter itself, or the options of a group."""
+    if not is_dataclass(hint):
+        yield Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=_shown(hint, panel))
+        return
+    hints = get_type_hints(hint, include_extras=True)
+    for field in fields(hint):
+        own = Parameter.empty if field.default is MISSING else field.default
+        yield from _expanded(field.name, hints[field.name], own, getattr(hint, "panel", panel))
+
+
+def _shown(hint: Any, panel: str | None) -> Any:
+    """The annotation with what help shows: the panel of an option, and of a flag that it takes no value."""
+    if get_origin(hint) is not Annotated:
+        return hint
+    told = tuple(copy(info) for info in hint.__metadata__)
+    for info in told:
+        if isinstance(info, OptionInfo):
+            info.rich_help_panel = info.rich_help_panel or panel
+            info.metavar = "" if info.metavar is None and hint.__origin__ is bool else info.metavar
+    return Annotated[(hint.__origin__, *told)]
+
+
+def _flowing(help_text: str) -> str:
+    """A docstring whose paragraphs flow, so that they fit every terminal; examples, which begin with [dim], do not."""
+    paragraphs = cleandoc(help_text).split("\n\n")
+    return "\n\n".join(text if text.startswith("[dim]") else " ".join(text.split("\n")) for text in paragraphs)
+
+
+def _gathered(name: str, hint: Any, values: Mapping[str, Any]) -> Any:
+    """The value of a parameter, or the group of its options' values."""
+    if not (isinstance(hint, type) and is_dataclass(hint)):
+        return values[name]
+    hints = get_type_hints(hint, include_extras=True)
+    return hint(**{field.name: _gathered(field.name, hints[field.name], values) for field in fields(hint)})

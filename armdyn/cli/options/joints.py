@@ -1,0 +1,109 @@
+"""What the joints can do and what they lose: limits, friction, rotor inertia."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import typer
+
+from armdyn.cli.options.text import number, one_or_more
+
+if TYPE_CHECKING:
+    from armdyn.models import Robot
+    from armdyn.models.friction import FrictionValue
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointOptions:
+    """Torque limits, friction and rotor inertia, each as text; None leaves the robot's own."""
+
+    panel: ClassVar[str] = "Joints"
+
+    effort_limit: Annotated[
+        str | None, typer.Option(metavar="T[,T…]", help="Torque limits instead of the URDF's \\[N m].")
+    ] = None
+    damping: Annotated[
+        str | None,
+        typer.Option(
+            metavar="D[,D…]|urdf",
+            help="Viscous friction: a joint loses D times its velocity \\[N m s/rad]. By default a URDF file's own, "
+            "none for a library's robot, whose numbers are placeholders; urdf takes them.",
+        ),
+    ] = None
+    friction: Annotated[
+        str | None,
+        typer.Option(
+            metavar="F[,F…]|urdf",
+            help="Coulomb friction: a joint loses F against its direction of motion \\[N m]. Default like --damping.",
+        ),
+    ] = None
+    friction_width: Annotated[
+        str | None,
+        typer.Option(
+            metavar="V",
+            help="Coulomb friction is F tanh(v / V) \\[rad/s]: smaller is sharper, and slower to solve. Default 0.05.",
+        ),
+    ] = None
+    armature: Annotated[
+        str | None,
+        typer.Option(metavar="J[,J…]", help="Rotor inertia seen at the joint, gear ratio² × rotor \\[kg m²]."),
+    ] = None
+
+    def fit(self, robot: Robot) -> Robot:
+        """A robot with these joints.
+
+        Raises:
+            ArmdynError: an option does not fit it.
+        """
+        return (
+            robot.with_limits(one_or_more(self.effort_limit, "--effort-limit"), None)
+            .with_armature(one_or_more(self.armature, "--armature"))
+            .with_friction(
+                _friction(self.damping, "--damping"),
+                _friction(self.friction, "--friction"),
+                None if self.friction_width is None else number(self.friction_width, "--friction-width"),
+            )
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class FastJointOptions:
+    """The same with velocity limits, for motions that keep them."""
+
+    panel: ClassVar[str] = JointOptions.panel
+
+    velocity_limit: Annotated[
+        str | None,
+        typer.Option(metavar="V[,V…]", help="Velocity limits instead of the URDF's \\[rad/s]; inf for none."),
+    ] = None
+    joints: JointOptions = field(default_factory=JointOptions)
+
+    def fit(self, robot: Robot) -> Robot:
+        """A robot with these joints; see `JointOptions.fit`."""
+        return self.joints.fit(robot.with_limits(None, one_or_more(self.velocity_limit, "--velocity-limit")))
+
+
+def _friction(text: str | None, what: str) -> FrictionValue | None:
+    """One number for all joints, one for each, or the URDF's."""
+    return "urdf" if text is not None and text.strip() == "urdf" else one_or_more(text, what)
+
+
+def friction_facts(robot: Robot) -> dict[str, object]:
+    """The friction in a robot's joints, for machines; empty if there is none."""
+    own = robot.friction
+    if not own.present:
+        return {}
+    damping, coulomb = own.per_joint(robot.nv)
+    return {"damping": damping.tolist(), "friction": coulomb.tolist(), "friction_width": own.width}
+
+
+def friction_words(robot: Robot) -> dict[str, str]:
+    """The same for people."""
+    own = robot.friction
+    if not own.present:
+        return {}
+    each = [[f"{x:.4g}" for x in values] for values in own.per_joint(robot.nv)]
+    damping, coulomb = (words[0] if len(set(words)) == 1 else ", ".join(words) for words in each)
+    text = f"viscous {damping} N m s/rad, Coulomb {coulomb} N m"
+    return {"joint friction": f"{text} (over {own.width:g} rad/s)"}

@@ -1,0 +1,126 @@
+"""From where to where."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+import typer
+
+import armdyn as ad
+from armdyn import models
+from armdyn.cli.options.text import numbers
+from armdyn.errors import ProblemError
+
+if TYPE_CHECKING:
+    from armdyn.studies.paper import Kind
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseOptions:
+    """Start and goal as joint positions [rad or m], each as text."""
+
+    panel: ClassVar[str] = "Poses"
+
+    q_start: Annotated[
+        str | None,
+        typer.Option(metavar="Q,Q,…", help="Start, one angle per joint \\[rad]; pi/20 works. r, rr, rrr: the paper's."),
+    ] = None
+    q_goal: Annotated[str | None, typer.Option(metavar="Q,Q,…", help="Goal, like --q-start.")] = None
+
+    def start(self, robot: ad.Robot, name: str, kind: Kind) -> list[float]:
+        """What is given, else the start of the paper's example.
+
+        Args:
+            robot: that moves.
+            name: what the user called it.
+            kind: of the example.
+
+        Raises:
+            ProblemError: neither.
+        """
+        return _pose("--q-start", self.q_start, robot, name, kind)
+
+    def goal(self, robot: ad.Robot, name: str, kind: Kind) -> list[float]:
+        """The goal, likewise."""
+        return _pose("--q-goal", self.q_goal, robot, name, kind)
+
+
+def _pose(option: str, text: str | None, robot: ad.Robot, name: str, kind: Kind) -> list[float]:
+    if text is not None:
+        return numbers(text, option)
+    if name not in models.PAPER_ARMS:
+        raise ProblemError(
+            f"give {option} with {robot.nv} angles [rad] for {robot.name}: {', '.join(robot.joint_names)}"
+        )
+    from armdyn.studies.paper import example
+
+    paper = example(name, kind)
+    return list(paper.q_start if option == "--q-start" else paper.q_goal)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GoalOptions:
+    """Start and goal, which may be a frame's pose, and which way round.
+
+    Attributes:
+        poses: as joint positions.
+        goal_pose: instead of a goal as joint positions.
+        wrap: goals of endless joints count modulo 2π.
+    """
+
+    panel: ClassVar[str] = PoseOptions.panel
+
+    poses: PoseOptions = field(default_factory=PoseOptions)
+    goal_pose: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FRAME:X,Y,Z[,QX,QY,QZ,QW]",
+            help="Instead of --q-goal: where a frame ends in the world \\[m], with its orientation as a quaternion if "
+            "that matters. Inverse kinematics find the joint positions; the fastest to reach of several is kept.",
+        ),
+    ] = None
+    wrap: Annotated[
+        bool,
+        typer.Option(
+            "--wrap",
+            help="Goals of endless joints (continuous: no position limits) count modulo 2π: take the faster way round.",
+        ),
+    ] = False
+
+    def asked(self, robot: ad.Robot, name: str) -> dict[str, Any]:
+        """The arguments of a `MinimumTimeProblem` that say from where to where.
+
+        Args:
+            robot: that moves.
+            name: what the user called it.
+
+        Raises:
+            ProblemError: a text is no pose, one is missing, or the goal is given twice.
+        """
+        if self.goal_pose is not None and self.poses.q_goal is not None:
+            raise ProblemError("--q-goal and --goal-pose both say where to: give one of them")
+        goal = None if self.goal_pose is None else goal_pose_of(self.goal_pose)
+        return {
+            "q_start": self.poses.start(robot, name, "minimum_time"),
+            "q_goal": self.poses.goal(robot, name, "minimum_time") if goal is None else None,
+            "goal_pose": goal,
+            "wrap": self.wrap,
+        }
+
+
+def goal_pose_of(text: str) -> ad.GoalPose:
+    """A goal pose as --goal-pose says it.
+
+    Raises:
+        ProblemError: it is none.
+    """
+    from armdyn.models.obstacles import pose_of
+
+    frame, colon, rest = text.rpartition(":")
+    values = numbers(rest, "--goal-pose") if colon and frame else []
+    if len(values) not in (3, 7):
+        raise ProblemError(f"--goal-pose {text!r}: write FRAME:X,Y,Z or FRAME:X,Y,Z,QX,QY,QZ,QW")
+    if len(values) == 3:
+        return ad.GoalPose(frame, values)
+    return ad.GoalPose(frame, pose_of(values[:3], values[3:], None, "--goal-pose"))

@@ -1,0 +1,95 @@
+"""Where the results go, and which."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from armdyn.models import Robot
+    from armdyn.models.obstacles import Obstacle
+    from armdyn.trajectory import Trajectory
+
+Out = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="Folder for the results. By default results/COMMAND-ROBOT.")
+]
+Json = Annotated[bool, typer.Option("--json", help="One JSON object on standard output, nothing else.")]
+NoFigure = Annotated[bool, typer.Option("--no-figure", help="Write no figure.png and figure.pdf: half a second less.")]
+NoReplay = Annotated[bool, typer.Option("--no-replay", help="Write no replay.html: half a second less.")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutputOptions:
+    """A folder for the results, and for whom the answer on standard output is."""
+
+    out: Out = None
+    json: Json = False
+
+    def folder(self, command: str, name: str) -> Path:
+        """The folder that was asked for, else one that says what is in it.
+
+        Args:
+            command: what was done.
+            name: with which robot.
+        """
+        slug = re.sub(r"[^A-Za-z0-9._-]+", "_", Path(name).stem) or "robot"
+        return self.out or Path("results") / f"{command}-{slug}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Written:
+    """What was written of a motion.
+
+    Attributes:
+        files: in the order they were written.
+        seconds: that it took [s].
+    """
+
+    files: Sequence[Path]
+    seconds: float
+
+    @property
+    def facts(self) -> dict[str, object]:
+        """For machines."""
+        return {"files": [str(file) for file in self.files]}
+
+    @property
+    def words(self) -> dict[str, str]:
+        """For people."""
+        names = ", ".join(file.name for file in self.files)
+        return {"results": str(self.files[0].parent), "written": f"{names} in {self.seconds:.1f} s"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResultOptions:
+    """What is written of one motion, and where."""
+
+    output: OutputOptions = field(default_factory=OutputOptions)
+    no_figure: NoFigure = False
+    no_replay: NoReplay = False
+
+    def write(
+        self,
+        folder: Path,
+        robot: Robot,
+        motion: Trajectory,
+        summary: dict[str, object],
+        title: str,
+        obstacles: Sequence[Obstacle] = (),
+        *,
+        tell: Callable[[str], None],
+    ) -> Written:
+        """Write what was asked for of a motion; see `write_run`."""
+        from armdyn.show.report import PARTS, write_run
+
+        begun = time.perf_counter()
+        unwanted = [part for part, no in (("figure", self.no_figure), ("replay", self.no_replay)) if no]
+        parts = [part for part in PARTS if part not in unwanted]
+        files = write_run(folder, robot, motion, summary, title, obstacles, parts=parts, tell=tell)
+        return Written(files=files, seconds=time.perf_counter() - begun)

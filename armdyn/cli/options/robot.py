@@ -1,0 +1,140 @@
+"""Which robot: its name, the joints of it that move, and what it carries."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import typer
+
+import armdyn as ad
+from armdyn import models
+from armdyn.cli.options.text import number, numbers
+from armdyn.errors import ProblemError, SpecError
+
+RobotName = Annotated[
+    str,
+    typer.Argument(
+        metavar="ROBOT",
+        help="r, rr or rrr (the paper's arms), a URDF file, or a name of example-robot-data such as panda or ur5.",
+        show_default=False,
+    ),
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartOptions:
+    """Which joints move.
+
+    Attributes:
+        lock: JOINT=Q of each joint that does not.
+        part: FIRST,LAST of those that do.
+    """
+
+    panel: ClassVar[str] = "Joints"
+
+    lock: Annotated[
+        list[str] | None,
+        typer.Option(metavar="JOINT=Q", help="Fix a joint at a position \\[rad or m]; may be given again."),
+    ] = None
+    part: Annotated[
+        str | None,
+        typer.Option(
+            "--arm",
+            metavar="FIRST,LAST",
+            help="Only the joints from one joint or link to another move, all else is locked; a last link is the tip.",
+        ),
+    ] = None
+
+    def read(self, name: str, payload: ad.Payload | None = None) -> ad.Robot:
+        """The robot of a name, as its URDF describes it.
+
+        Raises:
+            ArmdynError: there is none of that name, or the joints are not its own.
+        """
+        if name in models.PAPER_ARMS:
+            if self.lock or self.part:
+                option = "--lock" if self.lock else "--arm"
+                raise SpecError(f"{option}: {name!r} has no joints to lock; it takes a URDF file or a library's robot")
+            return ad.Robot.from_spec(ad.ArmSpec.paper(name), payload)
+        if Path(name).suffix or Path(name).is_file():
+            return ad.Robot.from_urdf(name, payload, self._locks(), arm=self._ends())
+        return ad.Robot.from_library(name, payload, self._locks(), arm=self._ends())
+
+    def _locks(self) -> dict[str, float] | None:
+        pairs = [text.partition("=") for text in self.lock or ()]
+        return {joint: number(value, f"--lock {joint}") for joint, _, value in pairs} or None
+
+    def _ends(self) -> tuple[str, str] | None:
+        if self.part is None:
+            return None
+        first, comma, last = (text.strip() for text in self.part.partition(","))
+        if not (first and comma and last):
+            raise SpecError(f"--arm: {self.part!r} is not FIRST,LAST: two joints or links with a comma between")
+        return first, last
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotOptions:
+    """A robot, and which of its joints move."""
+
+    robot: RobotName
+    part: PartOptions = field(default_factory=PartOptions)
+
+    def read(self, payload: ad.Payload | None = None) -> ad.Robot:
+        """It; see `PartOptions.read`."""
+        return self.part.read(self.robot, payload)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PayloadPlace:
+    """Where a payload is.
+
+    Attributes:
+        payload_frame: what it is fixed to; None: the tip.
+        payload_com: its centre of mass there [m], as text; None: the frame's origin.
+    """
+
+    panel: ClassVar[str] = "Payload"
+
+    payload_frame: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LINK", help="Link or frame that the payload is fixed to; by default the tip, see doctor."
+        ),
+    ] = None
+    payload_com: Annotated[
+        str | None,
+        typer.Option(metavar="X,Y,Z", help="The payload's centre of mass in that frame \\[m]; by default its origin."),
+    ] = None
+
+    def carried(self, mass: float) -> ad.Payload | None:
+        """A payload [kg] there.
+
+        Raises:
+            ProblemError: where it is, but not what it weighs.
+        """
+        if not mass and (self.payload_frame or self.payload_com):
+            raise ProblemError("--payload-frame and --payload-com say where a payload is: give its mass, --payload KG")
+        centre = (0.0, 0.0, 0.0) if self.payload_com is None else numbers(self.payload_com, "--payload-com")
+        return ad.Payload(mass=mass, frame=self.payload_frame, com=centre) if mass else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PayloadOptions:
+    """What the robot carries, and where.
+
+    Attributes:
+        payload: its mass [kg].
+        place: where it is.
+    """
+
+    panel: ClassVar[str] = PayloadPlace.panel
+
+    payload: Annotated[float, typer.Option(metavar="KG", help="Point mass that the arm carries \\[kg].")] = 0.0
+    place: PayloadPlace = field(default_factory=PayloadPlace)
+
+    def carried(self) -> ad.Payload | None:
+        """The payload, None if it weighs nothing."""
+        return self.place.carried(self.payload)

@@ -1,0 +1,78 @@
+"""One number per joint, as users give it: read and checked in one place."""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armdyn.errors import ArmdynError, SpecError
+
+Array = NDArray[np.float64]
+
+Sign = Literal["any", "not negative", "positive"]
+
+
+def per_joint(
+    value: ArrayLike,
+    joints: Sequence[str] | None,
+    what: str,
+    *,
+    unit: str = "",
+    error: type[ArmdynError] = SpecError,
+    scalar: bool = True,
+    finite: bool = True,
+    sign: Sign = "any",
+) -> Array:
+    """One number per joint, as an array of its own.
+
+    Args:
+        value: as given.
+        joints: their names; None where no arm is known yet: then any number of them is right, and one stays one.
+        what: the number is, in messages.
+        unit: likewise.
+        error: what is raised.
+        scalar: whether one number may stand for all joints; where there is one joint it may anyway.
+        finite: whether infinity is refused; NaN always is.
+        sign: that every number must have.
+
+    Returns:
+        Shape (nv,), or () of one number without joints.
+
+    Raises:
+        ArmdynError: as `error`, which says what, of which joint, where and how much it is, and what would be right.
+    """
+    wanted = _wanted(joints, scalar)
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise error(f"{what} is {value!r}; expected {wanted}") from None
+    if joints is not None and array.ndim == 0 and (scalar or len(joints) == 1):
+        array = np.full(len(joints), array)
+    if array.shape != (len(joints),) if joints is not None else array.ndim > 1 or not array.size:
+        raise error(f"{what} has shape {array.shape}; expected {wanted}")
+    for i, number in enumerate(np.ravel(array)):
+        if right := _right_instead(float(number), finite, sign):
+            of = f" of joint {joints[i]!r}" if joints is not None else ""
+            at = f" (index {i})" if array.ndim else ""
+            raise error(f"{what}{of} is {f'{number} {unit}'.rstrip()}{at}; it must {right}")
+    return array
+
+
+def _wanted(joints: Sequence[str] | None, scalar: bool) -> str:
+    """What would be right, as far as the count goes."""
+    if joints is None:
+        return "one number, or one per joint"
+    one = "one number or " if scalar and len(joints) > 1 else ""
+    return f"{one}{len(joints)}, one per joint: {', '.join(joints)}"
+
+
+def _right_instead(number: float, finite: bool, sign: Sign) -> str:
+    """What a number must be and is not; empty if it is fine."""
+    if np.isnan(number) and not finite:
+        return "be a number, not NaN"
+    if finite and not np.isfinite(number):
+        return "be finite"
+    if sign == "not negative" and number < 0:
+        return "not be negative"
+    return "be positive" if sign == "positive" and number <= 0 else ""

@@ -1,0 +1,63 @@
+"""A solution as plain values, for what is kept of a run."""
+
+import numpy as np
+
+from armdyn.optimal.answer.solution import Solution
+
+
+def minimum_time_summary(solution: Solution) -> dict[str, object]:
+    """A solution as JSON says it: numbers that are not finite are null, units as in `Solution`."""
+    worst, certificate, by = solution.worst_violation, solution.certificate, solution.sensitivities()
+    return {
+        "success": solution.success,
+        "status": str(solution.status),
+        "message": solution.message,
+        "duration": solution.duration,
+        "certified": certificate.ok,
+        "certificate": {
+            "ok": certificate.ok,
+            "goal_error": _finite(certificate.goal_error),
+            "goal_velocity_error": _finite(certificate.goal_velocity_error),
+            "hamiltonian_spread": _finite(certificate.hamiltonian_spread),
+            "switching_violation": _finite(certificate.switching_violation),
+            "limit_violation": _finite(certificate.limit_violation),
+            "singular": certificate.singular,
+            "reasons": list(certificate.reasons),
+        },
+        "replay_error": _finite(solution.replay_error),
+        "replay_velocity_error": _finite(solution.replay_velocity_error),
+        "arcs": [{"duration": arc.duration, "modes": [str(mode) for mode in arc.modes]} for arc in solution.arcs],
+        "local_optima": list(solution.local_optima),
+        "sensitivities": None
+        if by is None
+        else {
+            "payload_mass": by.payload_mass,
+            "effort_upper": by.effort_upper.tolist(),
+            "effort_lower": by.effort_lower.tolist(),
+            "velocity": by.velocity.tolist(),
+        },
+        "clearance": None
+        if solution.clearance is None
+        else {
+            "distance": solution.clearance.distance,
+            "time": solution.clearance.time,
+            "body": solution.clearance.body,
+            "other": solution.clearance.other,
+            "sure": solution.clearance.sure,
+        },
+        "conditions": [
+            {"name": kept.name, "share": kept.share, "said": kept.said, "reasons": list(kept.reasons)}
+            for kept in solution.kept
+        ],
+        "q_goal": np.asarray(solution.problem.q_goal).tolist(),
+        "via_times": list(solution.via_times),
+        "goals": [{"q": goal.q.tolist(), "duration": _finite(goal.duration)} for goal in solution.goals],
+        "intervals": solution.intervals,
+        "iterations": solution.iterations,
+        "solve_time": round(solution.solve_time, 3),
+        "worst_violation": None if worst is None else str(worst),
+    }
+
+
+def _finite(number: float) -> float | None:
+    return number if abs(number) < float("inf") else None

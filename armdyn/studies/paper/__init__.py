@@ -1,0 +1,23 @@
+"""The paper, reproduced: what it prints, what comes of it here, what it claims, tables, pages.
+
+The rooms in the order of the data; none imports one below it:
+
+- `printed`: what the paper prints: its examples, equations as printed, gains, published numbers.
+- `outcomes`: one case solved or simulated, and kept on disk. Nothing is drawn there.
+- `claims`: what the paper says in words, measured; its first approach; whether a goal can be held.
+- `tables`: Tables 3 to 7, published beside ours.
+- `page`: figures, each example's folder, and the page that shows it all.
+
+`reproduce` goes through them all.
+"""
+
+from typing import TYPE_CHECKING
+
+from armdyn.lazy import facade
+
+if TYPE_CHECKING:
+    from armdyn.studies.paper.printed.examples import EXAMPLES, PAYLOAD, Example, Kind, example
+else:
+    __getattr__, __dir__ = facade(__name__, {"printed.examples": "EXAMPLES PAYLOAD Example Kind example"})
+
+__all__ = ["EXAMPLES", "PAYLOAD", "Example", "Kind", "example"]

@@ -1,0 +1,1 @@
+"""What the paper prints, as it stands there: examples, equations, its PID loop, published numbers."""

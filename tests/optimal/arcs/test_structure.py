@@ -1,0 +1,73 @@
+"""What the multipliers of a solution say against its structure."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import armdyn as ad
+from armdyn.optimal.arcs.arc import Arc, Mode
+from armdyn.optimal.arcs.structure import by_sign, with_overlooked, without_idle_touches, without_vanished
+from armdyn.optimal.task.policy import Policy
+from problems import cart, solve, solved
+
+U, L, V = Mode.UPPER, Mode.LOWER, Mode.VELOCITY_UPPER
+
+
+def numbers(problem):
+    return Policy.of(problem).arcs
+
+
+def modes(arcs):
+    return [arc.modes for arc in arcs]
+
+
+@pytest.mark.parametrize("arm", ["r", "rr"])
+def test_an_optimum_has_nothing_said_against_it(arm):
+    solution = solved(arm)
+    phases, problem = solution.phases, solution.problem
+    assert with_overlooked(problem, phases, numbers(problem)) == []
+    assert without_vanished(phases, numbers(problem)) == []
+    assert without_idle_touches(phases) == []
+    found = by_sign(phases, solution.certificate.switching)
+    assert modes(found) == modes(phases.arcs)
+    # The switching functions' zeros between knots, by lines.
+    np.testing.assert_allclose([a.duration for a in found], [a.duration for a in phases.arcs], rtol=0.02)
+
+
+def test_signs_turned_round_turn_the_torques_round():
+    solution = solved("rr")
+    turned = by_sign(solution.phases, -solution.certificate.switching)
+    opposite = {U: L, L: U}
+    assert modes(turned) == [tuple(opposite[mode] for mode in arc.modes) for arc in solution.phases.arcs]
+
+
+def test_an_arc_that_has_vanished_goes():
+    solution = solved("rr")
+    phases = solution.phases
+    first, *rest = phases.arcs
+    gone = Arc(1e-12 * phases.duration, tuple(U if mode is L else L for mode in first.modes))
+    fewer = without_vanished(replace(phases, arcs=(gone, first, *rest)), numbers(solution.problem))
+    assert modes(fewer) == modes(phases.arcs)
+    assert without_vanished(replace(phases, arcs=(gone,)), numbers(solution.problem)) == []  # the last one stays
+
+
+def test_a_velocity_limit_that_is_not_named_is_overlooked():
+    """The cart cruises; told that its middle is a free torque, its multipliers still say that a limit holds it."""
+    problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0], velocity_limit=0.8)
+    phases = solve(problem).phases
+    assert modes(phases.arcs) == [(U,), (V,), (L,)]
+    unnamed = tuple(replace(arc, modes=(Mode.FREE,)) if arc.modes == (V,) else arc for arc in phases.arcs)
+    found = with_overlooked(problem, replace(phases, arcs=unnamed), numbers(problem))
+    assert (V,) in modes(found)
+    assert sum(arc.duration for arc in found) == pytest.approx(phases.duration, rel=1e-12)
+
+
+@pytest.mark.parametrize(("pull", "wanted"), [(-1e-3, True), (1e-3, False)])
+def test_a_touch_stays_where_the_limit_pushes_back(pull, wanted):
+    phases = solved("r").phases
+    first, last = phases.arcs
+    touching = (replace(first, touches=((0, Mode.POSITION_UPPER),)), last)
+    pulls = np.full_like(phases.knot_pull, pull)
+    found = without_idle_touches(replace(phases, arcs=touching, knot_pull=pulls))
+    assert found == ([] if wanted else list(phases.arcs))

@@ -1,0 +1,94 @@
+"""One IPOPT for all: its words, its stop, and that what is built is shared."""
+
+from dataclasses import dataclass
+from functools import partial
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from armdyn.optimal.problem.status import Status
+from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.program.assembly import Program
+from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings
+from armdyn.optimal.task.options import DirectOptions
+
+FREE = np.full(2, -np.inf), np.full(2, np.inf)
+SETTINGS = IpoptSettings(1e-10, 100)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Of a Rosenbrock valley on a line."""
+
+    steepness: float
+
+
+def valley(shape):
+    """Minimise (p - x)² + s (y - x²)² so that x + y = 2."""
+    x, p, sigma, lam = ca.MX.sym("x", 2), ca.MX.sym("p"), ca.MX.sym("sigma"), ca.MX.sym("lam")
+    f = (p - x[0]) ** 2 + shape.steepness * (x[1] - x[0] ** 2) ** 2
+    g = x[0] + x[1] - 2
+    return Program(
+        functions={"x": x, "p": p, "f": f, "g": g},
+        jacobian=ca.Function("nlp_jac_g", [x, p], [g, ca.jacobian(g, x)], ["x", "p"], ["g", "jac_g_x"]),
+        hessian=ca.Function(
+            "nlp_hess_l",
+            [x, p, sigma, lam],
+            [ca.triu(ca.hessian(sigma * f + lam * g, x)[0])],
+            ["x", "p", "lam_f", "lam_g"],
+            ["triu_hess_gamma_x_x"],
+        ),
+    )
+
+
+def solve(solver, start=(-1.2, 1.0), x_bounds=FREE, stop=None, p=1.0):
+    zero = np.zeros(1)
+    return solver.solve(np.array(start), np.array([p]), x_bounds, (zero, zero), stop or Stop())
+
+
+def test_a_solution_its_multipliers_and_its_equations():
+    solver = Ipopt(valley(Shape(100.0)), SETTINGS)
+    found = solve(solver, start=(0.5, 1.5))  # the line crosses the valley twice
+    assert found.status is Status.SOLVED and found.message == "Solve Succeeded" and found.iterations > 2
+    np.testing.assert_allclose(found.x, [1, 1], atol=1e-9)
+    np.testing.assert_allclose(found.lam_g, 0, atol=1e-7)  # the valley's own minimum is on the line
+    np.testing.assert_allclose(solver.equations(np.array([2.0, 3.0]), np.array([1.0])), [3.0])
+
+
+def test_words_for_what_went_wrong():
+    solver = Ipopt(valley(Shape(100.0)), SETTINGS)
+    assert solve(Ipopt(valley(Shape(100.0)), IpoptSettings(1e-10, 2))).status is Status.ITERATION_LIMIT
+    assert solve(solver, x_bounds=(FREE[0], np.zeros(2))).status is Status.INFEASIBLE
+
+
+def test_unknowns_are_finite_always():
+    start = np.array([-1.2, 1.0])
+    found = solve(Ipopt(valley(Shape(100.0)), SETTINGS), start, p=np.nan)
+    assert found.status is Status.FAILED
+    assert np.all(np.isfinite(found.x))
+
+
+def test_a_stop_is_asked_in_its_own_call_only():
+    solver = Ipopt(valley(Shape(100.0)), SETTINGS)
+    interrupted, late = solve(solver, stop=Stop(interrupted=True)), solve(solver, stop=Stop(deadline=0.0))
+    assert interrupted.status is Status.INTERRUPTED
+    assert late.status is Status.TIME_LIMIT and late.message == "time limit reached"
+    assert solve(solver).status is Status.SOLVED
+
+
+def test_built_once_for_the_same_arguments_and_settings():
+    first = Ipopt.of(SETTINGS, valley, Shape(10.0))
+    assert Ipopt.of(IpoptSettings(1e-10, 100), valley, Shape(10.0)) is first
+    others = (partial(Ipopt.of, SETTINGS, valley, Shape(20.0)), partial(Ipopt.of, IpoptSettings(1e-9, 100), valley))
+    assert others[0]() is not first and others[1](Shape(10.0)) is not first
+
+
+def test_settings_of_a_call_on_a_mesh():
+    settings = IpoptSettings.of(DirectOptions(1e-6, 50, barrier=1e-3), acceptable_tol=1e-5)
+    assert settings == IpoptSettings(1e-6, 50, False, (("mu_init", 1e-3), ("acceptable_tol", 1e-5)))
+
+
+def test_options_reach_ipopt():
+    with pytest.raises(RuntimeError, match="no_such_option"):
+        Ipopt(valley(Shape(1.0)), IpoptSettings(1e-10, 100, options=(("no_such_option", 1.0),)))

@@ -1,0 +1,125 @@
+"""Threads that solve at once take turns, and get what each would get alone. In processes, as a failure is a crash."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+pytestmark = pytest.mark.slow
+
+COMMON = """
+import asyncio, faulthandler, hashlib, json, multiprocessing, sys, threading
+faulthandler.enable()
+import numpy as np
+from armdyn.optimal import MinimumTimeOptions, Status, solve_indirect, solve_minimum_time
+from armdyn.studies.cases import Case
+
+def solved(arm, **options):
+    problem = Case(1 if arm == "r" else 2, arm, "minimum_time", 0.1006).problem()
+    return solve_minimum_time(problem, MinimumTimeOptions(workers=1, starts=4, **options))
+
+def bits(arm):
+    solution = solved(arm)
+    assert solution.success, solution.message
+    motion, certificate = solution.trajectory, solution.certificate
+    numbers = [motion.t, motion.q, motion.v, motion.tau, solution.local_optima, certificate.hamiltonian_spread]
+    return hashlib.sha256(np.concatenate([np.ravel(x) for x in numbers]).tobytes()).hexdigest()
+
+def indirect(arm):
+    solution = solve_indirect(Case(1, "r", "minimum_time", 0.1006).problem())
+    assert solution.success, solution.message
+    return repr(solution.duration)
+
+def together(calls):
+    found = [None] * len(calls)
+    def run(k):
+        found[k] = calls[k]()
+    threads = [threading.Thread(target=run, args=(k,)) for k in range(len(calls))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return found
+"""
+
+
+def told(script, timeout=120):
+    """What a script prints, as JSON."""
+    done = subprocess.run([sys.executable, "-c", COMMON + script], capture_output=True, text=True, timeout=timeout)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.fixture(scope="module")
+def alone():
+    return told('print(json.dumps({"r": bits("r"), "rr": bits("rr"), "indirect": indirect("r")}))')
+
+
+def test_two_threads(alone):
+    assert told('print(json.dumps(together([lambda: bits("rr")] * 2)))') == [alone["rr"]] * 2
+
+
+def test_four_threads_of_two_arms(alone):
+    found = told('print(json.dumps(together([lambda: bits("r"), lambda: bits("rr")] * 2)))')
+    assert found == [alone["r"], alone["rr"]] * 2
+
+
+def test_the_indirect_method_beside_the_direct_one(alone):
+    found = told('print(json.dumps(together([lambda: indirect("r"), lambda: bits("rr")] * 2)))')
+    assert found == [alone["indirect"], alone["rr"]] * 2
+
+
+def test_one_threads_time_limit_is_nobody_elses(alone):
+    found = told("""
+def late(arm):
+    return str([solved(arm, time_limit=1e-3).status for _ in range(5)][-1])
+print(json.dumps(together([lambda: late("rr"), lambda: bits("rr"), lambda: late("r"), lambda: bits("r")])))
+""")
+    assert found[1::2] == [alone["rr"], alone["r"]]
+
+
+def test_asyncio_to_thread(alone):
+    found = told("""
+async def both():
+    return await asyncio.gather(*(asyncio.to_thread(bits, arm) for arm in ("r", "rr", "rr")))
+print(json.dumps(asyncio.run(both())))
+""")
+    assert found == [alone["r"], alone["rr"], alone["rr"]]
+
+
+def test_daemon_workers_of_a_callers_pool(alone):
+    found = told("""
+with multiprocessing.get_context("fork").Pool(2) as pool:
+    print(json.dumps(pool.map(bits, ["r", "rr", "r"])))
+""")
+    assert found == [alone["r"], alone["rr"], alone["r"]]
+
+
+def test_a_fork_beside_a_solve_solves_too(alone):
+    """Its child must find no lock taken, and no solver half-way."""
+    found = told("""
+over, found = threading.Event(), [bits("rr")]  # all that is imported is: Python's own lock is not ours to wait for
+def solve():
+    while not over.is_set():
+        found.append(bits("rr"))
+thread = threading.Thread(target=solve)
+thread.start()
+for _ in range(5):
+    with multiprocessing.get_context("fork").Pool(1) as pool:
+        found += pool.map(bits, ["rr"])
+over.set()
+thread.join()
+print(json.dumps(sorted(set(found))))
+""")
+    assert found == [alone["rr"]]
+
+
+def test_threads_that_have_workers(alone):
+    found = told("""
+def crew():
+    options = MinimumTimeOptions(workers=2, starts=4)
+    return repr(solve_minimum_time(Case(2, "rr", "minimum_time", 0.1006).problem(), options).duration)
+print(json.dumps([*together([crew, crew]), repr(solved("rr").duration)]))
+""")
+    assert len(set(found)) == 1

@@ -1,0 +1,77 @@
+"""Workers end with their owner, however it ends, and let go of what is the caller's."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import psutil
+import pytest
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the kernel's doing")
+
+ARMDYN = [sys.executable, "-c", "from armdyn.cli import main; main()"]
+LONG_CALL = """
+import os
+from functools import partial
+from armdyn.processes import {together}
+
+def busy(k):
+    os.write(1, b"begun\\n")
+    sum(range(10**12))  # never comes back to Python
+
+list({together}([partial(busy, k) for k in range(2)], 2))
+"""
+ENDINGS = pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM], ids=["SIGKILL", "SIGTERM"])
+
+
+def owner_of(command):
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def workers_of(owner, count=2, cpu=0.0, deadline=120.0):
+    """Its workers, when there are so many that have worked so long [s]."""
+    until = time.monotonic() + deadline
+    while time.monotonic() < until:
+        assert owner.poll() is None, owner.stderr.read()
+        workers = psutil.Process(owner.pid).children()
+        if len(workers) >= count and all(sum(worker.cpu_times()[:2]) >= cpu for worker in workers):
+            return workers
+        time.sleep(0.02)
+    raise AssertionError(f"no {count} workers within {deadline} s")
+
+
+def assert_nothing_is_left(owner, workers, how):
+    """After two seconds at the most."""
+    owner.send_signal(how)
+    owner.communicate(timeout=2)  # nobody else holds the pipes
+    assert owner.returncode == -how
+    until = time.monotonic() + 2
+    left = workers
+    while left and time.monotonic() < until:  # who waits for its parent, init, to look is no more
+        left = [worker for worker in left if worker.is_running() and worker.status() != psutil.STATUS_ZOMBIE]
+    assert not left
+
+
+@ENDINGS
+@pytest.mark.parametrize("together", ["in_processes", "as_they_end"])
+def test_within_one_long_call(how, together):
+    owner = owner_of([sys.executable, "-c", LONG_CALL.format(together=together)])
+    assert [owner.stdout.readline() for _ in range(2)] == ["begun\n"] * 2
+    assert_nothing_is_left(owner, workers_of(owner), how)
+
+
+@pytest.mark.slow
+@ENDINGS
+def test_in_the_middle_of_a_search(how, tmp_path):
+    owner = owner_of([*ARMDYN, "mintime", "rrr", "--payload", "0.5", "--out", str(tmp_path)])
+    assert_nothing_is_left(owner, workers_of(owner, min(os.cpu_count(), 2), 0.2), how)
+
+
+@pytest.mark.slow
+@ENDINGS
+def test_in_the_middle_of_the_whole_paper(how, tmp_path):
+    owner = owner_of([*ARMDYN, "reproduce", "--payload", "0.5", "--out", str(tmp_path)])
+    workers = workers_of(owner, min(os.cpu_count(), 2), 0.2)
+    assert_nothing_is_left(owner, workers, how)
