@@ -87,6 +87,16 @@ def test_mintime_round_an_obstacle_to_a_pose(tmp_path):
         assert done.returncode == 2 and says in " ".join(done.stderr.split()), done.stderr
 
 
+def test_mintime_with_limits_along_the_way(tmp_path):
+    limits = ["--limit", "tip-speed=4", "--limit", "torque-rate=200,100"]
+    answer = run_json("mintime", "rr", *limits, "--starts", 2, "--out", "run", code=3, cwd=tmp_path)
+    assert answer["success"] and not answer["certified"]
+    speed, rate = answer["conditions"]
+    assert speed["name"] == "speed of 'tip'" and speed["share"] <= 1 + 1e-3 and "of 4 m/s" in speed["said"]
+    assert rate["name"] == "torque-rate limits" and rate["share"] <= 1 + 1e-6
+    assert not speed["reasons"] and not rate["reasons"]
+
+
 @pytest.mark.slow
 def test_mintime_of_a_urdf_file_with_poses_and_limits(tmp_path):
     (tmp_path / "cart.urdf").write_text(CART)
@@ -163,6 +173,9 @@ def test_doctor(tmp_path):
         (["mintime", "rr", "--lock", "joint1=0"], "--lock"),
         (["mintime", "panda"], "give --q-start with 7 angles"),
         (["mintime", "rr", "--starts", "0"], "starts is 0"),
+        (["mintime", "rr", "--limit", "tip-sped=0.25"], "did you mean 'tip-speed'?"),
+        (["mintime", "rr", "--limit", "tip-speed=0.25@tool0"], "no frame 'tool0'"),
+        (["mintime", "rr", "--limit", "torque-rate"], "write torque-rate=R[,R…]"),
         (["pid", "rr", "--gains", "1,2"], "give three"),
         (["pid", "rr", "--form", "magic"], "magic"),
         (["pid", "rr", "--arrival-rule", "soon"], "soon"),

@@ -32,10 +32,7 @@ class ViaPoints(Condition):
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> Kept:
         """How far beside each it passes when it should be there."""
         errors = np.max(np.abs(motion(passing).q - np.array(problem.via)), axis=1)
-        reasons = [
-            f"it passes {error:.2g} rad beside via point {i}"
-            for i, error in enumerate(errors)
-            if error > ConditionsPolicy.near
-        ]
+        missed = [(i, error) for i, error in enumerate(errors) if error > ConditionsPolicy.near]
+        reasons = tuple(f"it passes {error:.2g} rad beside via point {i}" for i, error in missed)
         times = ", ".join(f"{t:.4f}" for t in passing)
-        return Kept(self.name, f"at {times} s, within {np.max(errors):.1e} rad", None, tuple(reasons), errors)
+        return Kept(self.name, f"at {times} s, within {np.max(errors):.1e} rad", None, reasons, errors)

@@ -87,11 +87,8 @@ class Clearance(Condition):
         pairs = self.pairs(problem)
         if not kept.reasons or not pairs:
             return self
-        if (
-            kept.clearance is not None
-            and kept.clearance.distance < -ConditionsPolicy.deep
-            and self.points < ConditionsPolicy.most_points
-        ):
+        deep = kept.clearance is not None and kept.clearance.distance < -ConditionsPolicy.deep
+        if deep and self.points < ConditionsPolicy.most_points:
             return replace(self, points=2 * self.points)
         short: dict[tuple[str, str], float] = {}
         for names, missed in zip(self.model(problem).pairs, kept.missed, strict=True):

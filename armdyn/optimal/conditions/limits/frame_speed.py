@@ -94,8 +94,9 @@ class FrameSpeedLimit(Condition):
         return Kept(f"speed of {self.frame!r}", f"{said}, of {self.limit:g} m/s", share, reasons)
 
     def stricter(self, problem: MinimumTimeProblem, kept: Kept) -> Self:
-        """By what the speed exceeds the limit between the stages."""
-        return replace(self, part=max(self.part / float(kept.share or 1), _LEAST)) if kept.reasons else self
+        """By what the speed exceeds the limit between the stages; less so, where too much was taken off."""
+        fitting = float(np.clip(self.part / max(float(kept.share or 1), 1e-6), _LEAST, 1))
+        return replace(self, part=fitting) if kept.reasons or fitting > self.part else self
 
     def on_finer_mesh(self) -> Self:
         """As it was: the excess between the stages is a fraction there."""

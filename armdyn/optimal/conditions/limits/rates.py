@@ -31,10 +31,7 @@ def accelerations(robot: Robot, motion: Trajectory) -> tuple[Array, Array]:
 
 
 def kept_by_joints(name: str, what: str, share: float) -> Kept:
-    """That a rate's largest value is this part of its limit, as nearly as a mesh keeps it."""
-    reasons = (
-        (f"a joint's {what} exceeds its limit by {100 * (share - 1):.2g} %",)
-        if share > 1 + ConditionsPolicy.rate_tolerance
-        else ()
-    )
+    """That a rate's largest value is this part of its limit: the mesh keeps it at its points, not between."""
+    beyond = share > 1 + ConditionsPolicy.rate_tolerance
+    reasons = (f"a joint's {what} exceeds its limit by {100 * (share - 1):.2g} %",) if beyond else ()
     return Kept(name, f"{100 * share:.4g} % of the limit at most", share, reasons)
