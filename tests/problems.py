@@ -57,6 +57,21 @@ def luus_problem():
     return published_problem("luus_two_link")
 
 
+def miss(problem, motion):
+    """How far beside the goal a motion ends, in [rad or m] or per second: the largest."""
+    return np.abs(problem.beside_goal(motion)).max()
+
+
+def both_sides(ends):
+    """Times of samples at the ends of pieces, shape (2 P,) for P pieces: an end between two is sampled on both sides.
+
+    An ulp before it the torque is still the piece's that ends.
+    """
+    t = np.repeat(ends, 2)[1:-1]
+    t[1:-1:2] = np.nextafter(t[1:-1:2], 0)
+    return t
+
+
 @cache
 def solved(arm):
     """Examples 1 to 3 with 100.6 g, solved as users solve them; once for all tests of a process."""

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from armdyn.optimal.conditions.limits.torque_rate import TorqueRateLimit
     from armdyn.optimal.gap import TimeOptimality, time_optimality, trajectory_from_path
     from armdyn.optimal.indirect.solution import Comparison, IndirectOptions, IndirectSolution, compare_with_direct
-    from armdyn.optimal.indirect.solve import solve_indirect
+    from armdyn.optimal.indirect.solve_indirect import solve_indirect
     from armdyn.optimal.landing.rollout import replay_torques
     from armdyn.optimal.minimum_time import solve_minimum_time
     from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -29,7 +29,7 @@ else:
             "conditions.limits.torque_rate": "TorqueRateLimit",
             "gap": "TimeOptimality time_optimality trajectory_from_path",
             "indirect.solution": "Comparison IndirectOptions IndirectSolution compare_with_direct",
-            "indirect.solve": "solve_indirect",
+            "indirect.solve_indirect": "solve_indirect",
             "landing.rollout": "replay_torques",
             "minimum_time": "solve_minimum_time",
             "problem.problem": "MinimumTimeProblem",

@@ -7,7 +7,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 import armdyn as ad
-from problems import cart, paper_problem
+from problems import cart, paper_problem, solve
 
 DISTANCE, FORCE = 2.0, 1.0
 """Of the cart, whose mass is 1 kg."""
@@ -110,8 +110,7 @@ def test_ur5_with_damping_and_coulomb_friction_arrives():
     problem = ad.MinimumTimeProblem(
         robot, q_start=[0, -1.2, 1.2, -1.0, 0.5, 0.0], q_goal=[1.0, -0.6, 0.4, -1.8, -0.8, 1.2]
     )
-    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(starts=1))
-    assert solution.success, solution.message
+    solution = solve(problem, starts=1)
     width = robot.friction.width
     end = simulated(robot, solution.trajectory, lambda v: damping * v + coulomb * np.tanh(v / width))
     # The replay is aimed to 1e-9 rad by another integrator; both hold 1e-9 per step over some hundred steps.

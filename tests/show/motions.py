@@ -17,9 +17,5 @@ def quintic(robot, q_start, q_goal, duration, name="", n=60):
     return ad.Trajectory(t=duration * s[:, 0], q=q, v=v, tau=np.array(tau), joint_names=robot.joint_names, name=name)
 
 
-def paper_arm(arm="rr", payload=0.1006):
-    return ad.Robot.from_spec(ad.ArmSpec.paper(arm), payload=ad.Payload(mass=payload))
-
-
 HANGING = {"r": [-np.pi / 2], "rr": [-np.pi / 2, 0.0], "rrr": [-np.pi / 2, 0.0, 0.0]}
 RAISED = {"r": [0.9], "rr": [0.6, 0.8], "rrr": [0.5, 0.7, 0.6]}

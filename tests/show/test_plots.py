@@ -9,7 +9,8 @@ import pytest
 import armdyn as ad
 from armdyn.errors import TrajectoryError
 from armdyn.show import plots
-from show.motions import HANGING, RAISED, paper_arm, quintic
+from problems import paper_arm
+from show.motions import HANGING, RAISED, quintic
 
 
 def bang_bang():

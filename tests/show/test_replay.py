@@ -15,8 +15,9 @@ import armdyn as ad
 from armdyn.errors import ArmdynWarning, TrajectoryError
 from armdyn.models import meshes
 from armdyn.show import replay, visuals
+from problems import paper_arm
 from show.browser import left_the_page, open_page, screenshot
-from show.motions import HANGING, RAISED, paper_arm, quintic
+from show.motions import HANGING, RAISED, quintic
 
 MESH_ARM = """
 <robot name="stranger">

@@ -5,7 +5,7 @@ and goal states (4 nv) and H(t_f) = 0. Everything is scaled by a guess, so that 
 radians and for costates.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,7 +14,8 @@ from scipy.integrate import solve_bvp
 from scipy.sparse import coo_matrix, csc_matrix
 from scipy.sparse.linalg import splu
 
-from armdyn.optimal.indirect.canonical import CanonicalSystem, sampled
+from armdyn.optimal.indirect.canonical import CanonicalSystem, columns
+from armdyn.optimal.indirect.newton import Point, Root, SingularError, newton
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 
@@ -61,7 +62,7 @@ class BoundaryProblem:
         lower: torque limits [N m], shape (nv,); -inf for none.
         upper: likewise.
         guess: what it is scaled by.
-        stop: asked at every evaluation.
+        stop: asked as the solvers go on.
     """
 
     system: CanonicalSystem
@@ -86,16 +87,14 @@ class BoundaryProblem:
 
     def rate(self, s: Array, z: Array, p: Array) -> Array:
         """dz/ds, shape (4 nv, m), of scaled y, shape (4 nv, m), and p = t_f over the guess's, shape (1,)."""
-        if self.stop:
-            raise _StopError
         scale = self.scale[:, None]
-        (rate,) = sampled(self.system.rate, z * scale, *self.constants)
+        (rate,) = columns(self.system.rate, z * scale, *self.constants)
         return np.asarray(p[0] * self.guess.duration * rate[:, 0] / scale)
 
     def jacobian(self, s: Array, z: Array, p: Array) -> tuple[Array, Array]:
         """Of `rate` by z, shape (4 nv, 4 nv, m), and by p, shape (4 nv, 1, m)."""
         scale = self.scale[:, None]
-        (by_y,) = sampled(self.system.rate_jacobian, z * scale, *self.constants)
+        (by_y,) = columns(self.system.rate_jacobian, z * scale, *self.constants)
         by_z = p[0] * self.guess.duration * by_y * (self.scale / scale)[:, :, None]
         return by_z, self.rate(s, z, p)[:, None] / p[0]
 
@@ -125,14 +124,21 @@ def solve_lobatto(problem: BoundaryProblem, tolerance: float, max_nodes: int) ->
         max_nodes: of the mesh.
     """
     guess = problem.guess
+
+    def rate(s: Array, z: Array, p: Array) -> Array:
+        if problem.stop:
+            raise _StopError
+        return problem.rate(s, z, p)
+
     try:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             found = solve_bvp(
-                problem.rate, problem.ends, guess.s, guess.y / problem.scale[:, None], np.ones(1),
+                rate, problem.ends, guess.s, guess.y / problem.scale[:, None], np.ones(1),
                 fun_jac=problem.jacobian, bc_jac=problem.ends_jacobian, tol=tolerance, max_nodes=max_nodes,
             )  # fmt: skip
     except _StopError:
-        return _stopped(problem)
+        status = problem.stop.status
+        return replace(guess, status=status, message=status.replace("_", " "), residual=np.inf)
     duration = float(found.p[0]) * guess.duration
     worst = int(np.argmax(found.rms_residuals))
     status = {0: Status.SOLVED, 1: Status.ITERATION_LIMIT}.get(found.status, Status.FAILED)
@@ -156,42 +162,34 @@ def solve_trapezoidal(problem: BoundaryProblem, intervals: int, tolerance: float
     """
     s = np.linspace(0, 1, intervals + 1)
     guess = np.array([np.interp(s, problem.guess.s, row) for row in problem.guess.y]) / problem.scale[:, None]
-    unknowns = np.append(guess.T.ravel(), 1.0)
-    status, reason = Status.ITERATION_LIMIT, f"no convergence in {_NEWTON_STEPS} Newton steps"
-    try:
-        residual = _trapezoidal_residual(problem, s, unknowns)
-        for _ in range(_NEWTON_STEPS):
-            if np.max(np.abs(residual)) <= tolerance:
-                status, reason = Status.SOLVED, "Newton's method converged"
-                break
-            step = splu(_trapezoidal_jacobian(problem, s, unknowns)).solve(-residual)
-            length = 1.0
-            while length >= _SHORTEST_STEP:
-                tried = unknowns + length * step
-                after = _trapezoidal_residual(problem, s, tried)
-                if np.linalg.norm(after) < (1 - length / 10) * np.linalg.norm(residual) and tried[-1] > 0:
-                    break
-                length /= 2
-            else:
-                status, reason = Status.FAILED, "Newton's method is stuck"
-                break
-            unknowns, residual = tried, after
-    except _StopError:
-        return _stopped(problem)
-    except RuntimeError:  # of splu
-        status, reason = Status.FAILED, "the Jacobian is singular"
-    z, duration = unknowns[:-1].reshape(s.size, -1), float(unknowns[-1]) * problem.guess.duration
-    worst = int(np.argmax(np.abs(residual)))
-    value = float(np.abs(residual[worst]))
-    place = min(worst // problem.scale.size, intervals) / intervals
-    message = f"{reason}; largest residual {value:.2g} at {place:.4g} of the duration"
-    return Extremal(s, z.T * problem.scale[:, None], duration, status, message, value)
+    root = newton(
+        lambda unknowns: _trapezoidal(problem, s, unknowns), np.append(guess.T.ravel(), 1.0),
+        tolerance=tolerance, steps=_NEWTON_STEPS, shortest=_SHORTEST_STEP, positive=1, stop=problem.stop,
+    )  # fmt: skip
+    return _extremal(problem, s, root)
 
 
-def _stopped(problem: BoundaryProblem) -> Extremal:
-    interrupted, guess = problem.stop.interrupted, problem.guess
-    status = Status.INTERRUPTED if interrupted else Status.TIME_LIMIT
-    return Extremal(guess.s, guess.y, guess.duration, status, status.replace("_", " "), np.inf)
+def _extremal(problem: BoundaryProblem, s: Array, root: Root) -> Extremal:
+    """What the unknowns say, with the interval in which the residual is largest."""
+    z, duration = root.unknowns[:-1].reshape(s.size, -1), float(root.unknowns[-1]) * problem.guess.duration
+    worst = int(np.argmax(np.abs(root.residual)))
+    value = float(np.abs(root.residual[worst]))
+    place = s[min(worst // problem.scale.size, s.size - 1)]
+    message = f"{root.reason}; largest residual {value:.2g} at {place:.4g} of the duration"
+    return Extremal(s, z.T * problem.scale[:, None], duration, root.status, message, value)
+
+
+def _trapezoidal(problem: BoundaryProblem, s: Array, unknowns: Array) -> Point:
+    """The equations of all intervals and of the ends; their Jacobian is made when it is asked for."""
+    residual = _trapezoidal_residual(problem, s, unknowns)
+
+    def step() -> Array:
+        try:
+            return np.asarray(splu(_trapezoidal_jacobian(problem, s, unknowns)).solve(-residual))
+        except RuntimeError as error:  # all that SuperLU says of a singular matrix
+            raise SingularError from error
+
+    return Point(residual, step)
 
 
 def _trapezoidal_residual(problem: BoundaryProblem, s: Array, unknowns: Array) -> Array:

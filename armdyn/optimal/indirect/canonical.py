@@ -6,10 +6,10 @@ With L = 1 + w/2 τᵀτ and H = L + ρᵀf(x, τ), x = (q, v), f = (v, ABA(q, v
 
 f is affine in τ, so that with the switching function S = ∂(ρᵀf)/∂τ = D(q)⁻¹ ρ_v the minimising torque is
 −S/w cut off at the limits, and −sign S times the limit for w = 0 (Bryson and Ho, Applied Optimal Control, ch. 3).
+Another torque, and another L, is another `Law`.
 """
 
 from dataclasses import dataclass
-from typing import Literal
 
 import casadi as ca
 import numpy as np
@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.exclusive import built_once
 from armdyn.models.robot import Robot
+from armdyn.optimal.indirect.law import MINIMUM, Law, LawSymbols
 
 Array = NDArray[np.float64]
-Law = Literal["minimum", "printed"]
-LAWS: tuple[Law, ...] = ("minimum", "printed")
 
 
 @dataclass(frozen=True)
@@ -51,24 +50,22 @@ class CanonicalSystem:
     terminal: ca.Function
 
 
-def canonical_system(robot: Robot, law: Law = "minimum") -> CanonicalSystem:
+def canonical_system(robot: Robot, law: Law = MINIMUM) -> CanonicalSystem:
     """The canonical system of an arm; the same arm and law give the same one.
 
     Args:
         robot: the arm.
-        law: "minimum", the torque that minimises H; or "printed", (19) for one joint, τ = −ρ_v, and (20), (21)
-            for more, τ = −D⁻¹ρ_v, with the paper's H = 1 + ρᵀf, which that torque does not minimise: w is then
-            without effect.
+        law: what the torque is, and the running cost in H.
     """
     return _build(Dynamics(robot), law)
 
 
-def sampled(function: ca.Function, *arguments: Array) -> list[Array]:
-    """What a Function of columns makes of samples.
+def columns(function: ca.Function, *arguments: Array) -> list[Array]:
+    """What a Function of columns makes of many.
 
     Args:
         function: whose inputs are columns.
-        arguments: of shape (size,), the same for all samples, or (size, m).
+        arguments: of shape (size,), the same for all, or (size, m).
 
     Returns:
         One array for each output, of shape (rows, columns, m).
@@ -80,7 +77,7 @@ def sampled(function: ca.Function, *arguments: Array) -> list[Array]:
 
 @built_once(maxsize=64)
 def _build(dynamics: Dynamics, law: Law) -> CanonicalSystem:
-    n, printed = dynamics.nv, law == "printed"
+    n = dynamics.nv
     y, tau = ca.SX.sym("y", 4 * n), ca.SX.sym("tau", n)
     w, lower, upper = ca.SX.sym("w"), ca.SX.sym("lower", n), ca.SX.sym("upper", n)
     q, v, rho = y[:n], y[n : 2 * n], y[2 * n :]
@@ -88,11 +85,9 @@ def _build(dynamics: Dynamics, law: Law) -> CanonicalSystem:
     flow = ca.vertcat(f, -ca.jtimes(f, y[: 2 * n], rho, True))
     # Linear in τ: at 0 its derivative is short of what gravity and velocities put in.
     switching = ca.jtimes(ca.substitute(f, v, 0 * v), tau, rho, True)
-    running = 1 if printed else 1 + w / 2 * ca.sumsqr(tau)
-    hamiltonian = running + ca.dot(rho, f)
-
-    stationary = {"minimum": -switching / w, "printed": -rho[n:] if n == 1 else -switching}
-    best = ca.fmin(ca.fmax(stationary[law], lower), upper)
+    symbols = LawSymbols(q, v, rho[:n], rho[n:], switching, tau, w)
+    hamiltonian = law.running_cost(symbols) + ca.dot(rho, f)
+    best = ca.fmin(ca.fmax(law.torque(symbols), lower), upper)
     rate = ca.substitute(flow, tau, best)
     terminal = ca.substitute(hamiltonian, tau, best)
     p = [y, w, lower, upper]

@@ -10,18 +10,21 @@ from scipy.interpolate import CubicSpline
 from armdyn.errors import ProblemError
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.phases import TABLEAU, Phases
+from armdyn.optimal.indirect.bang_bang import BangBangExtremal, BangBangProblem
 from armdyn.optimal.indirect.boundary import BoundaryProblem, Extremal
-from armdyn.optimal.indirect.canonical import LAWS, Law, sampled
-from armdyn.optimal.indirect.shooting import BangBang, ShootingProblem
+from armdyn.optimal.indirect.canonical import columns
+from armdyn.optimal.indirect.law import MINIMUM, Law
+from armdyn.optimal.landing.limits import excesses
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 Method = Literal["lobatto", "trapezoidal"]
+METHODS: tuple[Method, ...] = ("lobatto", "trapezoidal")
 
 _LIMIT_SLACK = 1e-6
-"""Excess over a position [rad or m] or velocity limit that counts as kept."""
+"""Excess over a position or velocity limit, as a part of it, that counts as kept."""
 _INSIDE = 1e-6
 """Part of an interval by which torques are read inside it: at its ends they may jump."""
 
@@ -31,10 +34,10 @@ class IndirectOptions:
     """How `solve_indirect` goes about it.
 
     Attributes:
-        law: "minimum", the torque that minimises H; or "printed", the paper's (19) to (21) with H = 1 + ρᵀf.
+        law: what the torque is: MINIMUM, which minimises H, or another `Law`.
         method: "lobatto", three-stage Lobatto IIIA on a mesh that adapts, of order 4; or "trapezoidal",
             finite differences on an even mesh, of order 2.
-        bounded: keep the torque limits (saturated law); or have none, as in the paper's (19) to (21).
+        bounded: keep the torque limits (saturated law); or have none.
         tolerance: of the boundary value problem's residual (lobatto) or of its equations (trapezoidal).
         intervals: of the trapezoidal mesh.
         max_nodes: of the Lobatto mesh.
@@ -44,7 +47,7 @@ class IndirectOptions:
         time_limit: wall time [s].
     """
 
-    law: Law = "minimum"
+    law: Law = MINIMUM
     method: Method = "lobatto"
     bounded: bool = True
     tolerance: float = 1e-6
@@ -56,9 +59,13 @@ class IndirectOptions:
     time_limit: float = 60.0
 
     def __post_init__(self) -> None:
-        for name, known in (("law", LAWS), ("method", ("lobatto", "trapezoidal"))):
-            if getattr(self, name) not in known:
-                raise ProblemError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}")
+        if not isinstance(self.law, Law):
+            raise ProblemError(
+                f"law is {self.law!r}; it must be a value of the class Law, not a name: "
+                "armdyn.optimal.indirect.MINIMUM, or one like it (see docs/indirect.md)"
+            )
+        if self.method not in METHODS:
+            raise ProblemError(f"method is {self.method!r}; it must be one of {', '.join(METHODS)}")
         for name in ("intervals", "max_nodes", "starts", "continuations"):
             value = getattr(self, name)
             if value is not None and value < 1:
@@ -107,6 +114,31 @@ class IndirectSolution:
     solve_time: float = 0.0
 
 
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """An extremal and what follows from it, before it is held against limits that it does not know.
+
+    Attributes:
+        t: times [s], shape (m,).
+        y: (q, v, ρ_q, ρ_v) there, shape (m, 4 nv).
+        tau: torques there [N m], shape (m, nv).
+        hamiltonian: H there, shape (m,).
+        cost: J [s].
+        status: of the equations.
+        message: of the equations.
+        residual: of the equations.
+    """
+
+    t: Array
+    y: Array
+    tau: Array
+    hamiltonian: Array
+    cost: float
+    status: Status
+    message: str
+    residual: float
+
+
 def from_extremal(
     problem: MinimumTimeProblem,
     boundary: BoundaryProblem,
@@ -126,23 +158,22 @@ def from_extremal(
     if not (found.duration > 0 and np.all(np.isfinite(found.y))):  # nothing to show but where it began
         guess = boundary.guess
         found = replace(found, s=guess.s, y=guess.y, duration=guess.duration)
-    tau = sampled(boundary.system.torque, found.y, *boundary.constants)[0][:, 0]
-    hamiltonian = sampled(boundary.system.hamiltonian, found.y, tau, np.array([boundary.weight]))[0][0, 0]
+    tau = columns(boundary.system.torque, found.y, *boundary.constants)[0][:, 0]
+    hamiltonian = columns(boundary.system.hamiltonian, found.y, tau, np.array([boundary.weight]))[0][0, 0]
     t = found.s * found.duration
     message = found.message
-    if options.law == "printed" and found.status is Status.SOLVED:
-        message += f"; H = 1 + ρᵀf varies by {np.ptp(hamiltonian):.3g}: the printed torque does not minimise it"
+    if options.law.remark and found.status is Status.SOLVED:
+        message += f"; H varies by {np.ptp(hamiltonian):.3g}: {options.law.remark}"
     squares = CubicSpline(t, np.sum(tau**2, axis=0)).integrate(0, found.duration)
-    return checked(
-        problem, options, found.status, message, t, found.y.T, tau.T, hamiltonian,
-        cost=float(found.duration + problem.effort_weight / 2 * squares), residual=found.residual, direct=direct,
-    )  # fmt: skip
+    cost = float(found.duration + problem.effort_weight / 2 * squares)
+    samples = Samples(t, found.y.T, tau.T, hamiltonian, cost, found.status, message, found.residual)
+    return checked(problem, options, samples, direct)
 
 
 def from_arcs(
     problem: MinimumTimeProblem,
-    shooting: ShootingProblem,
-    bang: BangBang,
+    shooting: BangBangProblem,
+    found: BangBangExtremal,
     options: IndirectOptions,
     direct: Phases | None,
 ) -> IndirectSolution:
@@ -151,61 +182,36 @@ def from_arcs(
     Args:
         problem: what was asked.
         shooting: what was solved.
-        bang: the arcs.
+        found: the arcs.
         options: how.
         direct: what it was seeded with.
     """
-    t = bang.t.copy()
+    t = found.t.copy()
     t[:-1, -1] = np.nextafter(t[1:, 0], 0)
-    tau = np.repeat(shooting.torques(bang.arcs), t.shape[1], axis=0)
-    y = bang.y.reshape(t.size, -1)
-    hamiltonian = sampled(shooting.system.hamiltonian, y.T, tau.T, np.zeros(1))[0][0, 0]
-    found = checked(
-        problem, options, bang.status, bang.message, t.ravel(), y, tau, hamiltonian,
-        cost=bang.duration, residual=bang.residual, direct=direct,
-    )  # fmt: skip
-    return replace(found, arcs=bang.arcs)
+    tau = np.repeat(shooting.torques(found.arcs), t.shape[1], axis=0)
+    y = found.y.reshape(t.size, -1)
+    hamiltonian = columns(shooting.system.hamiltonian, y.T, tau.T, np.zeros(1))[0][0, 0]
+    samples = Samples(t.ravel(), y, tau, hamiltonian, found.duration, found.status, found.message, found.residual)
+    return replace(checked(problem, options, samples, direct), arcs=found.arcs)
 
 
 def checked(
-    problem: MinimumTimeProblem,
-    options: IndirectOptions,
-    status: Status,
-    message: str,
-    t: Array,
-    y: Array,
-    tau: Array,
-    hamiltonian: Array,
-    *,
-    cost: float,
-    residual: float,
-    direct: Phases | None,
+    problem: MinimumTimeProblem, options: IndirectOptions, samples: Samples, direct: Phases | None
 ) -> IndirectSolution:
     """The solution, if it keeps the limits on position and velocity that went into no equation.
 
     Args:
         problem: what was asked.
         options: how.
-        status: of the equations.
-        message: of the equations.
-        t: times [s], shape (m,).
-        y: (q, v, ρ_q, ρ_v) there, shape (m, 4 nv).
-        tau: torques there [N m], shape (m, nv).
-        hamiltonian: H there, shape (m,).
-        cost: J [s].
-        residual: of the equations.
+        samples: the extremal.
         direct: what it was seeded with.
     """
-    n, limits = problem.robot.nv, problem.limits
-    q, v = y[:, :n], y[:, n : 2 * n]
-    excess = np.stack([q - limits.position_upper, limits.position_lower - q, np.abs(v) - limits.velocity])
-    if status is Status.SOLVED and np.max(excess) > _LIMIT_SLACK:
-        kind, k, i = np.unravel_index(np.argmax(excess), excess.shape)
-        status = Status.INFEASIBLE
-        message = (
-            f"joint {problem.robot.joint_names[i]!r} leaves its {'velocity' if kind == 2 else 'position'} limit by "
-            f"{excess[kind, k, i]:.2g} at t = {t[k]:.4g} s: the canonical system knows torque limits only"
-        )
+    n = problem.robot.nv
+    robot, t, q, v = problem.robot, samples.t, samples.y[:, :n], samples.y[:, n : 2 * n]
+    motion = Trajectory(t, q, v, samples.tau, robot.joint_names, "indirect", robot.model_hash)
+    status, message = samples.status, samples.message
+    if status is Status.SOLVED and (left := _limit_left(problem, motion)):
+        status, message = Status.INFEASIBLE, f"{left}: the canonical system knows torque limits only"
     return IndirectSolution(
         success=status is Status.SOLVED,
         status=status,
@@ -213,14 +219,24 @@ def checked(
         problem=problem,
         options=options,
         duration=float(t[-1]),
-        cost=cost,
-        trajectory=Trajectory(t, q, v, tau, problem.robot.joint_names, "indirect", problem.robot.model_hash),
-        costates=y[:, 2 * n :],
-        hamiltonian=hamiltonian,
-        hamiltonian_spread=float(np.max(np.abs(hamiltonian))),
-        residual=residual,
+        cost=samples.cost,
+        trajectory=motion,
+        costates=samples.y[:, 2 * n :],
+        hamiltonian=samples.hamiltonian,
+        hamiltonian_spread=float(np.max(np.abs(samples.hamiltonian))),
+        residual=samples.residual,
         direct=direct,
     )
+
+
+def _limit_left(problem: MinimumTimeProblem, motion: Trajectory) -> str:
+    """Where a motion leaves a limit on position or velocity the furthest; "": nowhere."""
+    _, *others = excesses(problem.limits, motion, dense=1)
+    excess = max(others, key=lambda one: one.share)
+    if excess.share <= _LIMIT_SLACK:
+        return ""
+    worst = excess.worst(problem.robot.joint_names)
+    return f"joint {worst.joint!r} leaves its {excess.limit} by {worst.value:.2g} of it at t = {worst.time:.4g} s"
 
 
 @dataclass(frozen=True)

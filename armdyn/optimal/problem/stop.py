@@ -10,6 +10,8 @@ from types import FrameType
 
 import numpy as np
 
+from armdyn.optimal.problem.status import Status
+
 
 class Stop:
     """When to stop, and why it was stopped.
@@ -38,6 +40,11 @@ class Stop:
     def late(self) -> bool:
         """The deadline has passed."""
         return time.perf_counter() > self.deadline
+
+    @property
+    def status(self) -> Status:
+        """Of a solve that it stopped."""
+        return Status.INTERRUPTED if self.interrupted else Status.TIME_LIMIT
 
     def __bool__(self) -> bool:
         return self.interrupted or self.late

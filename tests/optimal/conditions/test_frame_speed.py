@@ -9,16 +9,14 @@ from armdyn.errors import ProblemError
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.task import Task
-from problems import POSES, cart, paper_arm
+from problems import POSES, cart, paper_arm, solve
 
 START, GOAL = POSES["rr"]
 
 
-def solve(robot, start, goal, *conditions, **options):
+def between(robot, start, goal, *conditions, **options):
     problem = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal, conditions=conditions)
-    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(**options))
-    assert solution.success, solution.message
-    return solution
+    return solve(problem, **options)
 
 
 def fastest(solution, frame):
@@ -37,7 +35,7 @@ def fastest(solution, frame):
 
 @pytest.mark.parametrize("limit", [0.4, 0.8, 1.2])
 def test_a_cart_takes_the_time_of_its_trapezoid(limit):
-    solution = solve(cart(), [0.0], [2.0], ad.FrameSpeedLimit(limit))
+    solution = between(cart(), [0.0], [2.0], ad.FrameSpeedLimit(limit))
     # 1 N on 1 kg over 2 m. Its corners fall between knots: `settle` stops where a finer mesh changes less than 5e-4.
     assert solution.duration == pytest.approx(2 / limit + limit, rel=1e-3)
     assert solution.duration > (2 / limit + limit) * (1 - 1e-3)  # the limit's own tolerance
@@ -49,7 +47,7 @@ def test_a_cart_takes_the_time_of_its_trapezoid(limit):
 def test_two_links_keep_it_everywhere_and_a_lower_one_costs_time():
     durations = []
     for limit in (4.0, 2.0, 1.0):
-        solution = solve(paper_arm("rr"), START, GOAL, ad.FrameSpeedLimit(limit), starts=4)
+        solution = between(paper_arm("rr"), START, GOAL, ad.FrameSpeedLimit(limit), starts=4)
         speed = fastest(solution, "tip")
         assert speed <= limit * (1 + 1.1e-3)  # 1e-3, and what five looks a sample may miss
         assert speed == pytest.approx(solution.kept[0].share * limit, rel=1e-4)
@@ -65,7 +63,7 @@ def test_two_links_keep_it_everywhere_and_a_lower_one_costs_time():
 def test_ur5_at_reduced_speed():
     start, goal = [0, -1.2, 1.2, -1.5, -1.5, 0], [0.3, -1.3, 1.4, -1.6, -1.5, 0.2]
     robot = ad.Robot.from_library("ur5")
-    solution = solve(robot, start, goal, ad.FrameSpeedLimit(0.25), starts=1)
+    solution = between(robot, start, goal, ad.FrameSpeedLimit(0.25), starts=1)
     tip = solution.problem.conditions[0].frame
     assert tip == robot.tip
     assert fastest(solution, tip) == pytest.approx(0.25, rel=1e-3)  # the limit's own tolerance

@@ -9,19 +9,13 @@ from armdyn.errors import ProblemError
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.task import Task
-from problems import POSES, cart, paper_arm
+from problems import POSES, cart, paper_arm, solve
 
 START, GOAL = POSES["rr"]
 
 
 def rr(*conditions):
     return ad.MinimumTimeProblem(paper_arm("rr"), q_start=START, q_goal=GOAL, conditions=conditions)
-
-
-def solve(problem, **options):
-    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(**options))
-    assert solution.success, solution.message
-    return solution
 
 
 @pytest.mark.parametrize(

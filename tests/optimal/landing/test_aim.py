@@ -8,17 +8,13 @@ from armdyn.optimal.landing.aim import aimed
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.task import Task
-from problems import cart, paper_problem
+from problems import both_sides, cart, miss, paper_problem
 
 
 def on_mesh(problem, intervals):
     task = Task.of(problem)
     found = solve_on_mesh(task, spline(problem, []), intervals, task.alone())
     return found.trajectory, *aimed(task, found.trajectory)
-
-
-def miss(problem, replay):
-    return np.abs(problem.beside_goal(replay)).max()
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.05])
@@ -53,9 +49,8 @@ def test_lands_exactly_where_the_answer_is_known():
     problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0])
     t = np.linspace(0, 3, 31)
     force = np.where(t < 1.5, 1, -1) * 2.0 / 1.5**2 * 0.99
-    middle, steps = np.repeat(force[:-1], 2)[:, None], np.repeat(t, 2)[1:-1]
-    steps[1:-1:2] = np.nextafter(steps[1:-1:2], 0)
-    given = ad.Trajectory(steps, np.zeros((60, 1)), np.zeros((60, 1)), middle, problem.robot.joint_names)
+    middle = np.repeat(force[:-1], 2)[:, None]
+    given = ad.Trajectory(both_sides(t), np.zeros((60, 1)), np.zeros((60, 1)), middle, problem.robot.joint_names)
     motion, replay = aimed(Task.of(problem), given)
     assert replay.q[-1, 0] == pytest.approx(2.0, abs=1e-9)
     assert np.abs(motion.tau).max() <= 1.0

@@ -9,7 +9,7 @@ from armdyn.optimal.landing.pieces import Pieces
 from armdyn.optimal.landing.rollout import replay_torques
 from armdyn.optimal.landing.variation import Step
 from armdyn.optimal.task.task import Task
-from problems import cart
+from problems import both_sides, cart
 
 PIECES = 20
 ENDS = np.linspace(0, 4, PIECES + 1)
@@ -33,9 +33,7 @@ def steps(tau):
 
 def stepped(tau):
     """The cart's motion by constant forces, shape (PIECES, 1), from rest at 0."""
-    t = np.repeat(ENDS, 2)[1:-1]
-    t[1:-1:2] = np.nextafter(t[1:-1:2], 0)
-    zero = np.zeros((t.size, 1))
+    t, zero = both_sides(ENDS), np.zeros((2 * PIECES, 1))
     return replay_torques(cart(), ad.Trajectory(t, zero, zero, np.repeat(tau, 2, axis=0), ("slide",)))
 
 

@@ -7,11 +7,7 @@ import armdyn as ad
 from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.optimal.landing.lead import led_home
 from armdyn.optimal.task.task import Task
-from problems import paper_problem
-
-
-def miss(problem, replay):
-    return np.abs(problem.beside_goal(replay)).max()
+from problems import both_sides, miss, paper_problem
 
 
 @pytest.mark.parametrize("limit", [np.inf, pytest.param(1.08, marks=pytest.mark.slow)])
@@ -20,8 +16,7 @@ def test_feedback_leads_home_what_falls_over(limit):
     q0, q1, duration, pieces = np.array([np.pi / 2 - 0.3, 0.2]), np.array([np.pi / 2 + 0.3, -0.2]), 1.0, 40
     robot = paper_problem("rr").robot
     problem = ad.MinimumTimeProblem(robot, q_start=q0, q_goal=q1, velocity_limit=limit)
-    t = np.repeat(np.linspace(0, duration, pieces + 1), 2)[1:-1]
-    t[1:-1:2] = np.nextafter(t[1:-1:2], 0)
+    t = both_sides(np.linspace(0, duration, pieces + 1))
     torque = inverse_dynamics(robot)
 
     def path(t):

@@ -1,4 +1,4 @@
-"""What depends on the kind of problem, and the tuned numbers, each once: with unit, reason, and what it was chosen on."""
+"""What depends on the kind of problem, and the tuned numbers, each once, with its unit, reason and cases."""
 
 from armdyn.optimal.task.policy.policy import Policy
 

@@ -17,6 +17,7 @@ from armdyn.studies.paper.claims.first_approach import THETA_START, OneLink, pri
 from armdyn.studies.paper.outcomes.case import Case
 from armdyn.studies.paper.outcomes.run import run_case
 from armdyn.studies.paper.printed import published
+from armdyn.studies.paper.printed.law import PRINTED
 from oracles import random_states
 
 DOCS = Path(__file__).parents[4] / "docs" / "paper.md"
@@ -102,7 +103,7 @@ def test_what_equation_15_calls_time_and_torque_are_neither(payload):
 @pytest.mark.parametrize("arm", ["r", "rr", "rrr"])
 def test_printed_laws_19_to_21_minimise_another_hamiltonian(arm):
     robot, rng = loaded(arm), np.random.default_rng(4)
-    n, system, printed = robot.nv, canonical_system(robot), canonical_system(robot, "printed")
+    n, system, printed = robot.nv, canonical_system(robot), canonical_system(robot, PRINTED)
     dynamics, bound = Dynamics(robot), np.full(robot.nv, 3.0)
     for _ in range(20):
         y = rng.normal(size=4 * n)

@@ -4,12 +4,14 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from armdyn.optimal.indirect.canonical import canonical_system, sampled
+from armdyn.optimal.indirect.canonical import canonical_system, columns
+from armdyn.optimal.indirect.law import MINIMUM, Law
 from oracles import PinDynamics, random_states, robot_named
 
 ARMS = ("r", "rr", "rrr", "double_pendulum", "ur5")
 W = 0.7
 """Effort weight [1/(N m)²]."""
+OTHER = Law("other", lambda symbols: -symbols.rho_v, lambda symbols: ca.SX(1), minimises=False)
 
 
 def points(robot, count=3):
@@ -59,7 +61,7 @@ def test_law_minimises_h_within_the_limits(name):
 
 
 @pytest.mark.parametrize("name", ARMS)
-@pytest.mark.parametrize("law", ["minimum", "printed"])
+@pytest.mark.parametrize("law", [MINIMUM, OTHER], ids=lambda law: law.name)
 def test_derivatives_against_finite_differences(name, law):
     robot = robot_named(name)
     system, n = canonical_system(robot, law), robot.nv
@@ -81,26 +83,11 @@ def test_derivatives_against_finite_differences(name, law):
             np.testing.assert_allclose(exact, numbers, rtol=1e-5, atol=1e-5 * np.max(np.abs(numbers)))
 
 
-def test_printed_law_is_that_of_the_paper_and_does_not_minimise_its_h():
-    none = np.inf
-    one = robot_named("r")
-    y = np.array([0.3, 1.0, 0.2, 0.4])
-    # (19): no factor k.
-    assert float(canonical_system(one, "printed").torque(y, 0.0, -none, none)) == -0.4
-    two = robot_named("rr")
-    y = np.array([0.3, -0.5, 1.0, 2.0, 0.2, -0.1, 0.4, -0.3])
-    system = canonical_system(two, "printed")
-    tau = system.torque(y, 0.0, -np.full(2, none), np.full(2, none)).full().ravel()
-    # (20): minus the rows of D⁻¹, with ρ_2 and ρ_4 of the paper's order (θ1, θ1', θ2, θ2').
-    np.testing.assert_allclose(tau, -np.linalg.solve(PinDynamics(two).crba(y[:2]), y[6:]), rtol=1e-12)
-    assert hamiltonian(two, y, 1.01 * tau, 0.0) < hamiltonian(two, y, tau, 0.0)  # H is linear in τ
-
-
-def test_a_column_per_sample():
+def test_columns_are_those_of_single_calls():
     system = canonical_system(robot_named("rr"))
     y = np.random.default_rng(0).normal(size=(8, 5))
     limits = np.array([W]), np.full(2, -3.0), np.full(2, 3.0)
-    (many,) = sampled(system.rate_jacobian, y, *limits)
+    (many,) = columns(system.rate_jacobian, y, *limits)
     assert many.shape == (8, 8, 5)
     for k in range(5):
         assert np.array_equal(many[:, :, k], system.rate_jacobian(ca.DM(y[:, k]), *limits).full())
@@ -108,4 +95,4 @@ def test_a_column_per_sample():
 
 def test_the_same_arm_has_the_same_system():
     assert canonical_system(robot_named("rr")) is canonical_system(robot_named("rr"))
-    assert canonical_system(robot_named("rr")) is not canonical_system(robot_named("rr"), "printed")
+    assert canonical_system(robot_named("rr")) is not canonical_system(robot_named("rr"), OTHER)

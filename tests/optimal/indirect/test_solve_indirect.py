@@ -148,7 +148,7 @@ def test_finite_differences_come_to_the_same_at_second_order():
     assert (coarse.duration - exact) / (fine.duration - exact) == pytest.approx(4, rel=0.1)  # leading term h²
 
 
-def test_double_integrator_both_ways(tmp_path):
+def test_double_integrator_both_ways():
     robot = cart()
     problem = ad.MinimumTimeProblem(robot, q_start=[0.0], q_goal=[2.0], effort_weight=2.0)
     found = solve_indirect(problem, options=FREE)
@@ -157,23 +157,6 @@ def test_double_integrator_both_ways(tmp_path):
     assert found.cost == pytest.approx(found.duration * 4 / 3, rel=1e-9)
     fastest = solve_indirect(replace(problem, effort_weight=0.0))
     assert fastest.duration == pytest.approx(2 * np.sqrt(2), rel=1e-9)
-
-
-@pytest.mark.parametrize("arm", ["r", "rr"])
-def test_printed_law_is_slower_and_worse_and_its_h_varies(arm):
-    problem = paper_problem(arm, effort_weight=1.0)
-    proper = solve_indirect(problem, options=FREE)
-    printed = solve_indirect(problem, options=replace(FREE, law="printed"))
-    assert printed.success, printed.message
-    assert abs(printed.hamiltonian[-1]) < 1e-9  # the paper's (18) is satisfied
-    assert printed.hamiltonian_spread > 0.1  # but H = 1 + ρᵀf, which an optimum keeps at 0, is not
-    assert "does not minimise" in printed.message
-    assert printed.duration > 1.1 * proper.duration and printed.cost > 1.02 * proper.cost
-    # What is constant is H + k/2 τᵀτ, with k = 1 for (20) and 1/D for (19): energy at a fixed time is minimised.
-    inertia = ad.Dynamics(problem.robot).crba(problem.q_start)[0, 0]
-    k = 1 / inertia if arm == "r" else 1.0
-    kept = printed.hamiltonian + k / 2 * np.sum(printed.trajectory.tau**2, axis=1)
-    assert np.ptp(kept) < 1e-6 * np.max(np.abs(printed.hamiltonian))
 
 
 @pytest.mark.slow
@@ -202,15 +185,15 @@ def test_what_is_not_solved_says_so():
     assert short.trajectory.t.size > 2
 
 
-def test_bad_input_raises(tmp_path):
+def test_bad_input_raises():
     with pytest.raises(ad.ArmdynError, match="torque limits"):
         solve_indirect(paper_problem("r"), options=FREE)
     seed = ad.solve_minimum_time(paper_problem("r"))
     with pytest.raises(ad.ArmdynError, match="1 joints, the problem 2"):
         solve_indirect(paper_problem("rr"), seed)
-    for wrong in ({"law": "best"}, {"method": "euler"}, {"intervals": 0}, {"tolerance": 0.0}, {"time_limit": -1.0}):
-        with pytest.raises(ad.ArmdynError, match=next(iter(wrong))):
-            IndirectOptions(**wrong)
-    alone = replace(solve_indirect(paper_problem("r", effort_weight=1.0)), direct=None)
-    with pytest.raises(ad.ArmdynError, match="direct="):
-        compare_with_direct(alone)
+
+
+def test_conditions_along_the_way_are_refused():
+    problem = paper_problem("r", acceleration_limit=50.0)
+    with pytest.raises(ad.ArmdynError, match="the indirect method knows no"):
+        solve_indirect(problem)

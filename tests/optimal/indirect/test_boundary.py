@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armdyn.optimal.indirect.boundary import BoundaryProblem, Extremal, solve_lobatto, solve_trapezoidal
-from armdyn.optimal.indirect.canonical import canonical_system, sampled
+from armdyn.optimal.indirect.canonical import canonical_system, columns
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from problems import cart, paper_problem
@@ -14,7 +14,7 @@ from problems import cart, paper_problem
 NONE = np.array([np.inf])
 
 
-def cart_problem(folder, distance, weight):
+def cart_problem(distance, weight):
     """∫ (1 + w/2 u²) dt on the double integrator, from rest to rest, with a poor guess."""
     s = np.linspace(0, 1, 9)
     q, v = distance * s, np.full(s.size, distance)
@@ -41,8 +41,8 @@ def arm_problem(intervals):
 @pytest.mark.parametrize("distance", [0.5, 2.0])
 @pytest.mark.parametrize("weight", [0.3, 1.0])
 @pytest.mark.parametrize("method", ["lobatto", "trapezoidal"])
-def test_double_integrator_in_closed_form(tmp_path, distance, weight, method):
-    problem = cart_problem(tmp_path, distance, weight)
+def test_double_integrator_in_closed_form(distance, weight, method):
+    problem = cart_problem(distance, weight)
     # u falls linearly from 6d/T² to its negative; J = T + 6 w d²/T³ is least at T⁴ = 18 w d².
     duration = (18 * weight * distance**2) ** 0.25
     if method == "lobatto":
@@ -83,7 +83,7 @@ def test_lobatto_is_of_order_four():
 
 def test_h_is_constant_along_a_solution():
     problem, exact = arm_problem(20)
-    h = sampled(problem.system.terminal, exact.y, *problem.constants)[0]
+    h = columns(problem.system.terminal, exact.y, *problem.constants)[0]
     assert np.max(np.abs(h)) < 1e-9  # of H's terms, of which the smallest, that of time, is 1
 
 
@@ -126,3 +126,22 @@ def test_hopeless_guess_and_stop_are_told(solve):
     late = solve(replace(problem, stop=Stop(deadline=0.0)))
     assert late.status is Status.TIME_LIMIT
     assert solve(replace(problem, stop=Stop(interrupted=True))).status is Status.INTERRUPTED
+
+
+def test_a_stop_keeps_what_there_is():
+    problem, _ = arm_problem(10)
+    late = replace(problem, guess=replace(problem.guess, y=1.1 * problem.guess.y), stop=Stop(deadline=0.0))
+    rough, even = solve_lobatto(late, 1e-6, 500), solve_trapezoidal(late, 20, 1e-8)
+    for found in (rough, even):
+        assert found.message.startswith("time limit")
+        assert found.duration == late.guess.duration
+    assert np.array_equal(rough.y, late.guess.y) and rough.residual == np.inf
+    assert even.s.size == 21 and 0 < even.residual < np.inf
+
+
+def test_a_singular_jacobian_is_told():
+    problem, _ = arm_problem(10)
+    # No costates: nothing that H or the torque depend on moves them.
+    y = np.vstack([problem.guess.y[:2], np.zeros((2, 11))])
+    found = solve_trapezoidal(replace(problem, guess=replace(problem.guess, y=y)), 20, 1e-8)
+    assert found.status is Status.FAILED, found.message
