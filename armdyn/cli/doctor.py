@@ -141,13 +141,12 @@ def policy_table(name: str, rows: Iterable[PolicyRow]) -> Table:
     from rich.table import Table
 
     table = Table(title=escape(f"{name}: policy of minimum time"), title_justify="left", header_style="bold", box=None)
-    table.add_column("number", overflow="fold")
-    table.add_column("value", justify="right", overflow="fold")
-    for column in ("unit", "what it is, and why", "chosen on"):
-        table.add_column(column)
+    for column in ("number", "value", "what it is, and why"):
+        table.add_column(column, overflow="fold")
     for what, value, unit, reason, cases in rows:
         shown = f"{value:g}" if isinstance(value, float) else str(value)
-        table.add_row(*(escape(text) for text in (what, shown, unit, reason, cases)))
+        why = f"{escape(reason)}\n[dim]chosen on: {escape(cases)}[/]"
+        table.add_row(escape(what), escape(shown if unit == "-" else f"{shown} {unit}"), why)
     return table
 
 

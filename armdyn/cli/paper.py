@@ -22,6 +22,16 @@ if TYPE_CHECKING:
     from armdyn.studies.paper.reproduce import Plan, Reproduced
 
 
+ArrivalRuleName = Annotated[
+    str | None,
+    typer.Option(
+        metavar="RULE",
+        help="When a PID loop has arrived: " + ", ".join(ARRIVAL_RULES) + ".",
+        show_default="last_entry_first_joint, the paper's",
+    ),
+]
+
+
 def reproduce(
     only: Annotated[
         list[str] | None,
@@ -35,14 +45,7 @@ def reproduce(
     ] = None,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results.")] = Path("results/paper"),
     fresh: Annotated[bool, typer.Option("--fresh", help="Solve again what DIR has already.")] = False,
-    arrival_rule: Annotated[
-        str | None,
-        typer.Option(
-            metavar="RULE",
-            help="When a PID loop has arrived: " + ", ".join(ARRIVAL_RULES) + ".",
-            show_default="last_entry_first_joint, the paper's",
-        ),
-    ] = None,
+    arrival_rule: ArrivalRuleName = None,
     json: Json = False,
 ) -> None:
     """The whole paper: every example, table and figure, the published numbers beside ours.

@@ -15,12 +15,12 @@ ROWS = [
 
 
 def test_policy_as_a_table():
-    console = Console(width=120, record=True, file=None, quiet=False)
+    console = Console(width=120)
     with console.capture() as captured:
         console.print(policy_table("rr", ROWS))
     words = " ".join(captured.get().split())
     assert "rr: policy of minimum time" in words
-    assert "search.starts 16 guesses fewer miss the best known optimum RR, ten payloads" in words
+    assert "search.starts 16 guesses fewer miss the best known optimum chosen on: RR, ten payloads" in words
     assert "1e-06" in words and "(10, 20)" in words and "[in brackets]" in words
 
 
