@@ -93,6 +93,8 @@ def _crew(jobs: Sequence[Callable[[], object]], workers: int | None, patient: bo
     finally:
         _ours.difference_update(crew)
         for line in crew:
+            with suppress(OSError):  # else it is no more
+                line.send(None)
             line.close()
         try:
             while patient and (busy := [worker for worker in crew.values() if worker.is_alive()]):
@@ -127,9 +129,9 @@ def _work(jobs: Sequence[Callable[[], object]], line: Connection, owner: int) ->
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         for other in _ours:
             other.close()
-        while True:
-            line.send(jobs[line.recv()]())
-    except BaseException:  # whoever waits hears that the line is dead, and does the job himself
+        while (k := line.recv()) is not None:
+            line.send(jobs[k]())
+    finally:  # whoever waits hears that the line is dead, and does the job himself
         os._exit(1)
 
 
