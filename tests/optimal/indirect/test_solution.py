@@ -64,9 +64,9 @@ def test_what_is_within_all_limits_is_a_solution():
 @pytest.mark.parametrize(
     ("limits", "shift", "said"),
     [
-        ({"velocity_limit": 0.7}, 0.0, "'slide' leaves its velocity limit by 0.05 at t = 2 s"),
-        ({"position_limit": (-1.0, 2.1)}, 0.2, "'slide' leaves its position limit by 0.1 at t = 4 s"),
-        ({"position_limit": (-0.1, 3.0)}, -0.3, "'slide' leaves its position limit by 0.2 at t = 0 s"),
+        ({"velocity_limit": 0.7}, 0.0, "'slide' leaves its velocity limit by 0.071 of it at t = 2 s"),
+        ({"position_limit": (-1.0, 2.1)}, 0.2, "'slide' leaves its position limit by 0.032 of it at t = 4 s"),
+        ({"position_limit": (-0.1, 3.0)}, -0.3, "'slide' leaves its position limit by 0.065 of it at t = 0 s"),
     ],
 )
 def test_a_limit_that_is_left_is_told(limits, shift, said):
