@@ -20,7 +20,6 @@ from armdyn.cli.robots import robots
 
 app = typer.Typer(
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
     help="Time-optimal and closed-loop motion of robot arms, from a URDF.",

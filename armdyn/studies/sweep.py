@@ -5,11 +5,8 @@ from dataclasses import replace
 
 from armdyn.errors import ProblemError
 from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Solution, Status, solve_minimum_time
-
-_FEW = {1: 1, 2: 8, 3: 12}
-"""Guesses of a search that has a neighbour's optimum, by joints; one beyond."""
-_FASTER = 1e-6
-"""An optimum that beats another by less than this part is the same."""
+from armdyn.optimal.task.policy import Policy
+from armdyn.optimal.task.policy.search import SamePolicy
 
 
 def sweep(
@@ -42,7 +39,7 @@ def sweep(
         if own != names[0]:
             raise ProblemError(f"problems[{k}] moves {', '.join(own)}; the first moves {', '.join(names[0])}")
     found: list[Solution] = []
-    few = options.starts or _FEW.get(problems[0].robot.nv, 1) if problems else None
+    few = options.starts or Policy.of(problems[0]).search.neighbour_starts if problems else None
 
     def solve(k: int, neighbour: Solution | None, starts: int | None) -> Solution:
         given = options
@@ -80,4 +77,4 @@ def _is_neighbours(solution: Solution, later: Solution) -> bool:
 def _better(solution: Solution, other: Solution) -> bool:
     if solution.success != other.success:
         return solution.success
-    return solution.duration < other.duration * (1 - _FASTER)
+    return solution.duration < other.duration * (1 - SamePolicy.resolved)

@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 import armdyn.cli.robots as robots
 from armdyn.cli.main import app
-from armdyn.models import PAPER_ARMS
+from armdyn.models import PAPER_ARMS, Robot
 from armdyn.models.library import LIBRARY_ARMS
 from armdyn.show.results import load_result
 from armdyn.trajectory import Trajectory
@@ -48,8 +48,8 @@ def test_one_bad_robot_does_not_hide_the_others(monkeypatch):
     def damaged(name, *_):
         raise OSError(f"{name}: input/output error")
 
-    monkeypatch.setattr(robots.Robot, "from_library", damaged)
-    facts = robots._facts("panda", None)
+    monkeypatch.setattr(Robot, "from_library", damaged)
+    facts = robots._facts("panda", lambda name: None)
     assert facts["loads"] is False and facts["reason"] == "OSError: panda: input/output error"
     assert robots._row(facts)[-1].startswith("[yellow]OSError")
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.models.collision import Clearance
 from armdyn.optimal.conditions.condition import Condition, Kept, Knots
-from armdyn.optimal.conditions.legs import Aim
 from armdyn.optimal.conditions.registry import conditions_of
 from armdyn.optimal.conditions.rows import Rows, RowValues, spread
+from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.scheme import Scheme
 from armdyn.trajectory import Trajectory

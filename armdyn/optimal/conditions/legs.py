@@ -1,7 +1,6 @@
-"""How a mesh is dealt out to the legs between via points, and where to aim instead of them."""
+"""How a mesh is dealt out to the legs between via points."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,25 +53,3 @@ def legs_of(problem: MinimumTimeProblem, guess: Trajectory, intervals: int) -> L
         raise ValueError(f"{intervals} intervals are too few for {durations.size} legs")
     edges = np.round(spare * np.append(0.0, np.cumsum(durations)) / durations.sum()).astype(int)
     return Legs(tuple((np.diff(edges) + least).tolist()), durations)
-
-
-@dataclass(frozen=True, eq=False)
-class Aim:
-    """How far beside the via points and the goal the collocation is to aim, so that the replay is on them.
-
-    Attributes:
-        offsets: q [rad or m], shape (legs, nv), or one for all.
-        end_velocity: the same for the velocity at the goal [rad/s or m/s], shape (nv,).
-    """
-
-    offsets: Array | float = 0.0
-    end_velocity: Array | float = 0.0
-
-    def corrected(self, problem: MinimumTimeProblem, replay: Trajectory, passing: Array) -> Self:
-        """Aim further by what a replay misses via points and goal by; passing: when it should be there [s]."""
-        at = np.vstack([replay(passing).q.reshape(-1, problem.robot.nv), replay.q[-1]])
-        missed = at - problem.poses[1:]
-        return type(self)(
-            np.broadcast_to(self.offsets, missed.shape) - missed,
-            self.end_velocity - (replay.v[-1] - np.asarray(problem.v_goal)),
-        )

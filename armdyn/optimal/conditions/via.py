@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 
 from armdyn.optimal.conditions.condition import Condition, Kept
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.task.policy.landing import ConditionsPolicy
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
-
-NEAR = 1e-4
-"""Of via points and goal [rad or m]: near enough that no further round is worth its seconds."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +32,10 @@ class ViaPoints(Condition):
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> Kept:
         """How far beside each it passes when it should be there."""
         errors = np.max(np.abs(motion(passing).q - np.array(problem.via)), axis=1)
-        reasons = [f"it passes {error:.2g} rad beside via point {i}" for i, error in enumerate(errors) if error > NEAR]
+        reasons = [
+            f"it passes {error:.2g} rad beside via point {i}"
+            for i, error in enumerate(errors)
+            if error > ConditionsPolicy.near
+        ]
         times = ", ".join(f"{t:.4f}" for t in passing)
         return Kept(self.name, f"at {times} s, within {np.max(errors):.1e} rad", None, tuple(reasons), errors)

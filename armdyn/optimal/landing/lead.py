@@ -11,6 +11,7 @@ from armdyn.optimal.landing.pace import paced, paced_torques
 from armdyn.optimal.landing.pieces import Pieces
 from armdyn.optimal.landing.rollout import replay_torques
 from armdyn.optimal.landing.variation import steps_along
+from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -28,10 +29,10 @@ def led_home(task: Task, mesh: Trajectory) -> tuple[Trajectory, Trajectory, floa
         The motion, its replay, and the largest error of goal or velocity; infinite if there is nothing to lead.
     """
     problem, numbers = task.problem, task.policy.landing
-    pieces, factor, offset = Pieces.of(mesh), 1.0, np.zeros(2 * problem.robot.nv)
+    pieces, factor, aim = Pieces.of(mesh), 1.0, Aim()
     best, rank = (mesh, mesh, np.inf), (True, np.inf)
     for _ in range(numbers.leads):
-        led = None if pieces is None else _led(task, mesh, pieces, factor, offset)
+        led = None if pieces is None else _led(task, mesh, pieces, factor, aim)
         if led is None:
             break
         replay = replay_torques(problem.robot, led)
@@ -42,13 +43,13 @@ def led_home(task: Task, mesh: Trajectory) -> tuple[Trajectory, Trajectory, floa
         error = problem.beside_goal(replay)
         if miss <= numbers.landed or task.stop or replay.t[-1] != led.t[-1] or np.max(np.abs(error)) > numbers.far:
             break
-        offset = offset - error
+        aim = aim.corrected(problem, replay)
         if over > 0 and problem.from_rest_to_rest:
             factor *= 1 + over + numbers.below
     return best
 
 
-def _led(task: Task, mesh: Trajectory, pieces: Pieces, factor: float, offset: Array) -> Trajectory | None:
+def _led(task: Task, mesh: Trajectory, pieces: Pieces, factor: float, aim: Aim) -> Trajectory | None:
     """The mesh's motion, its time scaled by a factor, led by feedback to beside the goal; None if it was lost."""
     problem, limits = task.problem, task.problem.limits
     motion, tau = paced(mesh, factor), pieces.tau
@@ -58,5 +59,5 @@ def _led(task: Task, mesh: Trajectory, pieces: Pieces, factor: float, offset: Ar
         tau = np.asarray(np.clip(tau, limits.effort_lower, limits.effort_upper))
     slower, numbers = Pieces(factor * pieces.t, tau), task.policy.landing
     steps = steps_along(problem.robot, slower, motion, numbers.steps)
-    led = tracked(task, motion, slower, steps, offset)
+    led = tracked(task, motion, slower, steps, aim.at_goal(problem.robot.nv))
     return None if led is None else led.trajectory(motion, numbers.samples)

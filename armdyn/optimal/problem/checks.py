@@ -50,13 +50,6 @@ def check_limits(robot: Robot, limits: JointLimits) -> None:
             raise ProblemError(f"joint {joint!r} has position limits [{lower}, {upper}] rad: no room")
 
 
-def check_positive(robot: Robot, value: Array, name: str, unit: str) -> None:
-    """Refuse a limit of a joint that is zero or less."""
-    for joint, number in zip(robot.joint_names, value, strict=True):
-        if not number > 0:
-            raise ProblemError(f"{name} of joint {joint!r} is {number} {unit}; it must be positive")
-
-
 def check_poses(poses: Array) -> None:
     """Refuse a leg between two of the poses, shape (legs + 1, nv), that goes nowhere."""
     legs = np.max(np.abs(np.diff(poses, axis=0)), axis=1)

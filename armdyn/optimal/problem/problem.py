@@ -13,6 +13,7 @@ from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.models.collision import collision_model
 from armdyn.models.limits import JointLimits
 from armdyn.models.obstacles import Obstacle
+from armdyn.models.per_joint import per_joint
 from armdyn.models.reaching import GoalPose, poses_reaching
 from armdyn.models.robot import Robot
 from armdyn.optimal.problem.asked import Asked
@@ -21,7 +22,6 @@ from armdyn.optimal.problem.checks import (
     check_conditions,
     check_limits,
     check_poses,
-    check_positive,
     check_scene,
     check_state,
     clear_goals,
@@ -104,8 +104,6 @@ class MinimumTimeProblem:
                 continue
             given = getattr(self, name)
             array = self._joints(zero if given is None else given, name)
-            if not np.all(np.isfinite(array)):
-                raise ProblemError(f"{name} = {array} is not finite")
             array.setflags(write=False)
             object.__setattr__(self, name, array)
         if not (np.isfinite(self.effort_weight) and self.effort_weight >= 0):
@@ -198,27 +196,15 @@ class MinimumTimeProblem:
         return np.asarray(np.max(np.abs(np.diff(self.poses, axis=0)) / self.limits.velocity, axis=1))
 
     def _joints(self, value: ArrayLike, name: str) -> Array:
-        array = np.asarray(value, dtype=float)
-        if array.shape != (self.robot.nv,):
-            raise ProblemError(
-                f"{name} has shape {array.shape}; {self.robot.name} needs {self.robot.nv} numbers, for "
-                f"{', '.join(self.robot.joint_names)}"
-            )
-        return array.copy()
+        return per_joint(value, self.robot.joint_names, name, error=ProblemError, scalar=False)
 
     def _limit(self, value: ArrayLike, name: str) -> Array:
-        array = np.asarray(value, dtype=float)
-        array = self._joints(np.full(self.robot.nv, array) if array.ndim == 0 else array, name)
-        if np.any(np.isnan(array)):
-            raise ProblemError(f"{name} = {array} has a NaN")
-        return array
+        return per_joint(value, self.robot.joint_names, name, error=ProblemError, finite=False)
 
     def _resolve_course(self) -> None:
         """Check what is asked along the way, and keep it as tuples and arrays."""
         via = [self._joints(q, f"via[{i}]") for i, q in enumerate(self.via)]
         for i, q in enumerate(via):
-            if not np.all(np.isfinite(q)):
-                raise ProblemError(f"via[{i}] = {q} is not finite")
             check_state(self.robot, self.limits, q, np.zeros_like(q), f"via[{i}]")
             q.setflags(write=False)
         object.__setattr__(self, "via", tuple(via))
@@ -227,8 +213,10 @@ class MinimumTimeProblem:
         check_scene(self.obstacles, self.clearance)
         for name, unit in (("acceleration_limit", "rad/s²"), ("jerk_limit", "rad/s³")):
             if getattr(self, name) is not None:
-                value = self._limit(getattr(self, name), name)
-                check_positive(self.robot, value, name, unit)
+                value = per_joint(
+                    getattr(self, name), self.robot.joint_names, name,
+                    unit=unit, error=ProblemError, finite=False, sign="positive",
+                )  # fmt: skip
                 value.setflags(write=False)
                 object.__setattr__(self, name, value)
         self._resolve_clear()

@@ -8,6 +8,7 @@ from armdyn.optimal.arcs.phases import Phases, Unresolved
 from armdyn.optimal.arcs.posing import PhaseAim
 from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.landing.rollout import replay_torques
+from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.proof.certificate import certify
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.optimum import Optimum
@@ -54,16 +55,15 @@ def _on_goal(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
     """Aimed beside the goal by the collocation's own error."""
     problem, numbers, n = task.problem, task.policy.refinement, task.problem.robot.nv
     best, replay = phases, replay_torques(problem.robot, phases.torques)
-    offset = np.zeros(2 * n)
+    aim = Aim()
     for _ in range(numbers.aims):
-        error = problem.beside_goal(replay)
-        if np.max(np.abs(error[:n])) <= numbers.landed or task.stop:
+        if np.max(np.abs(problem.beside_goal(replay)[:n])) <= numbers.landed or task.stop:
             break
-        offset = offset - error
+        aim = aim.corrected(problem, replay)
         # Where time leaves torques free another solution has others, and the error is not the same again.
         keep = best if problem.effort_weight == 0 and len(best.arcs) > 2 * n else None
-        aim = PhaseAim(offset, near=True, density=best.laid, keep=keep)
-        tried = solve_phases(task, best.arcs, best.torques, best.arc_of.size, aim)
+        there = PhaseAim(aim.at_goal(n), near=True, density=best.laid, keep=keep)
+        tried = solve_phases(task, best.arcs, best.torques, best.arc_of.size, there)
         if isinstance(tried, Unresolved):
             return best, replay, f"the replay could not be brought onto the goal ({tried.message})"
         replayed = replay_torques(problem.robot, tried.torques)

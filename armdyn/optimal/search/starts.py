@@ -8,16 +8,13 @@ from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.optimal.conditions.condition import Path
 from armdyn.optimal.conditions.registry import conditions_of
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.task.policy.search import SearchPolicy
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
 _SAMPLES = 101
-_TRIES = 300
-"""Ways that are looked at before a few that go round the obstacles are taken."""
-_LOOKS = 25
-_BRISK = 10.0
-"""A speed [rad/s or m/s] that stands for a missing limit where ways are compared."""
+"""Of a guess."""
 
 
 def detours(problem: MinimumTimeProblem, seed: int, count: int) -> list[list[Array]]:
@@ -32,12 +29,11 @@ def detours(problem: MinimumTimeProblem, seed: int, count: int) -> list[list[Arr
         For each guess the poses in between [rad or m], each of shape (nv,).
     """
     random = np.random.default_rng(seed)
-    # Fast motions fold far out of the straight way: two radians met the best known optima most often.
-    reach = np.maximum(np.abs(np.asarray(problem.q_goal) - np.asarray(problem.q_start)), 2.0)
+    reach = np.maximum(np.abs(np.asarray(problem.q_goal) - np.asarray(problem.q_start)), SearchPolicy.bow)
     middle = (np.asarray(problem.q_goal) + np.asarray(problem.q_start)) / 2
     lower, upper = problem.limits.position_lower, problem.limits.position_upper
     round_it = any(condition.goes_round for condition in conditions_of(problem))
-    tries = _TRIES if round_it else count - 1
+    tries = SearchPolicy.tries if round_it else count - 1
     vias = np.clip(middle + random.normal(size=(tries, reach.size)) * reach, lower, upper)
     ways = (
         [_through(problem, via, int(random.integers(len(problem.via) + 1))) for via in vias]
@@ -57,12 +53,14 @@ def _through(problem: MinimumTimeProblem, pose: Array, leg: int) -> list[Array]:
 def _clearest(problem: MinimumTimeProblem, ways: list[list[Array]], count: int) -> list[list[Array]]:
     """Ways round what is forbidden: those that touch nothing, the quickest first; then those that touch least."""
     forbidding = [condition for condition in conditions_of(problem) if condition.goes_round]
-    s = np.linspace(0, 1, _LOOKS)
+    s = np.linspace(0, 1, SearchPolicy.looks)
     ranked = []
     for k, way in enumerate(ways):
         path = _path(problem, way)
         depth = min(condition.depth(problem, q) for q in path(s) for condition in forbidding)
-        hurry = np.max(np.abs(path.derivative()(s)) / np.minimum(problem.limits.velocity, _BRISK), axis=None)
+        hurry = np.max(
+            np.abs(path.derivative()(s)) / np.minimum(problem.limits.velocity, SearchPolicy.brisk), axis=None
+        )
         ranked.append((-min(depth, problem.clearance), float(hurry), k))
     return [ways[k] for *_, k in sorted(ranked)[:count]]
 

@@ -6,8 +6,9 @@ from numpy.typing import NDArray
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.conditions.condition import Knots
 from armdyn.optimal.conditions.demands import Demands, numbers_of, row_bounds
-from armdyn.optimal.conditions.legs import Aim, Legs, legs_of
+from armdyn.optimal.conditions.legs import Legs, legs_of
 from armdyn.optimal.conditions.rows import Rows, with_rows
+from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Nlp, build_nlp

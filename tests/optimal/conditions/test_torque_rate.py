@@ -79,9 +79,9 @@ def test_a_motion_that_begins_in_flight_begins_with_any_torque():
 @pytest.mark.parametrize(
     ("limit", "says"),
     [
-        (0.0, r"of joint 'joint1' is 0\.0 N m/s; it must be positive"),
+        (0.0, r"of joint 'joint1' is 0\.0 N m/s \(index 0\); it must be positive"),
         ([1.0, np.nan], "of joint 'joint2' is nan"),
-        ([1.0, 2.0, 3.0], "has 3 numbers; rr takes one, or 2, for joint1, joint2"),
+        ([1.0, 2.0, 3.0], r"has shape \(3,\); expected one number or 2, one per joint: joint1, joint2"),
     ],
 )
 def test_what_is_wrong_is_named(limit, says):

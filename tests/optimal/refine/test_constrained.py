@@ -121,7 +121,7 @@ def test_a_via_point_is_passed_in_flight():
     ("conditions", "says"),
     [
         ({"via": [[0.0]]}, r"via\[0\]"),
-        ({"via": [[0.0, np.inf]]}, "not finite"),
+        ({"via": [[0.0, np.inf]]}, "must be finite"),
         ({"via": [[9.0, 0.0]]}, r"via\[0\] of joint 'joint1'"),
         ({"via": [START]}, "goes nowhere"),
         ({"acceleration_limit": 0}, "acceleration_limit of joint 'joint1'"),

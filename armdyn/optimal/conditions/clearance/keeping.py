@@ -14,20 +14,10 @@ from armdyn.optimal.conditions.clearance.pairs import Pair, PairRows, distances_
 from armdyn.optimal.conditions.condition import Condition, Kept, Knots
 from armdyn.optimal.conditions.rows import Rows, RowValues
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.task.policy.landing import ConditionsPolicy
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
-
-_MARGIN = 1e-3
-"""Added to the clearance asked for [m]: for what is between the points at which it is asked."""
-_RAMP = 0.2
-"""Capsules that are too near at a given pose may come away from there within this part of the motion."""
-_SPARE = 5e-4
-"""What a margin is raised by beyond what was missing [m]."""
-_DEEP = 5e-3
-"""Bodies overlap by more than this [m] where the motion went through one between two points."""
-_MOST_POINTS = 8
-"""Of an interval."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +29,8 @@ class Clearance(Condition):
         points: of every interval, at which distances are asked for.
     """
 
-    margins: Array | float = _MARGIN
-    points: int = 2
+    margins: Array | float = ConditionsPolicy.margin
+    points: int = ConditionsPolicy.points
 
     goes_round = True
 
@@ -75,7 +65,7 @@ class Clearance(Condition):
         low = np.broadcast_to(need, (*at.shape, need.size)).copy()
         for knot, q in zip(knots.given, problem.poses, strict=True):
             short = np.maximum(need - np.array(function(q, scene)).ravel() + 1e-6, 0)
-            share = np.maximum(1 - np.abs(at - knots.when[knot]) / _RAMP, 0)
+            share = np.maximum(1 - np.abs(at - knots.when[knot]) / ConditionsPolicy.ramp, 0)
             low = np.minimum(low, need - short * share[..., None])
             if knot < at.shape[1]:
                 low[0, knot] = -np.inf  # this pose is given
@@ -97,7 +87,11 @@ class Clearance(Condition):
         pairs = self.pairs(problem)
         if not kept.reasons or not pairs:
             return self
-        if kept.clearance is not None and kept.clearance.distance < -_DEEP and self.points < _MOST_POINTS:
+        if (
+            kept.clearance is not None
+            and kept.clearance.distance < -ConditionsPolicy.deep
+            and self.points < ConditionsPolicy.most_points
+        ):
             return replace(self, points=2 * self.points)
         short: dict[tuple[str, str], float] = {}
         for names, missed in zip(self.model(problem).pairs, kept.missed, strict=True):
@@ -107,7 +101,9 @@ class Clearance(Condition):
             problem.obstacles[pair.other].name if isinstance(pair.other, int) else pair.other_link for pair in pairs
         ]
         missing = np.array([short.get((pair.link, other), 0.0) for pair, other in zip(pairs, others, strict=True)])
-        margins = np.broadcast_to(self.margins, missing.shape) + np.where(missing > 0, missing + _SPARE, 0)
+        margins = np.broadcast_to(self.margins, missing.shape) + np.where(
+            missing > 0, missing + ConditionsPolicy.spare, 0
+        )
         return replace(self, margins=margins)
 
     def depth(self, problem: MinimumTimeProblem, q: Array) -> float:

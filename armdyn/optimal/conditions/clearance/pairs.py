@@ -113,7 +113,8 @@ def _between_knots(y: ca.SX, p: ca.SX, s: ca.SX, layout: Layout) -> ca.SX:
     q = [by.length * end[knot.q] for end in (left, right)]
     v = [by.speed * end[knot.v] for end in (left, right)]
     rise = q[1] - q[0]
-    return q[0] + s * (h * v[0] + s * (3 * rise - h * (2 * v[0] + v[1]) + s * (h * (v[0] + v[1]) - 2 * rise)))
+    here: ca.SX = q[0] + s * (h * v[0] + s * (3 * rise - h * (2 * v[0] + v[1]) + s * (h * (v[0] + v[1]) - 2 * rise)))
+    return here
 
 
 def _by_positions(

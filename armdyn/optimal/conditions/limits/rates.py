@@ -6,18 +6,16 @@ from numpy.typing import NDArray
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.models.robot import Robot
 from armdyn.optimal.conditions.condition import Kept
+from armdyn.optimal.task.policy.landing import ConditionsPolicy
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
-
-TOLERANCE = 0.02
-"""Of an acceleration or jerk limit, as a part of it: the mesh keeps them at its points, not between."""
 
 
 def pieces(motion: Trajectory, dense: int = 5) -> tuple[Array, NDArray[np.bool_]]:
     """Times evenly within samples [s], shape (samples between jumps of the torque, dense); which samples those are."""
     steps = np.diff(motion.t)
-    flows = steps > 2 * np.spacing(motion.t[1:])  # no jump of the torque
+    flows = ~motion.jumps
     return (motion.t[:-1, None] + steps[:, None] * np.linspace(0, 1, dense))[flows], flows
 
 
@@ -33,6 +31,10 @@ def accelerations(robot: Robot, motion: Trajectory) -> tuple[Array, Array]:
 
 
 def kept_by_joints(name: str, what: str, share: float) -> Kept:
-    """That a rate's largest value is this part of its limit, with `TOLERANCE`."""
-    reasons = (f"a joint's {what} exceeds its limit by {100 * (share - 1):.2g} %",) if share > 1 + TOLERANCE else ()
+    """That a rate's largest value is this part of its limit, as nearly as a mesh keeps it."""
+    reasons = (
+        (f"a joint's {what} exceeds its limit by {100 * (share - 1):.2g} %",)
+        if share > 1 + ConditionsPolicy.rate_tolerance
+        else ()
+    )
     return Kept(name, f"{100 * share:.4g} % of the limit at most", share, reasons)

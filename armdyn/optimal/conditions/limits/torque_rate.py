@@ -9,6 +9,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.errors import ProblemError
+from armdyn.models.per_joint import per_joint
 from armdyn.models.robot import Robot
 from armdyn.optimal.conditions.condition import Condition, Kept, Knots
 from armdyn.optimal.conditions.rows import Rows, RowValues, StageRows
@@ -51,16 +52,11 @@ class TorqueRateLimit(Condition):
 
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
         """One number per joint, all positive."""
-        limit = np.asarray(self.limit, dtype=float)
-        if limit.shape not in ((), (robot.nv,)):
-            raise ProblemError(
-                f"TorqueRateLimit has {limit.size} numbers; {robot.name} takes one, or {robot.nv}, for "
-                f"{', '.join(robot.joint_names)}"
-            )
-        for joint, number in zip(robot.joint_names, np.broadcast_to(limit, (robot.nv,)), strict=True):
-            if not number > 0:
-                raise ProblemError(f"TorqueRateLimit of joint {joint!r} is {number} N m/s; it must be positive")
-        return type(self)(np.broadcast_to(limit, (robot.nv,)))
+        what, unit = "TorqueRateLimit", "N m/s"
+        limit = per_joint(
+            self.limit, robot.joint_names, what, unit=unit, error=ProblemError, finite=False, sign="positive"
+        )
+        return type(self)(limit)
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
         """Rates in every interval, as parts of the limits; the torques at both ends."""

@@ -36,9 +36,6 @@ class LandingPolicy:
 class ConditionsPolicy:
     """How a mesh is asked again until its replay keeps what was asked along the way."""
 
-    one_mesh: bool = by_kind(
-        "-", "beyond three joints the first mesh that keeps everything is the answer", "Panda: a post"
-    )
     rounds: int = tuned(8, "rounds", "of meshes solved again", "RR: spheres, boxes; Panda: a post")
     most_points: int = tuned(8, "points", "of an interval, at which distances are asked for", "RR: thin boxes")
     near: float = tuned(1e-4, "rad or m", "of via points and goal: no further round is worth its seconds", "RR, Panda")
@@ -46,6 +43,7 @@ class ConditionsPolicy:
     settled: float = tuned(
         5e-4, "of the duration", "that a mesh twice as fine changes no more is the answer", "RR, RRR"
     )
+    points: int = tuned(2, "points", "of an interval, at which distances are asked for first", "RR: spheres, boxes")
     margin: float = tuned(1e-3, "m", "added to the clearance: for what is between the points", "RR: spheres, boxes")
     spare: float = tuned(5e-4, "m", "what a margin is raised by beyond what was missing", "RR: spheres, boxes")
     deep: float = tuned(

@@ -44,7 +44,7 @@ class Policy:
     arcs: ArcsPolicy = field(default_factory=ArcsPolicy)
     landing: LandingPolicy
     smooth: SmoothPolicy
-    conditions: ConditionsPolicy
+    conditions: ConditionsPolicy = field(default_factory=ConditionsPolicy)
     indirect: IndirectPolicy
 
     @classmethod
@@ -81,10 +81,10 @@ class Policy:
                 landing_is_enough=not small,
                 extremal_is_enough=joints > 2,
                 lists_slower=joints > 2,
+                one_mesh=not small,
             ),
             landing=LandingPolicy(leads_home=not small),
             smooth=SmoothPolicy(starts=_by_joints(joints, (2, 16, 24), 4), refined=10 if joints == 2 else 6),
-            conditions=ConditionsPolicy(one_mesh=not small),
             indirect=IndirectPolicy(starts=_by_joints(joints, (1, 6), 16)),
         )
 

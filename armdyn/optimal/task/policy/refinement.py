@@ -24,6 +24,9 @@ class RefinementPolicy:
         "RRR, ten payloads",
     )
     lists_slower: bool = by_kind("-", "beyond two joints an optimum slower than a certified one is only listed", "RRR")
+    one_mesh: bool = by_kind(
+        "-", "beyond three joints the first mesh that keeps all conditions along the way is the answer", "Panda: a post"
+    )
     sure: float = tuned(
         5.0, "-", "slower by so many times what the certified one's mesh was wrong by", "RRR, ten payloads"
     )

@@ -20,7 +20,7 @@ def tuned(value: Value, unit: str, why: str, cases: str) -> Value:
         why: what it is, and why so much.
         cases: that it was chosen on.
     """
-    return field(default=value, metadata={"unit": unit, "why": why, "cases": cases})  # type: ignore[return-value]
+    return field(default=value, metadata={"unit": unit, "why": why, "cases": cases})
 
 
 def by_kind(unit: str, why: str, cases: str) -> Any:

@@ -1,0 +1,45 @@
+"""Where to aim instead of via points and goal: beside them, by what a replay missed them by."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Aim:
+    """How far beside the via points and the goal a solve is to end, so that its replay is on them.
+
+    Attributes:
+        offsets: q [rad or m], shape (legs, nv), or one for all.
+        end_velocity: the same for the velocity at the goal [rad/s or m/s], shape (nv,).
+    """
+
+    offsets: Array | float = 0.0
+    end_velocity: Array | float = 0.0
+
+    def corrected(self, problem: MinimumTimeProblem, replay: Trajectory, passing: Array | None = None) -> Self:
+        """Aim further by what a replay misses via points and goal by.
+
+        Args:
+            problem: its poses.
+            replay: what became of the last solve.
+            passing: when it should be at the via points [s], shape (vias,); None: there are none.
+        """
+        vias = np.empty((0, problem.robot.nv)) if passing is None else replay(passing).q.reshape(-1, problem.robot.nv)
+        missed = np.vstack([vias, replay.q[-1]]) - problem.poses[1:]
+        return type(self)(
+            np.broadcast_to(self.offsets, missed.shape) - missed,
+            self.end_velocity - (replay.v[-1] - np.asarray(problem.v_goal)),
+        )
+
+    def at_goal(self, joints: int) -> Array:
+        """How far beside the goal's state (q, v), shape (2 nv,)."""
+        offset = np.broadcast_to(self.offsets, (1, joints)) if np.ndim(self.offsets) == 0 else np.asarray(self.offsets)
+        return np.concatenate([offset[-1], np.broadcast_to(self.end_velocity, joints)])

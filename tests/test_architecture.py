@@ -1,0 +1,43 @@
+"""The map names what is there: every function of its table of equations, every room."""
+
+import importlib
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+MAP = (ROOT / "docs" / "architecture.md").read_text()
+EQUATIONS = MAP.split("## From the paper's equations to functions")[1]
+NAMES = sorted({name for name in re.findall(r"`([a-z_.]+\.[A-Za-z_.]+)`", EQUATIONS) if "/" not in name})
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_function_of_the_table_of_equations_exists(name):
+    parts = ["armdyn", *name.split(".")]
+    for end in range(len(parts), 0, -1):
+        try:
+            found = importlib.import_module(".".join(parts[:end]))
+        except ModuleNotFoundError:
+            continue
+        for part in parts[end:]:
+            found = getattr(found, part)
+        return
+    pytest.fail(f"there is no {name}")
+
+
+def test_every_equation_stands_in_the_table():
+    told = set()
+    for first, last in re.findall(r"\((\d+)\)(?: to \((\d+)\))?", EQUATIONS):
+        told |= set(range(int(first), int(last or first) + 1))
+    assert told == set(range(1, 36))
+
+
+def test_every_room_stands_on_the_map():
+    rooms = {path.name for path in (ROOT / "armdyn" / "optimal").iterdir() if (path / "__init__.py").exists()}
+    assert rooms == set(re.findall(r"^\| `([a-z_]+)/` \|", MAP, flags=re.M))
+
+
+def test_every_file_named_is_there():
+    for name in re.findall(r"`((?:[a-z_]+/)+[a-z_]+\.py)`", MAP):
+        assert any((root / name).exists() for root in (ROOT, ROOT / "armdyn", ROOT / "armdyn" / "optimal")), name

@@ -1,0 +1,110 @@
+"""`import armdyn` loads what it is asked for, and says the same as its type checker reads."""
+
+import ast
+import copy
+import importlib
+import inspect
+import pickle
+import pkgutil
+import subprocess
+import sys
+
+import pytest
+
+import armdyn
+
+FACADES = ("armdyn", "armdyn.control", "armdyn.dynamics", "armdyn.models", "armdyn.optimal", "armdyn.studies.paper")
+HEAVY = (
+    "numpy",
+    "scipy",
+    "casadi",
+    "pinocchio",
+    "matplotlib",
+    "meshcat",
+    "yourdfpy",
+    "trimesh",
+    "lxml",
+    "rich",
+    "typer",
+)
+
+
+def loaded(code: str) -> set[str]:
+    """The modules that are there after some code, in a process of its own."""
+    done = subprocess.run(
+        [sys.executable, "-c", f"{code}\nimport sys; print(*sys.modules)"], capture_output=True, text=True, check=True
+    )
+    return set(done.stdout.split())
+
+
+def test_importing_the_package_loads_nothing_big():
+    assert not loaded("import armdyn") & set(HEAVY)
+
+
+def test_a_problem_is_posed_without_what_solving_it_takes():
+    # A robot from a file: a generated one is written by yourdfpy, which loads trimesh, and that some of scipy.
+    code = "import armdyn as ad; robot = ad.Robot.from_library('panda'); q = robot.model.lowerPositionLimit"
+    there = loaded(
+        f"{code}; ad.MinimumTimeProblem(robot, q_start=q, q_goal=q + 0.5); ad.MinimumTimeOptions(); ad.Dynamics"
+    )
+    assert "pinocchio" in there
+    for module in ("scipy.integrate", "scipy.optimize", "scipy.special", "scipy.interpolate", "matplotlib", "meshcat"):
+        assert module not in there
+
+
+def test_a_solve_loads_nothing_that_draws():
+    there = loaded("from armdyn import *; solve_minimum_time; simulate_pid; from armdyn import optimal, control")
+    assert not there & {"matplotlib", "meshcat", "yourdfpy", "typer", "rich"}
+
+
+@pytest.mark.parametrize("name", FACADES)
+def test_a_facade_says_the_same_thrice(name):
+    package = importlib.import_module(name)
+    tree = ast.parse(inspect.getsource(package))
+    typed = {
+        alias.name: node.module
+        for block in tree.body
+        if isinstance(block, ast.If)
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert typed, "nothing is lazy"
+    for attribute, module in typed.items():
+        assert getattr(package, attribute) is getattr(importlib.import_module(module), attribute)
+    assert set(typed) <= set(package.__all__) <= set(dir(package))
+    for attribute in package.__all__:
+        getattr(package, attribute)
+    # A name that is a module's, too, would be the module as soon as that is imported.
+    assert not set(package.__all__) & {module.name for module in pkgutil.iter_modules(package.__path__)}
+
+
+def test_modules_are_found_as_attributes_and_nothing_else():
+    loaded("import armdyn; armdyn.optimal.problem; armdyn.models.library; armdyn.errors.SpecError")
+    with pytest.raises(AttributeError, match=r"module 'armdyn' has no attribute 'optimum'"):
+        armdyn.optimum  # noqa: B018
+    assert not hasattr(armdyn, "__wrapped__")
+    with pytest.raises(ImportError):
+        from armdyn.models import Robots  # noqa: F401
+
+
+def test_star_pickle_and_copy():
+    code = "from armdyn import *; import armdyn; assert set(armdyn.__all__) <= set(globals())"
+    loaded(code)
+    payload = armdyn.Payload(mass=0.1)
+    assert pickle.loads(pickle.dumps(payload)) == copy.copy(payload) == payload
+    assert pickle.loads(pickle.dumps(armdyn.Robot)) is armdyn.Robot
+    assert issubclass(armdyn.errors.SpecError, armdyn.ArmdynError)
+
+
+def test_a_module_that_cannot_be_imported_says_why(tmp_path):
+    package = tmp_path / "broken"
+    package.mkdir()
+    (package / "__init__.py").write_text(
+        "from armdyn.lazy import facade\n__getattr__, __dir__ = facade(__name__, {'part': 'thing'})\n"
+    )
+    (package / "part.py").write_text("import no_such_module\n")
+    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import broken"
+    for asked in ("broken.thing", "broken.part"):
+        done = subprocess.run([sys.executable, "-c", f"{code}; {asked}"], capture_output=True, text=True, check=False)
+        assert "ModuleNotFoundError: No module named 'no_such_module'" in done.stderr
