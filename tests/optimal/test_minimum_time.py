@@ -122,6 +122,7 @@ def test_effort_weight_is_smooth_and_matches_the_reference():
         assert solution.certificate.ok
 
 
+@pytest.mark.slow
 def test_effort_weight_is_judged_by_cost_not_by_duration():
     """RR, 100.6 g: the optimum that a straight guess finds is faster, J = 0.5704; the best has 0.5577."""
     solution = solve(paper_problem("rr", effort_weight=1.0, effort_limit=50.0))

@@ -3,7 +3,8 @@ import json
 import pytest
 
 from armdyn.show.report import write_run
-from show.motions import HANGING, RAISED, paper_arm, quintic
+from problems import paper_arm
+from show.motions import HANGING, RAISED, quintic
 
 ALWAYS = ["trajectory.npz", "result.json"]
 

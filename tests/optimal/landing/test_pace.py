@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import armdyn as ad
@@ -19,6 +19,7 @@ def at_random(nv, count=4):
 
 
 @pytest.mark.parametrize("arm", ["r", "rr", "rrr"])
+@settings(max_examples=20)
 @given(factor=FACTORS)
 def test_torques_are_those_of_velocities_over_s_and_accelerations_over_s_squared(arm, factor):
     robot = paper_arm(arm)

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from armdyn.dynamics import Dynamics
@@ -42,6 +42,7 @@ COEFFICIENTS = st.lists(st.floats(-2, 2), min_size=8, max_size=8).map(lambda x: 
 
 
 @pytest.mark.parametrize("scheme", EVERY, ids=str)
+@settings(max_examples=20)
 @given(fractions=FRACTIONS, scales=SCALES, coefficients=COEFFICIENTS, duration=st.floats(0.1, 3))
 def test_there_and_back_is_the_same_motion(scheme, fractions, scales, coefficients, duration):
     """On any mesh, in any scales, by every tableau."""

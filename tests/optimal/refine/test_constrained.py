@@ -44,6 +44,7 @@ def test_a_cart_takes_the_time_that_its_profile_takes(limits, duration):
     assert solution.replay_error < 1e-4
 
 
+@pytest.mark.slow
 def test_joints_with_low_limits_take_as_long_as_the_slowest():
     limits = {"acceleration_limit": [20.0, 5.0], "velocity_limit": [4.0, 0.3]}
     solution = solve(rr(**limits))
@@ -57,6 +58,7 @@ def test_joints_with_low_limits_take_as_long_as_the_slowest():
     assert np.max(np.abs(torques)) < 3.0  # the torques are not what limits this motion
 
 
+@pytest.mark.slow
 def test_round_a_ball_that_the_straight_motion_hits():
     plain = ad.MinimumTimeProblem(paper_arm("rr"), q_start=START, q_goal=GOAL)
     free = solve(replace(plain), arcs=False, starts=1)

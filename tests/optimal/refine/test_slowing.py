@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 import armdyn as ad
 from armdyn.optimal.refine.slowing import within_velocity_limits
@@ -8,6 +9,7 @@ from armdyn.optimal.task.task import Task
 from problems import paper_problem
 
 
+@pytest.mark.slow
 def test_slowed_down_within_velocity_limits_only_where_it_lands():
     problem = paper_problem("rr", velocity_limit=12.0)
     task = Task.of(problem, ad.MinimumTimeOptions(replay_tolerance=1e-2))

@@ -1,5 +1,7 @@
 """What is worth a finer mesh, and what counts as solved there."""
 
+import pytest
+
 import armdyn as ad
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.search.candidates import taken
@@ -9,6 +11,7 @@ from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.task import Task
 
 
+@pytest.mark.slow
 def test_beyond_three_joints_a_feasible_motion_is_taken_and_said_not_to_have_converged():
     robot = ad.Robot.from_library("ur5")
     problem = ad.MinimumTimeProblem(robot, q_start=[0, -1, 1, -1, -1.5, 0], q_goal=[-1.5, -1.8, 1.6, -0.4, 0.3, 1.0])
