@@ -144,9 +144,9 @@ def policy_table(name: str, rows: Iterable[PolicyRow]) -> Table:
     for column in ("number", "value", "what it is, and why"):
         table.add_column(column, overflow="fold")
     for what, value, unit, reason, cases in rows:
-        shown = f"{value:g}" if isinstance(value, float) else str(value)
+        shown = "none" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
         why = f"{escape(reason)}\n[dim]chosen on: {escape(cases)}[/]"
-        table.add_row(escape(what), escape(shown if unit == "-" else f"{shown} {unit}"), why)
+        table.add_row(escape(what), escape(shown if unit == "-" or value is None else f"{shown} {unit}"), why)
     return table
 
 
