@@ -32,6 +32,7 @@ def test_mintime(tmp_path):
     assert json.loads((tmp_path / "run" / "result.json").read_text())["duration"] == answer["duration"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "missing"),
     [
@@ -75,6 +76,7 @@ def test_mintime_round_an_obstacle_to_a_pose(tmp_path):
         assert done.returncode == 2 and says in " ".join(done.stderr.split()), done.stderr
 
 
+@pytest.mark.slow
 def test_mintime_with_limits_along_the_way(tmp_path):
     limits = ["--limit", "tip-speed=4", "--limit", "torque-rate=200,100"]
     answer = run_json("mintime", "rr", *limits, "--starts", 2, "--out", "run", code=3, cwd=tmp_path)

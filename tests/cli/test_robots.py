@@ -92,6 +92,7 @@ def test_what_is_no_arm(robot, part, words):
     assert words in run_json("doctor", robot, "--arm", part, code=2)["message"]
 
 
+@pytest.mark.slow
 def test_a_motion_of_another_arm_is_pointed_out(tmp_path):
     run_json("pid", "rr", "--payload", 0.1, "--duration", 0.5, "--out", tmp_path, code=3)
     result, motion = load_result(tmp_path / "result.json"), Trajectory.load(tmp_path / "trajectory.npz")
