@@ -13,7 +13,7 @@ import asyncio, faulthandler, hashlib, json, multiprocessing, sys, threading
 faulthandler.enable()
 import numpy as np
 from armdyn.optimal import MinimumTimeOptions, Status, solve_indirect, solve_minimum_time
-from armdyn.studies.cases import Case
+from armdyn.studies.paper.outcomes.case import Case
 
 def solved(arm, **options):
     problem = Case(1 if arm == "r" else 2, arm, "minimum_time", 0.1006).problem()
