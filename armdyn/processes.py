@@ -5,7 +5,8 @@ import multiprocessing
 import os
 import signal
 import sys
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkProcess
@@ -16,7 +17,7 @@ from armdyn.exclusive import one_at_a_time
 Result = TypeVar("Result")
 Crew = Mapping[Connection, ForkProcess]
 
-_AGAIN = 1.0
+_AGAIN = 5.0
 """Who is still at work so long after an interrupt hears the next one [s]."""
 _PR_SET_PDEATHSIG = 1
 
@@ -97,10 +98,8 @@ def _crew(jobs: Sequence[Callable[[], object]], workers: int | None, patient: bo
                 line.send(None)
             line.close()
         try:
-            while patient and (busy := [worker for worker in crew.values() if worker.is_alive()]):
-                for worker in busy:
-                    os.kill(worker.ident or os.getpid(), signal.SIGINT)
-                wait([worker.sentinel for worker in busy], _AGAIN)
+            if patient:
+                _interrupt(crew.values())
         finally:
             for worker in crew.values():  # nobody waits for their end, which takes as long as a small solve
                 worker.kill()
@@ -119,6 +118,16 @@ def _hire(jobs: Sequence[Callable[[], object]], crew: dict[Connection, ForkProce
         crew[ours] = worker
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _interrupt(workers: Iterable[ForkProcess]) -> None:
+    """Wait until they end. One that was not listening at the time, or does not end, is told again."""
+    while busy := [worker for worker in workers if worker.is_alive()]:
+        for worker in busy:
+            os.kill(worker.ident or os.getpid(), signal.SIGINT)
+        until = time.monotonic() + _AGAIN
+        for worker in busy:
+            worker.join(max(0.0, until - time.monotonic()))
 
 
 def _work(jobs: Sequence[Callable[[], object]], line: Connection, owner: int) -> None:

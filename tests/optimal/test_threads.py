@@ -3,8 +3,11 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+
+TESTS = str(Path(__file__).parents[1])
 
 pytestmark = pytest.mark.slow
 
@@ -13,11 +16,10 @@ import asyncio, faulthandler, hashlib, json, multiprocessing, sys, threading
 faulthandler.enable()
 import numpy as np
 from armdyn.optimal import MinimumTimeOptions, Status, solve_indirect, solve_minimum_time
-from armdyn.studies.paper.outcomes.case import Case
+from problems import paper_problem
 
 def solved(arm, **options):
-    problem = Case(1 if arm == "r" else 2, arm, "minimum_time", 0.1006).problem()
-    return solve_minimum_time(problem, MinimumTimeOptions(workers=1, starts=4, **options))
+    return solve_minimum_time(paper_problem(arm), MinimumTimeOptions(workers=1, starts=4, **options))
 
 def bits(arm):
     solution = solved(arm)
@@ -27,7 +29,7 @@ def bits(arm):
     return hashlib.sha256(np.concatenate([np.ravel(x) for x in numbers]).tobytes()).hexdigest()
 
 def indirect(arm):
-    solution = solve_indirect(Case(1, "r", "minimum_time", 0.1006).problem())
+    solution = solve_indirect(paper_problem("r"))
     assert solution.success, solution.message
     return repr(solution.duration)
 
@@ -46,7 +48,8 @@ def together(calls):
 
 def told(script, timeout=120):
     """What a script prints, as JSON."""
-    done = subprocess.run([sys.executable, "-c", COMMON + script], capture_output=True, text=True, timeout=timeout)
+    command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {TESTS!r})" + COMMON + script]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=timeout)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 
@@ -119,7 +122,7 @@ def test_threads_that_have_workers(alone):
     found = told("""
 def crew():
     options = MinimumTimeOptions(workers=2, starts=4)
-    return repr(solve_minimum_time(Case(2, "rr", "minimum_time", 0.1006).problem(), options).duration)
+    return repr(solve_minimum_time(paper_problem("rr"), options).duration)
 print(json.dumps([*together([crew, crew]), repr(solved("rr").duration)]))
 """)
     assert len(set(found)) == 1
