@@ -5,27 +5,15 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
+import psutil
 import pytest
 
 import armdyn as ad
+from cli.command import COMMAND, answer, run, run_here, run_json
 from problems import CART
-
-COMMAND = [sys.executable, "-c", "from armdyn.cli import main; main()"]
-
-
-def run(*arguments, cwd=None):
-    return subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, timeout=300)
-
-
-def run_json(*arguments, code=0, cwd=None):
-    done = run(*arguments, "--json", cwd=cwd)
-    assert done.returncode == code, done.stderr
-    assert "Traceback" not in done.stderr
-    return json.loads(done.stdout)  # one object and nothing else
 
 
 def test_mintime(tmp_path):
@@ -44,6 +32,7 @@ def test_mintime(tmp_path):
     assert json.loads((tmp_path / "run" / "result.json").read_text())["duration"] == answer["duration"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "missing"),
     [
@@ -87,6 +76,7 @@ def test_mintime_round_an_obstacle_to_a_pose(tmp_path):
         assert done.returncode == 2 and says in " ".join(done.stderr.split()), done.stderr
 
 
+@pytest.mark.slow
 def test_mintime_with_limits_along_the_way(tmp_path):
     limits = ["--limit", "tip-speed=4", "--limit", "torque-rate=200,100"]
     answer = run_json("mintime", "rr", *limits, "--starts", 2, "--out", "run", code=3, cwd=tmp_path)
@@ -146,10 +136,11 @@ def test_pid_that_never_settles_is_exit_3(tmp_path):
 
 
 def test_urdf(tmp_path):
-    text = run("urdf", "rr", "--payload", 0.1006).stdout
-    (file,) = run_json("urdf", "rr", "--payload", 0.1006, "--out", tmp_path)["files"]
+    rr = ("urdf", "rr", "--payload", 0.1006)
+    text = run(*rr).stdout
+    (file,) = answer(run_here(*rr, "--out", tmp_path, "--json"))["files"]
     assert Path(file).name == "rr_100.6g.urdf"
-    assert Path(file).read_text() == text == run_json("urdf", "rr", "--payload", 0.1006)["urdf"]
+    assert Path(file).read_text() == text == answer(run_here(*rr, "--json"))["urdf"]
 
 
 def test_doctor(tmp_path):
@@ -184,18 +175,23 @@ def test_doctor(tmp_path):
     ],
 )
 def test_bad_input_is_exit_2_without_traceback(arguments, message, tmp_path):
-    done = run(*arguments, cwd=tmp_path)
+    done = run_here(*arguments, cwd=tmp_path)
     assert done.returncode == 2
     assert message in " ".join(done.stderr.split())
     assert "Traceback" not in done.stderr
     assert not list(tmp_path.iterdir())  # nothing is left behind
-    answer = run_json(*arguments, code=2, cwd=tmp_path)
-    assert answer["success"] is False and message in answer["message"]
+    told = answer(run_here(*arguments, "--json", cwd=tmp_path), 2)
+    assert told["success"] is False and message in told["message"]
+
+
+def test_bad_input_is_exit_2_of_the_process(tmp_path):
+    told = run_json("mintime", "nosuch", code=2, cwd=tmp_path)
+    assert told["success"] is False and "no robot named 'nosuch'" in told["message"]
 
 
 def test_bad_usage_is_exit_2():
-    assert run("mintime").returncode == 2
-    assert run("mintime", "rr", "--no-such-option").returncode == 2
+    assert run_here("mintime").returncode == 2
+    assert run_here("mintime", "rr", "--no-such-option").returncode == 2
     assert run("nosuch").returncode == 2
 
 
@@ -210,7 +206,8 @@ def test_interrupt_is_exit_130_with_partial_results(tmp_path):
     # With 1 kg no search of so many guesses says early that it has seen enough: it takes minutes.
     arguments = ["mintime", "rrr", "--payload", "1", "--starts", "5000", "--out", str(tmp_path / "run"), "--json"]
     process = subprocess.Popen([*COMMAND, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    time.sleep(12)  # imports take a few seconds on a busy machine
+    while not psutil.Process(process.pid).children() and process.poll() is None:  # the search has no workers yet
+        time.sleep(0.05)
     os.kill(process.pid, signal.SIGINT)
     output, errors = process.communicate(timeout=120)
     assert process.returncode == 130, errors
@@ -220,7 +217,7 @@ def test_interrupt_is_exit_130_with_partial_results(tmp_path):
 
 @pytest.mark.parametrize("command", ["", "mintime", "pid", "sweep", "reproduce", "replay", "urdf", "robots", "doctor"])
 def test_help_teaches(command):
-    done = run(*command.split(), "--help")
+    done = run_here(*command.split(), "--help")
     assert done.returncode == 0
     if command:
         assert "--json" in done.stdout

@@ -1,27 +1,12 @@
 """Friction, payloads and ways round from the command line."""
 
-import json
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
+from cli.command import run, run_here, run_json
 from oracles import joint, two_links
 
-COMMAND = [sys.executable, "-c", "from armdyn.cli import main; main()"]
-
 INSIDE = '<axis xyz="0 0 1"/><limit effort="2" velocity="1000"/><dynamics damping="0.1" friction="0.2"/>'  # no gravity
-
-
-def run(*arguments, cwd=None):
-    return subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, timeout=300)
-
-
-def run_json(*arguments, code=0, cwd=None):
-    done = run(*arguments, "--json", cwd=cwd)
-    assert done.returncode == code, done.stderr
-    return json.loads(done.stdout)
 
 
 @pytest.fixture
@@ -99,6 +84,6 @@ def test_doctor_says_what_is_applied(turntable):
     ],
 )
 def test_nonsense_is_exit_2(flags, message, turntable):
-    done = run("mintime", "arm.urdf", "--q-start", "0", "--q-goal", "1", *flags, cwd=turntable)
+    done = run_here("mintime", "arm.urdf", "--q-start", "0", "--q-goal", "1", *flags, cwd=turntable)
     assert done.returncode == 2
     assert message in " ".join(done.stderr.split())

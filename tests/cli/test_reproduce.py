@@ -5,17 +5,16 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
 
-COMMAND = [sys.executable, "-c", "from armdyn.cli import main; main()", "reproduce"]
+from cli import command
 
 
-def run(*arguments, code=0):
-    done = subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, timeout=300)
+def run(*arguments, code=0, here=False):
+    done = (command.run_here if here else command.run)("reproduce", *arguments)
     assert done.returncode == code, done.stderr
     assert "Traceback" not in done.stderr
     return done
@@ -51,7 +50,7 @@ def test_one_table_with_two_payloads(tmp_path):
     ],
 )
 def test_bad_input_is_exit_2(tmp_path, arguments, message):
-    done = run(*arguments, "--out", tmp_path / "out", code=2)
+    done = run(*arguments, "--out", tmp_path / "out", code=2, here=True)
     assert message in " ".join(done.stderr.split())
     assert not (tmp_path / "out").exists()
 
@@ -65,7 +64,7 @@ def test_a_folder_that_cannot_be_written_is_exit_2(tmp_path):
 def test_interrupt_keeps_what_is_done_and_goes_on_from_there(tmp_path):
     arguments = ["--only", "example4,example3", "--payload", "0.1006", "--out", str(tmp_path)]
     process = subprocess.Popen(
-        [*COMMAND, *arguments, "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [*command.COMMAND, "reproduce", *arguments, "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     deadline = time.monotonic() + 200
     while not list(tmp_path.glob("cases/*.json")) and time.monotonic() < deadline:

@@ -1,6 +1,5 @@
 import json
 import subprocess
-import sys
 
 import pytest
 from typer.testing import CliRunner
@@ -11,13 +10,14 @@ from armdyn.models import PAPER_ARMS, Robot
 from armdyn.models.library import LIBRARY_ARMS
 from armdyn.show.results import load_result
 from armdyn.trajectory import Trajectory
+from cli.command import COMMAND
 
-COMMAND = [sys.executable, "-c", "from armdyn.cli import main; main()", "robots"]
+ROBOTS = [*COMMAND, "robots"]
 
 
 @pytest.fixture(scope="module")
 def listed():
-    done = subprocess.run([*COMMAND, "--json"], capture_output=True, text=True, timeout=120, check=True)
+    done = subprocess.run([*ROBOTS, "--json"], capture_output=True, text=True, timeout=120, check=True)
     return json.loads(done.stdout)
 
 
@@ -55,7 +55,7 @@ def test_one_bad_robot_does_not_hide_the_others(monkeypatch):
 
 
 def test_table_teaches():
-    done = subprocess.run(COMMAND, capture_output=True, text=True, timeout=120, check=True)
+    done = subprocess.run(ROBOTS, capture_output=True, text=True, timeout=120, check=True)
     words = " ".join(done.stdout.split())
     assert "needs --effort-limit (all joints)" in words and "of baxter" in words
     assert "armdyn doctor NAME" in words
@@ -92,6 +92,7 @@ def test_what_is_no_arm(robot, part, words):
     assert words in run_json("doctor", robot, "--arm", part, code=2)["message"]
 
 
+@pytest.mark.slow
 def test_a_motion_of_another_arm_is_pointed_out(tmp_path):
     run_json("pid", "rr", "--payload", 0.1, "--duration", 0.5, "--out", tmp_path, code=3)
     result, motion = load_result(tmp_path / "result.json"), Trajectory.load(tmp_path / "trajectory.npz")

@@ -27,6 +27,7 @@ def test_time_energy_of_one_link(payload, reading):
     _check_time_energy(outcome, reference_time("r", reading, payload))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("payload", "reading"), [(0.0212, "tip"), (0.1006, "tip"), (0.5, "tip"), (0.1006, "mM"), (1.0, "mM")]
 )

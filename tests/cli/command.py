@@ -1,0 +1,39 @@
+"""The command line as the tests run it: in a process of its own, as a user does, or here, which takes no start."""
+
+import contextlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from typer.testing import CliRunner
+
+from armdyn.cli.main import app
+
+COMMAND = [sys.executable, "-c", "from armdyn.cli import main; main()"]
+
+
+def run(*arguments, cwd=None):
+    """The process that has ended: `returncode`, `stdout`, `stderr`."""
+    return subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, timeout=300)
+
+
+def run_here(*arguments, cwd=None):
+    """The same without a process; what is not caught is raised."""
+    with contextlib.chdir(cwd or Path.cwd()):
+        done = CliRunner().invoke(app, [str(each) for each in arguments], prog_name="armdyn")
+    if done.exception and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    return subprocess.CompletedProcess(arguments, done.exit_code, done.stdout, done.stderr)
+
+
+def answer(done, code=0):
+    """What was told as JSON: one object and nothing else."""
+    assert done.returncode == code, done.stderr
+    assert "Traceback" not in done.stderr
+    return json.loads(done.stdout)
+
+
+def run_json(*arguments, code=0, cwd=None):
+    """What a process tells with `--json`."""
+    return answer(run(*arguments, "--json", cwd=cwd), code)
