@@ -52,6 +52,7 @@ class MinimumTimeOptions:
         tolerance: of IPOPT, on the scaled problem.
         time_limit: wall time for the whole solve [s].
         workers: processes of search and refinement; None: one per core. They make no difference to the answer.
+            Threads may solve at once: they take turns at IPOPT, and each gets what it would get alone.
         verbose: let IPOPT print.
     """
 

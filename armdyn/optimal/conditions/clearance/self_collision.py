@@ -1,12 +1,12 @@
 """The arm's links keep clear of each other."""
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Self
 
 import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.exclusive import built_once
 from armdyn.models.bodies import capsules
 from armdyn.models.collision import CollisionModel, collision_model
 from armdyn.models.robot import Robot
@@ -35,7 +35,7 @@ class SelfCollision(Clearance):
         return collision_model(problem.robot, (), True)
 
 
-@lru_cache(maxsize=16)
+@built_once(maxsize=16)
 def _pairs(robot: Robot, poses: bytes) -> tuple[Pair, ...]:
     arm = capsules(robot)
     apart = {frozenset(names) for names in collision_model(robot, (), True).pairs}
