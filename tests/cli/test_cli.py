@@ -129,6 +129,7 @@ def test_pid_and_replay_of_both(tmp_path):
     assert Path(page["files"][0]).read_text().count("<script") >= 1
 
 
+@pytest.mark.slow
 def test_pid_that_never_settles_is_exit_3(tmp_path):
     answer = run_json("pid", "rrr", "--out", tmp_path, code=3)
     assert not answer["success"] and answer["arrival_time"] is None
@@ -195,6 +196,7 @@ def test_bad_usage_is_exit_2():
     assert run("nosuch").returncode == 2
 
 
+@pytest.mark.slow
 def test_not_converged_is_exit_3(tmp_path):
     answer = run_json("mintime", "rrr", "--time-limit", 0.001, "--out", tmp_path, code=3)
     assert answer["success"] is False and answer["status"] == "time_limit"

@@ -57,6 +57,7 @@ def tip_of(robot, q):
     return data.oMf[robot.model.getFrameId(robot.tip)].translation
 
 
+@pytest.mark.slow
 def test_the_arm_moves_in_a_browser_without_a_network(tmp_path):
     robot, run = motion()
     path = replay.write_html(robot, [run], tmp_path / "rr.html")
