@@ -24,7 +24,10 @@ class SearchOptions:
     panel: ClassVar[str] = "Search"
 
     starts: Annotated[
-        int | None, typer.Option(help="Guesses of the global search; by default 1 to 48, by the joints.")
+        int | None,
+        typer.Option(
+            help="Guesses of the global search; by default as many as suit the robot (armdyn doctor ROBOT --policy)."
+        ),
     ] = None
     time_limit: Annotated[float, typer.Option(metavar="S", help="For the whole solve \\[s].")] = 300.0
     seed: Annotated[int, typer.Option(help="Of the guesses after the first.")] = 0

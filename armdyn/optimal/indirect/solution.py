@@ -41,7 +41,7 @@ class IndirectOptions:
         tolerance: of the boundary value problem's residual (lobatto) or of its equations (trapezoidal).
         intervals: of the trapezoidal mesh.
         max_nodes: of the Lobatto mesh.
-        starts: guesses of the search that makes a seed; None: 1 for one joint, 6 for two, 16 beyond.
+        starts: guesses of the search that makes a seed; None: the policy's.
         seed: of the guesses after the first.
         continuations: so many of the optima found are followed to minimum time; the fastest is the answer.
         time_limit: wall time [s].

@@ -29,26 +29,26 @@ class DirectOptions:
 class MinimumTimeOptions:
     """How `solve_minimum_time` goes about it.
 
+    Where an attribute is None the problem's policy decides: `armdyn doctor ROBOT --policy` shows what, and why.
+
     Attributes:
         guesses: motions of the same joints to begin with, beside the search's own: optima of similar problems.
-        starts: guesses of the global search; None: 1 for one joint, 16 for two, 40 for three, 4 beyond; where effort
-            has a weight, 2 for one joint, 16 for two, 24 for three, 4 beyond.
+        starts: guesses of the global search.
         seed: of the guesses after the first; the same seed gives the same answer.
-        refinements: so many of the optima found are refined; None: 4 up to three joints, 2 beyond; where
-            effort has a weight, 10 for two joints, 6 else.
-        coarse_intervals: of the search's meshes, which its guesses take turns on; the first alone beyond three joints.
+        refinements: so many of the optima found are refined.
+        coarse_intervals: of the search's meshes, which its guesses take turns on; the first alone for larger arms.
         intervals: of the mesh on which the arcs are read.
         max_intervals: of the finest such mesh, tried when the arcs resist or the replay misses the goal.
         arcs: resolve the arcs to exact switching times; without, the answer is the mesh's.
         replay_tolerance: largest goal error of the replay [rad or m] that counts as landed.
         method: collocation tableau; "lobatto3" is Hermite-Simpson.
         control: torque "linear" or "constant" between knots; the arcs are read from constant ones.
-        dynamics: "forward", "inverse", or "auto": forward up to three joints, inverse beyond, where
-            the derivatives of the articulated-body algorithm cost more than the extra unknowns.
+        dynamics: "forward", "inverse", or "auto", as the policy says: for larger arms the derivatives of the
+            articulated-body algorithm cost more than the extra unknowns of inverse dynamics.
         compile: the program's derivatives as machine code, ten times as fast, built once by the C compiler and
             kept in the user's cache: always, never, or (None) where building takes only seconds or is done.
-        max_iterations: of IPOPT, for one guess on one mesh; 250 at most on meshes beyond three joints, where a motion
-            that keeps the equations is then taken all the same, and said not to have converged.
+        max_iterations: of IPOPT, for one guess on one mesh; fewer on fine meshes of larger arms, where a motion that
+            keeps the equations is then taken all the same, and said not to have converged.
         tolerance: of IPOPT, on the scaled problem.
         time_limit: wall time for the whole solve [s].
         workers: processes of search and refinement; None: one per core. They make no difference to the answer.
