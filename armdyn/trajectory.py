@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.errors import TrajectoryError
-from armdyn.files import write_whole
+from armdyn.errors import FileError, TrajectoryError
+from armdyn.files import read_bounded, write_whole
 
 Array = NDArray[np.float64]
 
@@ -23,6 +23,9 @@ _TEXTS = ("format", "units", "name", "model_hash")
 
 MAX_BYTES = 256 * 2**20
 """A trajectory whose arrays are larger is neither saved nor loaded [bytes]: 1.5 million samples of seven joints."""
+
+_HEADS = 2**20
+"""That its file may have beside the arrays [bytes]."""
 
 
 class Sample(NamedTuple):
@@ -65,7 +68,7 @@ class Trajectory:
     def __post_init__(self) -> None:
         for field in _ARRAYS:
             try:
-                array = np.array(getattr(self, field)).astype(float, casting="same_kind")
+                array = np.array(getattr(self, field)).astype(float, casting="same_kind", copy=False)
             except (TypeError, ValueError):
                 raise TrajectoryError(f"{field} is not an array of numbers") from None
             array.setflags(write=False)
@@ -130,6 +133,7 @@ class Trajectory:
             The path written, as given.
 
         Raises:
+            DiskFullError: there is no room for it.
             OSError: the folder cannot be written.
             TrajectoryError: it is larger than `MAX_BYTES`.
         """
@@ -153,16 +157,16 @@ class Trajectory:
         """Read what `save` wrote, also with earlier versions. Nothing in the file is executed.
 
         Raises:
-            TrajectoryError: the file is missing, is no trajectory, of an unknown version or in other units, or has
-                arrays that do not fit or are larger than `MAX_BYTES`.
+            TrajectoryError: the file is missing, no regular file, no trajectory, of an unknown version or in other
+                units, or has arrays that do not fit or are larger than `MAX_BYTES`.
         """
         try:
-            with zipfile.ZipFile(path) as file:
+            with zipfile.ZipFile(io.BytesIO(read_bounded(path, MAX_BYTES + _HEADS))) as file:
                 return _read(file)
+        except FileError as error:
+            raise TrajectoryError(str(error)) from None
         except TrajectoryError as error:
             raise TrajectoryError(f"{path}: {error}") from None
-        except FileNotFoundError:
-            raise TrajectoryError(f"{path}: no such file") from None
         except Exception as error:  # a damaged file sets off all that zipfile, zlib and numpy can raise
             raise TrajectoryError(f"{path}: not a readable npz trajectory ({error})") from None
 
@@ -180,7 +184,7 @@ def _read(file: zipfile.ZipFile) -> Trajectory:
     optional = () if new else ("model_hash.npy", "units.npy")
     if len(found) != len(set(found)) or not {*known} - {*optional} <= {*found} <= {*known}:
         raise TrajectoryError(f"not a readable npz trajectory: it holds {', '.join(map(repr, found[:12]))}")
-    if sum(file.getinfo(name).file_size for name in found) > MAX_BYTES + 2**20:
+    if sum(file.getinfo(name).file_size for name in found) > MAX_BYTES + _HEADS:
         raise TrajectoryError(f"larger than {MAX_BYTES} bytes")
     if new and (units := str(_member(file, "units", text=True))) != _UNITS:
         raise TrajectoryError(f"in units {units[:200]!r}; armdyn writes {_UNITS!r}")

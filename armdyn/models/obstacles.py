@@ -1,17 +1,16 @@
 """Obstacles: spheres, capsules and boxes that stand in the world."""
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.errors import ProblemError
+from armdyn.errors import FileError, ProblemError
+from armdyn.files import read_json
 
 Array = NDArray[np.float64]
 Point = tuple[float, float, float]
@@ -181,7 +180,7 @@ def obstacle_from(entry: Mapping[str, Any], where: str) -> Obstacle:
         ProblemError: an unknown type, or a number that is missing, superfluous or wrong.
     """
     kind = entry.get("type") if isinstance(entry, Mapping) else None
-    if kind not in _KEYS:
+    if not isinstance(kind, str) or kind not in _KEYS:
         raise ProblemError(f'{where}: "type" is {kind!r}; it must be one of {", ".join(_KEYS)}')
     needed, allowed = _KEYS[kind]
     given = set(entry) - {"type"}
@@ -208,17 +207,10 @@ def load_obstacles(path: str | os.PathLike[str]) -> tuple[Obstacle, ...]:
     Raises:
         ProblemError: the file cannot be read, or says something else.
     """
-    path = Path(path)
     try:
-        if path.stat().st_size > _MAX_FILE:
-            raise ProblemError(f"{path}: larger than {_MAX_FILE} bytes")
-        entries = json.loads(path.read_text("utf-8"))
-    except FileNotFoundError:
-        raise ProblemError(f"no file {str(path)!r} of obstacles") from None
-    except (OSError, UnicodeDecodeError, ValueError, RecursionError) as error:
-        if isinstance(error, ProblemError):
-            raise
-        raise ProblemError(f"{path}: cannot be read as JSON ({error})") from None
+        entries = read_json(path, _MAX_FILE)
+    except FileError as error:
+        raise ProblemError(f"no file of obstacles: {error}") from None
     if not isinstance(entries, Sequence) or isinstance(entries, str) or not entries:
         raise ProblemError(f"{path}: must be a list of obstacles, each an object with a type")
     return tuple(obstacle_from(entry, f"{path}, obstacle {i}") for i, entry in enumerate(entries, start=1))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from armdyn.control.arrival import ArrivalRule
 from armdyn.errors import ProblemError
+from armdyn.files import probe_folder
 from armdyn.models.spec import PAPER_PAYLOADS
 from armdyn.optimal import Status
 from armdyn.processes import as_they_end
@@ -145,13 +146,17 @@ def reproduce(folder: Path, plan: Plan, done: Callable[[Outcome, int, int], None
 
     Raises:
         KeyboardInterrupt: Ctrl-C; finished cases are on disk, and what was running is not.
-        OSError: the folder cannot be written.
+        FileError: the folder, or one in it, cannot be written; nothing is solved then.
+        DiskFullError: there is no room for a file.
+        OSError: a file cannot be written.
     """
     # Not before something is to be drawn, but once for all processes that are forked from this one.
     from armdyn.studies.paper.page.page import write_page
 
-    folder.mkdir(parents=True, exist_ok=True)
     cases = plan.cases()
+    for name in ("cases", "tables", "figures", *{case.paper_example.folder for case in cases}):
+        probe_folder(folder / name)
+    probe_folder(folder, "index.html").mkdir(parents=True, exist_ok=True)
     found = _outcomes(folder, plan, cases, done)
     outcomes = tuple(found[case] for case in cases)
     rows = tuple(row for row in all_rows(outcomes, plan.payloads or PAPER_PAYLOADS) if plan.wants(row.table))
