@@ -76,6 +76,10 @@ class FileError(ArmdynError, OSError):
         self.why = why
         super().__init__(f"{path}: {why}")
 
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        """What makes it again in another process."""
+        return type(self), (self.path, self.why)
+
 
 class DiskFullError(ArmdynError, OSError):
     """There is no room for a file. What was written before it is whole.
@@ -87,6 +91,10 @@ class DiskFullError(ArmdynError, OSError):
     def __init__(self, path: str | os.PathLike[str]):
         self.path = path
         super().__init__(f"disk full while writing {path}; what was written before is whole")
+
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        """What makes it again in another process."""
+        return type(self), (self.path,)
 
 
 class BridgeError(ArmdynError, RuntimeError):
