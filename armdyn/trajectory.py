@@ -27,6 +27,9 @@ MAX_BYTES = 256 * 2**20
 _HEADS = 2**20
 """That its file may have beside the arrays [bytes]."""
 
+_LONGEST = 500
+"""Characters of a message about a file: numpy quotes what it finds there."""
+
 
 class Sample(NamedTuple):
     """The state and the torque at some times."""
@@ -166,9 +169,9 @@ class Trajectory:
         except FileError as error:
             raise TrajectoryError(str(error)) from None
         except TrajectoryError as error:
-            raise TrajectoryError(f"{path}: {error}") from None
+            raise TrajectoryError(f"{path}: {str(error)[:_LONGEST]}") from None
         except Exception as error:  # a damaged file sets off all that zipfile, zlib and numpy can raise
-            raise TrajectoryError(f"{path}: not a readable npz trajectory ({error})") from None
+            raise TrajectoryError(f"{path}: not a readable npz trajectory ({str(error)[:_LONGEST]})") from None
 
 
 def _read(file: zipfile.ZipFile) -> Trajectory:
@@ -216,4 +219,6 @@ def _member(file: zipfile.ZipFile, name: str, text: bool = False) -> NDArray[np.
     with file.open(info) as stream:
         array: NDArray[np.generic] = np.lib.format.read_array(stream, allow_pickle=False)
         stream.read()  # zipfile checks the checksum at the member's end
+    if text:
+        "".join(map(str, array.flat)).encode()  # half a surrogate pair could not be shown or written
     return array

@@ -57,6 +57,7 @@ def _ends(files: Iterator[tuple[str, bytes]], load: Callable[[Path, str], str]) 
 
 def _load_trajectory(path: Path, _: str) -> str:
     motion = Trajectory.load(path)
+    f"{motion.name}{motion.model_hash}{''.join(motion.joint_names)}".encode()
     finite = all(np.all(np.isfinite(getattr(motion, name))) for name in ARRAYS)
     return "read" if finite and motion.duration > 0 else "BAD: read, not finite"
 
@@ -204,6 +205,8 @@ def _other_array(data: bytes, rng: random.Random) -> bytes:
             return _npy(
                 rng.choice((array, array[::-1], array * 10.0 ** rng.uniform(-300, 300), array[: rng.randrange(3)]))
             )
+    if array.dtype.kind == "U" and rng.random() < 0.3:
+        return _npy(np.full(array.shape, rng.choice(["\ud800", "\0", "x" * 100_000, "<script>", "Ω"])))
     types = ["f2", "f4", ">f8", "g", "c16", "i8", "u1", "?", "S3", "U3", "M8[s]", "m8[s]", "O", "V5", [("a", "f8")]]
     shapes = [(), (0,), (1,), (2,), (0, 0), (array.size,), (2, 1), (1, 2), (2, 2, 2), (1,) * 20]
     return _npy(np.zeros(rng.choice(shapes), rng.choice(types)))
