@@ -179,6 +179,8 @@ def _read(file: zipfile.ZipFile) -> Trajectory:
     found = file.namelist()
     if "format.npy" not in found:
         raise TrajectoryError(f"not a trajectory of format {_FORMAT}")
+    if sum(info.file_size for info in file.infolist()) > MAX_BYTES + _HEADS:
+        raise TrajectoryError(f"larger than {MAX_BYTES} bytes")
     form = str(_member(file, "format", text=True))
     if form not in (_FORMAT, _OLD_FORMAT):
         raise TrajectoryError(f"not a trajectory of format {_FORMAT} but {form[:80]!r}; a newer armdyn may read it")
@@ -187,13 +189,13 @@ def _read(file: zipfile.ZipFile) -> Trajectory:
     optional = () if new else ("model_hash.npy", "units.npy")
     if len(found) != len(set(found)) or not {*known} - {*optional} <= {*found} <= {*known}:
         raise TrajectoryError(f"not a readable npz trajectory: it holds {', '.join(map(repr, found[:12]))}")
-    if sum(file.getinfo(name).file_size for name in found) > MAX_BYTES + _HEADS:
-        raise TrajectoryError(f"larger than {MAX_BYTES} bytes")
     if new and (units := str(_member(file, "units", text=True))) != _UNITS:
         raise TrajectoryError(f"in units {units[:200]!r}; armdyn writes {_UNITS!r}")
     names = _member(file, "joint_names", text=True)
     if names.ndim != 1:
         raise TrajectoryError(f"joint_names has shape {names.shape}; expected (joints,)")
+    if sum(_count(file, field) for field in _ARRAYS) * np.dtype(float).itemsize > MAX_BYTES:  # bytes become floats
+        raise TrajectoryError(f"larger than {MAX_BYTES} bytes")
     return Trajectory(
         **{field: _member(file, field) for field in _ARRAYS},  # type: ignore[arg-type]  # refuses what is no number
         joint_names=tuple(map(str, names)),
@@ -202,21 +204,31 @@ def _read(file: zipfile.ZipFile) -> Trajectory:
     )
 
 
-def _member(file: zipfile.ZipFile, name: str, text: bool = False) -> NDArray[np.generic]:
-    """One array of an npz file: numbers or text, no larger than the file says that it is."""
+def _count(file: zipfile.ZipFile, name: str, text: bool = False) -> int:
+    """How many numbers or texts an array has, which are no more than fit into what the file says that it has."""
     info = file.getinfo(f"{name}.npy")
+    if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):  # others may ask for gigabytes
+        raise TrajectoryError(f"not a readable npz trajectory: {name} is compressed by another method than deflate")
     with file.open(info) as stream:
         version = np.lib.format.read_magic(stream)
         read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         shape, _, dtype = read(stream)
-        count = int(np.prod(shape, dtype=object)) if shape else 1
-        if count * dtype.itemsize > info.file_size:  # numpy would make room for it before it reads
-            raise TrajectoryError(f"not a readable npz trajectory: {name} of shape {shape} is cut off")
-        if dtype.kind != ("U" if text else dtype.kind) or dtype.hasobject:
-            raise TrajectoryError(f"not a readable npz trajectory: {name} is of type {dtype}")
+    count = int(np.prod(shape, dtype=object)) if shape else 1
+    if count * max(dtype.itemsize, 1) > info.file_size:  # numpy would make room for it before it reads
+        raise TrajectoryError(f"not a readable npz trajectory: {name} of shape {shape} is cut off")
+    if dtype.kind != ("U" if text else dtype.kind) or dtype.hasobject:
+        raise TrajectoryError(f"not a readable npz trajectory: {name} is of type {dtype}")
+    if text and info.file_size > _HEADS:
+        raise TrajectoryError(f"not a readable npz trajectory: {name} is larger than {_HEADS} bytes")
     if text and name != "joint_names" and shape != ():
         raise TrajectoryError(f"not a readable npz trajectory: {name} has shape {shape}")
-    with file.open(info) as stream:
+    return count
+
+
+def _member(file: zipfile.ZipFile, name: str, text: bool = False) -> NDArray[np.generic]:
+    """One array of an npz file: numbers or text, no larger than the file says that it is."""
+    _count(file, name, text)
+    with file.open(f"{name}.npy") as stream:
         array: NDArray[np.generic] = np.lib.format.read_array(stream, allow_pickle=False)
         stream.read()  # zipfile checks the checksum at the member's end
     if text:

@@ -183,7 +183,7 @@ def _members() -> dict[str, bytes]:
 
 def _zipped(members: dict[str, bytes], rng: random.Random) -> bytes:
     content = io.BytesIO()
-    how = rng.choice([zipfile.ZIP_DEFLATED, zipfile.ZIP_STORED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+    how = rng.choice([*[zipfile.ZIP_DEFLATED, zipfile.ZIP_STORED] * 5, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
     with zipfile.ZipFile(content, "w", how) as file:
         for name, data in members.items():
             file.writestr(name, data)

@@ -338,6 +338,43 @@ def test_zip_bomb_is_refused_unread(tmp_path):
     assert peak < 10 * 2**20  # the lists of the file and no array
 
 
+@pytest.mark.parametrize(
+    ("name", "descr", "shape", "words"),
+    [
+        ("joint_names", "<U1", (2**25,), "joint_names is larger than"),  # each a string of 50 bytes
+        ("joint_names", "<U0", (10**12,), "is cut off"),
+        ("format", f"<U{2**25}", (), "format is larger than"),
+        ("q", "|u1", (2**26, 1), "larger than"),  # eight times as large as floats
+    ],
+)
+def test_small_files_that_grow_in_memory_are_refused(tmp_path, name, descr, shape, words):
+    path = tmp_path / "grows.npz"
+    write(path, **{name: None})
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(header, {"descr": descr, "fortran_order": False, "shape": shape})
+    with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as file, file.open(f"{name}.npy", "w") as stream:
+        stream.write(header.getvalue())
+        for _ in range(int(np.dtype(descr).itemsize * np.prod(shape, dtype=object)) // 2**20):
+            stream.write(bytes(2**20))
+    tracemalloc.start()
+    with pytest.raises(TrajectoryError, match=words):
+        Trajectory.load(path)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 10 * 2**20
+
+
+def test_other_compression_is_refused(motion, tmp_path):
+    path = motion.save(tmp_path / "motion.npz")
+    with zipfile.ZipFile(path) as file:
+        members = {name: file.read(name) for name in file.namelist()}
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_LZMA) as file:  # whose head may ask for 4 GiB
+        for name, data in members.items():
+            file.writestr(name, data)
+    with pytest.raises(TrajectoryError, match="another method than deflate"):
+        Trajectory.load(path)
+
+
 @pytest.mark.parametrize("shape", [(10**12, 2), (2**62, 2**62), (4, 3)])
 def test_array_that_promises_more_than_the_file_holds(tmp_path, shape):
     path = tmp_path / "promise.npz"
