@@ -92,6 +92,8 @@ def answering(as_json: bool) -> Iterator[Answer]:
             answer.code = BAD_INPUT
         except OSError as error:
             full, message = is_full(error), f"{error.strerror}: {error.filename}"
+            if full:
+                message = str(DiskFullError(error.filename or "standard output"))
             answer.facts |= {"success": False, "status": "disk_full" if full else "bad_input", "message": message}
             answer.code = DISK_FULL if full else BAD_INPUT
         except typer.Exit:
