@@ -5,6 +5,7 @@ import json
 import random
 import re
 import tempfile
+import warnings
 import zipfile
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -39,7 +40,8 @@ def fuzz_json(count: int, seed: int) -> Counter[str]:
 
 def _ends(files: Iterator[tuple[str, bytes]], load: Callable[[Path, str], str]) -> Counter[str]:
     ends: Counter[str] = Counter()
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)  # numpy's, of a number that is none
         for name, data in files:
             path = Path(folder) / name
             path.write_bytes(data)
@@ -47,8 +49,8 @@ def _ends(files: Iterator[tuple[str, bytes]], load: Callable[[Path, str], str]) 
                 end = load(path, name)
             except ArmdynError as error:
                 words = str(error).split(f"{path}", 1)[-1].split(", obstacle ", 1)[-1]
-                words = re.split(r" is |['\"(\[{]", re.sub(r"^\d+: ", "", words))[0]
-                end = f"{type(error).__name__}{words[:60]}" if len(str(error)) < 2000 else "BAD: an endless message"
+                words = re.split(r"(?<=in units) | is |['\"(\[{]", re.sub(r"^\d+: ", "", words))[0][:60].strip(": ")
+                end = f"{type(error).__name__}: {words}" if len(str(error)) < 2000 else "BAD: an endless message"
             except Exception as error:
                 end = f"BAD: {type(error).__name__}: {str(error)[:80]}"
             ends[end] += 1

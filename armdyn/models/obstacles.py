@@ -162,11 +162,13 @@ def pose_of(position: ArrayLike, quaternion: ArrayLike | None, rpy: ArrayLike | 
             q = np.asarray(quaternion, dtype=float)
         except (TypeError, ValueError):
             q = np.empty(0)
-        if q.shape != (4,) or not np.all(np.isfinite(q)) or not np.linalg.norm(q) > 1e-9:
+        with np.errstate(over="ignore"):
+            length = np.linalg.norm(q)
+        if q.shape != (4,) or not 1e-9 < length < np.inf:
             raise ProblemError(
                 f"quaternion of {what} is {brief(quaternion)}; it must be four numbers x, y, z, w, not all 0"
             )
-        pose[:3, :3] = pin.Quaternion(*np.roll(q / np.linalg.norm(q), 1)).toRotationMatrix()
+        pose[:3, :3] = pin.Quaternion(*np.roll(q / length, 1)).toRotationMatrix()
     return pose
 
 

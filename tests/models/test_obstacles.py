@@ -70,6 +70,10 @@ def test_json(tmp_path):
         ('[{"type": "sphere", "center": [0, 0, 0], "radius": 1, "colour": 2}]', "colour"),
         ("[" * 100_000, "JSON"),
         ('[{"type": []}]', "type"),
+        (
+            '[{"type": "box", "size": [1, 1, 1], "position": [0, 0, 0], "quaternion": [1e308, 0, 0, 1e308]}]',
+            "four numbers",
+        ),
         ('[{"type": "sphere", "center": [0, 0, 1e400], "radius": 1}]', "not JSON"),
         ('[{"type": "sphere", "center": [0, 0, 0], "radius": ' + "9" * 400 + "}]", "not JSON"),
         ('[{"type": "sphere", "center": [0, 0, 0], "radius": 1, "name": "\\ud800"}]', "not JSON"),
