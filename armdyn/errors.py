@@ -3,6 +3,7 @@
 Bad input raises. A solve that does not converge is no bad input: it returns a `Solution` that says so.
 """
 
+import os
 from collections.abc import Sequence
 
 
@@ -60,6 +61,40 @@ class TrajectoryError(ArmdynError, ValueError):
 
 class ResultError(ArmdynError, ValueError):
     """A result file cannot be read, or is of a version or in units that are not known."""
+
+
+class FileError(ArmdynError, OSError):
+    """A file cannot be read, or a folder not be written to.
+
+    Attributes:
+        path: which one.
+        why: what is wrong with it.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], why: str):
+        self.path = path
+        self.why = why
+        super().__init__(f"{path}: {why}")
+
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        """What makes it again in another process."""
+        return type(self), (self.path, self.why)
+
+
+class DiskFullError(ArmdynError, OSError):
+    """There is no room for a file. What was written before it is whole.
+
+    Attributes:
+        path: the file, or the folder for it.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]):
+        self.path = path
+        super().__init__(f"disk full while writing {path}; what was written before is whole")
+
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        """What makes it again in another process."""
+        return type(self), (self.path,)
 
 
 class BridgeError(ArmdynError, RuntimeError):

@@ -1,8 +1,110 @@
-"""Files that are whole or not there."""
+"""Files that are read within bounds, and written whole or not at all."""
 
+import errno
+import io
+import json
 import os
+import stat
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import NoReturn
+
+from armdyn.errors import DiskFullError, FileError
+
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+_PIECE = 2**20
+_KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a named pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
+
+
+def is_full(error: OSError) -> bool:
+    """Whether an error says that a disk, or the user's share of it, is full."""
+    return error.errno in _FULL
+
+
+def read_bounded(path: str | os.PathLike[str], most: int) -> bytes:
+    """The bytes of a regular file; a pipe is not waited for, and a device not even opened.
+
+    Args:
+        path: the file, or a link to it.
+        most: bytes that it may have.
+
+    Raises:
+        FileError: it is missing, no regular file, larger, or cannot be read.
+    """
+    try:
+        _refuse_irregular(path, Path(path).stat())
+        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY)
+        try:
+            found = os.fstat(handle)
+            _refuse_irregular(path, found)  # it may have become another one since
+            if found.st_size > most:
+                raise FileError(path, f"larger than {most} bytes")
+            return _read(handle, path, most)
+        finally:
+            os.close(handle)
+    except FileError:
+        raise
+    except FileNotFoundError:
+        raise FileError(path, "no such file") from None
+    except (OSError, TypeError, ValueError) as error:
+        told = error.strerror if isinstance(error, OSError) else error
+        raise FileError(path, f"cannot be read ({told})") from None
+
+
+def _refuse_irregular(path: str | os.PathLike[str], found: os.stat_result) -> None:
+    if not stat.S_ISREG(found.st_mode):
+        kind = _KINDS.get(stat.S_IFMT(found.st_mode), "no file")
+        raise FileError(path, f"cannot be read (it is {kind}; give the path of a regular file)")
+
+
+def _read(handle: int, path: str | os.PathLike[str], most: int) -> bytes:
+    content = io.BytesIO()  # whose value is no copy
+    while piece := os.read(handle, _PIECE):
+        content.write(piece)
+        if content.tell() > most:  # it grows, or lies in a file system that tells no sizes
+            raise FileError(path, f"larger than {most} bytes")
+    return content.getvalue()
+
+
+def read_json(path: str | os.PathLike[str], most: int) -> object:
+    """What a JSON file says. Its numbers are finite and fit a float; its texts can be written again.
+
+    Args:
+        path: the file.
+        most: bytes that it may have.
+
+    Raises:
+        FileError: as of `read_bounded`, or it is no such JSON.
+    """
+    data = read_bounded(path, most)
+    try:
+        content: object = json.loads(data, parse_constant=_refuse, parse_float=_finite, parse_int=_whole)
+        json.dumps(content, ensure_ascii=False).encode()  # half a surrogate pair cannot be shown or saved
+    except (ValueError, RecursionError, MemoryError) as error:
+        raise FileError(path, f"not JSON ({error})") from None
+    return content
+
+
+def _refuse(constant: str) -> NoReturn:
+    raise ValueError(f"{constant[:80]} is not finite")
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    return number if abs(number) < float("inf") else _refuse(text)
+
+
+def _whole(text: str) -> int:
+    _finite(text)
+    return int(text)
 
 
 def write_whole(path: str | os.PathLike[str], data: bytes) -> Path:
@@ -12,18 +114,69 @@ def write_whole(path: str | os.PathLike[str], data: bytes) -> Path:
         The path written, as given.
 
     Raises:
+        DiskFullError: there is no room for it.
         OSError: the folder cannot be written.
     """
     path = Path(path)
-    handle, scratch = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())  # or a crash may leave the new name on an empty file
-        Path(scratch).chmod(0o644)
-        Path(scratch).replace(path)
-    except BaseException:
-        Path(scratch).unlink(missing_ok=True)
-        raise
+    with _telling_full(path):
+        handle, scratch = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())  # or a crash may leave the new name on an empty file
+            Path(scratch).chmod(0o644)
+            Path(scratch).replace(path)
+        except BaseException:
+            Path(scratch).unlink(missing_ok=True)
+            raise
     return path
+
+
+def probe_folder(folder: str | os.PathLike[str], *names: str) -> Path:
+    """Find out, before hours of work, whether results can be written to a folder. It leaves nothing behind.
+
+    Args:
+        folder: which there may not be yet.
+        names: of the files that are to be written there.
+
+    Returns:
+        The folder.
+
+    Raises:
+        DiskFullError: there is no room for a single byte.
+        FileError: it is no folder and cannot become one, it cannot be written, or has a folder of such a name.
+    """
+    folder = Path(folder)
+    made = [one for one in (folder, *folder.parents) if not os.path.lexists(one)]
+    try:
+        with _telling_full(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.NamedTemporaryFile(dir=folder, prefix=".probe.", buffering=0) as file:
+                file.write(b"?")
+        for name in names:
+            if (folder / name).is_dir():
+                raise FileError(folder / name, "cannot be written (it is a folder; results need that name for a file)")
+    except (FileError, DiskFullError):
+        raise
+    except (FileExistsError, NotADirectoryError):
+        raise FileError(folder, "cannot be written to (a file is in the way; give a folder)") from None
+    except (OSError, ValueError) as error:
+        told = error.strerror if isinstance(error, OSError) else error
+        raise FileError(folder, f"cannot be written to ({told}); give a folder that can") from None
+    finally:
+        for one in made:
+            with suppress(OSError, ValueError):
+                one.rmdir()
+    return folder
+
+
+@contextmanager
+def _telling_full(path: Path) -> Iterator[None]:
+    """Turns an error that says that the disk is full into one that says which file it was for."""
+    try:
+        yield
+    except OSError as error:
+        if is_full(error):
+            raise DiskFullError(path) from error
+        raise

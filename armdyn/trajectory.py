@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.errors import TrajectoryError
-from armdyn.files import write_whole
+from armdyn.errors import FileError, TrajectoryError
+from armdyn.files import read_bounded, write_whole
 
 Array = NDArray[np.float64]
 
@@ -23,6 +23,12 @@ _TEXTS = ("format", "units", "name", "model_hash")
 
 MAX_BYTES = 256 * 2**20
 """A trajectory whose arrays are larger is neither saved nor loaded [bytes]: 1.5 million samples of seven joints."""
+
+_HEADS = 2**20
+"""That its file may have beside the arrays [bytes]."""
+
+_LONGEST = 500
+"""Characters of a message about a file: numpy quotes what it finds there."""
 
 
 class Sample(NamedTuple):
@@ -65,7 +71,7 @@ class Trajectory:
     def __post_init__(self) -> None:
         for field in _ARRAYS:
             try:
-                array = np.array(getattr(self, field)).astype(float, casting="same_kind")
+                array = np.array(getattr(self, field)).astype(float, casting="same_kind", copy=False)
             except (TypeError, ValueError):
                 raise TrajectoryError(f"{field} is not an array of numbers") from None
             array.setflags(write=False)
@@ -130,6 +136,7 @@ class Trajectory:
             The path written, as given.
 
         Raises:
+            DiskFullError: there is no room for it.
             OSError: the folder cannot be written.
             TrajectoryError: it is larger than `MAX_BYTES`.
         """
@@ -153,18 +160,18 @@ class Trajectory:
         """Read what `save` wrote, also with earlier versions. Nothing in the file is executed.
 
         Raises:
-            TrajectoryError: the file is missing, is no trajectory, of an unknown version or in other units, or has
-                arrays that do not fit or are larger than `MAX_BYTES`.
+            TrajectoryError: the file is missing, no regular file, no trajectory, of an unknown version or in other
+                units, or has arrays that do not fit or are larger than `MAX_BYTES`.
         """
         try:
-            with zipfile.ZipFile(path) as file:
+            with zipfile.ZipFile(io.BytesIO(read_bounded(path, MAX_BYTES + _HEADS))) as file:
                 return _read(file)
+        except FileError as error:
+            raise TrajectoryError(str(error)) from None
         except TrajectoryError as error:
-            raise TrajectoryError(f"{path}: {error}") from None
-        except FileNotFoundError:
-            raise TrajectoryError(f"{path}: no such file") from None
+            raise TrajectoryError(f"{path}: {str(error)[:_LONGEST]}") from None
         except Exception as error:  # a damaged file sets off all that zipfile, zlib and numpy can raise
-            raise TrajectoryError(f"{path}: not a readable npz trajectory ({error})") from None
+            raise TrajectoryError(f"{path}: not a readable npz trajectory ({str(error)[:_LONGEST]})") from None
 
 
 def _read(file: zipfile.ZipFile) -> Trajectory:
@@ -172,6 +179,8 @@ def _read(file: zipfile.ZipFile) -> Trajectory:
     found = file.namelist()
     if "format.npy" not in found:
         raise TrajectoryError(f"not a trajectory of format {_FORMAT}")
+    if sum(info.file_size for info in file.infolist()) > MAX_BYTES + _HEADS:
+        raise TrajectoryError(f"larger than {MAX_BYTES} bytes")
     form = str(_member(file, "format", text=True))
     if form not in (_FORMAT, _OLD_FORMAT):
         raise TrajectoryError(f"not a trajectory of format {_FORMAT} but {form[:80]!r}; a newer armdyn may read it")
@@ -180,13 +189,13 @@ def _read(file: zipfile.ZipFile) -> Trajectory:
     optional = () if new else ("model_hash.npy", "units.npy")
     if len(found) != len(set(found)) or not {*known} - {*optional} <= {*found} <= {*known}:
         raise TrajectoryError(f"not a readable npz trajectory: it holds {', '.join(map(repr, found[:12]))}")
-    if sum(file.getinfo(name).file_size for name in found) > MAX_BYTES + 2**20:
-        raise TrajectoryError(f"larger than {MAX_BYTES} bytes")
     if new and (units := str(_member(file, "units", text=True))) != _UNITS:
         raise TrajectoryError(f"in units {units[:200]!r}; armdyn writes {_UNITS!r}")
     names = _member(file, "joint_names", text=True)
     if names.ndim != 1:
         raise TrajectoryError(f"joint_names has shape {names.shape}; expected (joints,)")
+    if sum(_count(file, field) for field in _ARRAYS) * np.dtype(float).itemsize > MAX_BYTES:  # bytes become floats
+        raise TrajectoryError(f"larger than {MAX_BYTES} bytes")
     return Trajectory(
         **{field: _member(file, field) for field in _ARRAYS},  # type: ignore[arg-type]  # refuses what is no number
         joint_names=tuple(map(str, names)),
@@ -195,21 +204,33 @@ def _read(file: zipfile.ZipFile) -> Trajectory:
     )
 
 
-def _member(file: zipfile.ZipFile, name: str, text: bool = False) -> NDArray[np.generic]:
-    """One array of an npz file: numbers or text, no larger than the file says that it is."""
+def _count(file: zipfile.ZipFile, name: str, text: bool = False) -> int:
+    """How many numbers or texts an array has, which are no more than fit into what the file says that it has."""
     info = file.getinfo(f"{name}.npy")
+    if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):  # others may ask for gigabytes
+        raise TrajectoryError(f"not a readable npz trajectory: {name} is compressed by another method than deflate")
     with file.open(info) as stream:
         version = np.lib.format.read_magic(stream)
         read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         shape, _, dtype = read(stream)
-        count = int(np.prod(shape, dtype=object)) if shape else 1
-        if count * dtype.itemsize > info.file_size:  # numpy would make room for it before it reads
-            raise TrajectoryError(f"not a readable npz trajectory: {name} of shape {shape} is cut off")
-        if dtype.kind != ("U" if text else dtype.kind) or dtype.hasobject:
-            raise TrajectoryError(f"not a readable npz trajectory: {name} is of type {dtype}")
+    count = int(np.prod(shape, dtype=object)) if shape else 1
+    if count * max(dtype.itemsize, 1) > info.file_size:  # numpy would make room for it before it reads
+        raise TrajectoryError(f"not a readable npz trajectory: {name} of shape {shape} is cut off")
+    if dtype.kind != ("U" if text else dtype.kind) or dtype.hasobject:
+        raise TrajectoryError(f"not a readable npz trajectory: {name} is of type {dtype}")
+    if text and info.file_size > _HEADS:
+        raise TrajectoryError(f"not a readable npz trajectory: {name} is larger than {_HEADS} bytes")
     if text and name != "joint_names" and shape != ():
         raise TrajectoryError(f"not a readable npz trajectory: {name} has shape {shape}")
-    with file.open(info) as stream:
+    return count
+
+
+def _member(file: zipfile.ZipFile, name: str, text: bool = False) -> NDArray[np.generic]:
+    """One array of an npz file: numbers or text, no larger than the file says that it is."""
+    _count(file, name, text)
+    with file.open(f"{name}.npy") as stream:
         array: NDArray[np.generic] = np.lib.format.read_array(stream, allow_pickle=False)
         stream.read()  # zipfile checks the checksum at the member's end
+    if text:
+        "".join(map(str, array.flat)).encode()  # half a surrogate pair could not be shown or written
     return array

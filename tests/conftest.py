@@ -1,5 +1,7 @@
 """What all tests share: how hypothesis searches, which tests come first, URDFs given as text."""
 
+import subprocess
+
 import pytest
 from hypothesis import settings
 
@@ -36,3 +38,15 @@ def read(file):
         return Robot.from_urdf(file(text), **options)
 
     return from_text
+
+
+@pytest.fixture
+def tiny_disk(tmp_path):
+    """A file system of 64 KiB, for whoever may mount one."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(disk)]
+    if subprocess.run(mount, capture_output=True).returncode:
+        pytest.skip("no file system can be mounted")
+    yield disk
+    subprocess.run(["umount", str(disk)], check=True)

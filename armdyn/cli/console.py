@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from armdyn.errors import ArmdynError, ArmdynWarning
+from armdyn.errors import ArmdynError, ArmdynWarning, DiskFullError
+from armdyn.files import is_full
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-DONE, INTERNAL, BAD_INPUT, NOT_CERTIFIED, INTERRUPTED = 0, 1, 2, 3, 130
+DONE, INTERNAL, BAD_INPUT, NOT_CERTIFIED, DISK_FULL, INTERRUPTED = 0, 1, 2, 3, 5, 130
 """Exit codes."""
 
 
@@ -83,12 +84,18 @@ def answering(as_json: bool) -> Iterator[Answer]:
         warnings.simplefilter("always", ArmdynWarning)
         try:
             yield answer
+        except DiskFullError as error:
+            answer.facts |= {"success": False, "status": "disk_full", "message": str(error)}
+            answer.code = DISK_FULL
         except ArmdynError as error:
             answer.facts |= {"success": False, "status": "bad_input", "message": str(error)}
             answer.code = BAD_INPUT
         except OSError as error:
-            answer.facts |= {"success": False, "status": "bad_input", "message": f"{error.strerror}: {error.filename}"}
-            answer.code = BAD_INPUT
+            full, message = is_full(error), f"{error.strerror}: {error.filename}"
+            if full:
+                message = str(DiskFullError(error.filename or "standard output"))
+            answer.facts |= {"success": False, "status": "disk_full" if full else "bad_input", "message": message}
+            answer.code = DISK_FULL if full else BAD_INPUT
         except typer.Exit:
             raise
         except Exception as error:
@@ -110,7 +117,7 @@ def answering(as_json: bool) -> Iterator[Answer]:
     if as_json:
         answer.facts["warnings"] = messages
         sys.stdout.write(json.dumps(answer.facts, allow_nan=False) + "\n")
-    if answer.code in (INTERNAL, BAD_INPUT, INTERRUPTED) and "message" in answer.facts and not as_json:
+    if answer.code in (INTERNAL, BAD_INPUT, DISK_FULL, INTERRUPTED) and "message" in answer.facts and not as_json:
         errors.print(f"[bold red]armdyn:[/] {escape(str(answer.facts['message']))}")
     raise typer.Exit(answer.code)
 

@@ -23,7 +23,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
     help="Time-optimal and closed-loop motion of robot arms, from a URDF.",
-    epilog="Exit codes: 0 done, 2 bad usage or input, 3 not converged or not landed, 130 interrupted.",
+    epilog="Exit codes: 0 done, 2 bad usage or input, 3 not converged or not landed, 5 disk full, 130 interrupted.",
 )
 for command in (mintime, pid, reproduce, sweep, replay, urdf, robots, doctor):
     app.command()(with_options(command))

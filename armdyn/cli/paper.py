@@ -13,7 +13,7 @@ from armdyn.cli.options.results import Json
 from armdyn.cli.options.text import numbers
 from armdyn.control.arrival import ARRIVAL_RULES
 from armdyn.control.reading import one_of
-from armdyn.files import write_whole
+from armdyn.files import probe_folder, write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -203,7 +203,7 @@ def urdf(
         text = urdf_from_spec(spec, load)
         answer.facts |= {"success": True, "status": "written", "files": []}
         if out is not None:
-            out.mkdir(parents=True, exist_ok=True)
+            probe_folder(out, urdf_file_name(spec, load)).mkdir(parents=True, exist_ok=True)
             path = write_whole(out / urdf_file_name(spec, load), text.encode())
             answer.facts["files"] = [str(path)]
             if not json:

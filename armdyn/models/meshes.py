@@ -1,5 +1,6 @@
 """What a URDF's `<visual>` and `<collision>` elements refer to: placements, numbers, mesh files."""
 
+import io
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -9,6 +10,9 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
+
+from armdyn.errors import FileError
+from armdyn.files import read_bounded
 
 Array = NDArray[np.float64]
 
@@ -90,15 +94,17 @@ def load_meshes(path: Path, scale: Array) -> Iterator[tuple[Any, Any]]:
     """The triangle meshes of a file, scaled and placed: bare ones and those they come from, with their looks.
 
     Raises:
-        ValueError: the file is too large, of no known format, or has no triangles.
+        ValueError: the file is no regular one, too large, of no known format, or has no triangles.
     """
     import trimesh  # slow to import, and only whoever draws or avoids obstacles needs it
 
     if path.suffix.lower() not in _MESH_FORMATS:
         raise ValueError(f"mesh {path.name!r} is none of {', '.join(_MESH_FORMATS)}")
-    if path.stat().st_size > _MAX_MESH_BYTES:
-        raise ValueError(f"mesh {path.name!r} is larger than {_MAX_MESH_BYTES} bytes")
-    scene = trimesh.load_scene(path)
+    try:
+        content = io.BytesIO(read_bounded(path, _MAX_MESH_BYTES))
+    except FileError as error:
+        raise ValueError(f"mesh {path.name!r}: {error.why}") from None
+    scene = trimesh.load_scene(content, file_type=path.suffix.lower()[1:], resolver=_beside(path))
     empty = True
     for node in scene.graph.nodes_geometry:
         matrix, name = scene.graph[node]
@@ -111,3 +117,19 @@ def load_meshes(path: Path, scale: Array) -> Iterator[tuple[Any, Any]]:
             yield bare, mesh
     if empty:
         raise ValueError(f"mesh {path.name!r} has no triangles")
+
+
+def _beside(path: Path) -> Any:
+    """What trimesh asks for the files that a mesh refers to: those in its folder, read as it is read itself."""
+    from trimesh.resolvers import FilePathResolver
+
+    class Beside(FilePathResolver):
+        def get(self, name: str) -> bytes:
+            folder = Path(os.path.realpath(self.parent))
+            for place in (name.strip().lstrip("/"), Path(name).name):
+                found = Path(os.path.realpath(folder / place))
+                if found.is_relative_to(folder) and found.exists():
+                    return read_bounded(found, _MAX_MESH_BYTES)
+            raise FileNotFoundError(name)
+
+    return Beside(str(path))

@@ -1,31 +1,32 @@
 """Obstacles: spheres, capsules and boxes that stand in the world."""
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
-from pathlib import Path
+from reprlib import repr as brief
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.errors import ProblemError
+from armdyn.errors import FileError, ProblemError
+from armdyn.files import read_json
 
 Array = NDArray[np.float64]
 Point = tuple[float, float, float]
 
 _MAX_FILE = 2**20
+_LONGEST_NAME = 200
 
 
 def _point(value: ArrayLike, what: str) -> Point:
     try:
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
-        raise ProblemError(f"{what} is {value!r}; it must be three numbers") from None
+        raise ProblemError(f"{what} is {brief(value)}; it must be three numbers") from None
     if array.shape != (3,) or not np.all(np.isfinite(array)):
-        raise ProblemError(f"{what} is {value!r}; it must be three finite numbers")
+        raise ProblemError(f"{what} is {brief(value)}; it must be three finite numbers")
     x, y, z = (float(part) for part in array)
     return x, y, z
 
@@ -34,7 +35,7 @@ def _positive(value: float, what: str) -> float:
     try:
         number = float(value)
     except (TypeError, ValueError):
-        raise ProblemError(f"{what} is {value!r}; it must be a number") from None
+        raise ProblemError(f"{what} is {brief(value)}; it must be a number") from None
     if not (np.isfinite(number) and number > 0):
         raise ProblemError(f"{what} is {value} m; it must be positive and finite")
     return number
@@ -161,9 +162,13 @@ def pose_of(position: ArrayLike, quaternion: ArrayLike | None, rpy: ArrayLike | 
             q = np.asarray(quaternion, dtype=float)
         except (TypeError, ValueError):
             q = np.empty(0)
-        if q.shape != (4,) or not np.all(np.isfinite(q)) or not np.linalg.norm(q) > 1e-9:
-            raise ProblemError(f"quaternion of {what} is {quaternion!r}; it must be four numbers x, y, z, w, not all 0")
-        pose[:3, :3] = pin.Quaternion(*np.roll(q / np.linalg.norm(q), 1)).toRotationMatrix()
+        with np.errstate(over="ignore"):
+            length = np.linalg.norm(q)
+        if q.shape != (4,) or not 1e-9 < length < np.inf:
+            raise ProblemError(
+                f"quaternion of {what} is {brief(quaternion)}; it must be four numbers x, y, z, w, not all 0"
+            )
+        pose[:3, :3] = pin.Quaternion(*np.roll(q / length, 1)).toRotationMatrix()
     return pose
 
 
@@ -181,16 +186,18 @@ def obstacle_from(entry: Mapping[str, Any], where: str) -> Obstacle:
         ProblemError: an unknown type, or a number that is missing, superfluous or wrong.
     """
     kind = entry.get("type") if isinstance(entry, Mapping) else None
-    if kind not in _KEYS:
-        raise ProblemError(f'{where}: "type" is {kind!r}; it must be one of {", ".join(_KEYS)}')
+    if not isinstance(kind, str) or kind not in _KEYS:
+        raise ProblemError(f'{where}: "type" is {brief(kind)}; it must be one of {", ".join(_KEYS)}')
     needed, allowed = _KEYS[kind]
     given = set(entry) - {"type"}
     if needed - given or given - needed - allowed:
         raise ProblemError(
             f"{where}: a {kind} has {', '.join(sorted(needed))}, and may have {', '.join(sorted(allowed))}; "
-            f"given: {', '.join(sorted(given)) or 'nothing'}"
+            f"given: {brief(sorted(given)) if given else 'nothing'}"
         )
     name = str(entry.get("name", kind))
+    if len(name) > _LONGEST_NAME:
+        raise ProblemError(f"{where}: its name has {len(name)} characters; it may have {_LONGEST_NAME}")
     try:
         if kind == "sphere":
             return Sphere(entry["center"], entry["radius"], name=name)
@@ -208,17 +215,10 @@ def load_obstacles(path: str | os.PathLike[str]) -> tuple[Obstacle, ...]:
     Raises:
         ProblemError: the file cannot be read, or says something else.
     """
-    path = Path(path)
     try:
-        if path.stat().st_size > _MAX_FILE:
-            raise ProblemError(f"{path}: larger than {_MAX_FILE} bytes")
-        entries = json.loads(path.read_text("utf-8"))
-    except FileNotFoundError:
-        raise ProblemError(f"no file {str(path)!r} of obstacles") from None
-    except (OSError, UnicodeDecodeError, ValueError, RecursionError) as error:
-        if isinstance(error, ProblemError):
-            raise
-        raise ProblemError(f"{path}: cannot be read as JSON ({error})") from None
+        entries = read_json(path, _MAX_FILE)
+    except FileError as error:
+        raise ProblemError(f"no file of obstacles: {error}") from None
     if not isinstance(entries, Sequence) or isinstance(entries, str) or not entries:
         raise ProblemError(f"{path}: must be a list of obstacles, each an object with a type")
     return tuple(obstacle_from(entry, f"{path}, obstacle {i}") for i, entry in enumerate(entries, start=1))

@@ -2,11 +2,11 @@
 
 import os
 import re
-from pathlib import Path
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-from armdyn.errors import UrdfError
+from armdyn.errors import FileError, UrdfError
+from armdyn.files import read_bounded
 
 MAX_BYTES = 32 * 2**20
 """A URDF larger than this is refused [bytes]; the largest known robots stay below 1 MiB."""
@@ -27,20 +27,10 @@ def read_urdf(path: str | os.PathLike[str]) -> str:
     Raises:
         UrdfError: missing, no regular file, unreadable, too large, or not UTF-8.
     """
-    path = Path(path)
     try:
-        if path.exists() and not path.is_file():
-            raise UrdfError(str(path), "cannot be read (no regular file)")  # a pipe would be waited for
-        with path.open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-    except FileNotFoundError:
-        raise UrdfError(str(path), "no such file") from None
-    except (OSError, ValueError) as error:
-        if isinstance(error, UrdfError):
-            raise
-        raise UrdfError(str(path), f"cannot be read ({error})") from None
-    if len(data) > MAX_BYTES:
-        raise UrdfError(str(path), f"larger than {MAX_BYTES} bytes")
+        data = read_bounded(path, MAX_BYTES)
+    except FileError as error:
+        raise UrdfError(str(path), error.why) from None
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

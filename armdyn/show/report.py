@@ -22,6 +22,12 @@ PARTS: tuple[Part, ...] = ("figure", "replay")
 """What is drawn of a motion."""
 
 
+def file_names(parts: Collection[Part] = PARTS) -> list[str]:
+    """The files that `write_run` writes."""
+    drawn = {"figure": ["figure.png", "figure.pdf"], "replay": ["replay.html"]}
+    return ["trajectory.npz", *(name for part in PARTS if part in parts for name in drawn[part]), "result.json"]
+
+
 def write_run(
     folder: Path,
     robot: Robot,

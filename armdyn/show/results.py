@@ -4,10 +4,10 @@ import json
 import os
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
-from armdyn.errors import ResultError
-from armdyn.files import write_whole
+from armdyn.errors import FileError, ResultError
+from armdyn.files import read_json, write_whole
 from armdyn.models.robot import Robot
 
 _FORMAT = "armdyn-result-1"
@@ -17,8 +17,8 @@ _UNITS = {
     "sensitivity to velocity": "s/(rad/s) or s/(m/s)",
 }  # fmt: skip
 
-MAX_BYTES = 64 * 2**20
-"""A result larger than this is not read [bytes]."""
+MAX_BYTES = 8 * 2**20
+"""A result larger than this is not read [bytes]: of hostile JSON each byte may take forty in memory."""
 
 
 def save_result(path: str | os.PathLike[str], robot: Robot, facts: dict[str, object]) -> Path:
@@ -58,20 +58,11 @@ def load_result(path: str | os.PathLike[str]) -> dict[str, Any]:
             model's hash.
     """
     try:
-        with Path(path).open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-    except FileNotFoundError:
-        raise ResultError(f"{path}: no such file") from None
-    except OSError as error:
-        raise ResultError(f"{path}: cannot be read ({error})") from None
-    if len(data) > MAX_BYTES:
-        raise ResultError(f"{path}: larger than {MAX_BYTES} bytes")
-    try:
-        content = json.loads(data, parse_constant=_refuse)
-    except (ValueError, RecursionError) as error:
-        raise ResultError(f"{path}: not JSON ({error})") from None
+        content = read_json(path, MAX_BYTES)
+    except FileError as error:
+        raise ResultError(str(error)) from None
     form = content.get("format") if isinstance(content, dict) else None
-    if form != _FORMAT:
+    if not isinstance(content, dict) or form != _FORMAT:
         raise ResultError(f"{path}: not a result of format {_FORMAT} but {str(form)[:80]!r}")
     if content.get("units") != _UNITS:
         raise ResultError(f"{path}: in units {str(content.get('units'))[:200]}; armdyn writes {_UNITS}")
@@ -80,7 +71,3 @@ def load_result(path: str | os.PathLike[str]) -> dict[str, Any]:
         raise ResultError(f"{path}: does not say of which model it is")
     facts: dict[str, Any] = content
     return facts
-
-
-def _refuse(constant: str) -> NoReturn:
-    raise ValueError(f"{constant} is not finite")

@@ -137,4 +137,14 @@ def write_motion(folder: Path, payload: float, solution: Solution) -> Path:
         solution: with it.
     """
     motion = replace(solution.trajectory, model_hash=solution.problem.robot.model_hash)
-    return motion.save(folder / f"{1e3 * payload:g}g.npz")
+    return motion.save(folder / motion_name(payload))
+
+
+def motion_name(payload: float) -> str:
+    """What the motion with a payload [kg] is called."""
+    return f"{1e3 * payload:g}g.npz"
+
+
+def table_names(*, figure: bool) -> list[str]:
+    """The files that `write_sweep` writes."""
+    return ["sweep.csv", *(["figure.png", "figure.pdf"] if figure else []), "result.json"]

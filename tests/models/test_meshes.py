@@ -63,6 +63,29 @@ def test_only_meshes_are_opened(tmp_path, name):
         list(load_meshes(tmp_path / name, np.ones(3)))
 
 
+def test_a_mesh_that_is_no_regular_file(tmp_path):
+    os.mkfifo(tmp_path / "a.stl")
+    with pytest.raises(ValueError, match="it is a named pipe"):
+        list(load_meshes(tmp_path / "a.stl", np.ones(3)))
+
+
+def test_files_beside_a_mesh_are_read_as_it_is(tmp_path):
+    """A material is read where it is a file of the mesh's folder; a pipe is not waited for."""
+    folder = tmp_path / "meshes"
+    folder.mkdir()
+    triangle = "mtllib {}\nusemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n"
+    (folder / "a.obj").write_text(triangle.format("a.mtl"))
+    (folder / "a.mtl").write_text("newmtl red\nKd 1 0 0\n")
+    (tmp_path / "out.mtl").write_text("newmtl red\nKd 1 0 0\n")
+    os.mkfifo(folder / "pipe.mtl")
+    [(_, mesh)] = load_meshes(folder / "a.obj", np.ones(3))
+    assert list(mesh.visual.material.main_color[:3]) == [255, 0, 0]
+    for other in ("pipe.mtl", "../out.mtl", "/dev/zero", "nowhere.mtl"):
+        (folder / "a.obj").write_text(triangle.format(other))
+        [(bare, mesh)] = load_meshes(folder / "a.obj", np.ones(3))
+        assert len(bare.faces) == 1 and list(mesh.visual.material.main_color[:3]) != [255, 0, 0]
+
+
 @pytest.mark.parametrize(
     "visual",
     [

@@ -1,6 +1,7 @@
 """Obstacles as values, and as JSON."""
 
 import json
+import os
 
 import numpy as np
 import pinocchio as pin
@@ -68,6 +69,15 @@ def test_json(tmp_path):
         ('[{"type": "sphere", "center": [0, 0, 0], "radius": "x"}]', "obstacle 1"),
         ('[{"type": "sphere", "center": [0, 0, 0], "radius": 1, "colour": 2}]', "colour"),
         ("[" * 100_000, "JSON"),
+        ('[{"type": []}]', "type"),
+        (
+            '[{"type": "box", "size": [1, 1, 1], "position": [0, 0, 0], "quaternion": [1e308, 0, 0, 1e308]}]',
+            "four numbers",
+        ),
+        ('[{"type": "sphere", "center": [0, 0, 1e400], "radius": 1}]', "not JSON"),
+        ('[{"type": "sphere", "center": [0, 0, 0], "radius": ' + "9" * 400 + "}]", "not JSON"),
+        ('[{"type": "sphere", "center": [0, 0, 0], "radius": 1, "name": "\\ud800"}]', "not JSON"),
+        ('[{"type": "sphere", "center": [0, 0, 0], "radius": 1, "name": "' + "x" * 201 + '"}]', "201 characters"),
     ],
 )
 def test_json_that_is_none(tmp_path, text, says):
@@ -77,3 +87,19 @@ def test_json_that_is_none(tmp_path, text, says):
         load_obstacles(path)
     with pytest.raises(ProblemError, match="no file"):
         load_obstacles(tmp_path / "nowhere.json")
+
+
+def test_what_is_no_file_of_obstacles(tmp_path):
+    os.mkfifo(tmp_path / "pipe.json")
+    with pytest.raises(ProblemError, match="it is a named pipe"):
+        load_obstacles(tmp_path / "pipe.json")
+    with pytest.raises(ProblemError, match="it is a device"):
+        load_obstacles("/dev/zero")
+
+
+def test_messages_are_short(tmp_path):
+    path = tmp_path / "scene.json"
+    path.write_text(json.dumps([{"type": "sphere", "center": [0] * 10_000, "radius": 1}]))
+    with pytest.raises(ProblemError) as told:
+        load_obstacles(path)
+    assert "three" in str(told.value) and len(str(told.value)) < 500

@@ -219,8 +219,10 @@ def test_expanded_xacro_is_read():
 
 def test_a_pipe_is_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "pipe.urdf")
-    with pytest.raises(UrdfError, match="cannot be read"):
+    with pytest.raises(UrdfError, match=r"pipe\.urdf: cannot be read \(it is a named pipe"):
         read_urdf(tmp_path / "pipe.urdf")
+    with pytest.raises(UrdfError, match="it is a device"):
+        read_urdf("/dev/zero")
 
 
 def test_missing_file(tmp_path):

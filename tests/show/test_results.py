@@ -1,4 +1,5 @@
 import json
+import os
 
 import pytest
 
@@ -58,6 +59,8 @@ def test_what_is_not_understood_is_refused(path, changes, words):
         (b'{"format": NaN}', "NaN is not finite"),
         (b"\xff\xfe\x00", "not JSON"),
         (b"[" * 100_000, "not JSON"),
+        (b'{"duration": 1e400}', "1e400 is not finite"),
+        (b'{"name": "\\ud800"}', "not JSON"),
         (b'"' + b"x" * MAX_BYTES, "larger than"),
     ],
 )
@@ -72,3 +75,6 @@ def test_no_file(tmp_path):
         load_result(tmp_path / "x.json")
     with pytest.raises(ResultError, match="cannot be read"):
         load_result(tmp_path)
+    os.mkfifo(tmp_path / "pipe.json")
+    with pytest.raises(ResultError, match="it is a named pipe"):
+        load_result(tmp_path / "pipe.json")

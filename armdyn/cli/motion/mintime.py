@@ -67,11 +67,11 @@ def mintime(
 
         arm = joints.fit(robot.read(payload.carried()))
         problem = ad.MinimumTimeProblem(arm, **goal.asked(arm, robot.robot), **course.asked())
+        folder = results.folder("mintime", robot.robot)
         with working(f"minimum time of {arm.name}", json) as progress:
             solution = ad.solve_minimum_time(problem, search.options(), progress)
             summary = minimum_time_summary(solution)
             title = f"{arm.name}, {1000 * payload.payload:g} g: minimum time {solution.duration:.4f} s"
-            folder = results.output.folder("mintime", robot.robot)
             motion = solution.trajectory
             written = results.write(folder, arm, motion, summary, title, problem.obstacles, tell=progress)
         answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, **written.facts}

@@ -90,11 +90,11 @@ def pid(
 
         arm = joints.fit(robot.read(payload.carried()))
         start, goal = poses.start(arm, robot.robot, "pid"), poses.goal(arm, robot.robot, "pid")
+        folder = results.folder("pid", robot.robot)
         with working(f"PID loop of {arm.name}", json) as progress:
             run = loop.run(arm, start, goal, PAPER_RULE if robot.robot in models.PAPER_ARMS else ARRIVAL_RULES[0])
             summary = pid_summary(run)
             title = f"{arm.name}, {1000 * payload.payload:g} g: PID loop"
-            folder = results.output.folder("pid", robot.robot)
             written = results.write(folder, arm, run.trajectory, summary, title, tell=progress)
         answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, **written.facts}
         answer.code = 0 if run.arrival_time is not None else NOT_CERTIFIED

@@ -34,9 +34,9 @@ def replay(
 
         arm = robot.read(payload.carried())
         motions = [_motion(path, arm) for path in trajectories]
-        folder = output.folder("replay", robot.robot)
-        folder.mkdir(parents=True, exist_ok=True)
+        folder = output.folder("replay", robot.robot, ["replay.html"])
         slow = None if slow_motion is None else number(slow_motion, "--slow-motion")
+        folder.mkdir(parents=True, exist_ok=True)
         with working(f"replay of {arm.name}", output.json):
             page = write_html(arm, motions, folder / "replay.html", slow_motion=slow)
         answer.facts |= {"success": True, "status": "written", "files": [str(page)]}

@@ -99,13 +99,13 @@ def sweep(
     armdyn sweep panda --payload 0,1,2,3 --q-start 0,-0.785,0,-2.356,0,1.571,0.785 --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5[/]
     """
     with answering(output.json) as answer:
-        from armdyn.show.sweeps import sweep_row, write_motion, write_sweep
+        from armdyn.show.sweeps import motion_name, sweep_row, table_names, write_motion, write_sweep
 
         masses = payloads.masses(robot.robot)
         arms = [joints.fit(robot.read(payloads.place.carried(mass))) for mass in masses]
         start, goal = (read(arms[0], robot.robot, "minimum_time") for read in (poses.start, poses.goal))
         problems = [ad.MinimumTimeProblem(arm, q_start=start, q_goal=goal) for arm in arms]
-        folder = output.folder("sweep", robot.robot)
+        folder = output.folder("sweep", robot.robot, [*map(motion_name, masses), *table_names(figure=not no_figure)])
         folder.mkdir(parents=True, exist_ok=True)
         motions: dict[int, Path] = {}
 

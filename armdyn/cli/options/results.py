@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from armdyn.files import probe_folder
+
 if TYPE_CHECKING:
     from armdyn.models import Robot
     from armdyn.models.obstacles import Obstacle
+    from armdyn.show.report import Part
     from armdyn.trajectory import Trajectory
 
 Out = Annotated[
@@ -31,15 +34,20 @@ class OutputOptions:
     out: Out = None
     json: Json = False
 
-    def folder(self, command: str, name: str) -> Path:
-        """The folder that was asked for, else one that says what is in it.
+    def folder(self, command: str, name: str, files: Iterable[str] = ()) -> Path:
+        """The folder that was asked for, else one that says what is in it. To be called before the work begins.
 
         Args:
-            command: what was done.
+            command: what is to be done.
             name: with which robot.
+            files: names of what is to be written there.
+
+        Raises:
+            FileError: that cannot be written there.
+            DiskFullError: there is no room.
         """
         slug = re.sub(r"[^A-Za-z0-9._-]+", "_", Path(name).stem) or "robot"
-        return self.out or Path("results") / f"{command}-{slug}"
+        return probe_folder(self.out or Path("results") / f"{command}-{slug}", *files)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,6 +82,20 @@ class ResultOptions:
     no_figure: NoFigure = False
     no_replay: NoReplay = False
 
+    def folder(self, command: str, name: str) -> Path:
+        """Where it goes; see `OutputOptions.folder`."""
+        from armdyn.show.report import file_names
+
+        return self.output.folder(command, name, file_names(self._parts))
+
+    @property
+    def _parts(self) -> list[Part]:
+        """What is drawn."""
+        from armdyn.show.report import PARTS
+
+        unwanted = [part for part, no in (("figure", self.no_figure), ("replay", self.no_replay)) if no]
+        return [part for part in PARTS if part not in unwanted]
+
     def write(
         self,
         folder: Path,
@@ -86,10 +108,8 @@ class ResultOptions:
         tell: Callable[[str], None],
     ) -> Written:
         """Write what was asked for of a motion; see `write_run`."""
-        from armdyn.show.report import PARTS, write_run
+        from armdyn.show.report import write_run
 
         begun = time.perf_counter()
-        unwanted = [part for part, no in (("figure", self.no_figure), ("replay", self.no_replay)) if no]
-        parts = [part for part in PARTS if part not in unwanted]
-        files = write_run(folder, robot, motion, summary, title, obstacles, parts=parts, tell=tell)
+        files = write_run(folder, robot, motion, summary, title, obstacles, parts=self._parts, tell=tell)
         return Written(files=files, seconds=time.perf_counter() - begun)

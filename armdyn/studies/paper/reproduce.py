@@ -7,7 +7,8 @@ from functools import partial
 from pathlib import Path
 
 from armdyn.control.arrival import ArrivalRule
-from armdyn.errors import ProblemError
+from armdyn.errors import DiskFullError, ProblemError
+from armdyn.files import probe_folder
 from armdyn.models.spec import PAPER_PAYLOADS
 from armdyn.optimal import Status
 from armdyn.processes import as_they_end
@@ -145,13 +146,17 @@ def reproduce(folder: Path, plan: Plan, done: Callable[[Outcome, int, int], None
 
     Raises:
         KeyboardInterrupt: Ctrl-C; finished cases are on disk, and what was running is not.
-        OSError: the folder cannot be written.
+        FileError: the folder, or one in it, cannot be written; nothing is solved then.
+        DiskFullError: there is no room for a file.
+        OSError: a file cannot be written.
     """
     # Not before something is to be drawn, but once for all processes that are forked from this one.
     from armdyn.studies.paper.page.page import write_page
 
-    folder.mkdir(parents=True, exist_ok=True)
     cases = plan.cases()
+    for name in ("cases", "tables", "figures", *{case.paper_example.folder for case in cases}):
+        probe_folder(folder / name)
+    probe_folder(folder, "index.html").mkdir(parents=True, exist_ok=True)
     found = _outcomes(folder, plan, cases, done)
     outcomes = tuple(found[case] for case in cases)
     rows = tuple(row for row in all_rows(outcomes, plan.payloads or PAPER_PAYLOADS) if plan.wants(row.table))
@@ -173,6 +178,8 @@ def _outcomes(
     found: dict[Case, Outcome] = {}
     with closing(as_they_end(jobs, plan.workers)) as outcomes:
         for outcome in outcomes:
+            if isinstance(outcome, DiskFullError):
+                raise outcome
             if outcome.status == Status.INTERRUPTED:
                 raise KeyboardInterrupt  # it reached the solve
             found[outcome.case] = outcome
@@ -181,20 +188,28 @@ def _outcomes(
     return found
 
 
-def _work(folder: Path, case: Case, with_folder: bool, fresh: bool) -> Outcome:
-    """One case, from disk if it is there."""
+def _work(folder: Path, case: Case, with_folder: bool, fresh: bool) -> Outcome | DiskFullError:
+    """One case, from disk if it is there. A full disk is returned: a job that raises would be done again."""
     kept = None if fresh else load_outcome(folder / "cases", case)
     outcome = kept or run_case(case, workers=1)  # the other cores have cases of their own
     if outcome.status == Status.INTERRUPTED:
         return outcome
-    if kept is None:
+    try:
+        _keep(folder, outcome, kept is not None, with_folder)
+    except DiskFullError as error:
+        return error
+    return outcome
+
+
+def _keep(folder: Path, outcome: Outcome, kept: bool, with_folder: bool) -> None:
+    """Write an outcome, unless it is kept already, and its example's folder."""
+    if not kept:
         save_outcome(folder / "cases", outcome)
-    own = folder / case.paper_example.folder
-    if with_folder and outcome.trajectory is not None and (kept is None or not (own / "result.json").exists()):
+    own = folder / outcome.case.paper_example.folder
+    if with_folder and outcome.trajectory is not None and not (kept and (own / "result.json").exists()):
         from armdyn.studies.paper.page.example import write_example
 
         write_example(own, outcome)
-    return outcome
 
 
 def _has_folder(case: Case, plan: Plan) -> bool:
