@@ -193,6 +193,12 @@ def test_bad_input_is_exit_2_without_traceback(arguments, message, tmp_path):
     assert answer["success"] is False and message in answer["message"]
 
 
+def test_relative_cache_is_exit_2(monkeypatch, tmp_path):
+    monkeypatch.setenv("ARMDYN_CACHE", "cache")
+    done = run("mintime", "r", "--no-figure", "--no-replay", "--out", tmp_path)
+    assert (done.returncode, done.stderr) == (2, "armdyn: ARMDYN_CACHE='cache': must be an absolute path\n")
+
+
 def test_bad_usage_is_exit_2():
     assert run("mintime").returncode == 2
     assert run("mintime", "rr", "--no-such-option").returncode == 2
