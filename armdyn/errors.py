@@ -101,5 +101,19 @@ class BridgeError(ArmdynError, RuntimeError):
     """The compiled bridge does not fit the installed casadi."""
 
 
+class SettingError(ArmdynError, ValueError):
+    """An environment variable is set to what it cannot be.
+
+    Attributes:
+        variable: its name.
+        value: what it is set to.
+    """
+
+    def __init__(self, variable: str, value: str, right: str):
+        self.variable = variable
+        self.value = value
+        super().__init__(f"{variable}={value!r}: must be {right}")
+
+
 class ArmdynWarning(UserWarning):
     """A problem that can be solved but may not mean what its author thinks."""

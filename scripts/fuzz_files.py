@@ -21,13 +21,14 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-KINDS = ("trajectories", "json")
+KINDS = {"trajectories": "damage", "json": "damage", "cache": "damaged_cache"}
+"""And the module of the tests that damages them."""
 TIME, MEMORY = 20, 2**30  # [s] and [bytes] that a file may take
 
 
 def work(kind: str, count: int, seed: int) -> tuple[Counter, float, int, int]:
     """Load these damaged files; how they ended, the longest time [s], its number, and the memory above idle [bytes]."""
-    fuzz = getattr(importlib.import_module("damage"), f"fuzz_{kind}")
+    fuzz = getattr(importlib.import_module(KINDS[kind]), f"fuzz_{kind}")
     fuzz(1, seed)  # what is loaded and computed once
     now = int(re.search(r"VmSize:\s+(\d+)", Path("/proc/self/status").read_text())[1]) * 1024
     resource.setrlimit(resource.RLIMIT_AS, (now + MEMORY, now + MEMORY))

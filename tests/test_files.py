@@ -2,13 +2,14 @@ import errno
 import os
 import pickle
 import socket
+import stat
 import tracemalloc
 from pathlib import Path
 
 import pytest
 
 from armdyn.errors import ArmdynError, DiskFullError, FileError
-from armdyn.files import probe_folder, read_bounded, read_json, write_whole
+from armdyn.files import probe_folder, read_bounded, read_json, read_sealed, write_sealed, write_whole
 
 
 def test_written_and_written_again(tmp_path):
@@ -201,3 +202,38 @@ def test_a_folder_whose_disk_is_read_only(tmp_path, monkeypatch):
     with pytest.raises(FileError, match="Read-only file system"):
         probe_folder(tmp_path / "run")
     assert not list(tmp_path.iterdir())
+
+
+def test_file_and_folder_reach_the_disk(tmp_path, monkeypatch):
+    synced = []
+    path = tmp_path / "a.bin"
+    monkeypatch.setattr(os, "fsync", lambda it: synced.append((stat.S_ISDIR(os.fstat(it).st_mode), path.exists())))
+    write_whole(path, b"one")
+    assert synced == [(False, False), (True, True)]  # the file before it has its name, the folder after
+
+
+def test_sealed_and_read(tmp_path):
+    path = tmp_path / "a.bin"
+    for data in (b"", b"one", bytes(100)):
+        write_sealed(path, data)
+        assert read_sealed(path, limit=100) == data
+    assert read_sealed(path, limit=99) is None
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_was_not_sealed_so_is_not_read(tmp_path):
+    path = write_sealed(tmp_path / "a.bin", b"one")
+    whole = path.read_bytes()
+    assert read_sealed(tmp_path / "nowhere.bin", 100) is None
+    for damaged in (b"", b"one", whole[:-1], whole[1:], whole + b"x", b"0" + whole[1:], bytes(len(whole))):
+        path.write_bytes(damaged)
+        assert read_sealed(path, 100) is None
+    path.write_bytes(whole)
+    assert read_sealed(path, 100) == b"one"
+    path.chmod(0o664)
+    assert read_sealed(path, 100) is None
+    path.chmod(0o644)
+    assert read_sealed(path.rename(tmp_path / "b.bin"), 100) is None  # written under another name
+    (tmp_path / "folder").mkdir()
+    path.symlink_to(write_sealed(tmp_path / "folder" / "a.bin", b"one"))
+    assert read_sealed(path, 100) is None

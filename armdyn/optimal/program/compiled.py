@@ -1,20 +1,30 @@
 """Functions as machine code: C that CasADi writes, compiled once, kept on disk.
 
 CasADi's virtual machine takes 10 to 15 times as long as the compiled code for an interval's Hessian.
-A library is named after a hash of its source and of what compiles it, so that it fits or is not found,
-and is put in its place whole, so that processes may build the same one at the same time.
+A library is named after a hash of its source and of what compiles it, so that it fits or is not found. It is put in
+its place whole, so that processes may build the same one at the same time, and under a checksum.
+
+What is loaded is a copy of the very bytes that the checksum was compared with, under a name that nobody can foresee
+and that is gone at once: nothing that happens to the library meanwhile or later reaches this process.
 """
 
 import hashlib
 import os
+import platform
 import shutil
 import subprocess
 import tempfile
+import warnings
 from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 import casadi as ca
-import platformdirs
+
+from armdyn.errors import ArmdynWarning
+from armdyn.files import read_sealed, write_sealed
+from armdyn.optimal.program.cache import cache_directory, private_folder, protected
 
 _FLAGS = ("-O1", "-fPIC", "-shared", "-ffp-contract=off")
 """Level 1 has nearly all of the speed at half of level 2's build time; no contraction: the same numbers everywhere."""
@@ -22,6 +32,13 @@ _TIMEOUT = 300.0
 """For the compiler [s]."""
 _WORTH_IT = 25_000
 """Instructions up to which a library is built unasked: about three seconds, once."""
+_LARGEST = 2**28
+"""A library that is read [bytes]: hundreds of times what an arm's takes."""
+
+_hung: set[str] = set()
+"""Compilers that took longer than they may: this process does not ask them again."""
+_told: set[str] = set()
+"""What this process was warned of."""
 
 
 def compiled(functions: Sequence[ca.Function], asked: bool | None = None) -> list[ca.Function]:
@@ -30,45 +47,130 @@ def compiled(functions: Sequence[ca.Function], asked: bool | None = None) -> lis
     Args:
         functions: without free variables, with different names.
         asked: False: as they are. True: compile them, however long it takes. None: use what is on disk, and
-            compile small ones.
+            compile small ones. What is on disk but damaged is compiled again.
 
     Returns:
-        As they are, too, where there is no C compiler, or it fails.
+        As they are, too, where there is no C compiler, or it fails, or there is no place to build.
+
+    Warns:
+        ArmdynWarning: the cache cannot be used or is not this user's alone, or the compiler fails; once per process.
+
+    Raises:
+        SettingError: `ARMDYN_CACHE` is no absolute path.
     """
     functions = list(functions)
     compiler = shutil.which(os.environ.get("CC") or "cc") or shutil.which("gcc")
     if asked is False or compiler is None:
         return functions
-    generator = ca.CodeGenerator("armdyn.c", {"with_header": False})
-    for function in functions:
-        generator.add(function)
-    source = generator.dump()
-    name = hashlib.sha256("\n".join((ca.CasadiMeta.version(), compiler, *_FLAGS, source)).encode()).hexdigest()[:32]
-    library = cache_directory() / f"{name}.so"
-    if not library.exists():
-        if asked is None and sum(function.n_instructions() for function in functions) > _WORTH_IT:
-            return functions
-        if not _build(compiler, source, library):
-            return functions
-    return [ca.external(function.name(), str(library)) for function in functions]
-
-
-def cache_directory() -> Path:
-    """Where libraries are kept: `ARMDYN_CACHE`, or the user's cache directory."""
-    return Path(os.environ.get("ARMDYN_CACHE") or platformdirs.user_cache_dir("armdyn"))
-
-
-def _build(compiler: str, source: str, library: Path) -> bool:
-    """Compile; whether it worked."""
+    recipe = _Recipe.of(functions, compiler)
+    build = bool(asked) or sum(function.n_instructions() for function in functions) <= _WORTH_IT
+    kept = cache_directory()
     try:
-        library.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        with tempfile.TemporaryDirectory(dir=library.parent) as folder:
-            text, built = Path(folder, "armdyn.c"), Path(folder, "armdyn.so")
-            text.write_text(source)
-            command = [compiler, *_FLAGS, "-o", str(built), str(text), "-lm"]
-            # Our own text, no shell; the compiler is the one on the user's path.
-            subprocess.run(command, check=True, capture_output=True, timeout=_TIMEOUT)  # noqa: S603
-            built.replace(library)
-    except (OSError, subprocess.SubprocessError):
-        return False
-    return True
+        try:
+            return _machine_code(functions, recipe, protected(kept), build)
+        except OSError as error:
+            _warn_once(f"the cache of machine code, {kept}, is not used (ARMDYN_CACHE may name another)", error)
+        with private_folder() as folder:  # not kept: a process needs each library once
+            return _machine_code(functions, recipe, folder, build)
+    except (OSError, _CompilerError) as error:
+        _warn_once("solving without machine code, which takes several times as long", error)
+        return functions
+
+
+class _CompilerError(Exception):
+    """There is no library, and no other folder would help."""
+
+
+@dataclass(frozen=True)
+class _Recipe:
+    """What a library is made from.
+
+    Attributes:
+        source: in C.
+        compiler: its path.
+        library: the file's name.
+    """
+
+    source: str
+    compiler: str
+    library: str
+
+    @classmethod
+    def of(cls, functions: Sequence[ca.Function], compiler: str) -> "_Recipe":
+        generator = ca.CodeGenerator("armdyn.c", {"with_header": False})
+        for function in functions:
+            generator.add(function)
+        source = generator.dump()
+        made_by = (ca.CasadiMeta.version(), platform.machine(), compiler, *_FLAGS, source)
+        return cls(source, compiler, hashlib.sha256("\n".join(made_by).encode()).hexdigest()[:32] + ".so")
+
+
+def _machine_code(functions: list[ca.Function], recipe: _Recipe, folder: Path, build: bool) -> list[ca.Function]:
+    """The functions from a folder's library, which is built where it is damaged, or missing and wanted.
+
+    Raises:
+        OSError: the folder will not do: it is full, say, or nothing in it can be loaded.
+        _CompilerError: there is no library to be had.
+    """
+    library = folder / recipe.library
+    there = os.path.lexists(library)
+    data = read_sealed(library, _LARGEST)
+    if data is not None:
+        with suppress(RuntimeError):  # whole, but not for this system: a home that several share
+            return _loaded(functions, data, folder)
+    if not (there or build):
+        return functions
+    data = _built(recipe, folder)
+    try:
+        fast = _loaded(functions, data, folder)
+    except RuntimeError as error:
+        raise OSError(f"what {recipe.compiler} built in {folder} cannot be loaded") from error
+    if library.is_dir() and not library.is_symlink():
+        shutil.rmtree(library)  # a file cannot be put in a folder's place
+    write_sealed(library, data)
+    return fast
+
+
+def _loaded(functions: Sequence[ca.Function], data: bytes, folder: Path) -> list[ca.Function]:
+    """The functions from a library's bytes; CasADi raises RuntimeError where they cannot be loaded."""
+    handle, copy = tempfile.mkstemp(".so", ".", folder)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+        return [ca.external(function.name(), copy) for function in functions]
+    finally:
+        Path(copy).unlink()  # it lives on as long as a function does
+
+
+def _built(recipe: _Recipe, folder: Path) -> bytes:
+    """A library, compiled in a scratch folder of this one."""
+    if recipe.compiler in _hung:
+        raise _CompilerError(_too_long(recipe.compiler))
+    with tempfile.TemporaryDirectory(prefix=".", dir=folder) as scratch:
+        text, built, said = (Path(scratch, f"armdyn.{kind}") for kind in ("c", "so", "log"))
+        text.write_text(recipe.source)
+        command = [recipe.compiler, *_FLAGS, "-o", str(built), str(text), "-lm"]
+        with said.open("wb") as log:  # no pipe: who hangs may have children, which would hold it
+            try:
+                # Our own text, no shell; the compiler is the one on the user's path.
+                ended = subprocess.run(  # noqa: S603
+                    command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, cwd=scratch, timeout=_TIMEOUT
+                )
+            except subprocess.TimeoutExpired as error:
+                _hung.add(recipe.compiler)
+                raise _CompilerError(_too_long(recipe.compiler)) from error
+        if ended.returncode or not built.is_file():
+            words = said.read_bytes()[:500].decode(errors="replace").replace(scratch, "").split("\n")[0]
+            raise _CompilerError(f"the C compiler, {recipe.compiler}, failed (exit {ended.returncode}) {words}".strip())
+        return built.read_bytes()
+
+
+def _too_long(compiler: str) -> str:
+    return f"the C compiler, {compiler}, took longer than {_TIMEOUT:g} s"
+
+
+def _warn_once(what: str, why: Exception) -> None:
+    """Say something that a process is told once, whatever the reason is the next time."""
+    if what not in _told:
+        warnings.warn(f"{what}: {getattr(why, 'strerror', None) or why}", ArmdynWarning, stacklevel=3)
+        _told.add(what)

@@ -1,6 +1,10 @@
-"""Machine code is the same functions, built once, and never needed."""
+"""Machine code is the same functions, built once, and never needed; and it is this user's own, or is not run."""
 
+import os
+import re
 import shutil
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 
 import casadi as ca
@@ -8,9 +12,12 @@ import numpy as np
 import pytest
 
 from armdyn.dynamics import Dynamics
+from armdyn.errors import ArmdynWarning
+from armdyn.files import write_sealed
 from armdyn.optimal.program.assembly import build_nlp
-from armdyn.optimal.program.compiled import cache_directory, compiled
+from armdyn.optimal.program.compiled import compiled
 from armdyn.optimal.task.scheme import Scheme
+from damaged_cache import DAMAGES, fuzz_cache, planted
 from problems import paper_arm
 
 needs_compiler = pytest.mark.skipif(not shutil.which("cc"), reason="there is no C compiler")
@@ -19,6 +26,7 @@ needs_compiler = pytest.mark.skipif(not shutil.which("cc"), reason="there is no 
 @pytest.fixture(autouse=True)
 def own_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("ARMDYN_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr("armdyn.optimal.program.compiled._told", set())
     return tmp_path / "cache"
 
 
@@ -57,18 +65,20 @@ def test_virtual_machine_where_asked_or_where_there_is_no_compiler(own_cache, mo
 def test_compiler_that_fails_is_done_without(own_cache, monkeypatch):
     monkeypatch.setenv("CC", "false")
     plain = function()
-    assert compiled([plain], True) == [plain]
+    with pytest.warns(ArmdynWarning, match=r"without machine code.*: the C compiler, .*false, failed \(exit 1\)$"):
+        assert compiled([plain], True) == [plain]
+    assert compiled([plain], True) == [plain]  # said once: a warning is an error here
     assert not any(own_cache.iterdir())
 
 
 @needs_compiler
-def test_large_functions_are_not_built_unasked(monkeypatch):
+def test_large_functions_are_not_built_unasked(own_cache, monkeypatch):
     monkeypatch.setattr("armdyn.optimal.program.compiled._WORTH_IT", 5)
     plain = function()
     assert compiled([plain]) == [plain]
     (built,) = compiled([plain], True)
     assert compiled([plain])[0].class_name() == built.class_name()  # now it is on disk
-    assert cache_directory().exists()
+    assert own_cache.exists()
 
 
 @needs_compiler
@@ -84,3 +94,180 @@ def test_compiled_derivatives_of_a_transcription():
     ):
         scale = np.max(np.abs(expected.full()))
         assert np.max(np.abs((got - expected).full())) < 1e-14 * scale  # the C library's sin and cos: an ulp
+
+
+def library_in(folder):
+    """The one library of a folder, and its content."""
+    (library,) = folder.glob("*.so")
+    return library, library.read_bytes()
+
+
+@needs_compiler
+@pytest.mark.parametrize("damage", DAMAGES, ids=lambda damage: damage.__name__)
+def test_damaged_library_is_built_again(damage, own_cache):
+    plain = function()
+    compiled([plain], True)
+    library, whole = library_in(own_cache)
+    library.unlink()
+    damage(library, whole, np.random.default_rng(3))
+    (fast,) = compiled([plain])
+    assert fast.class_name() == "External"
+    assert float(fast([1, 2, 3])[0]) == float(plain([1, 2, 3])[0])
+    assert len(library.read_bytes()) == len(whole)
+    assert list(own_cache.iterdir()) == [library]
+
+
+TRUNCATED = """
+import os
+import casadi as ca
+from armdyn.optimal.program.compiled import cache_directory, compiled
+
+x = ca.SX.sym("x", 500)
+plain = ca.Function("f", [x], [ca.sin(x) * ca.sumsqr(x)])
+(early,) = compiled([plain], True)
+(library,) = cache_directory().glob("*.so")
+if {before}:
+    del early
+os.truncate(library, 9000)
+for fast in [*compiled([plain], True), *([] if {before} else [early])]:
+    assert fast.class_name() == "External"
+    assert float(fast(1)[0]) == float(plain(1)[0])
+"""
+
+
+@needs_compiler
+@pytest.mark.parametrize("before", [True, False], ids=["before it is loaded", "while it is in use"])
+def test_truncated_library_ends_nobody(before):
+    run = subprocess.run([sys.executable, "-c", TRUNCATED.format(before=before)], capture_output=True, text=True)
+    assert (run.returncode, run.stderr) == (0, "")  # not by SIGBUS
+
+
+@needs_compiler
+def test_library_of_other_functions_is_not_taken_for_these(own_cache):
+    x = ca.SX.sym("x", 3)
+    compiled([ca.Function("f", [x], [ca.cos(x)])], True)
+    other, content = library_in(own_cache)
+    plain = function()
+    compiled([plain], True)
+    (library,) = set(own_cache.iterdir()) - {other}
+    library.write_bytes(content)  # whole, with its checksum, the same names within
+    assert float(compiled([plain], True)[0]([1, 2, 3])[0]) == float(plain([1, 2, 3])[0])
+
+
+@needs_compiler
+def test_large_damaged_library_is_built_again_unasked(own_cache, monkeypatch):
+    compiled([function()], True)
+    monkeypatch.setattr("armdyn.optimal.program.compiled._WORTH_IT", 5)
+    library, _ = library_in(own_cache)
+    library.write_bytes(b"")
+    assert compiled([function()])[0].class_name() == "External"
+
+
+@needs_compiler
+@pytest.mark.parametrize("whose", ["others write in it", "others write above it", "another user's", "above another's"])
+def test_folder_that_is_not_ours_alone_is_not_loaded_from(whose, own_cache, monkeypatch, tmp_path):
+    plain = function()
+    compiled([plain], True)
+    library, _ = library_in(own_cache)
+    foreign, trace = planted(tmp_path)
+    sealed = write_sealed(library, foreign).read_bytes()  # who plants it knows how
+    if whose == "others write in it":
+        own_cache.chmod(0o777)
+    elif whose == "others write above it":
+        tmp_path.chmod(0o770)
+    elif os.geteuid() == 0:
+        os.chown(own_cache if whose == "another user's" else tmp_path, 12345, -1)
+    else:
+        monkeypatch.setattr("os.geteuid", lambda: 12345)
+    with pytest.warns(ArmdynWarning, match=r"the cache of machine code, .*, is not used.*(others can|another user)"):
+        (fast,) = compiled([plain], True)
+    assert float(fast([1, 2, 3])[0]) == float(plain([1, 2, 3])[0])
+    assert fast.class_name() == ("External" if os.geteuid() != 12345 else plain.class_name())
+    assert library.read_bytes() == sealed  # no part of that folder is touched
+    assert not trace.exists()
+    compiled([plain], True)  # said once
+
+
+@needs_compiler
+@pytest.mark.skipif(os.geteuid() != 0, reason="gives a file away")
+@pytest.mark.parametrize("how", ["another user's", "others can write it"])
+def test_file_that_is_not_ours_alone_is_built_again(how, own_cache):
+    plain = function()
+    compiled([plain], True)
+    library, _ = library_in(own_cache)
+    before = library.stat().st_ino
+    os.link(library, own_cache / "kept")  # or its number would be given again
+    os.chown(library, 12345, -1) if how == "another user's" else library.chmod(0o666)
+    assert compiled([plain], True)[0].class_name() == "External"
+    assert library.stat().st_ino != before
+    assert (library.stat().st_uid, library.stat().st_mode & 0o777) == (0, 0o644)
+
+
+@needs_compiler
+@pytest.mark.parametrize("place", ["/dev/null", "/proc/armdyn", "/dev/null/cache"])
+def test_place_that_is_no_folder_is_done_without(place, monkeypatch):
+    monkeypatch.setenv("ARMDYN_CACHE", place)
+    with pytest.warns(ArmdynWarning, match=f"the cache of machine code, {place}, is not used"):
+        (fast,) = compiled([function()], True)
+    assert fast.class_name() == "External"  # built in a folder of its own
+
+
+@needs_compiler
+@pytest.mark.parametrize("failing", ["write_sealed", "_loaded", "_built"])
+def test_full_disk_is_done_without(failing, own_cache, monkeypatch):
+    def fail(*_, **__):
+        raise OSError(28, "No space left on device", f"/somewhere/{np.random.default_rng().integers(1e9)}")
+
+    monkeypatch.setattr(f"armdyn.optimal.program.compiled.{failing}", fail)
+    plain = function()
+    with pytest.warns(ArmdynWarning) as said:
+        assert compiled([plain], True) == [plain]
+        assert compiled([plain], True) == [plain]
+    assert len(said) == 2  # of the cache and of the private folder, once each, though the files differ
+    assert all(str(one.message).endswith(": No space left on device") for one in said)
+    assert not any(own_cache.iterdir())
+
+
+def script(path, text):
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(0o755)
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("does", "said"),
+    [
+        ("echo no such machine >&2; echo more; exit 4", r"failed \(exit 4\) no such machine$"),
+        ("exit 0", r"failed \(exit 0\)$"),
+        ('while [ "$1" != -o ]; do shift; done; echo no library > "$2"', "cannot be loaded"),
+        ("sleep 10 & cat; wait", "took longer than 0.2 s"),
+    ],
+    ids=["fails", "writes nothing", "writes nonsense", "hangs"],
+)
+def test_any_compiler_that_fails_is_done_without(does, said, tmp_path, own_cache, monkeypatch):
+    monkeypatch.setenv("CC", script(tmp_path / "compiler", does))
+    if "0.2" in said:
+        monkeypatch.setattr("armdyn.optimal.program.compiled._TIMEOUT", 0.2)
+    plain = function()
+    with pytest.warns(ArmdynWarning) as warned:
+        assert compiled([plain], True) == [plain]
+    assert re.search(f"^solving without machine code.*{said}", str(warned[-1].message))
+    assert not any(own_cache.iterdir())
+
+
+def test_compiler_that_hung_is_not_asked_again(tmp_path, monkeypatch):
+    asked = tmp_path / "asked"
+    monkeypatch.setenv("CC", script(tmp_path / "compiler", f"echo >> {asked}; sleep 10"))
+    monkeypatch.setattr("armdyn.optimal.program.compiled._TIMEOUT", 1.0)
+    with pytest.warns(ArmdynWarning, match="took longer than 1 s"):
+        for _ in range(2):
+            compiled([function()], True)
+    assert asked.read_text() == "\n"
+
+
+@needs_compiler
+@pytest.mark.slow
+def test_fuzzed_libraries_are_built_again():
+    outcomes = fuzz_cache(300, seed=0)
+    assert outcomes.total() == 300
+    assert all(outcome.endswith(": built again") for outcome in outcomes)

@@ -1,0 +1,60 @@
+"""Folders for machine code that nobody but this user can change.
+
+What lies in the cache is loaded and runs. A folder is therefore used only if it is this user's, no one else can write
+in it, and no one else can put another in its place: the folders above it belong to this user or to root, and others
+can write in none of them, or not rename what is not theirs (the sticky bit, as of /tmp). Root is trusted.
+"""
+
+import os
+import stat
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import platformdirs
+
+from armdyn.errors import SettingError
+
+
+def cache_directory() -> Path:
+    """Where libraries are kept: `ARMDYN_CACHE`, or the user's cache directory.
+
+    Raises:
+        SettingError: `ARMDYN_CACHE` is relative: another folder wherever one stands.
+    """
+    named = os.environ.get("ARMDYN_CACHE")
+    if named and not Path(named).is_absolute():
+        raise SettingError("ARMDYN_CACHE", named, "an absolute path")
+    return Path(named or platformdirs.user_cache_dir("armdyn"))
+
+
+def protected(folder: Path) -> Path:
+    """The folder without links in its path, made where it is not there.
+
+    Raises:
+        OSError: it cannot be made, or others can change what is in it.
+    """
+    folder = Path(os.path.realpath(folder))
+    for part in (*reversed(folder.parents), folder):
+        if not part.exists():
+            part.mkdir(mode=0o700, exist_ok=True)
+        status, last = part.lstat(), part == folder
+        if not stat.S_ISDIR(status.st_mode):
+            raise NotADirectoryError(f"{part} is no folder")
+        if status.st_uid != os.geteuid() and (last or status.st_uid != 0):
+            raise PermissionError(f"{part} belongs to another user (number {status.st_uid})")
+        if status.st_mode & 0o022 and (last or not status.st_mode & stat.S_ISVTX):
+            raise PermissionError(f"others can write in {part}")
+    return folder
+
+
+@contextmanager
+def private_folder() -> Iterator[Path]:
+    """A new folder that is gone afterwards.
+
+    Raises:
+        OSError: there is no place for one.
+    """
+    with tempfile.TemporaryDirectory(prefix="armdyn-", ignore_cleanup_errors=True) as folder:
+        yield protected(Path(folder))
