@@ -55,7 +55,7 @@ def flip(whole, rng):
 
 def zeros(whole, rng):
     """As a file system may leave after a crash."""
-    start = rng.integers(len(whole))
+    start = rng.integers(len(whole) // 2)
     return whole[:start].ljust(len(whole), b"\0")
 
 
