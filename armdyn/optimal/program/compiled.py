@@ -25,6 +25,7 @@ import casadi as ca
 from armdyn.errors import ArmdynWarning
 from armdyn.files import read_sealed, write_sealed
 from armdyn.optimal.program.cache import cache_directory, private_folder, protected
+from armdyn.optimal.program.deadline import NoTimeError, left
 
 _FLAGS = ("-O1", "-fPIC", "-shared", "-ffp-contract=off")
 """Level 1 has nearly all of the speed at half of level 2's build time; no contraction: the same numbers everywhere."""
@@ -39,6 +40,9 @@ _hung: set[str] = set()
 """Compilers that took longer than they may: this process does not ask them again."""
 _told: set[str] = set()
 """What this process was warned of."""
+
+_EACH = 2e-4
+"""About how long the compiler takes for an instruction, with other work beside it [s]."""
 
 
 def compiled(functions: Sequence[ca.Function], asked: bool | None = None) -> list[ca.Function]:
@@ -57,13 +61,14 @@ def compiled(functions: Sequence[ca.Function], asked: bool | None = None) -> lis
 
     Raises:
         SettingError: `ARMDYN_CACHE` is no absolute path.
+        NoTimeError: to compile would take, or has taken, longer than `deadline.until` allows.
     """
     functions = list(functions)
     compiler = shutil.which(os.environ.get("CC") or "cc") or shutil.which("gcc")
     if asked is False or compiler is None:
         return functions
     recipe = _Recipe.of(functions, compiler)
-    build = bool(asked) or sum(function.n_instructions() for function in functions) <= _WORTH_IT
+    build = bool(asked) or recipe.instructions <= _WORTH_IT
     kept = cache_directory()
     try:
         try:
@@ -89,11 +94,13 @@ class _Recipe:
         source: in C.
         compiler: its path.
         library: the file's name.
+        instructions: of the functions, together.
     """
 
     source: str
     compiler: str
     library: str
+    instructions: int
 
     @classmethod
     def of(cls, functions: Sequence[ca.Function], compiler: str) -> "_Recipe":
@@ -102,7 +109,8 @@ class _Recipe:
             generator.add(function)
         source = generator.dump()
         made_by = (ca.CasadiMeta.version(), platform.machine(), compiler, *_FLAGS, source)
-        return cls(source, compiler, hashlib.sha256("\n".join(made_by).encode()).hexdigest()[:32] + ".so")
+        name = hashlib.sha256("\n".join(made_by).encode()).hexdigest()[:32] + ".so"
+        return cls(source, compiler, name, sum(function.n_instructions() for function in functions))
 
 
 def _machine_code(functions: list[ca.Function], recipe: _Recipe, folder: Path, build: bool) -> list[ca.Function]:
@@ -144,6 +152,8 @@ def _loaded(functions: Sequence[ca.Function], data: bytes, folder: Path) -> list
 
 def _built(recipe: _Recipe, folder: Path) -> bytes:
     """A library, compiled in a scratch folder of this one."""
+    if recipe.instructions * _EACH > left() / 2:  # half of the time is for the solve
+        raise NoTimeError
     if recipe.compiler in _hung:
         raise _CompilerError(_too_long(recipe.compiler))
     with tempfile.TemporaryDirectory(prefix=".", dir=folder) as scratch:
@@ -154,9 +164,16 @@ def _built(recipe: _Recipe, folder: Path) -> bytes:
             try:
                 # Our own text, no shell; the compiler is the one on the user's path.
                 ended = subprocess.run(  # noqa: S603
-                    command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, cwd=scratch, timeout=_TIMEOUT
+                    command,
+                    stdin=subprocess.DEVNULL,
+                    stdout=log,
+                    stderr=log,
+                    cwd=scratch,
+                    timeout=min(_TIMEOUT, left()),
                 )
             except subprocess.TimeoutExpired as error:
+                if left() <= 0:
+                    raise NoTimeError from error
                 _hung.add(recipe.compiler)
                 raise _CompilerError(_too_long(recipe.compiler)) from error
         if ended.returncode or not built.is_file():

@@ -29,7 +29,7 @@ def search(
         settings: of IPOPT.
         beside: other solves, which come first and are begun first.
     """
-    ways = detours(task.problem, task.options.seed, count)
+    ways = detours(task.problem, task.options.seed, count, task.stop)
     for intervals in meshes:  # before the fork, so that every worker has them
         for setting in settings:
             prepare_quickly(task, intervals, setting)
@@ -40,7 +40,7 @@ def search(
 
     attempts: list[Attempt] = []
     jobs: list[Job] = [*beside, *(partial(job, k) for k in range(count))]
-    for attempt in in_processes(jobs, task.workers):
+    for attempt in in_processes(jobs[:1] if task.stop else jobs, task.workers):
         attempts.append(attempt)
         own = attempts[len(beside) :]
         if not own:

@@ -1,5 +1,7 @@
 """Minimum time by direct collocation and IPOPT."""
 
+from contextlib import suppress
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,10 +14,11 @@ from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Nlp, build_nlp
+from armdyn.optimal.program.deadline import LateError
 from armdyn.optimal.program.layout import Layout
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_violation
 from armdyn.optimal.solve.attempt import Attempt
-from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings
+from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, in_time
 from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.scheme import Scheme
 from armdyn.optimal.task.task import Task
@@ -36,10 +39,15 @@ def solve_on_mesh(
         settings: iteration limit, tolerance, verbosity.
         demands: how much stricter than the problem to be; None: as strict.
     """
+    if task.stop:
+        return Attempt.unbegun(task.stop, guess, intervals)
     problem, policy = task.problem, task.policy.program
     demands = Demands.of(problem) if demands is None else demands
     rows = demands.rows(problem)
-    solver = _solver(task, intervals, settings, rows)
+    try:
+        solver = _solver(task, intervals, settings, rows)
+    except LateError:
+        return Attempt.unbegun(task.stop, guess, intervals)
     nlp, scales = solver.program, Scales.of(problem, guess)
     layout, legs = nlp.layout, legs_of(problem, guess, intervals)
     fractions = np.concatenate([np.diff(mesh(size, policy.graded)) for size in legs.intervals])
@@ -108,8 +116,11 @@ def _fix_legs(
 
 
 def prepare(task: Task, intervals: int, settings: DirectOptions) -> None:
-    """Build, if it is not there, what `solve_on_mesh` needs."""
-    _solver(task, intervals, settings, Demands.of(task.problem).rows(task.problem))
+    """Build, if it is not there and there is time, what `solve_on_mesh` needs."""
+    if task.stop:
+        return
+    with suppress(LateError):
+        _solver(task, intervals, settings, Demands.of(task.problem).rows(task.problem))
 
 
 def _solver(task: Task, intervals: int, settings: DirectOptions, rows: tuple[Rows, ...]) -> Ipopt[Nlp]:
@@ -117,7 +128,7 @@ def _solver(task: Task, intervals: int, settings: DirectOptions, rows: tuple[Row
     if flat is not None:
         tolerance = settings.tolerance
         own = IpoptSettings.of(settings, acceptable_tol=flat, acceptable_constr_viol_tol=tolerance, acceptable_iter=6)
-    return Ipopt.of(own, _program, task.dynamics, task.scheme, intervals, rows)
+    return in_time(task, lambda scheme: Ipopt.of(own, _program, task.dynamics, scheme, intervals, rows))
 
 
 def _program(dynamics: Dynamics, scheme: Scheme, intervals: int, rows: tuple[Rows, ...]) -> Nlp:

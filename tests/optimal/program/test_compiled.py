@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import casadi as ca
@@ -16,6 +17,7 @@ from armdyn.errors import ArmdynWarning
 from armdyn.files import write_sealed
 from armdyn.optimal.program.assembly import build_nlp
 from armdyn.optimal.program.compiled import compiled
+from armdyn.optimal.program.deadline import NoTimeError, until
 from armdyn.optimal.task.scheme import Scheme
 from damaged_cache import DAMAGES, fuzz_cache, planted
 from problems import paper_arm
@@ -278,3 +280,25 @@ def test_fuzzed_libraries_are_built_again():
     outcomes = fuzz_cache(300, seed=0)
     assert outcomes.total() == 300
     assert all(outcome.endswith(": built again") for outcome in outcomes)
+
+
+@needs_compiler
+def test_no_compiler_is_started_for_which_there_is_no_time(own_cache):
+    with until(time.perf_counter() + 1e-6), pytest.raises(NoTimeError):
+        compiled([function()], True)
+    assert not own_cache.exists() or not any(own_cache.iterdir())
+    built = compiled([function()], True)[0]
+    with until(0.0):  # what is on disk takes none
+        assert compiled([function()], True)[0].class_name() == built.class_name() == "External"
+
+
+@needs_compiler
+def test_a_compiler_that_takes_too_long_is_left(own_cache, monkeypatch, tmp_path):
+    slow = tmp_path / "slow"
+    slow.write_text("#!/bin/sh\nexec sleep 60\n")
+    slow.chmod(0o755)
+    monkeypatch.setenv("CC", str(slow))
+    monkeypatch.setattr("armdyn.optimal.program.compiled._EACH", 0.0)
+    with until(time.perf_counter() + 0.2), pytest.raises(NoTimeError):
+        compiled([function()], True)
+    assert not any(own_cache.iterdir())
