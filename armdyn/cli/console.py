@@ -14,14 +14,17 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from armdyn.cli import interrupts
+from armdyn.cli.interrupts import INTERRUPTED
+from armdyn.cli.streams import BAD_INPUT
 from armdyn.errors import ArmdynError, ArmdynWarning
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-DONE, INTERNAL, BAD_INPUT, NOT_CERTIFIED, INTERRUPTED = 0, 1, 2, 3, 130
-"""Exit codes."""
+DONE, INTERNAL, NOT_CERTIFIED = 0, 1, 3
+"""Exit codes, besides BAD_INPUT and INTERRUPTED."""
 
 
 class Terminal:
@@ -41,6 +44,14 @@ class Terminal:
     def is_terminal(self) -> bool:
         """Someone watches."""
         return self.rich.is_terminal
+
+    def shows(self, text: str) -> bool:
+        """It has all characters of a text."""
+        try:
+            text.encode(self.rich.encoding)
+        except (LookupError, UnicodeEncodeError):
+            return False
+        return True
 
     def print(self, what: str | Table) -> None:
         """Say something, in rich's markup."""
@@ -69,6 +80,18 @@ class Answer:
     facts: dict[str, object] = field(default_factory=dict)
     code: int = DONE
 
+    def interrupted(self) -> None:
+        """It ends by Ctrl-C."""
+        self.facts |= {"success": False, "status": "interrupted", "message": "interrupted"}
+        self.code = INTERRUPTED
+
+    def internal(self, error: Exception) -> None:
+        """It ends by what nobody has thought of."""
+        hint = "this is a bug in armdyn; ARMDYN_DEBUG=1 shows where"
+        message = f"internal error ({type(error).__name__}: {error}); {hint}"
+        self.facts |= {"success": False, "status": "internal_error", "message": message}
+        self.code = INTERNAL
+
 
 @contextmanager
 def answering(as_json: bool) -> Iterator[Answer]:
@@ -82,28 +105,25 @@ def answering(as_json: bool) -> Iterator[Answer]:
         warnings.simplefilter("ignore")
         warnings.simplefilter("always", ArmdynWarning)
         try:
-            yield answer
+            with interrupts.raised():
+                yield answer
         except ArmdynError as error:
             answer.facts |= {"success": False, "status": "bad_input", "message": str(error)}
             answer.code = BAD_INPUT
         except OSError as error:
-            answer.facts |= {"success": False, "status": "bad_input", "message": f"{error.strerror}: {error.filename}"}
+            answer.facts |= {"success": False, "status": "bad_input", "message": _os_message(error)}
             answer.code = BAD_INPUT
         except typer.Exit:
             raise
         except Exception as error:
-            if os.environ.get("ARMDYN_DEBUG"):
+            if interrupts.pressed():
+                answer.interrupted()
+            elif os.environ.get("ARMDYN_DEBUG"):
                 raise
-            hint = "this is a bug in armdyn; ARMDYN_DEBUG=1 shows where"
-            answer.facts |= {
-                "success": False,
-                "status": "internal_error",
-                "message": f"internal error ({type(error).__name__}: {error}); {hint}",
-            }
-            answer.code = INTERNAL
+            else:
+                answer.internal(error)
         except KeyboardInterrupt:
-            answer.facts |= {"success": False, "status": "interrupted", "message": "interrupted"}
-            answer.code = INTERRUPTED
+            answer.interrupted()
     messages = list(dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, ArmdynWarning)))
     for message in messages:
         errors.print(f"[yellow]warning:[/] {escape(message)}")
@@ -113,6 +133,12 @@ def answering(as_json: bool) -> Iterator[Answer]:
     if answer.code in (INTERNAL, BAD_INPUT, INTERRUPTED) and "message" in answer.facts and not as_json:
         errors.print(f"[bold red]armdyn:[/] {escape(str(answer.facts['message']))}")
     raise typer.Exit(answer.code)
+
+
+def _os_message(error: OSError) -> str:
+    """What the operating system refuses, and of which file."""
+    what = error.strerror or str(error) or type(error).__name__
+    return what if error.filename is None else f"{what}: {error.filename}"
 
 
 @contextmanager

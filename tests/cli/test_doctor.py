@@ -4,7 +4,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from armdyn.cli.doctor import policy_facts, policy_table
-from armdyn.cli.main import app
+from armdyn.cli.app import app
 
 ROWS = [
     ("search.starts", 16, "guesses", "fewer miss the best known optimum", "RR, ten payloads"),
