@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import typer
 
 from armdyn.cli import interrupts
-from armdyn.cli.interrupts import INTERRUPTED
-from armdyn.cli.streams import BAD_INPUT
+from armdyn.cli.interrupts import INTERRUPTED as INTERRUPTED
+from armdyn.cli.streams import BAD_INPUT as BAD_INPUT
 from armdyn.errors import ArmdynError, ArmdynWarning
 
 if TYPE_CHECKING:

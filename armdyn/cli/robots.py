@@ -51,8 +51,9 @@ def robots(
                 console.print(_table("The library's other robots, base fixed and every joint free", others))
             every, some, none = _marks()
             console.print(
-                f"\nLimits of position q, velocity v and torque τ: {every} of all joints, {some} of some, {none} of none. "
-                "Minimum time needs torque limits: give what is missing with --effort-limit. armdyn doctor NAME shows every joint."
+                f"\nLimits of position q, velocity v and torque τ: {every} of all joints, {some} of some, {none} of "
+                "none. Minimum time needs torque limits: give what is missing with --effort-limit. armdyn doctor NAME "
+                "shows every joint."
             )
 
 
@@ -120,8 +121,8 @@ def _row(facts: Facts) -> list[str]:
     return [name, str(facts["dof"]), *marks, str(len(locked) or ""), escape("; ".join(remarks))]  # type: ignore[arg-type]
 
 
-def _marks() -> str:
-    return _MARKS if console.shows(_MARKS) else _PLAIN_MARKS
+def _marks() -> tuple[str, ...]:
+    return tuple(_MARKS if console.shows(_MARKS) else _PLAIN_MARKS)
 
 
 def _which(some: object, joints: list[str]) -> str:

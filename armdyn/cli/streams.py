@@ -13,8 +13,8 @@ BAD_INPUT = 2
 def settle() -> None:
     """Make standard output and error such that no character and no reader's end is an error.
 
-    A character that the terminal's encoding lacks is written as its escape, `\\u03c4`. What nobody reads any more is
-    dropped, and the command goes on: its files are still wanted.
+    A character that the terminal's encoding lacks is written as its escape. What nobody reads any more is dropped,
+    and the command goes on: its files are still wanted.
 
     Raises:
         SystemExit: standard output is closed.
@@ -55,9 +55,12 @@ def _hold(number: int) -> None:
 def _settled(stream: TextIO | None) -> TextIO | None:
     if not isinstance(stream, io.TextIOWrapper):
         return stream
-    raw = io.BufferedWriter(_UntilNobodyReads(stream.fileno(), "wb", closefd=False))
+    file: io.RawIOBase = _UntilNobodyReads(stream.fileno(), "wb", closefd=False)
     return io.TextIOWrapper(
-        raw, encoding=stream.encoding, errors="backslashreplace", line_buffering=stream.line_buffering
+        io.BufferedWriter(file),
+        encoding=stream.encoding,
+        errors="backslashreplace",
+        line_buffering=stream.line_buffering,
     )
 
 

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from armdyn.errors import BridgeError, SpecError
 from armdyn.exclusive import built_once
-from armdyn.models.robot import Robot
+from armdyn.models.robot import Robot, expect_robot
 
 _NO_MASS = 1e-100
 """Stands for the zero mass of a body with moments or a payload [kg]: its centre, m c / m, stays finite."""
@@ -50,10 +50,11 @@ class Dynamics:
                 The same Functions then serve every payload at the tip.
 
         Raises:
+            ProblemError: robot is no Robot.
             BridgeError: the installed casadi is not the one the bridge was built for.
             SpecError: no such frame, or it does not move; or both of the above.
         """
-        self.robot = robot
+        self.robot = expect_robot(robot)
         self.nv = robot.nv
         self.payload_frame = payload_frame
         self.last_body = np.empty(0)

@@ -2,11 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Real
 from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from armdyn.arguments import shown as told
 from armdyn.errors import SpecError, UnsupportedJointError, UrdfError
 from armdyn.models.urdf_check import LARGEST, MOVING
 from armdyn.models.urdf_xml import shown, to_number
@@ -137,8 +139,8 @@ class JointTree:
             if name not in self.joints or not self.joints[name].moves:
                 moving = ", ".join(self.moving()[:50])
                 raise SpecError(f"cannot lock {shown(name)!r}: {self.source} has joints {moving}")
-            if not abs(value) <= LARGEST:
-                raise SpecError(f"cannot lock {name!r} at {value}")
+            if not _in_bounds(value):
+                raise SpecError(f"cannot lock {name!r} at {told(value)}: it must be one number [rad or m]")
         free = set(self.moving() if arm is None else self.chain(*arm)) - set(lock)
         locked: dict[str, float] = {}
         for joint in self.joints.values():
@@ -193,6 +195,11 @@ class JointTree:
                 )
                 stack.append(joint.child)
         return places
+
+
+def _in_bounds(position: object) -> bool:
+    """It is a number, and one that a joint may be at [rad or m]."""
+    return isinstance(position, Real) and not isinstance(position, bool) and bool(abs(position) <= LARGEST)
 
 
 def _joint(element: Element, source: str) -> Joint:

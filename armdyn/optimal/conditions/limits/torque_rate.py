@@ -43,6 +43,9 @@ class TorqueRateLimit(Condition):
         "how fast torques may change [N m/s], one number or one per joint",
     )
 
+    def __post_init__(self) -> None:
+        per_joint(self.limit, None, "TorqueRateLimit", unit="N m/s", error=ProblemError, finite=False, sign="positive")
+
     @classmethod
     def of_option(cls, values: list[float], frame: str | None) -> Self:
         """One number, or one per joint."""
