@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import numbers, several, text
+from armdyn.arguments import path as path_of
 from armdyn.errors import TrajectoryError
 from armdyn.files import write_whole
 
@@ -171,6 +172,7 @@ class Trajectory:
             TrajectoryError: the file is missing, is no trajectory, of an unknown version or in other units, or has
                 arrays that do not fit or are larger than `MAX_BYTES`.
         """
+        path = path_of(path, "path of a trajectory", error=TrajectoryError)
         try:
             with zipfile.ZipFile(path) as file:
                 return _read(file)

@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
+from armdyn.arguments import flag
 from armdyn.errors import BridgeError, SpecError
 from armdyn.exclusive import built_once
 from armdyn.models.robot import Robot, expect_robot
@@ -59,6 +60,7 @@ class Dynamics:
         self.payload_frame = payload_frame
         self.last_body = np.empty(0)
         joint = -1
+        free_last_body = flag(free_last_body, "free_last_body")
         if payload_frame is not None:
             if free_last_body:
                 raise SpecError("Dynamics take payload_frame or free_last_body, not both")

@@ -185,8 +185,16 @@ class Arm:
         raise SpecError(f"no frame {shown(name)} in {self.source}")
 
     def configuration(self, q: ArrayLike) -> Array:
-        """Pinocchio's configuration vector, shape (model.nq,), of joint coordinates q, shape (nv,)."""
-        return configuration(self.model, q)
+        """Pinocchio's configuration vector, shape (model.nq,), of joint coordinates q, shape (nv,).
+
+        Raises:
+            SpecError: q is not one number per joint.
+        """
+        try:
+            return configuration(self.model, q)
+        except (TypeError, ValueError):  # looked at no sooner: every step of an integrator comes by
+            per_joint(q, self.joint_names, "q", scalar=False)
+            raise
 
 
 def payload_inertia(payload: Payload) -> pin.Inertia:

@@ -2,8 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from numbers import Real
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -197,9 +196,10 @@ class JointTree:
         return places
 
 
-def _in_bounds(position: object) -> bool:
+def _in_bounds(position: Any) -> bool:
     """It is a number, and one that a joint may be at [rad or m]."""
-    return isinstance(position, Real) and not isinstance(position, bool) and bool(abs(position) <= LARGEST)
+    known = isinstance(position, int | float | np.integer | np.floating) and not isinstance(position, bool)
+    return known and bool(abs(position) <= LARGEST)
 
 
 def _joint(element: Element, source: str) -> Joint:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from armdyn.arguments import flag, number, one_of, shown, whole
+from armdyn.arguments import expect, flag, number, one_of, shown, whole
 from armdyn.errors import ProblemError
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.phases import TABLEAU, Phases
@@ -269,9 +269,10 @@ def compare_with_direct(indirect: IndirectSolution, direct: Phases | None = None
         direct: the other, as `Solution.phases`; None: the one that seeded the first.
 
     Raises:
-        ProblemError: there is none.
+        ProblemError: there is none, or it is something else.
     """
-    direct = direct or indirect.direct
+    expect(indirect, IndirectSolution, "indirect", "what solve_indirect returned")
+    direct = indirect.direct if direct is None else expect(direct, Phases, "direct", "Solution.phases")
     if direct is None:
         raise ProblemError("the indirect solution was not seeded by a direct one: give direct=")
     n, motion = direct.q.shape[1], indirect.trajectory
