@@ -10,6 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armdyn.arguments import numbers, several, text
+from armdyn.arguments import path as path_of
 from armdyn.errors import FileError, TrajectoryError
 from armdyn.files import read_bounded, write_whole
 
@@ -29,6 +31,10 @@ _HEADS = 2**20
 
 _LONGEST = 500
 """Characters of a message about a file: numpy quotes what it finds there."""
+
+LEAST_STEP = 1e-30
+"""Times nearer than that are refused [s]: rates over them, and squares of rates, leave what numbers can hold. An ulp of
+a femtosecond is longer."""
 
 
 class Sample(NamedTuple):
@@ -51,7 +57,7 @@ class Trajectory:
     one rule also says bang-bang exactly.
 
     Attributes:
-        t: times [s], shape (n,), strictly increasing, n >= 2.
+        t: times [s], shape (n,), strictly increasing by `LEAST_STEP` at least, n >= 2.
         q: joint positions, one number per joint [rad or m], shape (n, nq).
         v: joint velocities [rad/s or m/s], shape (n, nv).
         tau: joint torques [N m or N], shape (n, nv).
@@ -70,10 +76,7 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         for field in _ARRAYS:
-            try:
-                array = np.array(getattr(self, field)).astype(float, casting="same_kind", copy=False)
-            except (TypeError, ValueError):
-                raise TrajectoryError(f"{field} is not an array of numbers") from None
+            array = numbers(getattr(self, field), field, "an array of numbers", error=TrajectoryError)
             array.setflags(write=False)
             object.__setattr__(self, field, array)
             if not np.all(np.isfinite(array)):
@@ -81,13 +84,23 @@ class Trajectory:
         n = self.t.shape[0] if self.t.ndim == 1 else 0
         if n < 2 or not np.all(np.diff(self.t) > 0):
             raise TrajectoryError(f"t must be at least two increasing times [s], got shape {self.t.shape}")
+        nearest = int(np.argmin(np.diff(self.t)))
+        if self.t[nearest + 1] - self.t[nearest] < LEAST_STEP:
+            raise TrajectoryError(
+                f"t[{nearest + 1}] is {self.t[nearest + 1] - self.t[nearest]:.3g} s after t[{nearest}]; times are at "
+                f"least {LEAST_STEP:g} s apart, a jump of the torque one ulp of a time that is not 0"
+            )
         for field in _ARRAYS[1:]:
             shape = getattr(self, field).shape
             if len(shape) != 2 or shape[0] != n:
                 raise TrajectoryError(f"{field} has shape {shape}; expected ({n}, joints) as t has {n} samples")
         if self.v.shape != self.tau.shape:
             raise TrajectoryError(f"v has shape {self.v.shape} but tau {self.tau.shape}")
-        object.__setattr__(self, "joint_names", tuple(self.joint_names))
+        names = several(self.joint_names, "joint_names", error=TrajectoryError)
+        names = tuple(text(name, f"joint_names[{i}]", error=TrajectoryError) for i, name in enumerate(names))
+        object.__setattr__(self, "joint_names", names)
+        for field in ("name", "model_hash"):
+            text(getattr(self, field), field, error=TrajectoryError)
         if self.joint_names and len(self.joint_names) != self.v.shape[1]:
             raise TrajectoryError(f"{len(self.joint_names)} joint names for {self.v.shape[1]} joints")
 
@@ -115,8 +128,11 @@ class Trajectory:
 
         Returns:
             A `Sample` whose arrays have the shape of `time` plus one axis for the joints.
+
+        Raises:
+            TrajectoryError: the times are no numbers.
         """
-        at: Array = np.clip(np.asarray(time, dtype=float), self.t[0], self.t[-1])
+        at: Array = np.clip(numbers(time, "time", "times [s]", error=TrajectoryError), self.t[0], self.t[-1])
         k = np.clip(np.searchsorted(self.t, at, side="right") - 1, 0, self.t.size - 2)
         h = (self.t[k + 1] - self.t[k])[..., None]
         s = (at - self.t[k])[..., None] / h
@@ -163,6 +179,7 @@ class Trajectory:
             TrajectoryError: the file is missing, no regular file, no trajectory, of an unknown version or in other
                 units, or has arrays that do not fit or are larger than `MAX_BYTES`.
         """
+        path = path_of(path, "path of a trajectory", error=TrajectoryError)
         try:
             with zipfile.ZipFile(io.BytesIO(read_bounded(path, MAX_BYTES + _HEADS))) as file:
                 return _read(file)

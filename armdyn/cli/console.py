@@ -14,6 +14,9 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from armdyn.cli import interrupts
+from armdyn.cli.interrupts import INTERRUPTED as INTERRUPTED
+from armdyn.cli.streams import BAD_INPUT as BAD_INPUT
 from armdyn.errors import ArmdynError, ArmdynWarning, DiskFullError
 from armdyn.files import is_full
 
@@ -21,8 +24,8 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-DONE, INTERNAL, BAD_INPUT, NOT_CERTIFIED, DISK_FULL, INTERRUPTED = 0, 1, 2, 3, 5, 130
-"""Exit codes."""
+DONE, INTERNAL, NOT_CERTIFIED, DISK_FULL = 0, 1, 3, 5
+"""Exit codes, besides BAD_INPUT and INTERRUPTED."""
 
 
 class Terminal:
@@ -42,6 +45,14 @@ class Terminal:
     def is_terminal(self) -> bool:
         """Someone watches."""
         return self.rich.is_terminal
+
+    def shows(self, text: str) -> bool:
+        """It has all characters of a text."""
+        try:
+            text.encode(self.rich.encoding)
+        except (LookupError, UnicodeEncodeError):
+            return False
+        return True
 
     def print(self, what: str | Table) -> None:
         """Say something, in rich's markup."""
@@ -70,6 +81,23 @@ class Answer:
     facts: dict[str, object] = field(default_factory=dict)
     code: int = DONE
 
+    def interrupted(self) -> None:
+        """It ends by Ctrl-C."""
+        self.facts |= {"success": False, "status": "interrupted", "message": "interrupted"}
+        self.code = INTERRUPTED
+
+    def disk_full(self, error: DiskFullError) -> None:
+        """It ends for want of room."""
+        self.facts |= {"success": False, "status": "disk_full", "message": str(error)}
+        self.code = DISK_FULL
+
+    def internal(self, error: Exception) -> None:
+        """It ends by what nobody has thought of."""
+        hint = "this is a bug in armdyn; ARMDYN_DEBUG=1 shows where"
+        message = f"internal error ({type(error).__name__}: {error}); {hint}"
+        self.facts |= {"success": False, "status": "internal_error", "message": message}
+        self.code = INTERNAL
+
 
 @contextmanager
 def answering(as_json: bool) -> Iterator[Answer]:
@@ -83,34 +111,30 @@ def answering(as_json: bool) -> Iterator[Answer]:
         warnings.simplefilter("ignore")
         warnings.simplefilter("always", ArmdynWarning)
         try:
-            yield answer
+            with interrupts.raised():
+                yield answer
         except DiskFullError as error:
-            answer.facts |= {"success": False, "status": "disk_full", "message": str(error)}
-            answer.code = DISK_FULL
+            answer.disk_full(error)
         except ArmdynError as error:
             answer.facts |= {"success": False, "status": "bad_input", "message": str(error)}
             answer.code = BAD_INPUT
         except OSError as error:
-            full, message = is_full(error), f"{error.strerror}: {error.filename}"
-            if full:
-                message = str(DiskFullError(error.filename or "standard output"))
-            answer.facts |= {"success": False, "status": "disk_full" if full else "bad_input", "message": message}
-            answer.code = DISK_FULL if full else BAD_INPUT
+            if is_full(error):
+                answer.disk_full(DiskFullError(error.filename or "standard output"))
+            else:
+                answer.facts |= {"success": False, "status": "bad_input", "message": _os_message(error)}
+                answer.code = BAD_INPUT
         except typer.Exit:
             raise
         except Exception as error:
-            if os.environ.get("ARMDYN_DEBUG"):
+            if interrupts.pressed():
+                answer.interrupted()
+            elif os.environ.get("ARMDYN_DEBUG"):
                 raise
-            hint = "this is a bug in armdyn; ARMDYN_DEBUG=1 shows where"
-            answer.facts |= {
-                "success": False,
-                "status": "internal_error",
-                "message": f"internal error ({type(error).__name__}: {error}); {hint}",
-            }
-            answer.code = INTERNAL
+            else:
+                answer.internal(error)
         except KeyboardInterrupt:
-            answer.facts |= {"success": False, "status": "interrupted", "message": "interrupted"}
-            answer.code = INTERRUPTED
+            answer.interrupted()
     messages = list(dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, ArmdynWarning)))
     for message in messages:
         errors.print(f"[yellow]warning:[/] {escape(message)}")
@@ -120,6 +144,12 @@ def answering(as_json: bool) -> Iterator[Answer]:
     if answer.code in (INTERNAL, BAD_INPUT, DISK_FULL, INTERRUPTED) and "message" in answer.facts and not as_json:
         errors.print(f"[bold red]armdyn:[/] {escape(str(answer.facts['message']))}")
     raise typer.Exit(answer.code)
+
+
+def _os_message(error: OSError) -> str:
+    """What the operating system refuses, and of which file."""
+    what = error.strerror or str(error) or type(error).__name__
+    return what if error.filename is None else f"{what}: {error.filename}"
 
 
 @contextmanager

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from armdyn.arguments import one_of
 from armdyn.cli.console import INTERRUPTED, NOT_CERTIFIED, answering, console, errors, escape
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.text import numbers
 from armdyn.control.arrival import ARRIVAL_RULES
-from armdyn.control.reading import one_of
 from armdyn.files import probe_folder, write_whole
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def _plan(only: Sequence[str], payloads: Sequence[str], rule: str | None, fresh:
     from armdyn.studies.paper.reproduce import Plan
 
     rule = rule or PAPER_RULE
-    one_of("--arrival-rule", rule, ARRIVAL_RULES)
+    one_of(rule, ARRIVAL_RULES, "--arrival-rule")
     return Plan(
         only=tuple(part.strip().lower() for text in only for part in text.split(",")),
         payloads=tuple(mass for text in payloads for mass in numbers(text, "--payload")),

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 Facts = dict[str, object]
 
 _LIMITS = ("position", "velocity", "effort")
+_MARKS, _PLAIN_MARKS = "●◐○", "*+-"
+"""Of all joints, of some, of none; the latter for terminals that lack the former."""
 
 
 def robots(
@@ -47,9 +49,11 @@ def robots(
             console.print(_table("Arms by name", arms))
             if others:
                 console.print(_table("The library's other robots, base fixed and every joint free", others))
+            every, some, none = _marks()
             console.print(
-                "\nLimits of position q, velocity v and torque τ: ● of all joints, ◐ of some, ○ of none. Minimum time "
-                "needs torque limits: give what is missing with --effort-limit. armdyn doctor NAME shows every joint."
+                f"\nLimits of position q, velocity v and torque τ: {every} of all joints, {some} of some, {none} of "
+                "none. Minimum time needs torque limits: give what is missing with --effort-limit. armdyn doctor NAME "
+                "shows every joint."
             )
 
 
@@ -106,7 +110,8 @@ def _row(facts: Facts) -> list[str]:
     missing, joints = facts.get("missing"), facts.get("joints")
     if not isinstance(missing, dict) or not isinstance(joints, list):
         return [name, *[""] * 5, f"[yellow]{escape(str(facts['reason']))}[/]"]
-    marks = ["●" if not missing[k] else "○" if len(missing[k]) == len(joints) else "◐" for k in _LIMITS]
+    every, some, none = _marks()
+    marks = [every if not missing[k] else none if len(missing[k]) == len(joints) else some for k in _LIMITS]
     remarks = [] if facts["robot"] == facts["name"] else [f"of {facts['robot']}"]
     if missing["effort"]:
         remarks.append(f"needs --effort-limit ({_which(missing['effort'], joints)})")
@@ -114,6 +119,10 @@ def _row(facts: Facts) -> list[str]:
         remarks.append(f"no end stops ({_which(facts['continuous'], joints)})")
     locked = facts["locked"]
     return [name, str(facts["dof"]), *marks, str(len(locked) or ""), escape("; ".join(remarks))]  # type: ignore[arg-type]
+
+
+def _marks() -> tuple[str, ...]:
+    return tuple(_MARKS if console.shows(_MARKS) else _PLAIN_MARKS)
 
 
 def _which(some: object, joints: list[str]) -> str:

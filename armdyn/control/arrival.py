@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from armdyn.control.reading import one_of, positive
+from armdyn.arguments import number, one_of
 
 ArrivalRule = Literal["last_entry_first_joint", "last_entry_all_joints", "first_crossing"]
 """When the arm is "in the final position":
@@ -31,5 +31,5 @@ class Arrival:
     tolerance: float = 0.005
 
     def __post_init__(self) -> None:
-        one_of("arrival_rule", self.rule, ARRIVAL_RULES)
-        positive("arrival_tolerance", self.tolerance, "rad")
+        one_of(self.rule, ARRIVAL_RULES, "arrival_rule")
+        number(self.tolerance, "arrival_tolerance", unit="rad", sign="positive")

@@ -7,16 +7,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import OdeSolution
 
+from armdyn.arguments import number, whole
 from armdyn.control.approach import Approach
 from armdyn.control.arrival import Arrival, ArrivalRule
 from armdyn.control.loop import Loop, Status, integrate
 from armdyn.control.motion import EquationsOfMotion, motion_of
 from armdyn.control.pid import DEFAULT_GAINS, Controller, Form, PidGains
-from armdyn.control.reading import positive
 from armdyn.control.stability import closed_loop_matrix, eigenvalues
 from armdyn.errors import ProblemError
 from armdyn.models import Robot
 from armdyn.models.per_joint import per_joint
+from armdyn.models.robot import expect_robot
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -80,14 +81,14 @@ class Move:
         """What was asked of a robot, checked; `v_start` None: it starts at rest.
 
         Raises:
-            ProblemError: wrong length or not finite; duration not positive.
+            ProblemError: no Robot; wrong length or not finite; duration not positive.
         """
-        rest = np.zeros(robot.nv)
+        rest = np.zeros(expect_robot(robot).nv)
         given = {"q_goal": q_goal, "q_start": q_start, "v_start": rest if v_start is None else v_start}
         goal, start, velocity = (
             per_joint(value, robot.joint_names, what, error=ProblemError, scalar=False) for what, value in given.items()
         )
-        return cls(start, goal, velocity, positive("duration", duration, "s"))
+        return cls(start, goal, velocity, number(duration, "duration", unit="s", sign="positive"))
 
 
 def simulate_pid(
@@ -125,8 +126,8 @@ def simulate_pid(
         dynamics: other equations of motion than the robot's own, which have its joints' friction.
 
     Raises:
-        ProblemError: wrong length or not finite; duration or tolerance not positive; unknown form or rule;
-            fewer than two samples.
+        ProblemError: no Robot; wrong length or not finite; duration or tolerance not positive; unknown form or rule;
+            fewer than two samples; dynamics without the functions that they have.
     """
     move = Move.of(robot, q_start, q_goal, v_start, duration)
     arrival = Arrival(arrival_rule, arrival_tolerance)
@@ -155,8 +156,7 @@ def simulate(
     Raises:
         ProblemError: the gains are for another number of joints; fewer than two samples.
     """
-    if samples != int(samples) or samples < 2:
-        raise ProblemError(f"samples is {samples}; a trajectory has at least two")
+    samples = whole(samples, "samples", least=2)
     motion = motion_of(robot, dynamics)
     loop = Loop.of(robot, motion, controller, move.goal)
     growth = float(eigenvalues(closed_loop_matrix(motion, move.goal, controller))[0].real)
@@ -166,7 +166,7 @@ def simulate(
     settling = approach.time(Arrival("last_entry_all_joints", arrival.tolerance)) if stays else None
     status, what = followed.stopped or _came(settling, arrival.tolerance, approach)
     return PidRun(
-        trajectory=_sampled(robot, loop, followed.solution, int(samples)),
+        trajectory=_sampled(robot, loop, followed.solution, samples),
         arrival_time=approach.time(arrival) if stays or arrival.rule == "first_crossing" else None,
         arrival_rule=arrival.rule,
         settling_time=settling,

@@ -1,17 +1,19 @@
 """The equations of motion that a controller closes the loop around, as numbers."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from armdyn.arguments import expect
 from armdyn.dynamics import forward_dynamics
 from armdyn.models import Robot
 
 Array = NDArray[np.float64]
 
 
+@runtime_checkable
 class EquationsOfMotion(Protocol):
     """D(q) a + C(q, v) v + g(q) = tau, for instance hand-derived ones; all in joint coordinates."""
 
@@ -45,8 +47,15 @@ class Motion(Protocol):
 
 
 def motion_of(robot: Robot, dynamics: EquationsOfMotion | None) -> Motion:
-    """The robot's own equations by Pinocchio, or the given ones, which have no friction, in their place."""
-    return PinocchioMotion(robot) if dynamics is None else GivenMotion(dynamics)
+    """The robot's own equations by Pinocchio, or the given ones, which have no friction, in their place.
+
+    Raises:
+        ProblemError: what is given has not the functions of equations of motion.
+    """
+    if dynamics is None:
+        return PinocchioMotion(robot)
+    wanted = "inertia(q), coriolis(q, v) and gravity(q), such as PlanarArm"
+    return GivenMotion(expect(dynamics, EquationsOfMotion, "dynamics", wanted))  # type: ignore[type-abstract]
 
 
 class PinocchioMotion:

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.control.reading import one_of
+from armdyn.arguments import expect, flag, number, one_of
 from armdyn.errors import ProblemError
 from armdyn.models.per_joint import per_joint
 
@@ -85,7 +85,7 @@ class Controller:
             e = goal - position, eq. (26), with a goal at rest; another number is another law.
 
     Raises:
-        ProblemError: unknown form, or error_rate not finite.
+        ProblemError: no gains, unknown form, saturate neither True nor False nor None, or error_rate not finite.
     """
 
     gains: PidGains = DEFAULT_GAINS
@@ -94,9 +94,11 @@ class Controller:
     error_rate: float = -1.0
 
     def __post_init__(self) -> None:
-        one_of("form", self.form, FORMS)
-        if not np.isfinite(self.error_rate):
-            raise ProblemError(f"error_rate is {self.error_rate}; it must be finite")
+        expect(self.gains, PidGains, "gains", "PidGains(kp=…, ki=…, kd=…)")
+        one_of(self.form, FORMS, "form")
+        if self.saturate is not None:
+            flag(self.saturate, "saturate")
+        number(self.error_rate, "error_rate")
 
     @property
     def saturates(self) -> bool:

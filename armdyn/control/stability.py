@@ -8,6 +8,7 @@ from armdyn.control.pid import DEFAULT_GAINS, Controller, Form, PidGains
 from armdyn.errors import ProblemError
 from armdyn.models import Robot
 from armdyn.models.per_joint import per_joint
+from armdyn.models.robot import expect_robot
 
 Array = NDArray[np.float64]
 
@@ -92,6 +93,7 @@ def closed_loop_eigenvalues(
     Raises:
         ProblemError: q_goal or the gains do not fit the robot; unknown form.
     """
-    goal = per_joint(q_goal, robot.joint_names, "q_goal", unit="rad or m", error=ProblemError, scalar=False)
+    joints = expect_robot(robot).joint_names
+    goal = per_joint(q_goal, joints, "q_goal", unit="rad or m", error=ProblemError, scalar=False)
     controller = Controller(gains, form)
     return eigenvalues(closed_loop_matrix(motion_of(robot, dynamics), goal, controller))

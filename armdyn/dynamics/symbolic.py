@@ -8,9 +8,10 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
+from armdyn.arguments import flag
 from armdyn.errors import BridgeError, SpecError
 from armdyn.exclusive import built_once
-from armdyn.models.robot import Robot
+from armdyn.models.robot import Robot, expect_robot
 
 _NO_MASS = 1e-100
 """Stands for the zero mass of a body with moments or a payload [kg]: its centre, m c / m, stays finite."""
@@ -50,14 +51,16 @@ class Dynamics:
                 The same Functions then serve every payload at the tip.
 
         Raises:
+            ProblemError: robot is no Robot.
             BridgeError: the installed casadi is not the one the bridge was built for.
             SpecError: no such frame, or it does not move; or both of the above.
         """
-        self.robot = robot
+        self.robot = expect_robot(robot)
         self.nv = robot.nv
         self.payload_frame = payload_frame
         self.last_body = np.empty(0)
         joint = -1
+        free_last_body = flag(free_last_body, "free_last_body")
         if payload_frame is not None:
             if free_last_body:
                 raise SpecError("Dynamics take payload_frame or free_last_body, not both")

@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armdyn.arguments import number
 from armdyn.errors import SpecError
 from armdyn.models.per_joint import per_joint
 
@@ -46,8 +47,7 @@ class JointFriction:
             array = per_joint(getattr(self, name), None, f"joint friction: {name}", sign="not negative")
             array.setflags(write=False)
             object.__setattr__(self, name, array)
-        if not (np.isfinite(self.width) and self.width > 0):
-            raise SpecError(f"joint friction: width is {self.width} rad/s; it must be positive and finite")
+        number(self.width, "joint friction: width", unit="rad/s", sign="positive", error=SpecError)
 
     @property
     def present(self) -> bool:

@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from armdyn.arguments import shown as told
 from armdyn.errors import SpecError, UnsupportedJointError, UrdfError
 from armdyn.models.urdf_check import LARGEST, MOVING
 from armdyn.models.urdf_xml import shown, to_number
@@ -137,8 +138,8 @@ class JointTree:
             if name not in self.joints or not self.joints[name].moves:
                 moving = ", ".join(self.moving()[:50])
                 raise SpecError(f"cannot lock {shown(name)!r}: {self.source} has joints {moving}")
-            if not abs(value) <= LARGEST:
-                raise SpecError(f"cannot lock {name!r} at {value}")
+            if not _in_bounds(value):
+                raise SpecError(f"cannot lock {name!r} at {told(value)}: it must be one number [rad or m]")
         free = set(self.moving() if arm is None else self.chain(*arm)) - set(lock)
         locked: dict[str, float] = {}
         for joint in self.joints.values():
@@ -193,6 +194,12 @@ class JointTree:
                 )
                 stack.append(joint.child)
         return places
+
+
+def _in_bounds(position: Any) -> bool:
+    """It is a number, and one that a joint may be at [rad or m]."""
+    known = isinstance(position, int | float | np.integer | np.floating) and not isinstance(position, bool)
+    return known and bool(abs(position) <= LARGEST)
 
 
 def _joint(element: Element, source: str) -> Joint:

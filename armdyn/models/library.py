@@ -4,7 +4,8 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from armdyn.errors import UnknownRobotError, UrdfError
+from armdyn.arguments import text
+from armdyn.errors import SpecError, UnknownRobotError, UrdfError
 
 
 @dataclass(frozen=True)
@@ -89,12 +90,13 @@ def library_arm(name: str) -> tuple[Path, str, LibraryArm | None]:
         name: of `LIBRARY_ARMS`, or any robot of the library: then no choice of joints comes back.
 
     Raises:
+        SpecError: the name is no text.
         UnknownRobotError: the library has neither.
         UrdfError: the robot is not described by a URDF.
     """
     from example_robot_data.robots_loader import ROBOTS
 
-    arm = LIBRARY_ARMS.get(name)
+    arm = LIBRARY_ARMS.get(text(name, "name of a robot", error=SpecError))
     if arm is None and name not in ROBOTS:
         raise UnknownRobotError(name, sorted({*ROBOTS, *LIBRARY_ARMS}))
     return *library_urdf(name if arm is None else arm.robot), arm

@@ -5,6 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.arguments import numbers, shown
+from armdyn.errors import SpecError
+
 Array = NDArray[np.float64]
 
 
@@ -18,6 +21,9 @@ class JointLimits:
         velocity: largest speed [rad/s or m/s].
         effort_lower: [N m or N].
         effort_upper: [N m or N].
+
+    Raises:
+        SpecError: one is not numbers, or NaN, or they are of different shapes.
     """
 
     position_lower: Array
@@ -28,6 +34,10 @@ class JointLimits:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            array = np.array(value, dtype=float)
+            array = numbers(value, f"limits: {name}", "one number per joint", error=SpecError)
+            if array.ndim != 1 or array.shape != np.shape(self.position_lower) or np.any(np.isnan(array)):
+                raise SpecError(
+                    f"limits: {name} is {shown(value)}; expected one number per joint, as many as the others"
+                )
             array.setflags(write=False)
             object.__setattr__(self, name, array)

@@ -3,13 +3,13 @@
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
-from reprlib import repr as brief
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from armdyn.arguments import number, numbers, shown, text
 from armdyn.errors import FileError, ProblemError
 from armdyn.files import read_json
 
@@ -21,24 +21,15 @@ _LONGEST_NAME = 200
 
 
 def _point(value: ArrayLike, what: str) -> Point:
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        raise ProblemError(f"{what} is {brief(value)}; it must be three numbers") from None
+    array = numbers(value, what, "three numbers")
     if array.shape != (3,) or not np.all(np.isfinite(array)):
-        raise ProblemError(f"{what} is {brief(value)}; it must be three finite numbers")
+        raise ProblemError(f"{what} is {shown(value)}; it must be three finite numbers")
     x, y, z = (float(part) for part in array)
     return x, y, z
 
 
 def _positive(value: float, what: str) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise ProblemError(f"{what} is {brief(value)}; it must be a number") from None
-    if not (np.isfinite(number) and number > 0):
-        raise ProblemError(f"{what} is {value} m; it must be positive and finite")
-    return number
+    return number(value, what, unit="m", sign="positive")
 
 
 @dataclass(frozen=True)
@@ -57,6 +48,7 @@ class Sphere:
     name: str = "sphere"
 
     def __post_init__(self) -> None:
+        text(self.name, "name of an obstacle")
         object.__setattr__(self, "center", _point(self.center, f"center of obstacle {self.name!r}"))
         object.__setattr__(self, "radius", _positive(self.radius, f"radius of obstacle {self.name!r}"))
 
@@ -79,6 +71,7 @@ class Capsule:
     name: str = "capsule"
 
     def __post_init__(self) -> None:
+        text(self.name, "name of an obstacle")
         for end in ("a", "b"):
             object.__setattr__(self, end, _point(getattr(self, end), f"{end} of obstacle {self.name!r}"))
         object.__setattr__(self, "radius", _positive(self.radius, f"radius of obstacle {self.name!r}"))
@@ -101,6 +94,7 @@ class Box:
     name: str = "box"
 
     def __post_init__(self) -> None:
+        text(self.name, "name of an obstacle")
         size = _point(self.size, f"size of obstacle {self.name!r}")
         for edge in size:
             _positive(edge, f"an edge of obstacle {self.name!r}")
@@ -125,22 +119,22 @@ def homogeneous(placement: Any, what: str) -> Array:
     """
     if isinstance(placement, pin.SE3):
         return np.array(placement.homogeneous)
-    try:
-        array = np.asarray(placement, dtype=float)
-    except (TypeError, ValueError):
-        array = np.empty(0)
+    wanted = "a position (3 numbers), a 4 × 4 matrix or a pinocchio.SE3"
+    array = numbers(placement, what, wanted)
     pose = np.eye(4)
     if array.shape == (3,):
         pose[:3, 3] = array
     elif array.shape == (4, 4):
         pose = array.copy()
     else:
-        raise ProblemError(f"{what} must be a position (3 numbers), a 4 × 4 matrix or a pinocchio.SE3")
+        raise ProblemError(f"{what} has shape {array.shape}; it must be {wanted}")
     if not np.all(np.isfinite(pose)):
         raise ProblemError(f"{what} is not finite")
     rotation = pose[:3, :3]
     # 1e-6: a matrix typed with seven digits is a rotation.
-    if np.max(np.abs(rotation.T @ rotation - np.eye(3))) > 1e-6 or np.linalg.det(rotation) < 0:
+    with np.errstate(over="ignore", invalid="ignore"):  # a matrix of huge numbers is none
+        turned = np.max(np.abs(rotation.T @ rotation - np.eye(3)))
+    if not turned <= 1e-6 or np.linalg.det(rotation) < 0:
         raise ProblemError(f"{what} has a rotation that is none: {rotation.tolist()}")
     return pose
 
@@ -158,15 +152,12 @@ def pose_of(position: ArrayLike, quaternion: ArrayLike | None, rpy: ArrayLike | 
     if rpy is not None:
         pose[:3, :3] = pin.rpy.rpyToMatrix(np.array(_point(rpy, f"rpy of {what}")))
     if quaternion is not None:
-        try:
-            q = np.asarray(quaternion, dtype=float)
-        except (TypeError, ValueError):
-            q = np.empty(0)
+        q = numbers(quaternion, f"quaternion of {what}", "four numbers x, y, z, w")
         with np.errstate(over="ignore"):
             length = np.linalg.norm(q)
         if q.shape != (4,) or not 1e-9 < length < np.inf:
             raise ProblemError(
-                f"quaternion of {what} is {brief(quaternion)}; it must be four numbers x, y, z, w, not all 0"
+                f"quaternion of {what} is {shown(quaternion)}; it must be four numbers x, y, z, w, not all 0"
             )
         pose[:3, :3] = pin.Quaternion(*np.roll(q / length, 1)).toRotationMatrix()
     return pose
@@ -187,13 +178,13 @@ def obstacle_from(entry: Mapping[str, Any], where: str) -> Obstacle:
     """
     kind = entry.get("type") if isinstance(entry, Mapping) else None
     if not isinstance(kind, str) or kind not in _KEYS:
-        raise ProblemError(f'{where}: "type" is {brief(kind)}; it must be one of {", ".join(_KEYS)}')
+        raise ProblemError(f'{where}: "type" is {shown(kind)}; it must be one of {", ".join(_KEYS)}')
     needed, allowed = _KEYS[kind]
     given = set(entry) - {"type"}
     if needed - given or given - needed - allowed:
         raise ProblemError(
             f"{where}: a {kind} has {', '.join(sorted(needed))}, and may have {', '.join(sorted(allowed))}; "
-            f"given: {brief(sorted(given)) if given else 'nothing'}"
+            f"given: {shown(sorted(given)) if given else 'nothing'}"
         )
     name = str(entry.get("name", kind))
     if len(name) > _LONGEST_NAME:

@@ -1,16 +1,14 @@
 """One number per joint, as users give it: read and checked in one place."""
 
 from collections.abc import Sequence
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armdyn.arguments import Sign, numbers
 from armdyn.errors import ArmdynError, SpecError
 
 Array = NDArray[np.float64]
-
-Sign = Literal["any", "not negative", "positive"]
 
 
 def per_joint(
@@ -27,7 +25,7 @@ def per_joint(
     """One number per joint, as an array of its own.
 
     Args:
-        value: as given.
+        value: as given: real numbers; no text, no booleans, no None, no rows of different length.
         joints: their names; None where no arm is known yet: then any number of them is right, and one stays one.
         what: the number is, in messages.
         unit: likewise.
@@ -43,10 +41,7 @@ def per_joint(
         ArmdynError: as `error`, which says what, of which joint, where and how much it is, and what would be right.
     """
     wanted = _wanted(joints, scalar)
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise error(f"{what} is {value!r}; expected {wanted}") from None
+    array = numbers(value, what, wanted, error=error)
     if joints is not None and array.ndim == 0 and (scalar or len(joints) == 1):
         array = np.full(len(joints), array)
     if array.shape != (len(joints),) if joints is not None else array.ndim > 1 or not array.size:

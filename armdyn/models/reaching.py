@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from armdyn.arguments import text
 from armdyn.errors import ProblemError
 from armdyn.models.limits import JointLimits
 from armdyn.models.obstacles import homogeneous
@@ -36,6 +37,7 @@ class GoalPose:
     placement: Any
 
     def __post_init__(self) -> None:
+        text(self.frame, "frame of a goal pose")
         pose = homogeneous(self.placement, f"goal pose of {self.frame!r}")
         rows = pose[:3, 3].tolist() if np.shape(self.placement) == (3,) else map(tuple, pose.tolist())
         object.__setattr__(self, "placement", tuple(rows))

@@ -1,11 +1,13 @@
 """Planar arms and their payload, as numbers."""
 
+import re
 from dataclasses import dataclass
 from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armdyn.arguments import expect, number, numbers, several, shown, text
 from armdyn.errors import SpecError
 
 GRAVITY = 9.81
@@ -30,11 +32,8 @@ class LinkSpec:
 
     def __post_init__(self) -> None:
         for field, unit in (("length", "m"), ("mass", "kg"), ("inertia", "kg m²")):
-            value = getattr(self, field)
-            if not (np.isfinite(value) and value > 0):
-                raise SpecError(f"{field} of a link is {value} {unit}; it must be positive and finite")
-        if not np.isfinite(self.com):
-            raise SpecError(f"com of a link is {self.com} m; it must be finite")
+            number(getattr(self, field), f"{field} of a link", unit=unit, sign="positive", error=SpecError)
+        number(self.com, "com of a link", unit="m", error=SpecError)
 
 
 PAPER_LINKS = (
@@ -46,6 +45,9 @@ PAPER_LINKS = (
 
 PAPER_PAYLOADS = (0.0212, 0.0312, 0.0518, 0.1006, 0.1219, 0.1307, 0.1505, 0.2, 0.5, 1.0)
 """Table 2 of the paper [kg]."""
+
+_XML_TEXT = "[\t -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]+"
+"""What XML can hold, in one line."""
 
 PaperArm = Literal["r", "rr", "rrr"]
 PAPER_ARMS: tuple[PaperArm, ...] = ("r", "rr", "rrr")
@@ -73,13 +75,15 @@ class ArmSpec:
     effort_limit: float = 3.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "links", tuple(self.links))
-        if not self.links:
+        if not re.fullmatch(_XML_TEXT, text(self.name, "name of an arm", error=SpecError)):
+            raise SpecError(f"name of an arm is {shown(self.name)}; a URDF can have no such characters")
+        links = several(self.links, "links of an arm", error=SpecError)
+        if not links:
             raise SpecError("an arm needs at least one link")
+        links = tuple(expect(link, LinkSpec, f"links[{i}] of an arm", error=SpecError) for i, link in enumerate(links))
+        object.__setattr__(self, "links", links)
         for field, unit in (("position_limit", "rad"), ("velocity_limit", "rad/s"), ("effort_limit", "N m")):
-            value = getattr(self, field)
-            if not (np.isfinite(value) and value > 0):
-                raise SpecError(f"{field} is {value} {unit}; it must be positive and finite")
+            number(getattr(self, field), field, unit=unit, sign="positive", error=SpecError)
 
     @classmethod
     def paper(cls, arm: PaperArm) -> Self:
@@ -88,8 +92,8 @@ class ArmSpec:
         Raises:
             SpecError: `arm` is none of "r", "rr", "rrr".
         """
-        if arm not in PAPER_ARMS:
-            raise SpecError(f"the paper has no arm {arm!r}; it has {', '.join(PAPER_ARMS)}")
+        if not (isinstance(arm, str) and arm in PAPER_ARMS):
+            raise SpecError(f"the paper has no arm {shown(arm)}; it has {', '.join(PAPER_ARMS)}")
         return cls(name=arm, links=PAPER_LINKS[: len(arm)])
 
 
@@ -130,12 +134,13 @@ class Payload:
         Raises:
             SpecError: not finite, of another shape, or no body has such an inertia.
         """
-        if not (np.isfinite(mass) and mass >= 0):
-            raise SpecError(f"payload mass is {mass} kg; it must be finite and not negative")
-        centre = np.asarray(com if offset is None else offset, dtype=float)
+        mass = number(mass, "payload mass", unit="kg", sign="not negative", error=SpecError)
+        centre = numbers(com if offset is None else offset, "payload com", "three finite numbers [m]", error=SpecError)
         if centre.shape != (3,) or not np.all(np.isfinite(centre)):
-            raise SpecError(f"payload com is {centre} m; it must be three finite numbers")
-        object.__setattr__(self, "mass", float(mass))
+            raise SpecError(f"payload com is {shown(centre)} m; it must be three finite numbers")
+        if frame is not None:
+            text(frame, "payload frame", error=SpecError)
+        object.__setattr__(self, "mass", mass)
         object.__setattr__(self, "com", tuple(centre.tolist()))
         object.__setattr__(self, "inertia", _moments(inertia))
         object.__setattr__(self, "frame", frame)
@@ -161,18 +166,16 @@ class Payload:
 
         That is a point mass at the last link's centre of mass.
         """
-        last = spec.links[-1]
+        last = expect(spec, ArmSpec, "spec", error=SpecError).links[-1]
         return cls(mass=mass, com=(last.com - last.length, 0.0, 0.0))
 
 
 def _moments(inertia: ArrayLike) -> tuple[float, ...]:
     """Three moments, or these and the three products, of the ways that `Payload` takes."""
-    array = np.asarray(inertia, dtype=float)
+    expected = "three moments, three moments and three products, or a symmetric 3 × 3 matrix [kg m²]"
+    array = numbers(inertia, "payload inertia", expected, error=SpecError)
     if array.shape == (3, 3) and np.array_equal(array, array.T):
         array = np.concatenate([np.diag(array), array[np.triu_indices(3, 1)]])
     if array.shape not in ((3,), (6,)) or not np.all(np.isfinite(array)):
-        raise SpecError(
-            f"payload inertia is {np.asarray(inertia).tolist()} kg m²; it must be finite: three moments, three "
-            "moments and three products, or a symmetric 3 × 3 matrix"
-        )
+        raise SpecError(f"payload inertia is {shown(inertia)} kg m²; it must be finite: {expected}")
     return tuple(array.tolist())

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armdyn.arguments import expect
 from armdyn.errors import SpecError
 from armdyn.models.spec import ArmSpec, LinkSpec, Payload
 
@@ -67,6 +68,9 @@ def urdf_from_spec(spec: ArmSpec, payload: Payload | None = None) -> str:
     Raises:
         SpecError: the payload is for a frame that is not there or does not move.
     """
+    expect(spec, ArmSpec, "spec", 'such as ArmSpec.paper("rr")', error=SpecError)
+    if payload is not None:
+        expect(payload, Payload, "payload", "Payload(mass=…)", error=SpecError)
     import yourdfpy as yp  # slow to import (trimesh), and only whoever writes a URDF needs it
     from lxml import etree
 

@@ -2,9 +2,11 @@
 
 import os
 import re
+from pathlib import Path
 from xml.etree import ElementTree
 from xml.parsers import expat
 
+from armdyn.arguments import shown as told
 from armdyn.errors import FileError, UrdfError
 from armdyn.files import read_bounded
 
@@ -19,6 +21,36 @@ MAX_ELEMENTS = 200_000
 
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _XACRO = "is xacro that was not expanded; run `xacro` on it first and give armdyn the result"
+
+
+def urdf_path(path: object) -> Path:
+    """The path of a URDF file.
+
+    Raises:
+        UrdfError: it is none; or the URDF itself, where its path belongs.
+    """
+    if isinstance(path, str) and "<" in path[:1000]:
+        raise UrdfError("path", "looks like URDF text: use Robot.from_urdf_string")
+    try:
+        return Path(os.fsdecode(path))  # type: ignore[arg-type]  # it refuses what is no path
+    except Exception:  # a stranger's __fspath__ may raise anything
+        raise UrdfError("path", f"is {told(path)}; it must be the path of a URDF file") from None
+
+
+def check_urdf_text(text: object, source: object) -> None:
+    """Refuse what is no text of a URDF, before it is read.
+
+    Raises:
+        UrdfError: no text, too long, or a path.
+    """
+    if not isinstance(source, str):
+        raise UrdfError("URDF text", f"source is {told(source)}; it must be text, what messages call the URDF")
+    if not isinstance(text, str):
+        raise UrdfError(source, f"is {told(text)}; it must be the text of a URDF")
+    if "<" not in text and text.strip().lower().endswith((".urdf", ".xml", ".xacro")):
+        raise UrdfError(source, f"{told(text)} is no URDF text; Robot.from_urdf takes the path of a file")
+    if len(text) > MAX_BYTES:
+        raise UrdfError(source, f"larger than {MAX_BYTES} bytes")
 
 
 def read_urdf(path: str | os.PathLike[str]) -> str:

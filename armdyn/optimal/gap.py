@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
+from armdyn.arguments import expect, numbers
 from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.errors import TrajectoryError
 from armdyn.models.limits import JointLimits
-from armdyn.models.robot import Robot
+from armdyn.models.robot import Robot, expect_robot
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.landing.limits import worst_violation
 from armdyn.optimal.landing.rollout import replay_torques
@@ -153,22 +154,24 @@ def trajectory_from_path(
     Raises:
         TrajectoryError: the arrays do not fit each other or the robot, or two samples are a jump.
     """
-    t, q = np.asarray(t, dtype=float), np.asarray(q, dtype=float)
+    q = numbers(q, "q", "joint positions, shape (n, nv)", error=TrajectoryError)
     rest = np.zeros_like(q)
-    bare = Trajectory(t, q, rest if v is None else np.asarray(v, dtype=float), rest, name=name)
+    bare = Trajectory(t, q, rest if v is None else v, rest, name=name)  # type: ignore[arg-type]  # refuses no numbers
     _check_joints(robot, bare)
     if np.min(np.diff(bare.t)) <= _JUMP * bare.duration:
         raise TrajectoryError("two samples are a jump: positions there have no derivative; give the torques instead")
     speeds = CubicSpline(bare.t, bare.q)(bare.t, 1) if v is None else bare.v
-    given = CubicSpline(bare.t, speeds)(bare.t, 1) if a is None else np.asarray(a, dtype=float)
-    if given.shape != bare.v.shape:
-        raise TrajectoryError(f"a has shape {given.shape} but q {bare.q.shape}")
+    given = CubicSpline(bare.t, speeds)(bare.t, 1) if a is None else numbers(a, "a", error=TrajectoryError)
+    if given.shape != bare.v.shape or not np.all(np.isfinite(given)):
+        raise TrajectoryError(f"a has shape {given.shape}; expected {bare.q.shape}, as q has, and finite")
     torque = inverse_dynamics(robot)
     tau = [torque(*sample) for sample in zip(bare.q, speeds, given, strict=True)]
     return Trajectory(bare.t, bare.q, speeds, np.array(tau), robot.joint_names, name, robot.model_hash)
 
 
 def _check_joints(robot: Robot, trajectory: Trajectory) -> None:
+    expect_robot(robot)
+    expect(trajectory, Trajectory, "trajectory", "trajectory_from_path makes one of positions", error=TrajectoryError)
     if trajectory.q.shape[1] != robot.nv or trajectory.v.shape[1] != robot.nv:
         raise TrajectoryError(
             f"the trajectory has {trajectory.q.shape[1]} joints; {robot.name} has {robot.nv}: "

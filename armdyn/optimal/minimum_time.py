@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from armdyn.arguments import expect, function
 from armdyn.optimal.answer.assembly import assembled, failed
 from armdyn.optimal.answer.solution import Solution
-from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import stopping
 from armdyn.optimal.refine.bang import minimum_time
@@ -43,8 +44,15 @@ def solve_minimum_time(
     Returns:
         A `Solution`; look at `success` and `certificate`. Ctrl-C returns the best so far, with status
         "interrupted".
+
+    Raises:
+        ProblemError: problem, options or progress is something else.
     """
-    options, started = options or MinimumTimeOptions(), time.perf_counter()
+    started = time.perf_counter()
+    expect_problem(problem)
+    options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
+    if progress is not None:
+        function(progress, "progress")
     if len(problem.goals) > 1:
         return _fastest_goal(problem, options, progress or (lambda text: None))
     with stopping(options.time_limit) as stop:

@@ -1,8 +1,10 @@
 """HTML put together from text: what is not markup already is escaped."""
 
 import html
+import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 
 class Html(str):
@@ -59,3 +61,15 @@ def inline_svg(text: str, prefix: str, label: str, colors: Mapping[str, str]) ->
     for color, css in colors.items():
         svg = svg.replace(color, css)
     return Html(svg.replace("<svg ", f'<svg role="img" aria-label="{html.escape(label)}" ', 1))
+
+
+def script_json(data: Mapping[str, Any]) -> str:
+    """JSON that may stand between script tags, whatever its strings are.
+
+    Raises:
+        ValueError: a number is not finite.
+    """
+    text = json.dumps(data, allow_nan=False, separators=(",", ":"))
+    for character in "<>&\u2028\u2029":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return text

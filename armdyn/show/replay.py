@@ -7,7 +7,6 @@ controls are ours (`replay_page.html`).
 
 import base64
 import html
-import json
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -22,10 +21,12 @@ import umsgpack  # type: ignore[import-untyped]
 from meshcat import geometry as mg
 from numpy.typing import NDArray
 
-from armdyn.errors import TrajectoryError
+from armdyn.arguments import number, shown
+from armdyn.errors import ProblemError, TrajectoryError
 from armdyn.files import write_whole
 from armdyn.models import Robot
 from armdyn.models.obstacles import Obstacle
+from armdyn.show.markup import script_json
 from armdyn.show.visuals import Shape, obstacle_shapes, robot_shapes
 from armdyn.trajectory import Trajectory
 
@@ -38,6 +39,7 @@ WATCHABLE = 4.0
 """How long a replay takes when nothing else is asked for [s]."""
 
 _SPEEDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
+LARGEST = 1e12
 _MAX_FRAMES = 4000
 _MAX_TRAIL = 1200
 _TUBE_SIDES = 8
@@ -70,7 +72,7 @@ def write_html(
 
     Raises:
         TrajectoryError: there is no trajectory, or one has another number of joints than the robot.
-        ValueError: `fps` or `slow_motion` is not positive and finite.
+        ProblemError: `fps` is not from 1e-3 to 1e3, or `slow_motion` not from 1e-6 to 1e6.
         OSError: the folder cannot be written.
     """
     fields = replay_fields(robot, trajectories, fps=fps, slow_motion=slow_motion, obstacles=obstacles)
@@ -117,7 +119,7 @@ def replay_fields(
 
     Raises:
         TrajectoryError: there is no trajectory, or one has another number of joints than the robot.
-        ValueError: `fps` or `slow_motion` is not positive and finite.
+        ProblemError: `fps` is not from 1e-3 to 1e3, or `slow_motion` not from 1e-6 to 1e6.
     """
     if not trajectories:
         raise TrajectoryError("nothing to replay: no trajectory given")
@@ -126,9 +128,11 @@ def replay_fields(
             raise TrajectoryError(
                 f"a trajectory of {trajectory.v.shape[1]} joints cannot move {robot.name!r} with {robot.nv}"
             )
-    for name, value in (("fps", fps), ("slow_motion", slow_motion)):
-        if value is not None and not (np.isfinite(value) and value > 0):
-            raise ValueError(f"{name} is {value}; it must be positive and finite")
+        if (most := max(np.max(np.abs(x)) for x in (trajectory.t, *trajectory(trajectory.t)))) > LARGEST:
+            raise TrajectoryError(f"a trajectory has the number {most:g}; beyond {LARGEST:g} nothing can be shown")
+    for name, value, most in (("fps", fps, 1e3), ("slow_motion", slow_motion, 1e6)):
+        if value is not None and not 1 / most <= number(value, name) <= most:
+            raise ProblemError(f"{name} is {shown(value)}; it must be from {1 / most:g} to {most:g}")
     durations = [trajectory.duration for trajectory in trajectories]
     speed = _speed(durations) if slow_motion is None else 1.0 / slow_motion
     step = min(speed, min(durations) / WATCHABLE) / fps
@@ -153,18 +157,6 @@ def _speed(durations: Sequence[float]) -> float:
     """Playing time over real time, a round number: motions of very different length meet halfway."""
     wanted = float(np.sqrt(min(durations) * max(durations))) / WATCHABLE
     return min((s for s in _SPEEDS if s <= 1.0), key=lambda s: abs(np.log(s / wanted)))
-
-
-def script_json(data: Mapping[str, Any]) -> str:
-    """JSON that may stand between script tags, whatever its strings are.
-
-    Raises:
-        ValueError: a number is not finite.
-    """
-    text = json.dumps(data, allow_nan=False, separators=(",", ":"))
-    for character in "<>&\u2028\u2029":
-        text = text.replace(character, f"\\u{ord(character):04x}")
-    return text
 
 
 def _packed(command: Mapping[str, Any]) -> str:

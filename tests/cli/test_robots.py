@@ -5,7 +5,7 @@ import pytest
 from typer.testing import CliRunner
 
 import armdyn.cli.robots as robots
-from armdyn.cli.main import app
+from armdyn.cli.app import app
 from armdyn.models import PAPER_ARMS, Robot
 from armdyn.models.library import LIBRARY_ARMS
 from armdyn.show.results import load_result

@@ -4,8 +4,8 @@ import pytest
 
 from armdyn.errors import SpecError, UnknownRobotError, UrdfError
 from armdyn.models import PAPER_ARMS, ArmSpec, Payload, Robot
+from armdyn.models.arm import payload_inertia
 from armdyn.models.library import library_urdf
-from armdyn.models.robot import payload_inertia
 from oracles import joint, link, random_states, robot_named, two_links, urdf
 
 

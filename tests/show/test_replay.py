@@ -12,7 +12,7 @@ import psutil
 import pytest
 
 import armdyn as ad
-from armdyn.errors import ArmdynWarning, TrajectoryError
+from armdyn.errors import ArmdynWarning, ProblemError, TrajectoryError
 from armdyn.models import meshes
 from armdyn.show import replay, visuals
 from problems import paper_arm
@@ -191,8 +191,8 @@ def test_bad_input(tmp_path):
         replay.write_html(robot, [], tmp_path / "x.html")
     with pytest.raises(TrajectoryError, match="2 joints"):
         replay.write_html(paper_arm("rrr"), [run], tmp_path / "x.html")
-    for options in ({"fps": 0}, {"slow_motion": -1.0}, {"slow_motion": float("nan")}):
-        with pytest.raises(ValueError, match="positive"):
+    for options in ({"fps": 0}, *({"slow_motion": x} for x in (-1.0, float("nan"), 0, 1e-320, "2"))):
+        with pytest.raises(ProblemError, match="must be"):
             replay.write_html(robot, [run], tmp_path / "x.html", **options)
     with pytest.raises(OSError, match="nowhere"):
         replay.write_html(robot, [run], tmp_path / "nowhere" / "x.html")

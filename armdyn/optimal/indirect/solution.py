@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from armdyn.arguments import expect, flag, number, one_of, shown, whole
 from armdyn.errors import ProblemError
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.phases import TABLEAU, Phases
@@ -61,18 +62,18 @@ class IndirectOptions:
     def __post_init__(self) -> None:
         if not isinstance(self.law, Law):
             raise ProblemError(
-                f"law is {self.law!r}; it must be a value of the class Law, not a name: "
+                f"law is {shown(self.law)}; it must be a value of the class Law, not a name: "
                 "armdyn.optimal.indirect.MINIMUM, or one like it (see docs/indirect.md)"
             )
-        if self.method not in METHODS:
-            raise ProblemError(f"method is {self.method!r}; it must be one of {', '.join(METHODS)}")
-        for name in ("intervals", "max_nodes", "starts", "continuations"):
-            value = getattr(self, name)
-            if value is not None and value < 1:
-                raise ProblemError(f"{name} is {value}; it must be at least 1")
+        one_of(self.method, METHODS, "method")
+        flag(self.bounded, "bounded")
+        for name in ("intervals", "max_nodes", "continuations"):
+            whole(getattr(self, name), name, least=1)
+        if self.starts is not None:
+            whole(self.starts, "starts", least=1)
+        whole(self.seed, "seed", least=0)
         for name in ("tolerance", "time_limit"):
-            if not getattr(self, name) > 0:
-                raise ProblemError(f"{name} is {getattr(self, name)}; it must be positive")
+            number(getattr(self, name), name, sign="positive", finite=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,9 +269,10 @@ def compare_with_direct(indirect: IndirectSolution, direct: Phases | None = None
         direct: the other, as `Solution.phases`; None: the one that seeded the first.
 
     Raises:
-        ProblemError: there is none.
+        ProblemError: there is none, or it is something else.
     """
-    direct = direct or indirect.direct
+    expect(indirect, IndirectSolution, "indirect", "what solve_indirect returned")
+    direct = indirect.direct if direct is None else expect(direct, Phases, "direct", "Solution.phases")
     if direct is None:
         raise ProblemError("the indirect solution was not seeded by a direct one: give direct=")
     n, motion = direct.q.shape[1], indirect.trajectory

@@ -15,6 +15,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.arguments import expect
 from armdyn.errors import ProblemError
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.arcs.arc import BANG
@@ -31,7 +32,7 @@ from armdyn.optimal.indirect.solution import (
     from_arcs,
     from_extremal,
 )
-from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.optimal.refine.smooth import resolved_near, smooth_optima
@@ -135,10 +136,14 @@ def solve_indirect(
         An `IndirectSolution`; look at `success`. Without it, the message says what failed, and where.
 
     Raises:
-        ProblemError: minimum time is asked for without torque limits, the problem has conditions along the way,
-            or the seed is of another arm.
+        ProblemError: an argument is something else, minimum time is asked for without torque limits, the problem has
+            conditions along the way, or the seed is of another arm.
     """
-    options, started = options or IndirectOptions(), time.perf_counter()
+    started = time.perf_counter()
+    expect_problem(problem)
+    options = IndirectOptions() if options is None else expect(options, IndirectOptions, "options")
+    if seed is not None:
+        expect(seed, Solution, "seed", "what solve_minimum_time returned")
     with stopping(options.time_limit) as stop:
         question = _Question(problem, options, stop)
         _refuse(question, seed)

@@ -7,8 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
+from armdyn.arguments import expect, number
 from armdyn.dynamics.numeric import forward_dynamics
-from armdyn.models.robot import Robot
+from armdyn.errors import TrajectoryError
+from armdyn.models.robot import Robot, expect_robot
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -38,7 +40,16 @@ def replay_torques(
         States at the same times, with the same torques. It ends early, but with two samples at least,
         where the states leave what numbers can hold, or after 300,000 accelerations: seconds, where a motion of
         well-posed dynamics takes some ten thousand; a tenth of that after `stop` said so.
+
+    Raises:
+        ProblemError: no Robot, or rtol not positive.
+        TrajectoryError: no Trajectory, or of another number of joints.
     """
+    expect_robot(robot)
+    expect(trajectory, Trajectory, "trajectory", error=TrajectoryError)
+    number(rtol, "rtol", sign="positive")
+    if trajectory.v.shape[1] != robot.nv or trajectory.q.shape[1] != robot.nv:
+        raise TrajectoryError(f"the trajectory has {trajectory.v.shape[1]} joints; {robot.name} has {robot.nv}")
     acceleration = forward_dynamics(robot)
     n = robot.nv
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.arguments import number, several, shown
 from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.models.collision import CollisionModel
 from armdyn.models.limits import JointLimits
@@ -61,19 +62,21 @@ def check_scene(obstacles: Sequence[Obstacle], clearance: float) -> None:
     """Refuse what is no obstacle, and no clearance."""
     for obstacle in obstacles:
         if not isinstance(obstacle, Obstacle):
-            raise ProblemError(f"obstacle {obstacle!r} is no Sphere, Capsule or Box")
-    if not (np.isfinite(clearance) and clearance >= 0):
-        raise ProblemError(f"clearance is {clearance} m; it must be finite and not negative")
+            raise ProblemError(f"obstacle {shown(obstacle)} is no Sphere, Capsule or Box")
+    number(clearance, "clearance", unit="m", sign="not negative")
 
 
-def check_conditions(conditions: Sequence[Asked]) -> None:
-    """Refuse what is no condition."""
-    for i, condition in enumerate(conditions):
+def check_conditions(conditions: object) -> tuple[Asked, ...]:
+    """The conditions; refuse what is none."""
+    found = []
+    for i, condition in enumerate(several(conditions, "conditions")):
         if isinstance(condition, type) or not isinstance(condition, Asked):
             raise ProblemError(
-                f"conditions[{i}] = {condition!r} is no condition; give values such as FrameSpeedLimit(0.25) or "
+                f"conditions[{i}] = {shown(condition)} is no condition; give values such as FrameSpeedLimit(0.25) or "
                 "TorqueRateLimit(50.0)"
             )
+        found.append(condition)
+    return tuple(found)
 
 
 def check_clear(model: CollisionModel, poses: Sequence[tuple[str, Array]], clearance: float) -> None:

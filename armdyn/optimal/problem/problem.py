@@ -9,13 +9,14 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from armdyn.arguments import expect, flag, number, several
 from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.models.collision import collision_model
 from armdyn.models.limits import JointLimits
 from armdyn.models.obstacles import Obstacle
 from armdyn.models.per_joint import per_joint
 from armdyn.models.reaching import GoalPose, poses_reaching
-from armdyn.models.robot import Robot
+from armdyn.models.robot import Robot, expect_robot
 from armdyn.optimal.problem.asked import Asked
 from armdyn.optimal.problem.checks import (
     check_clear,
@@ -96,18 +97,13 @@ class MinimumTimeProblem:
     goals: tuple[Array, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        zero = np.zeros(self.robot.nv)
+        expect_robot(self.robot)
         if self.q_goal is None and self.goal_pose is None:
             raise ProblemError("give q_goal or goal_pose")
-        for name in ("q_start", "q_goal", "v_start", "v_goal"):
-            if name == "q_goal" and self.goal_pose is not None:
-                continue
-            given = getattr(self, name)
-            array = self._joints(zero if given is None else given, name)
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
-        if not (np.isfinite(self.effort_weight) and self.effort_weight >= 0):
-            raise ProblemError(f"effort_weight is {self.effort_weight}; it must be finite and not negative")
+        self._resolve_ends()
+        number(self.effort_weight, "effort_weight", sign="not negative")
+        for name in ("wrap", "self_collision"):
+            flag(getattr(self, name), name)
         object.__setattr__(self, "limits", self._resolve_limits())
         goals = [np.asarray(self.q_goal)]
         if self.goal_pose is not None:
@@ -195,21 +191,33 @@ class MinimumTimeProblem:
         """The same for every leg, from one of `poses` to the next [s], shape (legs,)."""
         return np.asarray(np.max(np.abs(np.diff(self.poses, axis=0)) / self.limits.velocity, axis=1))
 
-    def _joints(self, value: ArrayLike, name: str) -> Array:
+    def _joints(self, value: Any, name: str) -> Array:
         return per_joint(value, self.robot.joint_names, name, error=ProblemError, scalar=False)
 
-    def _limit(self, value: ArrayLike, name: str) -> Array:
+    def _limit(self, value: Any, name: str) -> Array:
         return per_joint(value, self.robot.joint_names, name, error=ProblemError, finite=False)
+
+    def _resolve_ends(self) -> None:
+        """Check the states at both ends, and keep them as arrays; no velocity is rest, no pose is none."""
+        for name in ("q_start", "q_goal", "v_start", "v_goal"):
+            given = getattr(self, name)
+            if name == "q_goal" and self.goal_pose is not None:
+                expect(self.goal_pose, GoalPose, "goal_pose", "GoalPose(frame, placement)")
+                continue
+            rest = given is None and name in ("v_start", "v_goal")
+            array = self._joints(np.zeros(self.robot.nv) if rest else given, name)
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
 
     def _resolve_course(self) -> None:
         """Check what is asked along the way, and keep it as tuples and arrays."""
-        via = [self._joints(q, f"via[{i}]") for i, q in enumerate(self.via)]
+        via = [self._joints(q, f"via[{i}]") for i, q in enumerate(several(self.via, "via"))]
         for i, q in enumerate(via):
             check_state(self.robot, self.limits, q, np.zeros_like(q), f"via[{i}]")
             q.setflags(write=False)
         object.__setattr__(self, "via", tuple(via))
         check_poses(self.poses)
-        object.__setattr__(self, "obstacles", tuple(self.obstacles))
+        object.__setattr__(self, "obstacles", several(self.obstacles, "obstacles"))
         check_scene(self.obstacles, self.clearance)
         for name, unit in (("acceleration_limit", "rad/s²"), ("jerk_limit", "rad/s³")):
             if getattr(self, name) is not None:
@@ -220,8 +228,8 @@ class MinimumTimeProblem:
                 value.setflags(write=False)
                 object.__setattr__(self, name, value)
         self._resolve_clear()
-        check_conditions(self.conditions)
-        bound = tuple(condition.on(self.robot, self.x_start, self.x_goal) for condition in self.conditions)
+        conditions = check_conditions(self.conditions)
+        bound = tuple(condition.on(self.robot, self.x_start, self.x_goal) for condition in conditions)
         object.__setattr__(self, "conditions", bound)
 
     def _resolve_clear(self) -> None:
@@ -250,12 +258,22 @@ class MinimumTimeProblem:
             velocity = self._limit(self.velocity_limit, "velocity_limit")
         lower, upper = own.position_lower, own.position_upper
         if self.position_limit is not None:
-            if len(self.position_limit) != 2:
+            pair = several(self.position_limit, "position_limit")
+            if len(pair) != 2:
                 raise ProblemError("position_limit must be a pair (lower, upper) [rad or m]")
-            lower, upper = (self._limit(x, "position_limit") for x in self.position_limit)
+            lower, upper = (self._limit(x, "position_limit") for x in pair)
         limits = JointLimits(
             position_lower=lower, position_upper=upper, velocity=velocity,
             effort_lower=effort_lower, effort_upper=effort_upper,
         )  # fmt: skip
         check_limits(self.robot, limits)
         return limits
+
+
+def expect_problem(problem: object) -> MinimumTimeProblem:
+    """The problem.
+
+    Raises:
+        ProblemError: it is none, but a robot, say.
+    """
+    return expect(problem, MinimumTimeProblem, "problem", "pose it: MinimumTimeProblem(robot, q_start=…, q_goal=…)")

@@ -3,6 +3,9 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
+from armdyn.arguments import shown
+from armdyn.errors import ProblemError
+
 
 class Status(StrEnum):
     """How a solve ended."""
@@ -25,6 +28,10 @@ class Status(StrEnum):
     """Stopped by Ctrl-C; the best so far is kept."""
     FAILED = "failed"
     """The solver gave up for a numerical reason; the message has its word."""
+
+    @classmethod
+    def _missing_(cls, value: object) -> None:
+        raise ProblemError(f"status is {shown(value)}; it is one of {', '.join(cls)}")
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,10 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from armdyn.arguments import expect, flag, number, one_of, several, whole
 from armdyn.errors import ProblemError
 from armdyn.optimal.task.scheme import Control, DynamicsForm
+from armdyn.optimal.task.tableau import TABLEAUS
 from armdyn.trajectory import Trajectory
 
 
@@ -76,14 +78,27 @@ class MinimumTimeOptions:
     verbose: bool = False
 
     def __post_init__(self) -> None:
-        if not self.coarse_intervals or min(self.coarse_intervals) < 1:
-            raise ProblemError(f"coarse_intervals is {self.coarse_intervals}; it must be numbers of at least 1")
-        for name in ("starts", "refinements", "intervals", "max_intervals", "max_iterations", "workers"):
-            value = getattr(self, name)
-            if value is not None and value < 1:
-                raise ProblemError(f"{name} is {value}; it must be at least 1")
+        guesses = tuple(
+            expect(guess, Trajectory, f"guesses[{i}]") for i, guess in enumerate(several(self.guesses, "guesses"))
+        )
+        object.__setattr__(self, "guesses", guesses)
+        meshes = several(self.coarse_intervals, "coarse_intervals")
+        if not meshes:
+            raise ProblemError("coarse_intervals is empty; it must be numbers of at least 1")
+        meshes = tuple(whole(mesh, f"coarse_intervals[{i}]", least=1) for i, mesh in enumerate(meshes))
+        object.__setattr__(self, "coarse_intervals", meshes)
+        for name in ("intervals", "max_intervals", "max_iterations"):
+            whole(getattr(self, name), name, least=1)
+        for name in ("starts", "refinements", "workers"):
+            if getattr(self, name) is not None:
+                whole(getattr(self, name), name, least=1)
+        whole(self.seed, "seed", least=0)
         for name in ("replay_tolerance", "tolerance", "time_limit"):
-            if not getattr(self, name) > 0:
-                raise ProblemError(f"{name} is {getattr(self, name)}; it must be positive")
-        if self.control not in ("linear", "constant"):
-            raise ProblemError(f"control is {self.control!r}; it must be 'linear' or 'constant'")
+            number(getattr(self, name), name, sign="positive", finite=False)
+        one_of(self.method, tuple(TABLEAUS), "method")
+        one_of(self.control, ("linear", "constant"), "control")
+        one_of(self.dynamics, ("forward", "inverse", "auto"), "dynamics")
+        for name in ("arcs", "verbose"):
+            flag(getattr(self, name), name)
+        if self.compile is not None:
+            flag(self.compile, "compile")

@@ -84,8 +84,8 @@ def test_one_that_is_never_reached_changes_nothing():
 @pytest.mark.parametrize(
     ("condition", "says"),
     [
-        (lambda: ad.FrameSpeedLimit(0.0), r"is 0\.0 m/s; it must be one number, positive"),
-        (lambda: ad.FrameSpeedLimit([1.0, 2.0]), "must be one number"),
+        (lambda: ad.FrameSpeedLimit(0.0), r"is 0\.0 m/s; it must be positive and finite"),
+        (lambda: ad.FrameSpeedLimit([1.0, 2.0]), "must be a number"),
         (lambda: ad.FrameSpeedLimit(0.25, "tool0"), r"no frame 'tool0' .* the tip is 'tip'"),
         (lambda: ad.FrameSpeedLimit(0.25, "base"), "'base' of rr does not move"),
         (lambda: ad.FrameSpeedLimit, r"conditions\[0\] = .* is no condition; give values"),

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from armdyn.arguments import number, text
 from armdyn.errors import ProblemError, SpecError
 from armdyn.models.robot import Robot
 from armdyn.optimal.conditions.condition import Condition, Kept, Knots, Path
@@ -44,8 +45,10 @@ class FrameSpeedLimit(Condition):
     option, metavar, help = "tip-speed", "V[@FRAME]", "how fast a frame may move [m/s], by default the tip"
 
     def __post_init__(self) -> None:
-        if not (np.ndim(self.limit) == 0 and 0 < self.limit < np.inf):
-            raise ProblemError(f"FrameSpeedLimit is {self.limit} m/s; it must be one number, positive and finite")
+        number(self.limit, "FrameSpeedLimit", unit="m/s", sign="positive")
+        number(self.part, "part of FrameSpeedLimit", sign="positive")
+        if self.frame is not None:
+            text(self.frame, "frame of FrameSpeedLimit")
 
     @classmethod
     def of_option(cls, values: list[float], frame: str | None) -> Self:

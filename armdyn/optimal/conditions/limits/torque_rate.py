@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from armdyn.arguments import numbers
 from armdyn.errors import ProblemError
 from armdyn.models.per_joint import per_joint
 from armdyn.models.robot import Robot
@@ -43,6 +44,9 @@ class TorqueRateLimit(Condition):
         "R[,R…]",
         "how fast torques may change [N m/s], one number or one per joint",
     )
+
+    def __post_init__(self) -> None:
+        numbers(self.limit, "TorqueRateLimit", "one number, or one per joint [N m/s]")
 
     @classmethod
     def of_option(cls, values: list[float], frame: str | None) -> Self:

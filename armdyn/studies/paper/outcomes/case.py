@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from armdyn.arguments import one_of
 from armdyn.control.arrival import ArrivalRule
 from armdyn.control.motion import EquationsOfMotion
 from armdyn.control.pid import Controller
-from armdyn.control.reading import one_of
 from armdyn.errors import ProblemError
 from armdyn.models.robot import Robot
 from armdyn.models.spec import ArmSpec, PaperArm, Payload
@@ -62,7 +62,7 @@ class Case:
     def __post_init__(self) -> None:
         of_paper = self.paper_example
         closed_loop = self.kind == "pid"
-        one_of("derivative_sign", self.derivative_sign, tuple(ERROR_RATES))
+        one_of(self.derivative_sign, tuple(ERROR_RATES), "derivative_sign")
         if (of_paper.arm, of_paper.kind == "pid") != (self.arm, closed_loop):
             raise ProblemError(f"Example {self.example} is {of_paper.arm} {of_paper.kind}, not {self.arm} {self.kind}")
         if self.variant == "printed" and (not closed_loop or self.arm != "rrr" or self.reading != "mM"):

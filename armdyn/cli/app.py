@@ -1,4 +1,4 @@
-"""The application and its entry point.
+"""The application: its commands.
 
 A command's module is read to know its options; what the command works with is imported when it runs.
 """
@@ -42,14 +42,3 @@ def _options(
     ] = False,
 ) -> None:
     pass
-
-
-def main() -> None:
-    """Run the command line; never ends in a traceback for bad input or Ctrl-C."""
-    try:
-        app()
-    except KeyboardInterrupt:
-        sys.exit(130)
-    except BrokenPipeError:
-        sys.stderr.close()  # the reader of a pipe has gone: nothing left to say
-        sys.exit(0)

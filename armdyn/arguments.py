@@ -1,0 +1,212 @@
+"""What callers give: read and checked in one place, refused by name, and with what would be right."""
+
+import math
+import os
+import reprlib
+from collections.abc import Callable, Iterable, Sequence
+from numbers import Integral, Real
+from typing import Literal, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.errors import ArmdynError, ProblemError
+
+Array = NDArray[np.float64]
+Kind = TypeVar("Kind")
+Sign = Literal["any", "not negative", "positive"]
+
+MOST_SHOWN = 100
+"""Characters of a value that a message shows."""
+
+
+_RIGHT: dict[tuple[Sign, bool], str] = {
+    ("any", True): "finite",
+    ("not negative", True): "finite and not negative",
+    ("positive", True): "positive and finite",
+    ("any", False): "a number, not NaN",
+    ("not negative", False): "a number that is not negative",
+    ("positive", False): "positive",
+}
+"""What a number must be, by its sign and whether it is to be finite."""
+
+
+def shown(value: object) -> str:
+    """A value as a message shows it, however long it is and whatever its `__repr__` does."""
+    short = reprlib.Repr()
+    short.maxlist = short.maxtuple = short.maxdict = 8
+    short.maxstring = short.maxother = short.maxlong = MOST_SHOWN
+    try:
+        plain = value.item() if isinstance(value, np.generic) else value
+        words = " ".join(short.repr(plain).split())
+    except Exception:  # a stranger's object; and Python writes no integer of more than 4300 digits
+        words = f"a {type(value).__name__}"
+    return words if len(words) <= MOST_SHOWN else f"{words[: MOST_SHOWN - 3]}..."
+
+
+def expect(
+    value: object, kind: type[Kind], name: str, hint: str = "", *, error: type[ArmdynError] = ProblemError
+) -> Kind:
+    """The value, which is to be of a class.
+
+    Args:
+        value: as given.
+        kind: the class.
+        name: of the argument.
+        hint: how to come by the right one.
+        error: what is raised.
+
+    Raises:
+        ArmdynError: as `error`; it is of another.
+    """
+    if isinstance(value, kind):
+        return value
+    article = "an" if kind.__name__[0] in "AEIO" else "a"
+    raise error(f"{name} is {shown(value)}; it must be {article} {kind.__name__}{f': {hint}' if hint else ''}")
+
+
+def text(value: object, name: str, *, error: type[ArmdynError] = ProblemError) -> str:
+    """The value, which is to be text."""
+    if isinstance(value, str):
+        return value
+    raise error(f"{name} is {shown(value)}; it must be text")
+
+
+def flag(value: object, name: str) -> bool:
+    """The value, which is to be True or False.
+
+    Raises:
+        ProblemError: it is neither.
+    """
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    raise ProblemError(f"{name} is {shown(value)}; it must be True or False")
+
+
+def function(value: object, name: str) -> Callable[..., object]:
+    """The value, which is to be called.
+
+    Raises:
+        ProblemError: it cannot be.
+    """
+    if callable(value):
+        return value
+    raise ProblemError(f"{name} is {shown(value)}; it must be a function")
+
+
+def whole(value: object, name: str, least: int) -> int:
+    """A whole number.
+
+    Raises:
+        ProblemError: it is none, or less than the least.
+    """
+    if isinstance(value, bool) or not isinstance(value, Integral):
+        raise ProblemError(f"{name} is {shown(value)}; it must be a whole number of at least {least}")
+    if value < least:
+        raise ProblemError(f"{name} is {shown(value)}; it must be at least {least}")
+    return int(value)
+
+
+def number(
+    value: object,
+    name: str,
+    *,
+    unit: str = "",
+    sign: Sign = "any",
+    finite: bool = True,
+    error: type[ArmdynError] = ProblemError,
+) -> float:
+    """One number.
+
+    Args:
+        value: as given: no text, no boolean.
+        name: of the argument.
+        unit: in messages.
+        sign: that it must have.
+        finite: whether infinity is refused; NaN always is.
+        error: what is raised.
+
+    Raises:
+        ArmdynError: as `error`; it is none, or not such a one.
+    """
+    array = _real(value)
+    if array is None or array.ndim:
+        raise error(f"{name} is {shown(value)}; it must be a number{f' [{unit}]' if unit else ''}")
+    one = float(array)
+    signed = sign == "any" or one > 0 or (sign == "not negative" and one == 0)
+    if math.isnan(one) or (finite and math.isinf(one)) or not signed:
+        raise error(f"{name} is {f'{shown(value)} {unit}'.rstrip()}; it must be {_RIGHT[sign, finite]}")
+    return one
+
+
+def numbers(value: object, name: str, expected: str = "numbers", *, error: type[ArmdynError] = ProblemError) -> Array:
+    """An array of real numbers, of its own; not looked at further.
+
+    Args:
+        value: as given: no text, nothing complex, no booleans, no rows of different length.
+        name: of the argument.
+        expected: what would be right.
+        error: what is raised.
+
+    Raises:
+        ArmdynError: as `error`; it is none.
+    """
+    array = _real(value)
+    if array is None:
+        raise error(f"{name} is {shown(value)}; expected {expected}")
+    return array
+
+
+def several(value: object, name: str, *, error: type[ArmdynError] = ProblemError) -> tuple[object, ...]:
+    """The members of a list or of what else can be gone through, but no text.
+
+    Raises:
+        ArmdynError: as `error`; it is one thing.
+    """
+    if isinstance(value, Iterable) and not isinstance(value, str | bytes):
+        try:
+            return tuple(value)
+        except Exception as why:  # an array without dimensions; a stranger's iterator
+            raise error(f"{name} is {shown(value)}; it must be a list ({why})") from None
+    raise error(f"{name} is {shown(value)}; it must be a list")
+
+
+def one_of(value: object, known: Sequence[str], name: str) -> str:
+    """A name among those that are known.
+
+    Raises:
+        ProblemError: it is another.
+    """
+    if isinstance(value, str) and value in known:
+        return value
+    raise ProblemError(f"{name} is {shown(value)}; it is one of {', '.join(map(repr, known))}")
+
+
+def path(value: object, name: str, *, error: type[ArmdynError]) -> str:
+    """A path of the file system.
+
+    Raises:
+        ArmdynError: as `error`; it is none.
+    """
+    try:
+        return os.fsdecode(value)  # type: ignore[arg-type]  # it refuses what is no path
+    except Exception:
+        raise error(f"{name} is {shown(value)}; it must be a path") from None
+
+
+def _real(value: object) -> Array | None:
+    """An array of its own, None if it is not one of real numbers."""
+    try:
+        array = np.array(value)
+        if array.dtype.kind == "O" and all(isinstance(x, Real) and not isinstance(x, bool) for x in array.flat):
+            array = array.astype(float)  # fractions, integers beyond 64 bits
+        if array.dtype.kind not in "iuf" or _has_booleans(value):
+            return None
+        return array.astype(float)
+    except Exception:  # rows of different length, integers beyond floats, whatever a stranger's __array__ raises
+        return None
+
+
+def _has_booleans(value: object) -> bool:
+    """Numpy makes numbers of booleans that stand among numbers."""
+    return isinstance(value, list | tuple) and any(isinstance(x, bool | np.bool_) or _has_booleans(x) for x in value)

@@ -1,0 +1,98 @@
+"""Ctrl-C, from the first import to the interpreter's last breath: exit code 130 and one line.
+
+A `KeyboardInterrupt` is raised only where a command works, and not within an import: there it comes out as another
+exception, or not at all, wherever C code looks on. Elsewhere nothing is to be put in order, and the process ends.
+"""
+
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import NoReturn
+
+INTERRUPTED = 130
+"""Exit code."""
+
+_ANSWER = b'{"success": false, "status": "interrupted", "message": "interrupted", "warnings": []}\n'
+_SHOW_CURSOR = b"\x1b[?25h"  # a spinner hides it
+
+
+class _State:
+    working = False
+    """A command works: it hears of an interrupt as `KeyboardInterrupt`."""
+    pressed = False
+    """There was one."""
+
+
+@contextmanager
+def guarded() -> Iterator[None]:
+    """Within it Ctrl-C is answered as this module says, and afterwards not at all: all that is left is to end.
+
+    Where someone else sees to the signal, or nobody is to hear it (`nohup`, a job in the background), that stays.
+    """
+    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    try:
+        signal.signal(signal.SIGINT, _on_interrupt)
+    except ValueError:  # not the main thread, which alone gets signals
+        yield
+        return
+    told, sys.unraisablehook = sys.unraisablehook, _on_unraisable
+    try:
+        yield
+    except KeyboardInterrupt:
+        leave()
+    except SystemExit:
+        if _State.pressed:  # whoever caught it may have made another code of it
+            raise SystemExit(INTERRUPTED) from None
+        raise
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        sys.unraisablehook = told
+
+
+@contextmanager
+def raised() -> Iterator[None]:
+    """Within it Ctrl-C raises `KeyboardInterrupt`, so that a command can put things in order."""
+    before, _State.working = _State.working, True
+    try:
+        yield
+    finally:
+        _State.working = before
+
+
+def pressed() -> bool:
+    """Ctrl-C was pressed: whatever exception came since may be its doing."""
+    return _State.pressed
+
+
+def leave() -> NoReturn:
+    """End the process at once, in a word."""
+    if "--json" in sys.argv:
+        os.write(1, _ANSWER)
+    os.write(2, (_SHOW_CURSOR if os.isatty(2) else b"") + b"armdyn: interrupted\n")
+    os._exit(INTERRUPTED)
+
+
+def _on_interrupt(number: int, frame: FrameType | None) -> None:
+    if not _State.working or _State.pressed or _importing(frame):
+        leave()
+    _State.pressed = True
+    raise KeyboardInterrupt
+
+
+def _importing(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _on_unraisable(what: "sys.UnraisableHookArgs") -> None:
+    if isinstance(what.exc_value, KeyboardInterrupt):  # it came while an object was being deleted, say
+        leave()
+    sys.__unraisablehook__(what)

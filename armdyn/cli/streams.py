@@ -1,0 +1,77 @@
+"""Standard output and error as a command finds them: closed, without Unicode, with a reader that goes."""
+
+import errno
+import io
+import os
+import sys
+from typing import TextIO
+
+BAD_INPUT = 2
+"""Exit code."""
+
+
+def settle() -> None:
+    """Make standard output and error such that no character and no reader's end is an error.
+
+    A character that the terminal's encoding lacks is written as its escape. What nobody reads any more is dropped,
+    and the command goes on: its files are still wanted.
+
+    Raises:
+        SystemExit: standard output is closed.
+    """
+    for number in (0, 1, 2):
+        _hold(number)
+    sys.stderr = _settled(sys.stderr) or open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115  # for good
+    out = _settled(sys.stdout)
+    if out is None:
+        sys.stderr.write("armdyn: standard output is closed; to hear nothing, send it to /dev/null\n")
+        sys.exit(BAD_INPUT)
+    sys.stdout = out
+
+
+def flushed(code: str | int | None) -> str | int | None:
+    """The exit code, once all that was said is out; another one if it could not be.
+
+    Args:
+        code: that the command ends with.
+    """
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        sys.stderr.write(f"armdyn: standard output: {error.strerror}\n")
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # the interpreter tries once more
+        return code or BAD_INPUT
+    return code
+
+
+def _hold(number: int) -> None:
+    """Have a descriptor that is closed lead nowhere: else the next file that is opened would be it."""
+    try:
+        os.fstat(number)
+    except OSError:
+        os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+
+
+def _settled(stream: TextIO | None) -> TextIO | None:
+    if not isinstance(stream, io.TextIOWrapper):
+        return stream
+    file: io.RawIOBase = _UntilNobodyReads(stream.fileno(), "wb", closefd=False)
+    return io.TextIOWrapper(
+        io.BufferedWriter(file),
+        encoding=stream.encoding,
+        errors="backslashreplace",
+        line_buffering=stream.line_buffering,
+    )
+
+
+class _UntilNobodyReads(io.FileIO):
+    """A file that takes what it is given also when the reader of the pipe has gone."""
+
+    def write(self, data: "bytes | memoryview") -> int:  # type: ignore[override]  # a buffer, as BufferedWriter gives it
+        try:
+            return super().write(data)
+        except OSError as error:
+            if error.errno != errno.EPIPE:
+                raise
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
+            return len(data)

@@ -1,0 +1,238 @@
+"""Whatever goes in, what comes out is the thing itself or an `ArmdynError` that names the argument."""
+
+import inspect
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import armdyn as ad
+from armdyn import arguments
+from armdyn.errors import ArmdynError, ProblemError, SpecError, UrdfError
+from armdyn.optimal import IndirectOptions, compare_with_direct, solve_indirect
+from oracles import two_links
+from problems import CART
+
+
+class Hostile:
+    """Raises at whatever is asked of it."""
+
+    def _refuse(self, *_):
+        raise RuntimeError("no")
+
+    __array__ = __len__ = __iter__ = __repr__ = __float__ = __index__ = __fspath__ = __bool__ = __eq__ = _refuse
+    __hash__ = object.__hash__
+
+
+RR = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
+START, GOAL = [0.0, 0.0], [1.0, -0.5]
+PROBLEM = ad.MinimumTimeProblem(RR, q_start=START, q_goal=GOAL)
+MOTION = ad.Trajectory([0.0, 1.0], np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((2, 2)))
+
+NONSENSE = (
+    None, "rr", "1.5", "", b"1", 1j, [1, 2j], [[1.0], [1.0, 2.0]], ["1", "2"], [None, 1.0], {}, {"a": 1}, {1.0},
+    object(), Hostile(), [Hostile()], np.array(["a", "b"]), np.array([True, False]), np.array([1j, 2]),
+    np.array([None, 1]), np.array("2026-01-01", dtype="datetime64"), [True, 1.0], Ellipsis, ad.Robot, ad, np.ma.masked,
+)  # fmt: skip
+"""Nothing of it is a number, an array of numbers, or what else is asked for."""
+NUMBERS = (
+    0, -1, True, 2**70, 10**5000, 0.0, -0.0, 5e-324, 1e-300, 1e300, -1e300, np.nan, np.inf, -np.inf, Fraction(1, 3),
+    np.float32(1), np.int8(3), np.array(1.0), np.array([]), [], [[]], [1.0, 2.0], [1.0, np.nan], [1e300, -1e300],
+    [1.0, 2.0, 3.0], np.zeros((2, 2)), np.eye(4), 1e300 * np.eye(4), np.zeros((1, 2, 3)),
+)  # fmt: skip
+ANYTHING = st.sampled_from(NONSENSE + NUMBERS) | st.floats() | st.lists(st.floats(), max_size=4) | st.text(max_size=9)
+
+LINK = {"length": 0.25, "com": 0.1, "mass": 0.2, "inertia": 1e-3}
+BOUNDS = [1.0, 1.0]
+VALUES = {
+    ad.LinkSpec: LINK,
+    ad.ArmSpec: {"name": "a", "links": [ad.LinkSpec(**LINK)], "position_limit": 3.0, "velocity_limit": 9.0}
+    | {"effort_limit": 3.0},
+    ad.Payload: {"mass": 1.0, "com": (0, 0, 0), "inertia": (0, 0, 0), "frame": None, "offset": None},
+    ad.Sphere: {"center": (0, 0, 0), "radius": 1.0, "name": "ball"},
+    ad.Capsule: {"a": (0, 0, 0), "b": (0, 0, 1), "radius": 1.0, "name": "post"},
+    ad.Box: {"size": (1, 1, 1), "placement": (0, 0, 0), "name": "box"},
+    ad.GoalPose: {"frame": "tip", "placement": (0, 0, 0)},
+    ad.JointLimits: dict.fromkeys(
+        ("position_lower", "position_upper", "velocity", "effort_lower", "effort_upper"), BOUNDS
+    ),
+    ad.FrameSpeedLimit: {"limit": 1.0, "frame": None},
+    ad.TorqueRateLimit: {"limit": 1.0},
+    ad.PidGains: {"kp": 1.0, "ki": 1.0, "kd": 1.0},
+    ad.Trajectory: {"t": [0.0, 1.0], "q": np.zeros((2, 1)), "v": np.zeros((2, 1)), "tau": np.zeros((2, 1))}
+    | {"joint_names": ("a",), "name": "", "model_hash": ""},
+    ad.Robot: {name: getattr(RR, name) for name in inspect.signature(ad.Robot).parameters},
+    ad.MinimumTimeOptions: {
+        name: parameter.default for name, parameter in inspect.signature(ad.MinimumTimeOptions).parameters.items()
+    },
+    IndirectOptions: {
+        name: parameter.default for name, parameter in inspect.signature(IndirectOptions).parameters.items()
+    },
+    ad.MinimumTimeProblem: {"robot": RR, "q_start": START, "q_goal": GOAL, "v_start": None, "v_goal": None}
+    | {"effort_limit": None, "velocity_limit": None, "position_limit": None, "effort_weight": 0.0, "wrap": False}
+    | {"goal_pose": None, "via": (), "obstacles": (), "self_collision": False, "clearance": 0.005}
+    | {"acceleration_limit": None, "jerk_limit": None, "conditions": ()},
+}
+FUNCTIONS = {
+    ad.Robot.from_urdf_string: {"text": two_links(), "payload": None, "lock": None, "effort_limit": None}
+    | {"velocity_limit": None, "armature": None, "package_dirs": (), "damping": 0.0, "friction": 0.0}
+    | {"friction_width": 0.05, "arm": None, "source": "it"},
+    ad.Robot.from_urdf: {"path": "nothing.urdf", "package_dirs": ()},
+    ad.Robot.from_library: {"name": "nothing", "payload": None, "arm": None},
+    ad.Robot.from_spec: {"spec": ad.ArmSpec.paper("r"), "payload": None},
+    ad.ArmSpec.paper: {"arm": "r"},
+    ad.Payload.at_last_com: {"spec": ad.ArmSpec.paper("r"), "mass": 1.0},
+    ad.Trajectory.load: {"path": "nothing.npz"},
+    MOTION.__call__: {"time": 0.5},
+    RR.with_limits: {"effort_limit": 1.0, "velocity_limit": 1.0},
+    RR.with_friction: {"damping": 1.0, "friction": 1.0, "width": 1.0},
+    RR.with_armature: {"armature": 1.0},
+    RR.frame: {"name": "tip"},
+    RR.configuration: {"q": START},
+    ad.Dynamics: {"robot": RR, "payload_frame": None, "free_last_body": False},
+    ad.urdf_from_spec: {"spec": ad.ArmSpec.paper("r"), "payload": None},
+    ad.replay_torques: {"robot": RR, "trajectory": MOTION},
+    ad.trajectory_from_path: {"robot": RR, "t": [0, 1, 2, 3], "q": np.zeros((4, 2)), "v": None, "a": None, "name": ""},
+    ad.closed_loop_eigenvalues: {"robot": RR, "q_goal": GOAL, "gains": ad.PidGains(1, 1, 1), "form": "torque"}
+    | {"dynamics": None},
+}
+"""Each with arguments that are right, and quick."""
+
+
+@pytest.mark.parametrize("made", VALUES, ids=lambda made: made.__name__)
+@settings(max_examples=150)
+@given(data=st.data())
+def test_values_are_made_of_anything_or_refused(made, data):
+    right = VALUES[made]
+    wrong = data.draw(st.lists(st.sampled_from(sorted(right)), min_size=1, max_size=2, unique=True))
+    attempt(made, right | {name: data.draw(ANYTHING) for name in wrong})
+
+
+@pytest.mark.parametrize(("made", "name"), [(made, name) for made, right in VALUES.items() for name in right])
+def test_values_are_made_of_every_nonsense_or_refused(made, name):
+    for value in NONSENSE + NUMBERS:
+        attempt(made, VALUES[made] | {name: value})
+
+
+@pytest.mark.parametrize(("done", "name"), [(done, name) for done, right in FUNCTIONS.items() for name in right])
+def test_functions_take_nonsense_or_refuse_it(done, name):
+    for value in NONSENSE:
+        attempt(done, FUNCTIONS[done] | {name: value})
+
+
+@pytest.mark.parametrize("made", [ad.Arc, ad.Certificate, ad.PidRun, ad.Sample, ad.Sensitivities, ad.Solution])
+def test_answers_hold_what_they_are_given(made):
+    for value in NONSENSE:
+        attempt(made, dict.fromkeys(inspect.signature(made).parameters, value))
+
+
+def attempt(made, values):
+    """No other error than armdyn's own."""
+    try:
+        with np.errstate(all="ignore"), pytest.MonkeyPatch.context() as patch:
+            patch.setattr("warnings.warn", lambda *_, **__: None)
+            made(**values)
+    except ArmdynError as error:
+        assert str(error) and len(str(error)) < 2000
+
+
+@pytest.mark.parametrize("value", ["euphoric", None, 1, b"solved"])
+def test_a_status_is_one_of_them(value):
+    assert ad.Status("solved") is ad.Status.SOLVED
+    with pytest.raises(ProblemError, match="it is one of solved, replay_missed"):
+        ad.Status(value)
+
+
+SIMULATION = {"q_start": START, "q_goal": GOAL, "duration": 1e-3, "samples": 2}
+WRONG = [
+    (lambda: ad.solve_minimum_time(RR, START, GOAL), "problem is Robot.* must be a MinimumTimeProblem: pose it"),
+    (lambda: ad.solve_minimum_time("rr"), "problem is 'rr'"),
+    (lambda: ad.solve_minimum_time(PROBLEM, {}), "options is {}; it must be a MinimumTimeOptions"),
+    (lambda: ad.solve_minimum_time(PROBLEM, None, "loud"), "progress is 'loud'; it must be a function"),
+    (lambda: solve_indirect(RR), "problem is Robot"),
+    (lambda: solve_indirect(PROBLEM, options=ad.MinimumTimeOptions()), "options is .* must be an IndirectOptions"),
+    (lambda: solve_indirect(PROBLEM, MOTION), "seed is Trajectory.* must be a Solution: what solve_minimum_time"),
+    (lambda: compare_with_direct(PROBLEM), "indirect is MinimumTimeProblem"),
+    (lambda: ad.time_optimality("rr", MOTION), "robot is 'rr'; it must be a Robot: use Robot.from_library"),
+    (lambda: ad.time_optimality(RR, START), "trajectory is .0.0, 0.0."),
+    (lambda: ad.MinimumTimeProblem("rr", q_start=START, q_goal=GOAL), "robot is 'rr'; it must be a Robot"),
+    (lambda: ad.MinimumTimeProblem(RR, q_start=None, q_goal=GOAL), "q_start is None; expected 2, one per joint"),
+    (lambda: ad.MinimumTimeProblem(RR, q_start=["0", "0"], q_goal=GOAL), "q_start is .'0', '0'.; expected 2"),
+    (lambda: ad.MinimumTimeProblem(RR, q_start=[1j, 0], q_goal=GOAL), "q_start is "),
+    (lambda: ad.MinimumTimeProblem(RR, q_start=[[0], [1, 2]], q_goal=GOAL), "q_start is "),
+    (lambda: ad.MinimumTimeProblem(RR, q_start=START, q_goal=[True, False]), "q_goal is "),
+    (lambda: ad.MinimumTimeProblem(RR, q_start=START, goal_pose="tip"), "goal_pose is 'tip'; it must be a GoalPose"),
+    (lambda: ad.MinimumTimeProblem(RR, q_start=START, q_goal=GOAL, wrap="no"), "wrap is 'no'; it must be True or F"),
+    (lambda: ad.MinimumTimeProblem(RR, q_start=START, q_goal=GOAL, conditions=[ad.Sphere]), r"conditions\[0\] = "),
+    (lambda: ad.MinimumTimeProblem(RR, q_start=START, q_goal=GOAL, conditions=1), "conditions is 1; it must be a list"),
+    (lambda: ad.MinimumTimeOptions(method="euler"), "method is 'euler'; it is one of 'lobatto3'|method is 'euler'"),
+    (lambda: ad.MinimumTimeOptions(control="stage"), "control is 'stage'; it is one of 'linear', 'constant'"),
+    (lambda: ad.MinimumTimeOptions(dynamics="both"), "dynamics is 'both'; it is one of"),
+    (lambda: ad.MinimumTimeOptions(seed=-1), "seed is -1; it must be at least 0"),
+    (lambda: ad.MinimumTimeOptions(starts=True), "starts is True; it must be a whole number"),
+    (lambda: ad.MinimumTimeOptions(starts=2.5), "starts is 2.5; it must be a whole number"),
+    (lambda: ad.MinimumTimeOptions(time_limit="300"), "time_limit is '300'; it must be a number"),
+    (lambda: ad.MinimumTimeOptions(arcs=1), "arcs is 1; it must be True or False"),
+    (lambda: IndirectOptions(method="euler"), "method is 'euler'; it is one of 'lobatto', 'trapezoidal'"),
+    (lambda: IndirectOptions(seed=-1), "seed is -1"),
+    (lambda: ad.PidGains("30", 50, 10), "kp is '30'; expected one number, or one per joint"),
+    (lambda: ad.simulate_pid("rr", **SIMULATION), "robot is 'rr'"),
+    (lambda: ad.simulate_pid(RR, **SIMULATION, gains=(30, 50, 10)), "gains is .30, 50, 10.; it must be a PidGains"),
+    (lambda: ad.simulate_pid(RR, **SIMULATION, form=None), "form is None; it is one of"),
+    (lambda: ad.simulate_pid(RR, **SIMULATION, saturate=1), "saturate is 1; it must be True or False"),
+    (lambda: ad.simulate_pid(RR, **SIMULATION, dynamics=RR), "dynamics is .* must be an EquationsOfMotion"),
+    (lambda: ad.simulate_pid(RR, **SIMULATION | {"samples": 2.0}), "samples is 2.0; it must be a whole number"),
+    (lambda: ad.simulate_pid(RR, **SIMULATION | {"duration": "1"}), "duration is '1'; it must be a number .s."),
+    (lambda: ad.simulate_pid(RR, **SIMULATION | {"q_start": None}), "q_start is None"),
+    (lambda: ad.Dynamics("rr"), "robot is 'rr'"),
+    (lambda: ad.Robot(RR.model), "Robot.* is no way to make one: use Robot.from_library"),
+    (lambda: ad.Robot.from_urdf(CART), "path: looks like URDF text: use Robot.from_urdf_string"),
+    (lambda: ad.Robot.from_urdf(None), "path: is None; it must be the path of a URDF file"),
+    (lambda: ad.Robot.from_urdf_string("arm.urdf"), "'arm.urdf' is no URDF text; Robot.from_urdf takes the path"),
+    (lambda: ad.Robot.from_urdf_string(CART.encode()), "URDF text: is b'.*; it must be the text of a URDF"),
+    (lambda: ad.Robot.from_spec("rr"), "spec is 'rr'; it must be an ArmSpec: such as ArmSpec.paper"),
+    (lambda: ad.Robot.from_urdf_string(two_links(), 0.1), "payload is 0.1; it must be a Payload: Payload.mass="),
+    (lambda: ad.Robot.from_urdf_string(two_links(), arm="ab"), "arm is 'ab'; it must be a list"),
+    (lambda: ad.Robot.from_urdf_string(two_links(), package_dirs="here"), "package_dirs is 'here'; it must be a list"),
+    (lambda: ad.ArmSpec(name="a", links=[LINK]), r"links\[0\] of an arm is .* must be a LinkSpec"),
+    (lambda: ad.ArmSpec(name="a\0", links=[ad.LinkSpec(**LINK)]), "a URDF can have no such characters"),
+    (lambda: ad.Payload(mass="1"), "payload mass is '1'; it must be a number .kg."),
+    (lambda: ad.Trajectory([0.0, 1e-300], *[np.zeros((2, 1))] * 3), "1e-300 s after t.0.; times are at least 1e-30"),
+]
+
+
+@pytest.mark.parametrize(("wrong", "words"), WRONG, ids=[words[:40] for _, words in WRONG])
+def test_the_argument_is_named_and_what_would_be_right(wrong, words):
+    with pytest.raises(ArmdynError, match=words):
+        wrong()
+
+
+def test_numbers_are_read_as_they_are():
+    for one in (2, 2.0, np.float32(2), np.int64(2), np.array(2.0), Fraction(4, 2)):
+        assert arguments.number(one, "x") == 2.0
+    np.testing.assert_array_equal(arguments.numbers([1, Fraction(1, 2), np.float32(2)], "x"), [1, 0.5, 2])
+    given = np.array([1.0])
+    assert arguments.numbers(given, "x") is not given
+    assert arguments.number(np.inf, "x", finite=False) == np.inf
+    assert arguments.whole(np.int8(3), "x", least=1) == 3
+    with pytest.raises(SpecError, match=r"x is -1 kg; it must be finite and not negative"):
+        arguments.number(np.int64(-1), "x", unit="kg", sign="not negative", error=SpecError)
+    with pytest.raises(ProblemError, match="x is a int; it must be"):
+        arguments.number(10**5000, "x")
+
+
+def test_a_message_shows_the_beginning_of_what_is_long():
+    assert arguments.shown("a" * 10**6).startswith("'aaa") and len(arguments.shown("a" * 10**6)) <= 100
+    assert arguments.shown(list(range(10**6))) == "[0, 1, 2, 3, 4, 5, 6, 7, ...]"
+    assert "Hostile" in arguments.shown(Hostile())
+
+
+def test_a_urdf_as_text_is_the_same_robot_as_its_file(file):
+    text = two_links()
+    read, of_text = ad.Robot.from_urdf(file(text)), ad.Robot.from_urdf_string(text)
+    assert read.model_hash == of_text.model_hash and read.joint_names == of_text.joint_names
+    assert of_text.source == "URDF text" and of_text.package_dirs == ()
+    with pytest.raises(UrdfError, match=r"^mine: not XML"):
+        ad.Robot.from_urdf_string("<robot", source="mine")
