@@ -105,7 +105,7 @@ def answering(as_json: bool) -> Iterator[Answer]:
         warnings.simplefilter("ignore")
         warnings.simplefilter("always", ArmdynWarning)
         try:
-            with interrupts.raised():
+            with interrupts.Raised():
                 yield answer
         except ArmdynError as error:
             answer.facts |= {"success": False, "status": "bad_input", "message": str(error)}
