@@ -193,11 +193,9 @@ class Arm:
         Raises:
             SpecError: q is not one number per joint.
         """
-        try:
-            return configuration(self.model, q)
-        except Exception:  # looked at no sooner: every step of an integrator comes by
-            per_joint(q, self.joint_names, "q", scalar=False)
-            raise
+        if not (isinstance(q, np.ndarray) and q.dtype == float):  # no more than that: integrators come by
+            q = per_joint(q, self.joint_names, "q", scalar=False)
+        return configuration(self.model, q)
 
 
 def payload_inertia(payload: Payload) -> pin.Inertia:

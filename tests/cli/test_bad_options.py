@@ -8,12 +8,12 @@ import armdyn as ad
 from armdyn.cli.app import app
 
 POSES = ["--q-start", "--q-goal", "--via"]
+MORE = ["--lock", "--arm", "--goal-pose", "--obstacle", "--limit", "--clearance", "--starts", "--time-limit", "--seed"]
 JOINTS = ["--effort-limit", "--damping", "--friction", "--friction-width", "--armature"]
 WRONG = ("nan", "x", ",", "½")
 """No option of numbers takes one of these."""
 OPTIONS = {
-    "mintime rr": [*POSES, *JOINTS, "--payload", "--velocity-limit", "--acceleration-limit", "--jerk-limit", "--lock"]
-    + ["--arm", "--goal-pose", "--obstacle", "--limit", "--clearance", "--starts", "--time-limit", "--seed"],
+    "mintime rr": [*POSES, *JOINTS, "--payload", "--velocity-limit", "--acceleration-limit", "--jerk-limit", *MORE],
     "pid rr": [*JOINTS, "--q-start", "--q-goal", "--payload", "--gains", "--form", "--duration", "--arrival-rule"],
     "sweep rr": ["--q-start", "--q-goal", "--payload", "--velocity-limit", "--starts", "--time-limit"],
     "replay rr m.npz": ["--payload", "--slow-motion", "--lock", "--arm"],
