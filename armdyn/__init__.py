@@ -1,10 +1,9 @@
 """Time-optimal and closed-loop motion of robot arms, from a URDF."""
 
-from typing import TYPE_CHECKING
-
 from armdyn.errors import ArmdynError, ArmdynWarning
 from armdyn.lazy import facade
 
+TYPE_CHECKING = False  # as typing has it, which takes longer to import than all of this
 if TYPE_CHECKING:
     from armdyn.control import PidGains, PidRun, closed_loop_eigenvalues, simulate_pid
     from armdyn.dynamics import Dynamics

@@ -1,11 +1,11 @@
 """The command line: `armdyn`.
 
-To import it takes no time: what Ctrl-C and the streams need is settled before anything big is imported.
+To import it takes a few milliseconds: what Ctrl-C and the streams need is settled before anything big is imported.
 """
 
 import sys
 
-from armdyn.cli import interrupts, streams
+from armdyn.cli import interrupts
 
 __all__ = ["main"]
 
@@ -16,7 +16,9 @@ def main() -> None:
     Raises:
         SystemExit: always, with the exit code.
     """
-    with interrupts.guarded():
+    with interrupts.Guard():
+        from armdyn.cli import streams
+
         streams.settle()
         try:
             from armdyn.cli.app import app

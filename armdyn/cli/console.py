@@ -111,7 +111,7 @@ def answering(as_json: bool) -> Iterator[Answer]:
         warnings.simplefilter("ignore")
         warnings.simplefilter("always", ArmdynWarning)
         try:
-            with interrupts.raised():
+            with interrupts.Raised():
                 yield answer
         except DiskFullError as error:
             answer.disk_full(error)

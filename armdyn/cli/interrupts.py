@@ -1,16 +1,21 @@
-"""Ctrl-C, from the first import to the interpreter's last breath: exit code 130 and one line.
+"""Ctrl-C, from before the first import to the interpreter's end: exit code 130 and one line.
 
 A `KeyboardInterrupt` is raised only where a command works, and not within an import: there it comes out as another
 exception, or not at all, wherever C code looks on. Elsewhere nothing is to be put in order, and the process ends.
+
+Nothing is imported here that takes time, such as typing and contextlib: until `Guard` is there, Ctrl-C is a traceback.
 """
+
+from __future__ import annotations
 
 import os
 import signal
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
-from types import FrameType
-from typing import NoReturn
+
+TYPE_CHECKING = False  # as typing has it
+if TYPE_CHECKING:
+    from types import FrameType, TracebackType
+    from typing import NoReturn
 
 INTERRUPTED = 130
 """Exit code."""
@@ -26,42 +31,43 @@ class _State:
     """There was one."""
 
 
-@contextmanager
-def guarded() -> Iterator[None]:
+class Guard:
     """Within it Ctrl-C is answered as this module says, and afterwards not at all: all that is left is to end.
 
     Where someone else sees to the signal, or nobody is to hear it (`nohup`, a job in the background), that stays.
     """
-    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
-        yield
-        return
-    try:
-        signal.signal(signal.SIGINT, _on_interrupt)
-    except ValueError:  # not the main thread, which alone gets signals
-        yield
-        return
-    told, sys.unraisablehook = sys.unraisablehook, _on_unraisable
-    try:
-        yield
-    except KeyboardInterrupt:
-        leave()
-    except SystemExit:
-        if _State.pressed:  # whoever caught it may have made another code of it
-            raise SystemExit(INTERRUPTED) from None
-        raise
-    finally:
+
+    def __init__(self) -> None:
+        self._listens = False
+
+    def __enter__(self) -> None:
+        if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+            return
+        try:
+            signal.signal(signal.SIGINT, _on_interrupt)
+        except ValueError:  # not the main thread, which alone gets signals
+            return
+        sys.unraisablehook = _on_unraisable
+        self._listens = True
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        if not self._listens:
+            return
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        sys.unraisablehook = told
+        if isinstance(error, KeyboardInterrupt):
+            leave()
+        if isinstance(error, SystemExit) and _State.pressed:  # whoever caught it may have made another code of it
+            raise SystemExit(INTERRUPTED) from None
 
 
-@contextmanager
-def raised() -> Iterator[None]:
+class Raised:
     """Within it Ctrl-C raises `KeyboardInterrupt`, so that a command can put things in order."""
-    before, _State.working = _State.working, True
-    try:
-        yield
-    finally:
-        _State.working = before
+
+    def __enter__(self) -> None:
+        _State.working = True
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        _State.working = False
 
 
 def pressed() -> bool:
@@ -92,7 +98,7 @@ def _importing(frame: FrameType | None) -> bool:
     return False
 
 
-def _on_unraisable(what: "sys.UnraisableHookArgs") -> None:
+def _on_unraisable(what: sys.UnraisableHookArgs) -> None:
     if isinstance(what.exc_value, KeyboardInterrupt):  # it came while an object was being deleted, say
         leave()
     sys.__unraisablehook__(what)

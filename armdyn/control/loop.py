@@ -148,6 +148,9 @@ def integrate(loop: Loop, x0: Array, duration: float) -> Followed:
             if solver.status == "failed" or not finite:
                 stopped = ("failed", f"the integrator gave up at t = {times[-1]:.6g} s ({reason})")
                 break
+            if solver.t == times[-1]:  # numbers so large, or a duration so short, that time does not pass
+                stopped = ("failed", f"the integrator's steps have no length at t = {times[-1]:.6g} s")
+                break
             times.append(solver.t)
             pieces.append(solver.dense_output())
             away = np.abs(solver.y[nv : 2 * nv] - loop.goal).max()

@@ -65,7 +65,15 @@ def closed_loop_matrix(motion: Motion, goal: Array, controller: Controller) -> A
 
 
 def eigenvalues(A: Array) -> NDArray[np.complex128]:
-    """Of a matrix of shape (n, n) [1/s], largest real part first, shape (n,)."""
+    """Of a matrix of shape (n, n) [1/s], largest real part first, shape (n,).
+
+    Raises:
+        ProblemError: it is not finite.
+    """
+    if not np.all(np.isfinite(A)):
+        raise ProblemError(
+            "the loop at its goal leaves what numbers can hold: gains, friction or inertia are too large"
+        )
     values = np.linalg.eigvals(A).astype(complex)
     return np.asarray(values[np.argsort(-values.real, kind="stable")])
 

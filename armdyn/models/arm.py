@@ -17,6 +17,7 @@ from armdyn.models.per_joint import per_joint
 from armdyn.models.reading import configuration
 from armdyn.models.spec import Payload
 from armdyn.models.urdf import TIP, positive_tensor
+from armdyn.models.urdf_check import LARGEST
 
 Array = NDArray[np.float64]
 
@@ -147,12 +148,14 @@ class Arm:
         """This robot with reflected rotor inertia [kg m² or kg]: one number, or one per joint; None keeps its own.
 
         Raises:
-            SpecError: wrong length, NaN, negative or infinite.
+            SpecError: wrong length, NaN, negative, or beyond `urdf_check.LARGEST`.
         """
         if armature is None:
             return self
         model = self.model.copy()
         model.armature = self._read(armature, "armature", "kg m² or kg")
+        if np.max(model.armature) > LARGEST:
+            raise SpecError(f"armature is {shown(armature)} kg m² or kg; it must be {LARGEST:g} at most")
         return replace(self, model=model)
 
     def _carrying(self, payload: Payload | None) -> Self:
@@ -190,11 +193,9 @@ class Arm:
         Raises:
             SpecError: q is not one number per joint.
         """
-        try:
-            return configuration(self.model, q)
-        except (TypeError, ValueError):  # looked at no sooner: every step of an integrator comes by
-            per_joint(q, self.joint_names, "q", scalar=False)
-            raise
+        if not (isinstance(q, np.ndarray) and q.dtype == float):  # no more than that: integrators come by
+            q = per_joint(q, self.joint_names, "q", scalar=False)
+        return configuration(self.model, q)
 
 
 def payload_inertia(payload: Payload) -> pin.Inertia:

@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 _TYPED = 1e-9
 """So far [rad or m] beyond its limit a pose may be: it was typed with ten digits."""
 
+SLOWEST = 1e-9
+"""Velocity limits below it are refused [rad/s or m/s]: a turn in two hundred years."""
+
 
 def check_state(robot: Robot, limits: JointLimits, q: Array, v: Array, name: str) -> None:
     """Refuse a state outside the limits."""
@@ -44,8 +47,11 @@ def check_limits(robot: Robot, limits: JointLimits) -> None:
                 f"joint {joint!r} has torque limits [{lower}, {upper}] N m; minimum time "
                 "needs finite ones, the lower below the upper: give effort_limit="
             )
-        if not limits.velocity[i] > 0:
-            raise ProblemError(f"joint {joint!r} has velocity limit {limits.velocity[i]} rad/s; it must be positive")
+        if not limits.velocity[i] >= SLOWEST:
+            raise ProblemError(
+                f"joint {joint!r} has velocity limit {limits.velocity[i]} rad/s; it must be positive, "
+                f"{SLOWEST:g} at least"
+            )
         lower, upper = limits.position_lower[i], limits.position_upper[i]
         if not lower < upper:
             raise ProblemError(f"joint {joint!r} has position limits [{lower}, {upper}] rad: no room")

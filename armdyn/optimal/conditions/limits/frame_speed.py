@@ -14,6 +14,7 @@ from armdyn.models.robot import Robot
 from armdyn.optimal.conditions.condition import Condition, Kept, Knots, Path
 from armdyn.optimal.conditions.limits.rates import pieces
 from armdyn.optimal.conditions.rows import Rows, RowValues, StageRows
+from armdyn.optimal.problem.checks import SLOWEST
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.program.interval import Stages
@@ -45,7 +46,8 @@ class FrameSpeedLimit(Condition):
     option, metavar, help = "tip-speed", "V[@FRAME]", "how fast a frame may move [m/s], by default the tip"
 
     def __post_init__(self) -> None:
-        number(self.limit, "FrameSpeedLimit", unit="m/s", sign="positive")
+        if number(self.limit, "FrameSpeedLimit", unit="m/s", sign="positive") < SLOWEST:
+            raise ProblemError(f"FrameSpeedLimit is {self.limit} m/s; it must be {SLOWEST:g} m/s at least")
         number(self.part, "part of FrameSpeedLimit", sign="positive")
         if self.frame is not None:
             text(self.frame, "frame of FrameSpeedLimit")

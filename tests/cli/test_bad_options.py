@@ -1,0 +1,71 @@
+"""What people type by mistake: exit code 2 and a message, before anything is solved."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import armdyn as ad
+from armdyn.cli.app import app
+
+POSES = ["--q-start", "--q-goal", "--via"]
+MORE = ["--lock", "--arm", "--goal-pose", "--obstacle", "--limit", "--clearance", "--starts", "--time-limit", "--seed"]
+JOINTS = ["--effort-limit", "--damping", "--friction", "--friction-width", "--armature"]
+WRONG = ("nan", "x", ",", "½")
+"""No option of numbers takes one of these."""
+OPTIONS = {
+    "mintime rr": [*POSES, *JOINTS, "--payload", "--velocity-limit", "--acceleration-limit", "--jerk-limit", *MORE],
+    "pid rr": [*JOINTS, "--q-start", "--q-goal", "--payload", "--gains", "--form", "--duration", "--arrival-rule"],
+    "sweep rr": ["--q-start", "--q-goal", "--payload", "--velocity-limit", "--starts", "--time-limit"],
+    "replay rr m.npz": ["--payload", "--slow-motion", "--lock", "--arm"],
+    "reproduce": ["--only", "--payload", "--arrival-rule"],
+    "urdf rr": ["--payload"],
+}
+EXTREME = [
+    ["mintime", "r", "--seed", "-1"],
+    ["mintime", "r", "--seed", "9" * 5000],
+    ["mintime", "r", "--velocity-limit", "1e-320"],
+    ["mintime", "r", "--limit", "tip-speed=1e-320"],
+    ["mintime", "r", "--payload", "1e400"],
+    ["mintime", "r", "--armature", "1e300"],
+    ["mintime", "r", "--q-goal", "1" * 10_000],
+    ["mintime", "r", "--payload", "0.1", "--payload-com", "1e308,1e308,1e308"],
+    ["mintime", "r", "--obstacle", "box:1e308,1,1@0,0,0"],
+    ["pid", "r", "--duration", "1e-320"],
+    ["pid", "r", "--duration", "1e-30"],
+    ["pid", "r", "--q-start", "1e300"],
+    ["pid", "r", "--damping", "1e308"],
+    ["pid", "r", "--gains", "1e308,1e308,1e308"],
+    ["replay", "rr", "m.npz", "--slow-motion", "0"],
+    ["replay", "rr", "m.npz", "--slow-motion", "1e-320"],
+    ["replay", "rr", "m.npz", "--slow-motion", "1e300"],
+    ["replay", "rr", "far.npz"],
+    ["doctor", "9" * 5000],
+    ["doctor", "<robot/>"],
+    ["doctor", "\0"],
+]
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """A command, in a folder with two motions of RR: one that can be shown, one that cannot."""
+    monkeypatch.chdir(tmp_path)
+    rest = np.zeros((2, 2))
+    ad.Trajectory([0.0, 1.0], rest, rest, rest).save("m.npz")
+    ad.Trajectory([0.0, 1.0], rest + 1e300, rest, rest).save("far.npz")
+    return lambda *arguments: CliRunner().invoke(app, arguments)
+
+
+@pytest.mark.parametrize(
+    ("command", "option"), [(command, option) for command, options in OPTIONS.items() for option in options]
+)
+def test_no_nonsense_is_taken_for_a_number(run, command, option):
+    for value in WRONG:
+        done = run(*command.split(), f"{option}={value}")
+        assert done.exit_code == 2, (option, value, done.output)
+
+
+@pytest.mark.parametrize("arguments", EXTREME, ids=lambda arguments: " ".join(arguments)[:50])
+def test_what_numbers_cannot_hold_is_bad_input(run, arguments):
+    done = run(*arguments)
+    assert done.exit_code == 2, done.output
+    assert "internal error" not in done.output and done.output.strip()

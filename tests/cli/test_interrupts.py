@@ -1,0 +1,116 @@
+"""Ctrl-C at any moment: exit code 130 and one line, or the command has ended before."""
+
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+MARK = "here\n"
+BEGIN = f"import sys; from armdyn.cli import main; sys.stderr.write({MARK!r}); sys.stderr.flush(); main()"
+"""The command line, which says when it is there. What is before belongs to Python's own start, but for some 4 ms."""
+
+AT_IMPORT = """
+import importlib.abc, os, signal, sys
+class Press(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name == {module!r}:
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Press())
+sys.argv[1:] = {arguments!r}
+from armdyn.cli import main
+main()
+"""
+"""Presses Ctrl-C when a module begins to be imported."""
+
+AT_CALL = """
+import os, signal, sys
+from armdyn import models
+sys.argv[1:] = ["doctor", "rr"]
+def press(*_, **__):
+    os.kill(os.getpid(), signal.SIGINT)
+    {then}
+models.robot.Robot.from_spec = press
+from armdyn.cli import main
+main()
+"""
+
+
+def python(code, *arguments):
+    return subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, timeout=120)
+
+
+def ends_in_a_line(done):
+    assert done.returncode == 130, done.stderr
+    assert done.stderr == "armdyn: interrupted\n"
+
+
+@pytest.mark.parametrize(
+    ("module", "arguments"),
+    [
+        ("armdyn.cli.app", []),
+        ("typer", ["robots"]),
+        ("rich.table", ["robots"]),
+        ("numpy", ["robots"]),
+        ("pinocchio", ["doctor", "rr"]),
+        ("casadi", ["doctor", "rr"]),
+        ("armdyn.optimal", ["mintime", "rr"]),
+        ("yourdfpy", ["urdf", "rr"]),
+    ],
+)
+def test_within_an_import(module, arguments):
+    ends_in_a_line(python(AT_IMPORT.format(module=module, arguments=arguments)))
+
+
+def test_within_an_import_for_a_machine():
+    done = python(AT_IMPORT.format(module="numpy", arguments=["robots", "--json"]))
+    ends_in_a_line(done)
+    assert done.stdout == '{"success": false, "status": "interrupted", "message": "interrupted", "warnings": []}\n'
+
+
+@pytest.mark.parametrize("then", ["pass", "while True: pass"])
+def test_within_a_command(then):
+    ends_in_a_line(python(AT_CALL.format(then=then)))
+
+
+def test_swallowed_by_someone_else():
+    then = (
+        "\n    try:\n        while True: pass\n    except KeyboardInterrupt:\n        raise ImportError('half of it')"
+    )
+    ends_in_a_line(python(AT_CALL.format(then=then)))
+
+
+def test_while_an_object_is_deleted():
+    then = "type('Deaf', (), {'__del__': lambda self: os.kill(os.getpid(), signal.SIGINT)})()\n    while True: pass"
+    ends_in_a_line(python(AT_CALL.replace("os.kill(os.getpid(), signal.SIGINT)\n    ", "").format(then=then)))
+
+
+def test_once_it_is_done_nothing_is_to_be_interrupted():
+    late = "import atexit, os, signal, sys; sys.argv[1:] = ['--version']\n"
+    late += "atexit.register(os.kill, os.getpid(), signal.SIGINT)\nfrom armdyn.cli import main; main()"
+    done = python(late)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_job_in_the_background_hears_nothing():
+    ignored = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+    done = python(ignored + AT_IMPORT.format(module="typer", arguments=["--version"]))
+    assert done.returncode == 0 and done.stdout.startswith("armdyn ")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("arguments", [["doctor"], ["--help"]], ids=str)
+def test_at_twenty_moments(arguments):
+    begun = time.perf_counter()
+    python(BEGIN, *arguments)
+    whole = time.perf_counter() - begun
+    for k in range(20):
+        command = subprocess.Popen(
+            [sys.executable, "-c", BEGIN, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        assert command.stderr.readline() == MARK
+        time.sleep(whole * k / 20)
+        command.send_signal(signal.SIGINT)
+        _, said = command.communicate(timeout=120)
+        assert (command.returncode, said) in ((130, "armdyn: interrupted\n"), (0, ""))

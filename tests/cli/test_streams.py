@@ -1,0 +1,56 @@
+"""Standard output as a command finds it: closed, without Unicode, with a reader that goes, full."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from oracles import two_links
+
+PLAIN_C = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+CODE = "from armdyn.cli import main; main()"
+
+
+def shell(line, **environment):
+    command = f'armdyn() {{ "{sys.executable}" -c "{CODE}" "$@"; }}; {line}'
+    return subprocess.run(
+        ["bash", "-c", command], capture_output=True, text=True, timeout=120, env=os.environ | environment
+    )
+
+
+@pytest.mark.parametrize("command", ["--help", "robots", "urdf rr", "doctor --json"])
+def test_a_reader_that_has_gone_is_no_error(command):
+    done = shell(f"armdyn {command} | true; echo ${{PIPESTATUS[0]}}")
+    assert (done.stdout, done.stderr) == ("0\n", "")
+
+
+def test_closed_standard_output_is_named():
+    done = shell("armdyn urdf rr >&-")
+    assert done.returncode == 2
+    assert done.stderr == "armdyn: standard output is closed; to hear nothing, send it to /dev/null\n"
+
+
+def test_closed_standard_error_disturbs_nobody():
+    done = shell("armdyn urdf rr 2>&- <&-")
+    assert done.returncode == 0 and done.stdout.rstrip().endswith("</robot>")
+    assert shell("armdyn urdf rrrr 2>&-").returncode == 2
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is none")  # noqa: PTH110
+def test_full_standard_output_is_said_once():
+    done = shell("armdyn urdf rr > /dev/full")
+    assert done.returncode == 2 and done.stderr == "armdyn: standard output: No space left on device\n"
+
+
+@pytest.mark.parametrize("encoding", [{"PYTHONIOENCODING": "ascii"}, PLAIN_C])
+def test_a_terminal_without_unicode_gets_escapes(encoding, tmp_path):
+    (tmp_path / "arm.urdf").write_text(two_links().replace('robot name="', 'robot name="é蛇🦾', 1), "utf-8")
+    done = shell(f"armdyn doctor '{tmp_path}/arm.urdf'", **encoding)
+    assert done.returncode == 0 and not done.stderr
+    assert r"\xe9\u86c7\U0001f9be" in done.stdout
+
+
+def test_robots_are_listed_in_ascii():
+    done = shell("armdyn robots", PYTHONIOENCODING="ascii")
+    assert done.returncode == 0 and "* of all joints, + of some, - of none" in " ".join(done.stdout.split())
