@@ -31,7 +31,8 @@ class PhaseAim:
             collocation's error takes it back.
         near: the guess solves nearly the same problem: IPOPT stays where it is.
         density: where the intervals are needed; None: they are dealt out by the arcs' lengths.
-        keep: a solution on the same mesh whose torques off all limits stay; None: they are free.
+        keep: a solution on the same mesh whose torques off all limits stay; None: they are free. That leaves the
+            arcs' durations, of which every limit met takes one, beside those that the goal takes: see `Posed.spare`.
     """
 
     offset: Array | float = 0.0
@@ -65,6 +66,11 @@ class Posed:
     parameters: Array
     x_bounds: tuple[Array, Array]
     g_bounds: tuple[Array, Array]
+
+    @property
+    def spare(self) -> int:
+        """Unknowns that are free, less the equations; negative: more conditions than the structure can meet."""
+        return int(np.sum(np.less(*self.x_bounds)) - np.sum(np.equal(*self.g_bounds)))
 
 
 def pose(task: Task, arcs: Sequence[Arc], guess: Trajectory, layout: Layout, intervals: int, aim: PhaseAim) -> Posed:

@@ -55,7 +55,11 @@ def solve_phases(
     iterations = free if singular else numbers.held_iterations
     solver = _solver(task, intervals, aim.near or not singular, iterations)
     posed = pose(task, arcs, guess, solver.program.layout, intervals, aim)
-    outcome = solver.solve(posed.x, posed.parameters, posed.x_bounds, posed.g_bounds, task.stop)
+    if posed.spare < 0:
+        message = f"the structure has more conditions than unknowns, by {-posed.spare}"
+        outcome = Outcome(Status.INFEASIBLE, message, 0, posed.x, np.zeros(posed.g_bounds[0].size))
+    else:
+        outcome = solver.solve(posed.x, posed.parameters, posed.x_bounds, posed.g_bounds, task.stop)
     phases = _read(task, solver.program, posed, outcome)
     if outcome.status is Status.SOLVED:
         return phases

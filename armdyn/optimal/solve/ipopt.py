@@ -13,6 +13,7 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.monitor import Monitor
+from armdyn.optimal.solve.silence import silence
 from armdyn.optimal.task.options import DirectOptions
 
 Array = NDArray[np.float64]
@@ -87,7 +88,7 @@ class Ipopt(Generic[P]):
     def __init__(self, program: P, settings: IpoptSettings):
         nx, ng, parameters = (program.functions[name].numel() for name in ("x", "g", "p"))
         self.program = program
-        self._monitor = Monitor(nx, ng, parameters)
+        self._monitor, self._verbose = Monitor(nx, ng, parameters), settings.verbose
         self._solver = ca.nlpsol(
             "minimum_time",
             "ipopt",
@@ -131,7 +132,7 @@ class Ipopt(Generic[P]):
             stop: asked every few iterations of this call.
         """
         (lbx, ubx), (lbg, ubg) = x_bounds, g_bounds
-        with one_at_a_time, self._monitor.asking(stop):
+        with one_at_a_time, self._monitor.asking(stop), silence(self._verbose):
             result = self._solver(x0=x, p=p, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg)
             stats: dict[str, Any] = self._solver.stats()
         word = str(stats["return_status"])

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armdyn.optimal.arcs.arc import Mode
 from armdyn.optimal.arcs.phases import Phases, Unresolved
 from armdyn.optimal.arcs.posing import PhaseAim
 from armdyn.optimal.arcs.solving import prepare_phases, solve_phases
@@ -65,3 +66,14 @@ def test_prepared_programs_are_those_that_are_solved(solution):
     other = replace(task, scheme=replace(task.scheme, dynamics="inverse"))
     prepare_phases(other, 26)
     assert _built.__wrapped__.cache_info().misses == before + 1
+
+
+def test_more_conditions_than_unknowns_are_not_solved(solution, capfd):
+    """Touching a limit takes a duration that bang-bang arcs to a goal do not have: they have one per condition of it."""
+    task, phases = Task.of(solution.problem), solution.phases
+    first = replace(phases.arcs[0], touches=((0, Mode.VELOCITY_UPPER),))
+    task = replace(task, problem=solution.problem.variant(velocity_limit=100.0))
+    found = solve_phases(task, [first, *phases.arcs[1:]], phases.torques, phases.arc_of.size)
+    assert isinstance(found, Unresolved) and found.iterations == 0
+    assert found.message == "the structure has more conditions than unknowns, by 1"
+    assert capfd.readouterr() == ("", "")

@@ -92,3 +92,12 @@ def test_settings_of_a_call_on_a_mesh():
 def test_options_reach_ipopt():
     with pytest.raises(RuntimeError, match="no_such_option"):
         Ipopt(valley(Shape(1.0)), IpoptSettings(1e-10, 100, options=(("no_such_option", 1.0),)))
+
+
+def test_nothing_of_its_own_talk_is_heard_unless_asked(capfd):
+    zeros = np.zeros(2)
+    for verbose in (False, True):  # fixed unknowns and an equation: CasADi warns
+        solver = Ipopt(valley(Shape(100.0)), IpoptSettings(1e-10, 100, verbose))
+        solve(solver, x_bounds=(zeros, zeros))
+        said = "".join(capfd.readouterr())
+        assert ("overconstrained" in said) == verbose and bool(said) == verbose

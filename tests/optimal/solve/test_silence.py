@@ -1,0 +1,31 @@
+"""What a solver says, and who hears it."""
+
+import sys
+import threading
+
+from armdyn.optimal.solve.silence import silence
+
+
+def test_this_thread_is_not_heard_and_others_are(capsys):
+    with silence(verbose=False):
+        print("mine")
+        thread = threading.Thread(target=print, args=("theirs",))
+        thread.start()
+        thread.join()
+        print("mine", file=sys.stderr)
+    print("after")
+    assert capsys.readouterr() == ("theirs\nafter\n", "")
+
+
+def test_who_keeps_the_stream_is_heard_afterwards(capsys):
+    with silence(verbose=False):
+        kept = sys.stderr
+    assert sys.stderr is not kept
+    kept.write("heard")
+    assert capsys.readouterr().err == "heard"
+
+
+def test_verbose_changes_nothing():
+    before = sys.stdout, sys.stderr
+    with silence(verbose=True):
+        assert (sys.stdout, sys.stderr) == before
