@@ -34,7 +34,7 @@ def sweep_row(payload: float, solution: Solution) -> dict[str, Any]:
     most, saved = by.limited_most_by(solution.problem) if by else (None, None)
     return {
         "payload_kg": payload,
-        "duration_s": solution.duration,
+        "duration_s": solution.duration if solution.moves else None,
         "success": solution.success,
         "certified": solution.certificate.ok,
         "ms_per_gram": by.payload_mass if by else None,

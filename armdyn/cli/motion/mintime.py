@@ -9,7 +9,7 @@ import typer
 
 import armdyn as ad
 from armdyn.cli.console import INTERRUPTED, NOT_CERTIFIED, answering, console, facts_table, working
-from armdyn.cli.motion.words import solution_words
+from armdyn.cli.motion.words import solution_words, title_words
 from armdyn.cli.options.course import CourseOptions
 from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words
 from armdyn.cli.options.poses import GoalOptions
@@ -70,7 +70,7 @@ def mintime(
         with working(f"minimum time of {arm.name}", json) as progress:
             solution = ad.solve_minimum_time(problem, search.options(), progress)
             summary = minimum_time_summary(solution)
-            title = f"{arm.name}, {1000 * payload.payload:g} g: minimum time {solution.duration:.4f} s"
+            title = f"{arm.name}, {1000 * payload.payload:g} g: {title_words(solution)}"
             folder = results.output.folder("mintime", robot.robot)
             motion = solution.trajectory
             written = results.write(folder, arm, motion, summary, title, problem.obstacles, tell=progress)

@@ -18,6 +18,14 @@ def solution_words(solution: Solution, wrap: bool) -> dict[str, str]:
     return _facts(solution) | _turns(solution, wrap)
 
 
+def title_words(solution: Solution) -> str:
+    """A solution as a figure's title shows it."""
+    if solution.success:
+        return f"minimum time {solution.duration:.4f} s"
+    said = str(solution.status).replace("_", " ")
+    return f"{said}, best so far {solution.duration:.4f} s" if solution.moves else f"{said}, no motion to the goal"
+
+
 def _turns(solution: Solution, wrap: bool) -> dict[str, str]:
     """How far endless joints turn, where another way round was open or was taken."""
     import numpy as np
@@ -39,12 +47,16 @@ def _turns(solution: Solution, wrap: bool) -> dict[str, str]:
 
 def _facts(solution: Solution) -> dict[str, str]:
     """A solution in words."""
+    import numpy as np
+
     certificate, by = solution.certificate, solution.sensitivities()
     facts = {"status": str(solution.status) if solution.success else solution.message}
-    facts["duration"] = f"{solution.duration:.9f} s"
-    facts["replay"] = (
-        f"{certificate.goal_error:.1e} rad and {certificate.goal_velocity_error:.1e} rad/s beside the goal"
-    )
+    if solution.success:
+        facts["duration"] = f"{solution.duration:.9f} s"
+    if np.isfinite(certificate.goal_error):
+        facts["replay"] = (
+            f"{certificate.goal_error:.1e} rad and {certificate.goal_velocity_error:.1e} rad/s beside the goal"
+        )
     facts["certificate"] = "yes" if certificate.ok else "NO: " + "; ".join(certificate.reasons)
     if solution.clearance is not None:
         proof = "nothing is missed between looks" if solution.clearance.sure else "looked at 10,000 times at most"

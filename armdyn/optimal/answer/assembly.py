@@ -5,12 +5,15 @@ from collections.abc import Iterable
 import numpy as np
 
 from armdyn.optimal.answer.solution import Solution
-from armdyn.optimal.problem.status import Status
+from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.proof.certificate import Certificate
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.task.task import Task
+
+_NEARLY = 1e-3
+"""Of a limit: a motion that exceeds one by more is not named, not even as the best so far."""
 
 
 def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float) -> Solution:
@@ -25,7 +28,7 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float) -
     best, *others = sorted(optima, key=lambda optimum: (_rank(task, optimum), optimum.cost))
     certificate, duration = best.certificate, best.trajectory.duration
     status = _status(task, best)
-    missed = best.checked.reasons if best.checked else ()
+    missed = best.missed
     if task.stop.late and status is Status.SOLVED and not certificate.ok:
         missed = (*missed, f"the time limit of {task.options.time_limit:g} s ended the search")
     known = [duration, *(optimum.trajectory.duration for optimum in others), *found.slower]
@@ -43,20 +46,21 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float) -
         intervals=best.intervals,
         iterations=found.iterations + sum(optimum.iterations for optimum in optima),
         solve_time=elapsed,
-        worst_violation=best.worst_violation,
+        worst_violation=_worst(best),
         clearance=best.checked.clearance if best.checked else None,
         kept=best.checked.kept if best.checked else (),
         via_times=best.via_times,
+        moves=_moves(task, best),
     )
 
 
 def failed(task: Task, found: Found, elapsed: float) -> Solution:
     """What there is to say where no motion was found. Arguments as of `assembled`."""
-    attempt = found.failed[0]
+    attempt, worst = found.failed[0], found.failed[0].worst_violation
     return Solution(
         success=False,
         status=attempt.status,
-        message=f"{attempt.message}; worst: {attempt.worst_violation}",
+        message=f"no motion was found: {attempt.message}" + (f"; worst: {worst}" if worst else ""),
         problem=task.problem,
         duration=attempt.trajectory.duration,
         trajectory=attempt.trajectory,
@@ -64,25 +68,42 @@ def failed(task: Task, found: Found, elapsed: float) -> Solution:
         intervals=task.options.intervals,
         iterations=found.iterations,
         solve_time=elapsed,
-        worst_violation=attempt.worst_violation,
+        worst_violation=worst,
+        moves=False,
     )
 
 
-def _rank(task: Task, optimum: Optimum) -> int:
-    """Those that keep all conditions and land come first, then those that land."""
-    missed = optimum.checked is not None and bool(optimum.checked.reasons)
-    return 2 * (not optimum.landed(task.options.replay_tolerance)) + missed
+def _rank(task: Task, optimum: Optimum) -> tuple[bool, bool, bool]:
+    """Sorts: those that land first, of those the ones within their limits, of those the ones that keep conditions."""
+    return not optimum.landed(task.options.replay_tolerance), not optimum.within_limits, bool(optimum.missed)
+
+
+def _moves(task: Task, optimum: Optimum) -> bool:
+    """Whether it is a motion that may be named: it lands, and misses nothing by more than people would see."""
+    nearly = optimum.certificate.limit_violation <= _NEARLY
+    return optimum.landed(task.options.replay_tolerance) and nearly and not optimum.missed
 
 
 def _status(task: Task, optimum: Optimum) -> Status:
     if task.stop.interrupted:
         return Status.INTERRUPTED
-    if not optimum.landed(task.options.replay_tolerance):
-        status = Status.REPLAY_MISSED
-    else:
-        missed = optimum.checked is not None and optimum.checked.reasons
-        status = Status.CONDITION_MISSED if missed else Status.SOLVED
-    return Status.TIME_LIMIT if task.stop.late and status is not Status.SOLVED else status
+    beyond, outside, missed = _rank(task, optimum)
+    if not (beyond or outside or missed):
+        return Status.SOLVED
+    if task.stop.late:
+        return Status.TIME_LIMIT
+    if beyond:
+        return Status.REPLAY_MISSED
+    return Status.LIMIT_EXCEEDED if outside else Status.CONDITION_MISSED
+
+
+def _worst(optimum: Optimum) -> Violation | None:
+    """Of the mesh that did not converge; else of the limits, where they are not kept; else of the conditions."""
+    if optimum.worst_violation is not None:
+        return optimum.worst_violation
+    if not optimum.within_limits:
+        return optimum.certificate.exceeded
+    return optimum.checked.worst if optimum.checked else None
 
 
 def _others(task: Task, best: float, known: Iterable[float], listed: Iterable[float]) -> tuple[float, ...]:
@@ -95,13 +116,24 @@ def _others(task: Task, best: float, known: Iterable[float], listed: Iterable[fl
 
 def _message(task: Task, status: Status, optimum: Optimum) -> str:
     certificate, duration = optimum.certificate, optimum.trajectory.duration
+    if status is Status.SOLVED:
+        landed = f"{duration:.9g} s, replayed to within {certificate.goal_error:.1e} rad of the goal"
+        return (
+            f"{landed}; certified" if certificate.ok else f"{landed}; not certified: {'; '.join(certificate.reasons)}"
+        )
     if status is Status.REPLAY_MISSED:
         return (
-            f"collocation found {duration:.6g} s, but its torques end {certificate.goal_error:.2g} rad from the goal "
-            f"when replayed (tolerance {task.options.replay_tolerance:g} rad): raise max_intervals; light links at "
-            "strong motors may want the rotors' inertia (armature)"
+            f"the torques that collocation found end {certificate.goal_error:.2g} rad from the goal when replayed "
+            f"(tolerance {task.options.replay_tolerance:g} rad): raise max_intervals; light links at strong motors may "
+            "want the rotors' inertia (armature)"
         )
-    if status is not Status.SOLVED:
-        return f"{status.replace('_', ' ')}; best so far {duration:.6g} s"
-    landed = f"{duration:.9g} s, replayed to within {certificate.goal_error:.1e} rad of the goal"
-    return f"{landed}; certified" if certificate.ok else f"{landed}; not certified: {'; '.join(certificate.reasons)}"
+    said = status.replace("_", " ")
+    if _moves(task, optimum):
+        said += f"; best so far {duration:.6g} s"
+    elif status is not Status.CONDITION_MISSED:
+        said += "; nothing so far lands within the limits"
+    worst = certificate.exceeded
+    if worst is not None and not optimum.within_limits:
+        said += f"; {worst.constraint} of joint {worst.joint!r} exceeded by {worst.value:.2g} of it"
+        said += f" at t = {worst.time:.4g} s"
+    return said

@@ -19,11 +19,11 @@ class Solution:
     """A motion and how far to trust it.
 
     Attributes:
-        success: converged, and the replay landed on the goal.
+        success: converged, and the replay landed on the goal within all limits.
         status: a `Status`.
         message: the same for people.
         problem: what was asked.
-        duration: t_f [s]; of the last iterate if the solve failed.
+        duration: t_f [s]; of the last iterate if the solve failed: look at `moves` before it is shown to anybody.
         trajectory: the motion; the last iterate if the solve failed.
         certificate: what was checked; `certificate.ok` is more than `success`.
         arcs: which limit every joint is on, and for how long; empty if that was not resolved.
@@ -33,11 +33,13 @@ class Solution:
         intervals: of the last mesh.
         iterations: of the solver, over all meshes and starts.
         solve_time: wall time [s].
-        worst_violation: None if the solver converged.
+        worst_violation: what is worst violated, by the solver's last iterate or by the motion; None if all is kept.
         clearance: where the motion comes nearest to an obstacle or to itself; None if neither was to be kept clear of.
         kept: how the motion keeps each of the conditions along the way; empty without any.
         via_times: when it passes the via points [s].
         goals: all joint positions tried that reach a goal pose, fastest first; empty if there was but one.
+        moves: its torques lead to the goal, keep all conditions and, to a thousandth, all limits: where `success` is
+            missing it is the best so far; else it is no motion, and `duration` says nothing.
     """
 
     success: bool
@@ -58,6 +60,7 @@ class Solution:
     kept: tuple[Kept, ...] = ()
     via_times: tuple[float, ...] = ()
     goals: tuple[GoalTried, ...] = ()
+    moves: bool = True
 
     @property
     def replay_error(self) -> float:

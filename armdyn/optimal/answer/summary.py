@@ -6,13 +6,13 @@ from armdyn.optimal.answer.solution import Solution
 
 
 def minimum_time_summary(solution: Solution) -> dict[str, object]:
-    """A solution as JSON says it: numbers that are not finite are null, units as in `Solution`."""
+    """A solution as JSON says it: what is not finite, or no motion's duration, is null, units as in `Solution`."""
     worst, certificate, by = solution.worst_violation, solution.certificate, solution.sensitivities()
     return {
         "success": solution.success,
         "status": str(solution.status),
         "message": solution.message,
-        "duration": solution.duration,
+        "duration": solution.duration if solution.moves else None,
         "certified": certificate.ok,
         "certificate": {
             "ok": certificate.ok,

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.grid import Density
+from armdyn.optimal.problem.status import Status
 from armdyn.optimal.task.tableau import RADAU_5
 from armdyn.trajectory import Trajectory
 
@@ -71,10 +72,12 @@ class Unresolved:
 
     Attributes:
         message: IPOPT's word for it.
+        status: the same as a `Status`.
         iterations: of IPOPT.
         last: where it stood: no solution, at best a guess of one.
     """
 
     message: str
+    status: Status
     iterations: int
     last: Phases

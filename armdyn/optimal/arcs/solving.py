@@ -63,7 +63,7 @@ def solve_phases(
     phases = _read(task, solver.program, posed, outcome)
     if outcome.status is Status.SOLVED:
         return phases
-    return Unresolved(outcome.message, outcome.iterations, phases)
+    return Unresolved(outcome.message, outcome.status, outcome.iterations, phases)
 
 
 def prepare_phases(task: Task, intervals: int) -> None:

@@ -15,6 +15,7 @@ from armdyn.models.collision import Clearance
 from armdyn.models.robot import Robot
 from armdyn.optimal.conditions.rows import Rows, RowValues
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Violation
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -47,6 +48,7 @@ class Kept:
         said: the same in a few words, with units.
         share: the largest value of what is limited, as a part of its limit; None if nothing is.
         reasons: what does not hold, for people; empty: the condition is kept.
+        worst: where it is violated most; None: the condition is kept.
         missed: what `stricter` needs to know, as the condition chooses.
         clearance: where the motion comes nearest to touching, where it is to keep clear.
     """
@@ -55,6 +57,7 @@ class Kept:
     said: str
     share: float | None = None
     reasons: tuple[str, ...] = ()
+    worst: Violation | None = None
     missed: Array = field(default_factory=lambda: np.empty(0))
     clearance: Clearance | None = None
 

@@ -14,6 +14,7 @@ from armdyn.optimal.conditions.registry import conditions_of
 from armdyn.optimal.conditions.rows import Rows, RowValues, spread
 from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.task.scheme import Scheme
 from armdyn.trajectory import Trajectory
 
@@ -34,6 +35,12 @@ class Checked:
     def reasons(self) -> tuple[str, ...]:
         """What does not hold, for people."""
         return tuple(reason for kept in self.kept for reason in kept.reasons)
+
+    @property
+    def worst(self) -> Violation | None:
+        """What is violated most; None if all are kept."""
+        found = [kept.worst for kept in self.kept if kept.worst is not None]
+        return max(found, key=lambda worst: worst.value, default=None)
 
     @property
     def clearance(self) -> Clearance | None:

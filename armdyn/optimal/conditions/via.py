@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from armdyn.optimal.conditions.condition import Condition, Kept
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.task.policy.landing import ConditionsPolicy
 from armdyn.trajectory import Trajectory
 
@@ -31,8 +32,14 @@ class ViaPoints(Condition):
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> Kept:
         """How far beside each it passes when it should be there."""
-        errors = np.max(np.abs(motion(passing).q - np.array(problem.via)), axis=1)
+        beside = np.abs(motion(passing).q - np.array(problem.via))
+        errors = np.max(beside, axis=1)
         missed = [(i, error) for i, error in enumerate(errors) if error > ConditionsPolicy.near]
         reasons = tuple(f"it passes {error:.2g} rad beside via point {i}" for i, error in missed)
         times = ", ".join(f"{t:.4f}" for t in passing)
-        return Kept(self.name, f"at {times} s, within {np.max(errors):.1e} rad", None, reasons, errors)
+        far, joint = np.unravel_index(np.argmax(beside), beside.shape)
+        worst = Violation(
+            f"via point {far}", problem.robot.joint_names[joint], float(passing[far]), float(np.max(errors))
+        )
+        said = f"at {times} s, within {np.max(errors):.1e} rad"
+        return Kept(self.name, said, None, reasons, worst if reasons else None, errors)

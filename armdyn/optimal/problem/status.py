@@ -13,6 +13,8 @@ class Status(StrEnum):
     """Converged on every mesh that was tried, but the replay does not land on the goal."""
     CONDITION_MISSED = "condition_missed"
     """It lands on the goal, but touches something, passes beside a via point, or exceeds an acceleration or jerk."""
+    LIMIT_EXCEEDED = "limit_exceeded"
+    """It lands on the goal, but exceeds a limit of torque, velocity or position."""
     INFEASIBLE = "infeasible"
     """No motion was found that satisfies all constraints."""
     ITERATION_LIMIT = "iteration_limit"
@@ -27,11 +29,11 @@ class Status(StrEnum):
 
 @dataclass(frozen=True)
 class Violation:
-    """The constraint that is worst violated, in scaled numbers (1 is as large as a limit or a whole motion).
+    """What is worst violated, in scaled numbers (1 is as large as a limit or a whole motion).
 
     Attributes:
-        constraint: what it is: "position defect", "velocity defect", "dynamics", "torque limit", …
-        joint: name of the joint.
+        constraint: what it is: "position defect", "velocity defect", "dynamics", "torque limit", "jerk limit", …
+        joint: name of the joint; of the frame or body, where that is limited.
         time: in the motion [s].
         value: by how much, scaled.
     """

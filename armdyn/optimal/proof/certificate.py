@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.phases import Phases
-from armdyn.optimal.landing.limits import limit_violation
+from armdyn.optimal.landing.limits import worst_violation
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.trajectory import Trajectory
 
@@ -43,6 +44,7 @@ class Certificate:
             relative to its peak.
         limit_violation: largest excess of a torque, velocity or position over its limit anywhere in the
             replay, relative to the limit (position: to the range).
+        exceeded: which limit that is, of which joint, and when; None: all are kept.
         singular: some arc has a joint on no limit.
         reasons: why it is not ok.
         t: times at which the costates are known [s], shape (K,).
@@ -57,6 +59,7 @@ class Certificate:
     switching_violation: float = float("inf")
     singular: bool = False
     remark: str = ""
+    exceeded: Violation | None = None
     t: Array = field(default_factory=lambda: np.empty(0), repr=False)
     costate: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
     switching: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
@@ -96,9 +99,10 @@ def certify(problem: MinimumTimeProblem, replay: Trajectory, phases: Phases | No
     """
     goal = float(np.max(np.abs(replay.q[-1] - problem.q_goal)))
     goal_velocity = float(np.max(np.abs(replay.v[-1] - problem.v_goal)))
-    limit = limit_violation(problem.limits, replay)
+    exceeded = worst_violation(problem.limits, replay, problem.robot.joint_names)
+    limit = exceeded.value if exceeded else 0.0
     if phases is None:
-        return Certificate(goal, goal_velocity, limit, remark=remark)
+        return Certificate(goal, goal_velocity, limit, remark=remark, exceeded=exceeded)
     hamiltonian, switching, sign = pontryagin(problem, phases)
     return Certificate(
         goal_error=goal,
@@ -108,6 +112,7 @@ def certify(problem: MinimumTimeProblem, replay: Trajectory, phases: Phases | No
         switching_violation=sign,
         singular=problem.effort_weight == 0 and any(arc.singular for arc in phases.arcs),
         remark=remark,
+        exceeded=exceeded,
         t=phases.t,
         costate=phases.costate,
         switching=switching,

@@ -7,7 +7,7 @@ import numpy as np
 
 from armdyn.optimal.landing.rollout import replay_torques
 from armdyn.optimal.problem.status import Violation
-from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, HAMILTONIAN_TOLERANCE, LIMIT_TOLERANCE, certify
+from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, HAMILTONIAN_TOLERANCE, certify
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.resolve import prepare_resolving, resolve
 from armdyn.optimal.refine.slowing import within_velocity_limits
@@ -167,12 +167,11 @@ def _optimum(task: Task, step: _Reached) -> Optimum:
         return Optimum(
             motion, certificate, motion.duration, mesh, iterations=step.iterations, worst_violation=violation
         )
-    over = best.certificate.limit_violation > LIMIT_TOLERANCE and best.phases is None
-    if over and best.landed(task.options.replay_tolerance) and not task.stop:
+    if not best.within_limits and best.landed(task.options.replay_tolerance) and not task.stop:
         slower = within_velocity_limits(task, best.trajectory, best.certificate.remark)
         if slower is not None:
             motion, certificate = slower
-            best = replace(best, trajectory=motion, certificate=certificate, cost=motion.duration)
+            best = replace(best, trajectory=motion, certificate=certificate, cost=motion.duration, phases=None)
     return replace(best, iterations=step.iterations)
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.conditions.demands import Checked
 from armdyn.optimal.problem.status import Violation
-from armdyn.optimal.proof.certificate import Certificate
+from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, Certificate
 from armdyn.trajectory import Trajectory
 
 
@@ -39,6 +39,16 @@ class Optimum:
     def error(self) -> float:
         """What is worst about it: of the goal [rad or m], or of a limit, as a part of it."""
         return max(self.certificate.goal_error, self.certificate.limit_violation)
+
+    @property
+    def within_limits(self) -> bool:
+        """Whether its replay keeps all limits of torque, velocity and position."""
+        return self.certificate.limit_violation <= LIMIT_TOLERANCE
+
+    @property
+    def missed(self) -> tuple[str, ...]:
+        """The conditions along the way that it does not keep, for people."""
+        return self.checked.reasons if self.checked else ()
 
     def landed(self, tolerance: float) -> bool:
         """Whether its replay ends within a tolerance of the goal [rad or m]."""

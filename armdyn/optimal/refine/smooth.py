@@ -62,7 +62,8 @@ def smooth_optima(task: Task, starts: int, most: int) -> tuple[tuple[Phases, ...
         most: so many optima at most.
 
     Returns:
-        Optima, the one of least J first, with costates from the multipliers; and what they were found among.
+        Optima, the one of least J first, with costates from the multipliers; and what they were found among, which
+        says, if there are none, where those that converged on a coarse mesh have failed.
     """
     numbers, problem = task.policy.smooth, task.problem
     linear = replace(task, scheme=replace(task.scheme, method="lobatto3", control="linear"))
@@ -70,9 +71,17 @@ def smooth_optima(task: Task, starts: int, most: int) -> tuple[tuple[Phases, ...
     attempts = search(linear, [numbers.coarse], starts, coarse)
     found = [resolved_near(task, guess) for guess in _distinct(task, attempts)[:most]]
     solved = sorted((each for each in found if isinstance(each, Phases)), key=lambda phases: cost(problem, phases))
+    if not solved:
+        attempts = [*(_failed(each, numbers.fine) for each in found if isinstance(each, Unresolved)), *attempts]
     alike = within(task.policy.same.resolved_cost)
     groups = grouped(solved, lambda first, item: alike(cost(problem, first), cost(problem, item)))
     return tuple(group[0] for group in groups), tuple(attempts)
+
+
+def _failed(phases: Unresolved, intervals: int) -> Attempt:
+    """A coarse optimum that did not converge on the fine mesh, as an attempt there."""
+    message = f"what converged on a coarse mesh does not on {intervals} intervals ({phases.message})"
+    return Attempt(phases.status, message, phases.last.torques, intervals, phases.iterations, None)
 
 
 def resolved_near(task: Task, guess: Trajectory) -> Phases | Unresolved:

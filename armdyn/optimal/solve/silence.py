@@ -1,4 +1,4 @@
-"""What a solver says of itself, kept from the terminal: CasADi warns through Python's own streams, without an option."""
+"""What a solver says of itself, kept from the terminal: CasADi warns through Python's streams, and has no option."""
 
 import sys
 import threading
@@ -37,7 +37,7 @@ def silence(verbose: bool) -> Iterator[None]:
         return
     heard = sys.stdout, sys.stderr
     deaf = _Deaf(sys.stdout), _Deaf(sys.stderr)
-    sys.stdout, sys.stderr = deaf  # type: ignore[assignment]  # all that CasADi calls is `write`
+    sys.stdout, sys.stderr = deaf
     try:
         yield
     finally:

@@ -69,7 +69,7 @@ def test_prepared_programs_are_those_that_are_solved(solution):
 
 
 def test_more_conditions_than_unknowns_are_not_solved(solution, capfd):
-    """Touching a limit takes a duration that bang-bang arcs to a goal do not have: they have one per condition of it."""
+    """Touching a limit takes a duration, and bang-bang arcs have but one for each condition of the goal."""
     task, phases = Task.of(solution.problem), solution.phases
     first = replace(phases.arcs[0], touches=((0, Mode.VELOCITY_UPPER),))
     task = replace(task, problem=solution.problem.variant(velocity_limit=100.0))

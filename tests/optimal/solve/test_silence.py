@@ -8,12 +8,12 @@ from armdyn.optimal.solve.silence import silence
 
 def test_this_thread_is_not_heard_and_others_are(capsys):
     with silence(verbose=False):
-        print("mine")
-        thread = threading.Thread(target=print, args=("theirs",))
+        sys.stdout.write("mine\n")
+        thread = threading.Thread(target=lambda: sys.stdout.write("theirs\n"))
         thread.start()
         thread.join()
-        print("mine", file=sys.stderr)
-    print("after")
+        sys.stderr.write("mine\n")
+    sys.stdout.write("after\n")
     assert capsys.readouterr() == ("theirs\nafter\n", "")
 
 

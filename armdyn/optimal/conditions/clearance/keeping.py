@@ -14,6 +14,7 @@ from armdyn.optimal.conditions.clearance.pairs import Pair, PairRows, distances_
 from armdyn.optimal.conditions.condition import Condition, Kept, Knots
 from armdyn.optimal.conditions.rows import Rows, RowValues
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.task.policy.landing import ConditionsPolicy
 from armdyn.trajectory import Trajectory
 
@@ -79,8 +80,9 @@ class Clearance(Condition):
         clearance, nearest = model.along(motion)
         near = clearance.distance < problem.clearance
         reasons = (f"{clearance}; clearance is {1e3 * problem.clearance:g} mm",) if near else ()
-        missed = problem.clearance - nearest
-        return Kept(self.name, str(clearance), None, reasons, missed, clearance)
+        missed, short = problem.clearance - nearest, problem.clearance - clearance.distance
+        worst = Violation("clearance", clearance.body, clearance.time, short) if near else None
+        return Kept(self.name, str(clearance), None, reasons, worst, missed, clearance)
 
     def stricter(self, problem: MinimumTimeProblem, kept: Kept) -> Self:
         """Raise the margins of pairs that come too near; ask at more points where something is hit all the same."""

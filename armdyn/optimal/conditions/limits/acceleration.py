@@ -38,9 +38,9 @@ class AccelerationLimit(Condition):
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> Kept:
         """By forward dynamics, at five points of every sample."""
-        _, a = accelerations(problem.robot, motion)
-        share = float(np.max(np.abs(a) / np.asarray(problem.acceleration_limit)))
-        return kept_by_joints(self.name, "acceleration", share)
+        t, a = accelerations(problem.robot, motion)
+        shares = np.abs(a) / np.asarray(problem.acceleration_limit)
+        return kept_by_joints(problem.robot, self.name, "acceleration", t, shares)
 
     def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
         """As its bends allow."""

@@ -14,6 +14,7 @@ from armdyn.optimal.conditions.condition import Condition, Kept, Knots, Path
 from armdyn.optimal.conditions.limits.rates import pieces
 from armdyn.optimal.conditions.rows import Rows, RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.program.interval import Stages
 from armdyn.trajectory import Trajectory
 
@@ -86,12 +87,12 @@ class FrameSpeedLimit(Condition):
         speeds = _speeds(problem.robot, str(self.frame), at.q.reshape(-1, n), at.v.reshape(-1, n))
         share = float(np.max(speeds)) / self.limit
         said = f"{np.max(speeds):.5g} m/s at most, at t = {t[np.argmax(speeds)]:.4g} s"
-        reasons = (
-            (f"frame {self.frame!r} moves at {said}; the limit is {self.limit:g} m/s",)
-            if share > 1 + _TOLERANCE
-            else ()
-        )
-        return Kept(f"speed of {self.frame!r}", f"{said}, of {self.limit:g} m/s", share, reasons)
+        name, of = f"speed of {self.frame!r}", f"{said}, of {self.limit:g} m/s"
+        if share <= 1 + _TOLERANCE:
+            return Kept(name, of, share)
+        reason = f"frame {self.frame!r} moves at {said}; the limit is {self.limit:g} m/s"
+        worst = Violation("frame speed limit", str(self.frame), float(t[np.argmax(speeds)]), share - 1)
+        return Kept(name, of, share, (reason,), worst)
 
     def stricter(self, problem: MinimumTimeProblem, kept: Kept) -> Self:
         """By what the speed exceeds the limit between the stages; less so, where too much was taken off."""

@@ -45,7 +45,8 @@ class JerkLimit(Condition):
         """By differences of forward dynamics, between five points of every sample."""
         t, a = accelerations(problem.robot, motion)
         jerks = np.diff(a, axis=1) / np.diff(t, axis=1)[..., None]
-        return kept_by_joints(self.name, "jerk", float(np.max(np.abs(jerks) / np.asarray(problem.jerk_limit))))
+        shares = np.abs(jerks) / np.asarray(problem.jerk_limit)
+        return kept_by_joints(problem.robot, self.name, "jerk", t[:, :-1], shares)
 
 
 def _jerks(stages: Stages, over_limit: ca.SX) -> ca.SX:

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.models.robot import Robot
 from armdyn.optimal.conditions.condition import Kept
+from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.task.policy.landing import ConditionsPolicy
 from armdyn.trajectory import Trajectory
 
@@ -30,8 +31,20 @@ def accelerations(robot: Robot, motion: Trajectory) -> tuple[Array, Array]:
     return t, np.array([function(*state) for state in states]).reshape(*t.shape, n)
 
 
-def kept_by_joints(name: str, what: str, share: float) -> Kept:
-    """That a rate's largest value is this part of its limit: the mesh keeps it at its points, not between."""
-    beyond = share > 1 + ConditionsPolicy.rate_tolerance
-    reasons = (f"a joint's {what} exceeds its limit by {100 * (share - 1):.2g} %",) if beyond else ()
-    return Kept(name, f"{100 * share:.4g} % of the limit at most", share, reasons)
+def kept_by_joints(robot: Robot, name: str, what: str, t: Array, shares: Array) -> Kept:
+    """How a rate keeps its limits: the mesh keeps them at its points, not between.
+
+    Args:
+        robot: whose joints are limited.
+        name: of the condition.
+        what: is limited.
+        t: when it was looked at [s], of any shape.
+        shares: what was seen then, as parts of the limits, the same shape and (nv,).
+    """
+    k, i = np.unravel_index(np.argmax(shares.reshape(-1, robot.nv)), (t.size, robot.nv))
+    share, joint, when = float(np.max(shares)), robot.joint_names[i], float(t.ravel()[k])
+    said = f"{100 * share:.4g} % of the limit at most"
+    if share <= 1 + ConditionsPolicy.rate_tolerance:
+        return Kept(name, said, share)
+    reason = f"joint {joint!r} exceeds its {what} limit by {100 * (share - 1):.2g} % at t = {when:.4g} s"
+    return Kept(name, said, share, (reason,), Violation(f"{what} limit", joint, when, share - 1))

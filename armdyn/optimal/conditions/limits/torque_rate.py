@@ -14,6 +14,7 @@ from armdyn.models.robot import Robot
 from armdyn.optimal.conditions.condition import Condition, Kept, Knots
 from armdyn.optimal.conditions.rows import Rows, RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.program.interval import Stages
 from armdyn.trajectory import Trajectory
 
@@ -77,16 +78,25 @@ class TorqueRateLimit(Condition):
         # A jump of the torque takes no time that a number could hold.
         rates = np.abs(np.diff(motion.tau, axis=0)) / np.diff(motion.t)[:, None] / np.asarray(self.limit)
         share = float(np.max(rates))
-        joint = problem.robot.joint_names[int(np.argmax(np.max(rates, axis=0)))]
-        reasons = []
+        k, i = np.unravel_index(np.argmax(rates), rates.shape)
+        names, reasons, worst = problem.robot.joint_names, [], list[Violation]()
+        joint = names[i]
         if share > 1 + _TOLERANCE:
+            worst.append(Violation("torque-rate limit", joint, float(motion.t[k]), share - 1))
             reasons.append(f"the torque of joint {joint!r} changes {share:.4g} times as fast as its limit allows")
-        for x, tau, end in zip(_ends(problem), motion.tau[[0, -1]], ("begins", "ends"), strict=True):
+        ends = zip(_ends(problem), motion.t[[0, -1]], motion.tau[[0, -1]], ("begins", "ends"), strict=True)
+        for x, t, tau, end in ends:
             hold, free = self._held(problem, x)
             beside = np.where(free > 0, 0, np.abs(tau - hold)) / problem.limits.effort_upper
             if np.max(beside) > _TOLERANCE:
+                worst.append(
+                    Violation("jump of the torque", names[int(np.argmax(beside))], float(t), float(np.max(beside)))
+                )
                 reasons.append(f"the torque {end} with a jump of {100 * np.max(beside):.2g} % of its limit")
-        return Kept(self.name, f"{100 * share:.4g} % of the limit at most, by {joint!r}", share, tuple(reasons))
+        said = f"{100 * share:.4g} % of the limit at most, by {joint!r}"
+        return Kept(
+            self.name, said, share, tuple(reasons), max(worst, key=lambda violation: violation.value, default=None)
+        )
 
     def _held(self, problem: MinimumTimeProblem, x: Array) -> tuple[Array, Array]:
         """What holds the arm in a state [N m or N], and how far from it each torque may be: 0, or inf if it is free."""
