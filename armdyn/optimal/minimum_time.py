@@ -70,7 +70,7 @@ def _fastest_goal(problem: MinimumTimeProblem, options: MinimumTimeOptions, tell
         if solutions and (left <= 0 or solutions[-1].status is Status.INTERRUPTED):
             break
         tell(f"goal {i + 1} of the {len(branches)} best")
-        solutions.append(solve_minimum_time(branch, replace(options, time_limit=max(left, 1.0)), tell))
+        solutions.append(solve_minimum_time(branch, replace(options, time_limit=max(left, 1e-3)), tell))
         tried[i] = GoalTried(tried[i].q, solutions[-1].duration if solutions[-1].success else np.inf, refined=True)
     best = min(solutions, key=lambda solution: (not solution.success, solution.duration))
     tried.sort(key=lambda goal: goal.duration)

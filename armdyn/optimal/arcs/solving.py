@@ -20,7 +20,7 @@ from armdyn.optimal.arcs.posing import PhaseAim, Posed, pose
 from armdyn.optimal.arcs.sampling import motion_of
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Nlp, build_nlp
-from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, Outcome
+from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, Outcome, in_time
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -68,13 +68,14 @@ def solve_phases(
 
 def prepare_phases(task: Task, intervals: int) -> None:
     """Build, if it is not there, what `solve_phases` needs for arcs without free torques."""
-    _solver(task, intervals, near=True, iterations=task.policy.arcs.held_iterations)
+    if not task.stop:
+        _solver(task, intervals, near=True, iterations=task.policy.arcs.held_iterations)
 
 
 def _solver(task: Task, intervals: int, near: bool, iterations: int) -> Ipopt[Nlp]:
-    scheme = replace(task.scheme, method=TABLEAU.name, control="stage")
+    step = replace(task, scheme=replace(task.scheme, method=TABLEAU.name, control="stage"))
     settings = IpoptSettings(task.policy.arcs.tolerance, iterations, options=_FROM_HERE if near else _CAREFUL)
-    return Ipopt.of(settings, build_nlp, task.dynamics, scheme, intervals)
+    return in_time(step, lambda scheme: Ipopt.of(settings, build_nlp, task.dynamics, scheme, intervals))
 
 
 def _read(task: Task, nlp: Nlp, posed: Posed, outcome: Outcome) -> Phases:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from armdyn.optimal.landing.lead import led_home
 from armdyn.optimal.landing.limits import miss_of
 from armdyn.optimal.landing.pieces import Pieces
-from armdyn.optimal.landing.rollout import replay_torques
+from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.landing.variation import sensitivity
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -42,14 +42,14 @@ def aimed(task: Task, trajectory: Trajectory) -> tuple[Trajectory, Trajectory]:
 def _by_newton(task: Task, trajectory: Trajectory) -> tuple[Trajectory, Trajectory, float]:
     """A motion, its replay and its miss, which Newton's method makes as small as it can."""
     problem, numbers = task.problem, task.policy.landing
-    replay = replay_torques(problem.robot, trajectory)
+    replay = replay_of(task, trajectory)
     miss, pieces = miss_of(problem, trajectory, replay), Pieces.of(trajectory)
     for _ in range(numbers.rounds):
         if pieces is None or miss <= numbers.landed or miss > numbers.far or task.stop:
             break
         pieces = _corrected(task, pieces, replay)
         tried = pieces.trajectory(replay, numbers.samples)
-        replayed = replay_torques(problem.robot, tried)
+        replayed = replay_of(task, tried)
         closer = miss_of(problem, tried, replayed)
         if closer > 0.5 * miss:
             break

@@ -32,7 +32,7 @@ def tracked(task: Task, motion: Trajectory, pieces: Pieces, steps: Sequence[Step
         offset: of the state that is aimed at from the motion's last, shape (2 nv,).
 
     Returns:
-        Torques within their limits; None if the motion was lost all the same.
+        Torques within their limits; None if the motion was lost all the same, or there is no time.
     """
     robot, limits, n = task.problem.robot, task.problem.limits, task.problem.robot.nv
     numbers, ends, tau = task.policy.landing, pieces.t, pieces.tau
@@ -43,6 +43,8 @@ def tracked(task: Task, motion: Trajectory, pieces: Pieces, steps: Sequence[Step
     gains = _gains(steps, half, float(ends[-1]), numbers)
     x, chosen = states[0], np.empty_like(tau)
     for k, duration in enumerate(np.diff(ends)):
+        if task.stop:
+            return None
         chosen[k] = np.clip(tau[k] - gains[k] @ (x - states[k]), limits.effort_lower, limits.effort_upper)
         q, v, torque = (np.tile(part, (2, 1)) for part in (x[:n], x[n:], chosen[k]))
         piece = replay_torques(robot, Trajectory(np.array([0.0, duration]), q, v, torque, names))

@@ -9,7 +9,7 @@ from armdyn.optimal.landing.feedback import tracked
 from armdyn.optimal.landing.limits import miss_of, overspeed
 from armdyn.optimal.landing.pace import paced, paced_torques
 from armdyn.optimal.landing.pieces import Pieces
-from armdyn.optimal.landing.rollout import replay_torques
+from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.landing.variation import steps_along
 from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.task.task import Task
@@ -35,7 +35,7 @@ def led_home(task: Task, mesh: Trajectory) -> tuple[Trajectory, Trajectory, floa
         led = None if pieces is None else _led(task, mesh, pieces, factor, aim)
         if led is None:
             break
-        replay = replay_torques(problem.robot, led)
+        replay = replay_of(task, led)
         miss = miss_of(problem, led, replay)
         over = overspeed(problem.limits, replay)
         if (over > numbers.below, miss) < rank:

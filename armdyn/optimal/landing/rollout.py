@@ -9,6 +9,7 @@ from scipy.integrate import DOP853
 
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.models.robot import Robot
+from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -16,9 +17,13 @@ Array = NDArray[np.float64]
 RTOL = 1e-10
 """Of the replay's integrator: far below any goal error that it is to reveal."""
 _MOST_EVALUATIONS = 300_000
+_MOST_WHEN_LATE = 30_000
+"""When a solve is to stop: enough for a motion of well-posed dynamics, and half a second."""
 
 
-def replay_torques(robot: Robot, trajectory: Trajectory, rtol: float = RTOL) -> Trajectory:
+def replay_torques(
+    robot: Robot, trajectory: Trajectory, rtol: float = RTOL, stop: Callable[[], bool] | None = None
+) -> Trajectory:
     """What the arm does when it starts like a trajectory and is given its torques, open loop.
 
     Dormand-Prince 8(5,3) (`scipy.integrate.DOP853`), started anew wherever the torque has a corner or a jump.
@@ -27,17 +32,21 @@ def replay_torques(robot: Robot, trajectory: Trajectory, rtol: float = RTOL) -> 
         robot: the arm.
         trajectory: whose first state and torques are used; its other states are not looked at.
         rtol: relative tolerance of the integrator; absolute 1e-2 of that.
+        stop: says that there is no time for what goes astray.
 
     Returns:
         States at the same times, with the same torques. It ends early, but with two samples at least,
         where the states leave what numbers can hold, or after 300,000 accelerations: seconds, where a motion of
-        well-posed dynamics takes some ten thousand.
+        well-posed dynamics takes some ten thousand; a tenth of that after `stop` said so.
     """
     acceleration = forward_dynamics(robot)
     n = robot.nv
 
     def rate(t: float, x: Array, *, start: float, tau: Array, slope: Array) -> Array:
         return np.concatenate([x[n:], acceleration(x[:n], x[n:], tau + (t - start) * slope)])
+
+    def enough(evaluations: int) -> bool:
+        return spent + evaluations >= (_MOST_WHEN_LATE if stop is not None and stop() else _MOST_EVALUATIONS)
 
     t, torque, jumps = trajectory.t, trajectory.tau, trajectory.jumps
     states = [np.concatenate([trajectory.q[0], trajectory.v[0]])]
@@ -52,7 +61,7 @@ def replay_torques(robot: Robot, trajectory: Trajectory, rtol: float = RTOL) -> 
         while not np.any(slope) and end < t.size - 1 and np.array_equal(torque[end + 1], torque[k]):
             end += 1  # samples of one constant torque: nothing for the integrator to stop at
         here = partial(rate, start=t[k], tau=torque[k], slope=slope)
-        reached, evaluations = _integrate(here, t[k : end + 1], states[-1], rtol, _MOST_EVALUATIONS - spent)
+        reached, evaluations = _integrate(here, t[k : end + 1], states[-1], rtol, enough)
         states, spent = states + reached, spent + evaluations
         if len(reached) < end - k:
             break
@@ -67,16 +76,21 @@ def replay_torques(robot: Robot, trajectory: Trajectory, rtol: float = RTOL) -> 
     )  # fmt: skip
 
 
+def replay_of(task: Task, trajectory: Trajectory) -> Trajectory:
+    """`replay_torques` by a task's robot, in its time."""
+    return replay_torques(task.problem.robot, trajectory, stop=task.stop.__bool__)
+
+
 def _integrate(
-    rate: Callable[[float, Array], Array], times: Array, x: Array, rtol: float, most: int
+    rate: Callable[[float, Array], Array], times: Array, x: Array, rtol: float, enough: Callable[[int], bool]
 ) -> tuple[list[Array], int]:
-    """States at times[1:], as far as they are finite and `most` evaluations go, and how many they took.
+    """States at times[1:], as far as they are finite and the evaluations are not enough, and how many they took.
 
     By the solver's own steps: `solve_ivp` takes twice as long.
     """
     solver = DOP853(rate, times[0], x, times[-1], rtol=rtol, atol=1e-2 * rtol, first_step=times[1] - times[0])
     states: list[Array] = []
-    while solver.status == "running" and solver.nfev < most:
+    while solver.status == "running" and not enough(int(solver.nfev)):
         solver.step()
         if solver.status == "failed" or not np.all(np.isfinite(solver.y)):
             break

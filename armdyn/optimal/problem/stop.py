@@ -20,10 +20,11 @@ class Stop:
 
     Attributes:
         deadline: by `time.perf_counter` [s], a clock that all processes share.
+        hurried: there was no time to compile a program, and there will be none for others.
     """
 
     def __init__(self, deadline: float = np.inf, interrupted: bool = False):
-        self.deadline = deadline
+        self.deadline, self.hurried = deadline, False
         self._flag = mmap.mmap(-1, 1)
         self._flag[0] = interrupted
 
@@ -45,6 +46,11 @@ class Stop:
     def status(self) -> Status:
         """Of a solve that it stopped."""
         return Status.INTERRUPTED if self.interrupted else Status.TIME_LIMIT
+
+    @property
+    def word(self) -> str:
+        """The same for people."""
+        return "interrupted" if self.interrupted else "time limit reached"
 
     def __bool__(self) -> bool:
         return self.interrupted or self.late

@@ -16,12 +16,17 @@ from pathlib import Path
 import casadi as ca
 import platformdirs
 
+from armdyn.optimal.program.deadline import NoTimeError, left
+
 _FLAGS = ("-O1", "-fPIC", "-shared", "-ffp-contract=off")
 """Level 1 has nearly all of the speed at half of level 2's build time; no contraction: the same numbers everywhere."""
 _TIMEOUT = 300.0
 """For the compiler [s]."""
 _WORTH_IT = 25_000
 """Instructions up to which a library is built unasked: about three seconds, once."""
+
+_EACH = 2e-4
+"""About how long the compiler takes for an instruction, with other work beside it [s]."""
 
 
 def compiled(functions: Sequence[ca.Function], asked: bool | None = None) -> list[ca.Function]:
@@ -34,6 +39,9 @@ def compiled(functions: Sequence[ca.Function], asked: bool | None = None) -> lis
 
     Returns:
         As they are, too, where there is no C compiler, or it fails.
+
+    Raises:
+        NoTimeError: it would take, or has taken, longer than `deadline.until` allows.
     """
     functions = list(functions)
     compiler = shutil.which(os.environ.get("CC") or "cc") or shutil.which("gcc")
@@ -48,7 +56,12 @@ def compiled(functions: Sequence[ca.Function], asked: bool | None = None) -> lis
     if not library.exists():
         if asked is None and sum(function.n_instructions() for function in functions) > _WORTH_IT:
             return functions
+        # Half of the time is for the solve.
+        if sum(function.n_instructions() for function in functions) * _EACH > left() / 2:
+            raise NoTimeError
         if not _build(compiler, source, library):
+            if left() <= 0:
+                raise NoTimeError
             return functions
     return [ca.external(function.name(), str(library)) for function in functions]
 
@@ -67,7 +80,7 @@ def _build(compiler: str, source: str, library: Path) -> bool:
             text.write_text(source)
             command = [compiler, *_FLAGS, "-o", str(built), str(text), "-lm"]
             # Our own text, no shell; the compiler is the one on the user's path.
-            subprocess.run(command, check=True, capture_output=True, timeout=_TIMEOUT)  # noqa: S603
+            subprocess.run(command, check=True, capture_output=True, timeout=min(_TIMEOUT, left()))  # noqa: S603
             built.replace(library)
     except (OSError, subprocess.SubprocessError):
         return False

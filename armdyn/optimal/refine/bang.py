@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from armdyn.optimal.landing.rollout import replay_torques
+from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, HAMILTONIAN_TOLERANCE, certify
 from armdyn.optimal.refine.optimum import Optimum
@@ -135,7 +135,7 @@ def _read(task: Task, attempt: Attempt) -> Optimum:
     if _resolvable(task):
         optimum = replace(resolve(task, attempt), iterations=0)
     else:
-        replay = replay_torques(task.problem.robot, motion)
+        replay = replay_of(task, motion)
         certificate = certify(task.problem, replay, None, "arcs were not asked for")
         optimum = Optimum(motion, certificate, motion.duration, attempt.intervals)
     if attempt.taken:  # the motion is one, if not the fastest
@@ -162,7 +162,7 @@ def _optimum(task: Task, step: _Reached) -> Optimum:
     if best is None:
         motion, (message, violation) = step.guess.trajectory, step.resisted
         remark = f"did not converge on {step.mesh} intervals ({message})"
-        certificate = certify(problem, replay_torques(problem.robot, motion), None, remark)
+        certificate = certify(problem, replay_of(task, motion), None, remark)
         mesh = step.mesh or task.options.intervals
         return Optimum(
             motion, certificate, motion.duration, mesh, iterations=step.iterations, worst_violation=violation

@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdyn.optimal.conditions.demands import Demands
-from armdyn.optimal.landing.rollout import replay_torques
+from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.proof.certificate import certify
 from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.refine.slowing import slower
 from armdyn.optimal.refine.smooth import trajectory_cost
 from armdyn.optimal.search.candidates import Found, find
 from armdyn.optimal.solve.attempt import Attempt
@@ -70,15 +71,27 @@ def settled(task: Task, attempt: Attempt) -> Optimum:
             if not tried.usable:
                 break
             attempt = tried
-        replay = replay_torques(task.problem.robot, attempt.trajectory)
+        replay = replay_of(task, attempt.trajectory)
         found = _judged(task, replay, attempt)
         best = found if best is None or _rank(task, found) <= _rank(task, best) else best
         reasons = found.checked.reasons if found.checked else ()
         task.tell("; ".join((f"round {k + 1}: {attempt.trajectory.duration:.4f} s", *reasons)))
         mesh = None if task.stop else _next(task, mesh, found, replay, attempt)
     if best is None:
-        best = _judged(task, replay_torques(task.problem.robot, attempt.trajectory), attempt)
-    return replace(best, iterations=iterations)
+        best = _judged(task, replay_of(task, attempt.trajectory), attempt)
+    return replace(_within_limits(task, best, attempt), iterations=iterations)
+
+
+def _within_limits(task: Task, best: Optimum, attempt: Attempt) -> Optimum:
+    """The same path, a little slower, where the motion exceeds velocity limits between knots, and that mends it."""
+    if best.within_limits or any(_faults(task, best)) or not task.problem.from_rest_to_rest:
+        return best
+    for motion, replay in slower(task, best.trajectory):
+        passing = np.array(best.via_times) * (motion.duration / best.trajectory.duration)
+        found = _judged(task, replay, replace(attempt, intervals=best.intervals, passing=passing))
+        if found.within_limits:
+            return best if any(_faults(task, found)) else found
+    return best
 
 
 def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: Attempt) -> _Mesh | None:

@@ -7,7 +7,7 @@ import numpy as np
 from armdyn.optimal.arcs.phases import Phases, Unresolved
 from armdyn.optimal.arcs.posing import PhaseAim
 from armdyn.optimal.arcs.solving import solve_phases
-from armdyn.optimal.landing.rollout import replay_torques
+from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.proof.certificate import certify
 from armdyn.optimal.proof.pontryagin import pontryagin
@@ -46,15 +46,15 @@ def _finer(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
         tried = solve_phases(task, phases.arcs, phases.torques, size, aim)
         if isinstance(tried, Unresolved):
             remark = f"the arcs did not converge on {size} intervals ({tried.message})"
-            return phases, replay_torques(task.problem.robot, phases.torques), remark
+            return phases, replay_of(task, phases.torques), remark
         phases = tried
-    return phases, replay_torques(task.problem.robot, phases.torques), ""
+    return phases, replay_of(task, phases.torques), ""
 
 
 def _on_goal(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
     """Aimed beside the goal by the collocation's own error."""
     problem, numbers, n = task.problem, task.policy.refinement, task.problem.robot.nv
-    best, replay = phases, replay_torques(problem.robot, phases.torques)
+    best, replay = phases, replay_of(task, phases.torques)
     aim = Aim()
     for _ in range(numbers.aims):
         if np.max(np.abs(problem.beside_goal(replay)[:n])) <= numbers.landed or task.stop:
@@ -66,7 +66,7 @@ def _on_goal(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
         tried = solve_phases(task, best.arcs, best.torques, best.arc_of.size, there)
         if isinstance(tried, Unresolved):
             return best, replay, f"the replay could not be brought onto the goal ({tried.message})"
-        replayed = replay_torques(problem.robot, tried.torques)
+        replayed = replay_of(task, tried.torques)
         if replayed.t[-1] != tried.torques.t[-1]:
             return best, replay, "the replay left what numbers can hold"
         best, replay = tried, replayed

@@ -52,6 +52,8 @@ def prepare_resolving(task: Task) -> None:
 
 def _structure(task: Task, motion: Trajectory, intervals: int) -> tuple[Phases | None, str]:
     """Phases whose switching functions agree with their modes, or the last ones and why they do not."""
+    if task.stop:
+        return None, f"{task.stop.word} before the arcs were read"
     problem, numbers = task.problem, task.policy.refinement
     # The torques of a fine mesh need not be on their limits where time hardly tells.
     switch = max(task.policy.arcs.switch, intervals // numbers.blur)

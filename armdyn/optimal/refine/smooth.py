@@ -69,10 +69,12 @@ def smooth_optima(task: Task, starts: int, most: int) -> tuple[tuple[Phases, ...
     linear = replace(task, scheme=replace(task.scheme, method="lobatto3", control="linear"))
     coarse = [DirectOptions(task.policy.program.coarse_tolerance, numbers.iterations)]
     attempts = search(linear, [numbers.coarse], starts, coarse)
-    found = [resolved_near(task, guess) for guess in _distinct(task, attempts)[:most]]
+    found = [resolved_near(task, guess) for guess in _distinct(task, attempts)[:most] if not task.stop]
     solved = sorted((each for each in found if isinstance(each, Phases)), key=lambda phases: cost(problem, phases))
     if not solved:
         attempts = [*(_failed(each, numbers.fine) for each in found if isinstance(each, Unresolved)), *attempts]
+        if task.stop:
+            attempts.insert(0, replace(attempts[0], status=task.stop.status, message=task.stop.word))
     alike = within(task.policy.same.resolved_cost)
     groups = grouped(solved, lambda first, item: alike(cost(problem, first), cost(problem, item)))
     return tuple(group[0] for group in groups), tuple(attempts)

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from armdyn.errors import ProblemError
-from armdyn.optimal.landing.rollout import replay_torques
+from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.search.distinct import distinct, ranked
 from armdyn.optimal.search.multistart import Job, search
@@ -173,7 +173,7 @@ def _too_coarse(task: Task, found: Sequence[Attempt], settled: _Settled) -> tupl
 def _astray(task: Task, attempt: Attempt) -> bool:
     """Whether the arm ends somewhere else when the mesh's torques are replayed."""
     problem, motion = task.problem, attempt.trajectory
-    missed = np.abs(problem.beside_goal(replay_torques(problem.robot, motion))[: problem.robot.nv])
+    missed = np.abs(problem.beside_goal(replay_of(task, motion))[: problem.robot.nv])
     return not np.max(missed) <= task.policy.search.astray * np.max(np.ptp(motion.q, axis=0))
 
 
@@ -204,6 +204,8 @@ def _without_search(task: Task, failed: list[Attempt]) -> list[Attempt]:
             break
 
     def rest(attempt: Attempt) -> float:
-        return attempt.worst_violation.value if attempt.worst_violation else 0.0
+        if attempt.worst_violation is None:
+            return 0.0 if attempt.usable else np.inf  # what was not begun says nothing
+        return attempt.worst_violation.value
 
     return sorted(attempts, key=lambda attempt: (not attempt.usable, rest(attempt)))

@@ -1,11 +1,13 @@
 """What comes of one guess on one mesh."""
 
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.problem.status import Status, Violation
+from armdyn.optimal.problem.stop import Stop
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -21,7 +23,7 @@ class Attempt:
         trajectory: the motion; the last iterate if it did not converge.
         intervals: of the mesh.
         iterations: of IPOPT.
-        worst_violation: None if it converged.
+        worst_violation: None if it converged, or was not begun.
         passing: when the motion is at the via points [s], shape (vias,).
         taken: it did not converge, but keeps the equations of motion so well that it is taken all the same.
     """
@@ -34,6 +36,11 @@ class Attempt:
     worst_violation: Violation | None
     passing: Array = field(default_factory=lambda: np.empty(0))
     taken: bool = False
+
+    @classmethod
+    def unbegun(cls, stop: Stop, guess: Trajectory, intervals: int) -> Self:
+        """A guess that was not solved, because of what has stopped all."""
+        return cls(stop.status, stop.word, guess, intervals, 0, None)
 
     @property
     def usable(self) -> bool:

@@ -10,7 +10,7 @@ from armdyn.optimal.program.condensed import CondensedNlp, build_condensed, has_
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_violation
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.direct import prepare, solve_on_mesh
-from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings
+from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, in_time
 from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -49,6 +49,8 @@ def solve_quickly(
 
 def prepare_quickly(task: Task, intervals: int, settings: DirectOptions) -> None:
     """Build, if it is not there, what `solve_quickly` is likely to need."""
+    if task.stop:
+        return
     if condensable(task):
         _solver(task, intervals, settings)
     else:
@@ -65,6 +67,8 @@ def _on_limits(task: Task, guess: Trajectory) -> bool:
 
 def _condensed(task: Task, guess: Trajectory, intervals: int, settings: DirectOptions) -> tuple[Attempt, bool]:
     """An attempt, and whether it keeps all limits between the knots, too."""
+    if task.stop:
+        return Attempt.unbegun(task.stop, guess, intervals), False
     problem, solver = task.problem, _solver(task, intervals, settings)
     program, scales = solver.program, Scales.of(problem, guess)
     full, kept = program.layout.full, program.layout.kept(intervals)
@@ -87,4 +91,5 @@ def _condensed(task: Task, guess: Trajectory, intervals: int, settings: DirectOp
 
 
 def _solver(task: Task, intervals: int, settings: DirectOptions) -> Ipopt[CondensedNlp]:
-    return Ipopt.of(IpoptSettings.of(settings), build_condensed, task.dynamics, task.scheme, intervals)
+    own = IpoptSettings.of(settings)
+    return in_time(task, lambda scheme: Ipopt.of(own, build_condensed, task.dynamics, scheme, intervals))

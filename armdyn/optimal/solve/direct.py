@@ -15,7 +15,7 @@ from armdyn.optimal.program.assembly import Nlp, build_nlp
 from armdyn.optimal.program.layout import Layout
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_violation
 from armdyn.optimal.solve.attempt import Attempt
-from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings
+from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, in_time
 from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.scheme import Scheme
 from armdyn.optimal.task.task import Task
@@ -36,6 +36,8 @@ def solve_on_mesh(
         settings: iteration limit, tolerance, verbosity.
         demands: how much stricter than the problem to be; None: as strict.
     """
+    if task.stop:
+        return Attempt.unbegun(task.stop, guess, intervals)
     problem, policy = task.problem, task.policy.program
     demands = Demands.of(problem) if demands is None else demands
     rows = demands.rows(problem)
@@ -109,7 +111,8 @@ def _fix_legs(
 
 def prepare(task: Task, intervals: int, settings: DirectOptions) -> None:
     """Build, if it is not there, what `solve_on_mesh` needs."""
-    _solver(task, intervals, settings, Demands.of(task.problem).rows(task.problem))
+    if not task.stop:
+        _solver(task, intervals, settings, Demands.of(task.problem).rows(task.problem))
 
 
 def _solver(task: Task, intervals: int, settings: DirectOptions, rows: tuple[Rows, ...]) -> Ipopt[Nlp]:
@@ -117,7 +120,7 @@ def _solver(task: Task, intervals: int, settings: DirectOptions, rows: tuple[Row
     if flat is not None:
         tolerance = settings.tolerance
         own = IpoptSettings.of(settings, acceptable_tol=flat, acceptable_constr_viol_tol=tolerance, acceptable_iter=6)
-    return Ipopt.of(own, _program, task.dynamics, task.scheme, intervals, rows)
+    return in_time(task, lambda scheme: Ipopt.of(own, _program, task.dynamics, scheme, intervals, rows))
 
 
 def _program(dynamics: Dynamics, scheme: Scheme, intervals: int, rows: tuple[Rows, ...]) -> Nlp:

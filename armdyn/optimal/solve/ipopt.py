@@ -1,7 +1,7 @@
 """IPOPT, set up for one program and called from one place."""
 
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Generic, Self, TypeVar
 
 import casadi as ca
@@ -12,15 +12,19 @@ from armdyn.exclusive import built_once, one_at_a_time
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.assembly import Program
+from armdyn.optimal.program.deadline import NoTimeError, until
 from armdyn.optimal.solve.monitor import Monitor
 from armdyn.optimal.solve.silence import silence
 from armdyn.optimal.task.options import DirectOptions
+from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.task import Task
 
 Array = NDArray[np.float64]
 P = TypeVar("P", bound=Program)
 
-_ASKED = 5
-"""Iterations between two questions whether to stop: a question costs as much as the gradients of a small arm."""
+_ASKED, _SMALL = 5, 2000
+"""Iterations between two questions whether to stop, in programs of so many unknowns: a question costs as much as the
+gradients of a small arm. Larger ones, whose iterations take a tenth of a second, ask after each."""
 _KEPT = 64
 """Programs that stay built."""
 
@@ -97,7 +101,7 @@ class Ipopt(Generic[P]):
                 "jac_g": program.jacobian,
                 "hess_lag": program.hessian,
                 "iteration_callback": self._monitor,
-                "iteration_callback_step": _ASKED,
+                "iteration_callback_step": _ASKED if nx <= _SMALL else 1,
                 "calc_multipliers": False,
                 "error_on_fail": False,
                 "print_time": False,
@@ -148,6 +152,23 @@ class Ipopt(Generic[P]):
     def equations(self, x: Array, p: Array) -> Array:
         """Values of the program's equations at unknowns and parameters."""
         return np.array(self._solver.get_function("nlp_g")(x, p)).ravel()
+
+
+def in_time(task: Task, build: Callable[[Scheme], Ipopt[P]]) -> Ipopt[P]:
+    """What a function of the task's scheme builds: by the deadline, in machine code only where there is time for that.
+
+    Args:
+        task: whose scheme and deadline they are.
+        build: calls `Ipopt.of`.
+    """
+    stop = task.stop
+    if not stop.hurried:
+        try:
+            with until(stop.deadline):
+                return build(task.scheme)
+        except NoTimeError:
+            stop.hurried = True
+    return build(replace(task.scheme, compile=False))
 
 
 @built_once(maxsize=_KEPT)
