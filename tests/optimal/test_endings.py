@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from problems import paper_problem
+from armdyn.optimal.arcs.phases import Unresolved
+from problems import paper_problem, solved
 
 
 def test_unreachable_goal_is_reported_not_pretended():
@@ -26,6 +27,26 @@ def test_time_limit_returns_what_there_is():
     assert not solution.success
     assert solution.status is ad.Status.TIME_LIMIT
     assert solution.trajectory.duration > 0
+
+
+@pytest.mark.parametrize("more", [{}, {"effort_weight": 1.0}, {"acceleration_limit": 50.0}])
+def test_nothing_is_built_when_the_time_is_up(more, monkeypatch):
+    """A hundredth of a second is gone when the search begins: then it ends without a program, or a fork."""
+    monkeypatch.setattr("armdyn.optimal.solve.ipopt._built", lambda *_: pytest.fail("a program is built"))
+    solution = ad.solve_minimum_time(paper_problem("rrr", **more), ad.MinimumTimeOptions(time_limit=1e-9))
+    assert solution.status is ad.Status.TIME_LIMIT and not solution.moves
+    assert solution.message == "no motion was found: time limit reached"
+
+
+def test_optima_that_only_a_coarse_mesh_has_are_no_solution(monkeypatch):
+    def resist(task, guess):
+        phases = solved("r").phases
+        return Unresolved("Restoration Failed", ad.Status.INFEASIBLE, 7, phases)
+
+    monkeypatch.setattr("armdyn.optimal.refine.smooth.resolved_near", resist)
+    solution = ad.solve_minimum_time(paper_problem("r", effort_weight=1.0, effort_limit=30.0))
+    assert solution.status is ad.Status.INFEASIBLE and "Restoration Failed" in solution.message
+    assert "Succeeded" not in str((solution.message, solution.certificate.reasons))
 
 
 def test_interrupt_returns_what_there_is():

@@ -40,7 +40,7 @@ def search(
 
     attempts: list[Attempt] = []
     jobs: list[Job] = [*beside, *(partial(job, k) for k in range(count))]
-    for attempt in in_processes(jobs, task.workers):
+    for attempt in in_processes(jobs[:1] if task.stop else jobs, task.workers):
         attempts.append(attempt)
         own = attempts[len(beside) :]
         if not own:

@@ -4,7 +4,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.landing import rollout
-from problems import cart, paper_arm
+from problems import cart, paper_arm, solved
 
 
 def test_double_integrator_with_a_jump_of_the_force_is_exact():
@@ -56,3 +56,11 @@ def test_a_stiff_arm_does_not_hold_it_up(monkeypatch):
     still, torque = np.zeros((3, 1)), np.array([[0.0], [1.0], [0.0]])
     replay = ad.replay_torques(robot, ad.Trajectory([0.0, 0.5, 1.0], still, still, torque, robot.joint_names))
     assert replay.t[-1] < 1.0  # it ended early
+
+
+def test_what_goes_astray_gets_less_when_it_is_late(monkeypatch):
+    robot, motion = solved("rr").problem.robot, solved("rr").trajectory
+    on_time = rollout.replay_torques(robot, motion, stop=lambda: False)
+    monkeypatch.setattr(rollout, "_MOST_WHEN_LATE", 500)
+    late = rollout.replay_torques(robot, motion, stop=lambda: True)
+    assert on_time.t[-1] == motion.t[-1] > late.t[-1]

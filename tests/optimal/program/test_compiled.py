@@ -1,6 +1,7 @@
 """Machine code is the same functions, built once, and never needed."""
 
 import shutil
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import casadi as ca
@@ -10,6 +11,7 @@ import pytest
 from armdyn.dynamics import Dynamics
 from armdyn.optimal.program.assembly import build_nlp
 from armdyn.optimal.program.compiled import cache_directory, compiled
+from armdyn.optimal.program.deadline import NoTimeError, until
 from armdyn.optimal.task.scheme import Scheme
 from problems import paper_arm
 
@@ -84,3 +86,25 @@ def test_compiled_derivatives_of_a_transcription():
     ):
         scale = np.max(np.abs(expected.full()))
         assert np.max(np.abs((got - expected).full())) < 1e-14 * scale  # the C library's sin and cos: an ulp
+
+
+@needs_compiler
+def test_no_compiler_is_started_for_which_there_is_no_time(own_cache):
+    with until(time.perf_counter() + 1e-6), pytest.raises(NoTimeError):
+        compiled([function()], True)
+    assert not own_cache.exists()
+    built = compiled([function()], True)[0]
+    with until(0.0):  # what is on disk takes none
+        assert compiled([function()], True)[0].class_name() == built.class_name() == "External"
+
+
+@needs_compiler
+def test_a_compiler_that_takes_too_long_is_left(own_cache, monkeypatch, tmp_path):
+    slow = tmp_path / "slow"
+    slow.write_text("#!/bin/sh\nexec sleep 60\n")
+    slow.chmod(0o755)
+    monkeypatch.setenv("CC", str(slow))
+    monkeypatch.setattr("armdyn.optimal.program.compiled._EACH", 0.0)
+    with until(time.perf_counter() + 0.2), pytest.raises(NoTimeError):
+        compiled([function()], True)
+    assert not any(own_cache.iterdir())

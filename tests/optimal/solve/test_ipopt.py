@@ -10,8 +10,11 @@ import pytest
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.assembly import Program
-from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings
+from armdyn.optimal.program.deadline import NoTimeError
+from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, in_time
 from armdyn.optimal.task.options import DirectOptions
+from armdyn.optimal.task.task import Task
+from problems import paper_problem
 
 FREE = np.full(2, -np.inf), np.full(2, np.inf)
 SETTINGS = IpoptSettings(1e-10, 100)
@@ -101,3 +104,17 @@ def test_nothing_of_its_own_talk_is_heard_unless_asked(capfd):
         solve(solver, x_bounds=(zeros, zeros))
         said = "".join(capfd.readouterr())
         assert ("overconstrained" in said) == verbose and bool(said) == verbose
+
+
+def test_without_time_to_compile_it_is_built_without():
+    task, asked = Task.of(paper_problem("r"), stop=Stop(deadline=0.0)), []
+
+    def build(scheme):
+        asked.append(scheme.compile)
+        if scheme.compile is not False:
+            raise NoTimeError
+        return scheme
+
+    for _ in range(2):
+        assert in_time(task, build).compile is False
+    assert asked == [None, False, False]  # it is not tried again and again
