@@ -1,4 +1,4 @@
-"""How long building a program may take: asked where a compiler would be started, said where a solve begins."""
+"""How long building a program may take: said where a solve begins, asked between what takes long to build."""
 
 import time
 from collections.abc import Iterator
@@ -10,6 +10,10 @@ _deadline: ContextVar[float] = ContextVar("deadline", default=float("inf"))
 
 class NoTimeError(Exception):
     """There is no time to compile: build without. It never leaves a solve."""
+
+
+class LateError(Exception):
+    """The time is up in the midst of building. It never leaves a solve."""
 
 
 @contextmanager
@@ -25,3 +29,13 @@ def until(deadline: float) -> Iterator[None]:
 def left() -> float:
     """What is left [s]; infinite where nobody has said."""
     return _deadline.get() - time.perf_counter()
+
+
+def ask() -> None:
+    """Go on only while there is time.
+
+    Raises:
+        LateError: there is none.
+    """
+    if left() <= 0:
+        raise LateError

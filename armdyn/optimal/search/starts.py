@@ -8,6 +8,7 @@ from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.optimal.conditions.condition import Path
 from armdyn.optimal.conditions.registry import conditions_of
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.task.policy.search import SearchPolicy
 from armdyn.trajectory import Trajectory
 
@@ -17,13 +18,14 @@ _SAMPLES = 101
 """Of a guess."""
 
 
-def detours(problem: MinimumTimeProblem, seed: int, count: int) -> list[list[Array]]:
+def detours(problem: MinimumTimeProblem, seed: int, count: int, stop: Stop | None = None) -> list[list[Array]]:
     """What `spline` makes guesses of: first the straight way, then ways through random poses.
 
     Args:
         problem: what is to be solved.
         seed: the same seed gives the same detours.
         count: how many.
+        stop: asked while ways round what is forbidden are looked for; then there are fewer.
 
     Returns:
         For each guess the poses in between [rad or m], each of shape (nv,).
@@ -41,7 +43,7 @@ def detours(problem: MinimumTimeProblem, seed: int, count: int) -> list[list[Arr
         else [[via] for via in vias]
     )
     straight: list[Array] = [np.asarray(q) for q in problem.via]
-    return [straight, *(_clearest(problem, ways, count - 1) if round_it else ways)]
+    return [straight, *(_clearest(problem, ways, count - 1, stop or Stop()) if round_it else ways)]
 
 
 def _through(problem: MinimumTimeProblem, pose: Array, leg: int) -> list[Array]:
@@ -50,12 +52,14 @@ def _through(problem: MinimumTimeProblem, pose: Array, leg: int) -> list[Array]:
     return [*ways[:leg], pose, *ways[leg:]]
 
 
-def _clearest(problem: MinimumTimeProblem, ways: list[list[Array]], count: int) -> list[list[Array]]:
+def _clearest(problem: MinimumTimeProblem, ways: list[list[Array]], count: int, stop: Stop) -> list[list[Array]]:
     """Ways round what is forbidden: those that touch nothing, the quickest first; then those that touch least."""
     forbidding = [condition for condition in conditions_of(problem) if condition.goes_round]
     s = np.linspace(0, 1, SearchPolicy.looks)
     ranked = []
     for k, way in enumerate(ways):
+        if stop:
+            break
         path = _path(problem, way)
         depth = min(condition.depth(problem, q) for q in path(s) for condition in forbidding)
         hurry = np.max(

@@ -1,5 +1,7 @@
 """Minimum time by direct collocation and IPOPT."""
 
+from contextlib import suppress
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +14,7 @@ from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Nlp, build_nlp
+from armdyn.optimal.program.deadline import LateError
 from armdyn.optimal.program.layout import Layout
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_violation
 from armdyn.optimal.solve.attempt import Attempt
@@ -41,7 +44,10 @@ def solve_on_mesh(
     problem, policy = task.problem, task.policy.program
     demands = Demands.of(problem) if demands is None else demands
     rows = demands.rows(problem)
-    solver = _solver(task, intervals, settings, rows)
+    try:
+        solver = _solver(task, intervals, settings, rows)
+    except LateError:
+        return Attempt.unbegun(task.stop, guess, intervals)
     nlp, scales = solver.program, Scales.of(problem, guess)
     layout, legs = nlp.layout, legs_of(problem, guess, intervals)
     fractions = np.concatenate([np.diff(mesh(size, policy.graded)) for size in legs.intervals])
@@ -110,8 +116,10 @@ def _fix_legs(
 
 
 def prepare(task: Task, intervals: int, settings: DirectOptions) -> None:
-    """Build, if it is not there, what `solve_on_mesh` needs."""
-    if not task.stop:
+    """Build, if it is not there and there is time, what `solve_on_mesh` needs."""
+    if task.stop:
+        return
+    with suppress(LateError):
         _solver(task, intervals, settings, Demands.of(task.problem).rows(task.problem))
 
 

@@ -160,15 +160,18 @@ def in_time(task: Task, build: Callable[[Scheme], Ipopt[P]]) -> Ipopt[P]:
     Args:
         task: whose scheme and deadline they are.
         build: calls `Ipopt.of`.
+
+    Raises:
+        LateError: the time is up before that of what takes seconds to build is ready.
     """
     stop = task.stop
-    if not stop.hurried:
-        try:
-            with until(stop.deadline):
+    with until(stop.deadline):
+        if not stop.hurried:
+            try:
                 return build(task.scheme)
-        except NoTimeError:
-            stop.hurried = True
-    return build(replace(task.scheme, compile=False))
+            except NoTimeError:
+                stop.hurried = True
+        return build(replace(task.scheme, compile=False))
 
 
 @built_once(maxsize=_KEPT)

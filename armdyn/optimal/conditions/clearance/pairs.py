@@ -11,6 +11,7 @@ from armdyn.models.obstacles import Capsule, Obstacle
 from armdyn.optimal.conditions.clearance.distance import SIZES, Solid, from_segment, least_over_segment, solid
 from armdyn.optimal.conditions.rows import RowFunctions, Where
 from armdyn.optimal.program.compiled import compiled
+from armdyn.optimal.program.deadline import ask
 from armdyn.optimal.program.interval import nonzeros_of
 from armdyn.optimal.program.layout import Layout, Parameters
 from armdyn.optimal.task.scheme import Scheme
@@ -124,12 +125,17 @@ def _by_positions(
     at, lam = ca.SX.sym("q", dynamics.nv), ca.SX.sym("lam", len(pairs))
     scene = ca.SX.sym("scene", sum(SIZES[kind] for kind in kinds))
     distances = ca.cse(_distances(dynamics, at, scene, pairs, kinds))
+    ask()  # for many pairs each of these takes half a second
     slopes = ca.cse(ca.jacobian(distances, at))
+    ask()
     bend, pull = ca.hessian(ca.dot(lam, distances), at)
+    ask()
+    bend = ca.cse(bend)
+    ask()
     slopes_at, bends_at = compiled(
         (
             ca.Function("slopes", [at, scene], [slopes]),
-            ca.Function("bends", [at, scene, lam], [ca.densify(ca.cse(bend)), pull]),
+            ca.Function("bends", [at, scene, lam], [ca.densify(bend), pull]),
         ),
         compile_,
     )
