@@ -80,6 +80,6 @@ def _fastest_goal(problem: MinimumTimeProblem, options: MinimumTimeOptions, tell
         tell(f"goal {i + 1} of the {len(branches)} best")
         solutions.append(solve_minimum_time(branch, replace(options, time_limit=max(left, 1e-3)), tell))
         tried[i] = GoalTried(tried[i].q, solutions[-1].duration if solutions[-1].success else np.inf, refined=True)
-    best = min(solutions, key=lambda solution: (not solution.success, solution.duration))
+    best = min(solutions, key=lambda solution: (not solution.success, not solution.moves, solution.duration))
     tried.sort(key=lambda goal: goal.duration)
     return replace(best, goals=tuple(tried), solve_time=time.perf_counter() - started)

@@ -50,7 +50,8 @@ def mintime(
 
     Searches many guesses, resolves the best to exact switching times, replays the torques through
     Pinocchio's forward dynamics by an independent integrator, and checks Pontryagin's conditions.
-    Exit code 0 means certified; 3 that something of this failed, and the output says what.
+    Exit code 0 means certified; 3 that something of this failed, and the output says what. Where there
+    is no motion that lands within the limits, no duration is printed.
 
     With obstacles, via points or limits along the way the answer is the collocation's, replayed and
     checked all along; the switching times are then not resolved, so that its exit code is 3, too.

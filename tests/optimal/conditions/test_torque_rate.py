@@ -64,6 +64,7 @@ def test_a_jump_of_the_torque_is_seen():
     problem = rr(ad.TorqueRateLimit(1e6))
     kept = problem.conditions[0].check(problem, jumping, np.empty(0))
     assert kept.share > 1e6 and "changes" in kept.reasons[0] and "begins with a jump" in kept.reasons[1]
+    assert kept.worst.constraint == "torque-rate limit" and kept.worst.value == kept.share - 1
 
 
 def test_a_motion_that_begins_in_flight_begins_with_any_torque():

@@ -85,12 +85,17 @@ def test_check_says_what_is_hit():
     checked = check(rr(obstacles=[BALL]))
     (reason,) = checked.reasons
     assert "'ball'" in reason and "inside" in reason and checked.clearance.other == "ball"
+    assert checked.worst.constraint == "clearance" and checked.worst.value > -checked.clearance.distance > 0
     checked = check(rr(via=[[1.0, 1.0]]), 0.1)
     assert "beside via point 0" in checked.reasons[0]
+    assert checked.worst.constraint == "via point 0" and checked.worst.time == 0.1
     checked = check(rr(acceleration_limit=50))
     assert "acceleration" in checked.reasons[0] and checked.kept[0].share > 2
+    assert checked.worst.value == checked.kept[0].share - 1 and checked.worst.joint in ("joint1", "joint2")
     checked = check(rr(jerk_limit=1e9))
-    assert checked.kept[0].share < 1  # jumps of the torque are none of these jerks: the scheme forbids them
+    assert (
+        checked.kept[0].share < 1 and checked.worst is None
+    )  # jumps of the torque are none of these jerks: the scheme forbids them
 
 
 def test_start_and_goal_in_contact_are_named():
