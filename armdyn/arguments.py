@@ -1,18 +1,25 @@
-"""What callers give: read and checked in one place, refused by name, and with what would be right."""
+"""What callers give: read and checked in one place, refused by name, and with what would be right.
+
+Numpy is imported where an array is read: the command line's help checks arguments, too, and does without.
+"""
+
+from __future__ import annotations
 
 import math
 import os
 import reprlib
 from collections.abc import Callable, Iterable, Sequence
 from numbers import Integral, Real
-from typing import Literal, TypeVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 from armdyn.errors import ArmdynError, ProblemError
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
 Kind = TypeVar("Kind")
 Sign = Literal["any", "not negative", "positive"]
 
@@ -33,6 +40,8 @@ _RIGHT: dict[tuple[Sign, bool], str] = {
 
 def shown(value: object) -> str:
     """A value as a message shows it, however long it is and whatever its `__repr__` does."""
+    import numpy as np
+
     short = reprlib.Repr()
     short.maxlist = short.maxtuple = short.maxdict = 8
     short.maxstring = short.maxother = short.maxlong = MOST_SHOWN
@@ -78,6 +87,8 @@ def flag(value: object, name: str) -> bool:
     Raises:
         ProblemError: it is neither.
     """
+    import numpy as np
+
     if isinstance(value, bool | np.bool_):
         return bool(value)
     raise ProblemError(f"{name} is {shown(value)}; it must be True or False")
@@ -196,6 +207,8 @@ def path(value: object, name: str, *, error: type[ArmdynError]) -> str:
 
 def _real(value: object) -> Array | None:
     """An array of its own, None if it is not one of real numbers."""
+    import numpy as np
+
     try:
         array = np.array(value)
         if array.dtype.kind == "O" and all(isinstance(x, Real) and not isinstance(x, bool) for x in array.flat):
@@ -209,4 +222,6 @@ def _real(value: object) -> Array | None:
 
 def _has_booleans(value: object) -> bool:
     """Numpy makes numbers of booleans that stand among numbers."""
+    import numpy as np
+
     return isinstance(value, list | tuple) and any(isinstance(x, bool | np.bool_) or _has_booleans(x) for x in value)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from typer.testing import CliRunner
 
-from armdyn.cli.main import app
+from armdyn.cli.app import app
 
 COMMAND = [sys.executable, "-c", "from armdyn.cli import main; main()"]
 

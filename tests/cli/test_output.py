@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 import armdyn as ad
-from armdyn.cli.main import app
+from armdyn.cli.app import app
 from armdyn.models import Robot
 from armdyn.studies.paper.outcomes.store import load_outcome
 from armdyn.studies.paper.reproduce import Plan
