@@ -17,6 +17,7 @@ import typer
 from armdyn.cli import interrupts
 from armdyn.cli.interrupts import INTERRUPTED as INTERRUPTED
 from armdyn.cli.streams import BAD_INPUT as BAD_INPUT
+from armdyn.cli.streams import DISK_FULL as DISK_FULL
 from armdyn.errors import ArmdynError, ArmdynWarning, DiskFullError
 from armdyn.files import is_full
 
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-DONE, INTERNAL, NOT_CERTIFIED, DISK_FULL = 0, 1, 3, 5
-"""Exit codes, besides BAD_INPUT and INTERRUPTED."""
+DONE, INTERNAL, NOT_CERTIFIED = 0, 1, 3
+"""Exit codes, besides BAD_INPUT, DISK_FULL and INTERRUPTED."""
 
 
 class Terminal:

@@ -8,8 +8,8 @@ Nothing is imported here that takes time, such as typing and contextlib: until `
 
 from __future__ import annotations
 
+import _signal  # signal itself turns numbers into names on the way, which takes time
 import os
-import signal
 import sys
 
 TYPE_CHECKING = False  # as typing has it
@@ -41,10 +41,10 @@ class Guard:
         self._listens = False
 
     def __enter__(self) -> None:
-        if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        if _signal.getsignal(_signal.SIGINT) is not _signal.default_int_handler:
             return
         try:
-            signal.signal(signal.SIGINT, _on_interrupt)
+            _signal.signal(_signal.SIGINT, _on_interrupt)
         except ValueError:  # not the main thread, which alone gets signals
             return
         sys.unraisablehook = _on_unraisable
@@ -53,7 +53,7 @@ class Guard:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         if not self._listens:
             return
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        _signal.signal(_signal.SIGINT, _signal.SIG_IGN)
         if isinstance(error, KeyboardInterrupt):
             leave()
         if isinstance(error, SystemExit) and _State.pressed:  # whoever caught it may have made another code of it

@@ -6,8 +6,8 @@ import os
 import sys
 from typing import TextIO
 
-BAD_INPUT = 2
-"""Exit code."""
+BAD_INPUT, DISK_FULL = 2, 5
+"""Exit codes."""
 
 
 def settle() -> None:
@@ -38,9 +38,14 @@ def flushed(code: str | int | None) -> str | int | None:
     try:
         sys.stdout.flush()
     except OSError as error:
-        sys.stderr.write(f"armdyn: standard output: {error.strerror}\n")
+        from armdyn.errors import DiskFullError
+        from armdyn.files import is_full
+
+        full = is_full(error)
+        why = str(DiskFullError("standard output")) if full else f"standard output: {error.strerror}"
+        sys.stderr.write(f"armdyn: {why}\n")
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # the interpreter tries once more
-        return code or BAD_INPUT
+        return code or (DISK_FULL if full else BAD_INPUT)
     return code
 
 
