@@ -45,11 +45,7 @@ def replay_torques(
         ProblemError: no Robot, or rtol not positive.
         TrajectoryError: no Trajectory, or of another number of joints.
     """
-    expect_robot(robot)
-    expect(trajectory, Trajectory, "trajectory", error=TrajectoryError)
-    number(rtol, "rtol", sign="positive")
-    if trajectory.v.shape[1] != robot.nv or trajectory.q.shape[1] != robot.nv:
-        raise TrajectoryError(f"the trajectory has {trajectory.v.shape[1]} joints; {robot.name} has {robot.nv}")
+    _check(robot, trajectory, rtol)
     acceleration = forward_dynamics(robot)
     n = robot.nv
 
@@ -90,6 +86,15 @@ def replay_torques(
 def replay_of(task: Task, trajectory: Trajectory) -> Trajectory:
     """`replay_torques` by a task's robot, in its time."""
     return replay_torques(task.problem.robot, trajectory, stop=task.stop.__bool__)
+
+
+def _check(robot: Robot, trajectory: Trajectory, rtol: float) -> None:
+    """Refuse what cannot be replayed."""
+    expect_robot(robot)
+    expect(trajectory, Trajectory, "trajectory", error=TrajectoryError)
+    number(rtol, "rtol", sign="positive")
+    if trajectory.v.shape[1] != robot.nv or trajectory.q.shape[1] != robot.nv:
+        raise TrajectoryError(f"the trajectory has {trajectory.v.shape[1]} joints; {robot.name} has {robot.nv}")
 
 
 def _integrate(
