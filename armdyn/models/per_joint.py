@@ -59,7 +59,8 @@ def _wanted(joints: Sequence[str] | None, scalar: bool) -> str:
     if joints is None:
         return "one number, or one per joint"
     one = "one number or " if scalar and len(joints) > 1 else ""
-    return f"{one}{len(joints)}, one per joint: {', '.join(joints)}"
+    many = f"{one}{len(joints)}" if one else f"{len(joints)} number{'s' * (len(joints) > 1)}"
+    return f"{many}, one per joint: {', '.join(joints)}"
 
 
 def _right_instead(number: float, finite: bool, sign: Sign) -> str:

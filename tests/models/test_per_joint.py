@@ -27,8 +27,8 @@ def test_without_an_arm_any_number_of_joints_is_right():
     ("value", "options", "message"),
     [
         ([1.0], {}, "x has shape (1,); expected one number or 2, one per joint: shoulder, elbow"),
-        ([1.0, 2.0, 3.0], {"scalar": False}, "x has shape (3,); expected 2, one per joint: shoulder, elbow"),
-        (1.0, {"scalar": False}, "x has shape (); expected 2, one per joint: shoulder, elbow"),
+        ([1.0, 2.0, 3.0], {"scalar": False}, "x has shape (3,); expected 2 numbers, one per joint: shoulder, elbow"),
+        (1.0, {"scalar": False}, "x has shape (); expected 2 numbers, one per joint: shoulder, elbow"),
         ([[1.0, 2.0]], {}, "x has shape (1, 2)"),
         ("much", {}, "x is 'much'; expected one number or 2"),
         ([1, None, 2], {}, "expected one number or 2"),
