@@ -9,6 +9,7 @@ from armdyn.models import Robot
 
 # Examples are the same in every run, and none is judged by the clock of a busy machine.
 settings.register_profile("armdyn", deadline=None, derandomize=True)
+settings.register_profile("search", deadline=None, max_examples=1000)  # --hypothesis-profile=search: others, and more
 settings.load_profile("armdyn")
 
 

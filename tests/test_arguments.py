@@ -158,7 +158,10 @@ WRONG = [
     (lambda: ad.time_optimality("rr", MOTION), "robot is 'rr'; it must be a Robot: use Robot.from_library"),
     (lambda: ad.time_optimality(RR, START), "trajectory is .0.0, 0.0."),
     (lambda: ad.MinimumTimeProblem("rr", q_start=START, q_goal=GOAL), "robot is 'rr'; it must be a Robot"),
-    (lambda: ad.MinimumTimeProblem(RR, q_start=None, q_goal=GOAL), "q_start is None; expected 2 numbers, one per joint"),
+    (
+        lambda: ad.MinimumTimeProblem(RR, q_start=None, q_goal=GOAL),
+        "q_start is None; expected 2 numbers, one per joint",
+    ),
     (lambda: ad.MinimumTimeProblem(RR, q_start=["0", "0"], q_goal=GOAL), "q_start is .'0', '0'.; expected 2"),
     (lambda: ad.MinimumTimeProblem(RR, q_start=[1j, 0], q_goal=GOAL), "q_start is "),
     (lambda: ad.MinimumTimeProblem(RR, q_start=[[0], [1, 2]], q_goal=GOAL), "q_start is "),
