@@ -172,7 +172,7 @@ def mesh(intervals: int, graded: bool) -> Array:
     return 0.3 * even + 0.35 * (1 - np.cos(np.pi * even)) if graded else even
 
 
-def worst_violation(
+def worst_defect(
     problem: MinimumTimeProblem, layout: Layout, x: Array, defects: Array, fractions: Array, scales: Scales
 ) -> Violation:
     """The equation of motion that unknowns violate most; IPOPT keeps bounds, so it is no limit.

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.condensed import CondensedNlp, build_condensed, has_condensed
-from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_violation
+from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.direct import prepare, solve_on_mesh
 from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, in_time
@@ -83,7 +83,7 @@ def _condensed(task: Task, guess: Trajectory, intervals: int, settings: DirectOp
     violation = None
     if outcome.status is not Status.SOLVED:
         defects = solver.equations(outcome.x, parameters).reshape(intervals, -1)
-        violation = worst_violation(problem, full, x, defects, fractions, scales)
+        violation = worst_defect(problem, full, x, defects, fractions, scales)
     motion = to_trajectory(x, full, fractions, scales, problem.robot.joint_names)
     beyond = np.maximum(lower - x, x - upper)[full.inner_states(intervals)]
     within = bool(np.max(beyond) <= max(settings.tolerance, _RELAXED))

@@ -16,7 +16,7 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Nlp, build_nlp
 from armdyn.optimal.program.deadline import LateError
 from armdyn.optimal.program.layout import Layout
-from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_violation
+from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, in_time
 from armdyn.optimal.task.options import DirectOptions
@@ -77,7 +77,7 @@ def solve_on_mesh(
         trajectory=to_trajectory(x, layout, fractions, scales, problem.robot.joint_names, legs.intervals),
         intervals=intervals,
         iterations=outcome.iterations,
-        worst_violation=None if landed else worst_violation(problem, layout, x, beyond, fractions, scales),
+        worst_violation=None if landed else worst_defect(problem, layout, x, beyond, fractions, scales),
         passing=np.cumsum(own)[:-1],
     )
 
