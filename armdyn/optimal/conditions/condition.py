@@ -116,6 +116,13 @@ class Condition(ABC):
         """See `Asked.on`."""
         return self
 
+    def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array] | None:
+        """Order, 2 or 3, of a derivative of the joint positions, and its limits, shape (nv,), if it limits just that.
+
+        Curves keep it by their control points, everywhere, without rows.
+        """
+        return None
+
     def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
         """Which rows the program needs."""
         return ()
