@@ -77,7 +77,9 @@ def shape_of(problem: MinimumTimeProblem, guess: Curve, demands: Demands) -> Sha
 
 def rows_of(problem: MinimumTimeProblem, demands: Demands) -> tuple[Rows, ...]:
     """Rows of the conditions that are not limits of derivatives, which control points keep."""
-    return tuple(rows for each in demands.conditions if not each.derivative_limit(problem) for rows in each.rows(problem))
+    return tuple(
+        rows for each in demands.conditions if not each.derivative_limit(problem) for rows in each.rows(problem)
+    )
 
 
 class _Numbers:

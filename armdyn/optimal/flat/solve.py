@@ -5,13 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.dynamics.symbolic import Dynamics
-from armdyn.optimal.conditions.rows import Rows
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.posing import Wanted, pose, rows_of, shape_of
 from armdyn.optimal.flat.program import Shape, build
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, Outcome, in_time
 from armdyn.optimal.task.task import Task
 
@@ -63,9 +60,7 @@ def solve_curve(task: Task, guess: Curve, wanted: Wanted, near: Solved | None = 
     options = task.options
     settings = IpoptSettings(numbers.tolerance, options.max_iterations, options.verbose, tuple(more.items()))
     rows = rows_of(task.problem, wanted.demands)
-    solver = in_time(
-        task, lambda scheme: Ipopt.of(settings, build, task.dynamics, shape, rows, scheme.compile)
-    )
+    solver = in_time(task, lambda scheme: Ipopt.of(settings, build, task.dynamics, shape, rows, scheme.compile))
     posed = pose(task, guess, wanted, shape)
     outcome = solver.solve(
         posed.x, posed.p, posed.x_bounds, posed.g_bounds, task.stop, None if near is None else near.outcome

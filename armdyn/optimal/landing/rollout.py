@@ -83,6 +83,26 @@ def replay_torques(
     )  # fmt: skip
 
 
+def under_linear_torque(robot: Robot) -> Callable[[Array, Array, Array], Array]:
+    """What `replay_torques` makes of two samples: (t, x, tau) ↦ the state at the second, shape (2 nv,).
+
+    t are their times [s], shape (2,); x is the state (q, v) at the first, shape (2 nv,); tau their torques, shape
+    (2, nv). Where the states leave what numbers can hold, they are not finite.
+    """
+    acceleration, n = forward_dynamics(robot), robot.nv
+
+    def reached(t: Array, x: Array, tau: Array) -> Array:
+        slope = (tau[1] - tau[0]) / (t[1] - t[0])
+
+        def rate(at: float, state: Array) -> Array:
+            return np.concatenate([state[n:], acceleration(state[:n], state[n:], tau[0] + (at - t[0]) * slope)])
+
+        states, _ = _integrate(rate, t, x, RTOL, lambda evaluations: evaluations > _MOST_WHEN_LATE)
+        return states[-1] if states else np.full_like(x, np.nan)
+
+    return reached
+
+
 def replay_of(task: Task, trajectory: Trajectory) -> Trajectory:
     """`replay_torques` by a task's robot, in its time."""
     return replay_torques(task.problem.robot, trajectory, stop=task.stop.__bool__)

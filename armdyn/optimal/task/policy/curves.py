@@ -18,7 +18,9 @@ class CurvePolicy:
     warm_barrier: float = tuned(1e-6, "scaled", "the same, where little has changed", TRAINED)
     tolerance: float = tuned(1e-7, "scaled", "of IPOPT", TRAINED)
     looks: int = tuned(24, "places", "of an interval at which torques are held against their limits", TRAINED)
-    eager: float = tuned(1.5, "-", "times what a torque exceeds its limit by beside a point is taken off there", TRAINED)
+    eager: float = tuned(
+        1.5, "-", "times what a torque exceeds its limit by beside a point is taken off there", TRAINED
+    )
     spare: float = tuned(1e-5, "of half the range", "taken off besides, or the excess only halves", TRAINED)
     little: float = tuned(5e-5, "of half the range", "excess that slowing down mends at half its size", TRAINED)
     rounds: int = tuned(8, "rounds", "of asking again for what is exceeded between the points", TRAINED)
