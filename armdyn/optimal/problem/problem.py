@@ -176,8 +176,8 @@ class MinimumTimeProblem:
 
     @property
     def speed_limited(self) -> bool:
-        """All joints have velocity limits."""
-        return bool(np.all(np.isfinite(self.limits.velocity)))
+        """A joint that moves from pose to pose has a velocity limit."""
+        return self.duration_bound() > 0
 
     def beside_goal(self, motion: Trajectory) -> Array:
         """How far a motion's last state (q, v) is from the goal's, shape (2 nv,)."""

@@ -13,8 +13,9 @@ from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.follow import follow
 from armdyn.optimal.flat.settle import Settled, settle
-from armdyn.optimal.landing.limits import limit_violation
+from armdyn.optimal.landing.limits import limit_violation, worst_violation
 from armdyn.optimal.landing.rollout import replay_of
+from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.deadline import LateError
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, certify
 from armdyn.optimal.refine.optimum import Optimum
@@ -25,6 +26,8 @@ from armdyn.optimal.task.task import Task
 from armdyn.processes import in_processes
 
 _REMARK = "Pontryagin's conditions are not checked on a curve"
+_HOPELESS = 1e-2
+"""Excess over a limit, as a part of it, that is not for following a little beside the curve."""
 _ROUNDS = 3
 """Of slowing down what exceeds a velocity limit by less than the replay is beside the curve."""
 
@@ -43,7 +46,9 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
     except LateError:
         unbegun = Attempt.unbegun(task.stop, spline(task.problem, []), task.policy.curves.intervals)
         return [], Found((), failed=(unbegun,))
-    found.sort(key=lambda one: (bool(one.checked.reasons), one.excess > LIMIT_TOLERANCE, one.curve.duration))
+    found.sort(key=lambda one: (one.excess > _HOPELESS, bool(one.checked.reasons), one.curve.duration))
+    if found[0].excess > _HOPELESS:
+        return [], Found((), failed=(_failed(task, found[0]),), iterations=sum(one.iterations for one in found))
     optima: list[Optimum] = []
     for one in found:
         task.tell(f"replaying a motion of {one.curve.duration:.6f} s")
@@ -99,6 +104,21 @@ def _settled(task: Task, guesses: Sequence[Curve]) -> list[Settled]:
     return found
 
 
+def _failed(task: Task, settled: Settled) -> Attempt:
+    """A curve whose torques exceed their limits at any pace."""
+    problem, outcome = task.problem, settled.solved.outcome
+    motion = settled.curve.trajectory(problem.robot, 1, 0)
+    hold, limits = problem.holding_torque(), problem.limits
+    over = np.maximum(hold - limits.effort_upper, limits.effort_lower - hold)
+    message, j = outcome.message, int(np.argmax(over))
+    if over[j] > 0:
+        name, most = problem.robot.joint_names[j], limits.effort_upper[j]
+        message += f"; joint {name!r} takes {abs(hold[j]):.3g} to be held at the goal, of {most:.3g} N m or N"
+    status = Status.INFEASIBLE if outcome.status is Status.SOLVED else outcome.status
+    worst = worst_violation(limits, motion, problem.robot.joint_names, dense=1)
+    return Attempt(status, message, motion, settled.curve.legs[0].basis.intervals, settled.iterations, worst)
+
+
 def _landed(task: Task, settled: Settled) -> Optimum:
     """A curve's motion, replayed."""
     problem, curve = task.problem, settled.curve
@@ -106,7 +126,7 @@ def _landed(task: Task, settled: Settled) -> Optimum:
         motion = follow(task, curve)
         replay = replace(replay_of(task, motion), name="minimum time")
         over = limit_violation(problem.limits, replay)
-        if over <= LIMIT_TOLERANCE or over > settled.excess + 1e-3 or not problem.from_rest_to_rest or task.stop:
+        if over <= LIMIT_TOLERANCE or over > _HOPELESS or not problem.from_rest_to_rest or task.stop:
             break
         curve = curve.slower(1 + 1.5 * over)
     outcome = settled.solved.outcome
