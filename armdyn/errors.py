@@ -4,7 +4,23 @@ Bad input raises. A solve that does not converge is no bad input: it returns a `
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """The end of a message about a name that is not known: "; did you mean 'ur5'?", empty if none is like it.
+
+    Args:
+        name: what was asked for.
+        known: the names that would have been right.
+    """
+    import difflib  # only who mistypes waits for it
+
+    names = list(known)
+    near = difflib.get_close_matches(name[:200], names, n=1, cutoff=0.7)
+    if not near:  # capitals alone
+        near = [one for one in names if one.lower() == name.lower()]
+    return f"; did you mean {near[0]!r}?" if near else ""
 
 
 class ArmdynError(Exception):
@@ -39,12 +55,20 @@ class UnknownRobotError(ArmdynError, KeyError):
     Attributes:
         name: what was asked for.
         known: the names that would have been right.
+        hint: where else there may be one of that name; empty: nowhere.
     """
 
-    def __init__(self, name: str, known: Sequence[str]):
+    def __init__(self, name: str, known: Sequence[str], hint: str = ""):
         self.name = name
         self.known = tuple(known)
-        super().__init__(f"no robot named {name!r}; known: {', '.join(known)}")
+        self.hint = hint
+        meant = did_you_mean(name, known)
+        names = f"{' Known' if meant else '; known'}: {', '.join(known)}" if known else ""
+        super().__init__(f"no robot named {name!r}{f'; {hint}' if hint else ''}{meant}{names}")
+
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        """What makes it again in another process."""
+        return type(self), (self.name, self.known, self.hint)
 
     def __str__(self) -> str:
         """The message itself: KeyError would print its repr."""

@@ -9,7 +9,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, several, shown, text
-from armdyn.errors import SpecError
+from armdyn.errors import SpecError, did_you_mean
 from armdyn.models.friction import FrictionValue, JointFriction
 from armdyn.models.identity import model_hash
 from armdyn.models.limits import JointLimits
@@ -23,7 +23,10 @@ Array = NDArray[np.float64]
 
 _OTHER_FRAMES = (pin.FrameType.OP_FRAME, pin.FrameType.FIXED_JOINT, pin.FrameType.JOINT, pin.FrameType.SENSOR)
 
-READERS = "Robot.from_library(name), Robot.from_urdf(path), Robot.from_urdf_string(text) or Robot.from_spec(spec)"
+READERS = (
+    "Robot.from_library(name), Robot.from_urdf(path), Robot.from_urdf_string(text), Robot.from_mjcf(path), "
+    "Robot.from_model(model) or Robot.from_spec(spec)"
+)
 """How to come by a robot."""
 
 
@@ -36,12 +39,12 @@ class Arm:
     `configuration` leads from one to the other.
 
     Attributes:
-        name: from the URDF.
+        name: from the URDF, the MJCF or the model.
         model: Pinocchio's model; locked joints are gone from it, the payload is in it.
         limits: of every joint. A URDF's range without width, or velocity limit of zero, counts as none
             given; a torque limit of zero stays, and minimum time then asks for `effort_limit`.
         joint_names: the moving joints, in the order of every vector.
-        urdf: the text it was read from.
+        urdf: the text it was read from; empty if that was no URDF, and then it has no geometry.
         source: the file it came from, or what made it.
         package_dirs: folders in which `package://` is looked up.
         locked: joint name to the position it is locked at [rad or m].
@@ -119,7 +122,8 @@ class Arm:
         """This robot with other friction in its joints; None keeps its own.
 
         Args:
-            damping: viscous [N m s/rad or N s/m]: one number, one per joint, or "urdf" for what the URDF says.
+            damping: viscous [N m s/rad or N s/m]: one number, one per joint, or "urdf" for what the URDF says, or
+                the MJCF or the model that it was read from.
             friction: Coulomb's [N m or N], likewise.
             width: see `JointFriction` [rad/s or m/s].
 
@@ -132,7 +136,7 @@ class Arm:
                 return own
             if isinstance(value, str) and value != "urdf":
                 raise SpecError(f'{what} is {value!r}; it is numbers or "urdf"')
-            return self._read(urdf, f"the URDF's {what}") if isinstance(value, str) else self._read(value, what)
+            return self._read(urdf, f"{what} of {self.source}") if isinstance(value, str) else self._read(value, what)
 
         own = self.friction
         return replace(
@@ -185,7 +189,8 @@ class Arm:
         for kind in (pin.FrameType.BODY, *_OTHER_FRAMES):
             if self.model.existFrame(name, kind):
                 return self.model.frames[self.model.getFrameId(name, kind)]
-        raise SpecError(f"no frame {shown(name)} in {self.source}")
+        names = [str(frame.name) for frame in self.model.frames]
+        raise SpecError(f"no frame {shown(name)} in {self.source}{did_you_mean(name, names)}")
 
     def configuration(self, q: ArrayLike) -> Array:
         """Pinocchio's configuration vector, shape (model.nq,), of joint coordinates q, shape (nv,).

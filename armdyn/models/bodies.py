@@ -51,8 +51,13 @@ def bodies(robot: Robot) -> tuple[Body, ...]:
     """What a robot can touch with: its URDF's collision geometry; if it has none, what is drawn of it.
 
     Raises:
-        ProblemError: a mesh is missing or unreadable, or there is no geometry at all.
+        ProblemError: a mesh is missing or unreadable, there is no geometry at all, or it was read from no URDF.
     """
+    if not robot.urdf:
+        raise ProblemError(
+            f"{robot.source} was read from no URDF, so it has no geometry: what it would touch is unknown; "
+            "Robot.from_urdf reads an arm with its geometry"
+        )
     root = parse_urdf(robot.urdf, robot.source)
     for tag in ("collision", "visual"):
         found: list[Body] = []

@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from armdyn.arguments import shown as told
-from armdyn.errors import SpecError, UnsupportedJointError, UrdfError
+from armdyn.errors import SpecError, UnsupportedJointError, UrdfError, did_you_mean
 from armdyn.models.urdf_check import LARGEST, MOVING
 from armdyn.models.urdf_xml import shown, to_number
 
@@ -111,7 +111,8 @@ class JointTree:
         links = self.links
         for name in (first, last):
             if name not in links and name not in self.joints:
-                raise SpecError(f"arm: {self.source} has no link or joint {shown(name)!r}")
+                hint = did_you_mean(name, [*links, *self.joints])
+                raise SpecError(f"arm: {self.source} has no link or joint {shown(name)!r}{hint}")
         end = last if last in links else self.joints[last].child
         base = first if first in links else self.joints[first].parent
         way = []
@@ -136,9 +137,9 @@ class JointTree:
         """
         for name, value in lock.items():
             if name not in self.joints or not self.joints[name].moves:
-                moving = ", ".join(self.moving()[:50])
-                raise SpecError(f"cannot lock {shown(name)!r}: {self.source} has joints {moving}")
-            if not _in_bounds(value):
+                moving, hint = ", ".join(self.moving()[:50]), did_you_mean(str(name), self.moving())
+                raise SpecError(f"cannot lock {shown(name)!r}: {self.source} has joints {moving}{hint}")
+            if not in_bounds(value):
                 raise SpecError(f"cannot lock {name!r} at {told(value)}: it must be one number [rad or m]")
         free = set(self.moving() if arm is None else self.chain(*arm)) - set(lock)
         locked: dict[str, float] = {}
@@ -196,7 +197,7 @@ class JointTree:
         return places
 
 
-def _in_bounds(position: Any) -> bool:
+def in_bounds(position: Any) -> bool:
     """It is a number, and one that a joint may be at [rad or m]."""
     known = isinstance(position, int | float | np.integer | np.floating) and not isinstance(position, bool)
     return known and bool(abs(position) <= LARGEST)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from armdyn.arguments import text
 from armdyn.errors import SpecError, UnknownRobotError, UrdfError
+from armdyn.models.descriptions import is_description
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,8 @@ def library_arm(name: str) -> tuple[Path, str, LibraryArm | None]:
 
     arm = LIBRARY_ARMS.get(text(name, "name of a robot", error=SpecError))
     if arm is None and name not in ROBOTS:
-        raise UnknownRobotError(name, sorted({*ROBOTS, *LIBRARY_ARMS}))
+        hint = "" if not is_description(name) else "Robot.from_description reads those of robot_descriptions"
+        raise UnknownRobotError(name, sorted({*ROBOTS, *LIBRARY_ARMS}), hint)
     return *library_urdf(name if arm is None else arm.robot), arm
 
 

@@ -66,7 +66,7 @@ def read_arm(
         positions = {called.get(name, name): position for name, position in locked.items()}
         at = configuration(whole, [positions.get(name, 0.0) for name in list(whole.names)[1:]])
         model = pin.buildReducedModel(whole, [whole.getJointId(name) for name in positions], at)
-    _call_again(model, called)
+    call_again(model, called)
     if model.nv == 0:
         raise UrdfError(source, "has no moving joint")
     if arm is None:
@@ -87,8 +87,13 @@ def _told_apart(tree: JointTree) -> dict[str, str]:
     return {name: name + suffix for name in alike}
 
 
-def _call_again(model: pin.Model, called: Mapping[str, str]) -> None:
-    """Give a model's joints and frames the names back that they have in the URDF."""
+def call_again(model: pin.Model, called: Mapping[str, str]) -> None:
+    """Give a model's joints and frames the names back that they had.
+
+    Args:
+        model: changed in place.
+        called: the name that a joint had to the one it has.
+    """
     own = {other: name for name, other in called.items()}
     for i, name in enumerate(model.names):
         if name in own:
@@ -99,18 +104,20 @@ def _call_again(model: pin.Model, called: Mapping[str, str]) -> None:
 
 
 def joint_limits(model: pin.Model) -> JointLimits:
-    """The limits that a model's URDF gives."""
+    """The limits that a model gives. Where it has only an upper torque limit, the lower is as large."""
     first = [joint.idx_q for joint in list(model.joints)[1:]]
     lower, upper = model.lowerPositionLimit[first], model.upperPositionLimit[first]
+    effort_lower, effort_upper = -_or_infinite(-model.lowerEffortLimit), _or_infinite(model.upperEffortLimit)
+    one_sided = np.isinf(effort_lower) | (effort_lower >= effort_upper)
     # A range without width and a velocity limit of zero are a URDF's way to say nothing.
     unbounded = np.array([joint.nq == 2 for joint in list(model.joints)[1:]]) | (lower == upper)
-    velocity = _or_infinite(model.upperVelocityLimit)
+    velocity = np.minimum(*(np.abs(_or_infinite(x)) for x in (model.lowerVelocityLimit, model.upperVelocityLimit)))
     return JointLimits(
         position_lower=np.where(unbounded, -np.inf, lower),
         position_upper=np.where(unbounded, np.inf, upper),
         velocity=np.where(velocity == 0, np.inf, velocity),
-        effort_lower=-_or_infinite(model.upperEffortLimit),
-        effort_upper=_or_infinite(model.upperEffortLimit),
+        effort_lower=np.where(one_sided, -effort_upper, effort_lower),
+        effort_upper=effort_upper,
     )
 
 

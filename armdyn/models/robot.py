@@ -7,23 +7,25 @@ from typing import Self
 
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import expect, path, several, shown
-from armdyn.errors import SpecError
-from armdyn.models.arm import READERS, Arm
+from armdyn.arguments import expect
+from armdyn.models.arm import READERS
+from armdyn.models.descriptions import described
 from armdyn.models.friction import FRICTION_WIDTH, FrictionValue
 from armdyn.models.library import library_arm
 from armdyn.models.meshes import mesh_folders
+from armdyn.models.readers import ModelReaders, expect_ends, expect_folders, expect_locks
 from armdyn.models.reading import check_inertia, joint_limits, read_arm
 from armdyn.models.spec import ArmSpec, Payload
 from armdyn.models.urdf import urdf_from_spec
-from armdyn.models.urdf_xml import check_urdf_text, read_urdf, urdf_path
+from armdyn.models.urdf_xml import check_urdf_text, file_path, read_urdf
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Robot(Arm):
+class Robot(ModelReaders):
     """An arm of revolute, continuous and prismatic joints; `Arm` says what it has.
 
-    It is read, not made: by `from_library`, `from_urdf`, `from_urdf_string` or `from_spec`.
+    It is read, not made: by `from_library`, `from_urdf`, `from_urdf_string`, `from_mjcf`, `from_mjcf_string`,
+    `from_model`, `from_description` or `from_spec`.
     """
 
     @classmethod
@@ -73,10 +75,10 @@ class Robot(Arm):
             UnsupportedJointError: a moving joint is not of the kinds above, or mimics another that moves.
             SpecError: a limit, a lock, the arm or the payload does not fit the robot.
         """
-        file = urdf_path(path)
+        file = file_path(path)
         return cls.from_urdf_string(
             read_urdf(file), payload, lock, effort_limit, velocity_limit, armature,
-            mesh_folders(file, _folders(package_dirs)), damping, friction, friction_width, arm, str(file),
+            mesh_folders(file, expect_folders(package_dirs)), damping, friction, friction_width, arm, str(file),
         )  # fmt: skip
 
     @classmethod
@@ -117,7 +119,7 @@ class Robot(Arm):
             SpecError: see `from_urdf`.
         """
         check_urdf_text(text, source)
-        robot = cls._from_text(text, source, _locks(lock), _ends(arm), _folders(package_dirs))
+        robot = cls._from_text(text, source, expect_locks(lock), expect_ends(arm), expect_folders(package_dirs))
         robot = robot._carrying(payload).with_limits(effort_limit, velocity_limit).with_armature(armature)
         check_inertia(robot.model, robot.source)
         return robot.with_friction(damping, friction, friction_width)
@@ -165,6 +167,33 @@ class Robot(Arm):
         )  # fmt: skip
 
     @classmethod
+    def from_description(
+        cls,
+        name: str,
+        payload: Payload | None = None,
+        lock: Mapping[str, float] | None = None,
+        arm: tuple[str, str] | None = None,
+    ) -> Self:
+        """A robot of the package robot_descriptions, where that is installed: its URDF, or its MJCF.
+
+        The package clones the robot's repository from the internet the first time.
+
+        Args:
+            name: such as "ur5_description", "panda_mj_description"; "robot_descriptions:" may stand before it.
+            payload: see `from_urdf`.
+            lock: see `from_urdf`.
+            arm: see `from_urdf`.
+
+        Raises:
+            UnknownRobotError: robot_descriptions has no such robot, or is not installed.
+            UrdfError: it cannot be had, or is no fixed-base arm.
+        """
+        found = described(name)
+        if found.mjcf:
+            return cls.from_mjcf(found.path, payload, lock, arm)
+        return cls.from_urdf(found.path, payload, lock, package_dirs=found.folders, arm=arm)
+
+    @classmethod
     def _from_text(
         cls,
         text: str,
@@ -194,26 +223,3 @@ def expect_robot(robot: object) -> Robot:
         ProblemError: it is none; with how to come by one.
     """
     return expect(robot, Robot, "robot", f"use {READERS}")
-
-
-def _locks(lock: Mapping[str, float] | None) -> Mapping[str, float]:
-    """Joints to lock, and where; `JointTree.locked` knows whether there are such."""
-    if lock is None:
-        return {}
-    return expect(lock, Mapping, "lock", "joint name to position [rad or m]", error=SpecError)  # type: ignore[type-abstract]
-
-
-def _ends(arm: tuple[str, str] | None) -> tuple[str, str] | None:
-    """First and last joint or link of an arm."""
-    if arm is None:
-        return None
-    ends = several(arm, "arm", error=SpecError)
-    if len(ends) != 2 or not all(isinstance(end, str) for end in ends):
-        raise SpecError(f"arm is {shown(arm)}; it must be (first, last), each the name of a joint or a link")
-    return str(ends[0]), str(ends[1])
-
-
-def _folders(package_dirs: Sequence[str | os.PathLike[str]]) -> tuple[str, ...]:
-    """Where meshes are."""
-    given = several(package_dirs, "package_dirs", error=SpecError)
-    return tuple(path(folder, f"package_dirs[{i}]", error=SpecError) for i, folder in enumerate(given))

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Set
 from xml.etree import ElementTree
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armdyn.errors import UnsupportedJointError, UrdfError
 from armdyn.models.urdf_xml import parse_xml, shown, to_number
@@ -50,6 +51,8 @@ def parse_urdf(text: str, source: str) -> ElementTree.Element:
         UnsupportedJointError: a joint is neither revolute, continuous, prismatic nor fixed.
     """
     root = parse_xml(text, source)
+    if root.tag == "mujoco":
+        raise UrdfError(source, "is MJCF, no URDF; Robot.from_mjcf reads it")
     if root.tag != "robot":
         raise UrdfError(source, f"the root element is <{shown(root.tag)}>, not <robot>: this is XML but no URDF")
     if not root.get("name"):
@@ -85,18 +88,23 @@ def check_inertias(root: ElementTree.Element, source: str, moving: Set[str]) -> 
             continue
         where = f"link {shown(link.get('name'))!r}"
         xx, xy, xz, yy, yz, zz = _numbers(inertial.find("inertia"), _MOMENTS, source, where)
-        tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        scale = np.max(np.abs(tensor))
-        if scale < _NOTHING:
-            continue  # a point mass
-        moments = np.linalg.eigvalsh(tensor)
-        if moments[0] <= -1e-9 * moments[-1] or moments[-1] <= 0:
-            raise UrdfError(source, f"inertia is not positive definite: principal moments {moments} kg m²", where)
-        if moments[0] + moments[1] < moments[2] * (1 - _TRIANGLE_TOLERANCE):
-            raise UrdfError(
-                source, f"inertia breaks the triangle inequality: principal moments {moments} kg m²; "
-                "no body has one larger than the other two together", where,
-            )  # fmt: skip
+        if fault := inertia_fault(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])):
+            raise UrdfError(source, fault, where)
+
+
+def inertia_fault(tensor: NDArray[np.float64]) -> str:
+    """Why no body has such an inertia about its centre of mass [kg m²], shape (3, 3); empty if one may."""
+    if np.max(np.abs(tensor)) < _NOTHING:
+        return ""  # a point mass
+    moments = np.linalg.eigvalsh(tensor)
+    if moments[0] <= -1e-9 * moments[-1] or moments[-1] <= 0:
+        return f"inertia is not positive definite: principal moments {moments} kg m²"
+    if moments[0] + moments[1] < moments[2] * (1 - _TRIANGLE_TOLERANCE):
+        return (
+            f"inertia breaks the triangle inequality: principal moments {moments} kg m²; "
+            "no body has one larger than the other two together"
+        )
+    return ""
 
 
 def dynamics_urdf(root: ElementTree.Element, called: Mapping[str, str] | None = None) -> str:

@@ -23,18 +23,23 @@ _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _XACRO = "is xacro that was not expanded; run `xacro` on it first and give armdyn the result"
 
 
-def urdf_path(path: object) -> Path:
-    """The path of a URDF file.
+def file_path(path: object, kind: str = "URDF", of_text: str = "Robot.from_urdf_string") -> Path:
+    """The path of a file that describes a robot.
+
+    Args:
+        path: as given.
+        kind: of the file, in messages.
+        of_text: what reads a text of that kind.
 
     Raises:
-        UrdfError: it is none; or the URDF itself, where its path belongs.
+        UrdfError: it is none; or the file's text, where its path belongs.
     """
     if isinstance(path, str) and "<" in path[:1000]:
-        raise UrdfError("path", "looks like URDF text: use Robot.from_urdf_string")
+        raise UrdfError("path", f"looks like {kind} text: use {of_text}")
     try:
         return Path(os.fsdecode(path))  # type: ignore[arg-type]  # it refuses what is no path
     except Exception:  # a stranger's __fspath__ may raise anything
-        raise UrdfError("path", f"is {told(path)}; it must be the path of a URDF file") from None
+        raise UrdfError("path", f"is {told(path)}; it must be the path of a {kind} file") from None
 
 
 def check_urdf_text(text: object, source: object) -> None:
@@ -104,7 +109,7 @@ def parse_xml(text: str, source: str) -> ElementTree.Element:
         builder.end(tag)
 
     def refuse(*_: object) -> None:
-        raise UrdfError(source, "has a DTD or entity declaration; a URDF needs none, and they are not expanded")
+        raise UrdfError(source, "has a DTD or entity declaration; no robot needs one, and they are not expanded")
 
     parser.StartElementHandler = start
     parser.EndElementHandler = end

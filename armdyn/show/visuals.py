@@ -70,7 +70,8 @@ def robot_shapes(robot: Robot) -> list[Shape]:
     Warns:
         ArmdynWarning: a mesh is missing, outside the robot's folders or unreadable.
     """
-    root = parse_urdf(robot.urdf, robot.source)
+    # Of a model or an MJCF nothing is known but its joints.
+    root = parse_urdf(robot.urdf, robot.source) if robot.urdf else Element("robot")
     colors = {str(m.get("name")): rgba for m in root.findall("material") if (rgba := _rgba(m))}
     shapes: list[Shape] = []
     troubles: list[str] = []

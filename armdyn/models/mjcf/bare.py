@@ -1,0 +1,211 @@
+"""An MJCF without all that dynamics do not need: what Pinocchio reads is what was checked here."""
+
+from collections.abc import Mapping, Set
+from dataclasses import dataclass, field
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+
+from armdyn.errors import UnsupportedJointError, UrdfError
+from armdyn.models.mjcf.classes import Classes
+from armdyn.models.mjcf.compiler import Compiler
+from armdyn.models.mjcf.values import ROTATIONS, Values
+from armdyn.models.urdf_check import MAX_LINKS, MAX_MOVING
+from armdyn.models.urdf_xml import shown
+
+WORLD = "world"
+"""MuJoCo's name of what stands still."""
+
+_JOINTS = ("hinge", "slide", "ball", "free")
+_SOLIDS = {"sphere": 1, "capsule": 2, "ellipsoid": 3, "cylinder": 2, "box": 3}
+"""Shapes that Pinocchio knows the inertia of, and how many sizes each takes."""
+_MASSLESS = ("plane", "hfield")
+_MESHES = ("mesh", "sdf")
+_MACROS = ("frame", "replicate", "composite", "flexcomp", "attach")
+
+
+@dataclass
+class Bare:
+    """Writes the bodies of an MJCF anew, every class resolved.
+
+    Attributes:
+        classes: of the MJCF.
+        compiler: what it says of its own numbers.
+        fixed: free joints that stand still where their body is; None: all of them do.
+        joints: name to attributes of every joint written.
+        free: the free joints that stand still.
+        names: of bodies, joints and sites, each kind apart.
+    """
+
+    classes: Classes
+    compiler: Compiler
+    fixed: Set[str] | None
+    joints: dict[str, Values] = field(default_factory=dict)
+    free: set[str] = field(default_factory=set)
+    names: dict[str, set[str]] = field(default_factory=dict)
+
+    def text(self, root: Element, name: str) -> str:
+        """The MJCF that Pinocchio is given.
+
+        Args:
+            root: of the whole MJCF.
+            name: of the model.
+
+        Raises:
+            UnsupportedJointError: a joint is free.
+            UrdfError: a body, a joint or a geometry makes no sense; says which and what would be right.
+        """
+        bare = Element("mujoco", model=name)
+        SubElement(bare, "compiler", self.compiler.attributes())
+        top = SubElement(SubElement(bare, "worldbody"), "body", name=self._named("body", WORLD))
+        for world in root.findall("worldbody"):
+            for body in self._bodies(world, WORLD):
+                self._body(body, top, world.get("childclass"), moves=False)
+        return ElementTree.tostring(bare, encoding="unicode")
+
+    def _bodies(self, parent: Element, name: str) -> list[Element]:
+        """The bodies inside one."""
+        for macro in _MACROS:
+            if parent.find(macro) is not None:
+                what = f"has a <{macro}>, which MuJoCo's compiler expands; save the compiled model and give that"
+                raise UrdfError(self.classes.source, what, f"body {shown(name)!r}")
+        return parent.findall("body")
+
+    def _named(self, kind: str, name: str) -> str:
+        """A name that none of its kind has yet."""
+        taken = self.names.setdefault(kind, set())
+        if name in taken:
+            raise UrdfError(self.classes.source, "is defined twice", f"{kind} {shown(name)!r}")
+        taken.add(name)
+        if len(taken) > MAX_LINKS:
+            raise UrdfError(self.classes.source, f"has more than {MAX_LINKS} of {kind}")
+        return name
+
+    def _body(self, body: Element, to: Element, inherited: str | None, moves: bool) -> None:
+        """Write a body, its joints and all bodies that it carries; one of several joints as so many bodies."""
+        name = self._named("body", body.get("name") or f"body{len(self.names['body'])}")
+        values = Values(body.attrib, self.classes.source, f"body {shown(name)!r}")
+        inherited = body.get("childclass") or inherited
+        joints = self._joints(body, name, inherited)
+        copy = SubElement(to, "body", name=name)
+        values.place(copy)
+        for i, joint in enumerate(joints):
+            if i:  # at zero both are in one place
+                copy = SubElement(copy, "body", name=name)
+            if i < len(joints) - 1:
+                copy.set("name", self._named("body", f"{name} ({joint.get('name')})"))
+            copy.append(joint)
+        moves = moves or bool(joints)
+        inertial = body.find("inertial")
+        if inertial is not None and self.compiler.inertia_from != "true":
+            self._inertial(inertial, copy, values.where)
+        elif moves and self.compiler.inertia_from == "false":
+            raise UrdfError(self.classes.source, "has no <inertial>", values.where)
+        elif moves:
+            for geom in body.findall("geom"):
+                self._geom(geom, copy, inherited, values.where)
+        for site in body.findall("site"):
+            if called := site.get("name"):
+                own = Values(self.classes.attributes(site, inherited), self.classes.source, f"site {shown(called)!r}")
+                own.place(SubElement(copy, "site", name=self._named("site", called)))
+        for inside in self._bodies(body, name):
+            self._body(inside, copy, inherited, moves)
+
+    def _joints(self, body: Element, name: str, inherited: str | None) -> list[Element]:
+        written: list[Element] = []
+        for joint in body:
+            if joint.tag not in ("joint", "freejoint"):
+                continue
+            given = dict(joint.attrib, type="free") if joint.tag == "freejoint" else None
+            given = given or self.classes.attributes(joint, inherited)
+            called = given.get("name") or f"{name}_joint{len(written) or ''}"
+            values = Values(given, self.classes.source, f"joint {shown(called)!r}")
+            if values.word("type", _JOINTS) == "free":
+                if self.fixed is None or called in self.fixed:
+                    self.free.add(called)
+                    continue
+                what = "is free; armdyn knows arms on a fixed base: lock it, at 0, to let its body stand where it is"
+                raise UnsupportedJointError(self.classes.source, what, values.where)
+            self.joints[self._named("joint", called)] = values
+            if len(self.joints) > MAX_MOVING:
+                raise UrdfError(self.classes.source, f"has more than {MAX_MOVING} joints that move")
+            written.append(self._joint(values, called))
+        return written
+
+    def _joint(self, values: Values, name: str) -> Element:
+        joint = Element("joint", name=name, type=values.word("type", _JOINTS))
+        values.copy(joint, "pos", 3)
+        if joint.get("type") == "ball":
+            return joint
+        axis = values.copy(joint, "axis", 3)
+        if axis and not 1e-6 < np.linalg.norm(axis) < 1e6:
+            raise UrdfError(values.source, f"axis is {axis}; its length should be 1", values.where)
+        if pair := values.bounds("range", "limited", self.compiler.automatic):
+            joint.set("range", " ".join(map(repr, pair)))
+        for key in ("damping", "frictionloss", "armature"):
+            joint.set(key, repr(values.positive(key, 0.0)))
+        return joint
+
+    def _inertial(self, inertial: Element, to: Element, where: str) -> None:
+        values = Values(inertial.attrib, self.classes.source, where)
+        if "mass" not in values.given or not {"diaginertia", "fullinertia"} & values.given.keys():
+            raise UrdfError(values.source, "<inertial> needs a mass, and diaginertia or fullinertia", where)
+        if "fullinertia" in values.given and ROTATIONS.keys() & values.given.keys():
+            raise UrdfError(values.source, "<inertial> has a fullinertia and is turned; one is enough", where)
+        copy = SubElement(to, "inertial", mass=repr(values.positive("mass", 0.0)))
+        values.place(copy)
+        values.copy(copy, "diaginertia", 3)
+        values.copy(copy, "fullinertia", 6)
+
+    def _geom(self, geom: Element, to: Element, inherited: str | None, where: str) -> None:
+        """Write a shape that gives its body an inertia."""
+        values = Values(self.classes.attributes(geom, inherited), self.classes.source, where)
+        kind = values.word("type", ("sphere", *_SOLIDS, *_MASSLESS, *_MESHES))
+        first, last = self.compiler.groups
+        weightless = values.number("mass", values.number("density", 1.0)) == 0
+        if kind in _MASSLESS or weightless or not first <= values.number("group", 0.0) <= last:
+            return
+        if kind in _MESHES or "mesh" in values.given or values.given.get("shellinertia") == "true":
+            raise UrdfError(
+                values.source, "its inertia would come from a mesh or a shell: give it an <inertial>", where
+            )
+        copy = SubElement(to, "geom", type=kind)
+        ends = values.copy(copy, "fromto", 6)
+        sizes = values.copy(copy, "size", 1, 3)
+        if len(sizes) < _SOLIDS[kind] - bool(ends) or min(sizes) <= 0:
+            raise UrdfError(values.source, f"a {kind} needs {_SOLIDS[kind]} positive sizes", where)
+        if ends and (kind == "sphere" or np.linalg.norm(np.subtract(ends[3:], ends[:3])) < 1e-9):
+            raise UrdfError(values.source, f"fromto of a {kind} is no direction", where)
+        if not ends:
+            values.place(copy)
+        for key in ("mass", "density"):
+            if key in values.given:
+                copy.set(key, repr(values.positive(key, 0.0)))
+                break
+
+
+def moving_alone(joints: Mapping[str, Values], moving: Set[str], root: Element, source: str) -> None:
+    """Refuse what moving joints do in MuJoCo beyond rigid bodies, friction and armature.
+
+    Args:
+        joints: of `Bare`.
+        moving: names of those that are not locked.
+        root: of the whole MJCF.
+        source: what to call it in messages.
+
+    Raises:
+        UnsupportedJointError: one has a spring, counts from elsewhere than zero, or is coupled with another.
+    """
+    for name in moving:
+        values = joints[name]
+        if values.number("stiffness", 0.0):
+            raise UnsupportedJointError(source, "has a spring (stiffness), which armdyn does not know", values.where)
+        if values.number("ref", 0.0):
+            what = "counts from elsewhere (ref); armdyn knows joints that are zero where the file draws them"
+            raise UnsupportedJointError(source, what, values.where)
+    for coupling in root.findall("equality/joint"):
+        pair = {str(coupling.get("joint1")), str(coupling.get("joint2", ""))}
+        if coupling.get("active") != "false" and (coupled := pair & moving):
+            what = "is coupled by <equality>; armdyn knows no coupled joints: lock it"
+            raise UnsupportedJointError(source, what, f"joint {shown(min(coupled))!r}")
