@@ -10,6 +10,7 @@ import numpy as np
 from armdyn.errors import UnsupportedJointError, UrdfError
 from armdyn.models.mjcf.classes import Classes
 from armdyn.models.mjcf.compiler import Compiler
+from armdyn.models.mjcf.placing import place
 from armdyn.models.mjcf.values import ROTATIONS, Values
 from armdyn.models.urdf_check import MAX_LINKS, MAX_MOVING
 from armdyn.models.urdf_xml import shown
@@ -57,7 +58,7 @@ class Bare:
             UrdfError: a body, a joint or a geometry makes no sense; says which and what would be right.
         """
         bare = Element("mujoco", model=name)
-        SubElement(bare, "compiler", self.compiler.attributes())
+        SubElement(bare, "compiler", angle="radian")
         top = SubElement(SubElement(bare, "worldbody"), "body", name=self._named("body", WORLD))
         for world in root.findall("worldbody"):
             for body in self._bodies(world, WORLD):
@@ -89,7 +90,7 @@ class Bare:
         inherited = body.get("childclass") or inherited
         joints = self._joints(body, name, inherited)
         copy = SubElement(to, "body", name=name)
-        values.place(copy)
+        place(values, self.compiler, copy)
         for i, joint in enumerate(joints):
             if i:  # at zero both are in one place
                 copy = SubElement(copy, "body", name=name)
@@ -100,15 +101,18 @@ class Bare:
         inertial = body.find("inertial")
         if inertial is not None and self.compiler.inertia_from != "true":
             self._inertial(inertial, copy, values.where)
-        elif moves and self.compiler.inertia_from == "false":
-            raise UrdfError(self.classes.source, "has no <inertial>", values.where)
+        elif moves and (
+            self.compiler.inertia_from == "false" or self.compiler.least_mass + self.compiler.least_inertia
+        ):
+            what = "has no <inertial>, which inertiafromgeom, boundmass or boundinertia of <compiler> calls for"
+            raise UrdfError(self.classes.source, what, values.where)
         elif moves:
             for geom in body.findall("geom"):
                 self._geom(geom, copy, inherited, values.where)
         for site in body.findall("site"):
             if called := site.get("name"):
                 own = Values(self.classes.attributes(site, inherited), self.classes.source, f"site {shown(called)!r}")
-                own.place(SubElement(copy, "site", name=self._named("site", called)))
+                place(own, self.compiler, SubElement(copy, "site", name=self._named("site", called)))
         for inside in self._bodies(body, name):
             self._body(inside, copy, inherited, moves)
 
@@ -142,7 +146,8 @@ class Bare:
         if axis and not 1e-6 < np.linalg.norm(axis) < 1e6:
             raise UrdfError(values.source, f"axis is {axis}; its length should be 1", values.where)
         if pair := values.bounds("range", "limited", self.compiler.automatic):
-            joint.set("range", " ".join(map(repr, pair)))
+            unit = self.compiler.radians if joint.get("type") == "hinge" else 1.0
+            joint.set("range", " ".join(repr(unit * bound) for bound in pair))
         for key in ("damping", "frictionloss", "armature"):
             joint.set(key, repr(values.positive(key, 0.0)))
         return joint
@@ -153,10 +158,19 @@ class Bare:
             raise UrdfError(values.source, "<inertial> needs a mass, and diaginertia or fullinertia", where)
         if "fullinertia" in values.given and ROTATIONS.keys() & values.given.keys():
             raise UrdfError(values.source, "<inertial> has a fullinertia and is turned; one is enough", where)
-        copy = SubElement(to, "inertial", mass=repr(values.positive("mass", 0.0)))
-        values.place(copy)
-        values.copy(copy, "diaginertia", 3)
-        values.copy(copy, "fullinertia", 6)
+        least = self.compiler.least_inertia
+        copy = SubElement(to, "inertial", mass=repr(max(values.positive("mass", 0.0), self.compiler.least_mass)))
+        place(values, self.compiler, copy)
+        if full := values.numbers("fullinertia", 6):
+            xx, yy, zz, xy, xz, yz = full
+            moments, axes = np.linalg.eigh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            if least > moments[0]:
+                tensor = axes @ np.diag(np.maximum(moments, least)) @ axes.T
+                full = [*np.diag(tensor), tensor[0, 1], tensor[0, 2], tensor[1, 2]]
+            copy.set("fullinertia", " ".join(repr(float(x)) for x in full))
+        else:
+            diagonal = values.numbers("diaginertia", 3)
+            copy.set("diaginertia", " ".join(repr(max(x, least)) for x in diagonal))
 
     def _geom(self, geom: Element, to: Element, inherited: str | None, where: str) -> None:
         """Write a shape that gives its body an inertia."""
@@ -178,7 +192,7 @@ class Bare:
         if ends and (kind == "sphere" or np.linalg.norm(np.subtract(ends[3:], ends[:3])) < 1e-9):
             raise UrdfError(values.source, f"fromto of a {kind} is no direction", where)
         if not ends:
-            values.place(copy)
+            place(values, self.compiler, copy)
         for key in ("mass", "density"):
             if key in values.given:
                 copy.set(key, repr(values.positive(key, 0.0)))

@@ -20,7 +20,7 @@ class Compiler:
     """The settings of `<compiler>` that concern dynamics.
 
     Attributes:
-        angle: "degree" or "radian": the unit of ranges, axisangle and euler.
+        radians: in the unit of ranges, axisangle and euler.
         eulerseq: the axes of euler.
         automatic: a range that is given is in force unless it is said that it is not.
         inertia_from: whether inertias come from geometry: "auto", where there is no `<inertial>`, "true" or "false".
@@ -29,7 +29,7 @@ class Compiler:
         least_inertia: of a body's moments [kg m²].
     """
 
-    angle: str
+    radians: float
     eulerseq: str
     automatic: bool
     inertia_from: str
@@ -56,7 +56,7 @@ class Compiler:
             raise UrdfError(source, "eulerseq is not three of x, y, z", "<compiler>")
         first, last = values.numbers("inertiagrouprange", 2) or (0.0, np.inf)
         return cls(
-            angle=values.word("angle", ("degree", "radian")),
+            radians=1.0 if values.word("angle", ("degree", "radian")) == "radian" else float(np.pi / 180),
             eulerseq=eulerseq,
             automatic=values.word("autolimits", _FLAGS) == "true",
             inertia_from=values.word("inertiafromgeom", ("auto", *_FLAGS)),
@@ -64,15 +64,6 @@ class Compiler:
             least_mass=values.positive("boundmass", 0.0),
             least_inertia=values.positive("boundinertia", 0.0),
         )
-
-    def attributes(self) -> dict[str, str]:
-        """Those that Pinocchio is to know."""
-        return {
-            "angle": self.angle,
-            "eulerseq": self.eulerseq,
-            "boundmass": repr(self.least_mass),
-            "boundinertia": repr(self.least_inertia),
-        }
 
 
 def gravity(root: Element, source: str) -> NDArray[np.float64]:

@@ -89,21 +89,3 @@ class Values:
         if values:
             to.set(key, " ".join(map(repr, values)))
         return values
-
-    def place(self, to: Element) -> None:
-        """Give another element the same placement.
-
-        Raises:
-            UrdfError: it is turned in two ways, or about no axis.
-        """
-        self.copy(to, "pos", 3)
-        turned = [key for key in ROTATIONS if key in self.given]
-        if len(turned) > 1:
-            raise UrdfError(self.source, f"is turned by {' and by '.join(turned)}; one is enough", self.where)
-        for key in turned:
-            values = np.array(self.copy(to, key, ROTATIONS[key]))
-            axis = values[:3] if key in ("axisangle", "xyaxes") else values
-            if key != "euler" and np.linalg.norm(axis) < 1e-6:
-                raise UrdfError(self.source, f"{key}={shown(self.given[key])!r} is no direction", self.where)
-            if key == "xyaxes" and np.linalg.norm(np.cross(values[:3], values[3:])) < 1e-6:
-                raise UrdfError(self.source, "xyaxes are in line", self.where)
