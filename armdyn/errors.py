@@ -6,6 +6,12 @@ Bad input raises. A solve that does not converge is no bad input: it returns a `
 import os
 from collections.abc import Iterable, Sequence
 
+_ALIKE = 0.7
+"""difflib's ratio from which two names are alike: "ur5e" and "ur5" have 0.86, "rr" and "r" 0.67."""
+_PART = 3
+"""Letters that a part of a name has at least, for it to be meant."""
+_LONGEST = 200
+
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """The end of a message about a name that is not known: "; did you mean 'ur5'?", empty if none is like it.
@@ -16,10 +22,10 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """
     import difflib  # only who mistypes waits for it
 
-    names = list(known)
-    near = difflib.get_close_matches(name[:200], names, n=1, cutoff=0.7)
-    if not near:  # capitals alone
-        near = [one for one in names if one.lower() == name.lower()]
+    names, name = list(known), name[:_LONGEST]
+    near = difflib.get_close_matches(name, names, n=1, cutoff=_ALIKE)
+    if not near and len(name) >= _PART:  # other capitals, or a part of a name
+        near = [one for one in names if name.lower() in one.lower()]
     return f"; did you mean {near[0]!r}?" if near else ""
 
 

@@ -117,6 +117,9 @@ def _reduced(model: pin.Model, locked: Mapping[str, float], source: str) -> pin.
         if joint.nv == 1:
             turned = (np.cos(position), np.sin(position))
             at[joint.idx_q : joint.idx_q + joint.nq] = position if joint.nq == 1 else turned
+    for name, i in joints.items():  # pin 4.1 crashes where a joint that is to be locked has no frame
+        if not model.existFrame(name, pin.FrameType.JOINT):
+            model.addJointFrame(i, -1)
     # pin 4.1 cannot reduce a model in which a joint is called like another frame
     suffix = " (joint)"
     while any(name + suffix in joints or _frame(model, name + suffix) for name in joints):

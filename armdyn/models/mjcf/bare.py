@@ -1,6 +1,6 @@
 """An MJCF without all that dynamics do not need: what Pinocchio reads is what was checked here."""
 
-from collections.abc import Mapping, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -199,7 +199,7 @@ class Bare:
                 break
 
 
-def moving_alone(joints: Mapping[str, Values], moving: Set[str], root: Element, source: str) -> None:
+def check_moving(joints: Mapping[str, Values], moving: Sequence[str], root: Element, source: str) -> None:
     """Refuse what moving joints do in MuJoCo beyond rigid bodies, friction and armature.
 
     Args:
@@ -219,7 +219,7 @@ def moving_alone(joints: Mapping[str, Values], moving: Set[str], root: Element, 
             what = "counts from elsewhere (ref); armdyn knows joints that are zero where the file draws them"
             raise UnsupportedJointError(source, what, values.where)
     for coupling in root.findall("equality/joint"):
-        pair = {str(coupling.get("joint1")), str(coupling.get("joint2", ""))}
-        if coupling.get("active") != "false" and (coupled := pair & moving):
+        follower = str(coupling.get("joint1"))
+        if coupling.get("active") != "false" and follower in moving:
             what = "is coupled by <equality>; armdyn knows no coupled joints: lock it"
-            raise UnsupportedJointError(source, what, f"joint {shown(min(coupled))!r}")
+            raise UnsupportedJointError(source, what, f"joint {shown(follower)!r}")

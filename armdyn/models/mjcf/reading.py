@@ -14,7 +14,7 @@ from armdyn.errors import ArmdynWarning, UrdfError
 from armdyn.models.given import read_model
 from armdyn.models.limits import JointLimits
 from armdyn.models.mjcf.actuators import effort_limits
-from armdyn.models.mjcf.bare import Bare, moving_alone
+from armdyn.models.mjcf.bare import Bare, check_moving
 from armdyn.models.mjcf.classes import Classes
 from armdyn.models.mjcf.compiler import Compiler, gravity
 from armdyn.models.reading import Reading, joint_limits
@@ -60,7 +60,7 @@ def read_mjcf_arm(
     reading = read_model(
         model, source, {joint: at for joint, at in (lock or {}).items() if joint not in bare.free}, arm
     )
-    moving_alone(bare.joints, set(list(reading.model.names)[1:]), root, source)
+    check_moving(bare.joints, list(reading.model.names)[1:], root, source)
     _refuse_loops(reading.model, root, source)
     if any(body.get("gravcomp", "0") not in ("0", "0.0") for body in root.iter("body")):
         what = "gravcomp is left out: gravity acts in full, and the motors hold it"
