@@ -11,6 +11,7 @@ _ALIKE = 0.7
 _PART = 3
 """Letters that a part of a name has at least, for it to be meant."""
 _LONGEST = 200
+"""Letters of a name that are looked at, and shown."""
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
@@ -26,7 +27,7 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     near = difflib.get_close_matches(name, names, n=1, cutoff=_ALIKE)
     if not near and len(name) >= _PART:  # other capitals, or a part of a name
         near = [one for one in names if name.lower() in one.lower()]
-    return f"; did you mean {near[0]!r}?" if near else ""
+    return f"; did you mean {near[0][:_LONGEST]!r}?" if near else ""
 
 
 class ArmdynError(Exception):

@@ -68,7 +68,7 @@ def _locked(model: pin.Model, source: str, lock: Mapping[str, float], arm: tuple
     joints = _joints(model)
     for name, value in lock.items():
         if name not in joints:
-            hint, names = did_you_mean(str(name), joints), ", ".join(list(joints)[:50])
+            hint, names = did_you_mean(str(name), joints), ", ".join(map(shown, list(joints)[:20]))
             raise SpecError(f"cannot lock {shown(name)!r}: {source} has joints {names}{hint}")
         if not in_bounds(value) or (model.joints[joints[name]].nv != 1 and value):
             right = "one number [rad or m]; 0 for a joint of several coordinates"

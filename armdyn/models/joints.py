@@ -137,7 +137,7 @@ class JointTree:
         """
         for name, value in lock.items():
             if name not in self.joints or not self.joints[name].moves:
-                moving, hint = ", ".join(self.moving()[:50]), did_you_mean(str(name), self.moving())
+                moving, hint = ", ".join(map(shown, self.moving()[:20])), did_you_mean(str(name), self.moving())
                 raise SpecError(f"cannot lock {shown(name)!r}: {self.source} has joints {moving}{hint}")
             if not in_bounds(value):
                 raise SpecError(f"cannot lock {name!r} at {told(value)}: it must be one number [rad or m]")

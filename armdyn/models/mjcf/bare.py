@@ -36,7 +36,8 @@ class Bare:
         fixed: free joints that stand still where their body is; None: all of them do.
         joints: name to attributes of every joint written.
         free: the free joints that stand still.
-        names: of bodies, joints and sites, each kind apart.
+        called: of bodies, joints and sites, each kind apart: their names to those that they are written with, for
+            pin 4.1 crashes at some names, such as "universe".
     """
 
     classes: Classes
@@ -44,20 +45,19 @@ class Bare:
     fixed: Set[str] | None
     joints: dict[str, Values] = field(default_factory=dict)
     free: set[str] = field(default_factory=set)
-    names: dict[str, set[str]] = field(default_factory=dict)
+    called: dict[str, dict[str, str]] = field(default_factory=dict)
 
-    def text(self, root: Element, name: str) -> str:
+    def text(self, root: Element) -> str:
         """The MJCF that Pinocchio is given.
 
         Args:
             root: of the whole MJCF.
-            name: of the model.
 
         Raises:
             UnsupportedJointError: a joint is free.
             UrdfError: a body, a joint or a geometry makes no sense; says which and what would be right.
         """
-        bare = Element("mujoco", model=name)
+        bare = Element("mujoco", model="arm")
         SubElement(bare, "compiler", angle="radian")
         top = SubElement(SubElement(bare, "worldbody"), "body", name=self._named("body", WORLD))
         for world in root.findall("worldbody"):
@@ -74,28 +74,31 @@ class Bare:
         return parent.findall("body")
 
     def _named(self, kind: str, name: str) -> str:
-        """A name that none of its kind has yet."""
-        taken = self.names.setdefault(kind, set())
+        """What something is written with, whose name none of its kind has yet."""
+        taken = self.called.setdefault(kind, {})
         if name in taken:
             raise UrdfError(self.classes.source, "is defined twice", f"{kind} {shown(name)!r}")
-        taken.add(name)
-        if len(taken) > MAX_LINKS:
-            raise UrdfError(self.classes.source, f"has more than {MAX_LINKS} of {kind}")
-        return name
+        if len(taken) == MAX_LINKS:
+            raise UrdfError(
+                self.classes.source, f"has more than {MAX_LINKS} {'bodies' if kind == 'body' else kind + 's'}"
+            )
+        taken[name] = f"{kind}{len(taken)}"
+        return taken[name]
 
     def _body(self, body: Element, to: Element, inherited: str | None, moves: bool) -> None:
         """Write a body, its joints and all bodies that it carries; one of several joints as so many bodies."""
-        name = self._named("body", body.get("name") or f"body{len(self.names['body'])}")
+        name = body.get("name") or f"body{len(self.called['body'])}"
+        written = self._named("body", name)
         values = Values(body.attrib, self.classes.source, f"body {shown(name)!r}")
         inherited = body.get("childclass") or inherited
         joints = self._joints(body, name, inherited)
-        copy = SubElement(to, "body", name=name)
+        copy = SubElement(to, "body", name=written)
         place(values, self.compiler, copy)
         for i, joint in enumerate(joints):
             if i:  # at zero both are in one place
-                copy = SubElement(copy, "body", name=name)
+                copy = SubElement(copy, "body", name=written)
             if i < len(joints) - 1:
-                copy.set("name", self._named("body", f"{name} ({joint.get('name')})"))
+                copy.set("name", self._named("body", f"{name} ({i + 1} of {len(joints)})"))
             copy.append(joint)
         moves = moves or bool(joints)
         inertial = body.find("inertial")
@@ -131,14 +134,14 @@ class Bare:
                     continue
                 what = "is free; armdyn knows arms on a fixed base: lock it, at 0, to let its body stand where it is"
                 raise UnsupportedJointError(self.classes.source, what, values.where)
-            self.joints[self._named("joint", called)] = values
+            self.joints[called] = values
             if len(self.joints) > MAX_MOVING:
                 raise UrdfError(self.classes.source, f"has more than {MAX_MOVING} joints that move")
-            written.append(self._joint(values, called))
+            written.append(self._joint(values, self._named("joint", called)))
         return written
 
-    def _joint(self, values: Values, name: str) -> Element:
-        joint = Element("joint", name=name, type=values.word("type", _JOINTS))
+    def _joint(self, values: Values, written: str) -> Element:
+        joint = Element("joint", name=written, type=values.word("type", _JOINTS))
         values.copy(joint, "pos", 3)
         if joint.get("type") == "ball":
             return joint

@@ -52,9 +52,9 @@ def read_mjcf_arm(
     """
     classes, compiler = Classes.of(root, source), Compiler.of(root, source)
     bare = Bare(classes, compiler, None if arm is not None else frozenset(lock or {}))
-    name = root.get("model") or "MuJoCo Model"
-    model = _parsed(bare.text(root, name), source)
-    model.name = name
+    model = _parsed(bare.text(root), source)
+    model.name = root.get("model") or "MuJoCo Model"
+    _call_again(model, bare.called)
     model.gravity.linear = gravity(root, source)
     limits = effort_limits(root, classes, bare.joints, compiler.automatic)
     reading = read_model(
@@ -79,6 +79,16 @@ def _parsed(text: str, source: str) -> pin.Model:
             return pin.buildModelFromMJCF(str(file))
         except Exception as error:  # whatever C++ throws
             raise UrdfError(source, f"Pinocchio cannot read it ({shown(str(error).strip())})") from None
+
+
+def _call_again(model: pin.Model, called: Mapping[str, Mapping[str, str]]) -> None:
+    """Give a model's joints and frames the names that they have in the MJCF."""
+    own = {written: name for names in called.values() for name, written in names.items()}
+    own |= {f"{written}_fixed": f"{name}_fixed" for name, written in called["body"].items()}
+    for i, name in enumerate(model.names):
+        model.names[i] = own.get(name, name)
+    for frame in model.frames:
+        frame.name = own.get(frame.name, frame.name)
 
 
 def _limits(model: pin.Model, efforts: Mapping[str, tuple[float, float]]) -> JointLimits:
