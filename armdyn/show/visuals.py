@@ -97,8 +97,8 @@ def robot_shapes(robot: Robot) -> list[Shape]:
             ArmdynWarning,
             stacklevel=3,
         )
-    shapes += _payload_ball(robot)
-    return shapes + list(_bones(robot, {shape.joint for shape in shapes}))
+    drawn = {shape.joint for shape in shapes}  # a payload alone does not show its link
+    return [*shapes, *_payload_ball(robot), *_bones(robot, drawn)]
 
 
 def obstacle_shapes(obstacles: Sequence[Obstacle]) -> list[Shape]:
