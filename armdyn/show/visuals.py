@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from armdyn.errors import ArmdynWarning
 from armdyn.models import Robot
-from armdyn.models.meshes import load_meshes, numbers, origin, resolve_mesh
-from armdyn.models.obstacles import Box, Capsule, Obstacle, Sphere
-from armdyn.models.urdf_check import parse_urdf
+from armdyn.models.reading.meshes import load_meshes, numbers, origin, resolve_mesh
+from armdyn.models.reading.urdf_check import parse_urdf
+from armdyn.models.scene.obstacles import Box, Capsule, Obstacle, Sphere
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 import armdyn.cli.robots as robots
 from armdyn.cli.app import app
 from armdyn.models import PAPER_ARMS, Robot
-from armdyn.models.library import LIBRARY_ARMS
+from armdyn.models.robots.library import LIBRARY_ARMS
 from armdyn.show.results import load_result
 from armdyn.trajectory import Trajectory
 from cli.command import COMMAND

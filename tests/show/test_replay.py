@@ -13,7 +13,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ArmdynWarning, ProblemError, TrajectoryError
-from armdyn.models import meshes
+from armdyn.models.reading import meshes
 from armdyn.show import replay, visuals
 from problems import paper_arm
 from show.browser import left_the_page, open_page, screenshot

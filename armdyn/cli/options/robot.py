@@ -12,8 +12,8 @@ import armdyn as ad
 from armdyn import models
 from armdyn.cli.options.text import number, numbers
 from armdyn.errors import ProblemError, SpecError, UnknownRobotError
-from armdyn.models.descriptions import is_description
 from armdyn.models.mjcf.document import is_mjcf
+from armdyn.models.robots.descriptions import is_description
 
 RobotName = Annotated[
     str,

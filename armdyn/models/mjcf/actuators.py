@@ -7,7 +7,7 @@ import numpy as np
 
 from armdyn.models.mjcf.classes import ACTUATORS, Classes
 from armdyn.models.mjcf.values import Values
-from armdyn.models.urdf_xml import shown
+from armdyn.models.reading.urdf_xml import shown
 
 Range = tuple[float, float]
 

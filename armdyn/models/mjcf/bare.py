@@ -12,8 +12,8 @@ from armdyn.models.mjcf.classes import Classes
 from armdyn.models.mjcf.compiler import Compiler
 from armdyn.models.mjcf.placing import place
 from armdyn.models.mjcf.values import ROTATIONS, Values
-from armdyn.models.urdf_check import MAX_LINKS, MAX_MOVING
-from armdyn.models.urdf_xml import shown
+from armdyn.models.reading.urdf_check import MAX_LINKS, MAX_MOVING
+from armdyn.models.reading.urdf_xml import shown
 
 WORLD = "world"
 """MuJoCo's name of what stands still."""

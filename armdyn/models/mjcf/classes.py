@@ -6,7 +6,7 @@ from xml.etree.ElementTree import Element
 
 from armdyn.errors import UrdfError
 from armdyn.models.mjcf.values import ROTATIONS
-from armdyn.models.urdf_xml import shown
+from armdyn.models.reading.urdf_xml import shown
 
 MAIN = "main"
 """MuJoCo's name of the class of what names none."""

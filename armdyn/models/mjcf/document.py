@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element
 from armdyn.arguments import shown as told
 from armdyn.errors import FileError, UrdfError
 from armdyn.files import read_bounded
-from armdyn.models.urdf_xml import MAX_BYTES, MAX_DEPTH, MAX_ELEMENTS, parse_xml, read_urdf, shown
+from armdyn.models.reading.urdf_xml import MAX_BYTES, MAX_DEPTH, MAX_ELEMENTS, parse_xml, read_urdf, shown
 
 MAX_FILES = 100
 """An MJCF that includes more files is refused; the largest known includes some ten."""

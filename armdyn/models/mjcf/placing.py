@@ -8,7 +8,7 @@ import pinocchio as pin
 from armdyn.errors import UrdfError
 from armdyn.models.mjcf.compiler import Compiler
 from armdyn.models.mjcf.values import ROTATIONS, Values
-from armdyn.models.urdf_xml import shown
+from armdyn.models.reading.urdf_xml import shown
 
 _SHORTEST = 1e-6
 """A direction of less length is none."""

@@ -11,14 +11,14 @@ import numpy as np
 import pinocchio as pin
 
 from armdyn.errors import ArmdynWarning, UrdfError
-from armdyn.models.given import read_model
-from armdyn.models.limits import JointLimits
 from armdyn.models.mjcf.actuators import effort_limits
 from armdyn.models.mjcf.bare import Bare, check_moving
 from armdyn.models.mjcf.classes import Classes
 from armdyn.models.mjcf.compiler import Compiler, gravity
-from armdyn.models.reading import Reading, joint_limits
-from armdyn.models.urdf_xml import shown
+from armdyn.models.reading.given import read_model
+from armdyn.models.reading.urdf_arm import Reading, joint_limits
+from armdyn.models.reading.urdf_xml import shown
+from armdyn.models.values.limits import JointLimits
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

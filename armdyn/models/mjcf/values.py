@@ -7,8 +7,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from armdyn.errors import UrdfError
-from armdyn.models.urdf_check import LARGEST
-from armdyn.models.urdf_xml import shown, to_number
+from armdyn.models.reading.urdf_check import LARGEST
+from armdyn.models.reading.urdf_xml import shown, to_number
 
 ROTATIONS = {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}
 """Ways to say how something is turned, and how many numbers each takes."""

@@ -1,6 +1,6 @@
 """MJCFs written by hand."""
 
-from armdyn.models.spec import PAPER_LINKS
+from armdyn.models.values.spec import PAPER_LINKS
 
 AXIAL = [0.5 * link.mass * 0.012**2 for link in PAPER_LINKS]
 """Moments of the paper's rods about their own axes, as `urdf_from_spec` has them [kg m²]."""

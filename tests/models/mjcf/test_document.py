@@ -3,7 +3,7 @@ import pytest
 import armdyn as ad
 from armdyn.errors import UrdfError
 from armdyn.models.mjcf.document import MAX_FILES, is_mjcf, parse_mjcf, read_mjcf
-from armdyn.models.urdf_xml import MAX_BYTES, MAX_ELEMENTS
+from armdyn.models.reading.urdf_xml import MAX_BYTES, MAX_ELEMENTS
 from models.mjcf.arms import RR, mjcf, one
 
 BOMB = '<!DOCTYPE m [<!ENTITY a "aa"><!ENTITY b "&a;&a;">]><mujoco model="&b;"/>'
