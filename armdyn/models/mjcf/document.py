@@ -14,8 +14,8 @@ from armdyn.models.reading.urdf_xml import MAX_BYTES, MAX_DEPTH, MAX_ELEMENTS, p
 MAX_FILES = 100
 """An MJCF that includes more files is refused; the largest known includes some ten."""
 
-_FIRST_TAG = re.compile(rb"<([A-Za-z_][^\s/>]*)")
-_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
+_PASSED_OVER = ((b"<!--", b"-->"), (b"<?", b"?>"))
+_ROOT = re.compile(rb"<mujoco[\s/>]")
 
 
 def is_mjcf(path: str | os.PathLike[str]) -> bool:
@@ -24,8 +24,11 @@ def is_mjcf(path: str | os.PathLike[str]) -> bool:
         data = read_bounded(path, MAX_BYTES)
     except FileError:
         return False
-    first = _FIRST_TAG.search(_COMMENT.sub(b"", data))
-    return first is not None and first[1] == b"mujoco"
+    at = data.find(b"<")
+    while ends := [end for begin, end in _PASSED_OVER if data.startswith(begin, at)]:
+        after = data.find(ends[0], at)
+        at = -1 if after < 0 else data.find(b"<", after)
+    return at >= 0 and _ROOT.match(data, at) is not None
 
 
 def check_mjcf_text(text: object, source: object) -> None:

@@ -116,4 +116,5 @@ def test_what_is_mjcf(write):
     assert is_mjcf(write(RR))
     assert is_mjcf(write('<?xml version="1.0"?>\n<!-- <robot> --><mujoco/>'))
     assert not is_mjcf(write('<!-- <mujoco> --><robot name="r"/>'))
+    assert not is_mjcf(write("<mujocoinclude/>")) and not is_mjcf(write("<!-- " * 1_000_000))
     assert not is_mjcf(write("")) and not is_mjcf("/nowhere.xml") and not is_mjcf("/dev/zero")

@@ -139,6 +139,14 @@ def test_joints_that_are_none_of_ours(kind):
             MODEL(model, lock={"root": 0.5})
 
 
+def test_a_mimicking_joint():
+    model = pin.buildModelFromUrdf(str(library_arm("panda")[0]), mimic=True)
+    with pytest.raises(UnsupportedJointError, match="joint 'panda_finger_joint2': is a JointModelMimic"):
+        MODEL(model)
+    locked = MODEL(model, lock=dict.fromkeys(("panda_finger_joint1", "panda_finger_joint2"), 0.0))
+    assert locked.model_hash == ad.Robot.from_library("panda", damping="urdf", friction="urdf").model_hash
+
+
 @pytest.mark.parametrize(
     ("kind", "continuous"),
     [
