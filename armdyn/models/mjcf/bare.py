@@ -87,7 +87,7 @@ class Bare:
 
     def _body(self, body: Element, to: Element, inherited: str | None, moves: bool) -> None:
         """Write a body, its joints and all bodies that it carries; one of several joints as so many bodies."""
-        name = body.get("name") or f"body{len(self.called['body'])}"
+        name = body.get("name") or f"(body {len(self.called['body'])})"
         written = self._named("body", name)
         values = Values(body.attrib, self.classes.source, f"body {shown(name)!r}")
         inherited = body.get("childclass") or inherited

@@ -106,6 +106,13 @@ def test_several_trees_stand_in_one_world():
     np.testing.assert_array_equal(robot.model.jointPlacements[1].translation, [0, 0, 1])
 
 
+def test_names_that_are_not_given():
+    text = mjcf(one("<joint/>", name="body2") + '<body><joint/><joint axis="1 0 0"/><geom size="1"/></body>')
+    robot = READ(text)
+    assert robot.joint_names == ("body2_joint", "(body 2)_joint", "(body 2)_joint1")
+    assert READ(text, lock={"(body 2)_joint": 0.1}).nv == 2
+
+
 def test_gravity_is_the_files():
     assert READ(mjcf(one(), '<option gravity="1 0 -3"/>')).model.gravity.linear.tolist() == [1, 0, -3]
     weightless = mjcf(one(), '<option><flag gravity="disable"/></option>')
