@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.models.collision import Clearance
+from armdyn.models.scene.collision import Clearance
 from armdyn.optimal.conditions.condition import Condition, Kept, Knots
 from armdyn.optimal.conditions.registry import conditions_of
 from armdyn.optimal.conditions.rows import Rows, RowValues, spread

@@ -10,7 +10,7 @@ from scipy.integrate import DOP853
 from armdyn.arguments import expect, number
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.errors import TrajectoryError
-from armdyn.models.robot import Robot, expect_robot
+from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 

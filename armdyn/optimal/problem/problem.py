@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, flag, number, several
 from armdyn.errors import ArmdynWarning, ProblemError
-from armdyn.models.collision import collision_model
-from armdyn.models.limits import JointLimits
-from armdyn.models.obstacles import Obstacle
-from armdyn.models.per_joint import per_joint
-from armdyn.models.reaching import GoalPose, poses_reaching
-from armdyn.models.robot import Robot, expect_robot
+from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.scene.collision import collision_model
+from armdyn.models.scene.obstacles import Obstacle
+from armdyn.models.scene.reaching import GoalPose, poses_reaching
+from armdyn.models.values.limits import JointLimits
+from armdyn.models.values.per_joint import per_joint
 from armdyn.optimal.problem.asked import Asked
 from armdyn.optimal.problem.checks import (
     check_clear,

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.models.obstacles import Box, Capsule, Sphere
+from armdyn.models.scene.obstacles import Box, Capsule, Sphere
 from armdyn.optimal.conditions.clearance.keeping import scene_of
 from armdyn.optimal.conditions.clearance.pairs import distances_at
 from armdyn.optimal.conditions.condition import Knots

@@ -7,7 +7,7 @@ import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.exclusive import built_once
-from armdyn.models.obstacles import Capsule, Obstacle
+from armdyn.models.scene.obstacles import Capsule, Obstacle
 from armdyn.optimal.conditions.clearance.distance import SIZES, Solid, from_segment, least_over_segment, solid
 from armdyn.optimal.conditions.rows import RowFunctions, Where
 from armdyn.optimal.program.compiled import compiled
