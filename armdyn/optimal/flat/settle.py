@@ -1,6 +1,7 @@
 """Curves that keep between the points of the program what it asks for only there."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,7 +97,7 @@ def excesses_of(problem: MinimumTimeProblem, curve: Curve, looks: int) -> tuple[
         s = breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, looks + 1)
         tau = leg.torques(problem.robot, s.ravel()).reshape(*s.shape, -1)
         marks = np.linspace(0, looks, POINTS + 1).astype(int)
-        near = [tau[:, first : last + 1] for first, last in zip(marks[:-1], marks[1:], strict=True)]
+        near = [tau[:, first : last + 1] for first, last in pairwise(marks)]
         upper = np.stack([np.max(part, axis=1) - limits.effort_upper for part in near], axis=1) / half
         lower = np.stack([limits.effort_lower - np.min(part, axis=1) for part in near], axis=1) / half
         found.append(Room(upper.reshape(-1, half.size), lower.reshape(-1, half.size)))
