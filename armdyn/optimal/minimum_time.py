@@ -58,17 +58,17 @@ def solve_minimum_time(
         return _fastest_goal(problem, options, progress or (lambda text: None))
     with stopping(options.time_limit) as stop:
         task = Task.of(problem, options, stop, progress)
-        optima, found = _strategy(problem)(task)
+        optima, found = _strategy(task)(task)
     elapsed = time.perf_counter() - started
     return assembled(task, optima, found, elapsed) if optima else failed(task, found, elapsed)
 
 
-def _strategy(problem: MinimumTimeProblem) -> Strategy:
-    if problem.robot.nv > 3:
+def _strategy(task: Task) -> Strategy:
+    if task.policy.curves.used:
         return curves
-    if problem.along_the_way:
+    if task.problem.along_the_way:
         return constrained
-    return time_energy if problem.effort_weight > 0 else minimum_time
+    return time_energy if task.problem.effort_weight > 0 else minimum_time
 
 
 def _fastest_goal(problem: MinimumTimeProblem, options: MinimumTimeOptions, tell: Callable[[str], None]) -> Solution:

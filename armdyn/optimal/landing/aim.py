@@ -10,7 +10,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.landing.lead import led_home
 from armdyn.optimal.landing.limits import miss_of
 from armdyn.optimal.landing.pieces import Pieces
 from armdyn.optimal.landing.rollout import replay_of
@@ -24,23 +23,10 @@ Array = NDArray[np.float64]
 def aimed(task: Task, trajectory: Trajectory) -> tuple[Trajectory, Trajectory]:
     """A motion whose replay lands, and that replay; unchanged where torques are not constant or far from it.
 
-    Where the replay of a larger arm goes astray, feedback leads it along the mesh's motion, as much slower as its
-    velocity limits ask; for a small one a finer mesh is the better answer.
-
     Args:
         task: its goal, and limits of torque and velocity.
         trajectory: a collocation solution.
     """
-    numbers = task.policy.landing
-    motion, replay, miss = _by_newton(task, trajectory)
-    lost = replay.t[-1] != motion.t[-1] or np.max(np.abs(task.problem.beside_goal(replay))) > numbers.astray
-    if numbers.leads_home and lost and not task.stop:
-        motion, replay, _ = min((motion, replay, miss), led_home(task, trajectory), key=lambda found: found[2])
-    return motion, replay
-
-
-def _by_newton(task: Task, trajectory: Trajectory) -> tuple[Trajectory, Trajectory, float]:
-    """A motion, its replay and its miss, which Newton's method makes as small as it can."""
     problem, numbers = task.problem, task.policy.landing
     replay = replay_of(task, trajectory)
     miss, pieces = miss_of(problem, trajectory, replay), Pieces.of(trajectory)
@@ -55,7 +41,7 @@ def _by_newton(task: Task, trajectory: Trajectory) -> tuple[Trajectory, Trajecto
             break
         trajectory = replace(replayed, name=trajectory.name)
         replay, miss = replayed, closer
-    return trajectory, replay, miss
+    return trajectory, replay
 
 
 def _corrected(task: Task, pieces: Pieces, replay: Trajectory) -> Pieces:

@@ -189,12 +189,6 @@ class MinimumTimeProblem:
             warnings.simplefilter("ignore", ArmdynWarning)
             return replace(self, **changes)
 
-    def without_dry_friction(self) -> Self:
-        """The same without Coulomb friction, to begin with; itself if it has none."""
-        if not np.any(self.robot.friction.coulomb):
-            return self
-        return self.variant(robot=self.robot.with_friction(friction=0.0), goal_pose=None, wrap=False)
-
     def holding_torque(self) -> Array:
         """Torque that holds the arm still at the goal [N m or N], shape (nv,)."""
         model = self.robot.model

@@ -25,13 +25,9 @@ def minimum_time(task: Task) -> tuple[list[Optimum], Found]:
     Args:
         task: without a weight on effort, and without conditions along the way.
     """
-    problem, easier = task.problem, task.problem
-    if task.policy.search.without_dry_friction:
-        easier = problem.without_dry_friction()
-    found = find(task if easier is problem else task.about(easier))
+    found = find(task)
     if not found.attempts:
         return [], found
-    found = replace(found, easier=easier is not problem)
     optima = refined(task.with_options(intervals=found.mesh), found)
     left = [attempt.trajectory.duration for attempt in found.attempts[len(optima) :]]
     return optima, replace(found, slower=tuple(left))
@@ -54,7 +50,7 @@ def refined(task: Task, found: Found) -> list[Optimum]:
     few, many = Ladder(options.intervals), Ladder(options.max_intervals)
 
     def climbed(k: int) -> _Reached:
-        return _up(task, few if k else many, _first(task, attempts[k], found.easier))
+        return _up(task, few if k else many, _first(task, attempts[k]))
 
     optima: list[Optimum] = []
     beaten = np.inf
@@ -92,9 +88,9 @@ class _Reached:
     resisted: tuple[str, Violation | None] = ("", None)
 
 
-def _first(task: Task, attempt: Attempt, easier: bool) -> _Reached:
+def _first(task: Task, attempt: Attempt) -> _Reached:
     """The first mesh."""
-    if easier or attempt.intervals != task.options.intervals:
+    if attempt.intervals != task.options.intervals:
         return _on(task, task.options.intervals, _Reached(attempt))
     if not attempt.usable:
         return _Reached(attempt, attempt.intervals, resisted=(attempt.message, attempt.worst_violation))
@@ -133,16 +129,9 @@ def _read(task: Task, attempt: Attempt) -> Optimum:
     """What a mesh's solution comes to."""
     motion = attempt.trajectory
     if _resolvable(task):
-        optimum = replace(resolve(task, attempt), iterations=0)
-    else:
-        replay = replay_of(task, motion)
-        certificate = certify(task.problem, replay, None, "arcs were not asked for")
-        optimum = Optimum(motion, certificate, motion.duration, attempt.intervals)
-    if attempt.taken:  # the motion is one, if not the fastest
-        remark = f"the collocation did not converge ({attempt.message}): a faster motion may be near"
-        told = "; ".join(filter(None, (remark, optimum.certificate.remark)))
-        optimum = replace(optimum, certificate=replace(optimum.certificate, remark=told))
-    return optimum
+        return replace(resolve(task, attempt), iterations=0)
+    certificate = certify(task.problem, replay_of(task, motion), None, "arcs were not asked for")
+    return Optimum(motion, certificate, motion.duration, attempt.intervals)
 
 
 def _enough(task: Task, step: _Reached) -> bool:
@@ -150,10 +139,9 @@ def _enough(task: Task, step: _Reached) -> bool:
     if step.best is None:
         return False
     certificate, numbers = step.best.certificate, task.policy.refinement
-    modest = not task.options.arcs or numbers.landing_is_enough
     extremal = certificate.goal_error <= GOAL_TOLERANCE and certificate.hamiltonian_spread <= HAMILTONIAN_TOLERANCE
     landed = step.best.landed(task.options.replay_tolerance)
-    return certificate.ok or (modest and landed) or (numbers.extremal_is_enough and extremal)
+    return certificate.ok or (landed and not task.options.arcs) or (numbers.extremal_is_enough and extremal)
 
 
 def _optimum(task: Task, step: _Reached) -> Optimum:

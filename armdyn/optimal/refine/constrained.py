@@ -99,7 +99,7 @@ def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: 
     numbers, problem, duration = task.policy.conditions, task.problem, found.trajectory.duration
     finer = Ladder(task.options.max_intervals).above(mesh.intervals)
     if not any(_faults(task, found)):
-        if finer is None or task.policy.refinement.one_mesh or abs(duration / mesh.settled - 1) < numbers.settled:
+        if finer is None or abs(duration / mesh.settled - 1) < numbers.settled:
             return None
         return _Mesh(finer, mesh.demands.on_finer_mesh(), duration)
     demands = mesh.demands if found.checked is None else mesh.demands.stricter(problem, found.checked)

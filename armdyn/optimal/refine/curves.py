@@ -9,7 +9,6 @@ import numpy as np
 from armdyn.errors import ProblemError
 from armdyn.optimal.conditions.demands import Demands
 from armdyn.optimal.conditions.registry import conditions_of
-from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.follow import follow
 from armdyn.optimal.flat.settle import Settled, settle
@@ -20,7 +19,7 @@ from armdyn.optimal.program.deadline import LateError
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, certify
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import Found
-from armdyn.optimal.search.starts import detours, spline
+from armdyn.optimal.search.starts import detours, spline, straight_curve
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.task.task import Task
 from armdyn.processes import in_processes
@@ -75,9 +74,8 @@ def _without_obstacles(task: Task) -> list[Settled]:
 def _guesses(task: Task) -> list[Curve]:
     """What is started from: the options' guesses, the straight way, and others where there may be several optima."""
     problem, numbers, options = task.problem, task.policy.curves, task.options
-    basis = Basis(graded(numbers.intervals, numbers.shortest))
-    slack = float(np.max(spline(problem, []).duration)) if not problem.speed_limited else 1.0
-    guesses = [Curve.straight(problem, basis, slack)]
+    guesses = [straight_curve(task, numbers.intervals)]
+    basis = guesses[0].legs[0].basis
     for k, guess in enumerate(options.guesses):
         if guess.q.shape[1] != problem.robot.nv:
             name, joints = problem.robot.name, problem.robot.nv

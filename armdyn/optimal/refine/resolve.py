@@ -1,7 +1,5 @@
 """From a mesh's solution to its arcs: the structure whose switching functions agree with its modes."""
 
-import numpy as np
-
 from armdyn.optimal.arcs.arc import Arc, Mode, merged
 from armdyn.optimal.arcs.detection import detect
 from armdyn.optimal.arcs.phases import Phases, Unresolved
@@ -45,9 +43,8 @@ def resolve(task: Task, attempt: Attempt) -> Optimum:
 
 def prepare_resolving(task: Task) -> None:
     """Build, if it is not there, what `resolve` is most likely to need."""
-    if task.policy.refinement.arcs_first:
-        for finer in (1, 2):
-            prepare_phases(task, finer * task.policy.refinement.intervals)
+    for finer in (1, 2):
+        prepare_phases(task, finer * task.policy.refinement.intervals)
 
 
 def _structure(task: Task, motion: Trajectory, intervals: int) -> tuple[Phases | None, str]:
@@ -57,10 +54,7 @@ def _structure(task: Task, motion: Trajectory, intervals: int) -> tuple[Phases |
     problem, numbers = task.problem, task.policy.refinement
     # The torques of a fine mesh need not be on their limits where time hardly tells.
     switch = max(task.policy.arcs.switch, intervals // numbers.blur)
-    knots = mesh(intervals, task.policy.program.graded)
-    arcs = merged(detect(problem, motion, knots, switch, task.policy.arcs))
-    if numbers.idle_end_it and (idle := _idle(task, arcs)):
-        return None, f"time does not determine {', '.join(idle)}: on no limit for most of the motion"
+    arcs = merged(detect(problem, motion, mesh(intervals), switch, task.policy.arcs))
     guess, seen = motion, set[Structure]()
     last: Phases | None = None
     for _ in range(numbers.rounds):
@@ -92,11 +86,3 @@ def _structure(task: Task, motion: Trajectory, intervals: int) -> tuple[Phases |
 
 def _named(arcs: tuple[Arc, ...] | list[Arc]) -> Structure:
     return tuple((arc.modes, arc.touches) for arc in arcs)
-
-
-def _idle(task: Task, arcs: list[Arc]) -> list[str]:
-    """Joints that are on no limit for more than half of the motion."""
-    names = task.problem.robot.joint_names
-    durations = np.array([arc.duration for arc in arcs])
-    free = durations @ np.array([[mode is Mode.FREE for mode in arc.modes] for arc in arcs])
-    return [name for name, time in zip(names, free, strict=True) if time > durations.sum() / 2]

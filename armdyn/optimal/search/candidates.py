@@ -8,7 +8,6 @@ import numpy as np
 
 from armdyn.errors import ProblemError
 from armdyn.optimal.landing.rollout import replay_of
-from armdyn.optimal.problem.status import Status
 from armdyn.optimal.search.distinct import distinct, ranked
 from armdyn.optimal.search.multistart import Job, search
 from armdyn.optimal.search.starts import spline
@@ -16,11 +15,9 @@ from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.ladder import Ladder
-from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.scheme import DynamicsForm
 from armdyn.optimal.task.task import Task
 from armdyn.processes import in_processes
-from armdyn.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +31,6 @@ class Found:
         listed: durations of the others on coarse meshes [s].
         slower: durations of those that were told apart better, and were not worth more [s].
         iterations: of IPOPT.
-        easier: the attempts solve an easier problem, and are only guesses for this one.
     """
 
     attempts: tuple[Attempt, ...]
@@ -43,7 +39,6 @@ class Found:
     listed: tuple[float, ...] = ()
     slower: tuple[float, ...] = ()
     iterations: int = 0
-    easier: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,16 +59,16 @@ def find(task: Task) -> Found:
     Raises:
         ProblemError: a guess in the options moves other joints.
     """
-    options, numbers = task.options, task.policy.search
+    options, numbers, same = task.options, task.policy.search, task.policy.same.coarse
     count = options.starts or numbers.starts
-    meshes = options.coarse_intervals if numbers.every_mesh else options.coarse_intervals[:1]
     beside = _beside(task)
     task.tell(f"search: {count} guesses" + (f", and {len(beside)} on {options.intervals} intervals" if beside else ""))
-    attempts = search(task, meshes, count, task.coarse(), beside)
-    found = _different(task, attempts[: len(beside)], attempts[len(beside) :])
+    attempts = search(task, options.coarse_intervals, count, task.coarse(), beside)
+    fine, coarse = (distinct(some, same) for some in (attempts[: len(beside)], attempts[len(beside) :]))
+    found = ranked([*fine, *coarse])  # what is on the finer mesh already hides none of the others: it costs no more
     if not found:
         attempts = _without_search(task, ranked(attempts))
-        found = distinct(attempts, task.policy.same.coarse)
+        found = distinct(attempts, same)
     iterations = sum(attempt.iterations for attempt in attempts)
     if not found:
         return Found((), failed=tuple(attempts), iterations=iterations)
@@ -83,40 +78,23 @@ def find(task: Task) -> Found:
         mesh, meshes, share = finer
         again = search(task, meshes, min(count, max(count // share, numbers.again_at_least)), task.coarse())
         kept = settled.attempts if mesh == options.intervals else []
-        found = distinct([*kept, *again], task.policy.same.coarse) or settled.attempts
+        found = distinct([*kept, *again], same) or settled.attempts
         settled = _settled(task.with_options(intervals=mesh), found)
         iterations += settled.iterations + sum(attempt.iterations for attempt in again)
     return Found(tuple(settled.attempts), mesh=mesh, listed=tuple(settled.listed), iterations=iterations)
 
 
 def _beside(task: Task) -> list[Job]:
-    """What is solved on the fine mesh at once: the options' guesses and, where a solve is dear, the straight one."""
-    problem, intervals = task.problem, task.options.intervals
-
-    def on_mesh(guess: Trajectory, settings: DirectOptions) -> Job:
-        prepare_quickly(task, intervals, settings)
-        return partial(solve_quickly, task, guess, intervals, settings)
-
+    """What is solved on the fine mesh at once: the options' guesses."""
+    problem, intervals, settings = task.problem, task.options.intervals, task.fine()
     jobs: list[Job] = []
     for k, guess in enumerate(task.options.guesses):
         if guess.q.shape[1] != problem.robot.nv:
             name, joints = problem.robot.name, problem.robot.nv
             raise ProblemError(f"options.guesses[{k}] moves {guess.q.shape[1]} joints, {name} has {joints}")
-        jobs.append(on_mesh(guess, task.fine()))
-    if task.policy.search.straight_on_fine:
-        jobs.append(on_mesh(spline(problem, []), task.patient(task.alone())))
+        prepare_quickly(task, intervals, settings)
+        jobs.append(partial(solve_quickly, task, guess, intervals, settings))
     return jobs
-
-
-def _different(task: Task, fine: Sequence[Attempt], coarse: Sequence[Attempt]) -> list[Attempt]:
-    """What is worth a finer mesh, best first: what converged on that already, and what the search found."""
-    same = task.policy.same.coarse
-    known, met = distinct(fine, same), distinct(coarse, same)
-    if not known or not task.policy.search.straight_is_mark:
-        return ranked([*known, *met])  # what is on the finer mesh already hides none of the others: it costs no more
-    straight = bool(coarse) and coarse[0].usable
-    mark = coarse[0].trajectory.duration * (1 - same) if straight else np.inf
-    return [*known, *(attempt for attempt in met if attempt.trajectory.duration < mark)]
 
 
 def _settled(task: Task, found: Sequence[Attempt]) -> _Settled:
@@ -126,14 +104,14 @@ def _settled(task: Task, found: Sequence[Attempt]) -> _Settled:
         task: whose `options.intervals` is that mesh.
         found: optima, best first.
     """
-    options, settings = task.options, task.patient(task.fine())
+    options, settings = task.options, task.fine()
     most = options.refinements or task.policy.search.refined
     prepare_quickly(task, options.intervals, settings)
 
     def finer(attempt: Attempt) -> Attempt:
         if attempt.intervals == options.intervals:
             return attempt
-        return taken(solve_quickly(task, attempt.trajectory, options.intervals, settings), task.policy.program.kept)
+        return solve_quickly(task, attempt.trajectory, options.intervals, settings)
 
     task.tell(f"the best optima, about {found[0].trajectory.duration:.4f} s, on {options.intervals} intervals")
     candidates: list[Attempt] = []
@@ -175,18 +153,6 @@ def _astray(task: Task, attempt: Attempt) -> bool:
     problem, motion = task.problem, attempt.trajectory
     missed = np.abs(problem.beside_goal(replay_of(task, motion))[: problem.robot.nv])
     return not np.max(missed) <= task.policy.search.astray * np.max(np.ptp(motion.q, axis=0))
-
-
-def taken(attempt: Attempt, kept: float | None) -> Attempt:
-    """An attempt that ran out of iterations is usable where it moves as the arm would.
-
-    Args:
-        attempt: any.
-        kept: scaled defects that will do; None: it has to converge.
-    """
-    left = attempt.worst_violation.value if attempt.worst_violation else np.inf
-    feasible = kept is not None and attempt.status is Status.ITERATION_LIMIT and left <= kept
-    return replace(attempt, taken=True) if feasible else attempt
 
 
 def _without_search(task: Task, failed: list[Attempt]) -> list[Attempt]:

@@ -1,14 +1,19 @@
 """Several joint positions that reach one goal: which is reached fastest."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.optimal.conditions.demands import Demands
+from armdyn.optimal.flat.posing import Wanted
+from armdyn.optimal.flat.solve import solve_curve
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import stopping
-from armdyn.optimal.search.starts import spline
+from armdyn.optimal.program.deadline import LateError
+from armdyn.optimal.search.starts import spline, straight_curve
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task
@@ -23,7 +28,7 @@ class GoalTried:
     Attributes:
         q: [rad or m], shape (nv,).
         duration: of the motion found there [s]; inf if none was.
-        refined: solved in full; else by one guess on a coarse mesh.
+        refined: solved in full; else by one guess on a coarse mesh, or as a coarse curve.
     """
 
     q: Array
@@ -53,9 +58,20 @@ def screened(
                 durations.append(np.inf)
                 continue
             tell(f"goal {i} of {len(problem.goals)}")
-            settings = task.coarse()[-1]
-            attempt = solve_on_mesh(task.about(branch), spline(branch, []), options.coarse_intervals[0], settings)
-            durations.append(attempt.trajectory.duration if attempt.usable else np.inf)
+            durations.append(_tried(task.about(branch)))
     order = sorted(range(len(branches)), key=lambda i: (durations[i], i))
     tried = [GoalTried(problem.goals[i], durations[i]) for i in order]
     return [branches[i] for i in order[: numbers.goals_solved]], tried
+
+
+def _tried(task: Task) -> float:
+    """The duration of one coarse solve from the straight way [s]; inf: it did not converge, or was not begun."""
+    if not task.policy.curves.used:
+        guess, intervals = spline(task.problem, []), task.options.coarse_intervals[0]
+        attempt = solve_on_mesh(task, guess, intervals, task.coarse()[-1])
+        return attempt.trajectory.duration if attempt.usable else np.inf
+    with suppress(LateError):
+        wanted = Wanted(Demands.of(task.problem), smooth=task.options.smooth)
+        solved = solve_curve(task, straight_curve(task, task.policy.curves.coarse), wanted)
+        return solved.curve.duration if solved.converged else np.inf
+    return np.inf

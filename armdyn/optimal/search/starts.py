@@ -1,4 +1,4 @@
-"""Guesses from which a solve may start. A guess is a `Trajectory`; so is a coarse solution."""
+"""Guesses from which a solve may start: a `Trajectory`, as a coarse solution is, or a `Curve`."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,9 +7,12 @@ from scipy.interpolate import BPoly
 from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.optimal.conditions.condition import Path
 from armdyn.optimal.conditions.registry import conditions_of
+from armdyn.optimal.flat.basis import Basis, graded
+from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.task.policy.search import SearchPolicy
+from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -100,6 +103,19 @@ def spline(problem: MinimumTimeProblem, via: list[Array]) -> Trajectory:
     tau = np.clip(tau, problem.limits.effort_lower, problem.limits.effort_upper)
     v[0], v[-1] = problem.v_start, problem.v_goal
     return Trajectory(s * duration, q, v, tau, problem.robot.joint_names, "start")
+
+
+def straight_curve(task: Task, intervals: int) -> Curve:
+    """The straight way as a curve.
+
+    Args:
+        task: what is to be solved.
+        intervals: of every leg.
+    """
+    problem = task.problem
+    basis = Basis(graded(intervals, task.policy.curves.shortest))
+    slack = float(np.max(spline(problem, []).duration)) if not problem.speed_limited else 1.0
+    return Curve.straight(problem, basis, slack)
 
 
 def _torques(problem: MinimumTimeProblem, q: Array, v: Array, a: Array) -> Array:

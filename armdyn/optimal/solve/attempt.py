@@ -25,7 +25,6 @@ class Attempt:
         iterations: of IPOPT.
         worst_violation: None if it converged, or was not begun.
         passing: when the motion is at the via points [s], shape (vias,).
-        taken: it did not converge, but keeps the equations of motion so well that it is taken all the same.
     """
 
     status: Status
@@ -35,7 +34,6 @@ class Attempt:
     iterations: int
     worst_violation: Violation | None
     passing: Array = field(default_factory=lambda: np.empty(0))
-    taken: bool = False
 
     @classmethod
     def unbegun(cls, stop: Stop, guess: Trajectory, intervals: int) -> Self:
@@ -44,5 +42,5 @@ class Attempt:
 
     @property
     def usable(self) -> bool:
-        """It is a motion of the arm: it converged, or nearly."""
-        return self.taken or self.status is Status.SOLVED
+        """It is a motion of the arm: it converged."""
+        return self.status is Status.SOLVED

@@ -72,8 +72,8 @@ def _condensed(task: Task, guess: Trajectory, intervals: int, settings: DirectOp
     problem, solver = task.problem, _solver(task, intervals, settings)
     program, scales = solver.program, Scales.of(problem, guess)
     full, kept = program.layout.full, program.layout.kept(intervals)
-    fractions = np.diff(mesh(intervals, task.policy.program.graded))
-    weights = scales.weights(problem.effort_weight, task.policy.program.tie)
+    fractions = np.diff(mesh(intervals))
+    weights = scales.weights(problem.effort_weight)
     parameters = scales.parameters(fractions, weights, task.dynamics.last_body)
     lower, upper = bounds(problem, full, intervals, scales)
     start = np.clip(to_unknowns(guess, full, fractions, scales), lower, upper)[kept]

@@ -42,7 +42,7 @@ def solve_on_mesh(
     """
     if task.stop:
         return Attempt.unbegun(task.stop, guess, intervals)
-    problem, policy = task.problem, task.policy.program
+    problem = task.problem
     demands = Demands.of(problem) if demands is None else demands
     rows = demands.rows(problem)
     try:
@@ -51,8 +51,8 @@ def solve_on_mesh(
         return Attempt.unbegun(task.stop, guess, intervals)
     nlp, scales = solver.program, Scales.of(problem, guess)
     layout, legs = nlp.layout, legs_of(problem, guess, intervals)
-    fractions = np.concatenate([np.diff(mesh(size, policy.graded)) for size in legs.intervals])
-    weights = scales.weights(problem.effort_weight, policy.tie)
+    fractions = np.concatenate([np.diff(mesh(size)) for size in legs.intervals])
+    weights = scales.weights(problem.effort_weight)
     lower, upper = bounds(problem, layout, intervals, scales)
     shares = fractions
     if len(legs.intervals) > 1:

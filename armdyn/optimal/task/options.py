@@ -1,7 +1,6 @@
 """How `solve_minimum_time` goes about it."""
 
 from dataclasses import dataclass
-from typing import Literal
 
 from armdyn.arguments import expect, flag, number, one_of, several, whole
 from armdyn.errors import ProblemError
@@ -32,25 +31,26 @@ class MinimumTimeOptions:
     """How `solve_minimum_time` goes about it.
 
     Where an attribute is None the problem's policy decides: `armdyn doctor ROBOT --policy` shows what, and why.
+    Arms of more than three joints move along curves: refinements, coarse_intervals, intervals, max_intervals, arcs,
+    method, control, dynamics and tolerance say nothing for them.
 
     Attributes:
         guesses: motions of the same joints to begin with, beside the search's own: optima of similar problems.
         starts: guesses of the global search.
         seed: of the guesses after the first; the same seed gives the same answer.
         refinements: so many of the optima found are refined.
-        coarse_intervals: of the search's meshes, which its guesses take turns on; the first alone for larger arms.
+        coarse_intervals: of the search's meshes, which its guesses take turns on.
         intervals: of the mesh on which the arcs are read.
         max_intervals: of the finest such mesh, tried when the arcs resist or the replay misses the goal.
         arcs: resolve the arcs to exact switching times; without, the answer is the mesh's.
         replay_tolerance: largest goal error of the replay [rad or m] that counts as landed.
         method: collocation tableau; "lobatto3" is Hermite-Simpson.
         control: torque "linear" or "constant" between knots; the arcs are read from constant ones.
-        dynamics: "forward", "inverse", or "auto", as the policy says: for larger arms the derivatives of the
-            articulated-body algorithm cost more than the extra unknowns of inverse dynamics.
+        dynamics: "forward", accelerations by the articulated-body algorithm; "inverse", torques by recursive
+            Newton-Euler with the accelerations as more unknowns.
         compile: the program's derivatives as machine code, ten times as fast, built once by the C compiler and
             kept in the user's cache: always, never, or (None) where building takes only seconds or is done.
-        max_iterations: of IPOPT, for one guess on one mesh; fewer on fine meshes of larger arms, where a motion that
-            keeps the equations is then taken all the same, and said not to have converged.
+        max_iterations: of IPOPT, for one guess on one mesh, or one curve.
         tolerance: of IPOPT, on the scaled problem.
         smooth: how much of the duration may be given, among nearly fastest motions of larger arms or such that
             velocity limits shape, for gentle torques: the weight of their mean square against the time; 0: nothing.
@@ -71,7 +71,7 @@ class MinimumTimeOptions:
     replay_tolerance: float = 1e-3
     method: str = "lobatto3"
     control: Control = "constant"
-    dynamics: DynamicsForm | Literal["auto"] = "auto"
+    dynamics: DynamicsForm = "forward"
     compile: bool | None = None
     max_iterations: int = 500
     tolerance: float = 1e-8
@@ -101,7 +101,7 @@ class MinimumTimeOptions:
         number(self.smooth, "smooth", sign="not negative")
         one_of(self.method, tuple(TABLEAUS), "method")
         one_of(self.control, ("linear", "constant"), "control")
-        one_of(self.dynamics, ("forward", "inverse", "auto"), "dynamics")
+        one_of(self.dynamics, ("forward", "inverse"), "dynamics")
         for name in ("arcs", "verbose"):
             flag(getattr(self, name), name)
         if self.compile is not None:

@@ -94,10 +94,5 @@ class Task:
         """The same for a guess that has to do without a search."""
         return self._settings(self.options.tolerance, DirectOptions.barrier)
 
-    def patient(self, settings: DirectOptions) -> DirectOptions:
-        """The same with no more iterations than a fine mesh is worth."""
-        most = self.policy.program.patience
-        return settings if most is None else replace(settings, max_iterations=min(settings.max_iterations, most))
-
     def _settings(self, tolerance: float, barrier: float) -> DirectOptions:
         return DirectOptions(tolerance, self.options.max_iterations, self.options.verbose, barrier)

@@ -11,7 +11,11 @@ TRAINED = "Panda and UR5, ten random pairs each (seed 1)"
 class CurvePolicy:
     """How a curve is laid out, solved, kept within its limits and followed."""
 
+    used: bool = by_kind(
+        "-", "beyond three joints: there most torques are idle at times, and a mesh leaves them open", TRAINED
+    )
     intervals: int = tuned(56, "intervals", "of a leg; 40 are 0.004 % slower, 100 as much faster", TRAINED)
+    coarse: int = tuned(16, "intervals", "of a leg, where goals are compared: right to 1 %", "UR5: eight branches")
     shortest: float = by_kind("of a leg", "first and last interval: ramps to a velocity limit are this short", TRAINED)
     starts: int = by_kind("guesses", "one where velocity limits shape the motion: from eight comes the same", TRAINED)
     barrier: float = tuned(0.1, "scaled", "IPOPT's mu_init from a straight guess", TRAINED)

@@ -2,20 +2,15 @@
 
 from dataclasses import dataclass
 
-from armdyn.optimal.task.policy.tuned import LARGE, PAPER, UNRECORDED, by_kind, tuned
+from armdyn.optimal.task.policy.tuned import LARGE, PAPER, tuned
 
 
 @dataclass(frozen=True, kw_only=True)
 class LandingPolicy:
     """How torques of a mesh are brought to land."""
 
-    leads_home: bool = by_kind(
-        "-", "beyond three joints feedback leads a replay that goes astray; before, a finer mesh is better", LARGE
-    )
     rounds: int = tuned(8, "rounds", "of Newton's method on the torques", PAPER)
     landed: float = tuned(1e-9, "rad or m", "miss of the goal that is a few of the integrator's own", PAPER)
-    leads: int = tuned(12, "rounds", "of feedback; each halves the miss or so", "Baxter, xArm, Kinova")
-    astray: float = tuned(1e-3, "rad or m", "miss that Newton's method cannot leave where it converges", LARGE)
     far: float = tuned(0.1, "rad or m", "miss beyond which a replay is no neighbour of what is sought", LARGE)
     steps: int = tuned(600, "steps", "of the variational equations: 1 ms resolves a turn through dry friction", "Panda")
     samples: int = tuned(8, "samples", "of the motion under each constant torque", PAPER)
@@ -23,13 +18,6 @@ class LandingPolicy:
     near: float = tuned(1e-3, "of a limit", "a velocity so near its limit is held while the goal is corrected", LARGE)
     rank: float = tuned(1e-10, "-", "part of the most that torques can do about the goal: rounding", LARGE)
     longer: float = tuned(10.0, "-", "cost of a change of duration against that of all torques", LARGE)
-    worth: float = tuned(0.01, "rad or m", "position error that is worth a torque of half the range", "Baxter, xArm")
-    quick: float = tuned(0.1, "of the duration", "in which an error is to be gone", "Baxter, xArm")
-    at_goal: float = tuned(100.0, "-", "weight of an error at the goal against one on the way", "Baxter, xArm")
-    aiming: float = tuned(
-        0.3, "of the duration", "last part, in which a motion turns to what is aimed at", "Baxter, xArm"
-    )
-    lost: float = tuned(1.0, "rad or m", "beside the motion: feedback has lost it", UNRECORDED)
 
 
 @dataclass(frozen=True, kw_only=True)

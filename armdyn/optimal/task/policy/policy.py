@@ -18,9 +18,6 @@ from armdyn.optimal.task.policy.search import ProgramPolicy, SamePolicy, SearchP
 from armdyn.optimal.task.policy.tuned import rows
 from armdyn.optimal.task.scheme import Scheme
 
-_SMALL = 3
-"""Joints up to which time determines every torque as a rule, so that arcs can be resolved; beyond, some are idle."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Policy:
@@ -44,7 +41,7 @@ class Policy:
     same: SamePolicy = field(default_factory=SamePolicy)
     refinement: RefinementPolicy
     arcs: ArcsPolicy = field(default_factory=ArcsPolicy)
-    landing: LandingPolicy
+    landing: LandingPolicy = field(default_factory=LandingPolicy)
     smooth: SmoothPolicy
     conditions: ConditionsPolicy = field(default_factory=ConditionsPolicy)
     indirect: IndirectPolicy
@@ -54,52 +51,33 @@ class Policy:
     def of(cls, problem: MinimumTimeProblem) -> Self:
         """The policy for a problem, by its joints, its limits and its conditions along the way."""
         joints, asked = problem.robot.nv, bool(problem.along_the_way)
-        small, crowded = joints <= _SMALL, bool(problem.obstacles) or problem.self_collision
-        easy = small or problem.effort_weight > 0
+        crowded = bool(problem.obstacles) or problem.self_collision
         return cls(
             program=ProgramPolicy(
-                dynamics="forward" if small else "inverse",
                 linear=problem.continuous_torque,
-                condensed=small and not asked,
-                graded=not small,
-                tie=0.0 if easy else 1e-2,
-                flat=(1e-4 if _has_rows(problem) else None if small else 1e-5),
-                patience=None if small else 250,
-                kept=None if small else 1e-6,
+                condensed=not asked,
+                flat=1e-4 if _has_rows(problem) else None,
             ),
             search=SearchPolicy(
-                starts=_by_joints(joints, (1, 12, 16), 6) if crowded else _by_joints(joints, (1, 16, 40), 4),
-                neighbour_starts=_by_joints(joints, (1, 8, 12), 1),
-                every_mesh=small,
+                starts=_by_joints(joints, 1, 12, 16) if crowded else _by_joints(joints, 1, 16, 40),
+                neighbour_starts=_by_joints(joints, 1, 8, 12, 1),
                 side_by_side=joints > 1,
-                straight_on_fine=not (small or crowded),
-                straight_is_mark=not small,
-                without_dry_friction=not small,
-                again=1 < joints <= _SMALL and not crowded,
-                refined=4 if small else 2,
+                again=joints > 1 and not crowded,
             ),
-            refinement=RefinementPolicy(
-                arcs_first=small,
-                idle_end_it=not small,
-                landing_is_enough=not small,
-                extremal_is_enough=joints > 2,
-                lists_slower=joints > 2,
-                one_mesh=not small,
-            ),
-            landing=LandingPolicy(leads_home=not small),
-            smooth=SmoothPolicy(starts=_by_joints(joints, (2, 16, 24), 4), refined=10 if joints == 2 else 6),
-            indirect=IndirectPolicy(starts=_by_joints(joints, (1, 6), 16)),
+            refinement=RefinementPolicy(extremal_is_enough=joints > 2, lists_slower=joints > 2),
+            smooth=SmoothPolicy(starts=_by_joints(joints, 2, 16, 24), refined=10 if joints == 2 else 6),
+            indirect=IndirectPolicy(starts=_by_joints(joints, 1, 6, 16)),
             curves=CurvePolicy(
+                used=joints > 3,
                 shortest=3e-4 if problem.speed_limited else 1.0,
                 starts=6 if crowded else 1 if problem.speed_limited else 4,
             ),
         )
 
     def scheme(self, options: MinimumTimeOptions) -> Scheme:
-        """How motion becomes unknowns: as the options say, where they leave it open as it suits the problem."""
-        form = self.program.dynamics if options.dynamics == "auto" else options.dynamics
+        """How motion becomes unknowns: as the options say, but for torques that a condition forbids to jump."""
         control = "linear" if self.program.linear else options.control
-        return Scheme(options.method, control, form, options.compile)
+        return Scheme(options.method, control, options.dynamics, options.compile)
 
     def rows(self) -> Iterator[tuple[str, object, str, str, str]]:
         """Name, value, unit, reason and cases of every number."""
@@ -115,5 +93,6 @@ def _has_rows(problem: MinimumTimeProblem) -> bool:
     return bool(set(problem.along_the_way) - {"via points"})
 
 
-def _by_joints(joints: int, few: tuple[int, ...], many: int) -> int:
-    return few[joints - 1] if joints <= len(few) else many
+def _by_joints(joints: int, *numbers: int) -> int:
+    """The number for so many joints; the last is for all beyond."""
+    return numbers[min(joints, len(numbers)) - 1]

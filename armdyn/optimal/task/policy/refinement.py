@@ -9,24 +9,12 @@ from armdyn.optimal.task.policy.tuned import LARGE, PAPER, UNRECORDED, by_kind, 
 class RefinementPolicy:
     """How far an optimum of a mesh is refined."""
 
-    arcs_first: bool = by_kind(
-        "-", "programs of the arcs are built before the fork: beyond three joints few get there", LARGE
-    )
-    idle_end_it: bool = by_kind(
-        "-", "beyond three joints a joint on no limit for most of the motion leaves the arcs undetermined", LARGE
-    )
-    landing_is_enough: bool = by_kind(
-        "-", "beyond three joints a mesh that lands is not made finer: it costs more than it has ever given", LARGE
-    )
     extremal_is_enough: bool = by_kind(
         "-",
         "beyond two joints arcs with H = 0 are not made finer: a wrong sign no finer mesh takes back",
         "RRR, ten payloads",
     )
     lists_slower: bool = by_kind("-", "beyond two joints an optimum slower than a certified one is only listed", "RRR")
-    one_mesh: bool = by_kind(
-        "-", "beyond three joints the first mesh that keeps all conditions along the way is the answer", "Panda: a post"
-    )
     sure: float = tuned(
         5.0, "-", "slower by so many times what the certified one's mesh was wrong by", "RRR, ten payloads"
     )

@@ -2,39 +2,23 @@
 
 from dataclasses import dataclass
 
-from armdyn.optimal.task.policy.tuned import LARGE, PAPER, UNRECORDED, by_kind, tuned
-from armdyn.optimal.task.scheme import DynamicsForm
+from armdyn.optimal.task.policy.tuned import PAPER, UNRECORDED, by_kind, tuned
 
 
 @dataclass(frozen=True, kw_only=True)
 class ProgramPolicy:
     """How a motion becomes a nonlinear program, and what IPOPT is told of it."""
 
-    dynamics: DynamicsForm = by_kind(
-        "-",
-        "forward up to three joints; inverse beyond, where derivatives of ABA cost more than the extra unknowns",
-        "one solve from the straight guess: R, RR, RRR, Luus, Panda",
-    )
     linear: bool = by_kind("-", "torque linear between knots: a condition forbids it to jump", "by definition")
     condensed: bool = by_kind(
         "-",
         "the middle of an interval is put in: half the unknowns; it needs forward dynamics and no rows along the way",
         "RR, RRR with 100.6 g: 48 guesses each",
     )
-    graded: bool = by_kind(
-        "-",
-        "dense at both ends beyond three joints: ramps to a velocity limit are a thousandth of the motion",
-        LARGE,
-    )
-    tie: float = by_kind(
-        "of 1 for time",
-        "cost of full torques beyond three joints, where some are idle; with a tenth IPOPT takes 2 to 10 times as long",
-        LARGE,
-    )
     flat: float | None = by_kind(
         "scaled",
-        "IPOPT's error at which it may stop once the equations hold: idle joints make a flat valley",
-        LARGE + "; sphere and post before RR and Panda",
+        "IPOPT's error at which it may stop once the equations hold: rows along the way make a flat valley",
+        "sphere and post before RR and Panda",
     )
     near_limit: float = tuned(
         1e-3, "of travel or limit", "a guess so near a limit is likely to exceed it between knots", UNRECORDED
@@ -49,14 +33,6 @@ class ProgramPolicy:
     fine_tolerance: float = tuned(1e-6, "scaled", "of IPOPT from a solution on another mesh", PAPER)
     fine_barrier: float = tuned(1e-3, "scaled", "its mu_init there: the guess shall not be left", PAPER)
     again_barrier: float = tuned(1e-5, "scaled", "the same on the same mesh, asked for a little more", UNRECORDED)
-    patience: int | None = by_kind(
-        "iterations", "on a mesh beyond three joints: those that converge take half of it; none: the options'", LARGE
-    )
-    kept: float | None = by_kind(
-        "scaled defect",
-        "with which a motion beyond three joints is taken, though IPOPT walks on in its flat valley; none: never",
-        LARGE,
-    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,28 +41,16 @@ class SearchPolicy:
 
     starts: int = by_kind(
         "guesses",
-        "16 for two joints met the best optimum within six over eight seeds; 40 for three; beyond, a solve takes "
-        "seconds; around obstacles ways are chosen among many",
+        "16 for two joints met the best optimum within six over eight seeds; 40 for three; around obstacles ways are "
+        "chosen among many",
         PAPER,
     )
-    neighbour_starts: int = by_kind("guesses", "of a search that has a neighbour's optimum, in a sweep", PAPER)
-    every_mesh: bool = by_kind("-", "guesses take turns on all coarse meshes; beyond three joints on the first", LARGE)
+    neighbour_starts: int = by_kind(
+        "guesses", "of a search that has a neighbour's optimum, in a sweep; beyond three joints the straight one", PAPER
+    )
     side_by_side: bool = by_kind("-", "in processes: for one joint a fork takes as long as the solve", PAPER)
-    straight_on_fine: bool = by_kind(
-        "-",
-        "beyond three joints the straight guess is solved on the fine mesh at once, unless obstacles are there",
-        LARGE,
-    )
-    straight_is_mark: bool = by_kind(
-        "-",
-        "beyond three joints a fine mesh costs seconds: only what beats the straight guess on its own is worth one",
-        LARGE,
-    )
-    without_dry_friction: bool = by_kind(
-        "-", "beyond three joints Coulomb friction is left out of the search: five times as fast", "Panda with friction"
-    )
     again: bool = by_kind("-", "where a finer mesh contradicts the search it is done again on that", PAPER)
-    refined: int = by_kind("optima", "so many are worth a finer mesh", PAPER + "; " + LARGE)
+    refined: int = tuned(4, "optima", "so many are worth a finer mesh", PAPER)
     again_at_least: int = tuned(10, "guesses", "of another search, on finer meshes", PAPER)
     worth: float = tuned(1.2, "of the best duration", "coarse solutions slower than that are only listed", PAPER)
     too_coarse: float = tuned(
