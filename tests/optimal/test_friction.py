@@ -110,10 +110,10 @@ def test_ur5_with_damping_and_coulomb_friction_arrives():
     problem = ad.MinimumTimeProblem(
         robot, q_start=[0, -1.2, 1.2, -1.0, 0.5, 0.0], q_goal=[1.0, -0.6, 0.4, -1.8, -0.8, 1.2]
     )
-    solution = solve(problem, starts=1)
+    solution = solve(problem)
     width = robot.friction.width
     end = simulated(robot, solution.trajectory, lambda v: damping * v + coulomb * np.tanh(v / width))
-    # The replay is aimed to 1e-9 rad by another integrator; both hold 1e-9 per step over some hundred steps.
+    # The replay lands to 1e-9 rad by another integrator; both hold 1e-9 per step over some hundred steps.
     np.testing.assert_allclose(end[:6], problem.q_goal, atol=1e-6)
     np.testing.assert_allclose(end[6:], 0.0, atol=1e-4)
     assert solution.duration > problem.duration_bound()

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class _Step:
     """How a state at the end of a constant torque follows from its start, to first order.
 
     Attributes:
@@ -45,7 +45,7 @@ def sensitivity(robot: Robot, pieces: Pieces, replay: Trajectory, count: int) ->
     """
     n, P = robot.nv, len(pieces.tau)
     by_torque, by_time = np.zeros((P, 2 * n, P * n)), np.zeros((P, 2 * n))
-    for k, step in enumerate(steps_along(robot, pieces, replay, count)):
+    for k, step in enumerate(_steps(robot, pieces, replay, count)):
         if k:
             by_torque[k], by_time[k] = step.through @ by_torque[k - 1], step.through @ by_time[k - 1]
         by_torque[k, :, n * k : n * (k + 1)] = step.forced
@@ -53,7 +53,7 @@ def sensitivity(robot: Robot, pieces: Pieces, replay: Trajectory, count: int) ->
     return by_torque, by_time
 
 
-def steps_along(robot: Robot, pieces: Pieces, motion: Trajectory, count: int) -> list[Step]:
+def _steps(robot: Robot, pieces: Pieces, motion: Trajectory, count: int) -> list[_Step]:
     """From every piece's start to its end, along a motion; `count` steps over the whole, about."""
     n, duration = robot.nv, pieces.t[-1]
     model, data, friction = robot.model, robot.model.createData(), robot.friction
@@ -77,7 +77,7 @@ def steps_along(robot: Robot, pieces: Pieces, motion: Trajectory, count: int) ->
             own = part[: 2 * n, : 2 * n]
             through, forced = own @ through, own @ forced + part[: 2 * n, 2 * n :]
             stretched = own @ stretched + h * rate
-        found.append(Step(through, forced, stretched))
+        found.append(_Step(through, forced, stretched))
     return found
 
 

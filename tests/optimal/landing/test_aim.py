@@ -1,4 +1,4 @@
-"""Landing of a mesh's torques, on arms of more joints than arcs are resolved for."""
+"""Landing of a mesh's torques where arcs are not resolved."""
 
 import numpy as np
 import pytest

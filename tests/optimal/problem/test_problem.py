@@ -66,13 +66,3 @@ def test_values_are_frozen():
     with pytest.raises(ValueError, match="read-only"):
         problem.q_start[0] = 1.0
     assert replace(problem, effort_weight=1.0).effort_weight == 1.0
-
-
-def test_a_problem_without_dry_friction_begins_with_itself():
-    problem = paper_problem("rr")
-    assert problem.without_dry_friction() is problem
-    robot = problem.robot.with_friction(0.1, 0.2)
-    rough = ad.MinimumTimeProblem(robot, q_start=problem.q_start, q_goal=problem.q_goal)
-    smooth = rough.without_dry_friction()
-    assert not np.any(smooth.robot.friction.coulomb)
-    np.testing.assert_array_equal(smooth.robot.friction.damping, robot.friction.damping)

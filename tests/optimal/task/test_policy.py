@@ -29,25 +29,25 @@ def problem(kind):
 
 
 TABLE = {
-    # kind: starts, dynamics, condensed, graded, tie, flat, linear, again, refined, kept
-    "r": (1, "forward", True, False, 0.0, None, False, False, 4, None),
-    "rr": (16, "forward", True, False, 0.0, None, False, True, 4, None),
-    "rrr": (40, "forward", True, False, 0.0, None, False, True, 4, None),
-    "rr ball": (12, "forward", False, False, 0.0, 1e-4, False, False, 4, None),
-    "rr jerk": (16, "forward", False, False, 0.0, 1e-4, True, True, 4, None),
-    "rr via": (16, "forward", False, False, 0.0, None, False, True, 4, None),
-    "rr effort": (16, "forward", True, False, 0.0, None, False, True, 4, None),
-    "ur5": (4, "inverse", False, True, 1e-2, 1e-5, False, False, 2, 1e-6),
+    # kind: starts, condensed, flat, linear, again, by curves, their starts, neighbour_starts
+    "r": (1, True, None, False, False, False, 1, 1),
+    "rr": (16, True, None, False, True, False, 1, 8),
+    "rrr": (40, True, None, False, True, False, 1, 12),
+    "rr ball": (12, False, 1e-4, False, False, False, 6, 8),
+    "rr jerk": (16, False, 1e-4, True, True, False, 1, 8),
+    "rr via": (16, False, None, False, True, False, 1, 8),
+    "rr effort": (16, True, None, False, True, False, 1, 8),
+    "ur5": (40, True, None, False, True, True, 1, 1),
 }
 
 
 @pytest.mark.parametrize("kind", TABLE)
 def test_what_depends_on_the_kind_of_problem(kind):
     policy = Policy.of(problem(kind))
-    program, search = policy.program, policy.search
+    program, search, curves = policy.program, policy.search, policy.curves
     found = (
-        search.starts, program.dynamics, program.condensed, program.graded, program.tie,
-        program.flat, program.linear, search.again, search.refined, program.kept,
+        search.starts, program.condensed, program.flat, program.linear, search.again,
+        curves.used, curves.starts, search.neighbour_starts,
     )  # fmt: skip
     assert found == TABLE[kind]
 
@@ -69,7 +69,7 @@ def test_a_number_is_changed_in_a_copy():
     assert other.program == policy.program
 
 
-def test_the_scheme_is_the_options_unless_they_leave_it_open():
+def test_the_scheme_is_the_options_unless_a_condition_forbids_it():
     policy = Policy.of(problem("rr jerk"))
     assert policy.scheme(ad.MinimumTimeOptions()).control == "linear"  # a jerk limit forbids jumps
     chosen = ad.MinimumTimeOptions(dynamics="inverse", method="radau3", compile=False)
