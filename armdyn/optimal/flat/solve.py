@@ -5,11 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.exclusive import forget
 from armdyn.optimal.flat.curve import Curve
+from armdyn.optimal.flat.equations import torque_equations
 from armdyn.optimal.flat.posing import Wanted, pose, rows_of, shape_of
 from armdyn.optimal.flat.program import Shape, build
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, Outcome, in_time
+from armdyn.optimal.program.machine.background import arrived
+from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, Outcome, forget_solvers, in_time
 from armdyn.optimal.task.task import Task
 
 Array = NDArray[np.float64]
@@ -50,6 +53,9 @@ def solve_curve(task: Task, guess: Curve, wanted: Wanted, near: Solved | None = 
     Raises:
         LateError: the time is up before the program is built.
     """
+    if arrived():
+        forget(torque_equations, build)
+        forget_solvers()
     shape, numbers = shape_of(task.problem, guess, wanted.demands), task.policy.curves
     near = near if near is not None and near.shape == shape else None
     more: dict[str, float | str] = {"mu_init": numbers.barrier}

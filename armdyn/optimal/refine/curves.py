@@ -16,7 +16,7 @@ from armdyn.optimal.flat.settle import Settled, settle
 from armdyn.optimal.landing.limits import limit_violation, worst_violation
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.program.deadline import LateError
+from armdyn.optimal.program.machine.deadline import LateError
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, certify
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import Found
