@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armdyn.arguments import one_of
-from armdyn.cli.console import INTERRUPTED, NOT_CERTIFIED, answering, console, errors, escape
+from armdyn.cli.console import INTERRUPTED, NOT_USABLE, answering, console, errors, escape
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.text import numbers
 from armdyn.control.arrival import ARRIVAL_RULES
@@ -77,7 +77,7 @@ def reproduce(
             answer.code = INTERRUPTED
         else:
             answer.facts |= _facts(result)
-            answer.code = 0 if answer.facts["success"] else NOT_CERTIFIED
+            answer.code = 0 if answer.facts["success"] else NOT_USABLE
             if not json:
                 _print(result, plan, out)
 

@@ -1,12 +1,14 @@
 """A solution made of the optima that a solve has come to: which is the answer, and what is said of it."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.proof.certificate import Certificate
+from armdyn.optimal.proof.deciding import deciding
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
@@ -16,7 +18,7 @@ _NEARLY = 1e-3
 """Of a limit: a motion that exceeds one by more is not named, not even as the best so far."""
 
 
-def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float) -> Solution:
+def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, bound: float | None = None) -> Solution:
     """The best of the optima as an answer, beside the durations of all others met.
 
     Args:
@@ -24,8 +26,10 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float) -
         optima: at least one.
         found: the search that they come from.
         elapsed: wall time [s].
+        bound: no motion is faster [s], as is proven; None: no bound is known. It says nothing where effort is paid for.
     """
     best, *others = sorted(optima, key=lambda optimum: (_rank(task, optimum), optimum.cost))
+    best = _bounded(task, best, bound)
     certificate, duration = best.certificate, best.trajectory.duration
     status = _status(task, best)
     missed = best.missed
@@ -51,6 +55,7 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float) -
         kept=best.checked.kept if best.checked else (),
         via_times=best.via_times,
         moves=_moves(task, best),
+        decides=best.decides or (deciding(task.problem, best.phases) if best.phases else ()),
     )
 
 
@@ -71,6 +76,13 @@ def failed(task: Task, found: Found, elapsed: float) -> Solution:
         worst_violation=worst,
         moves=False,
     )
+
+
+def _bounded(task: Task, optimum: Optimum, bound: float | None) -> Optimum:
+    """With what its certificate is to know besides: when it counts as landed, and the bound on its duration."""
+    landing = replace(optimum.certificate, landing=task.options.replay_tolerance)
+    timed = bound if task.problem.effort_weight == 0 else None
+    return replace(optimum, certificate=landing.bounded(timed, optimum.trajectory.duration))
 
 
 def _rank(task: Task, optimum: Optimum) -> tuple[bool, bool, bool]:
@@ -118,14 +130,11 @@ def _message(task: Task, status: Status, optimum: Optimum) -> str:
     certificate, duration = optimum.certificate, optimum.trajectory.duration
     if status is Status.SOLVED:
         landed = f"{duration:.9g} s, replayed to within {certificate.goal_error:.1e} rad of the goal"
-        return (
-            f"{landed}; certified" if certificate.ok else f"{landed}; not certified: {'; '.join(certificate.reasons)}"
-        )
+        return f"{landed}; {'; '.join(('not certified', *certificate.reasons)) if certificate.reasons else 'certified'}"
     if status is Status.REPLAY_MISSED:
         return (
             f"the torques that collocation found end {certificate.goal_error:.2g} rad from the goal when replayed "
-            f"(tolerance {task.options.replay_tolerance:g} rad): raise max_intervals; light links at strong motors may "
-            "want the rotors' inertia (armature)"
+            f"(tolerance {task.options.replay_tolerance:g} rad)"
         )
     said = status.replace("_", " ")
     if _moves(task, optimum):

@@ -203,4 +203,4 @@ def _pulls(phases: Phases) -> tuple[Array, Array, NDArray[np.bool_]]:
             rows = slice(None) if mode in POSITION else slice(1, 2)
             met[k, rows, i] = held[k : k + 2, rows, i] = True
     inner = (phases.state_pull * held[:, None]).reshape(K, -1, 2 * n)
-    return inner, (phases.knot_pull * met).reshape(K - 1, 2 * n), held.any(axis=(1, 2))
+    return inner, (phases.knot_pull * met).reshape(K - 1, 2 * n), np.asarray(np.any(held, axis=(1, 2)))
