@@ -26,7 +26,7 @@ def test_a_failure_pretends_no_digits():
 def test_a_success_has_all_of_them():
     solution = solved("r")
     assert solution_words(solution, wrap=False)["duration"] == f"{solution.duration:.9f} s"
-    assert title_words(solution) == f"minimum time {solution.duration:.4f} s"
+    assert title_words(solution) == f"minimum time {solution.duration:.4f} s, certified"
 
 
 def test_the_best_so_far_is_called_so():

@@ -62,9 +62,7 @@ def _for_extremal(problem: MinimumTimeProblem, certificate: Certificate, arcs: b
         asked = ", ".join(problem.along_the_way)
         return f"not extremal: Pontryagin's conditions are not checked with {asked}; a small gap would say as much"
     if not certificate.on_goal:
-        return (
-            "not extremal: it does not end on the goal to 1e-6: raise `max_intervals`, or give `armature` or `damping`"
-        )
+        return "not extremal: it ends more than 1e-6 beside the goal: raise `max_intervals`, or give `armature`"
     if not arcs:
         return "not extremal: its arcs were not resolved: raise `max_intervals` or `starts`"
     return "not extremal: its arcs are not quite those of an optimum: raise `max_intervals` or `starts`"
@@ -77,10 +75,10 @@ def _for_gap(problem: MinimumTimeProblem, certificate: Certificate) -> str:
         return "no gap: without velocity limits no lower bound is known: give `velocity_limit`"
     if certificate.gap is None:
         return "no gap: no lower bound is known; a `velocity_limit` that the motion comes near would give one"
+    if not certificate.gap_proven and certificate.on_goal:
+        return "the motion is faster than the lower bound: one of the two is wrong, and a bug in armdyn"
     if not certificate.gap_proven:
-        return "the gap is not proven: the motion does not end on the goal to 1e-6: raise `max_intervals`"
+        return "the gap is not proven: the motion ends more than 1e-6 beside the goal: raise `max_intervals`"
     if certificate.gap > _LITTLE:
         return "a large gap: the bound is one of velocity limits, and says little where torque limits decide"
-    return (
-        f"a gap of {percent(certificate.gap)}: raise `starts` or `max_intervals` for a faster motion, if there is one"
-    )
+    return f"a gap of {percent(certificate.gap)}: raise `starts` or `max_intervals`; there may be a faster motion"

@@ -130,7 +130,8 @@ def _message(task: Task, status: Status, optimum: Optimum) -> str:
     certificate, duration = optimum.certificate, optimum.trajectory.duration
     if status is Status.SOLVED:
         landed = f"{duration:.9g} s, replayed to within {certificate.goal_error:.1e} rad of the goal"
-        return f"{landed}; {'; '.join(('not certified', *certificate.reasons)) if certificate.reasons else 'certified'}"
+        reasons = "; ".join(certificate.reasons)
+        return f"{landed}; not certified: {reasons}" if reasons else f"{landed}; certified"
     if status is Status.REPLAY_MISSED:
         return (
             f"the torques that collocation found end {certificate.goal_error:.2g} rad from the goal when replayed "

@@ -54,8 +54,8 @@ class Certificate:
         switching_violation: what H could still fall by if one torque went to a limit that it is not on, by
             the sign of its switching function; for held velocities, the wrong sign of their multiplier
             relative to its peak.
-        adjoint_error: how far the costates are from the adjoint equations' solution along the replay, which knows
-            nothing of the program that they were read from: as a change of H; see `adjoint_error`.
+        adjoint_error: how far the costates are from a solution of the adjoint equations along the replay, by an
+            integration of its own: as a change of H; see `adjoint.adjoint_error`.
         limit_violation: largest excess of a torque, velocity or position over its limit anywhere in the
             replay, relative to the limit (position: to the range).
         exceeded: which limit that is, of which joint, and when; None: all are kept.
