@@ -104,11 +104,11 @@ def _verdict_facts(solution: Solution) -> dict[str, str]:
     if solution.usable:
         facts["certified"] = "yes" if solution.certified else "; ".join(("no", *certificate.reasons))
     if solution.arcs:
+        adjoint = certificate.adjoint_error
         facts["extremal"] = (
             f"{'yes' if certificate.extremal else 'no'}: |H| ≤ {certificate.hamiltonian_spread:.1e}, wrong signs ≤ "
-            f"{certificate.switching_violation:.1e}, adjoint equations to {certificate.adjoint_error:.1e}, "
-            f"{len(solution.arcs)} arcs"
-        )
+            f"{certificate.switching_violation:.1e}, {len(solution.arcs)} arcs"
+        ) + ("" if adjoint is None else f"; adjoint equations to {adjoint:.1e}")
     if certificate.idle:
         facts["idle"] = ", ".join(certificate.idle) + ": time does not determine how they move"
     if solution.gap is not None:

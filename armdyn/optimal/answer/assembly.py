@@ -7,6 +7,7 @@ import numpy as np
 
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.problem.status import Status, Violation
+from armdyn.optimal.proof.adjoint import adjoint_error
 from armdyn.optimal.proof.certificate import Certificate
 from armdyn.optimal.proof.deciding import deciding
 from armdyn.optimal.refine.optimum import Optimum
@@ -29,7 +30,7 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, b
         bound: no motion is faster [s], as is proven; None: no bound is known. It says nothing where effort is paid for.
     """
     best, *others = sorted(optima, key=lambda optimum: (_rank(task, optimum), optimum.cost))
-    best = _bounded(task, best, bound)
+    best = _judged(task, best, bound)
     certificate, duration = best.certificate, best.trajectory.duration
     status = _status(task, best)
     missed = best.missed
@@ -78,11 +79,14 @@ def failed(task: Task, found: Found, elapsed: float) -> Solution:
     )
 
 
-def _bounded(task: Task, optimum: Optimum, bound: float | None) -> Optimum:
-    """With what its certificate is to know besides: when it counts as landed, and the bound on its duration."""
-    landing = replace(optimum.certificate, landing=task.options.replay_tolerance)
-    timed = bound if task.problem.effort_weight == 0 else None
-    return replace(optimum, certificate=landing.bounded(timed, optimum.trajectory.duration))
+def _judged(task: Task, optimum: Optimum, bound: float | None) -> Optimum:
+    """With all that its certificate is to know: when it has landed, the bound, the adjoint equations of an extremal."""
+    motion, phases, problem = optimum.trajectory, optimum.phases, task.problem
+    certificate = replace(optimum.certificate, landing=task.options.replay_tolerance)
+    certificate = certificate.bounded(bound if problem.effort_weight == 0 else None, motion.duration)
+    if phases is not None and certificate.extremal:
+        certificate = replace(certificate, adjoint_error=adjoint_error(problem.robot, motion, phases))
+    return replace(optimum, certificate=certificate)
 
 
 def _rank(task: Task, optimum: Optimum) -> tuple[bool, bool, bool]:

@@ -70,5 +70,5 @@ def minimum_time_summary(solution: Solution) -> dict[str, object]:
     }
 
 
-def _finite(number: float) -> float | None:
-    return number if abs(number) < float("inf") else None
+def _finite(number: float | None) -> float | None:
+    return None if number is None or not abs(number) < float("inf") else number

@@ -55,7 +55,8 @@ class Certificate:
             the sign of its switching function; for held velocities, the wrong sign of their multiplier
             relative to its peak.
         adjoint_error: how far the costates are from a solution of the adjoint equations along the replay, by an
-            integration of its own: as a change of H; see `adjoint.adjoint_error`.
+            integration of its own: as a change of H; see `adjoint.adjoint_error`. None: not asked for, as of the
+            candidates on the way to an answer, or there are no costates.
         limit_violation: largest excess of a torque, velocity or position over its limit anywhere in the
             replay, relative to the limit (position: to the range).
         exceeded: which limit that is, of which joint, and when; None: all are kept.
@@ -75,7 +76,7 @@ class Certificate:
     limit_violation: float
     hamiltonian_spread: float = float("inf")
     switching_violation: float = float("inf")
-    adjoint_error: float = float("inf")
+    adjoint_error: float | None = None
     singular: bool = False
     idle: tuple[str, ...] = ()
     remark: str = ""
@@ -111,6 +112,7 @@ class Certificate:
     def extremal(self) -> bool:
         """Its costates are known, and keep Pontryagin's conditions: |H|, signs, adjoint equations; it ends on the goal.
 
+        Of a candidate the adjoint equations are not asked: see `adjoint_error`.
         A joint whose costates are zero keeps them, too: see `idle`.
         """
         return self.on_goal and not self._against_pontryagin
@@ -163,7 +165,7 @@ class Certificate:
         return _beyond(
             ("the Hamiltonian strays from 0 by {:.2g}", self.hamiltonian_spread, HAMILTONIAN_TOLERANCE),
             ("a switching function has the wrong sign by {:.2g}", self.switching_violation, SWITCHING_TOLERANCE),
-            ("the costates stray from the adjoint equations by {:.2g}", self.adjoint_error, ADJOINT_TOLERANCE),
+            ("the costates stray from the adjoint equations by {:.2g}", self.adjoint_error or 0.0, ADJOINT_TOLERANCE),
         )
 
     @property
@@ -191,6 +193,7 @@ def certify(
     phases: Phases | None,
     remark: str = "",
     lower_bound: float | None = None,
+    adjoint: bool = True,
 ) -> Certificate:
     """Check a replayed motion, and its costates if its arcs are known.
 
@@ -200,6 +203,7 @@ def certify(
         phases: the arcs solved; None: only the replay is checked.
         remark: why there are no arcs.
         lower_bound: no motion is faster [s], as is proven; None: no bound is known.
+        adjoint: the adjoint equations are integrated, too, which takes up to half a second.
     """
     goal = float(np.max(np.abs(replay.q[-1] - problem.q_goal)))
     goal_velocity = float(np.max(np.abs(replay.v[-1] - problem.v_goal)))
@@ -214,7 +218,7 @@ def certify(
         plain,
         hamiltonian_spread=float(np.max(np.abs(hamiltonian))),
         switching_violation=sign,
-        adjoint_error=adjoint_error(problem.robot, replay, phases),
+        adjoint_error=adjoint_error(problem.robot, replay, phases) if adjoint else None,
         singular=problem.effort_weight == 0 and any(arc.singular for arc in phases.arcs),
         idle=idle_joints(problem, phases, switching, SWITCHING_TOLERANCE),
         t=phases.t,

@@ -118,3 +118,19 @@ def test_success_is_a_usable_motion_of_a_solve_that_nobody_stopped(task):
     stopped = replace(task, stop=Stop(interrupted=True))
     solution = answer(stopped, optimum(stopped))
     assert solution.status is ad.Status.INTERRUPTED and solution.usable and not solution.success
+
+
+def test_the_adjoint_equations_are_asked_of_the_answer(task):
+    right = solved("rr")
+    candidate = replace(right.certificate, adjoint_error=None)
+    arcs = replace(optimum(task), trajectory=right.trajectory, certificate=candidate, phases=right.phases)
+    assert answer(task, arcs).certificate.adjoint_error == pytest.approx(right.certificate.adjoint_error, abs=1e-12)
+    assert answer(task, arcs).certified
+    # Costates that the candidate's |H| and signs were not read from.
+    costate = right.phases.costate.copy()
+    costate[3] *= 1.01
+    wrong = answer(task, replace(arcs, phases=replace(right.phases, costate=costate)))
+    assert wrong.usable and not wrong.certified and "adjoint equations" in wrong.message
+    # Of what is no extremal it is not asked.
+    stray = replace(arcs, certificate=replace(candidate, hamiltonian_spread=1.0))
+    assert answer(task, stray).certificate.adjoint_error is None
