@@ -7,6 +7,7 @@ Applied Optimal Control, section 3.9 for limits on the state). Such a motion is 
 faster. A lower bound on the duration says more, of all motions, where it is near.
 """
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -178,8 +179,11 @@ class Certificate:
 
 
 def percent(part: float) -> str:
-    """A part of the whole as people read it, two digits of it."""
-    return f"{100 * part:.2g} %"
+    """A part of the whole as people read it, three digits of it, rounded up: what is at most so much stays true."""
+    if not part or not math.isfinite(part):
+        return f"{100 * part:g} %"
+    scale = 10.0 ** (2 - math.floor(math.log10(100 * abs(part))))
+    return f"{math.ceil(100 * part * scale - 1e-9) / scale:g} %"  # 1e-9: what is even but for rounding stays even
 
 
 def _beyond(*checks: tuple[str, float, float]) -> tuple[str, ...]:
