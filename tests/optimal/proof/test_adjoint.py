@@ -47,8 +47,9 @@ def on_the_rail(**changes):
         paper_problem("r", velocity_limit=10.0),
         paper_problem("rr"),
         luus_problem(),
+        luus_problem().variant(velocity_limit=1.0),
     ],
-    ids=["cart", "cart, speed limit", "cart, dry friction", "r, speed limit", "rr", "luus"],
+    ids=["cart", "cart, speed limit", "cart, dry friction", "r, speed limit", "rr", "luus", "luus, speed limit"],
 )
 def test_the_costates_of_arcs_keep_the_adjoint_equations(problem):
     solution = solve(problem)

@@ -1,11 +1,15 @@
 """How much of the time each limit decides, against closed forms."""
 
+import numpy as np
 import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.optimal.proof.deciding import Share, deciding
-from problems import cart, gantry_problem, paper_problem, solve, solved
+from problems import cart, gantry_problem, luus_problem, paper_problem, solve, solved
+
+SHARES = {"velocity limit": 1, "torque limit": 2}
+"""The powers of pace that speeds and torques go with."""
 
 
 def on_the_rail(**limits):
@@ -26,6 +30,15 @@ def test_speed_and_torque_share_the_time():
     assert speed.part == pytest.approx((2.5 - 0.8) / 3.3, rel=1e-5)
     assert torque.part == pytest.approx(0.8 / 3.3, rel=1e-5)
     assert speed.name == "slide's velocity limit"
+
+
+@pytest.mark.parametrize("speed", [1.0, np.inf])
+def test_without_gravity_the_shares_are_those_of_a_change_of_pace(speed):
+    """All in slow motion, 1 % slower, takes speeds 1 % lower and torques 2 %: speed's shares and twice torque's are 1."""
+    shares = solve(luus_problem().variant(velocity_limit=speed)).decides
+    parts = {limit: sum(share.part for share in shares if share.limit == limit) for limit in SHARES}
+    assert (parts["velocity limit"] > 0.05) == np.isfinite(speed)
+    assert sum(SHARES[limit] * part for limit, part in parts.items()) == pytest.approx(1, rel=1e-6)
 
 
 def test_a_lopsided_torque_limit_counts_by_both_its_sides():
