@@ -34,7 +34,7 @@ def test_speed_and_torque_share_the_time():
 
 @pytest.mark.parametrize("speed", [1.0, np.inf])
 def test_without_gravity_the_shares_are_those_of_a_change_of_pace(speed):
-    """All in slow motion, 1 % slower, takes speeds 1 % lower and torques 2 %: speed's shares and twice torque's are 1."""
+    """1 % slower takes speeds 1 % lower and torques 2 %: speed's shares and twice torque's are 1 together."""
     shares = solve(luus_problem().variant(velocity_limit=speed)).decides
     parts = {limit: sum(share.part for share in shares if share.limit == limit) for limit in SHARES}
     assert (parts["velocity limit"] > 0.05) == np.isfinite(speed)
