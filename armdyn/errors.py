@@ -4,7 +4,30 @@ Bad input raises. A solve that does not converge is no bad input: it returns a `
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+
+_ALIKE = 0.7
+"""difflib's ratio from which two names are alike: "ur5e" and "ur5" have 0.86, "rr" and "r" 0.67."""
+_PART = 3
+"""Letters that a part of a name has at least, for it to be meant."""
+_LONGEST = 200
+"""Letters of a name that are looked at, and shown."""
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """The end of a message about a name that is not known: "; did you mean 'ur5'?", empty if none is like it.
+
+    Args:
+        name: what was asked for.
+        known: the names that would have been right.
+    """
+    import difflib  # only who mistypes waits for it
+
+    names, name = list(known), name[:_LONGEST]
+    near = difflib.get_close_matches(name, names, n=1, cutoff=_ALIKE)
+    if not near and len(name) >= _PART:  # other capitals, or a part of a name
+        near = [one for one in names if name.lower() in one.lower()]
+    return f"; did you mean {near[0][:_LONGEST]!r}?" if near else ""
 
 
 class ArmdynError(Exception):
@@ -39,12 +62,20 @@ class UnknownRobotError(ArmdynError, KeyError):
     Attributes:
         name: what was asked for.
         known: the names that would have been right.
+        hint: where else there may be one of that name; empty: nowhere.
     """
 
-    def __init__(self, name: str, known: Sequence[str]):
+    def __init__(self, name: str, known: Sequence[str], hint: str = ""):
         self.name = name
         self.known = tuple(known)
-        super().__init__(f"no robot named {name!r}; known: {', '.join(known)}")
+        self.hint = hint
+        meant = did_you_mean(name, known)
+        names = f"{' Known' if meant else '; known'}: {', '.join(known)}" if known else ""
+        super().__init__(f"no robot named {name!r}{f'; {hint}' if hint else ''}{meant}{names}")
+
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        """What makes it again in another process."""
+        return type(self), (self.name, self.known, self.hint)
 
     def __str__(self) -> str:
         """The message itself: KeyError would print its repr."""

@@ -44,7 +44,7 @@ def work(numbers: range, keep: str | None) -> None:
 
     from armdyn.errors import ArmdynError
     from armdyn.models import PAPER_ARMS, ArmSpec, Robot, urdf_from_spec
-    from armdyn.models.library import library_urdf
+    from armdyn.models.robots.library import library_urdf
     from mutations import mutated
 
     bases = [

@@ -16,7 +16,7 @@ import tempfile
 import numpy as np
 
 from armdyn.models import Robot
-from armdyn.models.library import LIBRARY_ARMS
+from armdyn.models.robots.library import LIBRARY_ARMS
 
 EFFORT = 10.0
 COMMAND = (sys.executable, "-c", "from armdyn.cli import main; main()", "mintime")

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from armdyn.errors import ArmdynError
-from armdyn.models.obstacles import load_obstacles
+from armdyn.models.scene.obstacles import load_obstacles
 from armdyn.show.results import load_result, save_result
 from armdyn.studies.paper.outcomes import store
 from armdyn.studies.paper.outcomes.case import Case

@@ -34,10 +34,21 @@ def test_every_equation_stands_in_the_table():
 
 
 def test_every_room_stands_on_the_map():
-    rooms = {path.name for path in (ROOT / "armdyn" / "optimal").iterdir() if (path / "__init__.py").exists()}
-    assert rooms == set(re.findall(r"^\| `([a-z_]+)/` \|", MAP, flags=re.M))
+    assert rooms_of("optimal") == set(re.findall(r"^\| `([a-z_]+)/` \|", MAP, flags=re.M))
+    assert rooms_of("models") == set(re.findall(r"^\| `models/([a-z_]+)` \|", MAP, flags=re.M))
+
+
+def rooms_of(floor):
+    return {path.name for path in (ROOT / "armdyn" / floor).iterdir() if (path / "__init__.py").exists()}
+
+
+@pytest.mark.parametrize("floor", ["models"])
+def test_a_room_has_eight_files_at_most(floor):
+    for room in (ROOT / "armdyn" / floor).rglob("__init__.py"):
+        assert len(list(room.parent.glob("*.py"))) <= 1 + 8, room.parent
 
 
 def test_every_file_named_is_there():
     for name in re.findall(r"`((?:[a-z_]+/)+[a-z_]+\.py)`", MAP):
-        assert any((root / name).exists() for root in (ROOT, ROOT / "armdyn", ROOT / "armdyn" / "optimal")), name
+        rooms = (ROOT, ROOT / "armdyn", ROOT / "armdyn" / "optimal", ROOT / "armdyn" / "models")
+        assert any((root / name).exists() for root in rooms), name

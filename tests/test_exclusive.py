@@ -7,7 +7,7 @@ import pytest
 
 from armdyn.exclusive import built_once, one_at_a_time
 from armdyn.models import Robot
-from armdyn.models.collision import collision_model
+from armdyn.models.scene.collision import collision_model
 
 
 @pytest.fixture

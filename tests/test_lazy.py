@@ -80,7 +80,7 @@ def test_a_facade_says_the_same_thrice(name):
 
 
 def test_modules_are_found_as_attributes_and_nothing_else():
-    loaded("import armdyn; armdyn.optimal.problem; armdyn.models.library; armdyn.errors.SpecError")
+    loaded("import armdyn; armdyn.optimal.problem; armdyn.models.robots; armdyn.errors.SpecError")
     with pytest.raises(AttributeError, match=r"module 'armdyn' has no attribute 'optimum'"):
         armdyn.optimum  # noqa: B018
     assert not hasattr(armdyn, "__wrapped__")

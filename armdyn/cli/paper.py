@@ -197,7 +197,7 @@ def urdf(
     """
     with answering(json) as answer:
         from armdyn.models import ArmSpec, Payload
-        from armdyn.models.urdf import urdf_file_name, urdf_from_spec
+        from armdyn.models.values.urdf import urdf_file_name, urdf_from_spec
 
         spec = ArmSpec.paper(arm)  # type: ignore[arg-type]  # paper refuses what it does not know
         load = Payload(mass=payload)

@@ -39,7 +39,7 @@ def robots(
     armdyn doctor baxter_left[/]
     """
     with answering(json) as answer:
-        from armdyn.models.library import LIBRARY_ARMS, other_robots
+        from armdyn.models.robots.library import LIBRARY_ARMS, other_robots
 
         with working("robots", json) as progress:
             arms = [_facts(name, progress) for name in (*models.PAPER_ARMS, *LIBRARY_ARMS)]
@@ -61,7 +61,7 @@ def _facts(name: str, progress: Callable[[str], None]) -> Facts:
     """What one robot is; never an exception, for one bad robot must not hide the others."""
     import numpy as np
 
-    from armdyn.models.library import LIBRARY_ARMS
+    from armdyn.models.robots.library import LIBRARY_ARMS
 
     progress(name)
     arm = LIBRARY_ARMS.get(name)

@@ -16,8 +16,8 @@ from armdyn.control.pid import DEFAULT_GAINS, Controller, Form, PidGains
 from armdyn.control.stability import closed_loop_matrix, eigenvalues
 from armdyn.errors import ProblemError
 from armdyn.models import Robot
-from armdyn.models.per_joint import per_joint
-from armdyn.models.robot import expect_robot
+from armdyn.models.robots.robot import expect_robot
+from armdyn.models.values.per_joint import per_joint
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]

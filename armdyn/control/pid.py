@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, flag, number, one_of
 from armdyn.errors import ProblemError
-from armdyn.models.per_joint import per_joint
+from armdyn.models.values.per_joint import per_joint
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from armdyn.control.motion import EquationsOfMotion, Motion, motion_of
 from armdyn.control.pid import DEFAULT_GAINS, Controller, Form, PidGains
 from armdyn.errors import ProblemError
 from armdyn.models import Robot
-from armdyn.models.per_joint import per_joint
-from armdyn.models.robot import expect_robot
+from armdyn.models.robots.robot import expect_robot
+from armdyn.models.values.per_joint import per_joint
 
 Array = NDArray[np.float64]
 

@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.errors import SpecError
-from armdyn.models.spec import GRAVITY, ArmSpec, LinkSpec, Payload
-from armdyn.models.urdf import TIP
+from armdyn.models.values.spec import GRAVITY, ArmSpec, LinkSpec, Payload
+from armdyn.models.values.urdf import TIP
 
 Array = NDArray[np.float64]
 _Triple = tuple[float, float, float]

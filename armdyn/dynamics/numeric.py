@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from armdyn.models.robot import Robot
+from armdyn.models.robots.robot import Robot
 
 Array = NDArray[np.float64]
 

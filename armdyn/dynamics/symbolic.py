@@ -11,7 +11,7 @@ import pinocchio as pin
 from armdyn.arguments import flag
 from armdyn.errors import BridgeError, SpecError
 from armdyn.exclusive import built_once
-from armdyn.models.robot import Robot, expect_robot
+from armdyn.models.robots.robot import Robot, expect_robot
 
 _NO_MASS = 1e-100
 """Stands for the zero mass of a body with moments or a payload [kg]: its centre, m c / m, stays finite."""

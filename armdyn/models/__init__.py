@@ -5,24 +5,24 @@ from typing import TYPE_CHECKING
 from armdyn.lazy import facade
 
 if TYPE_CHECKING:
-    from armdyn.models.friction import JointFriction
-    from armdyn.models.limits import JointLimits
-    from armdyn.models.obstacles import Box, Capsule, Sphere
-    from armdyn.models.reaching import GoalPose
-    from armdyn.models.robot import Robot
-    from armdyn.models.spec import PAPER_ARMS, PAPER_PAYLOADS, ArmSpec, LinkSpec, Payload
-    from armdyn.models.urdf import urdf_from_spec
+    from armdyn.models.robots.robot import Robot
+    from armdyn.models.scene.obstacles import Box, Capsule, Sphere
+    from armdyn.models.scene.reaching import GoalPose
+    from armdyn.models.values.friction import JointFriction
+    from armdyn.models.values.limits import JointLimits
+    from armdyn.models.values.spec import PAPER_ARMS, PAPER_PAYLOADS, ArmSpec, LinkSpec, Payload
+    from armdyn.models.values.urdf import urdf_from_spec
 else:
     __getattr__, __dir__ = facade(
         __name__,
         {
-            "friction": "JointFriction",
-            "limits": "JointLimits",
-            "obstacles": "Box Capsule Sphere",
-            "reaching": "GoalPose",
-            "robot": "Robot",
-            "spec": "PAPER_ARMS PAPER_PAYLOADS ArmSpec LinkSpec Payload",
-            "urdf": "urdf_from_spec",
+            "values.friction": "JointFriction",
+            "values.limits": "JointLimits",
+            "scene.obstacles": "Box Capsule Sphere",
+            "scene.reaching": "GoalPose",
+            "robots.robot": "Robot",
+            "values.spec": "PAPER_ARMS PAPER_PAYLOADS ArmSpec LinkSpec Payload",
+            "values.urdf": "urdf_from_spec",
         },
     )
 

@@ -9,8 +9,8 @@ from scipy.interpolate import CubicSpline
 from armdyn.arguments import expect, numbers
 from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.errors import TrajectoryError
-from armdyn.models.limits import JointLimits
-from armdyn.models.robot import Robot, expect_robot
+from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.values.limits import JointLimits
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.landing.limits import worst_violation
 from armdyn.optimal.landing.rollout import replay_torques

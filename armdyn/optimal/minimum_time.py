@@ -14,6 +14,7 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import stopping
 from armdyn.optimal.refine.bang import minimum_time
 from armdyn.optimal.refine.constrained import constrained
+from armdyn.optimal.refine.curves import curves
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.smooth import time_energy
 from armdyn.optimal.search.candidates import Found
@@ -63,6 +64,8 @@ def solve_minimum_time(
 
 
 def _strategy(problem: MinimumTimeProblem) -> Strategy:
+    if problem.robot.nv > 3:
+        return curves
     if problem.along_the_way:
         return constrained
     return time_energy if problem.effort_weight > 0 else minimum_time

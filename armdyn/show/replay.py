@@ -25,7 +25,7 @@ from armdyn.arguments import number, shown
 from armdyn.errors import ProblemError, TrajectoryError
 from armdyn.files import write_whole
 from armdyn.models import Robot
-from armdyn.models.obstacles import Obstacle
+from armdyn.models.scene.obstacles import Obstacle
 from armdyn.show.markup import script_json
 from armdyn.show.visuals import Shape, obstacle_shapes, robot_shapes
 from armdyn.trajectory import Trajectory

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Literal
 from armdyn.show.results import save_result
 
 if TYPE_CHECKING:
-    from armdyn.models.obstacles import Obstacle
-    from armdyn.models.robot import Robot
+    from armdyn.models.robots.robot import Robot
+    from armdyn.models.scene.obstacles import Obstacle
     from armdyn.trajectory import Trajectory
 
 Part = Literal["figure", "replay"]

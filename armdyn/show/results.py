@@ -8,7 +8,7 @@ from typing import Any
 
 from armdyn.errors import FileError, ResultError
 from armdyn.files import read_json, write_whole
-from armdyn.models.robot import Robot
+from armdyn.models.robots.robot import Robot
 
 _FORMAT = "armdyn-result-1"
 _UNITS = {

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from armdyn.errors import ArmdynWarning
 from armdyn.models import Robot
-from armdyn.models.meshes import load_meshes, numbers, origin, resolve_mesh
-from armdyn.models.obstacles import Box, Capsule, Obstacle, Sphere
-from armdyn.models.urdf_check import parse_urdf
+from armdyn.models.reading.meshes import load_meshes, numbers, origin, resolve_mesh
+from armdyn.models.reading.urdf_check import parse_urdf
+from armdyn.models.scene.obstacles import Box, Capsule, Obstacle, Sphere
 
 Array = NDArray[np.float64]
 
@@ -70,7 +70,8 @@ def robot_shapes(robot: Robot) -> list[Shape]:
     Warns:
         ArmdynWarning: a mesh is missing, outside the robot's folders or unreadable.
     """
-    root = parse_urdf(robot.urdf, robot.source)
+    # Of a model or an MJCF nothing is known but its joints.
+    root = parse_urdf(robot.urdf, robot.source) if robot.urdf else Element("robot")
     colors = {str(m.get("name")): rgba for m in root.findall("material") if (rgba := _rgba(m))}
     shapes: list[Shape] = []
     troubles: list[str] = []
@@ -96,8 +97,8 @@ def robot_shapes(robot: Robot) -> list[Shape]:
             ArmdynWarning,
             stacklevel=3,
         )
-    shapes += _payload_ball(robot)
-    return shapes + list(_bones(robot, {shape.joint for shape in shapes}))
+    drawn = {shape.joint for shape in shapes}  # a payload alone does not show its link
+    return [*shapes, *_payload_ball(robot), *_bones(robot, drawn)]
 
 
 def obstacle_shapes(obstacles: Sequence[Obstacle]) -> list[Shape]:

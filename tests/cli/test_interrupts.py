@@ -31,7 +31,7 @@ sys.argv[1:] = ["doctor", "rr"]
 def press(*_, **__):
     os.kill(os.getpid(), signal.SIGINT)
     {then}
-models.robot.Robot.from_spec = press
+models.Robot.from_spec = press
 from armdyn.cli import main
 main()
 """

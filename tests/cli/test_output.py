@@ -101,7 +101,7 @@ def test_an_out_without_permission_is_refused_before_the_work(command, here, idl
 def test_a_folder_in_a_files_place_is_refused_before_the_work(command, name, here, idle):
     if command == "urdf":
         from armdyn.models import ArmSpec
-        from armdyn.models.urdf import urdf_file_name
+        from armdyn.models.values.urdf import urdf_file_name
 
         name = urdf_file_name(ArmSpec.paper("rr"), None)
     (here / "run" / name).mkdir(parents=True)

@@ -1,5 +1,6 @@
 import json
 import subprocess
+import sys
 
 import pytest
 from typer.testing import CliRunner
@@ -7,10 +8,11 @@ from typer.testing import CliRunner
 import armdyn.cli.robots as robots
 from armdyn.cli.app import app
 from armdyn.models import PAPER_ARMS, Robot
-from armdyn.models.library import LIBRARY_ARMS
+from armdyn.models.robots.library import LIBRARY_ARMS
 from armdyn.show.results import load_result
 from armdyn.trajectory import Trajectory
 from cli.command import COMMAND
+from models.mjcf.arms import RR
 
 ROBOTS = [*COMMAND, "robots"]
 
@@ -90,6 +92,45 @@ def test_any_part_of_a_robot_is_an_arm():
 )
 def test_what_is_no_arm(robot, part, words):
     assert words in run_json("doctor", robot, "--arm", part, code=2)["message"]
+
+
+@pytest.fixture
+def mjcf(tmp_path):
+    path = tmp_path / "rr.xml"
+    path.write_text(RR)
+    return path
+
+
+def test_mjcf_is_known_by_its_root(mjcf):
+    answer = run_json("doctor", mjcf)
+    assert [joint["effort_upper"] for joint in answer["joints"]] == [3.0, 3.0] and answer["tip"] == "tip"
+    assert [joint["name"] for joint in run_json("doctor", mjcf, "--lock", "joint1=0.1")["joints"]] == ["joint2"]
+    mjcf.write_text(RR.replace("<worldbody>", "<worldbody><include file='/etc/passwd'/>"))
+    message = run_json("doctor", mjcf, code=2)["message"]
+    assert f"{mjcf}: include '/etc/passwd': is outside the folder" in message
+
+
+@pytest.mark.slow
+def test_the_fastest_motion_of_an_mjcf(mjcf, tmp_path):
+    """The paper's Example 2 without payload, as of its own arm; it is drawn as rods."""
+    task = ("--q-start=-1.570796,0.0374", "--q-goal=0.15708,-0.0374", "--payload", 0.1006, "--out", tmp_path / "out")
+    answer, same = run_json("mintime", mjcf, *task), run_json("mintime", "rr", *task)
+    assert answer["duration"] == pytest.approx(same["duration"], rel=1e-6)  # other additions, the same arcs
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("ur5e", "did you mean 'ur5'?"), ("pandaa", "did you mean 'panda'?"), ("rrrr", "did you mean 'rrr'?")],
+)
+def test_mistyped_names(name, words):
+    message = run_json("doctor", name, code=2)["message"]
+    assert f"no robot named {name!r}; {words}" in message and "robot_descriptions" not in message
+
+
+def test_names_of_robot_descriptions(monkeypatch):
+    monkeypatch.setitem(sys.modules, "robot_descriptions", None)
+    for name in ("ur5_description", "robot_descriptions:ur5_description"):
+        assert "pip install robot_descriptions" in run_json("doctor", name, code=2)["message"]
 
 
 @pytest.mark.slow

@@ -7,8 +7,8 @@ import armdyn.dynamics.symbolic as symbolic
 from armdyn.dynamics import Dynamics
 from armdyn.errors import BridgeError, SpecError
 from armdyn.models import PAPER_ARMS, ArmSpec, Payload, Robot
-from armdyn.models.arm import payload_inertia
-from armdyn.models.library import library_urdf
+from armdyn.models.robots.arm import payload_inertia
+from armdyn.models.robots.library import library_urdf
 from oracles import (
     LIBRARY_ROBOTS,
     LIMIT,

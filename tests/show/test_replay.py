@@ -13,7 +13,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ArmdynWarning, ProblemError, TrajectoryError
-from armdyn.models import meshes
+from armdyn.models.reading import meshes
 from armdyn.show import replay, visuals
 from problems import paper_arm
 from show.browser import left_the_page, open_page, screenshot
@@ -149,6 +149,16 @@ def test_a_mesh_that_cannot_be_drawn_becomes_a_rod(tmp_path, mesh):
             "Cylinder",
         ]
     assert page_data(path)["commands"]
+
+
+@pytest.mark.parametrize("payload", [None, ad.Payload(mass=0.1)])
+def test_a_model_is_drawn_as_rods(payload):
+    """Of a model or an MJCF nothing is known but its joints."""
+    model = pin.buildModelFromXML(ad.urdf_from_spec(ad.ArmSpec.paper("rr")))
+    drawn = [
+        type(shape.geometry).__name__ for shape in visuals.robot_shapes(ad.Robot.from_model(model, payload=payload))
+    ]
+    assert drawn == ["Sphere"] * (payload is not None) + ["Sphere", "Sphere", "Cylinder", "Cylinder"]
 
 
 def test_a_mesh_is_found_only_inside_the_robots_folders(tmp_path):

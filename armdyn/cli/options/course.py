@@ -13,7 +13,7 @@ from armdyn.cli.options.text import numbers, one_or_more
 from armdyn.errors import ProblemError
 
 if TYPE_CHECKING:
-    from armdyn.models.obstacles import Obstacle
+    from armdyn.models.scene.obstacles import Obstacle
 
 _SHAPES = {"box": (3, 1), "sphere": (1, 1), "capsule": (1, 2)}
 """How many sizes and how many places a shape has."""
@@ -76,7 +76,7 @@ def obstacles_of(texts: Sequence[str]) -> tuple[Obstacle, ...]:
     Raises:
         ProblemError: a text is no shape and no file, or the file has none.
     """
-    from armdyn.models.obstacles import load_obstacles
+    from armdyn.models.scene.obstacles import load_obstacles
 
     found: list[Obstacle] = []
     for text in texts:
@@ -87,7 +87,7 @@ def obstacles_of(texts: Sequence[str]) -> tuple[Obstacle, ...]:
 
 def _shape(kind: str, text: str, what: str) -> Obstacle:
     """One shape, written SIZES@PLACES."""
-    from armdyn.models.obstacles import obstacle_from
+    from armdyn.models.scene.obstacles import obstacle_from
 
     sizes, _, places = text.partition("@")
     values, at = numbers(sizes, what), [numbers(place, what) for place in places.split(";")]

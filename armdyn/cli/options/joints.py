@@ -11,7 +11,7 @@ from armdyn.cli.options.text import number, one_or_more
 
 if TYPE_CHECKING:
     from armdyn.models import Robot
-    from armdyn.models.friction import FrictionValue
+    from armdyn.models.values.friction import FrictionValue
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ from armdyn.files import probe_folder
 
 if TYPE_CHECKING:
     from armdyn.models import Robot
-    from armdyn.models.obstacles import Obstacle
+    from armdyn.models.scene.obstacles import Obstacle
     from armdyn.show.report import Part
     from armdyn.trajectory import Trajectory
 

@@ -11,13 +11,16 @@ import typer
 import armdyn as ad
 from armdyn import models
 from armdyn.cli.options.text import number, numbers
-from armdyn.errors import ProblemError, SpecError
+from armdyn.errors import ProblemError, SpecError, UnknownRobotError
+from armdyn.models.mjcf.document import is_mjcf
+from armdyn.models.robots.descriptions import is_description
 
 RobotName = Annotated[
     str,
     typer.Argument(
         metavar="ROBOT",
-        help="r, rr or rrr (the paper's arms), a URDF file, or a name of example-robot-data such as panda or ur5.",
+        help="r, rr or rrr (the paper's arms), a URDF or MJCF file, a name of example-robot-data such as panda or "
+        "ur5, or of robot_descriptions such as panda_mj_description.",
         show_default=False,
     ),
 ]
@@ -48,7 +51,7 @@ class PartOptions:
     ] = None
 
     def read(self, name: str, payload: ad.Payload | None = None) -> ad.Robot:
-        """The robot of a name, as its URDF describes it.
+        """The robot of a name, as its URDF or MJCF describes it.
 
         Raises:
             ArmdynError: there is none of that name, or the joints are not its own.
@@ -58,9 +61,17 @@ class PartOptions:
                 option = "--lock" if self.lock else "--arm"
                 raise SpecError(f"{option}: {name!r} has no joints to lock; it takes a URDF file or a library's robot")
             return ad.Robot.from_spec(ad.ArmSpec.paper(name), payload)
+        locks, ends = self._locks(), self._ends()
         if Path(name).suffix or Path(name).is_file():
-            return ad.Robot.from_urdf(name, payload, self._locks(), arm=self._ends())
-        return ad.Robot.from_library(name, payload, self._locks(), arm=self._ends())
+            if is_mjcf(name):
+                return ad.Robot.from_mjcf(name, payload, locks, ends)
+            return ad.Robot.from_urdf(name, payload, locks, arm=ends)
+        if is_description(name):
+            return ad.Robot.from_description(name, payload, locks, ends)
+        try:
+            return ad.Robot.from_library(name, payload, locks, arm=ends)
+        except UnknownRobotError as error:
+            raise UnknownRobotError(name, (*models.PAPER_ARMS, *error.known)) from None
 
     def _locks(self) -> dict[str, float] | None:
         pairs = [text.partition("=") for text in self.lock or ()]

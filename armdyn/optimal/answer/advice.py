@@ -64,7 +64,9 @@ def _for_extremal(problem: MinimumTimeProblem, certificate: Certificate, arcs: b
     if not certificate.on_goal:
         return "not extremal: it ends more than 1e-6 beside the goal: raise `max_intervals`, or give `armature`"
     if not arcs:
-        return "not extremal: its arcs were not resolved: raise `max_intervals` or `starts`"
+        return (
+            "not extremal: its arcs were not resolved: raise `max_intervals` or `starts`; a small gap would say as much"
+        )
     return "not extremal: its arcs are not quite those of an optimum: raise `max_intervals` or `starts`"
 
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from armdyn.models.collision import Clearance
+from armdyn.models.scene.collision import Clearance
 from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.phases import Phases

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.models.friction import JointFriction
+from armdyn.models.values.friction import JointFriction
 from armdyn.optimal.task.policy.refinement import ArcsPolicy
 from armdyn.trajectory import Trajectory
 

@@ -57,7 +57,9 @@ def solve_phases(
     posed = pose(task, arcs, guess, solver.program.layout, intervals, aim)
     if posed.spare < 0:
         message = f"the structure has more conditions than unknowns, by {-posed.spare}"
-        outcome = Outcome(Status.INFEASIBLE, message, 0, posed.x, np.zeros(posed.g_bounds[0].size))
+        outcome = Outcome(
+            Status.INFEASIBLE, message, 0, posed.x, np.zeros_like(posed.x), np.zeros_like(posed.g_bounds[0])
+        )
     else:
         outcome = solver.solve(posed.x, posed.parameters, posed.x_bounds, posed.g_bounds, task.stop)
     phases = _read(task, solver.program, posed, outcome)

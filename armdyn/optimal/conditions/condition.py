@@ -11,8 +11,8 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.models.collision import Clearance
-from armdyn.models.robot import Robot
+from armdyn.models.robots.robot import Robot
+from armdyn.models.scene.collision import Clearance
 from armdyn.optimal.conditions.rows import Rows, RowValues
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
@@ -115,6 +115,13 @@ class Condition(ABC):
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
         """See `Asked.on`."""
         return self
+
+    def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array] | None:
+        """Order, 2 or 3, of a derivative of the joint positions, and its limits, shape (nv,), if it limits just that.
+
+        Curves keep it by their control points, everywhere, without rows.
+        """
+        return None
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
         """Which rows the program needs."""

@@ -7,15 +7,14 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.dynamics.symbolic import Dynamics
-from armdyn.models.collision import Clearance
+from armdyn.models.scene.collision import Clearance
 from armdyn.optimal.conditions.condition import Condition, Kept, Knots
 from armdyn.optimal.conditions.registry import conditions_of
 from armdyn.optimal.conditions.rows import Rows, RowValues, spread
 from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
-from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.program.interval import Place
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -92,13 +91,9 @@ class Demands:
         return replace(self, conditions=tuple(each.on_finer_mesh() for each in self.conditions), aim=Aim())
 
 
-def row_bounds(
-    rows: Sequence[Rows], values: Sequence[RowValues], dynamics: Dynamics, scheme: Scheme, intervals: int
-) -> tuple[Array, Array]:
+def row_bounds(rows: Sequence[Rows], values: Sequence[RowValues], place: Place, intervals: int) -> tuple[Array, Array]:
     """Lower and upper bounds of a program's rows besides the equations of motion, in their order."""
-    sides = [
-        spread(each, each.functions(dynamics, scheme), own, intervals) for each, own in zip(rows, values, strict=True)
-    ]
+    sides = [spread(each, each.functions(place), own, intervals) for each, own in zip(rows, values, strict=True)]
     lower, upper = zip(*sides, strict=True) if sides else ((), ())
     return np.concatenate([np.empty(0), *lower]), np.concatenate([np.empty(0), *upper])
 

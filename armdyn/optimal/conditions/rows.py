@@ -21,9 +21,8 @@ from armdyn.optimal.program.assembly import (
     scatter,
 )
 from armdyn.optimal.program.compiled import compiled
-from armdyn.optimal.program.interval import Stages, nonzeros_of, stages_of
+from armdyn.optimal.program.interval import Collocated, Place, nonzeros_of
 from armdyn.optimal.program.layout import Parameters
-from armdyn.optimal.task.scheme import Scheme
 
 Array = NDArray[np.float64]
 Where = Literal["every", "first", "last"]
@@ -65,7 +64,7 @@ class Rows(Protocol):
     @property
     def where(self) -> Where: ...  # noqa: D102
 
-    def functions(self, dynamics: Dynamics, scheme: Scheme) -> RowFunctions:
+    def functions(self, place: Place) -> RowFunctions:
         """The rows and their derivatives."""
         ...
 
@@ -88,9 +87,9 @@ class StageRows:
     numbers: int = 0
     where: Where = "every"
 
-    def functions(self, dynamics: Dynamics, scheme: Scheme) -> RowFunctions:
+    def functions(self, place: Place) -> RowFunctions:
         """The rows and their derivatives."""
-        return _stage_functions(self, dynamics, scheme)
+        return _stage_functions(self, place)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +128,8 @@ def with_rows(nlp: Nlp, dynamics: Dynamics, rows: Sequence[Rows]) -> Nlp:
     p, place = whole[: own.numel()], own.numel()
     by_interval = Parameters.by_interval(p, N)
 
-    parts = [(each, each.functions(dynamics, layout.scheme)) for each in rows]
+    interval = Collocated(dynamics, layout.scheme)
+    parts = [(each, each.functions(interval)) for each in rows]
     counts = [one.size * _intervals(each.where, N).size for each, one in parts]
     sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", N * nlp.defects + sum(counts))
     g, jacobian, hessian = [], [], ca.MX(size, size)
@@ -177,8 +177,8 @@ def _places(pattern: ca.Sparsity) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
 
 
 @built_once(maxsize=64)
-def _stage_functions(rows: StageRows, dynamics: Dynamics, scheme: Scheme) -> RowFunctions:
-    one: Stages = stages_of(dynamics, scheme)
+def _stage_functions(rows: StageRows, place: Place) -> RowFunctions:
+    one = place.stages()
     numbers = ca.SX.sym("numbers", rows.numbers)
     column = rows.expression(one, numbers, *rows.of)
     given, lam, name = [one.y, one.p, numbers], ca.SX.sym("lam", column.numel()), rows.expression.__name__.strip("_")
@@ -189,7 +189,7 @@ def _stage_functions(rows: StageRows, dynamics: Dynamics, scheme: Scheme) -> Row
             ca.Function(f"{name}_jacobian", given, [nonzeros_of(jacobian)]),
             ca.Function(f"{name}_hessian", [*given, lam], [nonzeros_of(hessian)]),
         ),
-        scheme.compile,
+        place.compile,
     )
     values = ca.Function(f"{name}_values", given, [column])
     return RowFunctions(column.numel(), values, slopes, jacobian.sparsity(), bends, hessian.sparsity())

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.exclusive import built_once
-from armdyn.models.robot import Robot
+from armdyn.models.robots.robot import Robot
 from armdyn.optimal.indirect.law import MINIMUM, Law, LawSymbols
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.models.limits import JointLimits
+from armdyn.models.values.limits import JointLimits
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.trajectory import Trajectory

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.numeric import forward_dynamics, inverse_dynamics
-from armdyn.models.robot import Robot
+from armdyn.models.robots.robot import Robot
 from armdyn.trajectory import Sample, Trajectory
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from scipy.integrate import DOP853
 from armdyn.arguments import expect, number
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.errors import TrajectoryError
-from armdyn.models.robot import Robot, expect_robot
+from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -99,6 +99,26 @@ def dense(motion: Trajectory, samples: int) -> Trajectory:
     tau = motion.tau[first] + part[:, None] * np.diff(motion.tau, axis=0)[first]
     place = np.append(first, steps.size)
     return replace(motion, t=t, q=motion.q[place], v=motion.v[place], tau=np.vstack([tau, motion.tau[-1:]]))
+
+
+def under_linear_torque(robot: Robot) -> Callable[[Array, Array, Array], Array]:
+    """What `replay_torques` makes of two samples: (t, x, tau) ↦ the state at the second, shape (2 nv,).
+
+    t are their times [s], shape (2,); x is the state (q, v) at the first, shape (2 nv,); tau their torques, shape
+    (2, nv). Where the states leave what numbers can hold, they are not finite.
+    """
+    acceleration, n = forward_dynamics(robot), robot.nv
+
+    def reached(t: Array, x: Array, tau: Array) -> Array:
+        slope = (tau[1] - tau[0]) / (t[1] - t[0])
+
+        def rate(at: float, state: Array) -> Array:
+            return np.concatenate([state[n:], acceleration(state[:n], state[n:], tau[0] + (at - t[0]) * slope)])
+
+        states, _ = _integrate(rate, t, x, RTOL, lambda evaluations: evaluations > _MOST_WHEN_LATE)
+        return states[-1] if states else np.full_like(x, np.nan)
+
+    return reached
 
 
 def replay_of(task: Task, trajectory: Trajectory) -> Trajectory:

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from armdyn.models.robot import Robot
+from armdyn.models.robots.robot import Robot
 from armdyn.optimal.landing.pieces import Pieces
 from armdyn.trajectory import Trajectory
 

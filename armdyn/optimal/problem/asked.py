@@ -5,7 +5,7 @@ from typing import Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.models.robot import Robot
+from armdyn.models.robots.robot import Robot
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from armdyn.arguments import number, several, shown
 from armdyn.errors import ArmdynWarning, ProblemError
-from armdyn.models.collision import CollisionModel
-from armdyn.models.limits import JointLimits
-from armdyn.models.obstacles import Obstacle
-from armdyn.models.robot import Robot
+from armdyn.models.robots.robot import Robot
+from armdyn.models.scene.collision import CollisionModel
+from armdyn.models.scene.obstacles import Obstacle
+from armdyn.models.values.limits import JointLimits
 from armdyn.optimal.problem.asked import Asked
 
 Array = NDArray[np.float64]

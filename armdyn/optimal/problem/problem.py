@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, flag, number, several
 from armdyn.errors import ArmdynWarning, ProblemError
-from armdyn.models.collision import collision_model
-from armdyn.models.limits import JointLimits
-from armdyn.models.obstacles import Obstacle
-from armdyn.models.per_joint import per_joint
-from armdyn.models.reaching import GoalPose, poses_reaching
-from armdyn.models.robot import Robot, expect_robot
+from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.scene.collision import collision_model
+from armdyn.models.scene.obstacles import Obstacle
+from armdyn.models.scene.reaching import GoalPose, poses_reaching
+from armdyn.models.values.limits import JointLimits
+from armdyn.models.values.per_joint import per_joint
 from armdyn.optimal.problem.asked import Asked
 from armdyn.optimal.problem.checks import (
     check_clear,
@@ -52,6 +52,7 @@ class MinimumTimeProblem:
         velocity_limit: [rad/s or m/s]: one number or one per joint, inf for none; None: the robot's.
         position_limit: (lower, upper) [rad or m], each one number or one per joint; None: the robot's.
         effort_weight: w [1/(N m)²].
+        relative_effort_weight: the same of torques as parts of half their ranges [-], so that small joints' count, too.
         wrap: goals of endless joints, which turn and have no position limits, are meant modulo 2π: each is tried
             by the shorter and by the longer way round. Without, a joint goes to the very angle that was asked
             for: from 0 to 6 rad is nearly a whole turn, as where a cable must not be wound up.
@@ -84,6 +85,7 @@ class MinimumTimeProblem:
     velocity_limit: ArrayLike | None = None
     position_limit: tuple[ArrayLike, ArrayLike] | None = None
     effort_weight: float = 0.0
+    relative_effort_weight: float = 0.0
     wrap: bool = False
     goal_pose: GoalPose | None = None
     via: Sequence[ArrayLike] = ()
@@ -101,7 +103,8 @@ class MinimumTimeProblem:
         if self.q_goal is None and self.goal_pose is None:
             raise ProblemError("give q_goal or goal_pose")
         self._resolve_ends()
-        number(self.effort_weight, "effort_weight", sign="not negative")
+        for name in ("effort_weight", "relative_effort_weight"):
+            number(getattr(self, name), name, sign="not negative")
         for name in ("wrap", "self_collision"):
             flag(getattr(self, name), name)
         object.__setattr__(self, "limits", self._resolve_limits())
@@ -160,6 +163,21 @@ class MinimumTimeProblem:
         """It begins and ends without velocity."""
         n = self.robot.nv
         return not (np.any(self.x_start[n:]) or np.any(self.x_goal[n:]))
+
+    @property
+    def pays_effort(self) -> bool:
+        """J is more than the duration."""
+        return self.effort_weight > 0 or self.relative_effort_weight > 0
+
+    def effort_weights(self) -> Array:
+        """Weights of the squared torques in J, shape (nv,) [1/(N m)²]."""
+        half = (self.limits.effort_upper - self.limits.effort_lower) / 2
+        return self.effort_weight + self.relative_effort_weight / half**2
+
+    @property
+    def speed_limited(self) -> bool:
+        """A joint that moves from pose to pose has a velocity limit."""
+        return self.duration_bound() > 0
 
     def beside_goal(self, motion: Trajectory) -> Array:
         """How far a motion's last state (q, v) is from the goal's, shape (2 nv,)."""

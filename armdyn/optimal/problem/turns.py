@@ -6,8 +6,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.models.limits import JointLimits
-from armdyn.models.robot import Robot
+from armdyn.models.robots.robot import Robot
+from armdyn.models.values.limits import JointLimits
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,8 @@
 """One interval of direct collocation, written once for every tableau: its equations, cost and derivatives."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -111,6 +113,7 @@ class Stages:
         effort: likewise [N m or N], shape (nv,).
         dynamics: of the robot.
         knots: whether the first and the last stage are knots.
+        position: of a part of the interval from 0 to 1: joint positions there [rad or m], shape (nv,).
     """
 
     y: ca.SX
@@ -125,6 +128,46 @@ class Stages:
     effort: ca.SX
     dynamics: Dynamics
     knots: tuple[bool, bool]
+    position: Callable[[ca.SX], ca.SX]
+
+
+class Place(Protocol):
+    """An interval of some program, as conditions along the way see it; equal ones share what is made of them.
+
+    Attributes:
+        compile: its derivatives as machine code, see `compiled`.
+    """
+
+    @property
+    def compile(self) -> bool | None: ...  # noqa: D102
+
+    def stages(self) -> Stages:
+        """The interval in symbols."""
+        ...
+
+    def __hash__(self) -> int: ...
+
+
+@dataclass(frozen=True)
+class Collocated:
+    """An interval of collocation.
+
+    Attributes:
+        dynamics: with a free last body.
+        scheme: how motion becomes unknowns.
+    """
+
+    dynamics: Dynamics
+    scheme: Scheme
+
+    @property
+    def compile(self) -> bool | None:
+        """As the scheme says."""
+        return self.scheme.compile
+
+    def stages(self) -> Stages:
+        """The stages of one interval."""
+        return stages_of(self.dynamics, self.scheme)
 
 
 def stages_of(dynamics: Dynamics, scheme: Scheme) -> Stages:
@@ -144,7 +187,19 @@ def stages_of(dynamics: Dynamics, scheme: Scheme) -> Stages:
         effort=by.effort,
         dynamics=dynamics,
         knots=(scheme.tableau.starts_at_knot, scheme.tableau.ends_at_knot),
+        position=lambda s: _between_knots(one.y, one.p, s, layout),
     )
+
+
+def _between_knots(y: ca.SX, p: ca.SX, s: ca.SX, layout: Layout) -> ca.SX:
+    """Joint positions [rad or m] at a part s of an interval, on the cubic through its knots' states."""
+    by, knot, (left, _, right) = Parameters.of(p, layout.nv), layout.knot, layout.parts(y)
+    h = by.fraction * by.time * left[knot.time]
+    q = [by.length * end[knot.q] for end in (left, right)]
+    v = [by.speed * end[knot.v] for end in (left, right)]
+    rise = q[1] - q[0]
+    here: ca.SX = q[0] + s * (h * v[0] + s * (3 * rise - h * (2 * v[0] + v[1]) + s * (h * (v[0] + v[1]) - 2 * rise)))
+    return here
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
 from armdyn.dynamics.numeric import forward_dynamics
-from armdyn.models.robot import Robot
+from armdyn.models.robots.robot import Robot
 from armdyn.optimal.arcs.arc import POSITION, VELOCITY
 from armdyn.optimal.arcs.phases import TABLEAU, Phases
 from armdyn.optimal.landing.rollout import dense, replay_torques

@@ -72,6 +72,7 @@ class Outcome:
         message: IPOPT's word for it.
         iterations: of IPOPT.
         x: the unknowns where it ended; those where it began if it ended in none that are finite.
+        lam_x: multipliers of the unknowns' bounds.
         lam_g: multipliers of the equations.
     """
 
@@ -79,6 +80,7 @@ class Outcome:
     message: str
     iterations: int
     x: Array
+    lam_x: Array
     lam_g: Array
 
 
@@ -124,7 +126,13 @@ class Ipopt(Generic[P]):
         return _built(settings, build, arguments)
 
     def solve(
-        self, x: Array, p: Array, x_bounds: tuple[Array, Array], g_bounds: tuple[Array, Array], stop: Stop
+        self,
+        x: Array,
+        p: Array,
+        x_bounds: tuple[Array, Array],
+        g_bounds: tuple[Array, Array],
+        stop: Stop,
+        near: Outcome | None = None,
     ) -> Outcome:
         """One call of IPOPT, and all of them go through here.
 
@@ -134,10 +142,13 @@ class Ipopt(Generic[P]):
             x_bounds: least and largest unknowns.
             g_bounds: least and largest values of the equations.
             stop: asked every few iterations of this call.
+            near: what became of a program that was nearly the same: its multipliers are started from, too, if the
+                settings say so.
         """
         (lbx, ubx), (lbg, ubg) = x_bounds, g_bounds
+        more = {} if near is None else {"lam_x0": near.lam_x, "lam_g0": near.lam_g}
         with one_at_a_time, self._monitor.asking(stop), silence(self._verbose):
-            result = self._solver(x0=x, p=p, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg)
+            result = self._solver(x0=x, p=p, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg, **more)
             stats: dict[str, Any] = self._solver.stats()
         word = str(stats["return_status"])
         status = _STATUS.get(word, Status.FAILED)
@@ -146,8 +157,8 @@ class Ipopt(Generic[P]):
         found = np.array(result["x"]).ravel()
         if not np.all(np.isfinite(found)):
             status, found = Status.FAILED if status is Status.SOLVED else status, x
-        lam_g = np.array(result["lam_g"]).ravel()
-        return Outcome(status, word.replace("_", " "), int(stats["iter_count"]), found, lam_g)
+        lam_x, lam_g = (np.array(result[name]).ravel() for name in ("lam_x", "lam_g"))
+        return Outcome(status, word.replace("_", " "), int(stats["iter_count"]), found, lam_x, lam_g)
 
     def equations(self, x: Array, p: Array) -> Array:
         """Values of the program's equations at unknowns and parameters."""

@@ -56,6 +56,8 @@ class MinimumTimeOptions:
         max_iterations: of IPOPT, for one guess on one mesh; fewer on fine meshes of larger arms, where a motion that
             keeps the equations is then taken all the same, and said not to have converged.
         tolerance: of IPOPT, on the scaled problem.
+        smooth: how much of the duration may be given, among nearly fastest motions of larger arms or such that
+            velocity limits shape, for gentle torques: the weight of their mean square against the time; 0: nothing.
         time_limit: wall time for the whole solve [s].
         workers: processes of search and refinement; None: one per core. They make no difference to the answer.
             Threads may solve at once: they take turns at IPOPT, and each gets what it would get alone.
@@ -77,6 +79,7 @@ class MinimumTimeOptions:
     compile: bool | None = None
     max_iterations: int = 500
     tolerance: float = 1e-8
+    smooth: float = 1e-3
     time_limit: float = 300.0
     workers: int | None = None
     verbose: bool = False
@@ -99,6 +102,7 @@ class MinimumTimeOptions:
         whole(self.seed, "seed", least=0)
         for name in ("replay_tolerance", "tolerance", "time_limit"):
             number(getattr(self, name), name, sign="positive", finite=False)
+        number(self.smooth, "smooth", sign="not negative")
         one_of(self.method, tuple(TABLEAUS), "method")
         one_of(self.control, ("linear", "constant"), "control")
         one_of(self.dynamics, ("forward", "inverse", "auto"), "dynamics")

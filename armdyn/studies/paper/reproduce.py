@@ -9,7 +9,7 @@ from pathlib import Path
 from armdyn.control.arrival import ArrivalRule
 from armdyn.errors import DiskFullError, ProblemError
 from armdyn.files import probe_folder
-from armdyn.models.spec import PAPER_PAYLOADS
+from armdyn.models.values.spec import PAPER_PAYLOADS
 from armdyn.optimal import Status
 from armdyn.processes import as_they_end
 from armdyn.studies.paper.outcomes.case import READINGS, Case

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from armdyn.models.obstacles import Box, Capsule, Sphere
+from armdyn.models.scene.obstacles import Box, Capsule, Sphere
 from armdyn.optimal.conditions.clearance.distance import SIZES, from_segment, least_over_segment, numbers_of, solid
 
 OBSTACLES = (

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.models.obstacles import Box, Capsule, Sphere
+from armdyn.models.scene.obstacles import Box, Capsule, Sphere
 from armdyn.optimal.conditions.clearance.keeping import scene_of
 from armdyn.optimal.conditions.clearance.pairs import distances_at
 from armdyn.optimal.conditions.condition import Knots
@@ -13,6 +13,7 @@ from armdyn.optimal.conditions.demands import Demands, numbers_of, row_bounds
 from armdyn.optimal.conditions.legs import legs_of
 from armdyn.optimal.conditions.rows import with_rows
 from armdyn.optimal.program.assembly import build_nlp
+from armdyn.optimal.program.interval import Collocated
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.task.scheme import Scheme
 from problems import POSES, paper_arm, paper_problem
@@ -46,7 +47,7 @@ def test_derivatives(method, form):
     nlp = build_nlp(dynamics, scheme, N)
     more = with_rows(nlp, dynamics, rows)
     x, p, f, g = (more.functions[name] for name in "xpfg")
-    lower, upper = row_bounds(rows, values, dynamics, scheme, N)
+    lower, upper = row_bounds(rows, values, Collocated(dynamics, scheme), N)
     assert lower.size == upper.size == g.numel() - N * nlp.defects and np.all(lower <= upper)
     lam, sigma = ca.MX.sym("lam", g.numel()), ca.MX.sym("sigma")
     expected = ca.Function(

@@ -7,9 +7,9 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
-from armdyn.models.collision import CollisionModel
-from armdyn.models.obstacles import Box, Sphere
-from armdyn.models.reaching import GoalPose
+from armdyn.models.scene.collision import CollisionModel
+from armdyn.models.scene.obstacles import Box, Sphere
+from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.conditions.demands import Demands
 from problems import POSES, cart, paper_arm, paper_problem, solve
 

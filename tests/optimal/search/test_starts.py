@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import armdyn as ad
-from armdyn.models.collision import CollisionModel
-from armdyn.models.obstacles import Sphere
+from armdyn.models.scene.collision import CollisionModel
+from armdyn.models.scene.obstacles import Sphere
 from armdyn.optimal.search.starts import detours, spline
 from oracles import PinDynamics
 from problems import POSES, cart, paper_arm, paper_problem

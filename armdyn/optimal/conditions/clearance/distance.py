@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from armdyn.models.obstacles import Box, Capsule, Obstacle, Sphere
+from armdyn.models.scene.obstacles import Box, Capsule, Obstacle, Sphere
 
 _ROUNDING = 1e-4
 """Distances are rounded off within this of a body's surface or axis, to smaller ones [m]."""

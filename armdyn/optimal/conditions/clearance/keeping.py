@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.models.collision import CollisionModel
+from armdyn.models.scene.collision import CollisionModel
 from armdyn.optimal.conditions.clearance.distance import numbers_of
 from armdyn.optimal.conditions.clearance.pairs import Pair, PairRows, distances_at
 from armdyn.optimal.conditions.condition import Condition, Kept, Knots

@@ -6,8 +6,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.models.bodies import capsules
-from armdyn.models.collision import CollisionModel, collision_model
+from armdyn.models.scene.bodies import capsules
+from armdyn.models.scene.collision import CollisionModel, collision_model
 from armdyn.optimal.conditions.clearance.keeping import Clearance, scene_of
 from armdyn.optimal.conditions.clearance.pairs import Pair, PairRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem

@@ -7,14 +7,12 @@ import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.exclusive import built_once
-from armdyn.models.obstacles import Capsule, Obstacle
+from armdyn.models.scene.obstacles import Capsule, Obstacle
 from armdyn.optimal.conditions.clearance.distance import SIZES, Solid, from_segment, least_over_segment, solid
 from armdyn.optimal.conditions.rows import RowFunctions, Where
 from armdyn.optimal.program.compiled import compiled
 from armdyn.optimal.program.deadline import ask
-from armdyn.optimal.program.interval import nonzeros_of
-from armdyn.optimal.program.layout import Layout, Parameters
-from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.program.interval import Place, nonzeros_of
 
 Kinds = tuple[type[Obstacle], ...]
 
@@ -59,9 +57,9 @@ class PairRows:
         """The part of the interval, and those of the obstacles."""
         return 1 + sum(SIZES[kind] for kind in self.kinds)
 
-    def functions(self, dynamics: Dynamics, scheme: Scheme) -> RowFunctions:
+    def functions(self, place: Place) -> RowFunctions:
         """The rows and their derivatives."""
-        return _distance_rows(dynamics, scheme, self.pairs, self.kinds)
+        return _distance_rows(place, self.pairs, self.kinds)
 
 
 @built_once(maxsize=16)
@@ -72,17 +70,16 @@ def distances_at(dynamics: Dynamics, pairs: tuple[Pair, ...], kinds: Kinds = ())
 
 
 @built_once(maxsize=16)
-def _distance_rows(dynamics: Dynamics, scheme: Scheme, pairs: tuple[Pair, ...], kinds: Kinds) -> RowFunctions:
-    """Distances at a part s of an interval, on the cubic through positions and velocities of its knots.
+def _distance_rows(place: Place, pairs: tuple[Pair, ...], kinds: Kinds) -> RowFunctions:
+    """Distances at a part s of an interval.
 
     Differentiated by q, and by the chain rule from there to the interval's unknowns: a third of the operations.
     """
-    n, layout = dynamics.nv, Layout(dynamics.nv, scheme)
-    y = ca.SX.sym("y", layout.width)
-    p, s = ca.SX.sym("p", Parameters.size(n)), ca.SX.sym("s")
-    here = _between_knots(y, p, s, layout)
-    place = ca.Function("place", [y, p, s], [here])
-    values, slopes, bends_at = _by_positions(dynamics, pairs, kinds, scheme.compile)
+    one = place.stages()
+    y, p, s, n = one.y, one.p, ca.SX.sym("s"), one.dynamics.nv
+    here = one.position(s)
+    position = ca.Function("position", [y, p, s], [here])
+    values, slopes, bends_at = _by_positions(one.dynamics, pairs, kinds, place.compile)
 
     by_q, pulls = ca.SX.sym("by_q", slopes.sparsity_out(0)), ca.SX.sym("pull", n)
     bends = ca.SX.sym("bend", n, n)
@@ -96,7 +93,7 @@ def _distance_rows(dynamics: Dynamics, scheme: Scheme, pairs: tuple[Pair, ...], 
     numbers = ca.MX.sym("numbers", 1 + values.numel_in(1))
     every = [ca.MX.sym("y", y.numel()), ca.MX.sym("p", p.numel()), numbers]
     inputs, world, weights = [*every[:2], numbers[0]], numbers[1:], ca.MX.sym("lam", len(pairs))
-    there = place(*inputs)
+    there = position(*inputs)
     return RowFunctions(
         len(pairs),
         ca.Function("distance_values", every, [values(there, world)]),
@@ -105,17 +102,6 @@ def _distance_rows(dynamics: Dynamics, scheme: Scheme, pairs: tuple[Pair, ...], 
         ca.Function("distance_hessian", [*every, weights], [chain[1](*inputs, *bends_at(there, world, weights))]),
         hessian.sparsity(),
     )
-
-
-def _between_knots(y: ca.SX, p: ca.SX, s: ca.SX, layout: Layout) -> ca.SX:
-    """Joint positions [rad or m] at a part s of an interval."""
-    by, knot, (left, _, right) = Parameters.of(p, layout.nv), layout.knot, layout.parts(y)
-    h = by.fraction * by.time * left[knot.time]
-    q = [by.length * end[knot.q] for end in (left, right)]
-    v = [by.speed * end[knot.v] for end in (left, right)]
-    rise = q[1] - q[0]
-    here: ca.SX = q[0] + s * (h * v[0] + s * (3 * rise - h * (2 * v[0] + v[1]) + s * (h * (v[0] + v[1]) - 2 * rise)))
-    return here
 
 
 def _by_positions(

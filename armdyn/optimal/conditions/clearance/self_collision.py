@@ -7,9 +7,9 @@ import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.exclusive import built_once
-from armdyn.models.bodies import capsules
-from armdyn.models.collision import CollisionModel, collision_model
-from armdyn.models.robot import Robot
+from armdyn.models.robots.robot import Robot
+from armdyn.models.scene.bodies import capsules
+from armdyn.models.scene.collision import CollisionModel, collision_model
 from armdyn.optimal.conditions.clearance.keeping import Clearance
 from armdyn.optimal.conditions.clearance.pairs import Pair, distances_at
 from armdyn.optimal.problem.problem import MinimumTimeProblem

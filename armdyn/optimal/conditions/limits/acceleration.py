@@ -28,6 +28,10 @@ class AccelerationLimit(Condition):
         """By its keyword."""
         return None if problem.acceleration_limit is None else cls()
 
+    def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array]:
+        """Of the second."""
+        return 2, np.asarray(problem.acceleration_limit)
+
     def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
         """At the stages of every interval, as parts of the limits."""
         return (StageRows(_accelerations, numbers=problem.robot.nv),)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from armdyn.arguments import number, text
 from armdyn.errors import ProblemError, SpecError
-from armdyn.models.robot import Robot
+from armdyn.models.robots.robot import Robot
 from armdyn.optimal.conditions.condition import Condition, Kept, Knots, Path
 from armdyn.optimal.conditions.limits.rates import pieces
 from armdyn.optimal.conditions.rows import Rows, RowValues, StageRows

@@ -29,6 +29,10 @@ class JerkLimit(Condition):
         """By its keyword."""
         return None if problem.jerk_limit is None else cls()
 
+    def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array]:
+        """Of the third."""
+        return 3, np.asarray(problem.jerk_limit)
+
     def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
         """Differences between the stages as parts of the limits; the accelerations at both ends."""
         return (

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.numeric import forward_dynamics
-from armdyn.models.robot import Robot
+from armdyn.models.robots.robot import Robot
 from armdyn.optimal.conditions.condition import Kept
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.task.policy.landing import ConditionsPolicy

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import numbers
 from armdyn.errors import ProblemError
-from armdyn.models.per_joint import per_joint
-from armdyn.models.robot import Robot
+from armdyn.models.robots.robot import Robot
+from armdyn.models.values.per_joint import per_joint
 from armdyn.optimal.conditions.condition import Condition, Kept, Knots
 from armdyn.optimal.conditions.rows import Rows, RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem

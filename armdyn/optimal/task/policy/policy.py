@@ -6,6 +6,7 @@ from typing import Self
 
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.optimal.task.policy.curves import CurvePolicy
 from armdyn.optimal.task.policy.landing import ConditionsPolicy, LandingPolicy
 from armdyn.optimal.task.policy.refinement import (
     ArcsPolicy,
@@ -35,6 +36,7 @@ class Policy:
         smooth: optima of time and energy.
         conditions: what is asked along the way.
         indirect: the second approach.
+        curves: motions as curves.
     """
 
     program: ProgramPolicy
@@ -46,6 +48,7 @@ class Policy:
     smooth: SmoothPolicy
     conditions: ConditionsPolicy = field(default_factory=ConditionsPolicy)
     indirect: IndirectPolicy
+    curves: CurvePolicy
 
     @classmethod
     def of(cls, problem: MinimumTimeProblem) -> Self:
@@ -86,6 +89,10 @@ class Policy:
             landing=LandingPolicy(leads_home=not small),
             smooth=SmoothPolicy(starts=_by_joints(joints, (2, 16, 24), 4), refined=10 if joints == 2 else 6),
             indirect=IndirectPolicy(starts=_by_joints(joints, (1, 6), 16)),
+            curves=CurvePolicy(
+                shortest=3e-4 if problem.speed_limited else 1.0,
+                starts=6 if crowded else 1 if problem.speed_limited else 4,
+            ),
         )
 
     def scheme(self, options: MinimumTimeOptions) -> Scheme:

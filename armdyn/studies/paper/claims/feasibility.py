@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from armdyn.models.spec import PAPER_ARMS, PAPER_PAYLOADS, PaperArm
+from armdyn.models.values.spec import PAPER_ARMS, PAPER_PAYLOADS, PaperArm
 from armdyn.studies.paper.outcomes.case import READINGS, Case, Reading
 
 Array = NDArray[np.float64]

@@ -23,7 +23,7 @@ from scipy.integrate import quad
 
 from armdyn.dynamics.closed_form import PlanarArm
 from armdyn.errors import ProblemError
-from armdyn.models.spec import PAPER_PAYLOADS, ArmSpec, Payload
+from armdyn.models.values.spec import PAPER_PAYLOADS, ArmSpec, Payload
 from armdyn.optimal import replay_torques
 from armdyn.studies.paper.outcomes.case import READINGS, Case, Reading
 from armdyn.trajectory import Trajectory

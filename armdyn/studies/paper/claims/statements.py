@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from armdyn.models.spec import PaperArm
+from armdyn.models.values.spec import PaperArm
 from armdyn.studies.paper.claims.feasibility import holding
 from armdyn.studies.paper.claims.traits import PayloadEffect, Traits, largest_error
 from armdyn.studies.paper.outcomes.case import READINGS, Case

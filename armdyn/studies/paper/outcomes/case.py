@@ -8,8 +8,8 @@ from armdyn.control.arrival import ArrivalRule
 from armdyn.control.motion import EquationsOfMotion
 from armdyn.control.pid import Controller
 from armdyn.errors import ProblemError
-from armdyn.models.robot import Robot
-from armdyn.models.spec import ArmSpec, PaperArm, Payload
+from armdyn.models.robots.robot import Robot
+from armdyn.models.values.spec import ArmSpec, PaperArm, Payload
 from armdyn.optimal import MinimumTimeProblem
 from armdyn.studies.paper.printed.equations import PrintedArm
 from armdyn.studies.paper.printed.examples import EXAMPLES, Example, Kind, example

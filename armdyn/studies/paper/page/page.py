@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from armdyn.files import write_whole
-from armdyn.models.spec import PAPER_ARMS, PAPER_PAYLOADS
+from armdyn.models.values.spec import PAPER_ARMS, PAPER_PAYLOADS
 from armdyn.show.markup import Html, element, fill, inline_svg, join, script_json
 from armdyn.show.plots import INK, svg_text
 from armdyn.show.replay import page_template, replay_fields, viewer_script

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
-from armdyn.models.spec import PAPER_ARMS
+from armdyn.models.values.spec import PAPER_ARMS
 from armdyn.show.grids import Grid
 from armdyn.show.markup import Html, element, join, table
 from armdyn.studies.paper.claims.statements import Statement

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.errors import SpecError
-from armdyn.models.spec import GRAVITY, ArmSpec
+from armdyn.models.values.spec import GRAVITY, ArmSpec
 
 Array = NDArray[np.float64]
 

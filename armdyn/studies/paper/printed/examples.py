@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from armdyn.models.spec import PaperArm
+from armdyn.models.values.spec import PaperArm
 
 PAYLOAD = 0.1006
 """The payload of the paper's figures [kg]."""

@@ -6,7 +6,7 @@ Kept as printed, so that the last printed digit of each is known.
 from dataclasses import dataclass
 from typing import Self
 
-from armdyn.models.spec import PaperArm
+from armdyn.models.values.spec import PaperArm
 from armdyn.studies.paper.printed.examples import PAYLOAD
 
 _TABLE_3 = """

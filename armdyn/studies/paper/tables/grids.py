@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from armdyn.models.spec import PAPER_PAYLOADS
+from armdyn.models.values.spec import PAPER_PAYLOADS
 from armdyn.show.grids import Grid
 from armdyn.studies.paper.claims.feasibility import all_holdings, largest_payload
 from armdyn.studies.paper.claims.first_approach import all_linearisations

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from armdyn.integrals import torque_integral, trapezoidal_integral
-from armdyn.models.spec import PAPER_PAYLOADS, PaperArm
+from armdyn.models.values.spec import PAPER_PAYLOADS, PaperArm
 from armdyn.studies.paper.claims.first_approach import OneLink, printed_law
 from armdyn.studies.paper.outcomes.case import READINGS, Case, Reading, Variant
 from armdyn.studies.paper.outcomes.outcome import Outcome

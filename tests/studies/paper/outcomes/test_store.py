@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armdyn
-from armdyn.models.spec import ArmSpec, LinkSpec
+from armdyn.models.values.spec import ArmSpec, LinkSpec
 from armdyn.studies.paper.outcomes import store
 from armdyn.studies.paper.outcomes.case import Case
 from armdyn.studies.paper.outcomes.run import run_case

@@ -5,7 +5,7 @@ from scipy.integrate import solve_ivp
 from armdyn.dynamics.closed_form import PlanarArm
 from armdyn.errors import SpecError
 from armdyn.models import ArmSpec, LinkSpec, Payload
-from armdyn.models.spec import GRAVITY
+from armdyn.models.values.spec import GRAVITY
 from armdyn.studies.paper.printed.equations import PrintedArm
 from oracles import assert_close, random_states
 

@@ -1,0 +1,228 @@
+"""An MJCF without all that dynamics do not need: what Pinocchio reads is what was checked here."""
+
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, field
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+
+from armdyn.errors import UnsupportedJointError, UrdfError
+from armdyn.models.mjcf.classes import Classes
+from armdyn.models.mjcf.compiler import Compiler
+from armdyn.models.mjcf.placing import place
+from armdyn.models.mjcf.values import ROTATIONS, Values
+from armdyn.models.reading.urdf_check import MAX_LINKS, MAX_MOVING
+from armdyn.models.reading.urdf_xml import shown
+
+WORLD = "world"
+"""MuJoCo's name of what stands still."""
+
+_JOINTS = ("hinge", "slide", "ball", "free")
+_SOLIDS = {"sphere": 1, "capsule": 2, "ellipsoid": 3, "cylinder": 2, "box": 3}
+"""Shapes that Pinocchio knows the inertia of, and how many sizes each takes."""
+_MASSLESS = ("plane", "hfield")
+_MESHES = ("mesh", "sdf")
+_MACROS = ("frame", "replicate", "composite", "flexcomp", "attach")
+
+
+@dataclass
+class Bare:
+    """Writes the bodies of an MJCF anew, every class resolved.
+
+    Attributes:
+        classes: of the MJCF.
+        compiler: what it says of its own numbers.
+        fixed: free joints that stand still where their body is; None: all of them do.
+        joints: name to attributes of every joint written.
+        free: the free joints that stand still.
+        called: of bodies, joints and sites, each kind apart: their names to those that they are written with, for
+            pin 4.1 crashes at some names, such as "universe".
+    """
+
+    classes: Classes
+    compiler: Compiler
+    fixed: Set[str] | None
+    joints: dict[str, Values] = field(default_factory=dict)
+    free: set[str] = field(default_factory=set)
+    called: dict[str, dict[str, str]] = field(default_factory=dict)
+
+    def text(self, root: Element) -> str:
+        """The MJCF that Pinocchio is given.
+
+        Args:
+            root: of the whole MJCF.
+
+        Raises:
+            UnsupportedJointError: a joint is free.
+            UrdfError: a body, a joint or a geometry makes no sense; says which and what would be right.
+        """
+        bare = Element("mujoco", model="arm")
+        SubElement(bare, "compiler", angle="radian")
+        top = SubElement(SubElement(bare, "worldbody"), "body", name=self._named("body", WORLD))
+        for world in root.findall("worldbody"):
+            for body in self._bodies(world, WORLD):
+                self._body(body, top, world.get("childclass"), moves=False)
+        return ElementTree.tostring(bare, encoding="unicode")
+
+    def _bodies(self, parent: Element, name: str) -> list[Element]:
+        """The bodies inside one."""
+        for macro in _MACROS:
+            if parent.find(macro) is not None:
+                what = f"has a <{macro}>, which MuJoCo's compiler expands; save the compiled model and give that"
+                raise UrdfError(self.classes.source, what, f"body {shown(name)!r}")
+        return parent.findall("body")
+
+    def _named(self, kind: str, name: str) -> str:
+        """What something is written with, whose name none of its kind has yet."""
+        taken = self.called.setdefault(kind, {})
+        if name in taken:
+            raise UrdfError(self.classes.source, "is defined twice", f"{kind} {shown(name)!r}")
+        if len(taken) == MAX_LINKS:
+            raise UrdfError(
+                self.classes.source, f"has more than {MAX_LINKS} {'bodies' if kind == 'body' else kind + 's'}"
+            )
+        taken[name] = f"{kind}{len(taken)}"
+        return taken[name]
+
+    def _body(self, body: Element, to: Element, inherited: str | None, moves: bool) -> None:
+        """Write a body, its joints and all bodies that it carries; one of several joints as so many bodies."""
+        name = body.get("name") or f"(body {len(self.called['body'])})"
+        written = self._named("body", name)
+        values = Values(body.attrib, self.classes.source, f"body {shown(name)!r}")
+        inherited = body.get("childclass") or inherited
+        joints = self._joints(body, name, inherited)
+        copy = SubElement(to, "body", name=written)
+        place(values, self.compiler, copy)
+        for i, joint in enumerate(joints):
+            if i:  # at zero both are in one place
+                copy = SubElement(copy, "body", name=written)
+            if i < len(joints) - 1:
+                copy.set("name", self._named("body", f"{name} ({i + 1} of {len(joints)})"))
+            copy.append(joint)
+        moves = moves or bool(joints)
+        inertial = body.find("inertial")
+        if inertial is not None and self.compiler.inertia_from != "true":
+            self._inertial(inertial, copy, values.where)
+        elif moves and (
+            self.compiler.inertia_from == "false" or self.compiler.least_mass + self.compiler.least_inertia
+        ):
+            what = "has no <inertial>, which inertiafromgeom, boundmass or boundinertia of <compiler> calls for"
+            raise UrdfError(self.classes.source, what, values.where)
+        elif moves:
+            for geom in body.findall("geom"):
+                self._geom(geom, copy, inherited, values.where)
+        for site in body.findall("site"):
+            if called := site.get("name"):
+                own = Values(self.classes.attributes(site, inherited), self.classes.source, f"site {shown(called)!r}")
+                place(own, self.compiler, SubElement(copy, "site", name=self._named("site", called)))
+        for inside in self._bodies(body, name):
+            self._body(inside, copy, inherited, moves)
+
+    def _joints(self, body: Element, name: str, inherited: str | None) -> list[Element]:
+        written: list[Element] = []
+        for joint in body:
+            if joint.tag not in ("joint", "freejoint"):
+                continue
+            given = dict(joint.attrib, type="free") if joint.tag == "freejoint" else None
+            given = given or self.classes.attributes(joint, inherited)
+            called = given.get("name") or f"{name}_joint{len(written) or ''}"
+            values = Values(given, self.classes.source, f"joint {shown(called)!r}")
+            if values.word("type", _JOINTS) == "free":
+                if self.fixed is None or called in self.fixed:
+                    self.free.add(called)
+                    continue
+                what = "is free; armdyn knows arms on a fixed base: lock it, at 0, to let its body stand where it is"
+                raise UnsupportedJointError(self.classes.source, what, values.where)
+            self.joints[called] = values
+            if len(self.joints) > MAX_MOVING:
+                raise UrdfError(self.classes.source, f"has more than {MAX_MOVING} joints that move")
+            written.append(self._joint(values, self._named("joint", called)))
+        return written
+
+    def _joint(self, values: Values, written: str) -> Element:
+        joint = Element("joint", name=written, type=values.word("type", _JOINTS))
+        values.copy(joint, "pos", 3)
+        if joint.get("type") == "ball":
+            return joint
+        axis = values.copy(joint, "axis", 3)
+        if axis and not 1e-6 < np.linalg.norm(axis) < 1e6:
+            raise UrdfError(values.source, f"axis is {axis}; its length should be 1", values.where)
+        if pair := values.bounds("range", "limited", self.compiler.automatic):
+            unit = self.compiler.radians if joint.get("type") == "hinge" else 1.0
+            joint.set("range", " ".join(repr(unit * bound) for bound in pair))
+        for key in ("damping", "frictionloss", "armature"):
+            joint.set(key, repr(values.positive(key, 0.0)))
+        return joint
+
+    def _inertial(self, inertial: Element, to: Element, where: str) -> None:
+        values = Values(inertial.attrib, self.classes.source, where)
+        if "mass" not in values.given or not {"diaginertia", "fullinertia"} & values.given.keys():
+            raise UrdfError(values.source, "<inertial> needs a mass, and diaginertia or fullinertia", where)
+        if "fullinertia" in values.given and ROTATIONS.keys() & values.given.keys():
+            raise UrdfError(values.source, "<inertial> has a fullinertia and is turned; one is enough", where)
+        least = self.compiler.least_inertia
+        copy = SubElement(to, "inertial", mass=repr(max(values.positive("mass", 0.0), self.compiler.least_mass)))
+        place(values, self.compiler, copy)
+        if full := values.numbers("fullinertia", 6):
+            xx, yy, zz, xy, xz, yz = full
+            moments, axes = np.linalg.eigh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            if least > moments[0]:
+                tensor = axes @ np.diag(np.maximum(moments, least)) @ axes.T
+                full = [*np.diag(tensor), tensor[0, 1], tensor[0, 2], tensor[1, 2]]
+            copy.set("fullinertia", " ".join(repr(float(x)) for x in full))
+        else:
+            diagonal = values.numbers("diaginertia", 3)
+            copy.set("diaginertia", " ".join(repr(max(x, least)) for x in diagonal))
+
+    def _geom(self, geom: Element, to: Element, inherited: str | None, where: str) -> None:
+        """Write a shape that gives its body an inertia."""
+        values = Values(self.classes.attributes(geom, inherited), self.classes.source, where)
+        kind = values.word("type", ("sphere", *_SOLIDS, *_MASSLESS, *_MESHES))
+        first, last = self.compiler.groups
+        weightless = values.number("mass", values.number("density", 1.0)) == 0
+        if kind in _MASSLESS or weightless or not first <= values.number("group", 0.0) <= last:
+            return
+        if kind in _MESHES or "mesh" in values.given or values.given.get("shellinertia") == "true":
+            raise UrdfError(
+                values.source, "its inertia would come from a mesh or a shell: give it an <inertial>", where
+            )
+        copy = SubElement(to, "geom", type=kind)
+        ends = values.copy(copy, "fromto", 6)
+        sizes = values.copy(copy, "size", 1, 3)
+        if len(sizes) < _SOLIDS[kind] - bool(ends) or min(sizes) <= 0:
+            raise UrdfError(values.source, f"a {kind} needs {_SOLIDS[kind]} positive sizes", where)
+        if ends and (kind == "sphere" or np.linalg.norm(np.subtract(ends[3:], ends[:3])) < 1e-9):
+            raise UrdfError(values.source, f"fromto of a {kind} is no direction", where)
+        if not ends:
+            place(values, self.compiler, copy)
+        for key in ("mass", "density"):
+            if key in values.given:
+                copy.set(key, repr(values.positive(key, 0.0)))
+                break
+
+
+def check_moving(joints: Mapping[str, Values], moving: Sequence[str], root: Element, source: str) -> None:
+    """Refuse what moving joints do in MuJoCo beyond rigid bodies, friction and armature.
+
+    Args:
+        joints: of `Bare`.
+        moving: names of those that are not locked.
+        root: of the whole MJCF.
+        source: what to call it in messages.
+
+    Raises:
+        UnsupportedJointError: one has a spring, counts from elsewhere than zero, or is coupled with another.
+    """
+    for name in moving:
+        values = joints[name]
+        if values.number("stiffness", 0.0):
+            raise UnsupportedJointError(source, "has a spring (stiffness), which armdyn does not know", values.where)
+        if values.number("ref", 0.0):
+            what = "counts from elsewhere (ref); armdyn knows joints that are zero where the file draws them"
+            raise UnsupportedJointError(source, what, values.where)
+    for coupling in root.findall("equality/joint"):
+        follower = str(coupling.get("joint1"))
+        if coupling.get("active") != "false" and follower in moving:
+            what = "is coupled by <equality>; armdyn knows no coupled joints: lock it"
+            raise UnsupportedJointError(source, what, f"joint {shown(follower)!r}")

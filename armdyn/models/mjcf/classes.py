@@ -1,0 +1,91 @@
+"""What elements of an MJCF inherit from its `<default>` classes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from xml.etree.ElementTree import Element
+
+from armdyn.errors import UrdfError
+from armdyn.models.mjcf.values import ROTATIONS
+from armdyn.models.reading.urdf_xml import shown
+
+MAIN = "main"
+"""MuJoCo's name of the class of what names none."""
+
+MAX_CLASSES = 1000
+"""An MJCF of more default classes is refused: each holds a copy of what it inherits."""
+
+_ACTUATORS = "motor general position velocity intvelocity damper cylinder muscle adhesion dcmotor orientation plugin"
+ACTUATORS = frozenset(_ACTUATORS.split())
+"""Kinds of actuators; in a class they all set the defaults of one and the same."""
+
+_KINDS = frozenset(("joint", "geom", "site", "general"))
+_ASKED = """
+    type axis pos quat axisangle euler xyaxes zaxis range limited damping frictionloss armature stiffness ref
+    actuatorfrcrange actuatorfrclimited size fromto mass density mesh shellinertia group
+    ctrlrange ctrllimited forcerange forcelimited gear gainprm gaintype biastype dyntype
+"""
+_KEYS = frozenset(_ASKED.split())
+"""What is asked of a class; no more is kept, for every class has a copy of what it inherits."""
+
+
+@dataclass(frozen=True)
+class Classes:
+    """Default attributes by class and kind of element.
+
+    Attributes:
+        source: what to call the MJCF in messages.
+        table: class to kind to attributes, those of the class around it included.
+    """
+
+    source: str
+    table: Mapping[str, Mapping[str, Mapping[str, str]]]
+
+    @classmethod
+    def of(cls, root: Element, source: str) -> "Classes":
+        """The classes of an MJCF.
+
+        Raises:
+            UrdfError: a class inside another has no name, or there are too many.
+        """
+        table: dict[str, dict[str, dict[str, str]]] = {MAIN: {}}
+        for default in root.findall("default"):
+            _fill(default, MAIN, table, source)
+            if name := default.get("class"):
+                table[name] = table[MAIN]
+        return cls(source, table)
+
+    def attributes(self, element: Element, inherited: str | None = None) -> dict[str, str]:
+        """An element's attributes, completed by its class.
+
+        Args:
+            element: of the MJCF.
+            inherited: `childclass` of the nearest body around it that has one.
+
+        Raises:
+            UrdfError: there is no such class.
+        """
+        name = element.get("class") or inherited or MAIN
+        if name not in self.table:
+            raise UrdfError(self.source, f"class {shown(name)!r} is not defined", f"<{shown(element.tag)}>")
+        own = self.table[name].get(_kind(element.tag), {})
+        if ROTATIONS.keys() & element.attrib.keys():  # its own way of being turned is instead of the class's
+            own = {key: text for key, text in own.items() if key not in ROTATIONS}
+        return {**own, **element.attrib}
+
+
+def _kind(tag: str) -> str:
+    return "general" if tag in ACTUATORS else tag
+
+
+def _fill(default: Element, name: str, table: dict[str, dict[str, dict[str, str]]], source: str) -> None:
+    own = table[name]
+    for element in default:
+        if (kind := _kind(element.tag)) in _KINDS:
+            own[kind] = own.get(kind, {}) | {key: text for key, text in element.attrib.items() if key in _KEYS}
+    for inside in default.findall("default"):
+        if not (called := inside.get("class")):
+            raise UrdfError(source, "a <default> inside another has no class")
+        if len(table) > MAX_CLASSES:
+            raise UrdfError(source, f"has more than {MAX_CLASSES} default classes")
+        table[called] = {kind: dict(attributes) for kind, attributes in own.items()}
+        _fill(inside, called, table, source)

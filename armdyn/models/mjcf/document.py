@@ -1,0 +1,126 @@
+"""The XML of an MJCF file from a stranger, with the files that it includes."""
+
+import os
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+from armdyn.arguments import shown as told
+from armdyn.errors import FileError, UrdfError
+from armdyn.files import read_bounded
+from armdyn.models.reading.urdf_xml import MAX_BYTES, MAX_DEPTH, MAX_ELEMENTS, parse_xml, read_urdf, shown
+
+MAX_FILES = 100
+"""An MJCF that includes more files is refused; the largest known includes some ten."""
+
+_PASSED_OVER = ((b"<!--", b"-->"), (b"<?", b"?>"))
+_ROOT = re.compile(rb"<mujoco[\s/>]")
+
+
+def is_mjcf(path: str | os.PathLike[str]) -> bool:
+    """Whether a file's root element is `<mujoco>`; a file that cannot be read is none."""
+    try:
+        data = read_bounded(path, MAX_BYTES)
+    except FileError:
+        return False
+    at = data.find(b"<")
+    while ends := [end for begin, end in _PASSED_OVER if data.startswith(begin, at)]:
+        after = data.find(ends[0], at)
+        at = -1 if after < 0 else data.find(b"<", after)
+    return at >= 0 and _ROOT.match(data, at) is not None
+
+
+def check_mjcf_text(text: object, source: object) -> None:
+    """Refuse what is no text of an MJCF, before it is read.
+
+    Raises:
+        UrdfError: no text, or too long.
+    """
+    if not isinstance(source, str):
+        raise UrdfError("MJCF text", f"source is {told(source)}; it must be text, what messages call the MJCF")
+    if not isinstance(text, str):
+        raise UrdfError(source, f"is {told(text)}; it must be the text of an MJCF")
+    if len(text) > MAX_BYTES:
+        raise UrdfError(source, f"larger than {MAX_BYTES} bytes")
+
+
+def read_mjcf(file: Path) -> Element:
+    """The tree of an MJCF file, each `<include>` replaced by what it names.
+
+    Raises:
+        UrdfError: see `parse_mjcf`, or the file cannot be read.
+    """
+    return parse_mjcf(read_urdf(file), str(file), file.parent)
+
+
+def parse_mjcf(text: str, source: str, folder: Path | None = None) -> Element:
+    """The tree of an MJCF's text: no DTD, no entity, bounded size, includes from inside one folder only.
+
+    Args:
+        text: the MJCF.
+        source: what to call it in messages.
+        folder: where its includes are; None: it may have none.
+
+    Raises:
+        UrdfError: not XML, no MJCF, or an include is missing, outside the folder or met twice.
+    """
+    root = parse_xml(text, source)
+    if root.tag != "mujoco":
+        hint = ": this is a URDF; use Robot.from_urdf" if root.tag == "robot" else ": this is XML but no MJCF"
+        raise UrdfError(source, f"the root element is <{shown(root.tag)}>, not <mujoco>{hint}")
+    _Includes(source, folder).replace(root)
+    return root
+
+
+@dataclass
+class _Includes:
+    """Files that are included, each once as MuJoCo has it, and how much there may still be of them."""
+
+    source: str
+    folder: Path | None
+    seen: set[Path] = field(default_factory=set)
+    elements: int = MAX_ELEMENTS
+    characters: int = MAX_BYTES
+
+    def replace(self, element: Element, depth: int = 1) -> None:
+        """Put the content of included files in the place of their `<include>`, in an element and all below it."""
+        if depth > MAX_DEPTH:
+            raise UrdfError(self.source, f"XML nested deeper than {MAX_DEPTH} elements")
+        children = list(element)[::-1]
+        element[:] = []
+        while children:
+            child = children.pop()
+            if child.tag == "include":
+                children += list(self._included(child))[::-1]
+            else:
+                element.append(child)
+                self.replace(child, depth + 1)
+
+    def _included(self, include: Element) -> Element:
+        name = str(include.get("file", ""))
+        where = f"include {shown(name)!r}"
+        if self.folder is None:
+            raise UrdfError(self.source, "a text has no folder that it could include files from", where)
+        home = Path(os.path.realpath(self.folder))
+        try:
+            file = Path(os.path.realpath(home / name))
+        except (OSError, ValueError):  # a null character, a loop of links
+            raise UrdfError(self.source, "is no path of a file", where) from None
+        if not file.is_relative_to(home):
+            raise UrdfError(self.source, f"is outside the folder {home}", where)
+        if file in self.seen:
+            raise UrdfError(self.source, "is included twice", where)
+        self.seen.add(file)
+        if len(self.seen) > MAX_FILES:
+            raise UrdfError(self.source, f"includes more than {MAX_FILES} files")
+        try:
+            text = read_urdf(file)
+        except UrdfError as error:
+            raise UrdfError(self.source, str(error), where) from None
+        included = parse_xml(text, str(file))
+        self.characters -= len(text)
+        self.elements -= sum(1 for _ in included.iter())
+        if self.characters < 0 or self.elements < 0:
+            raise UrdfError(self.source, f"more than {MAX_BYTES} bytes or {MAX_ELEMENTS} elements, includes counted")
+        return included

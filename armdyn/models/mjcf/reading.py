@@ -1,0 +1,110 @@
+"""From an MJCF to Pinocchio's model of an arm, by Pinocchio's own parser."""
+
+import tempfile
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import pinocchio as pin
+
+from armdyn.errors import ArmdynWarning, UrdfError
+from armdyn.models.mjcf.actuators import effort_limits
+from armdyn.models.mjcf.bare import Bare, check_moving
+from armdyn.models.mjcf.classes import Classes
+from armdyn.models.mjcf.compiler import Compiler, gravity
+from armdyn.models.reading.given import read_model
+from armdyn.models.reading.urdf_arm import Reading, joint_limits
+from armdyn.models.reading.urdf_xml import shown
+from armdyn.models.values.limits import JointLimits
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MjcfReading:
+    """What an MJCF and the choice of its joints give.
+
+    Attributes:
+        arm: the model without what is locked.
+        limits: of its joints; those of torque from the actuators. MJCF has no velocity limits.
+    """
+
+    arm: Reading
+    limits: JointLimits
+
+
+def read_mjcf_arm(
+    root: Element, source: str, lock: Mapping[str, float] | None = None, arm: tuple[str, str] | None = None
+) -> MjcfReading:
+    """Pinocchio's model of the arm that an MJCF describes, and its limits.
+
+    Args:
+        root: what `parse_mjcf` gave.
+        source: what to call it in messages.
+        lock: joints to fix, name to position [rad or m].
+        arm: first and last joint, body or site; see `Robot.from_urdf`.
+
+    Raises:
+        UrdfError: the MJCF is not physical, or needs what armdyn does not know.
+        UnsupportedJointError: a joint that moves is of no known kind, has a spring, or is coupled.
+        SpecError: a lock or the arm does not fit it.
+    """
+    classes, compiler = Classes.of(root, source), Compiler.of(root, source)
+    bare = Bare(classes, compiler, None if arm is not None else frozenset(lock or {}))
+    model = _parsed(bare.text(root), source)
+    model.name = root.get("model") or "MuJoCo Model"
+    _call_again(model, bare.called)
+    model.gravity.linear = gravity(root, source)
+    limits = effort_limits(root, classes, bare.joints, compiler.automatic)
+    reading = read_model(
+        model, source, {joint: at for joint, at in (lock or {}).items() if joint not in bare.free}, arm
+    )
+    check_moving(bare.joints, list(reading.model.names)[1:], root, source)
+    _refuse_loops(reading.model, root, source)
+    if any(body.get("gravcomp", "0") not in ("0", "0.0") for body in root.iter("body")):
+        what = "gravcomp is left out: gravity acts in full, and the motors hold it"
+        warnings.warn(f"{source}: {what}", ArmdynWarning, stacklevel=4)
+    return MjcfReading(arm=reading, limits=_limits(reading.model, limits))
+
+
+def _parsed(text: str, source: str) -> pin.Model:
+    """Pinocchio's reading of a checked MJCF; its parser takes files only."""
+    if not hasattr(pin, "buildModelFromMJCF"):
+        raise UrdfError(source, f"is MJCF, which this pinocchio {pin.__version__} was built without; give a URDF")
+    with tempfile.TemporaryDirectory(prefix="armdyn-mjcf-") as folder:
+        file = Path(folder, "arm.xml")
+        file.write_text(text, encoding="utf-8")
+        try:
+            return pin.buildModelFromMJCF(str(file))
+        except Exception as error:  # whatever C++ throws
+            raise UrdfError(source, f"Pinocchio cannot read it ({shown(str(error).strip())})") from None
+
+
+def _call_again(model: pin.Model, called: Mapping[str, Mapping[str, str]]) -> None:
+    """Give a model's joints and frames the names that they have in the MJCF."""
+    own = {written: name for names in called.values() for name, written in names.items()}
+    own |= {f"{written}_fixed": f"{name}_fixed" for name, written in called["body"].items()}
+    for i, name in enumerate(model.names):
+        model.names[i] = own.get(name, name)
+    for frame in model.frames:
+        frame.name = own.get(frame.name, frame.name)
+
+
+def _limits(model: pin.Model, efforts: Mapping[str, tuple[float, float]]) -> JointLimits:
+    """A model's limits, with torque limits that may be one-sided."""
+    pairs = np.array([efforts[name] for name in list(model.names)[1:]])
+    return replace(joint_limits(model), effort_lower=pairs[:, 0], effort_upper=pairs[:, 1])
+
+
+def _refuse_loops(model: pin.Model, root: Element, source: str) -> None:
+    """Refuse an `<equality>` that ties one moving body to another, or to the world."""
+    carriers = {str(frame.name): int(frame.parentJoint) for frame in model.frames}
+    for tie in (*root.findall("equality/connect"), *root.findall("equality/weld")):
+        ends = [tie.get(f"{kind}{i}") for kind in ("body", "site") for i in (1, 2)]
+        tied = {carriers.get(end, 0) for end in ends if end}
+        if len([end for end in ends if end]) == 1:
+            tied.add(0)
+        if tie.get("active") != "false" and len(tied) > 1:
+            names = ", ".join(shown(end) for end in ends if end)
+            raise UrdfError(source, f"<equality> ties {names} together; armdyn knows no closed loops: lock what moves")

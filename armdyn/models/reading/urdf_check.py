@@ -1,0 +1,270 @@
+"""What a URDF from a stranger must pass before Pinocchio reads it."""
+
+from collections.abc import Iterator, Mapping, Set
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.errors import UnsupportedJointError, UrdfError
+from armdyn.models.reading.urdf_xml import parse_xml, shown, to_number
+
+MAX_LINKS = 1000
+"""A URDF of more links is refused: those who read it descend link by link. The largest known robots have 200."""
+
+MAX_MOVING = 150
+"""A URDF of more moving joints is refused: Pinocchio's memory grows with their cube, 0.2 GiB for 150."""
+
+MOVING = ("revolute", "continuous", "prismatic")
+LARGEST = 1e9
+"""Masses, moments, lengths and locked positions above are refused [SI]: no arm has them, and products overflow."""
+
+_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+_TRIANGLE_TOLERANCE = 1e-2  # published URDFs round principal moments to two or three digits
+_NOTHING = 1e-12  # [kg m²]: published tensors of point masses are a rounding, 1e-17, beside zero
+
+_KEPT: dict[str, tuple[str, ...]] = {
+    "inertial": (),
+    "origin": ("xyz", "rpy"),
+    "mass": ("value",),
+    "inertia": _MOMENTS,
+    "parent": ("link",),
+    "child": ("link",),
+    "axis": ("xyz",),
+    "limit": ("lower", "upper", "effort", "velocity"),
+    "dynamics": ("damping", "friction"),
+}
+"""Elements and attributes that dynamics need."""
+
+
+def parse_urdf(text: str, source: str) -> ElementTree.Element:
+    """The checked XML tree of a URDF: no DTD, no entity, bounded size, one tree of joints, finite numbers.
+
+    Whether the inertias are physical is asked by `check_inertias`, once it is known which links move.
+
+    Args:
+        text: the URDF.
+        source: what to call it in messages.
+
+    Raises:
+        UrdfError: not XML, no URDF, or a link or joint makes no sense; says which and what would be right.
+        UnsupportedJointError: a joint is neither revolute, continuous, prismatic nor fixed.
+    """
+    root = parse_xml(text, source)
+    if root.tag == "mujoco":
+        raise UrdfError(source, "is MJCF, no URDF; Robot.from_mjcf reads it")
+    if root.tag != "robot":
+        raise UrdfError(source, f"the root element is <{shown(root.tag)}>, not <robot>: this is XML but no URDF")
+    if not root.get("name"):
+        raise UrdfError(source, "<robot> has no name")
+    links = _named(root, "link", source)
+    joints = _named(root, "joint", source)
+    if not links:
+        raise UrdfError(source, "has no <link>")
+    if sum(joint.get("type") in MOVING for joint in joints.values()) > MAX_MOVING:
+        raise UrdfError(source, f"has more than {MAX_MOVING} joints that move")
+    for name, link in links.items():
+        _check_link(link, source, f"link {shown(name)!r}")
+    for name, joint in joints.items():
+        _check_joint(joint, source, f"joint {shown(name)!r}", links)
+    _check_tree(links, joints, source)
+    return root
+
+
+def check_inertias(root: ElementTree.Element, source: str, moving: Set[str]) -> None:
+    """A link that moves must have an inertia that a body can have. Of one that never moves it says nothing.
+
+    Args:
+        root: what `parse_urdf` gave.
+        source: what to call it in messages.
+        moving: the names of the links that move.
+
+    Raises:
+        UrdfError: principal moments are negative, or one is larger than the other two together.
+    """
+    for link in root.findall("link"):
+        inertial = link.find("inertial")
+        if inertial is None or link.get("name") not in moving:
+            continue
+        where = f"link {shown(link.get('name'))!r}"
+        xx, xy, xz, yy, yz, zz = _numbers(inertial.find("inertia"), _MOMENTS, source, where)
+        if fault := inertia_fault(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])):
+            raise UrdfError(source, fault, where)
+
+
+def inertia_fault(tensor: NDArray[np.float64]) -> str:
+    """Why no body has such an inertia about its centre of mass [kg m²], shape (3, 3); empty if one may."""
+    if np.max(np.abs(tensor)) < _NOTHING:
+        return ""  # a point mass
+    moments = np.linalg.eigvalsh(tensor)
+    if moments[0] <= -1e-9 * moments[-1] or moments[-1] <= 0:
+        return f"inertia is not positive definite: principal moments {moments} kg m²"
+    if moments[0] + moments[1] < moments[2] * (1 - _TRIANGLE_TOLERANCE):
+        return (
+            f"inertia breaks the triangle inequality: principal moments {moments} kg m²; "
+            "no body has one larger than the other two together"
+        )
+    return ""
+
+
+def dynamics_urdf(root: ElementTree.Element, called: Mapping[str, str] | None = None) -> str:
+    """A checked URDF without all that dynamics do not need: what Pinocchio reads is what was checked.
+
+    Args:
+        root: what `parse_urdf` gave.
+        called: joints that get another name.
+    """
+    bare = ElementTree.Element("robot", name=str(root.get("name")))
+    for element in root:
+        if element.tag not in ("link", "joint"):
+            continue
+        keys = ("name",) if element.tag == "link" else ("name", "type")
+        copy = ElementTree.SubElement(bare, element.tag, {key: str(element.get(key)) for key in keys})
+        if called and element.tag == "joint":
+            copy.set("name", called.get(copy.attrib["name"], copy.attrib["name"]))
+        fixed = ("parent", "child", "origin")  # what else a fixed joint has was not checked
+        more = () if element.get("type") == "fixed" else ("axis", "limit", "dynamics")
+        tags = ("inertial",) if element.tag == "link" else (*fixed, *more)
+        for tag in tags:
+            _copy(element, tag, copy)
+    return ElementTree.tostring(bare, encoding="unicode")
+
+
+def _copy(parent: ElementTree.Element, tag: str, to: ElementTree.Element) -> None:
+    element = parent.find(tag)
+    if element is None:
+        return
+    kept = {key: element.attrib[key] for key in _KEPT[tag] if key in element.attrib}
+    if "link" not in kept:
+        kept = {key: " ".join(text.split()) for key, text in kept.items()}  # urdfdom stumbles over line ends
+    copy = ElementTree.SubElement(to, tag, kept)
+    if tag == "inertial":
+        for inside in ("origin", "mass", "inertia"):
+            _copy(element, inside, copy)
+
+
+def _named(root: ElementTree.Element, tag: str, source: str) -> dict[str, ElementTree.Element]:
+    found: dict[str, ElementTree.Element] = {}
+    for element in root.findall(tag):
+        name = element.get("name")
+        if not name:
+            raise UrdfError(source, f"a <{tag}> has no name")
+        if name in found:
+            raise UrdfError(source, "is defined twice", f"{tag} {shown(name)!r}")
+        found[name] = element
+        if len(found) > MAX_LINKS:
+            raise UrdfError(source, f"has more than {MAX_LINKS} {tag}s")
+    return found
+
+
+def _numbers(
+    element: ElementTree.Element | None, keys: tuple[str, ...], source: str, where: str, largest: float = np.inf
+) -> list[float]:
+    """Attributes as finite numbers; a missing element is an error, a missing attribute too."""
+    if element is None:
+        raise UrdfError(source, f"lacks the element with {', '.join(keys)}", where)
+    values = []
+    for key in keys:
+        text = element.get(key)
+        if text is None:
+            raise UrdfError(source, f"<{element.tag}> lacks {key}", where)
+        try:
+            value = to_number(text)
+        except ValueError:
+            raise UrdfError(source, f"<{element.tag}> {key}={shown(text)!r} is not a number", where) from None
+        if not np.isfinite(value):
+            raise UrdfError(source, f"<{element.tag}> {key}={shown(text)!r} is not finite", where)
+        if abs(value) > largest:
+            raise UrdfError(source, f"<{element.tag}> {key}={shown(text)!r} is beyond {largest:g}", where)
+        values.append(value)
+    return values
+
+
+def _vectors(element: ElementTree.Element, source: str, where: str) -> Iterator[tuple[str, np.ndarray]]:
+    for key in ("xyz", "rpy"):
+        text = element.get(key)
+        if text is None:
+            continue
+        try:
+            vector = np.array([to_number(word) for word in text.split()])
+        except ValueError:
+            vector = np.array([])
+        if vector.size != 3 or not np.all(np.isfinite(vector)):
+            raise UrdfError(source, f"<{element.tag}> {key}={shown(text)!r} is not three finite numbers", where)
+        if np.max(np.abs(vector)) > LARGEST:
+            raise UrdfError(source, f"<{element.tag}> {key}={shown(text)!r} is beyond {LARGEST:g}", where)
+        yield key, vector
+
+
+def _check_link(link: ElementTree.Element, source: str, where: str) -> None:
+    inertial = link.find("inertial")
+    if inertial is None:
+        return
+    if (origin := inertial.find("origin")) is not None:
+        dict(_vectors(origin, source, where))
+    (mass,) = _numbers(inertial.find("mass"), ("value",), source, where, LARGEST)
+    if mass < 0:
+        raise UrdfError(source, f"mass is {mass} kg; it must not be negative", where)
+    _numbers(inertial.find("inertia"), _MOMENTS, source, where, LARGEST)
+
+
+def _check_joint(joint: ElementTree.Element, source: str, where: str, links: dict[str, ElementTree.Element]) -> None:
+    kind = joint.get("type", "")
+    if kind not in (*MOVING, "fixed"):
+        raise UnsupportedJointError(source, f"type {shown(kind)!r} is none of {', '.join(MOVING)}, fixed", where)
+    for tag in ("parent", "child"):
+        element = joint.find(tag)
+        link = None if element is None else element.get("link")
+        if link not in links:
+            raise UrdfError(source, f"{tag} link {shown(link)!r} does not exist", where)
+    if (origin := joint.find("origin")) is not None:
+        dict(_vectors(origin, source, where))
+    if kind == "fixed":
+        return
+    if (axis := joint.find("axis")) is not None:
+        for _, vector in _vectors(axis, source, where):
+            if not 1e-6 < np.linalg.norm(vector) < 1e6:  # who reads it divides by it
+                what = "axis is zero" if not np.any(vector) else f"axis is {vector}; its length should be 1"
+                raise UrdfError(source, what, where)
+    if (dynamics := joint.find("dynamics")) is not None:
+        given = tuple(key for key in _KEPT["dynamics"] if dynamics.get(key) is not None)
+        for key, value in zip(given, _numbers(dynamics, given, source, where), strict=True):
+            if value < 0:
+                raise UrdfError(source, f"{key} is {value}; it must not be negative", where)
+    limit = joint.find("limit")
+    if limit is None:
+        if kind == "continuous":
+            return
+        raise UrdfError(source, f"a {kind} joint needs <limit lower upper effort velocity>; it has none", where)
+    for key, value in zip(("effort", "velocity"), _numbers(limit, ("effort", "velocity"), source, where), strict=True):
+        if value < 0:
+            raise UrdfError(source, f"{key} limit is {value}; it must not be negative", where)
+    given = tuple(key for key in ("lower", "upper") if limit.get(key) is not None)
+    numbers = dict(zip(given, _numbers(limit, given, source, where), strict=True))
+    lower, upper = numbers.get("lower", 0.0), numbers.get("upper", 0.0)
+    if kind != "continuous" and lower > upper:
+        raise UrdfError(source, f"lower limit {lower} is above upper limit {upper}", where)
+
+
+def _check_tree(links: dict[str, ElementTree.Element], joints: dict[str, ElementTree.Element], source: str) -> None:
+    parent: dict[str, str] = {}
+    for name, joint in joints.items():
+        up, down = (str(joint.find(tag).get("link")) for tag in ("parent", "child"))  # type: ignore[union-attr]
+        if down in parent:
+            raise UrdfError(source, f"link {shown(down)!r} is the child of two joints", f"joint {shown(name)!r}")
+        parent[down] = up
+    roots = [link for link in links if link not in parent]
+    if len(roots) > 1:
+        raise UrdfError(source, f"has {len(roots)} roots, {shown(', '.join(roots[:5]))}; a robot is one tree")
+    reached = set(roots)
+    children: dict[str, list[str]] = {}
+    for down, up in parent.items():
+        children.setdefault(up, []).append(down)
+    stack = list(roots)
+    while stack:
+        for link in children.get(stack.pop(), []):
+            reached.add(link)
+            stack.append(link)
+    if len(reached) < len(links):
+        lost = sorted(set(links) - reached)
+        raise UrdfError(source, f"has a cycle through {shown(', '.join(lost[:5]))}; a robot is one tree")

@@ -1,0 +1,142 @@
+"""XML from a stranger: read in bounded time and memory, nothing in it expanded or followed."""
+
+import os
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.parsers import expat
+
+from armdyn.arguments import shown as told
+from armdyn.errors import FileError, UrdfError
+from armdyn.files import read_bounded
+
+MAX_BYTES = 32 * 2**20
+"""A URDF larger than this is refused [bytes]; the largest known robots stay below 1 MiB."""
+
+MAX_DEPTH = 64
+"""XML nested deeper than this is refused; a URDF needs seven levels."""
+
+MAX_ELEMENTS = 200_000
+"""XML of more elements than this is refused; the largest known robots have some five thousand."""
+
+_NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_XACRO = "is xacro that was not expanded; run `xacro` on it first and give armdyn the result"
+
+
+def file_path(path: object, kind: str = "URDF", of_text: str = "Robot.from_urdf_string") -> Path:
+    """The path of a file that describes a robot.
+
+    Args:
+        path: as given.
+        kind: of the file, in messages.
+        of_text: what reads a text of that kind.
+
+    Raises:
+        UrdfError: it is none; or the file's text, where its path belongs.
+    """
+    if isinstance(path, str) and "<" in path[:1000]:
+        raise UrdfError("path", f"looks like {kind} text: use {of_text}")
+    try:
+        return Path(os.fsdecode(path))  # type: ignore[arg-type]  # it refuses what is no path
+    except Exception:  # a stranger's __fspath__ may raise anything
+        raise UrdfError("path", f"is {told(path)}; it must be the path of a {kind} file") from None
+
+
+def check_urdf_text(text: object, source: object) -> None:
+    """Refuse what is no text of a URDF, before it is read.
+
+    Raises:
+        UrdfError: no text, too long, or a path.
+    """
+    if not isinstance(source, str):
+        raise UrdfError("URDF text", f"source is {told(source)}; it must be text, what messages call the URDF")
+    if not isinstance(text, str):
+        raise UrdfError(source, f"is {told(text)}; it must be the text of a URDF")
+    if "<" not in text and text.strip().lower().endswith((".urdf", ".xml", ".xacro")):
+        raise UrdfError(source, f"{told(text)} is no URDF text; Robot.from_urdf takes the path of a file")
+    if len(text) > MAX_BYTES:
+        raise UrdfError(source, f"larger than {MAX_BYTES} bytes")
+
+
+def read_urdf(path: str | os.PathLike[str]) -> str:
+    """The text of a URDF file.
+
+    Raises:
+        UrdfError: missing, no regular file, unreadable, too large, or not UTF-8.
+    """
+    try:
+        data = read_bounded(path, MAX_BYTES)
+    except FileError as error:
+        raise UrdfError(str(path), error.why) from None
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise UrdfError(str(path), f"not UTF-8 (byte {error.start})") from None
+
+
+def parse_xml(text: str, source: str) -> ElementTree.Element:
+    """The XML tree of a text: no DTD, no entity, bounded depth and number of elements, no xacro.
+
+    Args:
+        text: the XML.
+        source: what to call it in messages.
+
+    Raises:
+        UrdfError: one of these, or not XML.
+    """
+    builder = ElementTree.TreeBuilder()
+    parser = expat.ParserCreate("utf-8", " ")  # the text was decoded: whatever its XML declaration says
+    depth = elements = 0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth, elements
+        depth, elements = depth + 1, elements + 1
+        if depth > MAX_DEPTH:
+            raise UrdfError(source, f"XML nested deeper than {MAX_DEPTH} elements")
+        if elements > MAX_ELEMENTS:
+            raise UrdfError(source, f"XML of more than {MAX_ELEMENTS} elements")
+        namespace, _, name = tag.rpartition(" ")
+        if "xacro" in namespace:
+            raise UrdfError(source, f"<xacro:{shown(name)}> {_XACRO}")
+        for key, value in attributes.items():
+            if "${" in value or "$(" in value:
+                raise UrdfError(source, f"<{shown(name)} {shown(key)}={shown(value)!r}> {_XACRO}")
+        builder.start(tag, attributes)
+
+    def end(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(tag)
+
+    def refuse(*_: object) -> None:
+        raise UrdfError(source, "has a DTD or entity declaration; no robot needs one, and they are not expanded")
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
+    parser.StartDoctypeDeclHandler = refuse
+    parser.EntityDeclHandler = refuse
+    try:
+        parser.Parse(text.encode(), True)
+    except (expat.ExpatError, UnicodeEncodeError) as error:
+        if "unbound prefix" in str(error) and "<xacro:" in text:
+            raise UrdfError(source, f"<xacro:…> {_XACRO}") from None
+        raise UrdfError(source, f"not XML ({error})") from None
+    return builder.close()
+
+
+def to_number(text: str) -> float:
+    """A decimal number as URDF writes it; Python's other spellings (1_000, other scripts' digits) are none.
+
+    Raises:
+        ValueError: it is none. NaN and infinity are numbers here: whoever asked says that they are not finite.
+    """
+    value = float(text)
+    if abs(value) < float("inf") and not _NUMBER.fullmatch(text.strip()):
+        raise ValueError(text)
+    return value
+
+
+def shown(text: object) -> str:
+    """A stranger's text as a message shows it: its beginning, if it is long."""
+    words = str(text)
+    return words if len(words) <= 80 else f"{words[:77]}..."

@@ -1,0 +1,1 @@
+"""Robots, and where they come from."""

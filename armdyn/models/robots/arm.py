@@ -1,0 +1,208 @@
+"""What a robot arm is, once it is read: Pinocchio's model and the limits of its joints."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from armdyn.arguments import expect, several, shown, text
+from armdyn.errors import SpecError, did_you_mean
+from armdyn.models.reading.urdf_arm import configuration
+from armdyn.models.reading.urdf_check import LARGEST
+from armdyn.models.robots.identity import model_hash
+from armdyn.models.values.friction import FrictionValue, JointFriction
+from armdyn.models.values.limits import JointLimits
+from armdyn.models.values.per_joint import per_joint
+from armdyn.models.values.spec import Payload
+from armdyn.models.values.urdf import TIP, positive_tensor
+
+Array = NDArray[np.float64]
+
+_OTHER_FRAMES = (pin.FrameType.OP_FRAME, pin.FrameType.FIXED_JOINT, pin.FrameType.JOINT, pin.FrameType.SENSOR)
+
+READERS = (
+    "Robot.from_library(name), Robot.from_urdf(path), Robot.from_urdf_string(text), Robot.from_mjcf(path), "
+    "Robot.from_model(model) or Robot.from_spec(spec)"
+)
+"""How to come by a robot."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Arm:
+    """An arm of revolute, continuous and prismatic joints.
+
+    All of armdyn speaks of *joint coordinates*: one number per joint, an angle [rad] or a
+    displacement [m], also for continuous joints, which Pinocchio stores as cosine and sine.
+    `configuration` leads from one to the other.
+
+    Attributes:
+        name: from the URDF, the MJCF or the model.
+        model: Pinocchio's model; locked joints are gone from it, the payload is in it.
+        limits: of every joint. A URDF's range without width, or velocity limit of zero, counts as none
+            given; a torque limit of zero stays, and minimum time then asks for `effort_limit`.
+        joint_names: the moving joints, in the order of every vector.
+        urdf: the text it was read from; empty if that was no URDF, and then it has no geometry.
+        source: the file it came from, or what made it.
+        package_dirs: folders in which `package://` is looked up.
+        locked: joint name to the position it is locked at [rad or m].
+        payload: what it carries, None if nothing was added.
+        tip: the frame at the end of the arm.
+        friction: in its joints; the model itself, and so `pin.aba`, knows nothing of it.
+    """
+
+    name: str
+    model: pin.Model
+    limits: JointLimits
+    joint_names: tuple[str, ...]
+    urdf: str = field(repr=False)
+    source: str
+    package_dirs: tuple[str, ...] = ()
+    locked: Mapping[str, float] = field(default_factory=dict)
+    payload: Payload | None = None
+    tip: str = TIP
+    friction: JointFriction = field(default_factory=JointFriction)
+
+    def __new__(cls, *given: object, **fields: object) -> Self:
+        """Refuses what is no field: `Robot(model)` or `Robot("arm.urdf")` is meant for one of the readers."""
+        if given:
+            raise SpecError(f"Robot({shown(given[0])}) is no way to make one: use {READERS}")
+        return super().__new__(cls)
+
+    def __post_init__(self) -> None:
+        text(self.name, "name of a robot", error=SpecError)
+        text(self.urdf, "urdf of a robot", error=SpecError)
+        text(self.tip, "tip of a robot", error=SpecError)
+        expect(self.model, pin.Model, "model of a robot", f"use {READERS}", error=SpecError)
+        expect(self.limits, JointLimits, "limits of a robot", error=SpecError)
+        expect(self.friction, JointFriction, "friction of a robot", error=SpecError)
+        expect(self.locked, Mapping, "locked of a robot", error=SpecError)  # type: ignore[type-abstract]
+        several(self.package_dirs, "package_dirs of a robot", error=SpecError)
+        names = several(self.joint_names, "joint_names of a robot", error=SpecError)
+        if not len(names) == self.limits.velocity.size == self.model.nv:
+            raise SpecError(
+                f"a robot of {self.model.nv} joints has {len(names)} joint names and {self.limits.velocity.size} limits"
+            )
+        if self.payload is not None:
+            expect(self.payload, Payload, "payload", "Payload(mass=…)", error=SpecError)
+
+    @property
+    def nv(self) -> int:
+        """Number of joints."""
+        return int(self.model.nv)
+
+    @property
+    def model_hash(self) -> str:
+        """SHA-256 of its equations of motion, payload and friction included; see `models.robots.identity`."""
+        return model_hash(self.model, self.friction)
+
+    def with_limits(self, effort_limit: ArrayLike | None, velocity_limit: ArrayLike | None) -> Self:
+        """This robot with other limits: one number, or one per joint; None keeps its own.
+
+        Raises:
+            SpecError: wrong length, NaN, or negative.
+        """
+        limits = self.limits
+        if effort_limit is not None:
+            effort = self._read(effort_limit, "effort_limit", "N m or N", finite=False)
+            limits = replace(limits, effort_lower=-effort, effort_upper=effort)
+        if velocity_limit is not None:
+            velocity = self._read(velocity_limit, "velocity_limit", "rad/s or m/s", finite=False)
+            limits = replace(limits, velocity=velocity)
+        return replace(self, limits=limits)
+
+    def with_friction(
+        self,
+        damping: FrictionValue | None = None,
+        friction: FrictionValue | None = None,
+        width: float | None = None,
+    ) -> Self:
+        """This robot with other friction in its joints; None keeps its own.
+
+        Args:
+            damping: viscous [N m s/rad or N s/m]: one number, one per joint, or "urdf" for what the URDF says, or
+                the MJCF or the model that it was read from.
+            friction: Coulomb's [N m or N], likewise.
+            width: see `JointFriction` [rad/s or m/s].
+
+        Raises:
+            SpecError: wrong length, NaN, negative or infinite.
+        """
+
+        def chosen(value: FrictionValue | None, own: ArrayLike, urdf: Array, what: str) -> ArrayLike:
+            if value is None:
+                return own
+            if isinstance(value, str) and value != "urdf":
+                raise SpecError(f'{what} is {value!r}; it is numbers or "urdf"')
+            return self._read(urdf, f"{what} of {self.source}") if isinstance(value, str) else self._read(value, what)
+
+        own = self.friction
+        return replace(
+            self,
+            friction=JointFriction(
+                damping=chosen(damping, own.damping, self.model.damping, "damping"),
+                coulomb=chosen(friction, own.coulomb, self.model.upperDryFrictionLimit, "friction"),
+                width=own.width if width is None else width,
+            ),
+        )
+
+    def with_armature(self, armature: ArrayLike | None) -> Self:
+        """This robot with reflected rotor inertia [kg m² or kg]: one number, or one per joint; None keeps its own.
+
+        Raises:
+            SpecError: wrong length, NaN, negative, or beyond `urdf_check.LARGEST`.
+        """
+        if armature is None:
+            return self
+        model = self.model.copy()
+        model.armature = self._read(armature, "armature", "kg m² or kg")
+        if np.max(model.armature) > LARGEST:
+            raise SpecError(f"armature is {shown(armature)} kg m² or kg; it must be {LARGEST:g} at most")
+        return replace(self, model=model)
+
+    def _carrying(self, payload: Payload | None) -> Self:
+        """This robot carrying something; the model is copied before it is changed."""
+        model = self.model.copy()
+        if payload is not None:
+            expect(payload, Payload, "payload", "Payload(mass=…)", error=SpecError)
+        if payload is not None and payload.mass > 0:
+            frame_name = payload.frame or self.tip
+            frame = self.frame(frame_name)
+            if frame.parentJoint == 0:
+                raise SpecError(f"frame {frame_name!r} of {self.source} does not move: no payload can be there")
+            model.appendBodyToJoint(frame.parentJoint, payload_inertia(payload), frame.placement)
+        return replace(self, model=model, payload=payload)
+
+    def _read(self, value: ArrayLike, what: str, unit: str = "", *, finite: bool = True) -> Array:
+        """One number, or one per joint, that is not negative, as an array of shape (nv,)."""
+        return per_joint(value, self.joint_names, what, unit=unit, finite=finite, sign="not negative")
+
+    def frame(self, name: str) -> pin.Frame:
+        """A frame of the model by name; the link where a joint has the same name.
+
+        Raises:
+            SpecError: no such frame.
+        """
+        text(name, "name of a frame", error=SpecError)
+        for kind in (pin.FrameType.BODY, *_OTHER_FRAMES):
+            if self.model.existFrame(name, kind):
+                return self.model.frames[self.model.getFrameId(name, kind)]
+        names = [str(frame.name) for frame in self.model.frames]
+        raise SpecError(f"no frame {shown(name)} in {self.source}{did_you_mean(name, names)}")
+
+    def configuration(self, q: ArrayLike) -> Array:
+        """Pinocchio's configuration vector, shape (model.nq,), of joint coordinates q, shape (nv,).
+
+        Raises:
+            SpecError: q is not one number per joint.
+        """
+        if not (isinstance(q, np.ndarray) and q.dtype == float):  # no more than that: integrators come by
+            q = per_joint(q, self.joint_names, "q", scalar=False)
+        return configuration(self.model, q)
+
+
+def payload_inertia(payload: Payload) -> pin.Inertia:
+    """Pinocchio's inertia of a payload, in the frame that it is fixed to."""
+    return pin.Inertia(payload.mass, np.array(payload.com), positive_tensor(payload))

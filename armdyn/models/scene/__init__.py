@@ -1,0 +1,1 @@
+"""What an arm is among: its own bodies, obstacles, goals, and how far it is from them."""

@@ -1,0 +1,109 @@
+"""B-splines on a clamped mesh: what is known of a curve before its control points are.
+
+De Boor, A Practical Guide to Splines, 1978, chapters IX to XI.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+from scipy.optimize import brentq
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int_]
+
+DEGREE = 4
+"""Of positions: accelerations are quadratic between breaks, and torques have no corners."""
+
+
+def graded(intervals: int, shortest: float) -> Array:
+    """Breaks from 0 to 1 whose distances grow by one factor from both ends to the middle, shape (intervals + 1,).
+
+    Args:
+        intervals: their number.
+        shortest: length of the first and the last, as a part of the whole.
+    """
+    steps = np.minimum(np.arange(intervals), np.arange(intervals)[::-1])
+
+    def beyond(growth: float) -> float:
+        return float(np.log(shortest * np.sum(np.exp(growth * steps))))
+
+    growth = brentq(beyond, 0.0, 10.0) if beyond(0.0) < 0 else 0.0
+    ends = np.cumsum(np.exp(growth * steps))
+    return np.append(0.0, ends / ends[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class Basis:
+    """The B-splines of degree `DEGREE` on a mesh from 0 to 1, clamped: a curve begins and ends in a control point.
+
+    Attributes:
+        breaks: of the mesh, shape (intervals + 1,).
+    """
+
+    breaks: Array
+
+    @property
+    def intervals(self) -> int:
+        """Of the mesh."""
+        return self.breaks.size - 1
+
+    @property
+    def size(self) -> int:
+        """Control points of a curve."""
+        return self.intervals + DEGREE
+
+    @cached_property
+    def knots(self) -> Array:
+        """Breaks, the ends repeated, shape (size + DEGREE + 1,)."""
+        return np.concatenate([np.zeros(DEGREE), self.breaks, np.ones(DEGREE)])
+
+    @cached_property
+    def places(self) -> Array:
+        """Greville's abscissae, shape (size,): control points over these that lie on a line make that line."""
+        return np.array([self.knots[i + 1 : i + 1 + DEGREE].mean() for i in range(self.size)])
+
+    def factors(self, order: int) -> Array:
+        """What differences of a derivative's control points are multiplied by to be those of the next.
+
+        Args:
+            order: of the derivative that comes out, from 1.
+
+        Returns:
+            Shape (size - order,).
+        """
+        degree, knots = DEGREE - order + 1, self.knots[order - 1 : self.knots.size - order + 1]
+        first = np.arange(self.size - order) + 1
+        return np.asarray(degree / (knots[first + degree] - knots[first]))
+
+    def gauss(self, points: int) -> tuple[Array, Array]:
+        """Gauss's points in every interval and their weights, each of shape (intervals, points)."""
+        nodes, weights = np.polynomial.legendre.leggauss(points)
+        lengths = np.diff(self.breaks)[:, None]
+        return self.breaks[:-1, None] + lengths * (nodes + 1) / 2, lengths * weights / 2
+
+    def interval_of(self, s: Array) -> Index:
+        """In which interval s lies, the same shape."""
+        return np.clip(np.searchsorted(self.breaks, s, side="right") - 1, 0, self.intervals - 1)
+
+    def local(self, s: Array, derivatives: int = 2) -> Array:
+        """Values and derivatives of the B-splines that are not zero in the intervals of s.
+
+        Args:
+            s: places from 0 to 1, shape (m,).
+            derivatives: up to which order.
+
+        Returns:
+            Shape (m, derivatives + 1, DEGREE + 1); the first of them belongs to the control point of the interval's
+            own number.
+        """
+        all_of_them = BSpline(self.knots, np.eye(self.size), DEGREE)
+        window = self.interval_of(s)[:, None] + np.arange(DEGREE + 1)
+        orders = [np.take_along_axis(all_of_them(s, order), window, axis=1) for order in range(derivatives + 1)]
+        return np.stack(orders, axis=1)
+
+    def curve(self, points: Array) -> BSpline:
+        """The curve of control points, shape (size, nv), over s."""
+        return BSpline(self.knots, points, DEGREE)

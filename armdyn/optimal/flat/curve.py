@@ -1,0 +1,127 @@
+"""A motion as a curve: legs of control points, each with its duration."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.dynamics.numeric import inverse_dynamics
+from armdyn.models.robots.robot import Robot
+from armdyn.optimal.flat.basis import Basis
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_RAMP = 0.1
+"""Part of a straight guess's time in which it gains, and loses, its speed."""
+_SLACK = 1.2
+"""Its duration over the least that velocity limits allow."""
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """A curve from one given pose to the next.
+
+    Attributes:
+        basis: its B-splines.
+        points: control points [rad or m], shape (basis.size, nv).
+        duration: [s].
+    """
+
+    basis: Basis
+    points: Array
+    duration: float
+
+    def at(self, s: Array) -> tuple[Array, Array, Array]:
+        """Positions, velocities and accelerations at parts s of the duration, each of shape (m, nv)."""
+        curve, T = self._curve, self.duration
+        return curve(s), curve(s, 1) / T, curve(s, 2) / T**2
+
+    def torques(self, robot: Robot, s: Array) -> Array:
+        """Torques that it takes at parts s of the duration, by `pin.rnea` and friction [N m or N], shape (m, nv)."""
+        torque = inverse_dynamics(robot)
+        return np.array([torque(*x) for x in zip(*self.at(s), strict=True)])
+
+    @cached_property
+    def _curve(self):  # type: ignore[no-untyped-def]  # scipy's BSpline
+        return self.basis.curve(self.points)
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A motion from start to goal.
+
+    Attributes:
+        legs: from pose to pose, at least one.
+    """
+
+    legs: tuple[Leg, ...]
+
+    @classmethod
+    def straight(cls, problem: MinimumTimeProblem, basis: Basis, duration: float) -> Self:
+        """From pose to pose on straight lines, gaining speed, cruising, losing it.
+
+        Args:
+            problem: its poses.
+            basis: of every leg.
+            duration: of a leg whose joints have no velocity limit [s].
+        """
+        s = np.minimum(basis.places, 1 - basis.places)
+        half = np.where(s < _RAMP, s**2 / (2 * _RAMP), s - _RAMP / 2) / (1 - _RAMP)
+        part = np.where(basis.places < 0.5, half, 1 - half)[:, None]
+        ends = zip(problem.poses[:-1], problem.poses[1:], problem.leg_bounds(), strict=True)
+        return cls(tuple(Leg(basis, (1 - part) * a + part * b, _SLACK * least or duration) for a, b, least in ends))
+
+    @classmethod
+    def near(cls, motion: Trajectory, basis: Basis, passing: Array | None = None) -> Self:
+        """Near a motion, whose positions are the control points.
+
+        Args:
+            motion: any.
+            basis: of every leg.
+            passing: when legs end, but for the last [s]; None: there is one leg.
+        """
+        inner = np.empty(0) if passing is None else passing
+        marks = np.concatenate([motion.t[:1], inner, motion.t[-1:]])
+        spans = zip(marks[:-1], np.diff(marks), strict=True)
+        return cls(tuple(Leg(basis, motion(start + T * basis.places).q, float(T)) for start, T in spans))
+
+    @property
+    def duration(self) -> float:
+        """Of the whole [s]."""
+        return float(sum(leg.duration for leg in self.legs))
+
+    @property
+    def passing(self) -> Array:
+        """When one leg ends and the next begins [s], shape (legs - 1,)."""
+        return np.cumsum([leg.duration for leg in self.legs])[:-1]
+
+    def slower(self, factor: float) -> Self:
+        """The same path in so many times the duration."""
+        return replace(self, legs=tuple(replace(leg, duration=factor * leg.duration) for leg in self.legs))
+
+    def trajectory(self, robot: Robot, least: int, steps: int) -> Trajectory:
+        """Samples of the motion, and the torques that it takes there.
+
+        Args:
+            robot: that moves.
+            least: samples of every interval, besides its end.
+            steps: samples of every leg, at least.
+        """
+        parts, start = [], 0.0
+        for k, leg in enumerate(self.legs):
+            lengths = np.diff(leg.basis.breaks)
+            counts = np.maximum(np.ceil(steps * lengths).astype(int), least)
+            fractions = np.concatenate([np.arange(count) / count for count in counts])
+            s = np.append(np.repeat(leg.basis.breaks[:-1], counts) + np.repeat(lengths, counts) * fractions, 1.0)
+            q, v, _ = leg.at(s)
+            t = start + leg.duration * s
+            start = float(t[-1])
+            if k < len(self.legs) - 1:  # where legs meet the torque may jump
+                t[-1] = np.nextafter(start, 0)
+            parts.append((t, q, v, leg.torques(robot, s)))
+        t, q, v, tau = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return Trajectory(t, q, v, tau, robot.joint_names, "minimum time", robot.model_hash)

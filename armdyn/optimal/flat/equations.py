@@ -1,0 +1,180 @@
+"""The equations of a curve: torques at its points, rates of its control points, legs that meet."""
+
+from dataclasses import dataclass
+from functools import partial
+
+import casadi as ca
+import numpy as np
+
+from armdyn.dynamics.symbolic import Dynamics
+from armdyn.exclusive import built_once
+from armdyn.optimal.flat.basis import DEGREE
+from armdyn.optimal.program.compiled import compiled
+from armdyn.optimal.program.interval import IntervalFunctions, Stages, differentiated, nonzeros_of
+
+WINDOW = DEGREE + 1
+"""Control points that an interval of a curve depends on."""
+POINTS = 2
+"""Gauss's points in an interval at which torques are unknowns."""
+BODY = 10
+"""Dynamic parameters of what the last joint carries."""
+
+
+@dataclass(frozen=True)
+class Shared:
+    """Parameters that all equations of a curve share, in symbols or numbers.
+
+    Attributes:
+        effort: scales of the torques: half their ranges [N m or N], shape (nv,).
+        weights: of the squares of scaled torques over time, shape (nv,).
+        body: dynamic parameters of what the last joint carries, shape (10,).
+        hurry: what a second costs.
+    """
+
+    effort: ca.SX
+    weights: ca.SX
+    body: ca.SX
+    hurry: ca.SX
+
+    @staticmethod
+    def size(joints: int) -> int:
+        """How many."""
+        return 2 * joints + BODY + 1
+
+    @classmethod
+    def symbols(cls, joints: int) -> "Shared":
+        """As symbols."""
+        sizes = (("effort", joints), ("weights", joints), ("body", BODY), ("hurry", 1))
+        return cls(*(ca.SX.sym(name, size) for name, size in sizes))
+
+    def column(self) -> ca.SX:
+        """One after the other."""
+        return ca.vertcat(self.effort, self.weights, self.body, self.hurry)
+
+
+@built_once(maxsize=16)
+def torque_equations(dynamics: Dynamics, asked: bool | None) -> IntervalFunctions:
+    """Torque at a point of the curve by inverse dynamics, less its unknown, both over half the torque's range.
+
+    Unknowns: the control points of its window, the leg's duration T [s], the scaled torques.
+    Parameters: values, first and second derivatives of the window's B-splines, shape (3, WINDOW); the point's part of
+    the time; what a squared torque costs there, whatever T is; then `Shared`.
+    The chain from control points to (q, q', q'') is linear, so that dynamics are differentiated by these only.
+    """
+    n, shared = dynamics.nv, Shared.symbols(dynamics.nv)
+    curve, duration, torque = ca.SX.sym("curve", 3 * n), ca.SX.sym("T"), ca.SX.sym("torque", n)
+    basis, part, tie = ca.SX.sym("basis", 3 * WINDOW), ca.SX.sym("part"), ca.SX.sym("tie")
+    present = ca.vertcat(*(shared.body[i] if there else 0 for i, there in enumerate(dynamics.last_body != 0)))
+    q, slope, bend = (curve[i * n : (i + 1) * n] for i in range(3))
+    load = dynamics.rnea(q, slope / duration, bend / duration**2, present) / shared.effort
+    cost = (tie * ca.sumsqr(torque) + shared.hurry * part * duration * ca.dot(shared.weights, torque**2)) / 2
+
+    points, lam, sigma = ca.SX.sym("points", n * WINDOW), ca.SX.sym("lam", n), ca.SX.sym("sigma")
+    y, p = ca.vertcat(points, duration, torque), ca.vertcat(basis, part, tie, shared.column())
+    chain = ca.kron(ca.reshape(basis, WINDOW, 3).T, ca.SX.eye(n))
+    outer, at = ca.diagcat(chain, ca.SX.eye(1)), chain @ points
+    inner = ca.vertcat(curve, duration)
+    bends = ca.hessian(ca.dot(lam, load), inner)[0]
+    jacobian = ca.horzcat(ca.jacobian(load, inner) @ outer, -ca.SX.eye(n))
+    paying = ca.hessian(sigma * cost, ca.vertcat(points, duration, torque))[0]
+    hessian = ca.triu(ca.diagcat(outer.T @ bends @ outer, ca.SX(n, n)) + paying)
+    fast = compiled(
+        (
+            ca.Function("torque_jacobian", [y, p], [ca.substitute(nonzeros_of(jacobian), curve, at)]),
+            ca.Function("torque_hessian", [y, p, sigma, lam], [ca.substitute(nonzeros_of(hessian), curve, at)]),
+        ),
+        asked,
+    )
+    return IntervalFunctions(
+        defects=ca.Function("torque_defects", [y, p], [ca.substitute(load, curve, at) - torque]),
+        cost=ca.Function("torque_cost", [y, p], [cost]),
+        jacobian=fast[0],
+        jacobian_pattern=jacobian.sparsity(),
+        hessian=fast[1],
+        hessian_pattern=hessian.sparsity(),
+    )
+
+
+@built_once(maxsize=16)
+def rate_equations(joints: int, order: int) -> IntervalFunctions:
+    """A control point of a derivative by time, over its limits.
+
+    Unknowns: order + 1 control points of the curve, the leg's duration T.
+    Parameters: what each of these is multiplied by, shape (order + 1,); one over the limits, shape (nv,).
+    """
+    points, duration = ca.SX.sym("points", joints, order + 1), ca.SX.sym("T")
+    factors, over = ca.SX.sym("factors", order + 1), ca.SX.sym("over", joints)
+    rates = (points @ factors) / duration**order * over
+    y, p = ca.vertcat(ca.vec(points), duration), ca.vertcat(factors, over)
+    return differentiated(f"rate{order}", y, p, rates, ca.SX(0), False)
+
+
+@built_once(maxsize=16)
+def meeting_equations(joints: int, order: int) -> IntervalFunctions:
+    """A derivative by time at the end of a leg, less that at the beginning of the next, over its scale.
+
+    Unknowns: of both legs, one after the other, the order + 1 control points and the duration.
+    Parameters: of both legs what those points are multiplied by, shape (2, order + 1); one over the scale, shape (nv,).
+    """
+    count = joints * (order + 1)
+    y, over = ca.SX.sym("y", 2 * (count + 1)), ca.SX.sym("over", joints)
+    factors = ca.SX.sym("factors", 2 * (order + 1))
+    sides = []
+    for side in range(2):
+        own = y[side * (count + 1) : (side + 1) * (count + 1)]
+        part = factors[side * (order + 1) : (side + 1) * (order + 1)]
+        sides.append(ca.reshape(own[:count], joints, order + 1) @ part / own[count] ** order)
+    gap = (sides[0] - sides[1]) * over
+    return differentiated(f"meeting{order}", y, ca.vertcat(factors, over), gap, ca.SX(0), False)
+
+
+@dataclass(frozen=True)
+class CurveInterval:
+    """An interval of a curve, as conditions along the way see it: stages at its ends and Gauss's points.
+
+    Its unknowns: the window's control points, the leg's duration, the torques at Gauss's points.
+    Its parameters: coefficients of the window's B-splines by powers of the part of the interval, shape
+    (WINDOW, WINDOW), its part of the leg, then `Shared`.
+
+    Attributes:
+        dynamics: with a free last body.
+        compile: derivatives as machine code, see `compiled`.
+    """
+
+    dynamics: Dynamics
+    compile: bool | None = None
+
+    def stages(self) -> Stages:
+        """The interval in symbols; torques are linear between Gauss's points, and beyond."""
+        n, shared = self.dynamics.nv, Shared.symbols(self.dynamics.nv)
+        points, duration = ca.SX.sym("points", n, WINDOW), ca.SX.sym("T")
+        torques, powers = ca.SX.sym("torques", n, POINTS), ca.SX.sym("powers", WINDOW, WINDOW)
+        part = ca.SX.sym("part")
+        h, coefficients = part * duration, points @ powers
+        gauss = (np.polynomial.legendre.leggauss(POINTS)[0] + 1) / 2
+        c = np.concatenate([[0.0], gauss, [1.0]])
+        slope = (torques[:, 1] - torques[:, 0]) / (gauss[1] - gauss[0])
+        return Stages(
+            y=ca.vertcat(ca.vec(points), duration, ca.vec(torques)),
+            p=ca.vertcat(ca.vec(powers), part, shared.column()),
+            h=h,
+            c=c,
+            q=ca.horzcat(*(_power(coefficients, s, 0) for s in c)),
+            v=ca.horzcat(*(_power(coefficients, s, 1) / h for s in c)),
+            a=ca.horzcat(*(_power(coefficients, s, 2) / h**2 for s in c)),
+            tau=ca.horzcat(*((torques[:, 0] + (s - gauss[0]) * slope) * shared.effort for s in c)),
+            acceleration=ca.SX(1),
+            effort=shared.effort,
+            dynamics=self.dynamics,
+            knots=(True, True),
+            position=partial(_power, coefficients, order=0),
+        )
+
+
+def _power(coefficients: ca.SX, s: ca.SX | float, order: int) -> ca.SX:
+    """A derivative of the polynomial of coefficients, a column for every power, at s."""
+    value = ca.SX(coefficients.shape[0], 1)
+    for power in range(coefficients.shape[1] - 1, order - 1, -1):
+        falling = float(np.prod(np.arange(power - order + 1, power + 1)))
+        value = value * s + falling * coefficients[:, power]
+    return value

@@ -1,0 +1,68 @@
+"""Torques that are linear between samples and move the arm along a curve.
+
+Open loop an arm is as unstable as an upside-down pendulum: what lines between samples miss of a curve's torque would
+grow. They are laid so that their impulses are the curve's to the fourth order, and computed torque takes off the rest,
+sample by sample, by the very integration that replays the motion.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from armdyn.optimal.flat.curve import Curve
+from armdyn.optimal.landing.rollout import under_linear_torque
+from armdyn.optimal.task.task import Task
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+def follow(task: Task, curve: Curve) -> Trajectory:
+    """The motion of the arm under torques within their limits that keep it to a curve.
+
+    Args:
+        task: its robot and its torque limits.
+        curve: the motion.
+
+    Returns:
+        States and torques, which fit each other; it ends early where the arm was lost, with two samples at least.
+    """
+    problem, numbers = task.problem, task.policy.curves
+    robot, limits, n = problem.robot, problem.limits, problem.robot.nv
+    wanted = curve.trajectory(robot, numbers.samples, numbers.steps)
+    t, jumps, tau = wanted.t, wanted.jumps, _lines(wanted)
+    tau = np.clip(tau, limits.effort_lower, limits.effort_upper)
+    reached, bandwidth = under_linear_torque(robot), numbers.bandwidth / curve.duration
+    model, data = robot.model, robot.model.createData()
+    x = np.empty((t.size, 2 * n))
+    x[0] = np.concatenate([problem.q_start, problem.v_start])
+    last = 1
+    for k in range(t.size - 1):
+        if jumps[k]:  # no time passes
+            x[k + 1] = x[k]
+        else:
+            inertia = np.triu(pin.crba(model, data, robot.configuration(x[k, :n])))
+            inertia += np.triu(inertia, 1).T
+            beside = 2 * bandwidth * (x[k, n:] - wanted.v[k]) + bandwidth**2 * (x[k, :n] - wanted.q[k])
+            led = tau[k + 1] - inertia @ beside
+            tau[k + 1] = np.clip(led, limits.effort_lower, limits.effort_upper)
+            x[k + 1] = reached(t[k : k + 2], x[k], tau[k : k + 2])
+        if not np.all(np.isfinite(x[k + 1])):
+            x[1] = x[1] if k else x[0]
+            break
+        last = k + 1
+    m = max(last, 1) + 1
+    return replace(wanted, t=t[:m], q=x[:m, :n], v=x[:m, n:], tau=tau[:m])
+
+
+def _lines(motion: Trajectory) -> Array:
+    """Torques at samples whose lines have the impulses of a smooth torque: less h²/12 of its second derivative."""
+    tau, flows, h = motion.tau.copy(), ~motion.jumps, np.diff(motion.t)
+    inner = np.flatnonzero(flows[1:] & flows[:-1]) + 1
+    before, after = h[inner - 1][:, None], h[inner][:, None]
+    slopes = np.diff(motion.tau, axis=0) / h[:, None]
+    bend = 2 * (slopes[inner] - slopes[inner - 1]) / (before + after)
+    tau[inner] -= (before**3 + after**3) / (before + after) / 12 * bend
+    return tau

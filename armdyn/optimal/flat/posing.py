@@ -1,0 +1,222 @@
+"""Numbers of the program of curves: a guess, parameters, and bounds of unknowns and equations."""
+
+from dataclasses import dataclass
+from math import factorial
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from armdyn.optimal.conditions.condition import Knots
+from armdyn.optimal.conditions.demands import Demands
+from armdyn.optimal.conditions.rows import Rows, RowValues, spread
+from armdyn.optimal.flat.basis import Basis
+from armdyn.optimal.flat.curve import Curve
+from armdyn.optimal.flat.equations import POINTS, CurveInterval
+from armdyn.optimal.flat.program import Shape
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.task.task import Task
+
+Array = NDArray[np.float64]
+
+_CAUTIOUS = 0.9
+"""Part of their limits that a guess's torques are clipped to: IPOPT begins inside."""
+
+
+@dataclass(frozen=True, eq=False)
+class Room:
+    """What is left of the torque limits at the points of a leg, since the torque goes further beside them.
+
+    Attributes:
+        upper: taken off the upper limits, as parts of half the range, shape (points, nv).
+        lower: added to the lower ones, likewise.
+    """
+
+    upper: Array | float = 0.0
+    lower: Array | float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """What is asked of a curve.
+
+    Attributes:
+        demands: conditions along the way, as strict as they have to be.
+        rooms: of every leg; empty: none is left.
+        smooth: weight of the mean squared torque against the duration.
+    """
+
+    demands: Demands
+    rooms: tuple[Room, ...] = ()
+    smooth: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Posed:
+    """The program in numbers.
+
+    Attributes:
+        x: the unknowns to start from.
+        p: its parameters.
+        x_bounds: least and largest unknowns.
+        g_bounds: least and largest values of the equations.
+    """
+
+    x: Array
+    p: Array
+    x_bounds: tuple[Array, Array]
+    g_bounds: tuple[Array, Array]
+
+
+def shape_of(problem: MinimumTimeProblem, guess: Curve, demands: Demands) -> Shape:
+    """What the program of a problem looks like."""
+    intervals = tuple(leg.basis.intervals for leg in guess.legs)
+    orders = (1, *sorted({limit[0] for each in demands.conditions if (limit := each.derivative_limit(problem))}))
+    return Shape(problem.robot.nv, intervals, orders, 2 if problem.continuous_torque else 1)
+
+
+def rows_of(problem: MinimumTimeProblem, demands: Demands) -> tuple[Rows, ...]:
+    """Rows of the conditions that are not limits of derivatives, which control points keep."""
+    return tuple(
+        rows for each in demands.conditions if not each.derivative_limit(problem) for rows in each.rows(problem)
+    )
+
+
+class _Numbers:
+    """Parameters and bounds of equations, block by block in the program's order."""
+
+    def __init__(self) -> None:
+        self.parameters: list[Array] = []
+        self.lower: list[Array] = []
+        self.upper: list[Array] = []
+
+    def add(self, parameters: Array, lower: Array, upper: Array) -> None:
+        """Those of one block."""
+        for numbers, more in ((self.parameters, parameters), (self.lower, lower), (self.upper, upper)):
+            numbers.append(np.ravel(more))
+
+
+def pose(task: Task, guess: Curve, wanted: Wanted, shape: Shape) -> Posed:
+    """The program in numbers.
+
+    Args:
+        task: what is to be solved.
+        guess: the curve to start from, with the bases of all legs.
+        wanted: what is asked.
+        shape: of the program.
+    """
+    problem, numbers, whole = task.problem, _Numbers(), guess.duration
+    limits, n = problem.limits, shape.joints
+    half = (limits.effort_upper - limits.effort_lower) / 2
+    x, lower, upper = np.empty(shape.size), np.full(shape.size, -np.inf), np.full(shape.size, np.inf)
+    for k, leg in enumerate(guess.legs):
+        s, weights = leg.basis.gauss(POINTS)
+        basis = leg.basis.local(s.ravel()).reshape(s.size, -1)
+        tie = wanted.smooth * leg.duration / whole / n
+        nothing = np.zeros(s.size * n)
+        numbers.add(np.hstack([basis, weights.reshape(-1, 1), tie * weights.reshape(-1, 1)]), nothing, nothing)
+        _add_rates(numbers, problem, wanted.demands, leg.basis, shape, k)
+        points, torques, room = shape.points(k), shape.torques(k), wanted.rooms[k] if wanted.rooms else Room()
+        lower[points], upper[points] = limits.position_lower, limits.position_upper
+        least, most = limits.effort_lower / half, limits.effort_upper / half
+        lower[torques], upper[torques] = least + room.lower, most - room.upper
+        lower[shape.duration(k)] = max(float(problem.leg_bounds()[k]), 1e-3 * leg.duration)
+        x[points], x[shape.duration(k)] = leg.points, leg.duration
+        x[torques] = np.clip(leg.torques(problem.robot, s.ravel()) / half, _CAUTIOUS * least, _CAUTIOUS * most)
+        _fix_ends(problem, k, points, (lower, upper))
+    for k in shape.legs[1:]:
+        for order in range(1, shape.smooth + 1):
+            sides = _factors(guess.legs[k - 1].basis, order)[-1], _factors(guess.legs[k].basis, order)[0]
+            numbers.add(np.concatenate([*sides, 1 / _finite(limits.velocity)]), np.zeros(n), np.zeros(n))
+    _add_rows(numbers, task, guess, wanted.demands)
+    squares = problem.effort_weights() * half**2
+    shared = np.concatenate([half, squares, task.dynamics.last_body, [1 / whole]])
+    parameters, g_lower, g_upper = map(np.concatenate, (numbers.parameters, numbers.lower, numbers.upper))
+    return Posed(np.clip(x, lower, upper), np.append(parameters, shared), (lower, upper), (g_lower, g_upper))
+
+
+def _finite(limit: Array) -> Array:
+    return np.where(np.isinf(limit), 1.0, limit)
+
+
+def _factors(basis: Basis, order: int) -> Array:
+    """What control points are multiplied by to make those of a derivative, shape (size - order, order + 1)."""
+    matrix = np.eye(basis.size)
+    for k in range(1, order + 1):
+        matrix = basis.factors(k)[:, None] * np.diff(matrix, axis=0)
+    window = np.arange(len(matrix))[:, None] + np.arange(order + 1)
+    return np.take_along_axis(matrix, window, axis=1)
+
+
+def _add_rates(
+    numbers: _Numbers, problem: MinimumTimeProblem, demands: Demands, basis: Basis, shape: Shape, leg: int
+) -> None:
+    """Limits of derivatives on one leg, by their control points."""
+    given = {1: problem.limits.velocity}
+    given |= dict(limit for each in demands.conditions if (limit := each.derivative_limit(problem)))
+    for order in shape.orders:
+        factors, scale = _factors(basis, order), _finite(given[order])
+        bound = np.tile(np.where(np.isinf(given[order]), np.inf, 1.0), (len(factors), 1))
+        lower, upper = -bound, bound.copy()
+        if order == 1 and leg == 0:
+            lower[0] = upper[0] = np.asarray(problem.v_start) / scale
+        if order == 1 and leg == shape.legs[-1]:
+            lower[-1] = upper[-1] = np.asarray(problem.v_goal) / scale
+        if order == 1 and leg == 0 and not np.any(problem.v_start):
+            lower[0], upper[0] = -bound[0], bound[0]  # the control points are fixed
+        if order == 1 and leg == shape.legs[-1] and not np.any(problem.v_goal):
+            lower[-1], upper[-1] = -bound[-1], bound[-1]
+        numbers.add(np.hstack([factors, np.tile(1 / scale, (len(factors), 1))]), lower, upper)
+
+
+def _fix_ends(problem: MinimumTimeProblem, leg: int, points: NDArray[np.int_], sides: tuple[Array, Array]) -> None:
+    """Give a leg's ends their poses, and rest where the motion begins and ends."""
+    ends = ((0, 1, leg == 0, problem.v_start), (-1, -1, leg == len(problem.poses) - 2, problem.v_goal))
+    for place, inward, outer, v in ends:
+        q = problem.poses[leg if place == 0 else leg + 1]
+        at_rest = outer and not np.any(v)
+        count = 1 + at_rest + (at_rest and problem.continuous_torque and _holds(problem, q))
+        for k in range(count):
+            for side in sides:
+                side[points[place + inward * k]] = q
+
+
+def _holds(problem: MinimumTimeProblem, q: Array) -> bool:
+    """Whether the actuators can hold the arm still."""
+    robot, limits = problem.robot, problem.limits
+    hold = pin.computeGeneralizedGravity(robot.model, robot.model.createData(), robot.configuration(q))
+    return bool(np.all((hold >= limits.effort_lower) & (hold <= limits.effort_upper)))
+
+
+def _add_rows(numbers: _Numbers, task: Task, guess: Curve, demands: Demands) -> None:
+    """Conditions along the way, over the intervals of all legs."""
+    problem, place = task.problem, CurveInterval(task.dynamics, task.scheme.compile)
+    rows, intervals = rows_of(problem, demands), sum(leg.basis.intervals for leg in guess.legs)
+    if not rows:
+        return
+    powers = np.vstack([_powers(leg.basis) for leg in guess.legs])
+    values = demands_values(problem, guess, demands)
+    for each, own in zip(rows, values, strict=True):
+        own_powers = {"every": powers, "first": powers[:1], "last": powers[-1:]}[each.where]
+        numbers.add(np.append(own_powers, own.numbers), *spread(each, each.functions(place), own, intervals))
+
+
+def demands_values(problem: MinimumTimeProblem, guess: Curve, demands: Demands) -> tuple[RowValues, ...]:
+    """Numbers and bounds of each of `rows_of`."""
+    whole, ends = guess.duration, np.cumsum([leg.basis.intervals for leg in guess.legs])
+    starts = np.append(0.0, guess.passing)
+    breaks = [start + leg.duration * leg.basis.breaks[:-1] for start, leg in zip(starts, guess.legs, strict=True)]
+    knots = Knots(np.append(np.concatenate(breaks) / whole, 1.0), (0, *ends.tolist()))
+    asked = (each for each in demands.conditions if not each.derivative_limit(problem))
+    return tuple(values for each in asked for values in each.values(problem, knots))
+
+
+def _powers(basis: Basis) -> Array:
+    """Coefficients of the B-splines of every interval by powers of its part, and its length, shape (intervals, …)."""
+    lengths = np.diff(basis.breaks)
+    derivatives = basis.local(basis.breaks[:-1], derivatives=4)  # (intervals, order, window)
+    orders = np.arange(5)
+    scale = lengths[:, None] ** orders / np.array([factorial(order) for order in orders])
+    powers = derivatives * scale[:, :, None]
+    # Column by column, as CasADi reads it: for every power the window's coefficients.
+    return np.hstack([powers.reshape(basis.intervals, -1), lengths[:, None]])

@@ -1,0 +1,135 @@
+"""The nonlinear program of curves: where its unknowns stand, and the blocks that it is made of."""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.dynamics.symbolic import Dynamics
+from armdyn.exclusive import built_once
+from armdyn.optimal.conditions.rows import RowFunctions, Rows
+from armdyn.optimal.flat.basis import DEGREE
+from armdyn.optimal.flat.equations import (
+    POINTS,
+    WINDOW,
+    CurveInterval,
+    Shared,
+    meeting_equations,
+    rate_equations,
+    torque_equations,
+)
+from armdyn.optimal.program.assembly import Program
+from armdyn.optimal.program.blocks import Block, program_of
+from armdyn.optimal.program.interval import IntervalFunctions
+
+Index = NDArray[np.int_]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What a program of curves looks like, whatever its numbers are.
+
+    Attributes:
+        joints: of the arm.
+        intervals: of every leg.
+        orders: of the derivatives that have limits: 1, and perhaps 2 and 3.
+        smooth: order of the highest derivative that does not jump where legs meet.
+    """
+
+    joints: int
+    intervals: tuple[int, ...]
+    orders: tuple[int, ...] = (1,)
+    smooth: int = 1
+
+    @property
+    def legs(self) -> range:
+        """Their numbers."""
+        return range(len(self.intervals))
+
+    @property
+    def size(self) -> int:
+        """Unknowns."""
+        return self._before(len(self.intervals))
+
+    def points(self, leg: int) -> Index:
+        """Where a leg's control points stand, shape (intervals + DEGREE, joints)."""
+        size = (self.intervals[leg] + DEGREE) * self.joints
+        return self._before(leg) + np.arange(size).reshape(-1, self.joints)
+
+    def duration(self, leg: int) -> int:
+        """Where its duration stands."""
+        return int(self.points(leg)[-1, -1]) + 1
+
+    def torques(self, leg: int) -> Index:
+        """Where its torques stand, shape (intervals * POINTS, joints)."""
+        size = self.intervals[leg] * POINTS * self.joints
+        return self.duration(leg) + 1 + np.arange(size).reshape(-1, self.joints)
+
+    def at_points(self, leg: int) -> Index:
+        """Unknowns of the torque equations, a column for every point."""
+        interval = np.repeat(np.arange(self.intervals[leg]), POINTS)
+        return self._columns(leg, interval[:, None] + np.arange(WINDOW), self.torques(leg))
+
+    def in_intervals(self, leg: int) -> Index:
+        """Unknowns of a `CurveInterval`, a column for each."""
+        window = np.arange(self.intervals[leg])[:, None] + np.arange(WINDOW)
+        return self._columns(leg, window, self.torques(leg).reshape(self.intervals[leg], -1))
+
+    def differences(self, leg: int, order: int) -> Index:
+        """Unknowns of a derivative's control points, a column for each of these."""
+        count = self.intervals[leg] + DEGREE - order
+        return self._columns(leg, np.arange(count)[:, None] + np.arange(order + 1))
+
+    def _columns(self, leg: int, window: Index, more: Index | None = None) -> Index:
+        points, count = self.points(leg), len(window)
+        own = [points[window].reshape(count, -1), np.full((count, 1), self.duration(leg))]
+        return np.hstack(own if more is None else [*own, more]).T
+
+    def _before(self, leg: int) -> int:
+        return sum(self.joints * (size * (1 + POINTS) + DEGREE) + 1 for size in self.intervals[:leg])
+
+
+@built_once(maxsize=32)
+def build(dynamics: Dynamics, shape: Shape, rows: tuple[Rows, ...], asked: bool | None) -> Program:
+    """The program of curves: torques and rates leg by leg, where legs meet, then conditions along the way.
+
+    Args:
+        dynamics: with a free last body.
+        shape: of the curves.
+        rows: what conditions ask for, over the intervals of all legs.
+        asked: for `compiled`.
+    """
+    n, blocks = shape.joints, list[Block]()
+    for leg in shape.legs:
+        blocks.append(Block(torque_equations(dynamics, asked), shape.at_points(leg), 3 * WINDOW + 2, shared=True))
+        blocks += [
+            Block(rate_equations(n, order), shape.differences(leg, order), order + 1 + n) for order in shape.orders
+        ]
+    for leg in shape.legs[1:]:
+        for order in range(1, shape.smooth + 1):
+            before, after = shape.differences(leg - 1, order)[:, -1:], shape.differences(leg, order)[:, :1]
+            own = 2 * (order + 1) + n
+            blocks.append(Block(meeting_equations(n, order), np.vstack([before, after]), own))
+    everywhere = np.hstack([shape.in_intervals(leg) for leg in shape.legs])
+    for each in rows:
+        one = each.functions(CurveInterval(dynamics, asked))
+        index = {"every": everywhere, "first": everywhere[:, :1], "last": everywhere[:, -1:]}[each.where]
+        blocks.append(Block(_block_functions(one), index, WINDOW**2 + 1, shared=True, common=each.numbers))
+    return program_of(blocks, shape.size, Shared.size(n), [shape.duration(leg) for leg in shape.legs])
+
+
+def _block_functions(one: RowFunctions) -> IntervalFunctions:
+    """Rows with their numbers behind the interval's parameters."""
+    y, own, numbers = (ca.MX.sym(name, one.values.numel_in(i)) for i, name in enumerate(("y", "p", "numbers")))
+    p, sigma, lam = ca.vertcat(own, numbers), ca.MX.sym("sigma"), ca.MX.sym("lam", one.size)
+    split = ca.MX.sym("p", p.numel())
+    given = y, split[: own.numel()], split[own.numel() :]
+    return IntervalFunctions(
+        defects=ca.Function("rows", [y, split], [one.values(*given)]),
+        cost=ca.Function("nothing", [y, split], [ca.MX(0)]),
+        jacobian=ca.Function("rows_jacobian", [y, split], [one.jacobian(*given)]),
+        jacobian_pattern=one.jacobian_pattern,
+        hessian=ca.Function("rows_hessian", [y, split, sigma, lam], [one.hessian(*given, lam)]),
+        hessian_pattern=one.hessian_pattern,
+    )

@@ -1,0 +1,142 @@
+"""Curves that keep between the points of the program what it asks for only there."""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.conditions.demands import Checked, Demands
+from armdyn.optimal.flat.curve import Curve
+from armdyn.optimal.flat.equations import POINTS
+from armdyn.optimal.flat.posing import Room, Wanted
+from armdyn.optimal.flat.solve import Solved, solve_curve
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.task.task import Task
+
+Array = NDArray[np.float64]
+
+_SAMPLES = 8
+"""Of an interval, of the motion that conditions along the way are checked on."""
+_MOST = 0.95
+"""Part of half the torque's range that room may take."""
+_SLOWER = 10
+"""Rounds of slowing down: each takes off more than half of the excess."""
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """A curve within its limits, or as near to that as it has come.
+
+    Attributes:
+        curve: the motion.
+        solved: the program's last solution; the curve may be slower.
+        demands: as strict as they had to be.
+        iterations: of IPOPT, over all rounds.
+        excess: of a torque between the points, as a part of half its range; not positive: none.
+        checked: the conditions along the way.
+    """
+
+    curve: Curve
+    solved: Solved
+    demands: Demands
+    iterations: int
+    excess: float
+    checked: Checked
+
+
+def settle(task: Task, guess: Curve) -> Settled:
+    """The fastest curve near a guess whose torques are within their limits everywhere, as conditions along the way are.
+
+    What a torque exceeds its limit by between two points is taken off the limit there, and the program solved again.
+
+    Args:
+        task: what is to be solved.
+        guess: the curve to start from.
+    """
+    numbers, problem = task.policy.curves, task.problem
+    smooth = 0.0 if problem.pays_effort else task.options.smooth
+    wanted = Wanted(Demands.of(problem), smooth=smooth)
+    solved = solve_curve(task, guess, wanted)
+    iterations = solved.outcome.iterations
+    for k in range(numbers.rounds):
+        over, checked = excesses_of(problem, solved.curve, numbers.looks), _checked(task, solved.curve, wanted.demands)
+        enough = numbers.little if problem.from_rest_to_rest else 0.0
+        if (max(map(_worst, over)) <= enough and not checked.reasons) or task.stop or not solved.converged:
+            break
+        task.tell(f"round {k + 1}: {solved.curve.duration:.6f} s, torques {_percent(over)} beyond between points")
+        rooms = wanted.rooms or (Room(),) * len(over)
+        more = tuple(_roomier(task, room, here) for room, here in zip(rooms, over, strict=True))
+        stricter = wanted.demands.stricter(problem, checked)
+        wanted = replace(wanted, rooms=more, demands=stricter)
+        again = solve_curve(task, solved.curve, wanted, solved)
+        iterations += again.outcome.iterations
+        if not again.converged:
+            break
+        solved = again
+    curve = solved.curve
+    if problem.from_rest_to_rest:
+        curve = _slowed(task, curve)
+    excess = max(map(_worst, excesses_of(problem, curve, numbers.looks)))
+    return Settled(curve, solved, wanted.demands, iterations, excess, _checked(task, curve, wanted.demands))
+
+
+def excesses_of(problem: MinimumTimeProblem, curve: Curve, looks: int) -> tuple[Room, ...]:
+    """How far torques exceed their limits near every point of every leg, as parts of half their ranges.
+
+    Args:
+        problem: its limits.
+        curve: a motion.
+        looks: places of an interval, an even number.
+    """
+    limits = problem.limits
+    half = (limits.effort_upper - limits.effort_lower) / 2
+    found = []
+    for leg in curve.legs:
+        breaks = leg.basis.breaks
+        s = breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, looks + 1)
+        tau = leg.torques(problem.robot, s.ravel()).reshape(*s.shape, -1)
+        marks = np.linspace(0, looks, POINTS + 1).astype(int)
+        near = [tau[:, first : last + 1] for first, last in pairwise(marks)]
+        upper = np.stack([np.max(part, axis=1) - limits.effort_upper for part in near], axis=1) / half
+        lower = np.stack([limits.effort_lower - np.min(part, axis=1) for part in near], axis=1) / half
+        found.append(Room(upper.reshape(-1, half.size), lower.reshape(-1, half.size)))
+    return tuple(found)
+
+
+def _worst(over: Room) -> float:
+    return float(max(np.max(over.upper), np.max(over.lower)))
+
+
+def _percent(over: tuple[Room, ...]) -> str:
+    return f"{100 * max(max(map(_worst, over)), 0.0):.2g} %"
+
+
+def _roomier(task: Task, room: Room, over: Room) -> Room:
+    """More room where a torque exceeds its limit."""
+    numbers = task.policy.curves
+
+    def more(own: Array | float, beyond: Array | float) -> Array:
+        wanted = np.maximum(np.asarray(beyond) + numbers.spare, 0) * numbers.eager
+        return np.minimum(own + wanted, _MOST)
+
+    return Room(more(room.upper, over.upper), more(room.lower, over.lower))
+
+
+def _checked(task: Task, curve: Curve, demands: Demands) -> Checked:
+    if not demands.conditions:
+        return Checked(())
+    return demands.check(task.problem, curve.trajectory(task.problem.robot, _SAMPLES, 0), curve.passing)
+
+
+def _slowed(task: Task, curve: Curve) -> Curve:
+    """The same path, as much slower as its torques and speeds take to keep their limits."""
+    problem, looks = task.problem, task.policy.curves.looks
+    speeds = [leg.basis.factors(1)[:, None] * np.diff(leg.points, axis=0) / leg.duration for leg in curve.legs]
+    curve = curve.slower(max(1.0, float(np.max(np.abs(np.concatenate(speeds)) / problem.limits.velocity))))
+    for _ in range(_SLOWER):
+        beyond = max(map(_worst, excesses_of(problem, curve, looks)))
+        if beyond <= 0:
+            break
+        curve = curve.slower(1 + 0.7 * beyond + 1e-6)
+    return curve

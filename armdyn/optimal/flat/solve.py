@@ -1,0 +1,72 @@
+"""The fastest curve near a guess, by IPOPT."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.flat.curve import Curve
+from armdyn.optimal.flat.posing import Wanted, pose, rows_of, shape_of
+from armdyn.optimal.flat.program import Shape, build
+from armdyn.optimal.problem.status import Status
+from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, Outcome, in_time
+from armdyn.optimal.task.task import Task
+
+Array = NDArray[np.float64]
+
+_WARM = 1e-9
+"""How far IPOPT may push a warm start off its bounds."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """What IPOPT made of one guess.
+
+    Attributes:
+        curve: where it ended: a motion, whether it converged or not.
+        outcome: IPOPT's own words and multipliers.
+        shape: of the program.
+    """
+
+    curve: Curve
+    outcome: Outcome
+    shape: Shape
+
+    @property
+    def converged(self) -> bool:
+        """It is a local optimum of the program."""
+        return self.outcome.status is Status.SOLVED
+
+
+def solve_curve(task: Task, guess: Curve, wanted: Wanted, near: Solved | None = None) -> Solved:
+    """One call of IPOPT.
+
+    Args:
+        task: what is to be solved, and how.
+        guess: where it starts.
+        wanted: what is asked of the curve.
+        near: what came out where nearly the same was asked: it is started from with its multipliers.
+
+    Raises:
+        LateError: the time is up before the program is built.
+    """
+    shape, numbers = shape_of(task.problem, guess, wanted.demands), task.policy.curves
+    near = near if near is not None and near.shape == shape else None
+    more: dict[str, float | str] = {"mu_init": numbers.barrier}
+    if near is not None:
+        pushes = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
+        more = {"mu_init": numbers.warm_barrier, "warm_start_init_point": "yes"}
+        more |= {f"warm_start_{push}": _WARM for push in pushes}
+    options = task.options
+    settings = IpoptSettings(numbers.tolerance, options.max_iterations, options.verbose, tuple(more.items()))
+    rows = rows_of(task.problem, wanted.demands)
+    solver = in_time(task, lambda scheme: Ipopt.of(settings, build, task.dynamics, shape, rows, scheme.compile))
+    posed = pose(task, guess, wanted, shape)
+    outcome = solver.solve(
+        posed.x, posed.p, posed.x_bounds, posed.g_bounds, task.stop, None if near is None else near.outcome
+    )
+    legs = tuple(
+        replace(leg, points=outcome.x[shape.points(k)], duration=float(outcome.x[shape.duration(k)]))
+        for k, leg in enumerate(guess.legs)
+    )
+    return Solved(Curve(legs), outcome, shape)

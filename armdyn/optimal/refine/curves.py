@@ -1,0 +1,143 @@
+"""Motions that velocity limits shape, and all of larger arms: curves, settled, followed and replayed."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from armdyn.errors import ProblemError
+from armdyn.optimal.conditions.demands import Demands
+from armdyn.optimal.conditions.registry import conditions_of
+from armdyn.optimal.flat.basis import Basis, graded
+from armdyn.optimal.flat.curve import Curve
+from armdyn.optimal.flat.follow import follow
+from armdyn.optimal.flat.settle import Settled, settle
+from armdyn.optimal.landing.limits import limit_violation, worst_violation
+from armdyn.optimal.landing.rollout import replay_of
+from armdyn.optimal.problem.status import Status
+from armdyn.optimal.program.deadline import LateError
+from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, certify
+from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.search.candidates import Found
+from armdyn.optimal.search.starts import detours, spline
+from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.task.task import Task
+from armdyn.processes import in_processes
+
+_REMARK = "Pontryagin's conditions are not checked on a curve"
+_HOPELESS = 1e-2
+"""Excess over a limit, as a part of it, that is not for following a little beside the curve."""
+_ROUNDS = 3
+"""Of slowing down what exceeds a velocity limit by less than the replay is beside the curve."""
+
+
+def curves(task: Task) -> tuple[list[Optimum], Found]:
+    """The fastest curves, replayed: as far as the first that lands and keeps what is asked.
+
+    Args:
+        task: any problem.
+
+    Raises:
+        ProblemError: a guess in the options moves other joints.
+    """
+    try:
+        found = _without_obstacles(task) or _settled(task, _guesses(task))
+    except LateError:
+        unbegun = Attempt.unbegun(task.stop, spline(task.problem, []), task.policy.curves.intervals)
+        return [], Found((), failed=(unbegun,))
+    found.sort(key=lambda one: (one.excess > _HOPELESS, bool(one.checked.reasons), one.curve.duration))
+    if found[0].excess > _HOPELESS:
+        return [], Found((), failed=(_failed(task, found[0]),), iterations=sum(one.iterations for one in found))
+    optima: list[Optimum] = []
+    for one in found:
+        task.tell(f"replaying a motion of {one.curve.duration:.6f} s")
+        optima.append(_landed(task, one))
+        if task.stop or (optima[-1].landed(task.options.replay_tolerance) and not optima[-1].missed):
+            break
+    others = tuple(one.curve.duration for one in found[len(optima) :])
+    return optima, Found((), listed=others, iterations=sum(one.iterations for one in found[len(optima) :]))
+
+
+def _without_obstacles(task: Task) -> list[Settled]:
+    """The fastest curve of all, if it is clear of what is to be kept clear of; else none."""
+    problem = task.problem
+    if not any(condition.goes_round for condition in conditions_of(problem)):
+        return []
+    task.tell("the way without obstacles")
+    free = problem.variant(obstacles=(), self_collision=False)
+    (best,) = _settled(task.about(free), _guesses(task.about(free))[:1])
+    demands = Demands.of(problem)
+    checked = demands.check(problem, best.curve.trajectory(problem.robot, 8, 0), best.curve.passing)
+    return [] if checked.reasons else [replace(best, demands=demands, checked=checked)]
+
+
+def _guesses(task: Task) -> list[Curve]:
+    """What is started from: the options' guesses, the straight way, and others where there may be several optima."""
+    problem, numbers, options = task.problem, task.policy.curves, task.options
+    basis = Basis(graded(numbers.intervals, numbers.shortest))
+    slack = float(np.max(spline(problem, []).duration)) if not problem.speed_limited else 1.0
+    guesses = [Curve.straight(problem, basis, slack)]
+    for k, guess in enumerate(options.guesses):
+        if guess.q.shape[1] != problem.robot.nv:
+            name, joints = problem.robot.name, problem.robot.nv
+            raise ProblemError(f"options.guesses[{k}] moves {guess.q.shape[1]} joints, {name} has {joints}")
+        if not problem.via:
+            guesses.append(Curve.near(guess, basis))
+    count = (options.starts or numbers.starts) - 1
+    if count > 0 and not problem.via:
+        ways = detours(problem, options.seed, count + 1, task.stop)[1:]
+        guesses += [Curve.near(spline(problem, way), basis) for way in ways]
+    return guesses
+
+
+def _settled(task: Task, guesses: Sequence[Curve]) -> list[Settled]:
+    """The curves that guesses lead to."""
+    if len(guesses) == 1:
+        return [settle(task, guesses[0])]
+    task.tell(f"{len(guesses)} guesses")
+    found = []
+    jobs = [partial(settle, task, guess) for guess in guesses]
+    for one in in_processes(jobs, task.workers):
+        found.append(one)
+        task.tell(f"{len(found)} of {len(guesses)}: {one.curve.duration:.4f} s")
+    return found
+
+
+def _failed(task: Task, settled: Settled) -> Attempt:
+    """A curve whose torques exceed their limits at any pace."""
+    problem, outcome = task.problem, settled.solved.outcome
+    motion = settled.curve.trajectory(problem.robot, 1, 0)
+    hold, limits = problem.holding_torque(), problem.limits
+    over = np.maximum(hold - limits.effort_upper, limits.effort_lower - hold)
+    message, j = outcome.message, int(np.argmax(over))
+    if over[j] > 0:
+        name, most = problem.robot.joint_names[j], limits.effort_upper[j]
+        message += f"; joint {name!r} takes {abs(hold[j]):.3g} to be held at the goal, of {most:.3g} N m or N"
+    status = Status.INFEASIBLE if outcome.status is Status.SOLVED else outcome.status
+    worst = worst_violation(limits, motion, problem.robot.joint_names, dense=1)
+    return Attempt(status, message, motion, settled.curve.legs[0].basis.intervals, settled.iterations, worst)
+
+
+def _landed(task: Task, settled: Settled) -> Optimum:
+    """A curve's motion, replayed."""
+    problem, curve = task.problem, settled.curve
+    for _ in range(_ROUNDS):
+        motion = follow(task, curve)
+        replay = replace(replay_of(task, motion), name="minimum time")
+        over = limit_violation(problem.limits, replay)
+        if over <= LIMIT_TOLERANCE or over > _HOPELESS or not problem.from_rest_to_rest or task.stop:
+            break
+        curve = curve.slower(1 + 1.5 * over)
+    outcome = settled.solved.outcome
+    remark = _REMARK if settled.solved.converged else f"the curve did not converge ({outcome.message})"
+    passing = curve.passing
+    return Optimum(
+        trajectory=replay,
+        certificate=certify(problem, replay, None, remark),
+        cost=replay.duration,
+        intervals=curve.legs[0].basis.intervals,
+        iterations=settled.iterations,
+        checked=settled.demands.check(problem, replay, passing) if settled.demands.conditions else None,
+        via_times=tuple(map(float, passing)),
+    )

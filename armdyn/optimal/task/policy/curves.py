@@ -1,0 +1,29 @@
+"""Numbers of motions as curves."""
+
+from dataclasses import dataclass
+
+from armdyn.optimal.task.policy.tuned import by_kind, tuned
+
+TRAINED = "Panda and UR5, ten random pairs each (seed 1)"
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurvePolicy:
+    """How a curve is laid out, solved, kept within its limits and followed."""
+
+    intervals: int = tuned(56, "intervals", "of a leg; 40 are 0.004 % slower, 100 as much faster", TRAINED)
+    shortest: float = by_kind("of a leg", "first and last interval: ramps to a velocity limit are this short", TRAINED)
+    starts: int = by_kind("guesses", "one where velocity limits shape the motion: from eight comes the same", TRAINED)
+    barrier: float = tuned(0.1, "scaled", "IPOPT's mu_init from a straight guess", TRAINED)
+    warm_barrier: float = tuned(1e-6, "scaled", "the same, where little has changed", TRAINED)
+    tolerance: float = tuned(1e-7, "scaled", "of IPOPT", TRAINED)
+    looks: int = tuned(24, "places", "of an interval at which torques are held against their limits", TRAINED)
+    eager: float = tuned(
+        1.5, "-", "times what a torque exceeds its limit by beside a point is taken off there", TRAINED
+    )
+    spare: float = tuned(1e-5, "of half the range", "taken off besides, or the excess only halves", TRAINED)
+    little: float = tuned(5e-5, "of half the range", "excess that slowing down mends at half its size", TRAINED)
+    rounds: int = tuned(8, "rounds", "of asking again for what is exceeded between the points", TRAINED)
+    samples: int = tuned(16, "samples", "of an interval: replays are beside the curve by the fourth power", TRAINED)
+    steps: int = tuned(400, "samples", "of a leg, at least", TRAINED)
+    bandwidth: float = tuned(160.0, "over the duration", "of the feedback that keeps torques to their curve", TRAINED)

@@ -1,0 +1,65 @@
+"""Inverse kinematics against forward kinematics, and against what is known of the arms."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import armdyn as ad
+from armdyn.errors import ProblemError, SpecError
+from armdyn.models.scene.reaching import GoalPose, poses_reaching
+from oracles import robot_named
+
+
+def placement(robot, frame, q):
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.configuration(q))
+    at = robot.frame(frame)
+    return data.oMi[at.parentJoint] * at.placement
+
+
+@pytest.mark.parametrize("name", ["ur5", "panda", "kinova"])
+def test_what_is_found_reaches_the_goal_within_the_limits(name):
+    robot = robot_named(name)
+    random = np.random.default_rng(1)
+    low, high = np.maximum(robot.limits.position_lower, -2), np.minimum(robot.limits.position_upper, 2)
+    wanted = placement(robot, robot.tip, random.uniform(low, high))
+    found = poses_reaching(robot, GoalPose(robot.tip, wanted), np.zeros(robot.nv) + 0.1, robot.limits, most=20)
+    assert len(found) >= (8 if name == "ur5" else 3)  # a UR5 has eight branches
+    for q in found:
+        assert np.all(q >= robot.limits.position_lower) and np.all(q <= robot.limits.position_upper)
+        # 1e-9 is what counts as reached; whole turns cost rounding.
+        np.testing.assert_allclose(placement(robot, robot.tip, q).homogeneous, wanted.homogeneous, atol=1e-8)
+    for i, q in enumerate(found):
+        assert all(np.max(np.abs(q - other)) > 0.3 for other in found[:i])
+
+
+def test_two_links_have_an_elbow_up_and_an_elbow_down():
+    robot = robot_named("rr")
+    found = poses_reaching(robot, GoalPose("tip", [0.3, 0.0, 0.2]), [0.0, 0.0], robot.limits)
+    assert len(found) == 2
+    # The cosine theorem.
+    elbow = np.arccos((0.3**2 + 0.2**2 - 0.25**2 - 0.234**2) / (2 * 0.25 * 0.234))
+    np.testing.assert_allclose(sorted(q[1] for q in found), [-elbow, elbow], atol=1e-8)
+
+
+def test_out_of_reach_says_how_far():
+    robot = robot_named("rr")
+    with pytest.raises(ProblemError, match=r"0\.148 m away"):  # √(0.6² + 0.2²) − 0.484
+        poses_reaching(robot, GoalPose("tip", [0.6, 0.0, 0.2]), [0.0, 0.0], robot.limits)
+    with pytest.raises(ProblemError, match="rad"):  # out of its plane
+        poses_reaching(robot, GoalPose("tip", pin.SE3(pin.rpy.rpyToMatrix(1, 0, 0), np.zeros(3))), [0, 0], robot.limits)
+    with pytest.raises(ProblemError, match="does not move"):
+        poses_reaching(robot, GoalPose("base", [0.0, 0.0, 0.0]), [0.0, 0.0], robot.limits)
+    with pytest.raises(SpecError, match="nowhere"):
+        poses_reaching(robot, GoalPose("nowhere", [0.0, 0.0, 0.0]), [0.0, 0.0], robot.limits)
+    with pytest.raises(ProblemError, match="goal pose"):
+        GoalPose("tip", [1.0, 2.0])
+
+
+def test_a_problem_takes_a_goal_pose():
+    robot = robot_named("rr")
+    problem = ad.MinimumTimeProblem(robot, q_start=[0.0, 0.0], goal_pose=GoalPose("tip", [0.3, 0.0, 0.2]))
+    assert len(problem.goals) == 2
+    np.testing.assert_array_equal(problem.q_goal, problem.goals[0])
+    with pytest.raises(ProblemError, match="q_goal or goal_pose"):
+        ad.MinimumTimeProblem(robot, q_start=[0.0, 0.0])

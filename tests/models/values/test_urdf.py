@@ -1,0 +1,115 @@
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from armdyn.models import PAPER_ARMS, PAPER_PAYLOADS, ArmSpec, LinkSpec, Payload, urdf_from_spec
+from armdyn.models.reading.urdf_check import parse_urdf
+
+ROOT = Path(__file__).parents[3]
+SCRIPT = ROOT / "scripts" / "generate_urdfs.py"
+
+
+@pytest.fixture(scope="module")
+def script():
+    spec = importlib.util.spec_from_file_location("generate_urdfs", SCRIPT)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_urdf_folder_is_what_the_script_writes(script):
+    files = script.contents()
+    assert len(files) == len(PAPER_ARMS) * (1 + len(PAPER_PAYLOADS))
+    assert {"r.urdf", "rr_100.6g.urdf", "rrr_21.2g.urdf", "r_1000g.urdf"} <= set(files)
+    assert script.differing(ROOT / "urdf", files) == []
+
+
+@pytest.mark.slow
+def test_check_names_what_differs(script, tmp_path):
+    def run(*arguments):
+        command = [sys.executable, str(SCRIPT), "--folder", str(tmp_path), *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=False)
+
+    assert run().returncode == 0
+    assert run("--check").returncode == 0
+    (tmp_path / "rr.urdf").write_text("<robot/>")
+    (tmp_path / "r.urdf").unlink()
+    (tmp_path / "left_over.urdf").touch()
+    checked = run("--check")
+    assert checked.returncode == 1
+    named = [Path(line).name for line in checked.stderr.splitlines()]
+    assert named == ["left_over.urdf", "r.urdf", "rr.urdf"]
+
+
+def test_same_input_same_text():
+    spec = ArmSpec.paper("rrr")
+    assert urdf_from_spec(spec, Payload(mass=0.1)) == urdf_from_spec(spec, Payload(mass=0.1))
+
+
+def test_text_passes_the_check_and_has_no_negative_zero():
+    for arm in PAPER_ARMS:
+        text = urdf_from_spec(ArmSpec.paper(arm), Payload(mass=0.1))
+        parse_urdf(text, arm)
+        assert "-0.0 " not in text
+        assert '-0.0"' not in text
+
+
+def test_payload_is_a_link_of_its_own():
+    spec = ArmSpec.paper("rr")
+    payload = Payload(mass=0.3, offset=(0.01, 0.02, 0.03), inertia=(1e-4, 2e-4, 2.5e-4))
+    root = ElementTree.fromstring(urdf_from_spec(spec, payload))
+    inertial = root.find("link[@name='payload']/inertial")
+    assert float(inertial.find("mass").get("value")) == 0.3
+    assert [float(inertial.find("inertia").get(key)) for key in ("ixx", "iyy", "izz")] == [1e-4, 2e-4, 2.5e-4]
+    joint = root.find("joint[@name='payload_joint']")
+    assert joint.get("type") == "fixed"
+    assert joint.find("parent").get("link") == "tip"
+    assert [float(x) for x in joint.find("origin").get("xyz").split()] == [0.01, 0.02, 0.03]
+
+
+@pytest.mark.parametrize("payload", [None, Payload(mass=0.0)])
+def test_no_payload_no_link(payload):
+    root = ElementTree.fromstring(urdf_from_spec(ArmSpec.paper("rr"), payload))
+    assert [link.get("name") for link in root.findall("link")] == ["base", "link1", "link2", "tip"]
+
+
+def test_numbers_round_trip():
+    """Numbers with all seventeen digits come back to the last bit: nothing is rounded on the way."""
+    rng = np.random.default_rng(3)
+    links = tuple(LinkSpec(length=a, com=b, mass=c, inertia=d) for a, b, c, d in rng.uniform(0.1, 1, (4, 4)))
+    spec = ArmSpec(name="random", links=links, position_limit=2.1, velocity_limit=7.7, effort_limit=1 / 3)
+    root = ElementTree.fromstring(urdf_from_spec(spec))
+    for i, link in enumerate(links, start=1):
+        inertial = root.find(f"link[@name='link{i}']/inertial")
+        assert float(inertial.find("mass").get("value")) == link.mass
+        assert float(inertial.find("inertia").get("iyy")) == link.inertia
+        # Poses are rounded to 1e-12 m, or rotations would carry 6e-17s into the file.
+        assert float(inertial.find("origin").get("xyz").split()[0]) == pytest.approx(link.com, abs=1e-12)
+        limit = root.find(f"joint[@name='joint{i}']/limit")
+        read = [float(limit.get(key)) for key in ("lower", "upper", "velocity", "effort")]
+        assert read == [-2.1, 2.1, 7.7, 1 / 3]
+
+
+def test_geometry_reads_back():
+    spec = ArmSpec.paper("rrr")
+    model = pin.buildModelFromXML(urdf_from_spec(spec))
+    data = model.createData()
+    tip = model.getFrameId("tip")
+    pin.framesForwardKinematics(model, data, np.zeros(3))
+    reach = sum(link.length for link in spec.links)
+    # A sum of three rounded lengths.
+    assert np.allclose(data.oMf[tip].translation, [reach, 0, 0], atol=1e-15)
+    pin.framesForwardKinematics(model, data, np.array([np.pi / 2, 0, 0]))
+    assert np.allclose(data.oMf[tip].translation, [0, 0, reach], atol=1e-15)  # positive turns up
+
+
+@pytest.mark.parametrize("name", ["a & b", "<arm>", 'say "arm"', "Ärmchen"])
+def test_any_name_is_escaped(name):
+    text = urdf_from_spec(ArmSpec(name=name, links=ArmSpec.paper("r").links))
+    assert ElementTree.fromstring(text).get("name") == name
