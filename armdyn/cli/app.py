@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from armdyn import __version__
+from armdyn.cli.console import EXIT_CODES
 from armdyn.cli.doctor import doctor
 from armdyn.cli.motion.mintime import mintime
 from armdyn.cli.motion.pid import pid
@@ -23,7 +24,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
     help="Time-optimal and closed-loop motion of robot arms, from a URDF.",
-    epilog="Exit codes: 0 done, 2 bad usage or input, 3 not converged or not landed, 5 disk full, 130 interrupted.",
+    epilog=f"Exit codes: {EXIT_CODES}",
 )
 for command in (mintime, pid, reproduce, sweep, replay, urdf, robots, doctor):
     app.command()(with_options(command))

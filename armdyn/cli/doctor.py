@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import armdyn as ad
-from armdyn.cli.console import NOT_CERTIFIED, answering, console, escape, facts_table
+from armdyn.cli.console import NOT_USABLE, answering, console, escape, facts_table
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.robot import PartOptions
 
@@ -64,7 +64,7 @@ def doctor(
         answer.facts["dynamics_error"] = error
         if error > _AGREE:
             answer.facts |= {"success": False, "status": "dynamics_disagree"}
-            answer.code = NOT_CERTIFIED
+            answer.code = NOT_USABLE
         if not json:
             for table in tables:
                 console.print(table)
