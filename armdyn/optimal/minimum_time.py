@@ -58,17 +58,31 @@ def solve_minimum_time(
         return _fastest_goal(problem, options, progress or (lambda text: None))
     with stopping(options.time_limit) as stop:
         task = Task.of(problem, options, stop, progress)
-        optima, found = _strategy(problem)(task)
+        optima, found = _strategy(task)(task)
     elapsed = time.perf_counter() - started
     return assembled(task, optima, found, elapsed) if optima else failed(task, found, elapsed)
 
 
-def _strategy(problem: MinimumTimeProblem) -> Strategy:
-    if problem.robot.nv > 3:
+def _strategy(task: Task) -> Strategy:
+    problem, numbers = task.problem, task.policy.curves
+    if numbers.alone:
         return curves
+    if numbers.cruises and not problem.along_the_way:
+        return either
     if problem.along_the_way:
         return constrained
     return time_energy if problem.effort_weight > 0 else minimum_time
+
+
+def either(task: Task) -> tuple[list[Optimum], Found]:
+    """Optima as curves and, unless these are proven to be as fast as can be, as arcs."""
+    optima, found = curves(task)
+    floor = task.floor()
+    if optima and floor is not None and optima[0].bounded(floor).certificate.ok:
+        return optima, found
+    more, besides = minimum_time(task)
+    listed = (*found.listed, *besides.listed)
+    return [*optima, *more], replace(besides, listed=listed, iterations=found.iterations + besides.iterations)
 
 
 def _fastest_goal(problem: MinimumTimeProblem, options: MinimumTimeOptions, tell: Callable[[str], None]) -> Solution:

@@ -29,11 +29,13 @@ class Solved:
         curve: where it ended: a motion, whether it converged or not.
         outcome: IPOPT's own words and multipliers.
         shape: of the program.
+        guessed: duration that the guess had, with which the program measures time [s].
     """
 
     curve: Curve
     outcome: Outcome
     shape: Shape
+    guessed: float
 
     @property
     def converged(self) -> bool:
@@ -75,4 +77,4 @@ def solve_curve(task: Task, guess: Curve, wanted: Wanted, near: Solved | None = 
         replace(leg, points=outcome.x[shape.points(k)], duration=float(outcome.x[shape.duration(k)]))
         for k, leg in enumerate(guess.legs)
     )
-    return Solved(Curve(legs), outcome, shape)
+    return Solved(Curve(legs), outcome, shape, guess.duration)

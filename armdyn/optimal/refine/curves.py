@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armdyn.errors import ProblemError
 from armdyn.optimal.conditions.demands import Demands
@@ -18,6 +19,7 @@ from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.machine.deadline import LateError
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, certify
+from armdyn.optimal.proof.deciding import Share
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.starts import detours, spline
@@ -25,9 +27,15 @@ from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.task.task import Task
 from armdyn.processes import in_processes
 
+Array = NDArray[np.float64]
+
 _REMARK = "Pontryagin's conditions are not checked on a curve"
 _HOPELESS = 1e-2
 """Excess over a limit, as a part of it, that is not for following a little beside the curve."""
+_LIMITS = {1: "velocity limit", 2: "acceleration limit", 3: "jerk limit"}
+"""Of the derivatives of the positions, by their order."""
+_LEAST_SHARE = 1e-4
+"""Of the time: less is what IPOPT's barrier leaves of no share at all."""
 _ROUNDS = 3
 """Of slowing down what exceeds a velocity limit by less than the replay is beside the curve."""
 
@@ -76,8 +84,7 @@ def _guesses(task: Task) -> list[Curve]:
     """What is started from: the options' guesses, the straight way, and others where there may be several optima."""
     problem, numbers, options = task.problem, task.policy.curves, task.options
     basis = Basis(graded(numbers.intervals, numbers.shortest))
-    slack = float(np.max(spline(problem, []).duration)) if not problem.speed_limited else 1.0
-    guesses = [Curve.straight(problem, basis, slack)]
+    guesses = [Curve.straight(problem, basis, _durations(task))]
     for k, guess in enumerate(options.guesses):
         if guess.q.shape[1] != problem.robot.nv:
             name, joints = problem.robot.name, problem.robot.nv
@@ -89,6 +96,15 @@ def _guesses(task: Task) -> list[Curve]:
         ways = detours(problem, options.seed, count + 1, task.stop)[1:]
         guesses += [Curve.near(spline(problem, way), basis) for way in ways]
     return guesses
+
+
+def _durations(task: Task) -> Array:
+    """Of the legs of a straight guess [s], shape (legs,)."""
+    problem, numbers = task.problem, task.policy.curves
+    if numbers.cruises:
+        return numbers.slack * np.maximum(problem.leg_bounds(), 1e-3 * problem.duration_bound())
+    ways = np.max(np.abs(np.diff(problem.poses, axis=0)), axis=1)
+    return np.asarray(spline(problem, []).duration * ways / ways.sum())
 
 
 def _settled(task: Task, guesses: Sequence[Curve]) -> list[Settled]:
@@ -119,6 +135,30 @@ def _failed(task: Task, settled: Settled) -> Attempt:
     return Attempt(status, message, motion, settled.curve.legs[0].basis.intervals, settled.iterations, worst)
 
 
+def _deciding(task: Task, settled: Settled) -> tuple[Share, ...]:
+    """The limits that decide a curve's duration, by the multipliers of its program, most first."""
+    problem, solved, shape = task.problem, settled.solved, settled.solved.shape
+    if problem.pays_effort or not solved.converged:
+        return ()
+    names, by_joint = problem.robot.joint_names, dict[str, Array]()
+    half = (problem.limits.effort_upper - problem.limits.effort_lower) / 2
+    for leg in shape.legs:
+        torques, pull = shape.torques(leg), solved.outcome.lam_x[shape.torques(leg)]
+        size = np.where(pull > 0, problem.limits.effort_upper, problem.limits.effort_lower) / half
+        parts = {"torque limit": np.sum(pull * size, axis=0)} if torques.size else {}
+        for order in shape.orders:
+            parts[_LIMITS[order]] = np.sum(np.abs(solved.outcome.lam_g[shape.rates(leg, order)]), axis=0)
+        for limit, part in parts.items():
+            by_joint[limit] = by_joint.get(limit, 0.0) + part * solved.guessed / solved.curve.duration
+    shares = [
+        Share(limit, name, float(part))
+        for limit, parts in by_joint.items()
+        for name, part in zip(names, parts, strict=True)
+        if part > _LEAST_SHARE
+    ]
+    return tuple(sorted(shares, key=lambda share: -share.part))
+
+
 def _landed(task: Task, settled: Settled) -> Optimum:
     """A curve's motion, replayed."""
     problem, curve = task.problem, settled.curve
@@ -140,4 +180,5 @@ def _landed(task: Task, settled: Settled) -> Optimum:
         iterations=settled.iterations,
         checked=settled.demands.check(problem, replay, passing) if settled.demands.conditions else None,
         via_times=tuple(map(float, passing)),
+        decides=_deciding(task, settled),
     )
