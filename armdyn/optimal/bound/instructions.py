@@ -1,4 +1,4 @@
-"""A CasADi Function evaluated in intervals, over many boxes at once.
+"""A CasADi Function evaluated in intervals or affine forms, over many boxes at once.
 
 CasADi gives a Function of SX as a list of instructions, each of one operation. Those that depend on each other least
 are done together: all products of one depth are one product of arrays, and so on.
@@ -9,32 +9,48 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, Protocol, Self, TypeVar
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.errors import BridgeError
-from armdyn.optimal.bound.interval import Interval
-
+Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-_UNARY: dict[int, Callable[[Interval], Interval]] = {
+class Enclosure(Protocol):
+    """What a Function is evaluated in: arrays whose first axis are places."""
+
+    @property
+    def parts(self) -> tuple[Array, ...]: ...
+    @staticmethod
+    def number(value: float) -> tuple[float, ...]: ...
+    def __neg__(self) -> Self: ...
+    def __add__(self, other: Self) -> Self: ...
+    def __sub__(self, other: Self) -> Self: ...
+    def __mul__(self, other: Self) -> Self: ...
+    def square(self) -> Self: ...
+    def sin(self) -> Self: ...
+    def cos(self) -> Self: ...
+
+
+Kind = TypeVar("Kind", bound=Enclosure)
+
+_UNARY: dict[int, Callable[[Any], Any]] = {
     ca.OP_ASSIGN: lambda x: x,
     ca.OP_NEG: lambda x: -x,
     ca.OP_TWICE: lambda x: x + x,
-    ca.OP_SQ: Interval.square,
-    ca.OP_SIN: Interval.sin,
-    ca.OP_COS: Interval.cos,
-    ca.OP_TANH: Interval.tanh,
-    ca.OP_INV: lambda x: Interval.at(np.ones_like(x.lower)) / x,
+    ca.OP_SQ: lambda x: x.square(),
+    ca.OP_SIN: lambda x: x.sin(),
+    ca.OP_COS: lambda x: x.cos(),
 }
-_BINARY: dict[int, Callable[[Interval, Interval], Interval]] = {
-    ca.OP_ADD: Interval.__add__,
-    ca.OP_SUB: Interval.__sub__,
-    ca.OP_MUL: Interval.__mul__,
+_BINARY: dict[int, Callable[[Any, Any], Any]] = {
+    ca.OP_ADD: lambda x, y: x + y,
+    ca.OP_SUB: lambda x, y: x - y,
+    ca.OP_MUL: lambda x, y: x * y,
 }
-"""What the dynamics of arms are made of. A division is by what is nowhere zero: constants."""
+"""What inertia and gravity of an arm, and their derivatives, are made of."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,18 +60,16 @@ class _Step:
     Attributes:
         operation: its code in CasADi.
         into: places of the results, one after the other.
-        first: places of the first operands, as many.
-        second: of the second ones; of no meaning for operations of one operand.
+        operands: places of the first operands, as many, and of the second ones if there are two.
     """
 
     operation: int
     into: slice
-    first: Indices
-    second: Indices
+    operands: tuple[Indices, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class IntervalFunction:
+class LevelledFunction:
     """A Function of one vector with one dense vector as its value.
 
     Attributes:
@@ -73,7 +87,7 @@ class IntervalFunction:
     size: int
 
     @classmethod
-    def of(cls, function: ca.Function) -> IntervalFunction:
+    def of(cls, function: ca.Function) -> LevelledFunction:
         """A Function of SX.
 
         Raises:
@@ -83,22 +97,22 @@ class IntervalFunction:
             raise BridgeError(f"{function} cannot be evaluated in intervals: it is no Function of SX, of one vector")
         return _Reading(function).levelled()
 
-    def __call__(self, boxes: Interval) -> Interval:
-        """The value's intervals, shape (m, boxes), over boxes of the argument, shape (n, boxes)."""
-        count = boxes.lower.shape[1]
-        lower, upper = np.zeros((self.size + 1, count)), np.zeros((self.size + 1, count))
-        for place, index in self.inputs:
-            lower[place], upper[place] = boxes.lower[index], boxes.upper[index]
+    def __call__(self, x: Kind) -> Kind:
+        """The value, m places, of an argument of n places."""
+        memory = [np.zeros((self.size + 1, *part.shape[1:])) for part in x.parts]
+        for own, given in zip(memory, x.parts, strict=True):
+            for place, index in self.inputs:
+                own[place] = given[index]
         for place, value in self.constants:
-            lower[place] = upper[place] = value
+            for own, part in zip(memory, x.number(value), strict=True):
+                own[place] = part
+        kind = type(x)
         for step in self.steps:
-            a = Interval(lower[step.first], upper[step.first])
-            if step.operation in _UNARY:
-                result = _UNARY[step.operation](a)
-            else:
-                result = _BINARY[step.operation](a, Interval(lower[step.second], upper[step.second]))
-            lower[step.into], upper[step.into] = result.lower, result.upper
-        return Interval(lower[self.outputs], upper[self.outputs])
+            operands = [kind(*(own[places] for own in memory)) for places in step.operands]
+            result = _UNARY[step.operation](*operands) if len(operands) == 1 else _BINARY[step.operation](*operands)
+            for own, part in zip(memory, result.parts, strict=True):
+                own[step.into] = part
+        return kind(*(own[self.outputs] for own in memory))
 
 
 class _Reading:
@@ -137,7 +151,7 @@ class _Reading:
         self._depth.append(depth)
         return self._held[place]
 
-    def levelled(self) -> IntervalFunction:
+    def levelled(self) -> LevelledFunction:
         """The same, operations of one depth and kind together, their results side by side."""
         groups: dict[tuple[int, int], list[tuple[int, int, int]]] = defaultdict(list)
         for code, name, a, b in self.operations:
@@ -151,9 +165,10 @@ class _Reading:
         for key in sorted(groups):
             _, first, second = np.array(groups[key], dtype=np.intp).T
             into = slice(begin, begin + len(first))
-            steps.append(_Step(key[1], into, place[first], place[second]))
+            sources = (first,) if key[1] in _UNARY else (first, second)
+            steps.append(_Step(key[1], into, tuple(place[source] for source in sources)))
             begin = into.stop
-        return IntervalFunction(
+        return LevelledFunction(
             inputs=tuple((int(place[name]), index) for name, index in self.inputs),
             constants=tuple((int(place[name]), value) for name, value in self.constants),
             steps=tuple(steps),

@@ -7,6 +7,7 @@ matrices and running sums take the a-priori bound instead (N. Higham, Accuracy a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,6 +47,16 @@ class Interval:
         return cls(exact, exact)
 
     @property
+    def parts(self) -> tuple[Array, ...]:
+        """The arrays that it is made of."""
+        return self.lower, self.upper
+
+    @staticmethod
+    def number(value: float) -> tuple[float, ...]:
+        """A float's parts."""
+        return value, value
+
+    @property
     def magnitude(self) -> Array:
         """The largest |x| of each."""
         return np.maximum(np.abs(self.lower), np.abs(self.upper))
@@ -54,6 +65,17 @@ class Interval:
     def mignitude(self) -> Array:
         """The smallest |x| of each."""
         return np.maximum(np.maximum(self.lower, -self.upper), 0.0)
+
+    @property
+    def centre(self) -> Array:
+        """A float in the middle of each."""
+        return np.clip(self.lower / 2 + self.upper / 2, self.lower, self.upper)
+
+    @property
+    def radius(self) -> Array:
+        """How far the ends are from `centre`, at most."""
+        centre = self.centre
+        return np.where(self.lower == self.upper, 0.0, up(np.maximum(self.upper - centre, centre - self.lower)))
 
     def __getitem__(self, key: object) -> Interval:
         return Interval(self.lower[key], self.upper[key])  # type: ignore[index]  # whatever numpy takes
@@ -98,6 +120,10 @@ class Interval:
             np.maximum(np.tanh(self.lower) - _LIBRARY, -1.0), np.minimum(np.tanh(self.upper) + _LIBRARY, 1.0)
         )
 
+    def outward(self) -> Interval:
+        """Rounded outward once more."""
+        return Interval(down(self.lower), up(self.upper))
+
     def meet(self, other: Interval) -> Interval:
         """What is in both; where rounding leaves nothing, the nearer ends."""
         lower, upper = np.maximum(self.lower, other.lower), np.minimum(self.upper, other.upper)
@@ -114,6 +140,17 @@ class Interval:
     def shaped(self, shape: tuple[int, ...]) -> Interval:
         """In another shape of as many places."""
         return Interval(self.lower.reshape(shape), self.upper.reshape(shape))
+
+    def spread(self, shape: tuple[int, ...]) -> Interval:
+        """The same for all of a greater shape, as numpy broadcasts."""
+        return Interval(np.broadcast_to(self.lower, shape), np.broadcast_to(self.upper, shape))
+
+    def dot(self, other: Interval) -> Interval:
+        """The matrix product with another, shapes (…, l, m) with (…, m, n)."""
+        product = self.times(other.centre)
+        beside = self.magnitude @ other.radius
+        beside = beside + rounding(self.lower.shape[-1], beside)
+        return Interval(down(product.lower - beside), up(product.upper + beside))
 
     def times(self, matrix: Array) -> Interval:
         """The product with a matrix of floats on the right, shapes (…, m) or (…, l, m) with (…, m, n)."""
@@ -135,6 +172,11 @@ class Interval:
         return Interval(
             _from_zero(np.cumsum(self.lower, 0)) - error, _from_zero(np.cumsum(self.upper, 0)) + error
         )
+
+
+def joined(parts: Sequence[Interval]) -> Interval:
+    """One after the other along the first axis."""
+    return Interval(np.concatenate([x.lower for x in parts]), np.concatenate([x.upper for x in parts]))
 
 
 def down(x: Array) -> Array:

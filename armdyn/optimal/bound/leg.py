@@ -57,6 +57,11 @@ class Leg:
         """What every joint needs at its greatest speed [s], rounded down, shape (nv,); 0 without a limit."""
         return np.maximum(down(self.away.mignitude / self.velocity), 0.0)
 
+    @property
+    def shortest(self) -> float:
+        """What the velocity limits allow [s]."""
+        return float(np.max(self.kinematic))
+
 
 def legs_of(problem: MinimumTimeProblem) -> tuple[Leg, ...]:
     """The legs of a problem, in order.

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.forces import Forces
-from armdyn.optimal.bound.interval import Interval
+from armdyn.optimal.bound.interval import Interval, up
 from armdyn.optimal.bound.leg import Leg
 from armdyn.optimal.bound.terms import terms_over
 
@@ -59,11 +59,9 @@ def reached(leg: Leg, cells: Cells, forces: Forces) -> Interval:
     lower, upper = cells.v.lower.copy(), cells.v.upper.copy()
     for outward, own in ((1, slice(0, k)), (-1, slice(2 * k, k, -1))):
         end = End.at(leg, outward)
-        if end is None:
-            continue
-        part = Forces(forces.terms[own], forces.v[own], forces.limits, forces.friction)
-        found = _from_end(leg, end, cells.side, part).meet(_accelerated(leg, end, cells.side))
-        lower[own], upper[own] = found.lower, found.upper
+        if end is not None:
+            found = _from_end(leg, end, cells.side, forces[own]).meet(_accelerated(leg, end, cells.side))
+            lower[own], upper[own] = found.lower, found.upper
     return Interval(lower, upper)
 
 
@@ -72,27 +70,20 @@ def _from_end(leg: Leg, end: End, side: Array, forces: Forces) -> Interval:
     w, joint = multipliers(leg, end)
     units = np.zeros_like(w)
     units[joint, np.arange(len(joint))] = 1.0
-    rate = forces.rate(w, Interval.at(np.zeros((1, *w.shape))))
+    rate = forces.rate(w)
     changes = (Interval.at(side[:, None]) * (rate if end.outward > 0 else -rate)).running()
     at_nodes = end.momentum[None].times(w) + changes
     momentum = at_nodes[:-1].hull(at_nodes[1:])
-    rest = (Interval.at(units) - forces.terms.inertia.times(w)) * forces.v[:, :, None]
-    bounds = momentum + rest.sum(1)
-    found = forces.v
-    for b in range(len(leg.velocity)):
-        own = joint == b
-        best = Interval(np.max(bounds.lower[:, own], axis=1), np.min(bounds.upper[:, own], axis=1))
-        lower, upper = found.lower.copy(), found.upper.copy()
-        met = found[:, b].meet(best)
-        lower[:, b], upper[:, b] = met.lower, met.upper
-        found = Interval(lower, upper)
-    return found
+    bounds = momentum + forces.rate(np.zeros_like(w), Interval.at(units), Interval.at(-w))
+    each = [np.flatnonzero(joint == b) for b in range(len(leg.velocity))]
+    lower = np.stack([np.max(bounds.lower[:, own], axis=1) for own in each], axis=1)
+    upper = np.stack([np.min(bounds.upper[:, own], axis=1) for own in each], axis=1)
+    return forces.v.meet(Interval(lower, upper))
 
 
 def _accelerated(leg: Leg, end: End, side: Array) -> Interval:
     """Bounds by the limits of acceleration, shape (k, nv)."""
-    grown = Interval.at(side).running().upper[1:, None]
-    room = np.minimum(grown, np.finfo(float).max) * leg.acceleration
+    room = up(Interval.at(side).running().upper[1:, None] * leg.acceleration)
     return Interval.at(end.v) + Interval(-room, room)
 
 

@@ -1,13 +1,13 @@
 """A linear program that every motion within the limits solves, and its multipliers.
 
-Unknown are the mean velocities v_k of the cells, at the inertia M_k of their middle, and the share θ of the way that
-is made. Momentum changes from one cell to the next by what the forces' bounds allow over half of each,
+Unknown are the mean velocities v_k of the cells and the share θ of the way that is made. With M_k at the middle of a
+cell's box, momentum changes from one cell to the next by what the forces' bounds allow over half of each,
 
     M_k+1 v_k+1 − M_k v_k ∈ ½ Δt_k [τ + e]_k + ½ Δt_k+1 [τ + e]_k+1,     Σ Δt_k v_k = θ Δq,     max θ.
 
-Where θ < 1 the duration is too short. The program is only rounded and its boxes' inertia is not one number, so that
-nothing is proven by it; its multipliers are what `proof.py` takes. Acceleration limits are rows of the same kind, with
-the unit matrix as inertia.
+Where θ < 1 the duration is too short. Nothing is proven by it, for the boxes' inertia is not one number and a solver
+rounds; its multipliers are what `proof.py` takes. Limits of acceleration are rows of the same kind, with the unit
+matrix as inertia.
 """
 
 from __future__ import annotations
@@ -23,9 +23,14 @@ from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.interval import Interval
 from armdyn.optimal.bound.leg import Leg
-from armdyn.optimal.bound.reach import End
 
 Array = NDArray[np.float64]
+
+_EXACT = {"primal_feasibility_tolerance": 1e-9, "dual_feasibility_tolerance": 1e-9}
+"""Of scaled rows and columns: the first cells' momenta are some 1e-5 of the greatest."""
+
+_IDLE = 1e-3
+"""Torque in the middle of a motion that is worth less than this share of what speed is worth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,55 +39,21 @@ class Multipliers:
 
     Attributes:
         way: λ of the joints' ways [1/rad or 1/m], λᵀ Δq about 1, shape (nv,).
-        momentum: w at the nodes between cells [1/(N m s)], shape (2 k + 1, nv); linear within cells from the start
-            and to the goal, constant in the middle one.
-        speed: likewise of the limits of acceleration [s/rad or s/m]; None without such.
+        momentum: w at the nodes between cells [1/(N m s)], shape (2 k + 1, nv): linear within the cells from the
+            start and to the goal, constant in the middle one.
+        speed: likewise of the limits of acceleration [s/rad or s/m]; zero where there is none.
     """
 
     way: Array
     momentum: Array
-    speed: Array | None
+    speed: Array
 
-
-def relaxed(leg: Leg, cells: Cells, forces: Forces, duration: float) -> Multipliers | None:
-    """The multipliers of a leg's program for a duration [s]; None if the solver finds none."""
-    k, nv = cells.middle, len(leg.velocity)
-    momenta = [_momentum(leg, cells, forces, duration)]
-    if np.all(np.isfinite(leg.acceleration)):
-        momenta.append(_speed(leg, cells, duration))
-    rows = (2 * k + 1) * nv
-    time = np.insert(cells.lengths, k, max(duration - np.sum(cells.lengths), 0.0))
-    ways = hstack([csr_matrix(np.diag(length * leg.velocity / (duration * leg.velocity))) for length in time])
-    way = (leg.q_goal - leg.q_start) / (duration * leg.velocity)
-    slack = len(momenta) * rows
-    left = vstack([ways, *(momentum.matrix for momentum in momenta)])
-    middle = vstack([csr_matrix((nv, slack)), -eye(slack)])
-    right = vstack([csr_matrix(-way[:, None]), csr_matrix((slack, 1))])
-    bounds = np.concatenate(
-        [
-            np.column_stack([(cells.v.lower / leg.velocity).ravel(), (cells.v.upper / leg.velocity).ravel()]),
-            *(np.column_stack([momentum.lower.ravel(), momentum.upper.ravel()]) for momentum in momenta),
-            [[-np.inf, np.inf]],
-        ]
-    )
-    cost = np.zeros(len(bounds))
-    cost[-1] = -1.0
-    solved = linprog(
-        cost,
-        A_eq=csr_matrix(hstack([left, middle, right])),
-        b_eq=np.concatenate([np.zeros(nv), *(momentum.given.ravel() for momentum in momenta)]),
-        bounds=bounds,
-        method="highs",
-        options={"primal_feasibility_tolerance": 1e-9, "dual_feasibility_tolerance": 1e-9},
-    )
-    if solved.status != 0:
-        return None
-    found = np.asarray(solved.eqlin.marginals)
-    nodes = [
-        -part.reshape(2 * k + 1, nv) / momentum.scale
-        for part, momentum in zip(np.split(found[nv:], len(momenta)), momenta, strict=True)
-    ]
-    return Multipliers(found[:nv] / (duration * leg.velocity), nodes[0], nodes[1] if len(nodes) > 1 else None)
+    def meet(self, leg: Leg, cells: Cells) -> bool:
+        """Ramps reach the middle: torque or acceleration is worth something there, beside the speed."""
+        torque = np.maximum(np.abs(leg.torque.effort_lower), np.abs(leg.torque.effort_upper))
+        acceleration = np.where(np.isfinite(leg.acceleration), leg.acceleration, 0.0)
+        worth = np.abs(self.momentum[cells.middle]) @ torque + np.abs(self.speed[cells.middle]) @ acceleration
+        return bool(worth > _IDLE * (np.abs(self.way) @ leg.velocity))
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,59 +62,86 @@ class _Rows:
 
     Attributes:
         matrix: of the cells' velocities, as shares of the limits.
-        lower: least change at each node, shape (nodes, nv).
-        upper: greatest change.
-        given: what it begins and ends with.
-        scale: of a row [its unit], shape (nv,).
+        change: least and greatest change at each node, shape (nodes nv, 2).
+        given: what it begins and ends with, shape (nodes nv,).
+        scale: of a row, shape (nv,).
     """
 
     matrix: csr_matrix
-    lower: Array
-    upper: Array
+    change: Array
     given: Array
     scale: Array
 
 
-def _momentum(leg: Leg, cells: Cells, forces: Forces, duration: float) -> _Rows:
-    """The rows of momentum."""
-    inertia = forces.terms.inertia
-    centre, radius = (inertia.lower + inertia.upper) / 2, (inertia.upper - inertia.lower) / 2
-    nv = len(leg.velocity)
-    rate = forces.rate(np.eye(nv), Interval.at(np.zeros((1, nv, nv))))
-    unsure = np.einsum("bij,bj->bi", radius, cells.v.magnitude)
-    return _rows(leg, cells, (centre, rate, unsure), duration)
+def relaxed(leg: Leg, cells: Cells, forces: Forces, duration: float) -> Multipliers | None:
+    """The multipliers of a leg's program for a duration [s]; None if the solver finds none."""
+    nv, nodes = len(leg.velocity), 2 * cells.middle + 1
+    kinds = [_rows(leg, cells, forces.terms.inertia.centre, forces.rate(np.eye(nv)), duration)]
+    accelerated = np.isfinite(leg.acceleration)
+    if np.any(accelerated):
+        units = np.broadcast_to(np.eye(nv), (nodes, nv, nv))
+        most = np.broadcast_to(leg.acceleration, (nodes, nv))
+        kinds.append(_rows(leg, cells, units, Interval(-most, most), duration))
+    times = np.insert(cells.lengths, cells.middle, max(duration - np.sum(cells.lengths), 0.0))
+    ways = hstack([eye(nv) * (time / duration) for time in times])
+    away = (leg.q_goal - leg.q_start) / (duration * leg.velocity)
+    slacks = len(kinds) * nodes * nv
+    matrix = hstack(
+        [
+            vstack([ways, *(rows.matrix for rows in kinds)]),
+            vstack([csr_matrix((nv, slacks)), -eye(slacks)]),
+            vstack([csr_matrix(-away[:, None]), csr_matrix((slacks, 1))]),
+        ]
+    )
+    speeds = np.stack([cells.v.lower / leg.velocity, cells.v.upper / leg.velocity], axis=-1).reshape(-1, 2)
+    bounds = np.concatenate([speeds, *(rows.change for rows in kinds), [[-np.inf, np.inf]]])
+    cost = np.zeros(len(bounds))
+    cost[-1] = -1.0
+    given = np.concatenate([np.zeros(nv), *(rows.given for rows in kinds)])
+    solved = linprog(cost, A_eq=csr_matrix(matrix), b_eq=given, bounds=bounds, method="highs", options=_EXACT)
+    if solved.status != 0:
+        return None
+    marginals = np.asarray(solved.eqlin.marginals)
+    parts = np.split(-marginals[nv:], len(kinds))
+    found = [part.reshape(nodes, nv) / rows.scale for part, rows in zip(parts, kinds, strict=True)]
+    return Multipliers(
+        way=marginals[:nv] / (duration * leg.velocity),
+        momentum=_free_at_ends(leg, found[0]),
+        speed=_free_at_ends(leg, np.where(accelerated, found[-1], 0.0)),
+    )
 
 
-def _speed(leg: Leg, cells: Cells, duration: float) -> _Rows:
-    """The rows of acceleration's limits."""
-    boxes, nv = cells.v.lower.shape
-    units = np.broadcast_to(np.eye(nv), (boxes, nv, nv))
-    rate = np.broadcast_to(leg.acceleration, (boxes, nv))
-    return _rows(leg, cells, (units, Interval(-rate, rate), np.zeros((boxes, nv))), duration)
-
-
-def _rows(leg: Leg, cells: Cells, what: tuple[Array, Interval, Array], duration: float) -> _Rows:
-    """Rows of a momentum: the inertia of each cell, bounds of its rate, and how unsure its inertia makes it."""
-    inertia, rate, unsure = what
+def _rows(leg: Leg, cells: Cells, inertia: Array, rate: Interval, duration: float) -> _Rows:
+    """Rows of a momentum, of which the inertia in each cell and bounds of the rate are given."""
     k, nv = cells.middle, len(leg.velocity)
-    outer, half = cells.outer, cells.lengths[:, None] / 2
+    half = np.repeat(cells.lengths[:, None] / 2, nv, axis=1)
     scale = np.abs(inertia[0]) @ leg.velocity
-    lower = np.zeros((2 * k + 1, nv))
-    upper = np.zeros((2 * k + 1, nv))
-    for nodes in (slice(0, 2 * k), slice(1, 2 * k + 1)):
-        lower[nodes] += half * rate.lower[outer] - unsure[outer]
-        upper[nodes] += half * rate.upper[outer] + unsure[outer]
-    between = max(duration - np.sum(cells.lengths), 0.0)
-    lower[k] += between * rate.lower[k]
-    upper[k] += between * rate.upper[k]
+    change = np.zeros((2, 2 * k + 1, nv))
+    for bound, end in zip(change, (rate.lower, rate.upper), strict=True):
+        bound[:-1] += half * end[cells.outer]
+        bound[1:] += half * end[cells.outer]
+        bound[k] += max(duration - np.sum(cells.lengths), 0.0) * end[k]
     given = np.zeros((2 * k + 1, nv))
-    for node, cell, v, sign in ((0, 0, leg.v_start, 1.0), (2 * k, 2 * k, leg.v_goal, -1.0)):
+    for node, v, sign in ((0, leg.v_start, 1.0), (2 * k, leg.v_goal, -1.0)):
         if v is None:
-            lower[node], upper[node] = -np.inf, np.inf
+            change[:, node] = np.array([-np.inf, np.inf])[:, None]
         else:
-            given[node] = sign * inertia[cell] @ v
-    blocks = block_diag([block * leg.velocity / scale[:, None] for block in inertia[outer]])
+            given[node] = sign * inertia[node] @ v
+    blocks = block_diag([block * leg.velocity / scale[:, None] for block in inertia[cells.outer]])
     none = csr_matrix((nv, blocks.shape[1]))
-    change = csr_matrix(vstack([blocks, none]) - vstack([none, blocks]))
-    parts = change[:, : k * nv], csr_matrix((len(given) * nv, nv)), change[:, k * nv :]
-    return _Rows(csr_matrix(hstack(parts)), lower / scale, upper / scale, given / scale, scale)
+    from_node = csr_matrix(vstack([blocks, none]) - vstack([none, blocks]))
+    cruise = csr_matrix((from_node.shape[0], nv))
+    return _Rows(
+        matrix=csr_matrix(hstack([from_node[:, : k * nv], cruise, from_node[:, k * nv :]])),
+        change=np.moveaxis(change / scale, 0, -1).reshape(-1, 2),
+        given=(given / scale).ravel(),
+        scale=scale,
+    )
+
+
+def _free_at_ends(leg: Leg, nodes: Array) -> Array:
+    """Multipliers, zero at an end where no velocity is given."""
+    for node, v in ((0, leg.v_start), (-1, leg.v_goal)):
+        if v is None:
+            nodes[node] = 0.0
+    return nodes

@@ -1,8 +1,7 @@
-"""Inertia, its slopes and gravity over boxes of joint positions: all that the momentum's equation needs.
+"""Inertia and gravity over boxes of joint positions: all that the momentum's equation needs.
 
-An instruction does not know that its operands hang together, which makes a box's values too wide, to first order in
-its size. The mean value theorem does: f(q) = f(c) + ∂f/∂q (q − c) with a slope from within the box, where the excess
-is of second order. Both are true, so that their intersection is (R. Moore, Interval Analysis, 1966, section 6.3).
+M(q) and g(q) are affine forms, so that what different entries of M owe to one and the same joint stays known. The
+slopes ∂M/∂q of the Coriolis forces, which are of second order in the velocities anyway, are intervals.
 """
 
 from __future__ import annotations
@@ -15,7 +14,8 @@ from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.exclusive import built_once
-from armdyn.optimal.bound.instructions import IntervalFunction
+from armdyn.optimal.bound.affine import Affine
+from armdyn.optimal.bound.instructions import LevelledFunction
 from armdyn.optimal.bound.interval import Interval
 
 Indices = NDArray[np.intp]
@@ -23,54 +23,55 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """What they are over boxes of joint positions.
+    """What they are over boxes: at the centre, and how they change from there with ε, |ε_k| ≤ 1 at the box's faces.
 
     Attributes:
-        inertia: M(q) [kg m²], shape (boxes, nv, nv).
-        slopes: ∂M_cd/∂q_a for the `pairs` (c, d) [kg m²/rad], shape (boxes, pairs, nv).
-        gravity: g(q) [N m], shape (boxes, nv).
+        inertia: M at ε = 0 and all of it that is not linear in ε [kg m²], shape (boxes, nv, nv).
+        gravity: likewise g [N m], shape (boxes, nv).
+        inertia_slopes: ∂M_ab/∂ε_k [kg m²], shape (boxes, k, a, b).
+        gravity_slopes: ∂g_a/∂ε_k [N m], shape (boxes, k, a).
+        bends: ∂M_ab/∂q_k for a ≥ b, row by row, anywhere in the box [kg m²/rad], shape (boxes, pairs, k).
     """
 
     inertia: Interval
-    slopes: Interval
     gravity: Interval
+    inertia_slopes: Interval
+    gravity_slopes: Interval
+    bends: Interval
 
     def __getitem__(self, boxes: slice | Indices) -> Terms:
-        return Terms(self.inertia[boxes], self.slopes[boxes], self.gravity[boxes])
-
-
-def pairs(nv: int) -> tuple[Indices, Indices]:
-    """Rows and columns of a lower triangle, row by row: (0, 0), (1, 0), (1, 1), …"""
-    return np.tril_indices(nv)
+        return Terms(**{name: part[boxes] for name, part in vars(self).items()})
 
 
 def terms_over(dynamics: Dynamics, q: Interval) -> Terms:
     """The terms over boxes of joint positions [rad or m], shape (boxes, nv)."""
     n, boxes = dynamics.nv, len(q.lower)
-    rows, columns = pairs(n)
-    size = len(rows) + n
-    centres = Interval.at(np.clip(q.lower + (q.upper - q.lower) / 2, q.lower, q.upper))
-    both = np.concatenate([centres.lower, q.lower]), np.concatenate([centres.upper, q.upper])
-    values = _program(dynamics)(Interval(both[0].T, both[1].T))
-    at_centres, natural = values[:size, :boxes], values[:size, boxes:]
-    slopes = values[size:, boxes:].shaped((n, size, boxes))
-    mean = at_centres + (slopes * (q - centres).turned((1, 0))[:, None]).sum(0)
-    narrow = natural.meet(mean)
+    rows, columns = np.tril_indices(n)
     full = np.empty((n, n), dtype=np.intp)
     full[rows, columns] = full[columns, rows] = np.arange(len(rows))
+    values, slopes = _programs(dynamics)
+    turned = q.turned((1, 0))
+    forms = values(Affine.over(turned))
+    constant = Interval(forms.centre - forms.rest, forms.centre + forms.rest).outward()
+    linear = Interval.at(forms.slopes)
     return Terms(
-        inertia=narrow[full].turned((2, 0, 1)),
-        slopes=slopes[:, : len(rows)].turned((2, 1, 0)),
-        gravity=narrow[len(rows) :].turned((1, 0)),
+        inertia=constant[full].turned((2, 0, 1)),
+        gravity=constant[len(rows) :].turned((1, 0)),
+        inertia_slopes=linear[full].turned((3, 2, 0, 1)),
+        gravity_slopes=linear[len(rows) :].turned((2, 1, 0)),
+        bends=slopes(turned).shaped((n, len(rows), boxes)).turned((2, 1, 0)),
     )
 
 
 @built_once(maxsize=16)
-def _program(dynamics: Dynamics) -> IntervalFunction:
-    """The lower triangle of M, then g, and the derivatives of both joint after joint, as one vector of q."""
+def _programs(dynamics: Dynamics) -> tuple[LevelledFunction, LevelledFunction]:
+    """Of q: the lower triangle of M, then g; and the derivatives of that triangle, joint after joint."""
     q = ca.SX.sym("q", dynamics.nv)
     inertia = dynamics.crba(q)
-    triangle = [inertia[int(a), int(b)] for a, b in zip(*pairs(dynamics.nv), strict=True)]
-    value = ca.vertcat(*triangle, dynamics.gravity(q))
-    every = ca.vertcat(value, ca.vec(ca.jacobian(value, q)))
-    return IntervalFunction.of(ca.Function("terms", [q], [ca.cse(every)]))
+    triangle = ca.vertcat(*(inertia[int(a), int(b)] for a, b in zip(*np.tril_indices(dynamics.nv), strict=True)))
+    values = ca.vertcat(triangle, dynamics.gravity(q))
+    slopes = ca.vec(ca.jacobian(triangle, q))
+    return (
+        LevelledFunction.of(ca.Function("values", [q], [ca.cse(values)])),
+        LevelledFunction.of(ca.Function("slopes", [q], [ca.cse(slopes)])),
+    )
