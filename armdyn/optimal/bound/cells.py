@@ -12,14 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.bound.interval import Interval, down
+from armdyn.optimal.bound.interval import Interval, joined
 from armdyn.optimal.bound.leg import Leg
 
 Array = NDArray[np.float64]
 
-_SHORTEST, _GROWTH, _LONGEST = 2e-5, 1.35, 1 / 40
-"""Cells of one side: the first one's share of the duration, how they grow, and the greatest share: a ramp of some
-ten-thousandths of the duration has cells of its own, and torques may turn over anywhere without much being lost."""
+_SHORTEST, _GROWTH, _LONGEST = 4e-5, 1.35, 1 / 20
+"""Cells of one side: the first one's share of it, how they grow, and the greatest share: a ramp of some thousandths
+has cells of its own, and torques may turn over anywhere without much being lost."""
+
+_EDGE = 1e-9
+"""Share of an instant by which cells of two cuts are taken to overlap, whatever rounding makes of their ends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,18 +42,30 @@ class Cells:
     longest: float
 
     @classmethod
-    def of(cls, leg: Leg, shortest: float, longest: float) -> Cells:
+    def of(cls, leg: Leg, half: float, longest: float) -> Cells:
         """Cells within the limits of velocity alone.
 
         Args:
             leg: what is to be done.
-            shortest: no motion is faster [s].
+            half: at most so long are the cells of each side [s]; no motion is faster than twice that.
             longest: no motion that takes longer [s] is spoken of.
         """
-        side = _side(shortest)
+        side = _side(half)
         most = np.broadcast_to(leg.velocity, (2 * len(side) + 1, len(leg.velocity)))
         v = Interval(-most, most)
         return cls(side, _positions(leg, side, v, longest), v, longest)
+
+    def cut(self, leg: Leg, half: float) -> Cells:
+        """Shorter sides, with what is known of the velocities there."""
+        new = Cells.of(leg, half, self.longest)
+        old, begin, k = np.cumsum(self.side), np.append(0.0, np.cumsum(new.side)), self.middle
+        first = np.searchsorted(old, begin[:-1] * (1 - _EDGE))
+        last = np.minimum(np.searchsorted(old, begin[1:] * (1 + _EDGE)), k - 1)
+        every = [self.v[a : b + 1] for a, b in zip(first, last, strict=True)]
+        back = [self.v[2 * k - b : 2 * k - a + 1] for a, b in zip(first, last, strict=True)]
+        within = [Interval(x.lower.min(axis=0), x.upper.max(axis=0))[None] for x in (*every, *back[::-1])]
+        middle = new.v[new.middle][None]
+        return new.narrowed(leg, joined([*within[: new.middle], middle, *within[new.middle :]]))
 
     def narrowed(self, leg: Leg, v: Interval) -> Cells:
         """The same with what else is known of the velocities."""
@@ -72,16 +87,19 @@ class Cells:
         """Index of the middle cell."""
         return len(self.side)
 
+    @property
+    def between(self) -> float:
+        """The middle cell's length in the longest motion [s]."""
+        return float(np.maximum((Interval.at(self.longest) - Interval.at(self.lengths).sum(0)).upper, 0.0))
 
-def _side(shortest: float) -> Array:
-    """Lengths of the cells of half a motion [s]; their sum is half of the shortest's at most."""
-    lengths, whole = [], 0.5
-    length = _SHORTEST
-    while whole - sum(lengths) > length:
+
+def _side(half: float) -> Array:
+    """Lengths of the cells of one side [s]; their sum is half at most."""
+    lengths, length = [], _SHORTEST
+    while sum(lengths) + length < 1:
         lengths.append(length)
         length = min(length * _GROWTH, _LONGEST)
-    scaled = np.array(lengths) * (0.5 / sum(lengths))
-    return down(down(scaled * shortest) * (1 - 1e-13))  # the sum is rounded, too
+    return np.array(lengths) * (half / sum(lengths) * (1 - 1e-12))  # which rounding does not make up for
 
 
 def _positions(leg: Leg, side: Array, v: Interval, longest: float) -> Interval:
@@ -96,6 +114,4 @@ def _positions(leg: Leg, side: Array, v: Interval, longest: float) -> Interval:
     from_start = onward[:-1].hull(onward[1:]).meet(back[-1] + far[:-1])
     from_goal = back[:-1].hull(back[1:]).meet(onward[-1] + far[:-1])
     middle = (onward[-1] + far[-1]).meet(back[-1] + far[-1])
-    every = [from_start, middle[None], from_goal[::-1]]
-    joined = Interval(np.concatenate([x.lower for x in every]), np.concatenate([x.upper for x in every]))
-    return joined.meet(leg.position)
+    return joined([from_start, middle[None], from_goal[::-1]]).meet(leg.position)

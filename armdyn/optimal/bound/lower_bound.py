@@ -17,17 +17,21 @@ from armdyn.optimal.bound.relaxation import relaxed
 from armdyn.optimal.bound.terms import terms_over
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 
-_PASSES, _GRIDS = 8, 12
-"""Of nested boxes on one grid, and grids, at most; usually it is three and one."""
+_PASSES, _GRIDS = 8, 16
+"""Of nested boxes on one grid, and grids, at most; usually it is four and one."""
 
 _WORTH = 2e-5
 """A pass that raises the bound by a smaller share is the last."""
 
 _REGRID = 1e-3
-"""Where ramps meet, and the bound has risen by more than this share, cells are cut anew for the longer motion."""
+"""Where ramps meet in the middle and the bound has risen by more than this share, longer cells may raise it more."""
 
-_HORIZON = 4.0
-"""Motions that take longer than so many times what is known to be needed are not spoken of, in one grid."""
+_FULL, _ROOM = 0.9, 1.5
+"""Ramps that are longer than this share of a side fill it; shorter ones get sides that are longer by this factor."""
+
+_AHEAD = 0.5
+"""Motions that take longer by more than this share than is known to be needed are not spoken of, in one grid; later
+twice what the last grid has brought, one hundredth at least: the nearer, the smaller the boxes in the middle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,19 +98,19 @@ def _of_leg(leg: Leg, stop: Callable[[], bool]) -> tuple[float, int]:
     known, joint = leg.shortest, int(np.argmax(leg.kinematic))
     if known == 0 or not np.all(np.isfinite(leg.velocity)):
         return known, joint
+    ahead = _AHEAD
     for _ in range(_GRIDS):
         before = known
-        known, joint, meeting = _on_grid(leg, known, joint, stop)
-        if stop() or not meeting or known < before * (1 + _REGRID):
+        known, joint, full = _on_grid(leg, known, joint, (1 + ahead) * known, stop)
+        if stop() or not full or known < before * (1 + _REGRID):
             break
+        ahead = min(max(2 * (known / before - 1), 0.01), _AHEAD)
     return known, joint
 
 
-def _on_grid(leg: Leg, known: float, joint: int, stop: Callable[[], bool]) -> tuple[float, int, bool]:
-    """The bound by cells for a motion as long as is known to be needed, its joint, and whether ramps meet there."""
-    longest = _HORIZON * known
-    cells = Cells.of(leg, known, longest)
-    meeting = False
+def _on_grid(leg: Leg, known: float, joint: int, longest: float, stop: Callable[[], bool]) -> tuple[float, int, bool]:
+    """The bound by cells for a motion as long as is known to be needed, its joint, and whether ramps fill the cells."""
+    cells, full, cut = Cells.of(leg, known / 2, longest), False, False
     for done in range(_PASSES):
         if stop():
             break
@@ -116,10 +120,14 @@ def _on_grid(leg: Leg, known: float, joint: int, stop: Callable[[], bool]) -> tu
             if by is None:
                 break
             before, bound = known, min(proven(leg, cells, forces, by), longest)
-            meeting = by.meet(leg, cells)
             if bound > known:
                 known, joint = bound, int(np.argmax(by.way * (leg.q_goal - leg.q_start)))
+            half, ramp = float(np.sum(cells.side)), by.ramp(leg, cells)
+            full = not cut and ramp > _FULL * half
+            if ramp * _ROOM < half and not cut:
+                cells, cut = cells.cut(leg, ramp * _ROOM), True
+                continue
             if known < before * (1 + _WORTH):
                 break
         cells = cells.narrowed(leg, reached(leg, cells, forces))
-    return known, joint, meeting
+    return known, joint, full or known == longest

@@ -57,21 +57,23 @@ def reached(leg: Leg, cells: Cells, forces: Forces) -> Interval:
     """Bounds of the velocities in every cell, shape (2 k + 1, nv)."""
     k = cells.middle
     lower, upper = cells.v.lower.copy(), cells.v.upper.copy()
-    for outward, own in ((1, slice(0, k)), (-1, slice(2 * k, k, -1))):
+    times = np.append(cells.side, cells.between)
+    for outward, own in ((1, np.arange(k + 1)), (-1, np.arange(2 * k, k - 1, -1))):
         end = End.at(leg, outward)
         if end is not None:
-            found = _from_end(leg, end, cells.side, forces[own]).meet(_accelerated(leg, end, cells.side))
-            lower[own], upper[own] = found.lower, found.upper
+            found = _from_end(leg, end, times, forces[own]).meet(_accelerated(leg, end, times))
+            met = found.meet(Interval(lower[own], upper[own]))
+            lower[own], upper[own] = met.lower, met.upper
     return Interval(lower, upper)
 
 
-def _from_end(leg: Leg, end: End, side: Array, forces: Forces) -> Interval:
+def _from_end(leg: Leg, end: End, times: Array, forces: Forces) -> Interval:
     """Bounds by momentum, shape (k, nv)."""
     w, joint = multipliers(leg, end)
     units = np.zeros_like(w)
     units[joint, np.arange(len(joint))] = 1.0
     rate = forces.rate(w)
-    changes = (Interval.at(side[:, None]) * (rate if end.outward > 0 else -rate)).running()
+    changes = (Interval.at(times[:, None]) * (rate if end.outward > 0 else -rate)).running()
     at_nodes = end.momentum[None].times(w) + changes
     momentum = at_nodes[:-1].hull(at_nodes[1:])
     bounds = momentum + forces.rate(np.zeros_like(w), Interval.at(units), Interval.at(-w))
@@ -81,9 +83,9 @@ def _from_end(leg: Leg, end: End, side: Array, forces: Forces) -> Interval:
     return forces.v.meet(Interval(lower, upper))
 
 
-def _accelerated(leg: Leg, end: End, side: Array) -> Interval:
+def _accelerated(leg: Leg, end: End, times: Array) -> Interval:
     """Bounds by the limits of acceleration, shape (k, nv)."""
-    room = up(Interval.at(side).running().upper[1:, None] * leg.acceleration)
+    room = up(Interval.at(times).running().upper[1:, None] * leg.acceleration)
     return Interval.at(end.v) + Interval(-room, room)
 
 

@@ -30,7 +30,7 @@ _EXACT = {"primal_feasibility_tolerance": 1e-9, "dual_feasibility_tolerance": 1e
 """Of scaled rows and columns: the first cells' momenta are some 1e-5 of the greatest."""
 
 _IDLE = 1e-3
-"""Torque in the middle of a motion that is worth less than this share of what speed is worth."""
+"""A torque counts no more that is worth less than this share of what it is at its best."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,12 +48,15 @@ class Multipliers:
     momentum: Array
     speed: Array
 
-    def meet(self, leg: Leg, cells: Cells) -> bool:
-        """Ramps reach the middle: torque or acceleration is worth something there, beside the speed."""
+    def ramp(self, leg: Leg, cells: Cells) -> float:
+        """How long after the start, or before the goal, torque or acceleration still counts [s]: the longer one."""
         torque = np.maximum(np.abs(leg.torque.effort_lower), np.abs(leg.torque.effort_upper))
         acceleration = np.where(np.isfinite(leg.acceleration), leg.acceleration, 0.0)
-        worth = np.abs(self.momentum[cells.middle]) @ torque + np.abs(self.speed[cells.middle]) @ acceleration
-        return bool(worth > _IDLE * (np.abs(self.way) @ leg.velocity))
+        worth = np.abs(self.momentum) @ torque + np.abs(self.speed) @ acceleration
+        counts = worth > _IDLE * np.max(worth)
+        times = np.append(0.0, np.cumsum(cells.side))
+        k = cells.middle
+        return float(np.max(times, where=counts[: k + 1] | counts[: k - 1 : -1], initial=0.0))
 
 
 @dataclass(frozen=True, eq=False)
