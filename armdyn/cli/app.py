@@ -10,6 +10,7 @@ import typer
 
 from armdyn import __version__
 from armdyn.cli.doctor import doctor
+from armdyn.cli.motion.bound import bound
 from armdyn.cli.motion.mintime import mintime
 from armdyn.cli.motion.pid import pid
 from armdyn.cli.motion.replay import replay
@@ -25,7 +26,7 @@ app = typer.Typer(
     help="Time-optimal and closed-loop motion of robot arms, from a URDF.",
     epilog="Exit codes: 0 done, 2 bad usage or input, 3 not converged or not landed, 5 disk full, 130 interrupted.",
 )
-for command in (mintime, pid, reproduce, sweep, replay, urdf, robots, doctor):
+for command in (mintime, bound, pid, reproduce, sweep, replay, urdf, robots, doctor):
     app.command()(with_options(command))
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.bound.interval import Interval, joined
+from armdyn.optimal.bound.enclosure.interval import Interval, joined
 from armdyn.optimal.bound.leg import Leg
 
 Array = NDArray[np.float64]
@@ -95,7 +95,8 @@ class Cells:
 
 def _side(half: float) -> Array:
     """Lengths of the cells of one side [s]; their sum is half at most."""
-    lengths, length = [], _SHORTEST
+    lengths: list[float] = []
+    length = _SHORTEST
     while sum(lengths) + length < 1:
         lengths.append(length)
         length = min(length * _GROWTH, _LONGEST)

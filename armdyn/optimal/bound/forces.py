@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from armdyn.models.friction import JointFriction
 from armdyn.models.limits import JointLimits
-from armdyn.optimal.bound.interval import Interval, rounding
+from armdyn.optimal.bound.enclosure.interval import Interval, rounding
 from armdyn.optimal.bound.terms import Indices, Terms
 
 Array = NDArray[np.float64]

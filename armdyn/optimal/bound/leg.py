@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.models.friction import JointFriction
 from armdyn.models.limits import JointLimits
-from armdyn.optimal.bound.interval import Interval, down
+from armdyn.optimal.bound.enclosure.interval import Interval, down
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 
 Array = NDArray[np.float64]

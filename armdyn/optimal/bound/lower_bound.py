@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdyn.optimal.bound.cells import Cells
+from armdyn.optimal.bound.enclosure.interval import down
 from armdyn.optimal.bound.forces import Forces
-from armdyn.optimal.bound.interval import down
 from armdyn.optimal.bound.leg import Leg, legs_of
 from armdyn.optimal.bound.proof import proven
 from armdyn.optimal.bound.reach import reached
@@ -77,7 +77,7 @@ def lower_bound(problem: MinimumTimeProblem, stop: Callable[[], bool] | None = N
     if kinematic == 0:
         return None
     found = [_of_leg(leg, stop or (lambda: False)) for leg in legs]
-    duration, joint = max(found)
+    _, joint = max(found)
     return LowerBound(
         duration=max(_sum_down([duration for duration, _ in found]), kinematic),
         joint=problem.robot.joint_names[joint],

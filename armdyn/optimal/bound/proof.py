@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.bound.cells import Cells
+from armdyn.optimal.bound.enclosure.interval import Interval, down
 from armdyn.optimal.bound.forces import Forces
-from armdyn.optimal.bound.interval import Interval, down
 from armdyn.optimal.bound.leg import Leg
 from armdyn.optimal.bound.reach import End
 from armdyn.optimal.bound.relaxation import Multipliers

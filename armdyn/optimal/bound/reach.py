@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.bound.cells import Cells
+from armdyn.optimal.bound.enclosure.interval import Interval, up
 from armdyn.optimal.bound.forces import Forces
-from armdyn.optimal.bound.interval import Interval, up
 from armdyn.optimal.bound.leg import Leg
 from armdyn.optimal.bound.terms import terms_over
 
@@ -49,7 +49,7 @@ class End:
 
     @property
     def momentum(self) -> Interval:
-        """p = M v [N m s], shape (nv,)."""
+        """Momentum M v [N m s], shape (nv,)."""
         return self.inertia.times(self.v[:, None])[:, 0]
 
 

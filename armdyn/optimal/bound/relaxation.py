@@ -20,8 +20,8 @@ from scipy.optimize import linprog
 from scipy.sparse import block_diag, csr_matrix, eye, hstack, vstack
 
 from armdyn.optimal.bound.cells import Cells
+from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.forces import Forces
-from armdyn.optimal.bound.interval import Interval
 from armdyn.optimal.bound.leg import Leg
 
 Array = NDArray[np.float64]

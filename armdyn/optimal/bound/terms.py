@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.exclusive import built_once
-from armdyn.optimal.bound.affine import Affine
-from armdyn.optimal.bound.instructions import LevelledFunction
-from armdyn.optimal.bound.interval import Interval
+from armdyn.optimal.bound.enclosure.affine import Affine
+from armdyn.optimal.bound.enclosure.instructions import LevelledFunction
+from armdyn.optimal.bound.enclosure.interval import Interval
 
 Indices = NDArray[np.intp]
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -77,8 +78,8 @@ class Interval:
         centre = self.centre
         return np.where(self.lower == self.upper, 0.0, up(np.maximum(self.upper - centre, centre - self.lower)))
 
-    def __getitem__(self, key: object) -> Interval:
-        return Interval(self.lower[key], self.upper[key])  # type: ignore[index]  # whatever numpy takes
+    def __getitem__(self, key: Any) -> Interval:
+        return Interval(self.lower[key], self.upper[key])
 
     def __neg__(self) -> Interval:
         return Interval(-self.upper, -self.lower)
@@ -135,7 +136,9 @@ class Interval:
 
     def turned(self, axes: tuple[int, ...]) -> Interval:
         """With its axes in another order."""
-        return Interval(np.ascontiguousarray(self.lower.transpose(axes)), np.ascontiguousarray(self.upper.transpose(axes)))
+        return Interval(
+            np.ascontiguousarray(self.lower.transpose(axes)), np.ascontiguousarray(self.upper.transpose(axes))
+        )
 
     def shaped(self, shape: tuple[int, ...]) -> Interval:
         """In another shape of as many places."""
@@ -156,9 +159,7 @@ class Interval:
         """The product with a matrix of floats on the right, shapes (…, m) or (…, l, m) with (…, m, n)."""
         plus, minus = np.maximum(matrix, 0.0), np.maximum(-matrix, 0.0)
         error = rounding(2 * matrix.shape[-2], self.magnitude @ np.abs(matrix))
-        return Interval(
-            self.lower @ plus - self.upper @ minus - error, self.upper @ plus - self.lower @ minus + error
-        )
+        return Interval(self.lower @ plus - self.upper @ minus - error, self.upper @ plus - self.lower @ minus + error)
 
     def sum(self, axis: int) -> Interval:
         """Along an axis."""
@@ -169,9 +170,7 @@ class Interval:
         """Sums of the first 0, 1, … along the first axis, shape (n + 1, …)."""
         sizes = _from_zero(np.cumsum(self.magnitude, 0))
         error = rounding(len(self.lower), sizes)
-        return Interval(
-            _from_zero(np.cumsum(self.lower, 0)) - error, _from_zero(np.cumsum(self.upper, 0)) + error
-        )
+        return Interval(_from_zero(np.cumsum(self.lower, 0)) - error, _from_zero(np.cumsum(self.upper, 0)) + error)
 
 
 def joined(parts: Sequence[Interval]) -> Interval:

@@ -16,23 +16,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.errors import BridgeError
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+
 
 class Enclosure(Protocol):
     """What a Function is evaluated in: arrays whose first axis are places."""
 
     @property
-    def parts(self) -> tuple[Array, ...]: ...
+    def parts(self) -> tuple[Array, ...]:
+        """The arrays that it is made of."""
+
     @staticmethod
-    def number(value: float) -> tuple[float, ...]: ...
+    def number(value: float) -> tuple[float, ...]:
+        """A float's parts."""
+
     def __neg__(self) -> Self: ...
     def __add__(self, other: Self) -> Self: ...
     def __sub__(self, other: Self) -> Self: ...
     def __mul__(self, other: Self) -> Self: ...
-    def square(self) -> Self: ...
-    def sin(self) -> Self: ...
-    def cos(self) -> Self: ...
+
+    def square(self) -> Self:
+        """x²."""
+
+    def sin(self) -> Self:
+        """Sines."""
+
+    def cos(self) -> Self:
+        """Cosines."""
 
 
 Kind = TypeVar("Kind", bound=Enclosure)
@@ -131,7 +143,11 @@ class _Reading:
             self._read(function, k)
 
     def _read(self, function: ca.Function, k: int) -> None:
-        code, sources, places = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
+        code, sources, places = (
+            function.instruction_id(k),
+            function.instruction_input(k),
+            function.instruction_output(k),
+        )
         if code == ca.OP_OUTPUT:
             self.outputs[self._out_rows[places[1]]] = self._held[sources[0]]
             return

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.bound.interval import Interval, rounding
+from armdyn.optimal.bound.enclosure.interval import Interval, rounding
 
 Array = NDArray[np.float64]
 
@@ -90,7 +90,7 @@ class Affine:
     @property
     def _far(self) -> Array:
         """How far from the centre, at most, but for rounding."""
-        return np.sum(np.abs(self.slopes), axis=1) + self.rest
+        return np.asarray(np.sum(np.abs(self.slopes), axis=1) + self.rest)
 
     def _wave(self, value: Array, slope: Array) -> Affine:
         """A function that is minus its own second derivative, by Taylor: f + f′ d − f d²/2 and |d|³/6 at most."""
