@@ -124,7 +124,7 @@ def _on_grid(leg: Leg, known: float, joint: int, longest: float, stop: Callable[
                 known, joint = bound, int(np.argmax(by.way * (leg.q_goal - leg.q_start)))
             half, ramp = float(np.sum(cells.side)), by.ramp(leg, cells)
             full = not cut and ramp > _FULL * half
-            if ramp * _ROOM < half and not cut:
+            if 0 < ramp * _ROOM < half and not cut:
                 cells, cut = cells.cut(leg, ramp * _ROOM), True
                 continue
             if known < before * (1 + _WORTH):

@@ -1,0 +1,26 @@
+"""`armdyn bound`, as a user runs it."""
+
+import pytest
+
+from cli.command import answer, run_here
+
+
+def test_bound_tells_the_duration_and_what_decides_it():
+    told = answer(run_here("bound", "r", "--velocity-limit", 5, "--payload", 0.1006, "--json"))
+    assert 0.99 * 0.368482508 < told["bound"] <= 0.368482508  # the fastest motion
+    assert told["joint"] == "joint1"
+    assert told["ramps"] == pytest.approx(told["bound"] - told["kinematic"])
+    said = run_here("bound", "r", "--velocity-limit", 5, "--payload", 0.1006).stdout
+    assert "no motion is faster than" in said and "speed limit of joint1" in said
+
+
+def test_without_velocity_limits_there_is_none_and_that_is_no_error():
+    told = answer(run_here("bound", "rr", "--velocity-limit", "inf", "--json"))
+    assert told["bound"] is None
+    done = run_here("bound", "rr", "--velocity-limit", "inf")
+    assert done.returncode == 0 and "--velocity-limit" in done.stdout
+
+
+def test_bad_input_is_refused():
+    told = answer(run_here("bound", "rr", "--q-goal", "0,0,0", "--json"), code=2)
+    assert told["status"] == "bad_input"
