@@ -1,7 +1,9 @@
 """Inertia and gravity over boxes of joint positions: all that the momentum's equation needs.
 
-M(q) and g(q) are affine forms, so that what different entries of M owe to one and the same joint stays known. The
-slopes ∂M/∂q of the Coriolis forces, which are of second order in the velocities anyway, are intervals.
+M(q) and g(q) are affine forms, so that what different entries of M owe to one and the same joint stays known. M's are
+the better of two: those that its own instructions give, and those that its slopes' give by Taylor's integral,
+M(c + δ) = M(c) + Σ δ_k ∫ ∂M/∂q_k(c + s δ) ds for s from 0 to 1, whose second derivatives are true ones: some third of
+what products of forms leave, until the box is so large that the third order counts.
 """
 
 from __future__ import annotations
@@ -16,8 +18,9 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.exclusive import built_once
 from armdyn.optimal.bound.enclosure.affine import Affine
 from armdyn.optimal.bound.enclosure.instructions import LevelledFunction
-from armdyn.optimal.bound.enclosure.interval import Interval
+from armdyn.optimal.bound.enclosure.interval import Interval, rounding
 
+Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
@@ -51,16 +54,49 @@ def terms_over(dynamics: Dynamics, q: Interval) -> Terms:
     full[rows, columns] = full[columns, rows] = np.arange(len(rows))
     values, slopes = _programs(dynamics)
     turned = q.turned((1, 0))
-    forms = values(Affine.over(turned))
-    constant = Interval(forms.centre - forms.rest, forms.centre + forms.rest).outward()
-    linear = Interval.at(forms.slopes)
-    return Terms(
-        inertia=constant[full].turned((2, 0, 1)),
-        gravity=constant[len(rows) :].turned((1, 0)),
-        inertia_slopes=linear[full].turned((3, 2, 0, 1)),
-        gravity_slopes=linear[len(rows) :].turned((2, 1, 0)),
-        bends=slopes(turned).shaped((n, len(rows), boxes)).turned((2, 1, 0)),
+    forms, bends = values(Affine.over(turned)), slopes(Affine.over(turned))
+    at_centres = values(Interval.at(turned.centre))[: len(rows)]
+    better = _by_slopes(at_centres, bends, turned.radius)
+    inertia, fall = Affine(*(part[: len(rows)] for part in forms.parts)), Affine(*(p[len(rows) :] for p in forms.parts))
+    narrower = better.rest < inertia.rest
+    inertia = Affine(
+        np.where(narrower, better.centre, inertia.centre),
+        np.where(narrower[:, None], better.slopes, inertia.slopes),
+        np.where(narrower, better.rest, inertia.rest),
     )
+    return Terms(
+        inertia=_constant(inertia)[full].turned((2, 0, 1)),
+        gravity=_constant(fall).turned((1, 0)),
+        inertia_slopes=Interval.at(inertia.slopes)[full].turned((3, 2, 0, 1)),
+        gravity_slopes=Interval.at(fall.slopes).turned((2, 1, 0)),
+        bends=bends.interval.meet(slopes(turned)).shaped((n, len(rows), boxes)).turned((2, 1, 0)),
+    )
+
+
+def _constant(forms: Affine) -> Interval:
+    """All of the forms that is not linear."""
+    return Interval(forms.centre - forms.rest, forms.centre + forms.rest).outward()
+
+
+def _by_slopes(at_centres: Interval, slopes: Affine, radius: Array) -> Affine:
+    """Affine forms of functions from their values at the centres and the forms of their slopes.
+
+    Args:
+        at_centres: shape (functions, boxes).
+        slopes: by q_1 of all functions, by q_2 of all, …: places nv functions.
+        radius: of the boxes, shape (nv, boxes).
+    """
+    count, (nv, boxes) = len(at_centres.lower), radius.shape
+    linear = slopes.centre.reshape(nv, count, boxes) * radius[:, None]
+    bent = slopes.slopes.reshape(nv, count, nv, boxes) * radius[:, None, None]
+    left = np.sum(slopes.rest.reshape(nv, count, boxes) * radius[:, None], axis=0)
+    bent = (bent + bent.transpose(2, 1, 0, 3)) / 4  # of ε_k ε_l, both orders
+    squares = np.einsum("kckb->cb", bent) / 2  # of ε_k², which is ½ ± ½
+    half = np.einsum("kckb->cb", np.abs(bent)) / 2
+    size = np.sum(np.abs(bent), axis=(0, 2))
+    rest = at_centres.radius + left + (size - half)
+    whole = at_centres.magnitude + np.sum(np.abs(linear), axis=0) + size + left
+    return Affine(at_centres.centre + squares, linear.transpose(1, 0, 2), rest + rounding(2 * nv * nv + 16, whole))
 
 
 @built_once(maxsize=16)
