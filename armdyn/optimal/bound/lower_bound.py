@@ -59,7 +59,8 @@ def lower_bound(problem: MinimumTimeProblem, stop: Callable[[], bool] | None = N
 
     Limits of torque, velocity, position and acceleration count, friction, via points and velocities at the ends.
     Whatever else is asked only makes motions slower. The kinematic bound is all there is if a joint has no velocity
-    limit: nothing then bounds the Coriolis forces by which it may help others.
+    limit: nothing then bounds the Coriolis forces by which it may help others. Further `goals`, other ways round or
+    branches, are motions of their own with bounds of their own.
 
     Args:
         problem: as `solve_minimum_time` takes it.

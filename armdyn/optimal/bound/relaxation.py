@@ -5,9 +5,9 @@ cell's box, momentum changes from one cell to the next by what the forces' bound
 
     M_k+1 v_k+1 − M_k v_k ∈ ½ Δt_k [τ + e]_k + ½ Δt_k+1 [τ + e]_k+1,     Σ Δt_k v_k = θ Δq,     max θ.
 
-Where θ < 1 the duration is too short. Nothing is proven by it, for the boxes' inertia is not one number and a solver
-rounds; its multipliers are what `proof.py` takes. Limits of acceleration are rows of the same kind, with the unit
-matrix as inertia.
+Where θ < 1 the duration is too short. What M leaves open within a box, beyond what is linear there, is a momentum of
+the cell's own within bounds. Nothing is proven by it, for M v is not linear and a solver rounds; its multipliers are
+what `proof.py` takes. Limits of acceleration are rows of the same kind, with the unit matrix as inertia.
 """
 
 from __future__ import annotations
@@ -65,12 +65,16 @@ class _Rows:
 
     Attributes:
         matrix: of the cells' velocities, as shares of the limits.
+        shift: of momenta that the cells' inertia leaves open, as many columns as outer cells times joints.
+        open: bounds of these, shape (columns, 2).
         change: least and greatest change at each node, shape (nodes nv, 2).
         given: what it begins and ends with, shape (nodes nv,).
         scale: of a row, shape (nv,).
     """
 
     matrix: csr_matrix
+    shift: csr_matrix
+    open: Array
     change: Array
     given: Array
     scale: Array
@@ -79,10 +83,10 @@ class _Rows:
 def relaxed(leg: Leg, cells: Cells, forces: Forces, duration: float) -> Multipliers | None:
     """The multipliers of a leg's program for a duration [s]; None if the solver finds none."""
     nv, nodes = len(leg.velocity), 2 * cells.middle + 1
-    kinds = [_rows(leg, cells, forces.terms.inertia.centre, forces.rate(np.eye(nv)), duration)]
+    kinds = [_rows(leg, cells, forces.terms.inertia, forces.rate(np.eye(nv)), duration)]
     accelerated = np.isfinite(leg.acceleration)
     if np.any(accelerated):
-        units = np.broadcast_to(np.eye(nv), (nodes, nv, nv))
+        units = Interval.at(np.broadcast_to(np.eye(nv), (nodes, nv, nv)))
         most = np.broadcast_to(leg.acceleration, (nodes, nv))
         kinds.append(_rows(leg, cells, units, Interval(-most, most), duration))
     times = np.insert(cells.lengths, cells.middle, max(duration - np.sum(cells.lengths), 0.0))
@@ -93,11 +97,13 @@ def relaxed(leg: Leg, cells: Cells, forces: Forces, duration: float) -> Multipli
         [
             vstack([ways, *(rows.matrix for rows in kinds)]),
             vstack([csr_matrix((nv, slacks)), -eye(slacks)]),
+            vstack([csr_matrix((nv, len(kinds) * (nodes - 1) * nv)), block_diag([rows.shift for rows in kinds])]),
             vstack([csr_matrix(-away[:, None]), csr_matrix((slacks, 1))]),
         ]
     )
     speeds = np.stack([cells.v.lower / leg.velocity, cells.v.upper / leg.velocity], axis=-1).reshape(-1, 2)
-    bounds = np.concatenate([speeds, *(rows.change for rows in kinds), [[-np.inf, np.inf]]])
+    others = (*(rows.change for rows in kinds), *(rows.open for rows in kinds))
+    bounds = np.concatenate([speeds, *others, [[-np.inf, np.inf]]])
     cost = np.zeros(len(bounds))
     cost[-1] = -1.0
     given = np.concatenate([np.zeros(nv), *(rows.given for rows in kinds)])
@@ -114,9 +120,9 @@ def relaxed(leg: Leg, cells: Cells, forces: Forces, duration: float) -> Multipli
     )
 
 
-def _rows(leg: Leg, cells: Cells, inertia: Array, rate: Interval, duration: float) -> _Rows:
-    """Rows of a momentum, of which the inertia in each cell and bounds of the rate are given."""
-    k, nv = cells.middle, len(leg.velocity)
+def _rows(leg: Leg, cells: Cells, held: Interval, rate: Interval, duration: float) -> _Rows:
+    """Rows of a momentum M v, with M as each cell holds it, shape (cells, nv, nv), and bounds of the rate."""
+    k, nv, inertia = cells.middle, len(leg.velocity), held.centre
     half = np.repeat(cells.lengths[:, None] / 2, nv, axis=1)
     scale = np.abs(inertia[0]) @ leg.velocity
     change = np.zeros((2, 2 * k + 1, nv))
@@ -131,15 +137,23 @@ def _rows(leg: Leg, cells: Cells, inertia: Array, rate: Interval, duration: floa
         else:
             given[node] = sign * inertia[node] @ v
     blocks = block_diag([block * leg.velocity / scale[:, None] for block in inertia[cells.outer]])
-    none = csr_matrix((nv, blocks.shape[1]))
-    from_node = csr_matrix(vstack([blocks, none]) - vstack([none, blocks]))
+    from_node, shift = _between_nodes(blocks, nv), _between_nodes(eye(blocks.shape[0]), nv)
     cruise = csr_matrix((from_node.shape[0], nv))
+    beside = (np.einsum("bij,bj->bi", held.radius, cells.v.magnitude) / scale)[cells.outer].ravel()
     return _Rows(
         matrix=csr_matrix(hstack([from_node[:, : k * nv], cruise, from_node[:, k * nv :]])),
+        shift=shift,
+        open=np.stack([-beside, beside], axis=-1),
         change=np.moveaxis(change / scale, 0, -1).reshape(-1, 2),
         given=(given / scale).ravel(),
         scale=scale,
     )
+
+
+def _between_nodes(blocks: csr_matrix, nv: int) -> csr_matrix:
+    """What cells give to the nodes that they begin at, and take from those that they end at."""
+    none = csr_matrix((nv, blocks.shape[1]))
+    return csr_matrix(vstack([blocks, none]) - vstack([none, blocks]))
 
 
 def _free_at_ends(leg: Leg, nodes: Array) -> Array:

@@ -112,7 +112,9 @@ def test_random_pairs_are_bounded_closely_and_never_above_a_motion(name):
     assert np.all(gaps >= 0)
     assert all(bound.duration >= bound.kinematic for bound in found)
     assert np.median(gaps) < 0.003  # found: 0.0005 and 0.0022
-    assert np.max(gaps) < 0.045  # the first pair of the Panda, whose ramps last a fifth of the motion
+    assert (
+        np.max(gaps) < 0.036
+    )  # found: 0.0341 and 0.0102; the first pair of the Panda, whose ramps last a fifth of the motion
 
 
 @pytest.mark.parametrize(("arm", "known"), [("r", 0.368482508), ("rr", 0.375660574)])
