@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.models.friction import JointFriction
 from armdyn.models.limits import JointLimits
 from armdyn.optimal.bound.enclosure.interval import Interval, down
+from armdyn.optimal.bound.terms import terms_over
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 
 Array = NDArray[np.float64]
@@ -46,6 +48,11 @@ class Leg:
     def friction(self) -> JointFriction:
         """In the joints."""
         return self.dynamics.robot.friction
+
+    @cached_property
+    def inertia(self) -> Interval:
+        """M at the start and at the goal [kg m²], shape (2, nv, nv)."""
+        return terms_over(self.dynamics, Interval.at(np.array([self.q_start, self.q_goal]))).inertia
 
     @property
     def away(self) -> Interval:

@@ -20,7 +20,6 @@ from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.enclosure.interval import Interval, up
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import Leg
-from armdyn.optimal.bound.terms import terms_over
 
 Array = NDArray[np.float64]
 
@@ -42,10 +41,8 @@ class End:
     @classmethod
     def at(cls, leg: Leg, outward: int) -> End | None:
         """A leg's start (outward 1) or goal (-1); None where any velocity is allowed."""
-        q, v = (leg.q_start, leg.v_start) if outward > 0 else (leg.q_goal, leg.v_goal)
-        if v is None:
-            return None
-        return cls(terms_over(leg.dynamics, Interval.at(q[None])).inertia[0], v, outward)
+        v = leg.v_start if outward > 0 else leg.v_goal
+        return None if v is None else cls(leg.inertia[0 if outward > 0 else 1], v, outward)
 
     @property
     def momentum(self) -> Interval:
