@@ -223,11 +223,13 @@ def test_interrupt_is_exit_130_with_partial_results(tmp_path):
     assert "Traceback" not in errors
 
 
-@pytest.mark.parametrize("command", ["", "mintime", "pid", "sweep", "reproduce", "replay", "urdf", "robots", "doctor"])
+@pytest.mark.parametrize(
+    "command", ["", "mintime", "bound", "pid", "sweep", "reproduce", "replay", "urdf", "robots", "doctor"]
+)
 def test_help_teaches(command):
     done = run_here(*command.split(), "--help")
     assert done.returncode == 0
     if command:
         assert "--json" in done.stdout
-    if command in ("mintime", "pid"):
+    if command in ("mintime", "bound", "pid"):
         assert "[kg]" in done.stdout and "[rad]" in done.stdout
