@@ -3,15 +3,17 @@
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from armdyn.arguments import expect, function
 from armdyn.optimal.answer.assembly import assembled, failed
 from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.bound.lower_bound import lower_bound
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.stop import stopping
+from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.optimal.refine.bang import minimum_time
 from armdyn.optimal.refine.constrained import constrained
 from armdyn.optimal.refine.curves import curves
@@ -21,6 +23,7 @@ from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.goals import GoalTried, screened
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task
+from armdyn.processes import beside
 
 Strategy = Callable[[Task], tuple[list[Optimum], Found]]
 """From a task to its optima, refined and replayed, and the search that they come from."""
@@ -58,9 +61,23 @@ def solve_minimum_time(
         return _fastest_goal(problem, options, progress or (lambda text: None))
     with stopping(options.time_limit) as stop:
         task = Task.of(problem, options, stop, progress)
-        optima, found = _strategy(task)(task)
+        with beside(partial(_floor, problem, stop), task.workers if _bounded(task) else 1) as floor:
+            task = replace(task, floor=floor) if _bounded(task) else task
+            optima, found = _strategy(task)(task)
+            least = task.floor()
     elapsed = time.perf_counter() - started
-    return assembled(task, optima, found, elapsed) if optima else failed(task, found, elapsed)
+    return assembled(task, optima, found, elapsed, least) if optima else failed(task, found, elapsed)
+
+
+def _bounded(task: Task) -> bool:
+    """Whether velocity limits shape the motion, so that a bound by them says something."""
+    return task.policy.curves.cruises and not task.problem.pays_effort
+
+
+def _floor(problem: MinimumTimeProblem, stop: Stop) -> float | None:
+    """A duration that no motion beats [s]."""
+    bound = lower_bound(problem, stop.__bool__)
+    return None if bound is None else bound.duration
 
 
 def _strategy(task: Task) -> Strategy:
@@ -78,7 +95,7 @@ def either(task: Task) -> tuple[list[Optimum], Found]:
     """Optima as curves and, unless these are proven to be as fast as can be, as arcs."""
     optima, found = curves(task)
     floor = task.floor()
-    if optima and floor is not None and optima[0].bounded(floor).certificate.ok:
+    if optima and optima[-1].certificate.bounded(floor, optima[-1].trajectory.duration).ok and not optima[-1].missed:
         return optima, found
     more, besides = minimum_time(task)
     listed = (*found.listed, *besides.listed)

@@ -23,8 +23,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.models.friction import JointFriction
-from armdyn.models.limits import JointLimits
+from armdyn.models.values.friction import JointFriction
+from armdyn.models.values.limits import JointLimits
 from armdyn.optimal.bound.enclosure.interval import Interval, rounding
 from armdyn.optimal.bound.terms import Indices, Terms
 

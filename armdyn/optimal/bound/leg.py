@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.models.friction import JointFriction
-from armdyn.models.limits import JointLimits
+from armdyn.models.values.friction import JointFriction
+from armdyn.models.values.limits import JointLimits
 from armdyn.optimal.bound.enclosure.interval import Interval, down
 from armdyn.optimal.bound.terms import terms_over
 from armdyn.optimal.problem.problem import MinimumTimeProblem

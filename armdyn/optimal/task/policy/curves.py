@@ -11,13 +11,12 @@ TRAINED = "Panda and UR5, ten random pairs each (seed 1)"
 class CurvePolicy:
     """How a curve is laid out, solved, kept within its limits and followed."""
 
+    alone: bool = by_kind("-", "beyond three joints idle ones leave arcs undetermined: curves alone", TRAINED)
     cruises: bool = by_kind("-", "velocity limits shape the motion: a joint reaches its limit on its way", TRAINED)
     intervals: int = tuned(56, "intervals", "of a leg; 40 are 0.004 % slower, 100 as much faster", TRAINED)
     shortest: float = by_kind("of a leg", "first and last interval: ramps to a velocity limit are this short", TRAINED)
     starts: int = by_kind("guesses", "one where velocity limits shape the motion: from eight comes the same", TRAINED)
-    slack: float = tuned(
-        1.2, "of the time at the velocity limits", "duration of a straight guess that cruises", TRAINED
-    )
+    slack: float = tuned(1.2, "of the time at the velocity limits", "duration of a guess that cruises", TRAINED)
     barrier: float = tuned(0.1, "scaled", "IPOPT's mu_init from a straight guess", TRAINED)
     warm_barrier: float = tuned(1e-6, "scaled", "the same, where little has changed", TRAINED)
     tolerance: float = tuned(1e-7, "scaled", "of IPOPT", TRAINED)
