@@ -88,7 +88,7 @@ def _strategy(task: Task) -> Strategy:
         return either
     if problem.along_the_way:
         return constrained
-    return time_energy if problem.effort_weight > 0 else minimum_time
+    return time_energy if problem.pays_effort else minimum_time
 
 
 def either(task: Task) -> tuple[list[Optimum], Found]:
@@ -115,5 +115,22 @@ def _fastest_goal(problem: MinimumTimeProblem, options: MinimumTimeOptions, tell
         solutions.append(solve_minimum_time(branch, replace(options, time_limit=max(left, 1e-3)), tell))
         tried[i] = GoalTried(tried[i].q, solutions[-1].duration if solutions[-1].success else np.inf, refined=True)
     best = min(solutions, key=lambda solution: (not solution.success, not solution.moves, solution.duration))
+    certificate = best.certificate.bounded(_least(problem, branches, solutions), best.duration)
     tried.sort(key=lambda goal: goal.duration)
-    return replace(best, goals=tuple(tried), solve_time=time.perf_counter() - started)
+    return replace(best, certificate=certificate, goals=tuple(tried), solve_time=time.perf_counter() - started)
+
+
+def _least(problem: MinimumTimeProblem, branches: list[MinimumTimeProblem], solutions: list[Solution]) -> float | None:
+    """A duration that no motion to any of the goals beats [s]; None: none is known."""
+    bounds = [solution.lower_bound for solution in solutions]
+    if not bounds or None in bounds:
+        return None
+    least = min(bound for bound in bounds if bound is not None)
+    solved = {np.asarray(branch.q_goal).tobytes() for branch in branches[: len(solutions)]}
+    for q in problem.goals:
+        other = problem.variant(q_goal=q, goal_pose=None, wrap=False)
+        if q.tobytes() in solved or other.duration_bound() >= least:
+            continue
+        bound = lower_bound(other)
+        least = min(least, 0.0 if bound is None else bound.duration)
+    return least or None

@@ -71,7 +71,7 @@ def _for_extremal(problem: MinimumTimeProblem, certificate: Certificate, arcs: b
 
 
 def _for_gap(problem: MinimumTimeProblem, certificate: Certificate) -> str:
-    if problem.effort_weight > 0:
+    if problem.pays_effort:
         return "no gap: with `effort_weight` not time alone is least; leave it out for the fastest motion"
     if certificate.gap is None and np.all(np.isinf(problem.limits.velocity)):
         return "no gap: without velocity limits no lower bound is known: give `velocity_limit`"

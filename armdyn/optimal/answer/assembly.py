@@ -83,7 +83,7 @@ def _judged(task: Task, optimum: Optimum, bound: float | None) -> Optimum:
     """With all that its certificate is to know: when it has landed, the bound, the adjoint equations of an extremal."""
     motion, phases, problem = optimum.trajectory, optimum.phases, task.problem
     certificate = replace(optimum.certificate, landing=task.options.replay_tolerance)
-    certificate = certificate.bounded(bound if problem.effort_weight == 0 else None, motion.duration)
+    certificate = certificate.bounded(None if problem.pays_effort else bound, motion.duration)
     if phases is not None and certificate.extremal:
         certificate = replace(certificate, adjoint_error=adjoint_error(problem.robot, motion, phases))
     return replace(optimum, certificate=certificate)

@@ -21,6 +21,7 @@ from armdyn.optimal.program.machine.deadline import LateError
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, certify
 from armdyn.optimal.proof.deciding import Share
 from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.refine.smooth import trajectory_cost
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.starts import detours, spline
 from armdyn.optimal.solve.attempt import Attempt
@@ -175,7 +176,7 @@ def _landed(task: Task, settled: Settled) -> Optimum:
     return Optimum(
         trajectory=replay,
         certificate=certify(problem, replay, None, remark),
-        cost=replay.duration,
+        cost=trajectory_cost(replay, problem.effort_weights()),
         intervals=curve.legs[0].basis.intervals,
         iterations=settled.iterations,
         checked=settled.demands.check(problem, replay, passing) if settled.demands.conditions else None,

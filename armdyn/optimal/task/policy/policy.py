@@ -92,7 +92,7 @@ class Policy:
             smooth=SmoothPolicy(starts=_by_joints(joints, (2, 16, 24), 4), refined=10 if joints == 2 else 6),
             indirect=IndirectPolicy(starts=_by_joints(joints, (1, 6), 16)),
             curves=CurvePolicy(
-                alone=not small,
+                alone=not small or problem.relative_effort_weight > 0,
                 cruises=speedy,
                 shortest=3e-4 if speedy else 1.0,
                 starts=6 if crowded else 1 if speedy else 4,
