@@ -9,7 +9,7 @@ import numpy as np
 
 from armdyn.optimal.conditions.condition import Kept
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.proof.certificate import GAP_TOLERANCE, Certificate, percent
+from armdyn.optimal.proof.certificate import GAP_TOLERANCE, ON_CURVE, Certificate, percent
 
 _LITTLE = 0.1
 """A gap above that is one of a bound that torque limits make weak: the velocity limits decide next to nothing."""
@@ -58,6 +58,9 @@ def _for_limits(certificate: Certificate) -> str:
 
 
 def _for_extremal(problem: MinimumTimeProblem, certificate: Certificate, arcs: bool) -> str:
+    if not arcs and certificate.remark == ON_CURVE:
+        least = "the gap says how far it may be from the least time"
+        return f"not extremal: {ON_CURVE}; {least if certificate.gap is not None else 'more `starts` may find faster ones'}"
     if not arcs and problem.along_the_way:
         asked = ", ".join(problem.along_the_way)
         return f"not extremal: Pontryagin's conditions are not checked with {asked}; a small gap would say as much"
@@ -83,4 +86,6 @@ def _for_gap(problem: MinimumTimeProblem, certificate: Certificate) -> str:
         return "the gap is not proven: the motion ends more than 1e-6 beside the goal: raise `max_intervals`"
     if certificate.gap > _LITTLE:
         return "a large gap: the bound is one of velocity limits, and says little where torque limits decide"
+    if certificate.remark == ON_CURVE:
+        return f"a gap of {percent(certificate.gap)}: much of it may be the bound's; `starts` look for faster motions"
     return f"a gap of {percent(certificate.gap)}: raise `starts` or `max_intervals`; there may be a faster motion"

@@ -40,6 +40,9 @@ LIMIT_TOLERANCE = 1e-6
 GAP_TOLERANCE = 1e-3
 """Of the duration, above a proven lower bound: less than a change of payload by a few grams makes."""
 
+ON_CURVE = "Pontryagin's conditions are not checked on a curve"
+"""Remark of motions that are curves: what proves them is the gap."""
+
 
 @dataclass(frozen=True, eq=False)
 class Certificate:

@@ -18,7 +18,7 @@ from armdyn.optimal.landing.limits import limit_violation, worst_violation
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.machine.deadline import LateError
-from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, certify
+from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, ON_CURVE, certify
 from armdyn.optimal.proof.deciding import Share
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.smooth import trajectory_cost
@@ -30,13 +30,14 @@ from armdyn.processes import in_processes
 
 Array = NDArray[np.float64]
 
-_REMARK = "Pontryagin's conditions are not checked on a curve"
 _HOPELESS = 1e-2
 """Excess over a limit, as a part of it, that is not for following a little beside the curve."""
 _LIMITS = {1: "velocity limit", 2: "acceleration limit", 3: "jerk limit"}
 """Of the derivatives of the positions, by their order."""
 _LEAST_SHARE = 1e-4
 """Of the time: less is what IPOPT's barrier leaves of no share at all."""
+_IDLE = 1e-2
+"""Of the time: a joint whose limits decide less moves as it likes for most of it."""
 _ROUNDS = 3
 """Of slowing down what exceeds a velocity limit by less than the replay is beside the curve."""
 
@@ -171,15 +172,18 @@ def _landed(task: Task, settled: Settled) -> Optimum:
             break
         curve = curve.slower(1 + 1.5 * over)
     outcome = settled.solved.outcome
-    remark = _REMARK if settled.solved.converged else f"the curve did not converge ({outcome.message})"
+    remark = ON_CURVE if settled.solved.converged else f"the curve did not converge ({outcome.message})"
     passing = curve.passing
+    shares = _deciding(task, settled)
+    decisive = {share.joint for share in shares if share.part > _IDLE}
+    idle = tuple(name for name in problem.robot.joint_names if shares and name not in decisive)
     return Optimum(
         trajectory=replay,
-        certificate=certify(problem, replay, None, remark),
+        certificate=replace(certify(problem, replay, None, remark), idle=idle),
         cost=trajectory_cost(replay, problem.effort_weights()),
         intervals=curve.legs[0].basis.intervals,
         iterations=settled.iterations,
         checked=settled.demands.check(problem, replay, passing) if settled.demands.conditions else None,
         via_times=tuple(map(float, passing)),
-        decides=_deciding(task, settled),
+        decides=shares,
     )
