@@ -59,8 +59,9 @@ def _for_limits(certificate: Certificate) -> str:
 
 def _for_extremal(problem: MinimumTimeProblem, certificate: Certificate, arcs: bool) -> str:
     if not arcs and certificate.remark == ON_CURVE:
-        least = "the gap says how far it may be from the least time"
-        return f"not extremal: {ON_CURVE}; {least if certificate.gap is not None else 'more `starts` may find faster ones'}"
+        known = certificate.gap is not None
+        rest = "the gap says how far it may be from the least time" if known else "more `starts` may find a faster one"
+        return f"not extremal: {ON_CURVE}; {rest}"
     if not arcs and problem.along_the_way:
         asked = ", ".join(problem.along_the_way)
         return f"not extremal: Pontryagin's conditions are not checked with {asked}; a small gap would say as much"

@@ -17,6 +17,7 @@ from armdyn.optimal.flat.settle import Settled, settle
 from armdyn.optimal.landing.limits import limit_violation, worst_violation
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.status import Status
+from armdyn.optimal.program.machine.background import awaited
 from armdyn.optimal.program.machine.deadline import LateError
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, ON_CURVE, certify
 from armdyn.optimal.proof.deciding import Share
@@ -56,6 +57,10 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
     except LateError:
         unbegun = Attempt.unbegun(task.stop, spline(task.problem, []), task.policy.curves.intervals)
         return [], Found((), failed=(unbegun,))
+    if awaited():
+        task.tell(
+            "machine code of this arm's derivatives is being built in the background, once: later solves are faster"
+        )
     found.sort(key=lambda one: (one.excess > _HOPELESS, bool(one.checked.reasons), one.curve.duration))
     if found[0].excess > _HOPELESS:
         return [], Found((), failed=(_failed(task, found[0]),), iterations=sum(one.iterations for one in found))
