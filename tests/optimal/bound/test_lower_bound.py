@@ -162,3 +162,10 @@ def test_stopped_at_once_the_kinematic_bound_is_left():
 def test_what_is_no_problem_is_refused():
     with pytest.raises(ProblemError, match="pose it"):
         ad.lower_bound(ARMS["ur5"]())
+
+
+@pytest.mark.parametrize("limit", [100.0, 1e9, 1e-6])
+def test_limits_out_of_all_proportion_do_no_harm(limit):
+    problem = random_problem(ARMS["ur5"](), 0, velocity_limit=np.full(6, limit))
+    found = ad.lower_bound(problem)
+    assert found.kinematic <= found.duration < np.inf
