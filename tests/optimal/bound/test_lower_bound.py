@@ -87,7 +87,7 @@ def test_one_revolute_joint(limit, mass, damping, coulomb, armature, worst):
 
 def test_the_usual_pair_of_the_panda():
     found = ad.lower_bound(ad.MinimumTimeProblem(ARMS["panda"](), q_start=PANDA[0], q_goal=PANDA[1]))
-    assert 0.49335 < found.duration < 0.493396  # the fastest motion known; the bound was found 0.493371
+    assert 0.49335 < found.duration < 0.493396  # the fastest motion known; the bound was found 0.493373
     assert found.joint == "panda_joint7"
     assert found.kinematic == pytest.approx(1.285 / 2.61, rel=1e-12)
     assert found.ramps == found.duration - found.kinematic
@@ -111,10 +111,10 @@ def test_random_pairs_are_bounded_closely_and_never_above_a_motion(name):
     gaps = np.array(KNOWN[name]) / [bound.duration for bound in found] - 1
     assert np.all(gaps >= 0)
     assert all(bound.duration >= bound.kinematic for bound in found)
-    assert np.median(gaps) < 0.003  # found: 0.0005 and 0.0022
+    assert np.median(gaps) < 0.003  # found: 0.0004 and 0.0020
     assert (
         np.max(gaps) < 0.036
-    )  # found: 0.0341 and 0.0102; the first pair of the Panda, whose ramps last a fifth of the motion
+    )  # found: 0.0329 and 0.0092; the first pair of the Panda, whose ramps last a fifth of the motion
 
 
 @pytest.mark.parametrize(("arm", "known"), [("r", 0.368482508), ("rr", 0.375660574)])
@@ -124,14 +124,25 @@ def test_known_optima_of_the_papers_arms(arm, known):
     assert known * 0.99 < found.duration <= known
 
 
-def test_more_asked_is_never_faster():
+@pytest.mark.parametrize(
+    ("changes", "slower"),
+    [
+        ({"effort_limit": 0.5}, 1.0),
+        ({"velocity_limit": 0.5}, 1.9),
+        ({"acceleration_limit": np.full(6, 3.0)}, 1.0),
+    ],
+)
+def test_more_asked_is_never_faster(changes, slower):
     problem = random_problem(ARMS["ur5"](), 0)
-    free = ad.lower_bound(problem).duration
-    half = {name: 0.5 * getattr(problem.limits, name) for name in ("effort_upper", "velocity")}
-    assert ad.lower_bound(problem.variant(effort_limit=half["effort_upper"])).duration > free
-    assert ad.lower_bound(problem.variant(velocity_limit=half["velocity"])).duration > 1.9 * free
-    assert ad.lower_bound(problem.variant(acceleration_limit=np.full(6, 3.0))).duration > free
-    assert ad.lower_bound(problem.variant(robot=ad.Robot.from_library("ur5"))).duration < free
+    own = {"effort_limit": problem.limits.effort_upper, "velocity_limit": problem.limits.velocity}
+    changes = {name: own.get(name, 1.0) * value for name, value in changes.items()}
+    assert ad.lower_bound(problem.variant(**changes)).duration > slower * ad.lower_bound(problem).duration
+
+
+def test_a_payload_costs_time():
+    loaded = random_problem(ARMS["ur5"](), 0)
+    empty = loaded.variant(robot=ad.Robot.from_library("ur5"))
+    assert ad.lower_bound(empty).duration < ad.lower_bound(loaded).duration
 
 
 def test_via_points_add_up():
@@ -162,3 +173,10 @@ def test_stopped_at_once_the_kinematic_bound_is_left():
 def test_what_is_no_problem_is_refused():
     with pytest.raises(ProblemError, match="pose it"):
         ad.lower_bound(ARMS["ur5"]())
+
+
+@pytest.mark.parametrize("limit", [100.0, 1e9, 1e-6])
+def test_limits_out_of_all_proportion_do_no_harm(limit):
+    problem = random_problem(ARMS["ur5"](), 0, velocity_limit=np.full(6, limit))
+    found = ad.lower_bound(problem)
+    assert found.kinematic <= found.duration < np.inf

@@ -97,7 +97,10 @@ class Affine:
         far = self._far
         bent = value * far**2 / 4  # of d², which is ½ ± ½ of its most
         rest = np.abs(slope) * self.rest + np.abs(bent) + far**3 / 6
-        return Affine(value - bent, slope[:, None] * self.slopes, rest + rounding(32, 1 + far + far**2 + far**3))
+        beside = rest + rounding(32, 1 + far + far**2 + far**3)
+        near = beside < 1  # elsewhere ±1 is all that is known
+        slopes = np.where(near[:, None], slope[:, None] * self.slopes, 0.0)
+        return Affine(np.where(near, value - bent, 0.0), slopes, np.where(near, beside, 1.0))
 
     def _rounded(self, centre: Array, slopes: Array, rest: Array) -> Affine:
         """With the errors of one rounding of each part."""
