@@ -105,9 +105,8 @@ def summary(rows: list[Row]) -> str:
     times = [one.solve_time for one in found]
     said = f"Of {len(rows)} motions {usable} are usable and {certified} certified"
     if gaps:
-        said += (
-            f"; {len(gaps)} have a proven gap, {statistics.median(gaps):.3f} % in the median, {max(gaps):.2f} % at most"
-        )
+        middle, most = statistics.median(gaps), max(gaps)
+        said += f"; {len(gaps)} have a proven gap, {middle:.3f} % in the median, {most:.2f} % at most"
     return f"{said}. An answer took {statistics.median(times):.1f} s in the median, {max(times):.1f} s at most."
 
 
@@ -133,10 +132,8 @@ def main() -> None:
             rows.append(row)
             print(" ".join(row.cells()), file=sys.stderr, flush=True)
     head = ["arm", "joints", "pair", "t_f [s]", "bound [s]", "gap", "goal [rad]", "limits", "time [s]", "verdict"]
-    text = [
-        "# Every arm that goes by a name\n",
-        f"Written by `scripts/library_motions.py`.\n\n{__doc__.split('\n\n')[1]}\n",
-    ]
+    said = (__doc__ or "").split("\n\n")[1]
+    text = ["# Every arm that goes by a name\n", f"Written by `scripts/library_motions.py`.\n\n{said}\n"]
     text += [f"{summary(rows)}\n", table(head, [row.cells() for row in rows]), ""]
     if given.random:
         lines = []

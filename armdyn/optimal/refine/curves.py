@@ -58,9 +58,7 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
         unbegun = Attempt.unbegun(task.stop, spline(task.problem, []), task.policy.curves.intervals)
         return [], Found((), failed=(unbegun,))
     if awaited():
-        task.tell(
-            "machine code of this arm's derivatives is being built in the background, once: later solves are faster"
-        )
+        task.tell("its machine code is being built in the background, once: later solves are faster")
     found.sort(key=lambda one: (one.excess > _HOPELESS, bool(one.checked.reasons), one.curve.duration))
     if found[0].excess > _HOPELESS:
         return [], Found((), failed=(_failed(task, found[0]),), iterations=sum(one.iterations for one in found))
