@@ -25,6 +25,9 @@ from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task
 from armdyn.processes import beside
 
+_NEAR = 0.1
+"""Of the goal [rad or m]: a replay that ends there is a guess to begin with."""
+
 Strategy = Callable[[Task], tuple[list[Optimum], Found]]
 """From a task to its optima, refined and replayed, and the search that they come from."""
 
@@ -63,7 +66,7 @@ def solve_minimum_time(
         task = Task.of(problem, options, stop, progress)
         with beside(partial(_floor, problem, stop), task.workers if _bounded(task) else 1) as floor:
             task = replace(task, floor=floor) if _bounded(task) else task
-            optima, found = _strategy(task)(task)
+            optima, found = _usable(task, *_strategy(task)(task))
             least = task.floor()
     elapsed = time.perf_counter() - started
     return assembled(task, optima, found, elapsed, least) if optima else failed(task, found, elapsed)
@@ -89,6 +92,18 @@ def _strategy(task: Task) -> Strategy:
     if problem.along_the_way:
         return constrained
     return time_energy if problem.pays_effort else minimum_time
+
+
+def _usable(task: Task, optima: list[Optimum], found: Found) -> tuple[list[Optimum], Found]:
+    """The optima and, where none of them is usable, curves that begin near the best of them."""
+    tolerance = task.options.replay_tolerance
+    good = any(one.landed(tolerance) and one.within_limits and not one.missed for one in optima)
+    if good or task.stop or task.policy.curves.alone:
+        return optima, found
+    task.tell("nothing so far is usable: curves, which are motions whatever comes out")
+    near = tuple(one.trajectory for one in optima if one.landed(_NEAR))
+    more, besides = curves(task.with_options(guesses=near))
+    return [*optima, *more], replace(found, iterations=found.iterations + besides.iterations)
 
 
 def either(task: Task) -> tuple[list[Optimum], Found]:

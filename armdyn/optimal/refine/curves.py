@@ -52,8 +52,11 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
     Raises:
         ProblemError: a guess in the options moves other joints.
     """
+    numbers = task.policy.curves
     try:
-        found = _without_obstacles(task) or _settled(task, _guesses(task))
+        found = _without_obstacles(task) or _settled(task, _guesses(task, task.options.starts or numbers.starts))
+        if max(map(_trouble, found)) > 0 and len(found) == 1 and not task.stop:
+            found += _settled(task, _guesses(task, numbers.more_starts)[1:])
     except LateError:
         unbegun = Attempt.unbegun(task.stop, spline(task.problem, []), task.policy.curves.intervals)
         return [], Found((), failed=(unbegun,))
@@ -79,14 +82,25 @@ def _without_obstacles(task: Task) -> list[Settled]:
         return []
     task.tell("the way without obstacles")
     free = problem.variant(obstacles=(), self_collision=False)
-    (best,) = _settled(task.about(free), _guesses(task.about(free))[:1])
+    (best,) = _settled(task.about(free), _guesses(task.about(free), 1)[:1])
     demands = Demands.of(problem)
     checked = demands.check(problem, best.curve.trajectory(problem.robot, 8, 0), best.curve.passing)
     return [] if checked.reasons else [replace(best, demands=demands, checked=checked)]
 
 
-def _guesses(task: Task) -> list[Curve]:
-    """What is started from: the options' guesses, the straight way, and others where there may be several optima."""
+def _trouble(settled: Settled) -> bool:
+    """Whether another guess may lead to a better curve: this one did not converge, or had to be slowed down."""
+    slowed = settled.curve.duration / settled.solved.curve.duration - 1
+    return not settled.solved.converged or settled.excess > _HOPELESS or slowed > _HOPELESS
+
+
+def _guesses(task: Task, count: int) -> list[Curve]:
+    """What is started from: the straight way, the options' guesses, then ways through random poses.
+
+    Args:
+        task: any problem.
+        count: guesses besides the options'.
+    """
     problem, numbers, options = task.problem, task.policy.curves, task.options
     basis = Basis(graded(numbers.intervals, numbers.shortest))
     guesses = [Curve.straight(problem, basis, _durations(task))]
@@ -96,9 +110,8 @@ def _guesses(task: Task) -> list[Curve]:
             raise ProblemError(f"options.guesses[{k}] moves {guess.q.shape[1]} joints, {name} has {joints}")
         if not problem.via:
             guesses.append(Curve.near(guess, basis))
-    count = (options.starts or numbers.starts) - 1
-    if count > 0 and not problem.via:
-        ways = detours(problem, options.seed, count + 1, task.stop)[1:]
+    if count > 1 and not problem.via:
+        ways = detours(problem, options.seed, count, task.stop)[1:]
         guesses += [Curve.near(spline(problem, way), basis) for way in ways]
     return guesses
 
