@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         Arc,
         Certificate,
         FrameSpeedLimit,
+        LowerBound,
         MinimumTimeOptions,
         MinimumTimeProblem,
         Sensitivities,
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
         Status,
         TimeOptimality,
         TorqueRateLimit,
+        lower_bound,
         replay_torques,
         solve_minimum_time,
         time_optimality,
@@ -46,9 +48,9 @@ else:
             "dynamics": "Dynamics",
             "models": "PAPER_PAYLOADS ArmSpec Box Capsule GoalPose "
             "JointLimits LinkSpec Payload Robot Sphere urdf_from_spec",
-            "optimal": "Arc Certificate FrameSpeedLimit MinimumTimeOptions MinimumTimeProblem Sensitivities "
+            "optimal": "Arc Certificate FrameSpeedLimit LowerBound MinimumTimeOptions MinimumTimeProblem Sensitivities "
             "Solution Status TimeOptimality TorqueRateLimit "
-            "replay_torques solve_minimum_time time_optimality trajectory_from_path",
+            "lower_bound replay_torques solve_minimum_time time_optimality trajectory_from_path",
             "studies.paper.printed.loop": "PAPER_GAINS",
             "trajectory": "Sample Trajectory",
         },
@@ -71,6 +73,7 @@ __all__ = [
     "GoalPose",
     "JointLimits",
     "LinkSpec",
+    "LowerBound",
     "MinimumTimeOptions",
     "MinimumTimeProblem",
     "Payload",
@@ -87,6 +90,7 @@ __all__ = [
     "Trajectory",
     "__version__",
     "closed_loop_eigenvalues",
+    "lower_bound",
     "replay_torques",
     "simulate_pid",
     "solve_minimum_time",

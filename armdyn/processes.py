@@ -57,6 +57,32 @@ def as_they_end(jobs: Sequence[Callable[[], Result]], workers: int | None) -> Ge
             yield jobs[k]() if result is None else result[0]
 
 
+@contextmanager
+def beside(job: Callable[[], Result], workers: int | None) -> Iterator[Callable[[], Result]]:
+    """A job in a process of its own while this one goes on; what is yielded waits for the result, and gives it.
+
+    Args:
+        job: what is to be done; if its worker dies or raises, or there is none, here, when the result is asked for.
+        workers: processes at most; with one there is no other.
+    """
+    known: list[Result] = []
+    with _crew([job] if workers != 1 else [], None, least=1) as crew:
+        for line in crew:
+            with suppress(OSError):  # else it is no more
+                line.send(0)
+
+        def result() -> Result:
+            if not known:
+                for line in crew:
+                    with suppress(OSError, EOFError):
+                        known.append(line.recv())
+            if not known:
+                known.append(job())
+            return known[0]
+
+        yield result
+
+
 def _ended(jobs: Sequence[Callable[[], Result]], crew: Crew) -> Iterator[tuple[int, tuple[Result] | None]]:
     """Numbers of jobs that are no longer under way, with their results; None: it is to be done here."""
     idle, under_way = list(crew), dict[Connection, int]()
@@ -82,13 +108,15 @@ def _ended(jobs: Sequence[Callable[[], Result]], crew: Crew) -> Iterator[tuple[i
 
 
 @contextmanager
-def _crew(jobs: Sequence[Callable[[], object]], workers: int | None, patient: bool = False) -> Iterator[Crew]:
-    """Workers at the ends of their lines; none where all is to be done here."""
+def _crew(
+    jobs: Sequence[Callable[[], object]], workers: int | None, patient: bool = False, least: int = 2
+) -> Iterator[Crew]:
+    """Workers at the ends of their lines; none where all is to be done here, as of fewer than the least."""
     count = min(workers or os.cpu_count() or 1, len(jobs))
     forks = "fork" in multiprocessing.get_all_start_methods() and not multiprocessing.current_process().daemon
     crew: dict[Connection, ForkProcess] = {}
     try:
-        while forks and len(crew) < count > 1:
+        while forks and len(crew) < count >= least:
             _hire(jobs, crew)
         yield crew
     finally:

@@ -1,68 +1,154 @@
-"""Minimum time between two random poses, for every arm that goes by a name: a Markdown table.
+"""Minimum times between random poses, of every arm that goes by a name and of the paper's: docs/arms.md.
 
-Poses are drawn from the middle 80 % of the position limits (an endless joint's from ±π), the same for a seed.
-Where the URDF has no torque limits, 10 N m serve.
+Poses are drawn from the middle 80 % of the position limits (an endless joint's from ±π), the same for a seed, and
+drawn again where the arm cannot be held still. Where the URDF has no torque limits, 10 N m serve. The paper's arms
+move within ±2.5 rad with 100.6 g. Nothing is tuned on these poses.
 
-    scripts/library_motions.py > table.md
-    scripts/library_motions.py --only panda ur5 --time-limit 60
+    scripts/library_motions.py --out docs/arms.md
+    scripts/library_motions.py --only panda ur5 --random 0
 """
 
 import argparse
-import json
-import subprocess
+import statistics
 import sys
-import tempfile
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 
-from armdyn.models import Robot
+import armdyn as ad
+from armdyn.errors import ArmdynError, ArmdynWarning
 from armdyn.models.robots.library import LIBRARY_ARMS
+from armdyn.optimal.flat.equations import torque_equations
 
 EFFORT = 10.0
-COMMAND = (sys.executable, "-c", "from armdyn.cli import main; main()", "mintime")
+"""Where a URDF has no torque limit [N m or N]."""
+REACH = 2.5
+"""Of the paper's arms [rad]."""
+PAYLOAD = 0.1006
+"""That they carry [kg]."""
 
 
-def poses(robot: Robot, seed: int) -> np.ndarray:
-    """Start and goal [rad or m], shape (2, nv)."""
-    lower = np.maximum(robot.limits.position_lower, -np.pi)
-    upper = np.minimum(robot.limits.position_upper, np.pi)
-    return (lower + upper) / 2 + 0.8 * np.random.default_rng(seed).uniform(-0.5, 0.5, (2, robot.nv)) * (upper - lower)
+@dataclass(frozen=True)
+class Row:
+    """What came of one pair of poses."""
+
+    arm: str
+    joints: int
+    pair: int
+    solution: ad.Solution | None = None
+    failure: str = ""
+
+    def cells(self) -> list[str]:
+        """For the table."""
+        if self.solution is None:
+            return [self.arm, str(self.joints), str(self.pair), *([""] * 6), self.failure]
+        found, certificate = self.solution, self.solution.certificate
+        bound, gap = ("", "") if found.gap is None else (f"{found.lower_bound:.6f}", f"{100 * found.gap:.3f} %")
+        verdict = "certified" if found.certified else "usable" if found.usable else found.message
+        return [
+            self.arm, str(self.joints), str(self.pair), f"{found.duration:.6f}", bound, gap,
+            f"{certificate.goal_error:.0e}", f"{certificate.limit_violation:.0e}", f"{found.solve_time:.1f}", verdict,
+        ]  # fmt: skip
 
 
-def solve(name: str, seed: int, time_limit: float) -> list[str]:
-    """One row: what `armdyn mintime` made of it."""
-    robot = Robot.from_library(name)
-    start, goal = (",".join(f"{x:.4f}" for x in pose) for pose in poses(robot, seed))
+def poses(robot: ad.Robot, limit: np.ndarray, seed: int) -> np.ndarray:
+    """Start and goal at which the arm can be held still [rad or m], shape (2, nv)."""
+    lower, upper = (np.clip(x, -np.pi, np.pi) for x in (robot.limits.position_lower, robot.limits.position_upper))
+    random, found = np.random.default_rng(seed), []
+    for _ in range(1000):
+        q = (lower + upper) / 2 + 0.8 * random.uniform(-0.5, 0.5, robot.nv) * (upper - lower)
+        hold = pin.computeGeneralizedGravity(robot.model, robot.model.createData(), robot.configuration(q))
+        if np.all(np.abs(hold) < limit):
+            found.append(q)
+        if len(found) == 2:
+            return np.array(found)
+    raise ad.ProblemError(f"{robot.name} can be held still in none of 1000 random poses")
+
+
+def library(name: str, pairs: int, time_limit: float) -> Iterator[Row]:
+    """The rows of one arm."""
+    robot = ad.Robot.from_library(name)
     own = robot.limits.effort_upper
-    given = np.isfinite(own) & (own > 0)
-    effort = [] if given.all() else ["--effort-limit", ",".join(f"{x:g}" for x in np.where(given, own, EFFORT))]
-    with tempfile.TemporaryDirectory() as folder:
-        arguments = [name, f"--q-start={start}", f"--q-goal={goal}", *effort, "--time-limit", str(time_limit)]
-        done = subprocess.run(  # noqa: S603  armdyn itself
-            [*COMMAND, *arguments, "--json", "--out", folder], capture_output=True, text=True, timeout=20 * time_limit
-        )
-    try:
-        answer = json.loads(done.stdout)
-    except ValueError:
-        return [name, str(robot.nv), "", "", f"no answer: {done.stderr.strip()[-200:]}"]
-    if "duration" not in answer:
-        return [name, str(robot.nv), "", "", answer["message"]]
-    reasons = answer["certificate"]["reasons"] if answer["success"] else [answer["message"]]
-    what = "certified" if answer["certified"] else "; ".join(reasons)
-    remark = f" ({EFFORT:g} N m where there is no limit)" if effort else ""
-    return [name, str(robot.nv), f"{answer['duration']:.5f}", f"{answer['solve_time']:.1f}", f"{what}{remark}"]
+    limit = np.where(np.isfinite(own) & (own > 0), own, EFFORT)
+    torque_equations(ad.Dynamics(robot, free_last_body=True), True)  # the machine code is built before, not measured
+    for seed in range(pairs):
+        try:
+            start, goal = poses(robot, limit, seed)
+            problem = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal, effort_limit=limit)
+            found = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(time_limit=time_limit))
+            yield Row(name, robot.nv, seed, found)
+        except ArmdynError as error:
+            yield Row(name, robot.nv, seed, failure=f"{type(error).__name__}: {error}")
+
+
+def random_pairs(name: str, count: int, time_limit: float) -> list[ad.Solution]:
+    """The paper's arm between random poses."""
+    robot = ad.Robot.from_spec(ad.ArmSpec.paper(name), ad.Payload(mass=PAYLOAD))
+    random, found = np.random.default_rng(13), []
+    for k in range(count):
+        start, goal = random.uniform(-REACH, REACH, (2, robot.nv))
+        problem = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal)
+        found.append(ad.solve_minimum_time(problem, ad.MinimumTimeOptions(time_limit=time_limit)))
+        print(f"{name} {k}: {found[-1].message}", file=sys.stderr, flush=True)
+    return found
+
+
+def summary(rows: list[Row]) -> str:
+    """One sentence for the library's arms."""
+    found = [row.solution for row in rows if row.solution is not None]
+    usable, certified = (sum(getattr(one, what) for one in found) for what in ("usable", "certified"))
+    gaps = [100 * one.gap for one in found if one.gap is not None and one.usable]
+    times = [one.solve_time for one in found]
+    said = f"Of {len(rows)} motions {usable} are usable and {certified} certified"
+    if gaps:
+        middle, most = statistics.median(gaps), max(gaps)
+        said += f"; {len(gaps)} have a proven gap, {middle:.3f} % in the median, {most:.2f} % at most"
+    return f"{said}. An answer took {statistics.median(times):.1f} s in the median, {max(times):.1f} s at most."
+
+
+def table(head: list[str], rows: list[list[str]]) -> str:
+    """In Markdown."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def main() -> None:
-    """Print the table, row by row."""
+    """Solve, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", nargs="+", default=list(LIBRARY_ARMS), metavar="NAME")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--pairs", type=int, default=3, help="of poses of every arm")
+    parser.add_argument("--random", type=int, default=100, help="pairs of poses of r, rr and rrr each; 0: none")
     parser.add_argument("--time-limit", type=float, default=60.0, metavar="S")
+    parser.add_argument("--out", type=Path, metavar="FILE")
     given = parser.parse_args()
-    print("| arm | joints | t_f [s] | solved in [s] | outcome |\n|---|---|---|---|---|")
+    warnings.simplefilter("ignore", ArmdynWarning)
+    rows = []
     for name in given.only:
-        print(f"| {' | '.join(solve(name, given.seed, given.time_limit))} |", flush=True)
+        for row in library(name, given.pairs, given.time_limit):
+            rows.append(row)
+            print(" ".join(row.cells()), file=sys.stderr, flush=True)
+    head = ["arm", "joints", "pair", "t_f [s]", "bound [s]", "gap", "goal [rad]", "limits", "time [s]", "verdict"]
+    said = (__doc__ or "").split("\n\n")[1]
+    text = ["# Every arm that goes by a name\n", f"Written by `scripts/library_motions.py`.\n\n{said}\n"]
+    text += [f"{summary(rows)}\n", table(head, [row.cells() for row in rows]), ""]
+    if given.random:
+        lines = []
+        for name in ("r", "rr", "rrr"):
+            found = random_pairs(name, given.random, given.time_limit)
+            times = [one.solve_time for one in found]
+            counts = [str(sum(getattr(one, what) for one in found)) for what in ("usable", "certified")]
+            lines.append([name, str(len(found)), *counts, f"{statistics.median(times):.2f}", f"{max(times):.1f}"])
+        text += ["\n## The paper's arms between random poses\n"]
+        text += [table(["arm", "pairs", "usable", "certified", "median [s]", "longest [s]"], lines), ""]
+    page = "\n".join(text)
+    if given.out:
+        given.out.write_text(page)
+    else:
+        print(page)
 
 
 if __name__ == "__main__":

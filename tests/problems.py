@@ -22,6 +22,17 @@ CART = (CASES / "double_integrator_sym" / "robot.urdf").read_text()
 """The double integrator: 1 kg on a level rail, at most 1 N."""
 
 
+_UNIT = '<mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+GANTRY = f"""<robot name="gantry"><link name="base"/>
+<joint name="x" type="prismatic"><parent link="base"/><child link="bridge"/><axis xyz="1 0 0"/>
+<limit lower="-10" upper="10" effort="1" velocity="100"/></joint>
+<link name="bridge"><inertial>{_UNIT}</inertial></link>
+<joint name="y" type="prismatic"><parent link="bridge"/><child link="head"/><axis xyz="0 1 0"/>
+<limit lower="-10" upper="10" effort="1" velocity="100"/></joint>
+<link name="head"><inertial>{_UNIT}</inertial></link></robot>"""
+"""Two carts, each on its own rail, 2 kg and 1 kg, at most 1 N: none feels the other."""
+
+
 def paper_arm(arm, mass=0.1006):
     """An arm of Table 1 with a point mass at its tip."""
     return ad.Robot.from_spec(ad.ArmSpec.paper(arm), payload=ad.Payload(mass=mass))
@@ -50,6 +61,11 @@ def published_problem(name):
 def cart():
     """The double integrator as a robot."""
     return published_problem("double_integrator_sym").robot
+
+
+def gantry_problem(**limits):
+    """2 m on the heavy rail, which decide the time, 4 s without other limits; 0.3 m on the other."""
+    return ad.MinimumTimeProblem(ad.Robot.from_urdf_string(GANTRY), q_start=[0, 0], q_goal=[2, 0.3], **limits)
 
 
 def luus_problem():

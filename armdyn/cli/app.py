@@ -9,7 +9,9 @@ from typing import Annotated
 import typer
 
 from armdyn import __version__
+from armdyn.cli.console import EXIT_CODES
 from armdyn.cli.doctor import doctor
+from armdyn.cli.motion.bound import bound
 from armdyn.cli.motion.mintime import mintime
 from armdyn.cli.motion.pid import pid
 from armdyn.cli.motion.replay import replay
@@ -23,9 +25,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
     help="Time-optimal and closed-loop motion of robot arms, from a URDF.",
-    epilog="Exit codes: 0 done, 2 bad usage or input, 3 not converged or not landed, 5 disk full, 130 interrupted.",
+    epilog=f"Exit codes: {EXIT_CODES}",
 )
-for command in (mintime, pid, reproduce, sweep, replay, urdf, robots, doctor):
+for command in (mintime, bound, pid, reproduce, sweep, replay, urdf, robots, doctor):
     app.command()(with_options(command))
 
 

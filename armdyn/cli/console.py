@@ -25,8 +25,14 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-DONE, INTERNAL, NOT_CERTIFIED = 0, 1, 3
+DONE, INTERNAL, NOT_USABLE, NOT_AS_REQUIRED = 0, 1, 3, 4
 """Exit codes, besides BAD_INPUT, DISK_FULL and INTERRUPTED."""
+
+EXIT_CODES = (
+    "0 done, and the motion is usable: it lands and keeps its limits; 2 bad usage or input; 3 it is not usable; "
+    "4 it is, but not what --require asks for; 5 disk full; 130 interrupted."
+)
+"""What they mean, as help and README say it."""
 
 
 class Terminal:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import armdyn as ad
-from armdyn.cli.console import NOT_CERTIFIED, answering, console, escape, facts_table
+from armdyn.cli.console import NOT_USABLE, answering, console, escape, facts_table, working
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.robot import PartOptions
 
@@ -35,12 +35,21 @@ def doctor(
     policy: Annotated[
         bool, typer.Option("--policy", help="Show every tuned number of a minimum-time solve of ROBOT, and its reason.")
     ] = False,
+    build: Annotated[
+        bool,
+        typer.Option(
+            "--build",
+            help="Build the machine code that minimum times of ROBOT use, up to 20 s once; else the first solve has "
+            "it built in the background.",
+        ),
+    ] = False,
     json: Json = False,
 ) -> None:
     """Check the installation, or what armdyn reads from a robot's URDF.
 
     [dim]armdyn doctor
     armdyn doctor panda
+    armdyn doctor panda --build
     armdyn doctor panda --policy
     armdyn doctor my_arm.urdf[/]
     """
@@ -60,16 +69,32 @@ def doctor(
             rows = _policy(arm)
             answer.facts["policy"] = policy_facts(rows)
             tables.append(policy_table(arm.name, rows))
+        if build:
+            with working(f"machine code of {arm.name}", json):
+                seconds = _built(arm)
+            answer.facts["built"] = seconds
+            tables.append(f"machine code of {escape(arm.name)} is there, after {seconds:.1f} s")
         error = _disagreement(arm)
         answer.facts["dynamics_error"] = error
         if error > _AGREE:
             answer.facts |= {"success": False, "status": "dynamics_disagree"}
-            answer.code = NOT_CERTIFIED
+            answer.code = NOT_USABLE
         if not json:
             for table in tables:
                 console.print(table)
             verdict = "[green]agree[/]" if error <= _AGREE else "[bold red]DISAGREE[/]"
             console.print(f"CasADi and Pinocchio dynamics {verdict} (largest relative difference {error:.1e})")
+
+
+def _built(robot: ad.Robot) -> float:
+    """Build a robot's machine code, if it is not there, and say how long that took [s]."""
+    import time
+
+    from armdyn.optimal.flat.equations import torque_equations
+
+    started = time.perf_counter()
+    torque_equations(ad.Dynamics(robot, free_last_body=True), True)
+    return round(time.perf_counter() - started, 1)
 
 
 def _installation() -> Facts:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armdyn.arguments import one_of
-from armdyn.cli.console import INTERRUPTED, NOT_CERTIFIED, answering, console, errors, escape
+from armdyn.cli.console import INTERRUPTED, NOT_USABLE, answering, console, errors, escape
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.text import numbers
 from armdyn.control.arrival import ARRIVAL_RULES
@@ -53,7 +53,8 @@ def reproduce(
     Open DIR/index.html in a browser. DIR/tables has Tables 3 to 7 as CSV, Markdown and LaTeX, DIR/figures
     Figures 2 to 7, DIR/cases every single result; the six examples with 100.6 g have a folder each.
     What is done stays: Ctrl-C, and the same command goes on from there.
-    A PID loop that does not settle is a finding, not a failure: the paper's loop is unstable for RRR.
+    A PID loop that does not settle is a finding, not a failure: the paper's loop is unstable for RRR. Exit code 3:
+    some minimum-time motion is not usable.
 
     [dim]armdyn reproduce --payload 0.1006
     armdyn reproduce --only table4,figure2[/]
@@ -77,7 +78,7 @@ def reproduce(
             answer.code = INTERRUPTED
         else:
             answer.facts |= _facts(result)
-            answer.code = 0 if answer.facts["success"] else NOT_CERTIFIED
+            answer.code = 0 if answer.facts["success"] else NOT_USABLE
             if not json:
                 _print(result, plan, out)
 

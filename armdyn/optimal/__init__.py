@@ -7,6 +7,7 @@ from armdyn.lazy import facade
 if TYPE_CHECKING:
     from armdyn.optimal.answer.solution import Solution
     from armdyn.optimal.arcs.arc import Arc, Mode
+    from armdyn.optimal.bound.lower_bound import LowerBound, lower_bound
     from armdyn.optimal.conditions.limits.frame_speed import FrameSpeedLimit
     from armdyn.optimal.conditions.limits.torque_rate import TorqueRateLimit
     from armdyn.optimal.gap import TimeOptimality, time_optimality, trajectory_from_path
@@ -25,6 +26,7 @@ else:
         {
             "answer.solution": "Solution",
             "arcs.arc": "Arc Mode",
+            "bound.lower_bound": "LowerBound lower_bound",
             "conditions.limits.frame_speed": "FrameSpeedLimit",
             "conditions.limits.torque_rate": "TorqueRateLimit",
             "gap": "TimeOptimality time_optimality trajectory_from_path",
@@ -47,6 +49,7 @@ __all__ = [
     "FrameSpeedLimit",
     "IndirectOptions",
     "IndirectSolution",
+    "LowerBound",
     "MinimumTimeOptions",
     "MinimumTimeProblem",
     "Mode",
@@ -57,6 +60,7 @@ __all__ = [
     "TorqueRateLimit",
     "Violation",
     "compare_with_direct",
+    "lower_bound",
     "replay_torques",
     "solve_indirect",
     "solve_minimum_time",

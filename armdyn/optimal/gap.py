@@ -82,7 +82,7 @@ class TimeOptimality:
     def __str__(self) -> str:
         """A few lines for people."""
         if self.solution.success:
-            word = "certified" if self.solution.certificate.ok else "not certified"
+            word = "certified" if self.solution.certified else "not certified"
             head = f"{self.duration:.4f} s, {self.ratio:.3f} of the optimum of {self.optimal_duration:.4f} s ({word})"
         else:
             head = f"{self.duration:.4f} s; no optimum to compare with: {self.solution.message}"

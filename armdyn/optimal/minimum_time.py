@@ -3,15 +3,17 @@
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from armdyn.arguments import expect, function
 from armdyn.optimal.answer.assembly import assembled, failed
 from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.bound.lower_bound import lower_bound
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.stop import stopping
+from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.optimal.refine.bang import minimum_time
 from armdyn.optimal.refine.constrained import constrained
 from armdyn.optimal.refine.curves import curves
@@ -21,6 +23,10 @@ from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.goals import GoalTried, screened
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task
+from armdyn.processes import beside
+
+_NEAR = 0.1
+"""Of the goal [rad or m]: a replay that ends there is a guess to begin with."""
 
 Strategy = Callable[[Task], tuple[list[Optimum], Found]]
 """From a task to its optima, refined and replayed, and the search that they come from."""
@@ -59,17 +65,57 @@ def solve_minimum_time(
         return _fastest_goal(problem, options, progress or (lambda text: None))
     with stopping(options.time_limit) as stop:
         task = Task.of(problem, options, stop, progress)
-        optima, found = _strategy(task)(task)
+        with beside(partial(_floor, problem, stop), task.workers if _bounded(task) else 1) as floor:
+            task = replace(task, floor=floor) if _bounded(task) else task
+            optima, found = _usable(task, *_strategy(task)(task))
+            least = task.floor()
     elapsed = time.perf_counter() - started
-    return assembled(task, optima, found, elapsed) if optima else failed(task, found, elapsed)
+    return assembled(task, optima, found, elapsed, least) if optima else failed(task, found, elapsed)
+
+
+def _bounded(task: Task) -> bool:
+    """Whether velocity limits shape the motion, so that a bound by them says something."""
+    return task.policy.curves.cruises and not task.problem.pays_effort
+
+
+def _floor(problem: MinimumTimeProblem, stop: Stop) -> float | None:
+    """A duration that no motion beats [s]."""
+    bound = lower_bound(problem, stop.__bool__)
+    return None if bound is None else bound.duration
 
 
 def _strategy(task: Task) -> Strategy:
-    if task.policy.curves.used:
+    problem, numbers = task.problem, task.policy.curves
+    if numbers.alone:
         return curves
-    if task.problem.along_the_way:
+    if numbers.cruises and not problem.along_the_way:
+        return either
+    if problem.along_the_way:
         return constrained
-    return time_energy if task.problem.effort_weight > 0 else minimum_time
+    return time_energy if problem.pays_effort else minimum_time
+
+
+def _usable(task: Task, optima: list[Optimum], found: Found) -> tuple[list[Optimum], Found]:
+    """The optima and, where none of them is usable, curves that begin near the best of them."""
+    tolerance = task.options.replay_tolerance
+    good = any(one.landed(tolerance) and one.within_limits and not one.missed for one in optima)
+    if good or task.stop or task.policy.curves.alone:
+        return optima, found
+    task.tell("nothing so far is usable: curves, which are motions whatever comes out")
+    near = tuple(one.trajectory for one in optima if one.landed(_NEAR))
+    more, besides = curves(task.with_options(guesses=near))
+    return [*optima, *more], replace(found, iterations=found.iterations + besides.iterations)
+
+
+def either(task: Task) -> tuple[list[Optimum], Found]:
+    """Optima as curves and, unless these are proven to be as fast as can be, as arcs."""
+    optima, found = curves(task)
+    floor = task.floor()
+    if optima and optima[-1].certificate.bounded(floor, optima[-1].trajectory.duration).ok and not optima[-1].missed:
+        return optima, found
+    more, besides = minimum_time(task)
+    listed = (*found.listed, *besides.listed)
+    return [*optima, *more], replace(besides, listed=listed, iterations=found.iterations + besides.iterations)
 
 
 def _fastest_goal(problem: MinimumTimeProblem, options: MinimumTimeOptions, tell: Callable[[str], None]) -> Solution:
@@ -85,5 +131,22 @@ def _fastest_goal(problem: MinimumTimeProblem, options: MinimumTimeOptions, tell
         solutions.append(solve_minimum_time(branch, replace(options, time_limit=max(left, 1e-3)), tell))
         tried[i] = GoalTried(tried[i].q, solutions[-1].duration if solutions[-1].success else np.inf, refined=True)
     best = min(solutions, key=lambda solution: (not solution.success, not solution.moves, solution.duration))
+    certificate = best.certificate.bounded(_least(problem, branches, solutions), best.duration)
     tried.sort(key=lambda goal: goal.duration)
-    return replace(best, goals=tuple(tried), solve_time=time.perf_counter() - started)
+    return replace(best, certificate=certificate, goals=tuple(tried), solve_time=time.perf_counter() - started)
+
+
+def _least(problem: MinimumTimeProblem, branches: list[MinimumTimeProblem], solutions: list[Solution]) -> float | None:
+    """A duration that no motion to any of the goals beats [s]; None: none is known."""
+    bounds = [solution.lower_bound for solution in solutions]
+    if not bounds or None in bounds:
+        return None
+    least = min(bound for bound in bounds if bound is not None)
+    solved = {np.asarray(branch.q_goal).tobytes() for branch in branches[: len(solutions)]}
+    for q in problem.goals:
+        other = problem.variant(q_goal=q, goal_pose=None, wrap=False)
+        if q.tobytes() in solved or other.duration_bound() >= least:
+            continue
+        bound = lower_bound(other)
+        least = min(least, 0.0 if bound is None else bound.duration)
+    return least or None

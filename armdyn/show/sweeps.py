@@ -30,16 +30,17 @@ def sweep_row(payload: float, solution: Solution) -> dict[str, Any]:
         payload: that the arm carries [kg].
         solution: with it.
     """
-    by = solution.sensitivities()
-    most, saved = by.limited_most_by(solution.problem) if by else (None, None)
+    by, most = solution.sensitivities(), next(iter(solution.decides), None)
     return {
         "payload_kg": payload,
         "duration_s": solution.duration if solution.moves else None,
         "success": solution.success,
-        "certified": solution.certificate.ok,
+        "usable": solution.usable,
+        "certified": solution.certified,
+        "gap": solution.gap,
         "ms_per_gram": by.payload_mass if by else None,
-        "limited_most_by": most,
-        "ms_saved_by_one_per_cent": None if saved is None else 1e3 * saved,
+        "limited_most_by": most.name if most else None,
+        "ms_saved_by_one_per_cent": 10 * most.part * solution.duration if most else None,
         "solve_time_s": round(solution.solve_time, 3),
         "message": solution.message,
     }
@@ -68,12 +69,12 @@ def plot_sweep(rows: Sequence[dict[str, Any]], title: str | None = None) -> Figu
         figure = Figure(figsize=(7.0, 4.2), layout="constrained")
         axes = figure.subplots()
         axes.plot(grams, times, color=COLORS[0], linewidth=1, alpha=0.5)
-        for of, face, word in ((certified, COLORS[0], "certified"), (~certified, "white", "landed, not certified")):
+        for of, face, word in ((certified, COLORS[0], "certified"), (~certified, "white", "usable, not certified")):
             if np.any(of):
                 axes.plot(grams[of], times[of], "o", color=COLORS[0], markerfacecolor=face, label=word, zorder=3)
         slope: str | None = r"slope $\partial t_f/\partial m$ of the multipliers"
         for k, row in enumerate(landed):
-            if len(landed) < 2 or not row["certified"]:
+            if len(landed) < 2 or not row["certified"] or row["ms_per_gram"] is None:
                 continue
             ends = _REACH * (np.array([grams[max(k - 1, 0)], grams[min(k + 1, len(landed) - 1)]]) - grams[k])
             rise = 1e-3 * row["ms_per_gram"] * ends

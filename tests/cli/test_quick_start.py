@@ -39,7 +39,10 @@ def loaded(*arguments, **environment):
     [
         ("--version",),
         ("--help",),
-        *((command, "--help") for command in ("mintime", "pid", "sweep", "replay", "reproduce", "urdf", "doctor")),
+        *(
+            (command, "--help")
+            for command in ("mintime", "bound", "pid", "sweep", "replay", "reproduce", "urdf", "doctor")
+        ),
         ("mintime",),
         ("mintime", "rr", "--no-such-option"),
     ],

@@ -26,10 +26,48 @@ def test_a_failure_pretends_no_digits():
 def test_a_success_has_all_of_them():
     solution = solved("r")
     assert solution_words(solution, wrap=False)["duration"] == f"{solution.duration:.9f} s"
-    assert title_words(solution) == f"minimum time {solution.duration:.4f} s"
+    assert title_words(solution) == f"minimum time {solution.duration:.4f} s, certified"
 
 
 def test_the_best_so_far_is_called_so():
     best = failure(moves=True, status=ad.Status.TIME_LIMIT, certificate=solved("r").certificate)
     assert title_words(best) == f"time limit, best so far {best.duration:.4f} s"
     assert "duration" not in solution_words(best, wrap=False)
+
+
+def bounded(gap, **changes):
+    """A solution whose lower bound is so far below it; by default no extremal."""
+    solution = solved("r")
+    certificate = replace(solution.certificate, **({"hamiltonian_spread": 1.0} | changes))
+    return replace(solution, certificate=certificate.bounded(solution.duration / (1 + gap), solution.duration))
+
+
+def test_the_verdict_is_said_apart():
+    words = solution_words(solved("r"), wrap=False)
+    assert words["usable"].startswith("yes") and words["certified"] == "yes"
+    assert words["extremal"].startswith("yes: |H| ≤ ") and "adjoint equations to " in words["extremal"]
+    assert words["time decided by"].startswith("joint1's torque limit 4")
+    assert not {"gap", "idle", "what you can do"} & set(words)
+
+
+def test_a_small_gap_certifies_and_a_larger_one_says_what_may_help():
+    assert title_words(bounded(4e-4)).endswith(", certified, at most 0.04 % above the least time")
+    near, far = (solution_words(bounded(gap), wrap=False) for gap in (4e-4, 2e-2))
+    assert near["certified"] == "yes" and near["extremal"].startswith("no: ") and "what you can do" not in near
+    assert near["gap"].startswith("at most 0.04 % above the lower bound of 0.17") and near["gap"].endswith("(proven)")
+    assert title_words(bounded(2e-2)).endswith(", not certified, at most 2 % above the least time")
+    assert far["certified"].startswith("no; the Hamiltonian strays")
+    assert "--starts" in far["what you can do"] and "`" not in far["what you can do"]
+    unproven = bounded(4e-4, goal_error=1e-5)
+    assert solution_words(unproven, wrap=False)["gap"].startswith("about ")
+    assert title_words(unproven).endswith(" s, not certified")
+
+
+def test_idle_joints_are_named():
+    assert "joint2: time does not determine" in solution_words(bounded(0.0, idle=("joint2",)), wrap=False)["idle"]
+
+
+def test_what_is_not_usable_says_what_to_do_before_all_else():
+    words = solution_words(failure(), wrap=False)
+    assert words["usable"] == "NO" and "certified" not in words
+    assert "--time-limit" in words["what you can do"]

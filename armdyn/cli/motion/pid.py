@@ -9,7 +9,7 @@ import typer
 
 import armdyn as ad
 from armdyn import models
-from armdyn.cli.console import NOT_CERTIFIED, answering, console, facts_table, working
+from armdyn.cli.console import NOT_USABLE, answering, console, facts_table, working
 from armdyn.cli.options.joints import JointOptions, friction_facts, friction_words
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import ResultOptions
@@ -97,7 +97,7 @@ def pid(
             title = f"{arm.name}, {1000 * payload.payload:g} g: PID loop"
             written = results.write(folder, arm, run.trajectory, summary, title, tell=progress)
         answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, **written.facts}
-        answer.code = 0 if run.arrival_time is not None else NOT_CERTIFIED
+        answer.code = 0 if run.arrival_time is not None else NOT_USABLE
         if not json:
             words = friction_words(arm) | _words(run) | written.words
             console.print(facts_table(f"{arm.name}: PID loop", words))

@@ -9,7 +9,19 @@ import typer
 
 import armdyn as ad
 from armdyn import models
-from armdyn.cli.console import DONE, INTERRUPTED, NOT_CERTIFIED, answering, console, errors, escape, working
+from armdyn.cli.console import (
+    DONE,
+    INTERRUPTED,
+    NOT_AS_REQUIRED,
+    NOT_USABLE,
+    answering,
+    console,
+    errors,
+    escape,
+    working,
+)
+from armdyn.cli.motion.requirements import Require, missing_of, requirements_of
+from armdyn.cli.motion.words import options_of
 from armdyn.cli.options.joints import FastJointOptions
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import NoFigure, OutputOptions
@@ -18,12 +30,14 @@ from armdyn.cli.options.text import numbers
 from armdyn.errors import ProblemError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from rich.table import Table
 
-_CODES = {"done": DONE, "not_landed": NOT_CERTIFIED, "interrupted": INTERRUPTED}
+    from armdyn.cli.motion.requirements import Requirement
+
+_CODES = {"done": DONE, "not_landed": NOT_USABLE, "interrupted": INTERRUPTED}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,16 +103,19 @@ def sweep(
     search: SweepOptions,
     output: OutputOptions,
     no_figure: NoFigure = False,
+    require: Require = None,
 ) -> None:
     """Minimum time over payload: how much each gram costs, and which limit counts.
 
     Each optimum is where the search for the next payload's begins; what a heavier payload's search finds is
-    tried on the lighter one, too. A payload that is solved is on disk at once. Exit code 0: all landed.
+    tried on the lighter one, too. A payload that is solved is on disk at once. Exit code 0: all motions are
+    usable; 3: some are not; 4: all are, but some are not what --require asks for.
 
     [dim]armdyn sweep rr
     armdyn sweep panda --payload 0,1,2,3 --q-start 0,-0.785,0,-2.356,0,1.571,0.785 --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5[/]
     """
     with answering(output.json) as answer:
+        required = requirements_of(require or ())
         from armdyn.show.sweeps import motion_name, sweep_row, table_names, write_motion, write_sweep
 
         masses = payloads.masses(robot.robot)
@@ -121,21 +138,25 @@ def sweep(
             written = [motions[k] for k in sorted(motions)]
             files = write_sweep(folder, solutions, rows, written, title, figure=not no_figure)
         status = _status(solutions, len(problems))
+        missing = _missing(required, masses, solutions)
         answer.facts |= {
             "success": status == "done",
             "status": status,
             "robot": arms[0].name,
             "rows": rows,
+            "missing": missing,
             "files": [str(file) for file in files],
         }
-        answer.code = _CODES[status]
+        answer.code = NOT_AS_REQUIRED if status == "done" and missing else _CODES[status]
         if status == "interrupted":
             answer.facts["message"] = f"interrupted; what was solved is in {folder}"
         if not output.json:
             console.print(_table(arms[0].name, rows))
             console.print(f"results in {escape(str(folder))}")
             if status == "not_landed":
-                errors.print("some payloads did not land: their messages are in sweep.csv")
+                errors.print("some motions are not usable: their messages are in sweep.csv")
+            for text in missing:
+                errors.print(f"required: {escape(options_of(text))}")
 
 
 def _status(solutions: tuple[ad.Solution, ...], wanted: int) -> str:
@@ -144,6 +165,15 @@ def _status(solutions: tuple[ad.Solution, ...], wanted: int) -> str:
         return "interrupted"
     landed = len(solutions) == wanted and all(solution.success for solution in solutions)
     return "done" if landed else "not_landed"
+
+
+def _missing(required: Sequence[Requirement], masses: Sequence[float], solutions: Sequence[ad.Solution]) -> list[str]:
+    """What is required and missing, payload by payload."""
+    return [
+        f"{1e3 * mass:g} g: {text}"
+        for mass, solution in zip(masses, solutions, strict=False)  # fewer after Ctrl-C
+        for text in missing_of(required, solution)
+    ]
 
 
 def _table(name: str, rows: list[dict[str, object]]) -> Table:

@@ -66,6 +66,7 @@ class GoalOptions:
     Attributes:
         poses: as joint positions.
         goal_pose: instead of a goal as joint positions.
+        v_start: velocities at the start, as text; v_goal: at the goal.
         wrap: goals of endless joints count modulo 2π.
     """
 
@@ -80,6 +81,11 @@ class GoalOptions:
             "that matters. Inverse kinematics find the joint positions; the fastest to reach of several is kept.",
         ),
     ] = None
+    v_start: Annotated[
+        str | None,
+        typer.Option(metavar="V,V,…", help="Joint velocities at the start \\[rad/s]; by default it is at rest."),
+    ] = None
+    v_goal: Annotated[str | None, typer.Option(metavar="V,V,…", help="At the goal, like --v-start.")] = None
     wrap: Annotated[
         bool,
         typer.Option(
@@ -105,6 +111,8 @@ class GoalOptions:
             "q_start": self.poses.start(robot, name, "minimum_time"),
             "q_goal": self.poses.goal(robot, name, "minimum_time") if goal is None else None,
             "goal_pose": goal,
+            "v_start": None if self.v_start is None else numbers(self.v_start, "--v-start"),
+            "v_goal": None if self.v_goal is None else numbers(self.v_goal, "--v-goal"),
             "wrap": self.wrap,
         }
 

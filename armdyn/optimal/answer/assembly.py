@@ -1,12 +1,15 @@
 """A solution made of the optima that a solve has come to: which is the answer, and what is said of it."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.problem.status import Status, Violation
+from armdyn.optimal.proof.adjoint import adjoint_error
 from armdyn.optimal.proof.certificate import Certificate
+from armdyn.optimal.proof.deciding import deciding
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
@@ -16,7 +19,7 @@ _NEARLY = 1e-3
 """Of a limit: a motion that exceeds one by more is not named, not even as the best so far."""
 
 
-def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float) -> Solution:
+def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, bound: float | None = None) -> Solution:
     """The best of the optima as an answer, beside the durations of all others met.
 
     Args:
@@ -24,8 +27,10 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float) -
         optima: at least one.
         found: the search that they come from.
         elapsed: wall time [s].
+        bound: no motion is faster [s], as is proven; None: no bound is known. It says nothing where effort is paid for.
     """
     best, *others = sorted(optima, key=lambda optimum: (_rank(task, optimum), optimum.cost))
+    best = _judged(task, best, bound)
     certificate, duration = best.certificate, best.trajectory.duration
     status = _status(task, best)
     missed = best.missed
@@ -51,6 +56,7 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float) -
         kept=best.checked.kept if best.checked else (),
         via_times=best.via_times,
         moves=_moves(task, best),
+        decides=best.decides or (deciding(task.problem, best.phases) if best.phases else ()),
     )
 
 
@@ -71,6 +77,16 @@ def failed(task: Task, found: Found, elapsed: float) -> Solution:
         worst_violation=worst,
         moves=False,
     )
+
+
+def _judged(task: Task, optimum: Optimum, bound: float | None) -> Optimum:
+    """With all that its certificate is to know: when it has landed, the bound, the adjoint equations of an extremal."""
+    motion, phases, problem = optimum.trajectory, optimum.phases, task.problem
+    certificate = replace(optimum.certificate, landing=task.options.replay_tolerance)
+    certificate = certificate.bounded(None if problem.pays_effort else bound, motion.duration)
+    if phases is not None and certificate.extremal:
+        certificate = replace(certificate, adjoint_error=adjoint_error(problem.robot, motion, phases))
+    return replace(optimum, certificate=certificate)
 
 
 def _rank(task: Task, optimum: Optimum) -> tuple[bool, bool, bool]:
@@ -118,14 +134,12 @@ def _message(task: Task, status: Status, optimum: Optimum) -> str:
     certificate, duration = optimum.certificate, optimum.trajectory.duration
     if status is Status.SOLVED:
         landed = f"{duration:.9g} s, replayed to within {certificate.goal_error:.1e} rad of the goal"
-        return (
-            f"{landed}; certified" if certificate.ok else f"{landed}; not certified: {'; '.join(certificate.reasons)}"
-        )
+        reasons = "; ".join(certificate.reasons)
+        return f"{landed}; not certified: {reasons}" if reasons else f"{landed}; certified"
     if status is Status.REPLAY_MISSED:
         return (
             f"the torques that collocation found end {certificate.goal_error:.2g} rad from the goal when replayed "
-            f"(tolerance {task.options.replay_tolerance:g} rad): raise max_intervals; light links at strong motors may "
-            "want the rotors' inertia (armature)"
+            f"(tolerance {task.options.replay_tolerance:g} rad)"
         )
     said = status.replace("_", " ")
     if _moves(task, optimum):

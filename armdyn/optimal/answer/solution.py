@@ -3,12 +3,14 @@
 from dataclasses import dataclass
 
 from armdyn.models.scene.collision import Clearance
+from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.conditions.condition import Kept
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.proof.certificate import Certificate
+from armdyn.optimal.proof.deciding import Share
 from armdyn.optimal.proof.sensitivity import Sensitivities, sensitivities
 from armdyn.optimal.search.goals import GoalTried
 from armdyn.trajectory import Trajectory
@@ -19,13 +21,13 @@ class Solution:
     """A motion and how far to trust it.
 
     Attributes:
-        success: converged, and the replay landed on the goal within all limits.
+        success: the solve was not stopped by Ctrl-C, and its motion is `usable`.
         status: a `Status`.
         message: the same for people.
         problem: what was asked.
         duration: t_f [s]; of the last iterate if the solve failed: look at `moves` before it is shown to anybody.
         trajectory: the motion; the last iterate if the solve failed.
-        certificate: what was checked; `certificate.ok` is more than `success`.
+        certificate: what was checked, each apart.
         arcs: which limit every joint is on, and for how long; empty if that was not resolved.
         phases: the arcs as solved, with costates; None likewise.
         local_optima: durations of the other optima met [s], increasing; those that were not refined to
@@ -40,6 +42,7 @@ class Solution:
         goals: all joint positions tried that reach a goal pose, fastest first; empty if there was but one.
         moves: its torques lead to the goal, keep all conditions and, to a thousandth, all limits: where `success` is
             missing it is the best so far; else it is no motion, and `duration` says nothing.
+        decides: how much of the time each limit decides, most first; empty if that is not known.
     """
 
     success: bool
@@ -61,6 +64,39 @@ class Solution:
     via_times: tuple[float, ...] = ()
     goals: tuple[GoalTried, ...] = ()
     moves: bool = True
+    decides: tuple[Share, ...] = ()
+
+    @property
+    def usable(self) -> bool:
+        """It lands, and keeps the limits and all conditions along the way: a motion for the arm, optimal or not."""
+        return self.certificate.usable and not any(kept.reasons for kept in self.kept)
+
+    @property
+    def certified(self) -> bool:
+        """Usable, and extremal or proven to be within a thousandth of the least duration of all motions."""
+        return self.usable and self.certificate.ok
+
+    @property
+    def lower_bound(self) -> float | None:
+        """No motion is faster [s]; None: no bound is known."""
+        return self.certificate.lower_bound
+
+    @property
+    def gap(self) -> float | None:
+        """How far this motion is above `lower_bound`, as a part of it; None without one."""
+        return self.certificate.gap
+
+    @property
+    def gap_proven(self) -> bool:
+        """`gap` is between a bound and a usable motion that ends on the goal."""
+        return self.usable and self.certificate.gap_proven
+
+    @property
+    def what_to_do(self) -> tuple[str, ...]:
+        """A line for each thing that is missing, of what may help; empty if the motion is certified."""
+        if self.certified:
+            return ()
+        return tuple(advice(self.problem, self.certificate, self.kept, self.phases is not None).values())
 
     @property
     def replay_error(self) -> float:

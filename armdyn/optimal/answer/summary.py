@@ -13,13 +13,24 @@ def minimum_time_summary(solution: Solution) -> dict[str, object]:
         "status": str(solution.status),
         "message": solution.message,
         "duration": solution.duration if solution.moves else None,
-        "certified": certificate.ok,
+        "usable": solution.usable,
+        "certified": solution.certified,
+        "extremal": certificate.extremal,
+        "idle": list(certificate.idle),
+        "lower_bound": solution.lower_bound,
+        "gap": solution.gap,
+        "gap_proven": solution.gap_proven,
+        "decides": [{"limit": one.limit, "joint": one.joint, "part": one.part} for one in solution.decides],
+        "what_to_do": list(solution.what_to_do),
         "certificate": {
             "ok": certificate.ok,
             "goal_error": _finite(certificate.goal_error),
             "goal_velocity_error": _finite(certificate.goal_velocity_error),
             "hamiltonian_spread": _finite(certificate.hamiltonian_spread),
             "switching_violation": _finite(certificate.switching_violation),
+            "adjoint_error": _finite(certificate.adjoint_error),
+            "lands": certificate.lands,
+            "keeps_limits": certificate.keeps_limits,
             "limit_violation": _finite(certificate.limit_violation),
             "singular": certificate.singular,
             "reasons": list(certificate.reasons),
@@ -59,5 +70,5 @@ def minimum_time_summary(solution: Solution) -> dict[str, object]:
     }
 
 
-def _finite(number: float) -> float | None:
-    return number if abs(number) < float("inf") else None
+def _finite(number: float | None) -> float | None:
+    return None if number is None or not abs(number) < float("inf") else number

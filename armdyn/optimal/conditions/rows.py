@@ -20,9 +20,9 @@ from armdyn.optimal.program.assembly import (
     jacobian_function,
     scatter,
 )
-from armdyn.optimal.program.compiled import compiled
 from armdyn.optimal.program.interval import Collocated, Place, nonzeros_of
 from armdyn.optimal.program.layout import Parameters
+from armdyn.optimal.program.machine.compiled import compiled
 
 Array = NDArray[np.float64]
 Where = Literal["every", "first", "last"]

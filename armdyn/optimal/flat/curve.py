@@ -17,8 +17,6 @@ Array = NDArray[np.float64]
 
 _RAMP = 0.1
 """Part of a straight guess's time in which it gains, and loses, its speed."""
-_SLACK = 1.2
-"""Its duration over the least that velocity limits allow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,19 +59,19 @@ class Curve:
     legs: tuple[Leg, ...]
 
     @classmethod
-    def straight(cls, problem: MinimumTimeProblem, basis: Basis, duration: float) -> Self:
+    def straight(cls, problem: MinimumTimeProblem, basis: Basis, durations: Array) -> Self:
         """From pose to pose on straight lines, gaining speed, cruising, losing it.
 
         Args:
             problem: its poses.
             basis: of every leg.
-            duration: of a leg whose joints have no velocity limit [s].
+            durations: of the legs [s], shape (legs,).
         """
         s = np.minimum(basis.places, 1 - basis.places)
         half = np.where(s < _RAMP, s**2 / (2 * _RAMP), s - _RAMP / 2) / (1 - _RAMP)
         part = np.where(basis.places < 0.5, half, 1 - half)[:, None]
-        ends = zip(problem.poses[:-1], problem.poses[1:], problem.leg_bounds(), strict=True)
-        return cls(tuple(Leg(basis, (1 - part) * a + part * b, _SLACK * least or duration) for a, b, least in ends))
+        ends = zip(problem.poses[:-1], problem.poses[1:], durations, strict=True)
+        return cls(tuple(Leg(basis, (1 - part) * a + part * b, float(T)) for a, b, T in ends))
 
     @classmethod
     def near(cls, motion: Trajectory, basis: Basis, passing: Array | None = None) -> Self:

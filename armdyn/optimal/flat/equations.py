@@ -9,8 +9,8 @@ import numpy as np
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.exclusive import built_once
 from armdyn.optimal.flat.basis import DEGREE
-from armdyn.optimal.program.compiled import compiled
 from armdyn.optimal.program.interval import IntervalFunctions, Stages, differentiated, nonzeros_of
+from armdyn.optimal.program.machine.compiled import compiled
 
 WINDOW = DEGREE + 1
 """Control points that an interval of a curve depends on."""
@@ -84,6 +84,7 @@ def torque_equations(dynamics: Dynamics, asked: bool | None) -> IntervalFunction
             ca.Function("torque_hessian", [y, p, sigma, lam], [ca.substitute(nonzeros_of(hessian), curve, at)]),
         ),
         asked,
+        later=True,
     )
     return IntervalFunctions(
         defects=ca.Function("torque_defects", [y, p], [ca.substitute(load, curve, at) - torque]),

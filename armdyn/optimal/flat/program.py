@@ -66,6 +66,12 @@ class Shape:
         size = self.intervals[leg] * POINTS * self.joints
         return self.duration(leg) + 1 + np.arange(size).reshape(-1, self.joints)
 
+    def rates(self, leg: int, order: int) -> Index:
+        """Where the equations of a derivative's control points stand, shape (their number, joints)."""
+        first = sum(self._equations(before) for before in range(leg)) + self.intervals[leg] * POINTS * self.joints
+        first += sum(self._count(leg, lower) * self.joints for lower in self.orders if lower < order)
+        return first + np.arange(self._count(leg, order) * self.joints).reshape(-1, self.joints)
+
     def at_points(self, leg: int) -> Index:
         """Unknowns of the torque equations, a column for every point."""
         interval = np.repeat(np.arange(self.intervals[leg]), POINTS)
@@ -78,8 +84,15 @@ class Shape:
 
     def differences(self, leg: int, order: int) -> Index:
         """Unknowns of a derivative's control points, a column for each of these."""
-        count = self.intervals[leg] + DEGREE - order
-        return self._columns(leg, np.arange(count)[:, None] + np.arange(order + 1))
+        return self._columns(leg, np.arange(self._count(leg, order))[:, None] + np.arange(order + 1))
+
+    def _count(self, leg: int, order: int) -> int:
+        """Control points of a derivative."""
+        return self.intervals[leg] + DEGREE - order
+
+    def _equations(self, leg: int) -> int:
+        points = self.intervals[leg] * POINTS
+        return self.joints * (points + sum(self._count(leg, order) for order in self.orders))
 
     def _columns(self, leg: int, window: Index, more: Index | None = None) -> Index:
         points, count = self.points(leg), len(window)

@@ -5,11 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.exclusive import forget
 from armdyn.optimal.flat.curve import Curve
+from armdyn.optimal.flat.equations import torque_equations
 from armdyn.optimal.flat.posing import Wanted, pose, rows_of, shape_of
 from armdyn.optimal.flat.program import Shape, build
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, Outcome, in_time
+from armdyn.optimal.program.machine.background import arrived
+from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, Outcome, forget_solvers, in_time
 from armdyn.optimal.task.task import Task
 
 Array = NDArray[np.float64]
@@ -26,11 +29,13 @@ class Solved:
         curve: where it ended: a motion, whether it converged or not.
         outcome: IPOPT's own words and multipliers.
         shape: of the program.
+        guessed: duration that the guess had, with which the program measures time [s].
     """
 
     curve: Curve
     outcome: Outcome
     shape: Shape
+    guessed: float
 
     @property
     def converged(self) -> bool:
@@ -50,6 +55,9 @@ def solve_curve(task: Task, guess: Curve, wanted: Wanted, near: Solved | None = 
     Raises:
         LateError: the time is up before the program is built.
     """
+    if arrived():
+        forget(torque_equations, build)
+        forget_solvers()
     shape, numbers = shape_of(task.problem, guess, wanted.demands), task.policy.curves
     near = near if near is not None and near.shape == shape else None
     more: dict[str, float | str] = {"mu_init": numbers.barrier}
@@ -58,7 +66,8 @@ def solve_curve(task: Task, guess: Curve, wanted: Wanted, near: Solved | None = 
         more = {"mu_init": numbers.warm_barrier, "warm_start_init_point": "yes"}
         more |= {f"warm_start_{push}": _WARM for push in pushes}
     options = task.options
-    settings = IpoptSettings(numbers.tolerance, options.max_iterations, options.verbose, tuple(more.items()))
+    patience = min(options.max_iterations, numbers.patience)
+    settings = IpoptSettings(numbers.tolerance, patience, options.verbose, tuple(more.items()))
     rows = rows_of(task.problem, wanted.demands)
     solver = in_time(task, lambda scheme: Ipopt.of(settings, build, task.dynamics, shape, rows, scheme.compile))
     posed = pose(task, guess, wanted, shape)
@@ -69,4 +78,4 @@ def solve_curve(task: Task, guess: Curve, wanted: Wanted, near: Solved | None = 
         replace(leg, points=outcome.x[shape.points(k)], duration=float(outcome.x[shape.duration(k)]))
         for k, leg in enumerate(guess.legs)
     )
-    return Solved(Curve(legs), outcome, shape)
+    return Solved(Curve(legs), outcome, shape, guess.duration)

@@ -1,6 +1,7 @@
 """Replays torques through `pin.aba`, friction included, with an integrator that knows nothing of the collocation."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -81,6 +82,23 @@ def replay_torques(
         trajectory.t[:m], x[:, :n], x[:, n:], trajectory.tau[:m], trajectory.joint_names, f"{trajectory.name} replay",
         robot.model_hash,
     )  # fmt: skip
+
+
+def dense(motion: Trajectory, samples: int) -> Trajectory:
+    """The same torques with samples that are so near each other that slower ones are lines between them, too.
+
+    Args:
+        motion: whose torques are; its states are not looked at, and are no longer right.
+        samples: of the whole, about.
+    """
+    steps = np.diff(motion.t)
+    parts = np.where(motion.jumps, 1, np.ceil(samples * steps / motion.duration)).astype(int)
+    first = np.repeat(np.arange(steps.size), parts)
+    part = np.concatenate([np.arange(count) / count for count in parts])
+    t = np.append(motion.t[first] + part * steps[first], motion.t[-1])
+    tau = motion.tau[first] + part[:, None] * np.diff(motion.tau, axis=0)[first]
+    place = np.append(first, steps.size)
+    return replace(motion, t=t, q=motion.q[place], v=motion.v[place], tau=np.vstack([tau, motion.tau[-1:]]))
 
 
 def under_linear_torque(robot: Robot) -> Callable[[Array, Array, Array], Array]:

@@ -174,11 +174,6 @@ class MinimumTimeProblem:
         half = (self.limits.effort_upper - self.limits.effort_lower) / 2
         return self.effort_weight + self.relative_effort_weight / half**2
 
-    @property
-    def speed_limited(self) -> bool:
-        """A joint that moves from pose to pose has a velocity limit."""
-        return self.duration_bound() > 0
-
     def beside_goal(self, motion: Trajectory) -> Array:
         """How far a motion's last state (q, v) is from the goal's, shape (2 nv,)."""
         return np.concatenate([motion.q[-1], motion.v[-1]]) - self.x_goal

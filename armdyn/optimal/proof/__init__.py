@@ -1,1 +1,1 @@
-"""What is checked of an answer: Pontryagin, the certificate, sensitivities."""
+"""What is checked of an answer: Pontryagin, adjoint equations, the certificate; what decides its time."""

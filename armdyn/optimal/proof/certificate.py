@@ -1,52 +1,75 @@
-"""Whether a motion is what it claims to be: it lands, it keeps the limits, and Pontryagin agrees.
+"""Whether a motion is what it claims to be: it lands, it keeps the limits, Pontryagin agrees, a bound is near.
 
 With H = 1 + w/2 τᵀτ + ρᵀf(x, τ) and free final time, an optimum has H = 0 throughout, and every
 torque on its limit is there because H falls outward: S_i = ∂H/∂τ_i is negative on the upper and
 positive on the lower limit, zero where the torque is free (Pontryagin et al. 1962; Bryson and Ho,
-Applied Optimal Control, section 3.9 for limits on the state).
+Applied Optimal Control, section 3.9 for limits on the state). Such a motion is extremal: no small change of it is
+faster. A lower bound on the duration says more, of all motions, where it is near.
 """
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.arguments import number
 from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.landing.limits import worst_violation
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
-from armdyn.optimal.proof.pontryagin import pontryagin
+from armdyn.optimal.proof.adjoint import adjoint_error
+from armdyn.optimal.proof.pontryagin import idle_joints, pontryagin
+from armdyn.optimal.task.options import REPLAY_TOLERANCE
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
 GOAL_TOLERANCE = 1e-6
-"""Of the replay at the goal [rad or m]: a hundredth of what encoders of good arms resolve."""
+"""Of the replay at the goal [rad or m] where optimality is claimed: a hundredth of what good encoders resolve."""
 HAMILTONIAN_TOLERANCE = 1e-4
 """Of |H|, against the 1 that time costs: what multipliers from collocation on these meshes resolve."""
 SWITCHING_TOLERANCE = 1e-4
 """Of what H could still fall by if one torque went to a limit that it is not on, against the 1 that time costs."""
+ADJOINT_TOLERANCE = 1e-4
+"""Of what H feels of costates that are beside the adjoint equations: as of |H|, for the same reason. The paper's arms
+come to 2e-5 at the most, where a torque limit or a touch bends the motion within an interval."""
 LIMIT_TOLERANCE = 1e-6
 """Of a limit, as a part of it."""
+GAP_TOLERANCE = 1e-3
+"""Of the duration, above a proven lower bound: less than a change of payload by a few grams makes."""
+
+ON_CURVE = "Pontryagin's conditions are not checked on a curve"
+"""Remark of motions that are curves: what proves them is the gap."""
 
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """What was checked, and how it came out. Infinite: could not be checked.
+    """What was checked, each apart, and how it came out. Infinite: could not be checked.
+
+    `lands` and `keeps_limits`: it is `usable`. `extremal`, or a proven `gap` of no more than `GAP_TOLERANCE`, besides:
+    it is certified, `ok`.
 
     Attributes:
-        ok: everything within its tolerance.
         goal_error: largest joint position error of the replay at the goal [rad or m].
         goal_velocity_error: the same for the velocities [rad/s or m/s].
         hamiltonian_spread: largest |H| at the knots; 0 at an optimum.
         switching_violation: what H could still fall by if one torque went to a limit that it is not on, by
             the sign of its switching function; for held velocities, the wrong sign of their multiplier
             relative to its peak.
+        adjoint_error: how far the costates are from a solution of the adjoint equations along the replay, by an
+            integration of its own: as a change of H; see `adjoint.adjoint_error`. None: not asked for, as of the
+            candidates on the way to an answer, or there are no costates.
         limit_violation: largest excess of a torque, velocity or position over its limit anywhere in the
             replay, relative to the limit (position: to the range).
         exceeded: which limit that is, of which joint, and when; None: all are kept.
         singular: some arc has a joint on no limit.
-        reasons: why it is not ok.
+        idle: joints that time does not determine for most of the motion: their costates are zero.
+        landing: the largest goal error that counts as landed [rad or m].
+        lower_bound: no motion is faster [s]; None: no bound is known.
+        gap: how far this one is above it, as a part of it.
+        remark: what there is to say besides, such as why there are no costates.
         t: times at which the costates are known [s], shape (K,).
         costate: ρ at those times, for (q, v), shape (K, 2 nv).
         switching: S = ∂H/∂τ at those times, shape (K, nv).
@@ -57,38 +80,128 @@ class Certificate:
     limit_violation: float
     hamiltonian_spread: float = float("inf")
     switching_violation: float = float("inf")
+    adjoint_error: float | None = None
     singular: bool = False
+    idle: tuple[str, ...] = ()
     remark: str = ""
     exceeded: Violation | None = None
+    landing: float = REPLAY_TOLERANCE
+    lower_bound: float | None = None
+    gap: float | None = None
     t: Array = field(default_factory=lambda: np.empty(0), repr=False)
     costate: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
     switching: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
 
     @property
-    def reasons(self) -> tuple[str, ...]:
-        """Why it is not ok, for people; empty if it is."""
-        checks = (
-            ("the replay misses the goal by {:.2g} rad", self.goal_error, GOAL_TOLERANCE),
-            ("a limit is exceeded by {:.2g} of it", self.limit_violation, LIMIT_TOLERANCE),
-            ("the Hamiltonian strays from 0 by {:.2g}", self.hamiltonian_spread, HAMILTONIAN_TOLERANCE),
-            ("a switching function has the wrong sign by {:.2g}", self.switching_violation, SWITCHING_TOLERANCE),
-        )
-        if not np.isfinite(self.goal_error):
-            return (self.remark or "there is no motion to check",)
-        unknown = not np.isfinite(self.hamiltonian_spread)
-        known = checks[:2] if unknown else checks
-        wrong = tuple(text.format(value) for text, value, bound in known if not value <= bound)
-        return (*((self.remark,) if self.remark and (wrong or unknown) else ()), *wrong) or (
-            ("no costates: the arcs were not resolved",) if unknown else ()
-        )
+    def lands(self) -> bool:
+        """Its replay ends near enough to the goal to be used."""
+        return self.goal_error <= self.landing
+
+    @property
+    def keeps_limits(self) -> bool:
+        """Its replay exceeds no limit of torque, velocity or position by more than `LIMIT_TOLERANCE` of it."""
+        return self.limit_violation <= LIMIT_TOLERANCE
+
+    @property
+    def usable(self) -> bool:
+        """It lands and keeps the limits: a motion for the arm, optimal or not."""
+        return self.lands and self.keeps_limits
+
+    @property
+    def on_goal(self) -> bool:
+        """Its replay ends so near the goal that its duration is that of a motion there."""
+        return self.goal_error <= GOAL_TOLERANCE
+
+    @property
+    def extremal(self) -> bool:
+        """Its costates are known, and keep Pontryagin's conditions: |H|, signs, adjoint equations; it ends on the goal.
+
+        Of a candidate the adjoint equations are not asked: see `adjoint_error`.
+        A joint whose costates are zero keeps them, too: see `idle`.
+        """
+        return self.on_goal and not self._against_pontryagin
+
+    @property
+    def gap_proven(self) -> bool:
+        """The gap is between a motion that ends on the goal within its limits and a bound below it."""
+        return self.gap is not None and self.on_goal and self.keeps_limits and self.gap >= -LIMIT_TOLERANCE
 
     @property
     def ok(self) -> bool:
-        """Everything within its tolerance."""
-        return not self.reasons
+        """Certified: usable, and extremal or proven to be within `GAP_TOLERANCE` of the least duration of all."""
+        near = self.gap is not None and self.gap_proven and self.gap <= GAP_TOLERANCE
+        return self.usable and (self.extremal or near)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why it is not certified, for people; empty if it is."""
+        if self.ok:
+            return ()
+        if not np.isfinite(self.goal_error):
+            return (self.remark or "there is no motion to check",)
+        wrong = _beyond(
+            ("the replay misses the goal by {:.2g} rad", self.goal_error, min(GOAL_TOLERANCE, self.landing)),
+            ("a limit is exceeded by {:.2g} of it", self.limit_violation, LIMIT_TOLERANCE),
+        )
+        if np.isfinite(self.hamiltonian_spread):
+            wrong += self._against_pontryagin
+        elif not (wrong or self.remark):
+            wrong = ("no costates: the arcs were not resolved",)
+        return (*((self.remark,) if self.remark else ()), *wrong, *self._against_gap)
+
+    def bounded(self, lower_bound: float | None, duration: float) -> Self:
+        """The same, with a lower bound on the duration of all motions.
+
+        Args:
+            lower_bound: proven [s]; None: none is known.
+            duration: of this motion [s].
+
+        Raises:
+            ProblemError: it is no positive number.
+        """
+        if lower_bound is None:
+            return replace(self, lower_bound=None, gap=None)
+        bound = number(lower_bound, "lower_bound", unit="s", sign="positive")
+        return replace(self, lower_bound=bound, gap=duration / bound - 1)
+
+    @property
+    def _against_pontryagin(self) -> tuple[str, ...]:
+        return _beyond(
+            ("the Hamiltonian strays from 0 by {:.2g}", self.hamiltonian_spread, HAMILTONIAN_TOLERANCE),
+            ("a switching function has the wrong sign by {:.2g}", self.switching_violation, SWITCHING_TOLERANCE),
+            ("the costates stray from the adjoint equations by {:.2g}", self.adjoint_error or 0.0, ADJOINT_TOLERANCE),
+        )
+
+    @property
+    def _against_gap(self) -> tuple[str, ...]:
+        if self.gap is None:
+            return ()
+        if self.gap < -LIMIT_TOLERANCE:
+            return (f"it is faster than the lower bound of {self.lower_bound:.9g} s: one of the two is wrong",)
+        return _beyond((f"it is up to {percent(self.gap)} above the lower bound", self.gap, GAP_TOLERANCE))
 
 
-def certify(problem: MinimumTimeProblem, replay: Trajectory, phases: Phases | None, remark: str = "") -> Certificate:
+def percent(part: float) -> str:
+    """A part of the whole as people read it, three digits of it, rounded up: what is at most so much stays true."""
+    if not part or not math.isfinite(part):
+        return f"{100 * part:g} %"
+    scale = 10.0 ** (2 - math.floor(math.log10(100 * abs(part))))
+    return f"{math.ceil(100 * part * scale - 1e-9) / scale:g} %"  # 1e-9: what is even but for rounding stays even
+
+
+def _beyond(*checks: tuple[str, float, float]) -> tuple[str, ...]:
+    """The texts of values beyond their bounds, NaN included."""
+    return tuple(text.format(value) for text, value, bound in checks if not value <= bound)
+
+
+def certify(
+    problem: MinimumTimeProblem,
+    replay: Trajectory,
+    phases: Phases | None,
+    remark: str = "",
+    lower_bound: float | None = None,
+    adjoint: bool = True,
+) -> Certificate:
     """Check a replayed motion, and its costates if its arcs are known.
 
     Args:
@@ -96,23 +209,25 @@ def certify(problem: MinimumTimeProblem, replay: Trajectory, phases: Phases | No
         replay: what the torques do under `replay_torques`.
         phases: the arcs solved; None: only the replay is checked.
         remark: why there are no arcs.
+        lower_bound: no motion is faster [s], as is proven; None: no bound is known.
+        adjoint: the adjoint equations are integrated, too, which takes up to half a second.
     """
     goal = float(np.max(np.abs(replay.q[-1] - problem.q_goal)))
     goal_velocity = float(np.max(np.abs(replay.v[-1] - problem.v_goal)))
     exceeded = worst_violation(problem.limits, replay, problem.robot.joint_names)
     limit = exceeded.value if exceeded else 0.0
+    plain = Certificate(goal, goal_velocity, limit, remark=remark, exceeded=exceeded)
+    plain = plain.bounded(lower_bound, replay.duration)
     if phases is None:
-        return Certificate(goal, goal_velocity, limit, remark=remark, exceeded=exceeded)
+        return plain
     hamiltonian, switching, sign = pontryagin(problem, phases)
-    return Certificate(
-        goal_error=goal,
-        goal_velocity_error=goal_velocity,
-        limit_violation=limit,
+    return replace(
+        plain,
         hamiltonian_spread=float(np.max(np.abs(hamiltonian))),
         switching_violation=sign,
+        adjoint_error=adjoint_error(problem.robot, replay, phases) if adjoint else None,
         singular=problem.effort_weight == 0 and any(arc.singular for arc in phases.arcs),
-        remark=remark,
-        exceeded=exceeded,
+        idle=idle_joints(problem, phases, switching, SWITCHING_TOLERANCE),
         t=phases.t,
         costate=phases.costate,
         switching=switching,

@@ -5,7 +5,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from armdyn.dynamics.numeric import forward_dynamics
-from armdyn.optimal.arcs.arc import BANG, POSITION, VELOCITY, outward
+from armdyn.optimal.arcs.arc import BANG, POSITION, VELOCITY, Mode, outward
 from armdyn.optimal.arcs.phases import TABLEAU, Phases
 from armdyn.optimal.arcs.sampling import lagrange
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -37,6 +37,28 @@ def pontryagin(problem: MinimumTimeProblem, phases: Phases) -> tuple[Array, Arra
             if mode in BANG or not first:  # a free torque is extrapolated to the knot where its arc begins
                 worst = max(worst, fall[k, i])
     return hamiltonian, switching, float(max(worst, _worst_pull(phases)))
+
+
+def idle_joints(problem: MinimumTimeProblem, phases: Phases, switching: Array, tolerance: float) -> tuple[str, ...]:
+    """Joints that time does not determine for more than half of the motion: on no limit, and their costates zero.
+
+    Zero is the one value that Pontryagin's conditions allow there: whatever the joint does, H does not feel it.
+
+    Args:
+        problem: what was asked.
+        phases: its arcs, with costates.
+        switching: S at the knots, shape (K + 1, nv).
+        tolerance: of what H feels, against the 1 that time costs.
+    """
+    if problem.effort_weight > 0:  # every torque costs
+        return ()
+    limits, n = problem.limits, problem.robot.nv
+    by_torque = np.abs(switching) * (limits.effort_upper - limits.effort_lower)
+    by_position = np.abs(phases.costate[:, :n]) * np.max(np.abs(phases.v), axis=0)
+    zero = np.maximum(by_torque, by_position) <= tolerance
+    free = np.array([[mode is Mode.FREE for mode in phases.arcs[a].modes] for a in phases.arc_of])
+    shares = np.diff(phases.t) @ (free & zero[:-1] & zero[1:]) / phases.duration
+    return tuple(name for name, share in zip(problem.robot.joint_names, shares, strict=True) if share > 1 / 2)
 
 
 def _worst_pull(phases: Phases) -> float:

@@ -35,25 +35,6 @@ class Sensitivities:
         """∂t_f/∂(symmetric torque limit) [s/(N m)], shape (nv,)."""
         return self.effort_upper - self.effort_lower
 
-    def limited_most_by(self, problem: MinimumTimeProblem) -> tuple[str, float]:
-        """The limit of which one per cent more saves most, so that torques and velocities compare.
-
-        Args:
-            problem: whose sensitivities they are.
-
-        Returns:
-            Its name, and what one per cent more of it saves [s].
-        """
-        names, limits = problem.robot.joint_names, problem.limits
-        saved = {f"the torque of {name}": -self.effort()[i] * limits.effort_upper[i] for i, name in enumerate(names)}
-        saved |= {
-            f"the velocity of {name}": -self.velocity[i] * limits.velocity[i]
-            for i, name in enumerate(names)
-            if self.velocity[i]
-        }
-        most = max(saved, key=lambda what: saved[what])
-        return most, float(saved[most]) / 100
-
 
 def sensitivities(problem: MinimumTimeProblem, phases: Phases) -> Sensitivities:
     """Sensitivities of an optimum whose arcs are known.
@@ -65,7 +46,13 @@ def sensitivities(problem: MinimumTimeProblem, phases: Phases) -> Sensitivities:
         problem: what was solved.
         phases: its optimum.
     """
-    n, arcs = problem.robot.nv, phases.arcs
+    upper, lower, velocity = by_limits(phases)
+    return Sensitivities(_by_payload_mass(problem, phases), upper, lower, velocity)
+
+
+def by_limits(phases: Phases) -> tuple[Array, Array, Array]:
+    """Derivatives of t_f by the upper and lower torque limits and the velocity limits, as of `Sensitivities`."""
+    n, arcs = phases.q.shape[1], phases.arcs
     upper, lower, velocity = np.zeros(n), np.zeros(n), np.zeros(n)
     for k, a in enumerate(phases.arc_of):
         for i, mode in enumerate(arcs[a].modes):
@@ -78,7 +65,7 @@ def sensitivities(problem: MinimumTimeProblem, phases: Phases) -> Sensitivities:
                 pull = phases.state_pull[k, :, 1, i].sum()
                 pull += phases.knot_pull[k, 1, i] if k < len(phases.knot_pull) else 0.0
                 velocity[i] += outward * pull
-    return Sensitivities(_by_payload_mass(problem, phases), upper, lower, velocity)
+    return upper, lower, velocity
 
 
 def _by_payload_mass(problem: MinimumTimeProblem, phases: Phases) -> float:

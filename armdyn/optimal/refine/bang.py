@@ -5,12 +5,12 @@ from functools import partial
 
 import numpy as np
 
-from armdyn.optimal.landing.rollout import replay_of
+from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, HAMILTONIAN_TOLERANCE, certify
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.resolve import prepare_resolving, resolve
-from armdyn.optimal.refine.slowing import dense, within_velocity_limits
+from armdyn.optimal.refine.slowing import within_velocity_limits
 from armdyn.optimal.search.candidates import Found, find
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import solve_quickly

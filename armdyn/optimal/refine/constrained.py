@@ -10,11 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdyn.optimal.conditions.demands import Demands
+from armdyn.optimal.conditions.registry import conditions_of
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.proof.certificate import certify
+from armdyn.optimal.refine.bang import minimum_time
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.slowing import slower
-from armdyn.optimal.refine.smooth import trajectory_cost
+from armdyn.optimal.refine.smooth import time_energy, trajectory_cost
 from armdyn.optimal.search.candidates import Found, find
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.direct import solve_on_mesh
@@ -29,6 +31,8 @@ def constrained(task: Task) -> tuple[list[Optimum], Found]:
     Args:
         task: a problem with conditions along the way.
     """
+    if free := _clear_anyway(task):
+        return free
     found = find(task)
     optima: list[Optimum] = []
     listed = list(found.listed)
@@ -40,6 +44,25 @@ def constrained(task: Task) -> tuple[list[Optimum], Found]:
         task.tell(f"optimum {len(optima) + 1}, about {attempt.trajectory.duration:.4f} s")
         optima.append(settled(task, attempt))
     return optima, replace(found, listed=tuple(listed))
+
+
+def _clear_anyway(task: Task) -> tuple[list[Optimum], Found] | None:
+    """What comes out without obstacles and self-collision, if its fastest motion is clear of them all the same."""
+    problem = task.problem
+    if not any(condition.goes_round for condition in conditions_of(problem)):
+        return None
+    free = task.about(problem.variant(obstacles=(), self_collision=False))
+    task.tell("the way without obstacles")
+    if free.problem.along_the_way:
+        optima, found = constrained(free)
+    else:
+        optima, found = time_energy(free) if problem.pays_effort else minimum_time(free)
+    if not optima:
+        return None
+    demands = Demands.of(problem)
+    checked = [replace(one, checked=demands.check(problem, one.trajectory, np.array(one.via_times))) for one in optima]
+    best = min(checked, key=lambda one: (not one.landed(task.options.replay_tolerance), one.cost))
+    return None if best.missed else (checked, found)
 
 
 @dataclass(frozen=True, eq=False)

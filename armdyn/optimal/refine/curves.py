@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armdyn.errors import ProblemError
 from armdyn.optimal.conditions.demands import Demands
@@ -15,18 +16,28 @@ from armdyn.optimal.flat.settle import Settled, settle
 from armdyn.optimal.landing.limits import limit_violation, worst_violation
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.program.deadline import LateError
-from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, certify
+from armdyn.optimal.program.machine.background import awaited
+from armdyn.optimal.program.machine.deadline import LateError
+from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, ON_CURVE, certify
+from armdyn.optimal.proof.deciding import Share
 from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.refine.smooth import trajectory_cost
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.starts import detours, spline, straight_curve
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.task.task import Task
 from armdyn.processes import in_processes
 
-_REMARK = "Pontryagin's conditions are not checked on a curve"
+Array = NDArray[np.float64]
+
 _HOPELESS = 1e-2
 """Excess over a limit, as a part of it, that is not for following a little beside the curve."""
+_LIMITS = {1: "velocity limit", 2: "acceleration limit", 3: "jerk limit"}
+"""Of the derivatives of the positions, by their order."""
+_LEAST_SHARE = 1e-4
+"""Of the time: less is what IPOPT's barrier leaves of no share at all."""
+_IDLE = 1e-2
+"""Of the time: a joint whose limits decide less moves as it likes for most of it."""
 _ROUNDS = 3
 """Of slowing down what exceeds a velocity limit by less than the replay is beside the curve."""
 
@@ -40,11 +51,16 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
     Raises:
         ProblemError: a guess in the options moves other joints.
     """
+    numbers = task.policy.curves
     try:
-        found = _without_obstacles(task) or _settled(task, _guesses(task))
+        found = _without_obstacles(task) or _settled(task, _guesses(task, task.options.starts or numbers.starts))
+        if max(map(_trouble, found)) > 0 and len(found) == 1 and not task.stop:
+            found += _settled(task, _guesses(task, numbers.more_starts)[1:])
     except LateError:
         unbegun = Attempt.unbegun(task.stop, spline(task.problem, []), task.policy.curves.intervals)
         return [], Found((), failed=(unbegun,))
+    if awaited():
+        task.tell("its machine code is being built in the background, once: later solves are faster")
     found.sort(key=lambda one: (one.excess > _HOPELESS, bool(one.checked.reasons), one.curve.duration))
     if found[0].excess > _HOPELESS:
         return [], Found((), failed=(_failed(task, found[0]),), iterations=sum(one.iterations for one in found))
@@ -65,14 +81,25 @@ def _without_obstacles(task: Task) -> list[Settled]:
         return []
     task.tell("the way without obstacles")
     free = problem.variant(obstacles=(), self_collision=False)
-    (best,) = _settled(task.about(free), _guesses(task.about(free))[:1])
+    (best,) = _settled(task.about(free), _guesses(task.about(free), 1)[:1])
     demands = Demands.of(problem)
     checked = demands.check(problem, best.curve.trajectory(problem.robot, 8, 0), best.curve.passing)
     return [] if checked.reasons else [replace(best, demands=demands, checked=checked)]
 
 
-def _guesses(task: Task) -> list[Curve]:
-    """What is started from: the options' guesses, the straight way, and others where there may be several optima."""
+def _trouble(settled: Settled) -> bool:
+    """Whether another guess may lead to a better curve: this one did not converge, or had to be slowed down."""
+    slowed = settled.curve.duration / settled.solved.curve.duration - 1
+    return not settled.solved.converged or settled.excess > _HOPELESS or slowed > _HOPELESS
+
+
+def _guesses(task: Task, count: int) -> list[Curve]:
+    """What is started from: the straight way, the options' guesses, then ways through random poses.
+
+    Args:
+        task: any problem.
+        count: guesses besides the options'.
+    """
     problem, numbers, options = task.problem, task.policy.curves, task.options
     guesses = [straight_curve(task, numbers.intervals)]
     basis = guesses[0].legs[0].basis
@@ -82,9 +109,8 @@ def _guesses(task: Task) -> list[Curve]:
             raise ProblemError(f"options.guesses[{k}] moves {guess.q.shape[1]} joints, {name} has {joints}")
         if not problem.via:
             guesses.append(Curve.near(guess, basis))
-    count = (options.starts or numbers.starts) - 1
-    if count > 0 and not problem.via:
-        ways = detours(problem, options.seed, count + 1, task.stop)[1:]
+    if count > 1 and not problem.via:
+        ways = detours(problem, options.seed, count, task.stop)[1:]
         guesses += [Curve.near(spline(problem, way), basis) for way in ways]
     return guesses
 
@@ -117,6 +143,30 @@ def _failed(task: Task, settled: Settled) -> Attempt:
     return Attempt(status, message, motion, settled.curve.legs[0].basis.intervals, settled.iterations, worst)
 
 
+def _deciding(task: Task, settled: Settled) -> tuple[Share, ...]:
+    """The limits that decide a curve's duration, by the multipliers of its program, most first."""
+    problem, solved, shape = task.problem, settled.solved, settled.solved.shape
+    if problem.pays_effort or not solved.converged:
+        return ()
+    names, by_joint = problem.robot.joint_names, dict[str, Array]()
+    half = (problem.limits.effort_upper - problem.limits.effort_lower) / 2
+    for leg in shape.legs:
+        torques, pull = shape.torques(leg), solved.outcome.lam_x[shape.torques(leg)]
+        size = np.where(pull > 0, problem.limits.effort_upper, problem.limits.effort_lower) / half
+        parts = {"torque limit": np.sum(pull * size, axis=0)} if torques.size else {}
+        for order in shape.orders:
+            parts[_LIMITS[order]] = np.sum(np.abs(solved.outcome.lam_g[shape.rates(leg, order)]), axis=0)
+        for limit, part in parts.items():
+            by_joint[limit] = by_joint.get(limit, 0.0) + part * solved.guessed / solved.curve.duration
+    shares = [
+        Share(limit, name, float(part))
+        for limit, parts in by_joint.items()
+        for name, part in zip(names, parts, strict=True)
+        if part > _LEAST_SHARE
+    ]
+    return tuple(sorted(shares, key=lambda share: -share.part))
+
+
 def _landed(task: Task, settled: Settled) -> Optimum:
     """A curve's motion, replayed."""
     problem, curve = task.problem, settled.curve
@@ -128,14 +178,18 @@ def _landed(task: Task, settled: Settled) -> Optimum:
             break
         curve = curve.slower(1 + 1.5 * over)
     outcome = settled.solved.outcome
-    remark = _REMARK if settled.solved.converged else f"the curve did not converge ({outcome.message})"
+    remark = ON_CURVE if settled.solved.converged else f"the curve did not converge ({outcome.message})"
     passing = curve.passing
+    shares = _deciding(task, settled)
+    decisive = {share.joint for share in shares if share.part > _IDLE}
+    idle = tuple(name for name in problem.robot.joint_names if shares and name not in decisive)
     return Optimum(
         trajectory=replay,
-        certificate=certify(problem, replay, None, remark),
-        cost=replay.duration,
+        certificate=replace(certify(problem, replay, None, remark), idle=idle),
+        cost=trajectory_cost(replay, problem.effort_weights()),
         intervals=curve.legs[0].basis.intervals,
         iterations=settled.iterations,
         checked=settled.demands.check(problem, replay, passing) if settled.demands.conditions else None,
         via_times=tuple(map(float, passing)),
+        decides=shares,
     )

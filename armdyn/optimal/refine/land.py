@@ -30,7 +30,7 @@ def land(task: Task, phases: Phases, remark: str = "", intervals: int | None = N
     if not resisted:
         phases, replay, resisted = _on_goal(task, phases)
     replay = replace(replay, name="minimum time")
-    certificate = certify(task.problem, replay, phases, remark or resisted)
+    certificate = certify(task.problem, replay, phases, remark or resisted, adjoint=False)
     size = intervals or phases.arc_of.size
     return Optimum(replay, certificate, replay.duration, size, phases, iterations=phases.iterations)
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.conditions.demands import Checked
 from armdyn.optimal.problem.status import Violation
-from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, Certificate
+from armdyn.optimal.proof.certificate import Certificate
+from armdyn.optimal.proof.deciding import Share
 from armdyn.trajectory import Trajectory
 
 
@@ -23,6 +24,7 @@ class Optimum:
         worst_violation: of the mesh's solution, if that did not converge.
         checked: the conditions along the way, if there are any.
         via_times: when it passes the via points [s].
+        decides: how much of the time each limit decides, most first, where there are no arcs that say so.
     """
 
     trajectory: Trajectory
@@ -34,6 +36,7 @@ class Optimum:
     worst_violation: Violation | None = None
     checked: Checked | None = None
     via_times: tuple[float, ...] = ()
+    decides: tuple[Share, ...] = ()
 
     @property
     def error(self) -> float:
@@ -43,7 +46,7 @@ class Optimum:
     @property
     def within_limits(self) -> bool:
         """Whether its replay keeps all limits of torque, velocity and position."""
-        return self.certificate.limit_violation <= LIMIT_TOLERANCE
+        return self.certificate.keeps_limits
 
     @property
     def missed(self) -> tuple[str, ...]:

@@ -35,23 +35,6 @@ def slower(task: Task, motion: Trajectory) -> Iterator[tuple[Trajectory, Traject
         yield motion, replay
 
 
-def dense(motion: Trajectory, samples: int) -> Trajectory:
-    """The same torques with samples that are so near each other that slower ones are lines between them, too.
-
-    Args:
-        motion: whose torques are; its states are not looked at, and are no longer right.
-        samples: of the whole, about.
-    """
-    steps = np.diff(motion.t)
-    parts = np.where(motion.jumps, 1, np.ceil(samples * steps / motion.duration)).astype(int)
-    first = np.repeat(np.arange(steps.size), parts)
-    part = np.concatenate([np.arange(count) / count for count in parts])
-    t = np.append(motion.t[first] + part * steps[first], motion.t[-1])
-    tau = motion.tau[first] + part[:, None] * np.diff(motion.tau, axis=0)[first]
-    place = np.append(first, steps.size)
-    return replace(motion, t=t, q=motion.q[place], v=motion.v[place], tau=np.vstack([tau, motion.tau[-1:]]))
-
-
 def within_velocity_limits(task: Task, motion: Trajectory, remark: str) -> tuple[Trajectory, Certificate] | None:
     """The same path at a slightly lower speed, so that no velocity limit is exceeded anywhere.
 

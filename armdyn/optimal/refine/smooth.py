@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from armdyn.errors import ProblemError
 from armdyn.optimal.arcs.arc import Arc, Mode
@@ -181,13 +182,13 @@ def _distinct(task: Task, attempts: Sequence[Attempt]) -> list[Trajectory]:
     return [group[0][1] for group in groups]
 
 
-def trajectory_cost(motion: Trajectory, weight: float) -> float:
-    """J = ∫ (1 + w/2 τᵀτ) dt [s], exact for torques that are linear between samples.
+def trajectory_cost(motion: Trajectory, weight: ArrayLike) -> float:
+    """J = ∫ (1 + ½ Σ wᵢ τᵢ²) dt [s], exact for torques that are linear between samples.
 
     Args:
         motion: of which times and torques count.
-        weight: w [1/(N m)²].
+        weight: w [1/(N m)²], one number or one per joint.
     """
     a, b = motion.tau[:-1], motion.tau[1:]
-    squares = np.sum(a * a + a * b + b * b, axis=1) / 3
-    return float(motion.duration + weight / 2 * np.diff(motion.t) @ squares)
+    squares = np.sum(np.asarray(weight) * (a * a + a * b + b * b), axis=1) / 3
+    return float(motion.duration + np.diff(motion.t) @ squares / 2)

@@ -12,7 +12,7 @@ from armdyn.optimal.flat.posing import Wanted
 from armdyn.optimal.flat.solve import solve_curve
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import stopping
-from armdyn.optimal.program.deadline import LateError
+from armdyn.optimal.program.machine.deadline import LateError
 from armdyn.optimal.search.starts import spline, straight_curve
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.options import MinimumTimeOptions
@@ -66,12 +66,13 @@ def screened(
 
 def _tried(task: Task) -> float:
     """The duration of one coarse solve from the straight way [s]; inf: it did not converge, or was not begun."""
-    if not task.policy.curves.used:
+    if not task.policy.curves.alone:
         guess, intervals = spline(task.problem, []), task.options.coarse_intervals[0]
         attempt = solve_on_mesh(task, guess, intervals, task.coarse()[-1])
         return attempt.trajectory.duration if attempt.usable else np.inf
     with suppress(LateError):
-        wanted = Wanted(Demands.of(task.problem), smooth=task.options.smooth)
+        smooth = 0.0 if task.problem.pays_effort else task.options.smooth
+        wanted = Wanted(Demands.of(task.problem), smooth=smooth)
         solved = solve_curve(task, straight_curve(task, task.policy.curves.coarse), wanted)
         return solved.curve.duration if solved.converged else np.inf
     return np.inf

@@ -112,10 +112,14 @@ def straight_curve(task: Task, intervals: int) -> Curve:
         task: what is to be solved.
         intervals: of every leg.
     """
-    problem = task.problem
-    basis = Basis(graded(intervals, task.policy.curves.shortest))
-    slack = float(np.max(spline(problem, []).duration)) if not problem.speed_limited else 1.0
-    return Curve.straight(problem, basis, slack)
+    problem, numbers = task.problem, task.policy.curves
+    basis = Basis(graded(intervals, numbers.shortest))
+    if numbers.cruises:
+        durations = numbers.slack * np.maximum(problem.leg_bounds(), 1e-3 * problem.duration_bound())
+    else:
+        ways = np.max(np.abs(np.diff(problem.poses, axis=0)), axis=1)
+        durations = spline(problem, []).duration * ways / ways.sum()
+    return Curve.straight(problem, basis, durations)
 
 
 def _torques(problem: MinimumTimeProblem, q: Array, v: Array, a: Array) -> Array:

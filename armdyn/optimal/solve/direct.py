@@ -14,9 +14,9 @@ from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Nlp, build_nlp
-from armdyn.optimal.program.deadline import LateError
 from armdyn.optimal.program.interval import Collocated
 from armdyn.optimal.program.layout import Layout
+from armdyn.optimal.program.machine.deadline import LateError
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, in_time

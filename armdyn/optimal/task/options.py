@@ -8,6 +8,10 @@ from armdyn.optimal.task.scheme import Control, DynamicsForm
 from armdyn.optimal.task.tableau import TABLEAUS
 from armdyn.trajectory import Trajectory
 
+REPLAY_TOLERANCE = 1e-3
+"""Default of `MinimumTimeOptions.replay_tolerance` [rad or m]: about a millimetre at the tip, which a controller makes
+up for."""
+
 
 @dataclass(frozen=True)
 class DirectOptions:
@@ -68,7 +72,7 @@ class MinimumTimeOptions:
     intervals: int = 40
     max_intervals: int = 160
     arcs: bool = True
-    replay_tolerance: float = 1e-3
+    replay_tolerance: float = REPLAY_TOLERANCE
     method: str = "lobatto3"
     control: Control = "constant"
     dynamics: DynamicsForm = "forward"

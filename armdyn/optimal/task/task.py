@@ -16,6 +16,10 @@ def _silently(text: str) -> None:
     """Tell nobody."""
 
 
+def _unknown() -> None:
+    """No lower bound."""
+
+
 @dataclass(frozen=True, eq=False)
 class Task:
     """A problem, and how it is gone about.
@@ -28,6 +32,7 @@ class Task:
         policy: what depends on the kind of problem, and the tuned numbers.
         stop: asked every few iterations.
         tell: told in words what is being tried.
+        floor: gives a duration that no motion beats [s], as is proven, and may wait for it; None: none is known.
     """
 
     problem: MinimumTimeProblem
@@ -37,6 +42,7 @@ class Task:
     policy: Policy
     stop: Stop = field(default_factory=Stop)
     tell: Callable[[str], None] = _silently
+    floor: Callable[[], float | None] = _unknown
 
     @classmethod
     def of(

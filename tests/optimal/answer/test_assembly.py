@@ -13,12 +13,13 @@ from armdyn.optimal.conditions.demands import Checked
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.proof.certificate import Certificate
+from armdyn.optimal.proof.deciding import Share
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.task.task import Task
-from problems import paper_problem
+from problems import paper_problem, solved
 
 FAST = Violation("velocity limit", "joint2", 0.05, 5.6e-4)
 
@@ -34,8 +35,8 @@ def optimum(task, goal=1e-9, exceeded=None, reasons=(), cost=1.0, worst=None):
     return Optimum(spline(task.problem, []), certificate, cost, 40, checked=checked)
 
 
-def answer(task, *optima):
-    return assembled(task, list(optima), Found(()), 1.0)
+def answer(task, *optima, bound=None):
+    return assembled(task, list(optima), Found(()), 1.0, bound)
 
 
 def test_a_limit_that_is_exceeded_is_no_success_and_is_named(task):
@@ -48,7 +49,7 @@ def test_a_limit_that_is_exceeded_is_no_success_and_is_named(task):
 
 def test_who_keeps_the_limits_comes_before_who_is_faster(task):
     slower = optimum(task, cost=2.0)
-    assert answer(task, optimum(task, exceeded=FAST), slower).certificate is slower.certificate
+    assert answer(task, optimum(task, exceeded=FAST), slower).trajectory is slower.trajectory
 
 
 def test_a_condition_that_is_missed_is_the_worst_violation(task):
@@ -79,3 +80,57 @@ def test_without_a_motion_there_is_no_worst_to_name(task):
     solution = failed(task, Found((), failed=(Attempt.unbegun(Stop(deadline=0.0), spline(task.problem, []), 40),)), 1.0)
     assert solution.status is ad.Status.TIME_LIMIT and not solution.moves
     assert solution.message == "no motion was found: time limit reached"
+
+
+def test_a_bound_becomes_a_gap_and_may_certify(task):
+    plain = answer(task, optimum(task))
+    assert plain.lower_bound is plain.gap is None and not plain.gap_proven and not plain.certified
+    assert "not certified: no costates" in plain.message
+    near = answer(task, optimum(task), bound=plain.duration / 1.0005)
+    assert near.gap == pytest.approx(5e-4) and near.gap_proven and near.certified and not near.what_to_do
+    assert near.message.endswith("certified") and "not certified" not in near.message
+    far = answer(task, optimum(task), bound=plain.duration / 1.02)
+    assert far.usable and far.gap_proven and not far.certified
+    assert "up to 2 % above the lower bound" in far.message
+
+
+def test_a_bound_on_time_says_nothing_where_effort_is_paid_for(task):
+    weighted = Task.of(task.problem.variant(effort_weight=1.0))
+    assert answer(weighted, optimum(weighted), bound=1e-3).lower_bound is None
+
+
+def test_how_near_the_goal_a_motion_lands_is_the_callers_to_say(task):
+    beside = optimum(task, goal=5e-3)
+    assert not answer(task, beside).usable
+    patient = task.with_options(replay_tolerance=1e-2)
+    assert answer(patient, beside).usable and answer(patient, beside).success
+
+
+def test_what_decides_is_the_optimums_own_word_or_its_arcs(task):
+    shares = (Share("velocity limit", "joint2", 0.996),)
+    assert answer(task, replace(optimum(task), decides=shares)).decides == shares
+    assert answer(task, optimum(task)).decides == ()
+    arcs = solved("rr")
+    assert answer(task, replace(optimum(task), phases=arcs.phases)).decides == arcs.decides
+
+
+def test_success_is_a_usable_motion_of_a_solve_that_nobody_stopped(task):
+    stopped = replace(task, stop=Stop(interrupted=True))
+    solution = answer(stopped, optimum(stopped))
+    assert solution.status is ad.Status.INTERRUPTED and solution.usable and not solution.success
+
+
+def test_the_adjoint_equations_are_asked_of_the_answer(task):
+    right = solved("rr")
+    candidate = replace(right.certificate, adjoint_error=None)
+    arcs = replace(optimum(task), trajectory=right.trajectory, certificate=candidate, phases=right.phases)
+    assert answer(task, arcs).certificate.adjoint_error == pytest.approx(right.certificate.adjoint_error, abs=1e-12)
+    assert answer(task, arcs).certified
+    # Costates that the candidate's |H| and signs were not read from.
+    costate = right.phases.costate.copy()
+    costate[3] *= 1.01
+    wrong = answer(task, replace(arcs, phases=replace(right.phases, costate=costate)))
+    assert wrong.usable and not wrong.certified and "adjoint equations" in wrong.message
+    # Of what is no extremal it is not asked.
+    stray = replace(arcs, certificate=replace(candidate, hamiltonian_spread=1.0))
+    assert answer(task, stray).certificate.adjoint_error is None

@@ -1,11 +1,14 @@
 """What a solution says of itself."""
 
+import json
 from dataclasses import FrozenInstanceError, replace
 
 import numpy as np
 import pytest
 
 import armdyn as ad
+from armdyn.optimal.answer.summary import minimum_time_summary
+from armdyn.optimal.conditions.condition import Kept
 from problems import solved
 
 
@@ -40,3 +43,30 @@ def test_sensitivities_need_arcs():
 def test_it_does_not_change():
     with pytest.raises(FrozenInstanceError):
         solved("r").duration = 0.0
+
+
+def test_a_certified_motion_wants_nothing():
+    solution = solved("rr")
+    assert solution.usable and solution.certified and solution.certificate.extremal
+    assert solution.what_to_do == ()
+    assert solution.lower_bound is None and solution.gap is None and not solution.gap_proven
+
+
+def test_a_condition_that_is_missed_makes_it_useless():
+    missed = Kept("jerk limits", "too jerky", 1.4, ("too jerky",))
+    solution = replace(solved("rr"), kept=(missed,))
+    assert solution.certificate.ok and not solution.usable and not solution.certified and not solution.gap_proven
+    (line,) = solution.what_to_do
+    assert "jerk limits" in line
+
+
+def test_its_summary_says_each_thing_apart():
+    solution = replace(solved("rr"), certificate=solved("rr").certificate.bounded(0.2, solved("rr").duration))
+    summary = minimum_time_summary(solution)
+    assert summary["usable"] is summary["certified"] is summary["extremal"] is summary["gap_proven"] is True
+    assert summary["lower_bound"] == 0.2 and summary["gap"] == solution.duration / 0.2 - 1
+    assert summary["idle"] == [] and summary["what_to_do"] == []
+    assert [one["joint"] for one in summary["decides"]] == [one.joint for one in solution.decides]
+    assert summary["certificate"]["adjoint_error"] == solution.certificate.adjoint_error
+    assert summary["certificate"]["lands"] and summary["certificate"]["keeps_limits"]
+    assert json.loads(json.dumps(summary, allow_nan=False)) == summary

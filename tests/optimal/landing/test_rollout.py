@@ -64,3 +64,13 @@ def test_what_goes_astray_gets_less_when_it_is_late(monkeypatch):
     monkeypatch.setattr(rollout, "_MOST_WHEN_LATE", 500)
     late = rollout.replay_torques(robot, motion, stop=lambda: True)
     assert on_time.t[-1] == motion.t[-1] > late.t[-1]
+
+
+def test_dense_samples_have_the_same_torques():
+    motion = solved("rr").trajectory
+    more = rollout.dense(motion, 500)
+    assert 500 <= more.t.size < 600 and more.t[-1] == motion.t[-1]
+    np.testing.assert_array_equal(more.jumps.sum(), motion.jumps.sum())
+    np.testing.assert_allclose(more(motion.t).tau, motion.tau, atol=1e-12)
+    replay = ad.replay_torques(solved("rr").problem.robot, more)
+    np.testing.assert_allclose(replay.q[-1], motion.q[-1], atol=1e-8)

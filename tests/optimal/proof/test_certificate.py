@@ -1,8 +1,15 @@
 from dataclasses import replace
 
+import numpy as np
+import pytest
+
 import armdyn as ad
-from armdyn.optimal.proof.certificate import certify
-from problems import solved
+from armdyn.errors import ProblemError
+from armdyn.optimal.proof.certificate import Certificate, certify, percent
+from problems import gantry_problem, solve, solved
+
+LANDED = Certificate(1e-9, 1e-9, 0.0)
+"""A motion that is on the goal within its limits, and of which no arcs are known."""
 
 
 def test_certificate_refuses_what_is_not_optimal():
@@ -14,6 +21,7 @@ def test_certificate_refuses_what_is_not_optimal():
     wider = replace(problem, effort_limit=6.0)
     certificate = certify(wider, solution.trajectory, solution.phases)
     assert any("sign" in reason for reason in certificate.reasons)  # its torques could still go further out
+    assert certificate.usable and not certificate.extremal
     tampered = replace(solution.phases, costate=-solution.phases.costate)
     certificate = certify(problem, solution.trajectory, tampered)
     assert not certificate.ok
@@ -28,3 +36,108 @@ def test_certificate_refuses_what_is_not_optimal():
     assert any("misses the goal" in reason for reason in certify(problem, missed, solution.phases).reasons)
     without = certify(problem, solution.trajectory, None, "asked for no arcs")
     assert not without.ok and without.reasons == ("asked for no arcs",)
+
+
+def test_a_costate_beside_the_adjoint_equations_is_no_extremal():
+    """|H| and the signs need not see it: at a switch the costates may turn within what both allow."""
+    solution = solved("rr")
+    certificate = replace(solution.certificate, adjoint_error=2e-4)
+    assert solution.certificate.extremal and not certificate.extremal and not certificate.ok
+    assert certificate.usable
+    assert certificate.reasons == ("the costates stray from the adjoint equations by 0.0002",)
+    assert not replace(solution.certificate, adjoint_error=np.nan).extremal
+    candidate = certify(solution.problem, solution.trajectory, solution.phases, adjoint=False)
+    assert candidate.adjoint_error is None and candidate.extremal  # as far as it was asked
+
+
+@pytest.mark.parametrize(
+    ("changes", "lands", "keeps"),
+    [
+        ({}, True, True),
+        ({"goal_error": 9e-4}, True, True),
+        ({"goal_error": 1.1e-3}, False, True),
+        ({"goal_error": 1.1e-3, "landing": 1e-2}, True, True),
+        ({"goal_error": np.nan}, False, True),
+        ({"limit_violation": 1.1e-6}, True, False),
+        ({"goal_error": np.inf, "limit_violation": np.inf}, False, False),
+    ],
+)
+def test_landing_and_limits_are_said_apart(changes, lands, keeps):
+    certificate = replace(LANDED, **changes)
+    assert (certificate.lands, certificate.keeps_limits) == (lands, keeps)
+    assert certificate.usable == (lands and keeps)
+    assert not certificate.ok and certificate.reasons  # nothing says that it is optimal
+
+
+def test_a_small_gap_certifies_and_a_large_one_is_named():
+    near = LANDED.bounded(1.0, 1.0009)
+    assert near.gap == pytest.approx(9e-4) and near.gap_proven
+    assert near.ok and not near.extremal and near.reasons == ()
+    far = LANDED.bounded(1.0, 1.02)
+    assert far.gap_proven and not far.ok
+    assert far.reasons[-1] == "it is up to 2 % above the lower bound"
+    assert LANDED.bounded(None, 1.0).gap is None and not LANDED.gap_proven
+
+
+def test_a_gap_is_proven_only_of_a_motion_that_ends_on_the_goal_within_its_limits():
+    for changes in ({"goal_error": 1e-5}, {"limit_violation": 1e-5}):
+        certificate = replace(LANDED, **changes).bounded(1.0, 1.0001)
+        assert certificate.gap is not None and not certificate.gap_proven and not certificate.ok
+    assert replace(LANDED, goal_error=1e-5).usable
+
+
+def test_a_motion_below_its_bound_proves_that_one_of_them_is_wrong():
+    certificate = LANDED.bounded(1.0, 0.99)
+    assert not certificate.gap_proven and not certificate.ok
+    assert "one of the two is wrong" in certificate.reasons[-1]
+
+
+def test_an_extremal_needs_no_bound_and_a_bound_no_extremal():
+    solution = solved("rr")
+    bounded = certify(solution.problem, solution.trajectory, solution.phases, lower_bound=0.5 * solution.duration)
+    assert bounded.extremal and bounded.ok and bounded.gap == pytest.approx(1.0)
+    near = certify(solution.problem, solution.trajectory, None, lower_bound=0.9995 * solution.duration)
+    assert near.ok and not near.extremal
+
+
+@pytest.mark.parametrize("wrong", [0.0, -1.0, np.inf, np.nan, "1", True])
+def test_a_bound_is_a_positive_number(wrong):
+    with pytest.raises(ProblemError, match="lower_bound"):
+        LANDED.bounded(wrong, 1.0)
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [
+        pytest.param({}, id="torque decides"),
+        pytest.param({"velocity_limit": 0.5}, id="speed decides", marks=pytest.mark.slow),
+    ],
+)
+def test_a_joint_that_time_does_not_determine_is_idle_and_an_extremal_all_the_same(limits):
+    solution = solve(gantry_problem(**limits))
+    certificate = solution.certificate
+    assert certificate.extremal and certificate.idle == ("y",)
+    # What pays for the idle joint's roughness is 1e-6 of the time that counts.
+    assert np.abs(certificate.costate[:, [1, 3]]).max() < 1e-4 * np.abs(certificate.costate[:, [0, 2]]).max()
+
+
+def test_nobody_is_idle_where_every_torque_is_on_its_limit():
+    assert solved("rr").certificate.idle == ()
+
+
+@pytest.mark.parametrize(
+    ("part", "said"),
+    [
+        (3.701e-4, "0.0371 %"),
+        (0.005, "0.5 %"),
+        (1.02 / 1 - 1, "2 %"),
+        (0.05004, "5.01 %"),
+        (0.0, "0 %"),
+        (1.5, "150 %"),
+        (12.345, "1240 %"),
+        (-0.01, "-1 %"),
+        (np.inf, "inf %"),
+    ],
+)
+def test_per_cent_are_rounded_up(part, said):
+    assert percent(part) == said

@@ -1,11 +1,8 @@
 """Derivatives of the minimum time from the multipliers, against differences of solved minimum times."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from armdyn.optimal.proof.sensitivity import Sensitivities
 from problems import paper_problem, solve, solved
 
 STEP = 1e-4
@@ -52,16 +49,6 @@ def test_two_links_by_differences():
             return solve(paper_problem("rr", effort_limit=limits)).duration
 
         assert by.effort()[i] == pytest.approx(slope(duration, 3.0), rel=1e-3)
-
-
-def test_the_limit_that_saves_most_by_one_per_cent():
-    problem = paper_problem("rr", effort_limit=[3.0, 1.0], velocity_limit=[10.0, 20.0])
-    by = Sensitivities(1.0, np.array([-0.01, -0.02]), np.array([0.01, 0.02]), np.array([0.0, -0.001]))
-    assert np.array_equal(by.effort(), [-0.02, -0.04])
-    # 0.06 s and 0.04 s by the torques, 0.02 s by the second velocity.
-    assert by.limited_most_by(problem) == ("the torque of joint1", pytest.approx(6e-4))
-    faster = replace(by, velocity=np.array([0.0, -0.01]))
-    assert faster.limited_most_by(problem) == ("the velocity of joint2", pytest.approx(2e-3))
 
 
 @pytest.mark.parametrize("arm", ["r", "rr"])

@@ -2,10 +2,11 @@ import numpy as np
 
 import armdyn as ad
 from armdyn.optimal.landing.limits import overspeed
+from armdyn.optimal.landing.rollout import dense
 from armdyn.optimal.proof.certificate import certify
 from armdyn.optimal.refine.bang import _optimum, _Reached
 from armdyn.optimal.refine.optimum import Optimum
-from armdyn.optimal.refine.slowing import dense, slower, within_velocity_limits
+from armdyn.optimal.refine.slowing import slower, within_velocity_limits
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.direct import solve_on_mesh
@@ -26,16 +27,6 @@ def test_slowed_down_within_velocity_limits_only_where_it_lands():
     assert 1 < slowed.duration / motion.duration < 1.01
     strict = task.with_options(replay_tolerance=0.1 * certificate.goal_error)
     assert within_velocity_limits(strict, motion, "") is None
-
-
-def test_dense_samples_have_the_same_torques():
-    motion = solved("rr").trajectory
-    more = dense(motion, 500)
-    assert 500 <= more.t.size < 600 and more.t[-1] == motion.t[-1]
-    np.testing.assert_array_equal(more.jumps.sum(), motion.jumps.sum())
-    np.testing.assert_allclose(more(motion.t).tau, motion.tau, atol=1e-12)
-    replay = ad.replay_torques(solved("rr").problem.robot, more)
-    np.testing.assert_allclose(replay.q[-1], motion.q[-1], atol=1e-8)
 
 
 def test_arcs_that_exceed_a_velocity_limit_are_slowed_down():

@@ -29,7 +29,7 @@ def problem(kind):
 
 
 TABLE = {
-    # kind: starts, condensed, flat, linear, again, by curves, their starts, neighbour_starts
+    # kind: starts, condensed, flat, linear, again, curves alone, their starts, neighbour_starts
     "r": (1, True, None, False, False, False, 1, 1),
     "rr": (16, True, None, False, True, False, 1, 8),
     "rrr": (40, True, None, False, True, False, 1, 12),
@@ -47,7 +47,7 @@ def test_what_depends_on_the_kind_of_problem(kind):
     program, search, curves = policy.program, policy.search, policy.curves
     found = (
         search.starts, program.condensed, program.flat, program.linear, search.again,
-        curves.used, curves.starts, search.neighbour_starts,
+        curves.alone, curves.starts, search.neighbour_starts,
     )  # fmt: skip
     assert found == TABLE[kind]
 

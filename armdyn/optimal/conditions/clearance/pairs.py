@@ -10,9 +10,9 @@ from armdyn.exclusive import built_once
 from armdyn.models.scene.obstacles import Capsule, Obstacle
 from armdyn.optimal.conditions.clearance.distance import SIZES, Solid, from_segment, least_over_segment, solid
 from armdyn.optimal.conditions.rows import RowFunctions, Where
-from armdyn.optimal.program.compiled import compiled
-from armdyn.optimal.program.deadline import ask
 from armdyn.optimal.program.interval import Place, nonzeros_of
+from armdyn.optimal.program.machine.compiled import compiled
+from armdyn.optimal.program.machine.deadline import ask
 
 Kinds = tuple[type[Obstacle], ...]
 

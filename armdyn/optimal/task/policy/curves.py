@@ -11,13 +11,15 @@ TRAINED = "Panda and UR5, ten random pairs each (seed 1)"
 class CurvePolicy:
     """How a curve is laid out, solved, kept within its limits and followed."""
 
-    used: bool = by_kind(
-        "-", "beyond three joints: there most torques are idle at times, and a mesh leaves them open", TRAINED
-    )
+    alone: bool = by_kind("-", "beyond three joints idle ones leave arcs undetermined: curves alone", TRAINED)
+    cruises: bool = by_kind("-", "velocity limits shape the motion: a joint reaches its limit on its way", TRAINED)
     intervals: int = tuned(56, "intervals", "of a leg; 40 are 0.004 % slower, 100 as much faster", TRAINED)
     coarse: int = tuned(16, "intervals", "of a leg, where goals are compared: right to 1 %", "UR5: eight branches")
     shortest: float = by_kind("of a leg", "first and last interval: ramps to a velocity limit are this short", TRAINED)
     starts: int = by_kind("guesses", "one where velocity limits shape the motion: from eight comes the same", TRAINED)
+    more_starts: int = tuned(6, "guesses", "where the first has come to nothing", "bravo7")
+    slack: float = tuned(1.2, "of the time at the velocity limits", "duration of a guess that cruises", TRAINED)
+    patience: int = tuned(200, "iterations", "of IPOPT; those that converge take 20 to 100", TRAINED)
     barrier: float = tuned(0.1, "scaled", "IPOPT's mu_init from a straight guess", TRAINED)
     warm_barrier: float = tuned(1e-6, "scaled", "the same, where little has changed", TRAINED)
     tolerance: float = tuned(1e-7, "scaled", "of IPOPT", TRAINED)

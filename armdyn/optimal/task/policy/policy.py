@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Self
 
+from armdyn.optimal.problem.nature import speed_shapes
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.curves import CurvePolicy
@@ -50,6 +51,7 @@ class Policy:
     @classmethod
     def of(cls, problem: MinimumTimeProblem) -> Self:
         """The policy for a problem, by its joints, its limits and its conditions along the way."""
+        speedy = speed_shapes(problem)
         joints, asked = problem.robot.nv, bool(problem.along_the_way)
         crowded = bool(problem.obstacles) or problem.self_collision
         return cls(
@@ -68,9 +70,10 @@ class Policy:
             smooth=SmoothPolicy(starts=_by_joints(joints, 2, 16, 24), refined=10 if joints == 2 else 6),
             indirect=IndirectPolicy(starts=_by_joints(joints, 1, 6, 16)),
             curves=CurvePolicy(
-                used=joints > 3,
-                shortest=3e-4 if problem.speed_limited else 1.0,
-                starts=6 if crowded else 1 if problem.speed_limited else 4,
+                alone=joints > 3 or problem.relative_effort_weight > 0,
+                cruises=speedy,
+                shortest=3e-4 if speedy else 1.0,
+                starts=6 if crowded else 1 if speedy else 4,
             ),
         )
 

@@ -52,7 +52,7 @@ def run_case(case: Case, progress: Callable[[str], None] | None = None, workers:
 def _open_loop(case: Case, solution: Solution) -> Outcome:
     certificate, motion = solution.certificate, replace(solution.trajectory, name=case.kind.replace("_", " "))
     facts: dict[str, Fact] = {
-        "certified": certificate.ok,
+        "certified": solution.certified,
         "why_not_certified": "; ".join(certificate.reasons),
         "goal_error": _finite(certificate.goal_error),
         "goal_velocity_error": _finite(certificate.goal_velocity_error),

@@ -24,8 +24,9 @@ import casadi as ca
 
 from armdyn.errors import ArmdynWarning
 from armdyn.files import read_sealed, write_sealed
-from armdyn.optimal.program.cache import cache_directory, private_folder, protected
-from armdyn.optimal.program.deadline import NoTimeError, left
+from armdyn.optimal.program.machine.background import build_later
+from armdyn.optimal.program.machine.cache import cache_directory, private_folder, protected
+from armdyn.optimal.program.machine.deadline import NoTimeError, left
 
 _FLAGS = ("-O1", "-fPIC", "-shared", "-ffp-contract=off")
 """Level 1 has nearly all of the speed at half of level 2's build time; no contraction: the same numbers everywhere."""
@@ -45,13 +46,14 @@ _EACH = 2e-4
 """About how long the compiler takes for an instruction, with other work beside it [s]."""
 
 
-def compiled(functions: Sequence[ca.Function], asked: bool | None = None) -> list[ca.Function]:
+def compiled(functions: Sequence[ca.Function], asked: bool | None = None, later: bool = False) -> list[ca.Function]:
     """The same functions in machine code; they evaluate, and cannot be differentiated.
 
     Args:
         functions: without free variables, with different names.
         asked: False: as they are. True: compile them, however long it takes. None: use what is on disk, and
             compile small ones. What is on disk but damaged is compiled again.
+        later: with None: compile small ones, too, in the background.
 
     Returns:
         As they are, too, where there is no C compiler, or it fails, or there is no place to build.
@@ -68,21 +70,22 @@ def compiled(functions: Sequence[ca.Function], asked: bool | None = None) -> lis
     if asked is False or compiler is None:
         return functions
     recipe = _Recipe.of(functions, compiler)
-    build = bool(asked) or recipe.instructions <= _WORTH_IT
+    build = bool(asked) or (recipe.instructions <= _WORTH_IT and not later)
+    later = later and not asked
     kept = cache_directory()
     try:
         try:
-            return _machine_code(functions, recipe, protected(kept), build)
+            return _machine_code(functions, recipe, protected(kept), build, later)
         except OSError as error:
             _warn_once(f"the cache of machine code, {kept}, is not used (ARMDYN_CACHE may name another)", error)
         with private_folder() as folder:  # not kept: a process needs each library once
             return _machine_code(functions, recipe, folder, build)
-    except (OSError, _CompilerError) as error:
+    except (OSError, CompilerError) as error:
         _warn_once("solving without machine code, which takes several times as long", error)
         return functions
 
 
-class _CompilerError(Exception):
+class CompilerError(Exception):
     """There is no library, and no other folder would help."""
 
 
@@ -113,12 +116,14 @@ class _Recipe:
         return cls(source, compiler, name, sum(function.n_instructions() for function in functions))
 
 
-def _machine_code(functions: list[ca.Function], recipe: _Recipe, folder: Path, build: bool) -> list[ca.Function]:
+def _machine_code(
+    functions: list[ca.Function], recipe: _Recipe, folder: Path, build: bool, later: bool = False
+) -> list[ca.Function]:
     """The functions from a folder's library, which is built where it is damaged, or missing and wanted.
 
     Raises:
         OSError: the folder will not do: it is full, say, or nothing in it can be loaded.
-        _CompilerError: there is no library to be had.
+        CompilerError: there is no library to be had.
     """
     library = folder / recipe.library
     there = os.path.lexists(library)
@@ -126,9 +131,15 @@ def _machine_code(functions: list[ca.Function], recipe: _Recipe, folder: Path, b
     if data is not None:
         with suppress(RuntimeError):  # whole, but not for this system: a home that several share
             return _loaded(functions, data, folder)
+    if later:
+        library.unlink(missing_ok=True)
+        build_later(library, recipe.compiler, recipe.source)
+        return functions
     if not (there or build):
         return functions
-    data = _built(recipe, folder)
+    if recipe.instructions * _EACH > left() / 2:  # half of the time is for the solve
+        raise NoTimeError
+    data = built(recipe.source, recipe.compiler, folder)
     try:
         fast = _loaded(functions, data, folder)
     except RuntimeError as error:
@@ -150,16 +161,20 @@ def _loaded(functions: Sequence[ca.Function], data: bytes, folder: Path) -> list
         Path(copy).unlink()  # it lives on as long as a function does
 
 
-def _built(recipe: _Recipe, folder: Path) -> bytes:
-    """A library, compiled in a scratch folder of this one."""
-    if recipe.instructions * _EACH > left() / 2:  # half of the time is for the solve
-        raise NoTimeError
-    if recipe.compiler in _hung:
-        raise _CompilerError(_too_long(recipe.compiler))
+def built(source: str, compiler: str, folder: Path) -> bytes:
+    """A library of C, compiled in a scratch folder of this one.
+
+    Raises:
+        OSError: there is no room, say.
+        CompilerError: the compiler fails, or takes too long.
+        NoTimeError: it takes longer than `deadline.until` allows.
+    """
+    if compiler in _hung:
+        raise CompilerError(_too_long(compiler))
     with tempfile.TemporaryDirectory(prefix=".", dir=folder) as scratch:
         text, built, said = (Path(scratch, f"armdyn.{kind}") for kind in ("c", "so", "log"))
-        text.write_text(recipe.source)
-        command = [recipe.compiler, *_FLAGS, "-o", str(built), str(text), "-lm"]
+        text.write_text(source)
+        command = [compiler, *_FLAGS, "-o", str(built), str(text), "-lm"]
         with said.open("wb") as log:  # no pipe: who hangs may have children, which would hold it
             try:
                 # Our own text, no shell; the compiler is the one on the user's path.
@@ -174,11 +189,11 @@ def _built(recipe: _Recipe, folder: Path) -> bytes:
             except subprocess.TimeoutExpired as error:
                 if left() <= 0:
                     raise NoTimeError from error
-                _hung.add(recipe.compiler)
-                raise _CompilerError(_too_long(recipe.compiler)) from error
+                _hung.add(compiler)
+                raise CompilerError(_too_long(compiler)) from error
         if ended.returncode or not built.is_file():
             words = said.read_bytes()[:500].decode(errors="replace").replace(scratch, "").split("\n")[0]
-            raise _CompilerError(f"the C compiler, {recipe.compiler}, failed (exit {ended.returncode}) {words}".strip())
+            raise CompilerError(f"the C compiler, {compiler}, failed (exit {ended.returncode}) {words}".strip())
         return built.read_bytes()
 
 

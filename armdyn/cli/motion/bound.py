@@ -1,0 +1,65 @@
+"""The command that says how fast no motion can be."""
+
+from __future__ import annotations
+
+import armdyn as ad
+from armdyn.cli.console import answering, console, facts_table, working
+from armdyn.cli.options.course import CourseOptions
+from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words
+from armdyn.cli.options.poses import GoalOptions
+from armdyn.cli.options.results import Json
+from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+
+
+def bound(
+    goal: GoalOptions,
+    payload: PayloadOptions,
+    robot: RobotOptions,
+    joints: FastJointOptions,
+    course: CourseOptions,
+    json: Json = False,
+) -> None:
+    """A duration that no motion between two poses beats, proven.
+
+    Velocity limits alone give one; torque limits add what speeding up and slowing down cost at least. All is
+    computed in intervals, rounded outward, in less than a second; no motion is searched for. Without velocity
+    limits there is no such bound, which is no error: the exit code is 0.
+
+    [dim]armdyn bound panda --q-start 0,-0.785,0,-2.356,0,1.571,0.785 --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5
+    armdyn bound r --velocity-limit 5 --payload 0.1006[/]
+    """
+    with answering(json) as answer:
+        arm = joints.fit(robot.read(payload.carried()))
+        problem = ad.MinimumTimeProblem(arm, **goal.asked(arm, robot.robot), **course.asked())
+        with working(f"lower bound of {arm.name}", json):
+            found = _least(problem)
+        answer.facts |= {"robot": arm.name, **friction_facts(arm), **_facts(found)}
+        if not json:
+            console.print(facts_table(f"{arm.name}: lower bound", friction_words(arm) | _words(found)))
+
+
+def _least(problem: ad.MinimumTimeProblem) -> ad.LowerBound | None:
+    """The bound of the goal that may be reached soonest; None if one has none."""
+    each = [ad.lower_bound(problem.variant(q_goal=q, goal_pose=None, wrap=False)) for q in problem.goals]
+    bounds = [found for found in each if found is not None]
+    return min(bounds, key=lambda found: found.duration) if len(bounds) == len(each) else None
+
+
+def _facts(found: ad.LowerBound | None) -> dict[str, object]:
+    """For machines."""
+    if found is None:
+        return {"bound": None, "joint": None, "kinematic": None, "ramps": None}
+    return {"bound": found.duration, "joint": found.joint, "kinematic": found.kinematic, "ramps": found.ramps}
+
+
+def _words(found: ad.LowerBound | None) -> dict[str, str]:
+    """For people."""
+    if found is None:
+        return {"bound": "none: no joint that moves has a velocity limit; --velocity-limit gives it one"}
+    words = {
+        "no motion is faster than": f"{found.duration:.9f} s (proven)",
+        "decided by": f"the speed limit of {found.joint}",
+        "velocity limits alone": f"{found.kinematic:.9f} s",
+    }
+    share = f"{100 * found.ramps / found.kinematic:.3g} %"
+    return words | {"speeding up and slowing down cost": f"{1e3 * found.ramps:.4g} ms at least, {share}"}

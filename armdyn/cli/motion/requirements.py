@@ -1,0 +1,95 @@
+"""`--require`: what a motion is to be besides usable."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from armdyn.cli.options.text import number
+from armdyn.errors import ProblemError
+
+if TYPE_CHECKING:
+    from armdyn.optimal import Solution
+
+Require = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--require",
+        metavar="certified|extremal|gap:X",
+        help="What the motion is to be besides usable, else exit code 4: certified, extremal, or proven to be at most "
+        "X above the least time, such as gap:0.5% or gap:0.005. May be given again.",
+    ),
+]
+
+_PLAIN: tuple[Literal["certified", "extremal"], ...] = ("certified", "extremal")
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """One of them.
+
+    Attributes:
+        text: as it was given.
+        kind: which.
+        most: the largest gap, as a part of the lower bound; of the others not looked at.
+    """
+
+    text: str
+    kind: Literal["certified", "extremal", "gap"]
+    most: float = 0.0
+
+    def met_by(self, solution: Solution) -> bool:
+        """Whether a solution is so."""
+        if self.kind == "gap":
+            return solution.gap_proven and solution.gap is not None and solution.gap <= self.most
+        return solution.certified if self.kind == "certified" else solution.certificate.extremal
+
+
+def requirements_of(texts: Sequence[str]) -> tuple[Requirement, ...]:
+    """Requirements as --require says them.
+
+    Raises:
+        ProblemError: a text is none.
+    """
+    return tuple(_requirement(text.strip()) for text in texts)
+
+
+def missing_of(required: Sequence[Requirement], solution: Solution) -> list[str]:
+    """Which of the requirements a solution does not meet, and what may help; of a motion that is not usable, all."""
+    return [
+        f"{one.text} is missing: {_why(one, solution)}"
+        for one in required
+        if not (solution.usable and one.met_by(solution))
+    ]
+
+
+def _why(one: Requirement, solution: Solution) -> str:
+    """Why a requirement is not met, or what may help."""
+    from armdyn.optimal.answer.advice import advice
+    from armdyn.optimal.proof.certificate import percent
+
+    if not solution.usable:
+        return "the motion is not usable"
+    if one.kind == "certified":
+        return "; ".join(solution.certificate.reasons)
+    if one.kind == "gap" and solution.gap_proven and solution.gap is not None:
+        return f"the gap is {percent(solution.gap)}"
+    return advice(solution.problem, solution.certificate, solution.kept, solution.phases is not None)[one.kind]
+
+
+def _requirement(text: str) -> Requirement:
+    """One requirement."""
+    for plain in _PLAIN:
+        if text == plain:
+            return Requirement(text, plain)
+    kind, colon, rest = text.partition(":")
+    if kind.strip() != "gap" or not colon:
+        raise ProblemError(f"--require {text!r}: write certified, extremal or gap:X, such as gap:0.5%")
+    share = rest.strip().endswith("%")
+    most = number(rest.strip().removesuffix("%"), f"--require {text}") / (100 if share else 1)
+    if not 0 <= most <= 1:
+        raise ProblemError(f"--require {text!r}: the gap is from 0 to 100 %, written gap:0.5% or gap:0.005")
+    return Requirement(text, "gap", most)

@@ -1,0 +1,92 @@
+"""What may help where an answer lacks something: one line for each thing.
+
+Names in backticks are arguments of `MinimumTimeProblem` and `MinimumTimeOptions`, and options of the command line.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from armdyn.optimal.conditions.condition import Kept
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.proof.certificate import GAP_TOLERANCE, ON_CURVE, Certificate, percent
+
+_LITTLE = 0.1
+"""A gap above that is one of a bound that torque limits make weak: the velocity limits decide next to nothing."""
+
+
+def advice(problem: MinimumTimeProblem, certificate: Certificate, kept: Sequence[Kept], arcs: bool) -> dict[str, str]:
+    """What may help, by what is missing: "lands", "limits", "conditions", "extremal", "gap".
+
+    A motion that is not usable is to become so first: nothing is said of its optimality.
+
+    Args:
+        problem: what was asked.
+        certificate: of the answer.
+        kept: how it keeps the conditions along the way.
+        arcs: its arcs were resolved.
+    """
+    if not np.isfinite(certificate.goal_error):
+        return {"lands": "no motion was found: raise `starts`, `time_limit` or `max_intervals`, or widen the limits"}
+    lines = {}
+    if not certificate.lands:
+        lines["lands"] = (
+            "it does not land: raise `max_intervals`; light links at strong motors may want their rotors' inertia, "
+            "`armature`"
+        )
+    if not certificate.keeps_limits:
+        lines["limits"] = _for_limits(certificate)
+    if missed := [each.name for each in kept if each.reasons]:
+        lines["conditions"] = (
+            f"it does not keep {', '.join(missed)}: raise `max_intervals`, or ask for a little more than is needed"
+        )
+    if lines:
+        return lines
+    if not certificate.extremal:
+        lines["extremal"] = _for_extremal(problem, certificate, arcs)
+    if not certificate.gap_proven or certificate.gap is None or certificate.gap > GAP_TOLERANCE:
+        lines["gap"] = _for_gap(problem, certificate)
+    return lines
+
+
+def _for_limits(certificate: Certificate) -> str:
+    worst = certificate.exceeded
+    if worst is None:
+        return "it exceeds a limit: raise `max_intervals`, or give limits a little below the arm's"
+    beyond = f"it exceeds the {worst.constraint} of {worst.joint} by {percent(worst.value)} of it"
+    return f"{beyond}: raise `max_intervals`, or give that limit so much lower"
+
+
+def _for_extremal(problem: MinimumTimeProblem, certificate: Certificate, arcs: bool) -> str:
+    if not arcs and certificate.remark == ON_CURVE:
+        known = certificate.gap is not None
+        rest = "the gap says how far it may be from the least time" if known else "more `starts` may find a faster one"
+        return f"not extremal: {ON_CURVE}; {rest}"
+    if not arcs and problem.along_the_way:
+        asked = ", ".join(problem.along_the_way)
+        return f"not extremal: Pontryagin's conditions are not checked with {asked}; a small gap would say as much"
+    if not certificate.on_goal:
+        return "not extremal: it ends more than 1e-6 beside the goal: raise `max_intervals`, or give `armature`"
+    if not arcs:
+        return (
+            "not extremal: its arcs were not resolved: raise `max_intervals` or `starts`; a small gap would say as much"
+        )
+    return "not extremal: its arcs are not quite those of an optimum: raise `max_intervals` or `starts`"
+
+
+def _for_gap(problem: MinimumTimeProblem, certificate: Certificate) -> str:
+    if problem.pays_effort:
+        return "no gap: with `effort_weight` not time alone is least; leave it out for the fastest motion"
+    if certificate.gap is None and np.all(np.isinf(problem.limits.velocity)):
+        return "no gap: without velocity limits no lower bound is known: give `velocity_limit`"
+    if certificate.gap is None:
+        return "no gap: no lower bound is known; a `velocity_limit` that the motion comes near would give one"
+    if not certificate.gap_proven and certificate.on_goal:
+        return "the motion is faster than the lower bound: one of the two is wrong, and a bug in armdyn"
+    if not certificate.gap_proven:
+        return "the gap is not proven: the motion ends more than 1e-6 beside the goal: raise `max_intervals`"
+    if certificate.gap > _LITTLE:
+        return "a large gap: the bound is one of velocity limits, and says little where torque limits decide"
+    if certificate.remark == ON_CURVE:
+        return f"a gap of {percent(certificate.gap)}: much of it may be the bound's; `starts` look for faster motions"
+    return f"a gap of {percent(certificate.gap)}: raise `starts` or `max_intervals`; there may be a faster motion"

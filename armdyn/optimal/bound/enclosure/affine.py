@@ -1,0 +1,108 @@
+"""Arrays of affine forms: what is computed of a box's points, to first order, and a bound of all that is left.
+
+A form is c + Σ g_k ε_k ± r with every |ε_k| ≤ 1, ε_k the same in all forms: what is left is of second order in the
+box's size, where intervals are too wide to first order, for their operands forget that they hang together (L. de
+Figueiredo and J. Stolfi, Affine arithmetic: concepts and applications, Numerical Algorithms 37, 2004). Errors of
+rounding are part of r.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.bound.enclosure.interval import Interval, rounding
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Affine:
+    """Affine forms, one per place, over several boxes at once.
+
+    Attributes:
+        centre: c, shape (places, boxes).
+        slopes: g, shape (places, nv, boxes).
+        rest: r, not negative, shape (places, boxes).
+    """
+
+    centre: Array
+    slopes: Array
+    rest: Array
+
+    @classmethod
+    def over(cls, boxes: Interval) -> Affine:
+        """The coordinates of boxes, shape (nv, boxes): ε_k is how far the k-th is from the middle."""
+        slopes = np.eye(len(boxes.lower))[:, :, None] * boxes.radius
+        return cls(boxes.centre, slopes, np.zeros_like(boxes.lower))
+
+    @property
+    def parts(self) -> tuple[Array, ...]:
+        """The arrays that it is made of."""
+        return self.centre, self.slopes, self.rest
+
+    @staticmethod
+    def number(value: float) -> tuple[float, ...]:
+        """A float's parts."""
+        return value, 0.0, 0.0
+
+    @property
+    def interval(self) -> Interval:
+        """Everything that they may be."""
+        far = self._far
+        beside = far + rounding(2, far + np.abs(self.centre))
+        return Interval(self.centre - beside, self.centre + beside)
+
+    def __neg__(self) -> Affine:
+        return Affine(-self.centre, -self.slopes, self.rest)
+
+    def __add__(self, other: Affine) -> Affine:
+        return self._rounded(self.centre + other.centre, self.slopes + other.slopes, self.rest + other.rest)
+
+    def __sub__(self, other: Affine) -> Affine:
+        return self._rounded(self.centre - other.centre, self.slopes - other.slopes, self.rest + other.rest)
+
+    def __mul__(self, other: Affine) -> Affine:
+        a, b = self.centre, other.centre
+        slopes = a[:, None] * other.slopes + b[:, None] * self.slopes
+        squares = self.slopes * other.slopes  # of ε_k², which is ½ ± ½
+        middle, half = np.sum(squares, axis=1) / 2, np.sum(np.abs(squares), axis=1) / 2
+        far, own = self._far, other._far
+        size_a, size_b = np.abs(a), np.abs(b)
+        rest = size_a * other.rest + size_b * self.rest + (far * own - half)
+        beside = rounding(2 * self.slopes.shape[1] + 8, (size_a + far) * (size_b + own))
+        return Affine(a * b + middle, slopes, rest + beside)
+
+    def square(self) -> Affine:
+        """x²."""
+        return self * self
+
+    def sin(self) -> Affine:
+        """Sines."""
+        return self._wave(np.sin(self.centre), np.cos(self.centre))
+
+    def cos(self) -> Affine:
+        """Cosines."""
+        return self._wave(np.cos(self.centre), -np.sin(self.centre))
+
+    @property
+    def _far(self) -> Array:
+        """How far from the centre, at most, but for rounding."""
+        return np.asarray(np.sum(np.abs(self.slopes), axis=1) + self.rest)
+
+    def _wave(self, value: Array, slope: Array) -> Affine:
+        """A function that is minus its own second derivative, by Taylor: f + f′ d − f d²/2 and |d|³/6 at most."""
+        far = self._far
+        bent = value * far**2 / 4  # of d², which is ½ ± ½ of its most
+        rest = np.abs(slope) * self.rest + np.abs(bent) + far**3 / 6
+        beside = rest + rounding(32, 1 + far + far**2 + far**3)
+        near = beside < 1  # elsewhere ±1 is all that is known
+        slopes = np.where(near[:, None], slope[:, None] * self.slopes, 0.0)
+        return Affine(np.where(near, value - bent, 0.0), slopes, np.where(near, beside, 1.0))
+
+    def _rounded(self, centre: Array, slopes: Array, rest: Array) -> Affine:
+        """With the errors of one rounding of each part."""
+        size = np.abs(centre) + np.sum(np.abs(slopes), axis=1) + rest
+        return Affine(centre, slopes, rest + rounding(slopes.shape[1] + 2, size))

@@ -1,0 +1,99 @@
+"""One leg of a motion: from one pose to the next, within limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.dynamics.symbolic import Dynamics
+from armdyn.models.values.friction import JointFriction
+from armdyn.models.values.limits import JointLimits
+from armdyn.optimal.bound.enclosure.interval import Interval, down
+from armdyn.optimal.bound.terms import terms_over
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """From one pose to the next.
+
+    Attributes:
+        dynamics: of the arm.
+        q_start: [rad or m], shape (nv,).
+        q_goal: likewise.
+        v_start: [rad/s or m/s], shape (nv,); None: any within the limits, as at a via point.
+        v_goal: likewise.
+        velocity: limits, no less than the velocities at the ends, shape (nv,).
+        acceleration: limits [rad/s² or m/s²], infinite where there is none, shape (nv,).
+        position: limits that hold all poses, each end of shape (nv,).
+        torque: the limits of it.
+    """
+
+    dynamics: Dynamics
+    q_start: Array
+    q_goal: Array
+    v_start: Array | None
+    v_goal: Array | None
+    velocity: Array
+    acceleration: Array
+    position: Interval
+    torque: JointLimits
+
+    @property
+    def friction(self) -> JointFriction:
+        """In the joints."""
+        return self.dynamics.robot.friction
+
+    @cached_property
+    def inertia(self) -> Interval:
+        """M at the start and at the goal [kg m²], shape (2, nv, nv)."""
+        return terms_over(self.dynamics, Interval.at(np.array([self.q_start, self.q_goal]))).inertia
+
+    @property
+    def away(self) -> Interval:
+        """From start to goal [rad or m], shape (nv,)."""
+        return Interval.at(self.q_goal) - Interval.at(self.q_start)
+
+    @property
+    def kinematic(self) -> Array:
+        """What every joint needs at its greatest speed [s], rounded down, shape (nv,); 0 without a limit."""
+        return np.maximum(down(self.away.mignitude / self.velocity), 0.0)
+
+    @property
+    def shortest(self) -> float:
+        """What the velocity limits allow [s]."""
+        return float(np.max(self.kinematic))
+
+
+def legs_of(problem: MinimumTimeProblem) -> tuple[Leg, ...]:
+    """The legs of a problem, in order.
+
+    Poses and velocities may be typed a little beyond the limits; these are widened to hold them.
+    """
+    nv, poses, limits = problem.robot.nv, problem.poses, problem.limits
+    v_start, v_goal = problem.x_start[nv:], problem.x_goal[nv:]
+    none = np.full(nv, np.inf)
+    asked = problem.acceleration_limit
+    lower, upper = limits.position_lower, limits.position_upper
+    position = Interval(np.minimum(lower, poses.min(axis=0)), np.maximum(upper, poses.max(axis=0)))
+    dynamics = Dynamics(problem.robot)
+    last = len(poses) - 2
+    return tuple(
+        Leg(
+            dynamics=dynamics,
+            q_start=poses[i],
+            q_goal=poses[i + 1],
+            v_start=v_start if i == 0 else None,
+            v_goal=v_goal if i == last else None,
+            velocity=np.max([limits.velocity, np.abs(v_start), np.abs(v_goal)], axis=0),
+            acceleration=none if asked is None else np.asarray(asked),
+            position=position,
+            torque=limits,
+        )
+        for i in range(last + 1)
+    )

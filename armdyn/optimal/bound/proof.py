@@ -1,0 +1,66 @@
+"""A lower bound of a leg's duration, proven by multipliers.
+
+Of every motion of duration T within the cells' boxes, and for any multipliers λ and w(t),
+
+    λᵀ Δq = w(0)ᵀ p(0) − w(T)ᵀ p(T) + ∫ (λ + M ẇ)ᵀ v + wᵀ (τ + e) dt,
+
+for the integral of d/dt (wᵀ p) is between. With w linear within each cell the integrand's supremum over a cell's
+boxes is convex in w, so that its mean at both ends of the cell is no less than its mean over it. In the middle cell
+w is constant and the integrand at most some ρ. A motion of duration h + c, h that of all other cells, can make the
+way only if λᵀ Δq ≤ S + ρ c; hence c is bounded from below.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.bound.cells import Cells
+from armdyn.optimal.bound.enclosure.interval import Interval, down
+from armdyn.optimal.bound.forces import Forces
+from armdyn.optimal.bound.leg import Leg
+from armdyn.optimal.bound.reach import End
+from armdyn.optimal.bound.relaxation import Multipliers
+
+Array = NDArray[np.float64]
+
+
+def proven(leg: Leg, cells: Cells, forces: Forces, by: Multipliers) -> float:
+    """No motion of the leg that takes as long as the cells, or longer, is faster than this [s]; 0 says nothing."""
+    k, outer = cells.middle, cells.outer
+    lengths, way, w = Interval.at(cells.lengths), Interval.at(by.way), by.momentum
+    steps = _differences(w) / lengths[:, None]
+    ways = way + _differences(by.speed) / lengths[:, None]
+    both = np.stack([w[:-1], w[1:]], axis=2)
+    rates = forces[outer].rate(both, ways[:, :, None], steps[:, :, None])
+    accelerated = (Interval.at(np.abs(by.speed)) * Interval.at(_finite(leg.acceleration))).sum(1)
+    mean = (rates[:, 0] + rates[:, 1] + accelerated[:-1] + accelerated[1:]) * Interval.at(0.5)
+    made = (lengths * mean).sum(0) + _at_ends(leg, by)
+    middle = forces[k : k + 1].rate(w[k][:, None], way[:, None])[0, 0] + accelerated[k]
+    left = (way * leg.away).sum(0).lower - made.upper
+    if left <= 0:
+        return 0.0
+    if middle.upper <= 0:
+        return cells.longest
+    return float((lengths.sum(0) + Interval.at(down(left)) / Interval.at(middle.upper)).lower)
+
+
+def _at_ends(leg: Leg, by: Multipliers) -> Interval:
+    """w(0)ᵀ p(0) − w(T)ᵀ p(T), and likewise for the speeds that accelerations change."""
+    total = Interval.at(0.0)
+    for outward, node in ((1, 0), (-1, -1)):
+        end = End.at(leg, outward)
+        if end is not None:
+            share = (end.momentum * Interval.at(by.momentum[node])).sum(0)
+            share = share + (Interval.at(end.v) * Interval.at(by.speed[node])).sum(0)
+            total = total + (share if outward > 0 else -share)
+    return total
+
+
+def _differences(nodes: Array) -> Interval:
+    return Interval.at(nodes[1:]) - Interval.at(nodes[:-1])
+
+
+def _finite(limits: Array) -> Array:
+    """Limits, 0 where there is none: its multiplier is 0, too."""
+    return np.where(np.isfinite(limits), limits, 0.0)

@@ -1,0 +1,103 @@
+"""What velocities momentum allows near the ends of a motion, from one cell to the next.
+
+For any multipliers w, constant in time, wᵀM(q) v = wᵀp, and wᵀp has changed since the start by no more than its rate
+allows. The velocity of joint b is therefore, with e_b its unit vector,
+
+    v_b(t) = wᵀp(t) + (e_b − M(q) w)ᵀ v(t),
+
+and every w bounds it. Those that are tried solve M_FF w_F = e_b for sets F of joints that are free while all others
+may be at their greatest speed: the slowest one alone, the two slowest, and so on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.bound.cells import Cells
+from armdyn.optimal.bound.enclosure.interval import Interval, up
+from armdyn.optimal.bound.forces import Forces
+from armdyn.optimal.bound.leg import Leg
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class End:
+    """One end of a leg, seen from there.
+
+    Attributes:
+        inertia: M there [kg m²], shape (nv, nv).
+        v: velocity there [rad/s or m/s], shape (nv,).
+        outward: 1 where time runs on from there, -1 where it runs back.
+    """
+
+    inertia: Interval
+    v: Array
+    outward: int
+
+    @classmethod
+    def at(cls, leg: Leg, outward: int) -> End | None:
+        """A leg's start (outward 1) or goal (-1); None where any velocity is allowed."""
+        v = leg.v_start if outward > 0 else leg.v_goal
+        return None if v is None else cls(leg.inertia[0 if outward > 0 else 1], v, outward)
+
+    @property
+    def momentum(self) -> Interval:
+        """Momentum M v [N m s], shape (nv,)."""
+        return self.inertia.times(self.v[:, None])[:, 0]
+
+
+def reached(leg: Leg, cells: Cells, forces: Forces) -> Interval:
+    """Bounds of the velocities in every cell, shape (2 k + 1, nv)."""
+    k = cells.middle
+    lower, upper = cells.v.lower.copy(), cells.v.upper.copy()
+    times = np.append(cells.side, cells.between)
+    for outward, own in ((1, np.arange(k + 1)), (-1, np.arange(2 * k, k - 1, -1))):
+        end = End.at(leg, outward)
+        if end is not None:
+            found = _from_end(leg, end, times, forces[own]).meet(_accelerated(leg, end, times))
+            met = found.meet(Interval(lower[own], upper[own]))
+            lower[own], upper[own] = met.lower, met.upper
+    return Interval(lower, upper)
+
+
+def _from_end(leg: Leg, end: End, times: Array, forces: Forces) -> Interval:
+    """Bounds by momentum, shape (k, nv)."""
+    w, joint = multipliers(leg, end)
+    units = np.zeros_like(w)
+    units[joint, np.arange(len(joint))] = 1.0
+    rate = forces.rate(w)
+    changes = (Interval.at(times[:, None]) * (rate if end.outward > 0 else -rate)).running()
+    at_nodes = end.momentum[None].times(w) + changes
+    momentum = at_nodes[:-1].hull(at_nodes[1:])
+    bounds = momentum + forces.rate(np.zeros_like(w), Interval.at(units), Interval.at(-w))
+    each = [np.flatnonzero(joint == b) for b in range(len(leg.velocity))]
+    lower = np.stack([np.max(bounds.lower[:, own], axis=1) for own in each], axis=1)
+    upper = np.stack([np.min(bounds.upper[:, own], axis=1) for own in each], axis=1)
+    return forces.v.meet(Interval(lower, upper))
+
+
+def _accelerated(leg: Leg, end: End, times: Array) -> Interval:
+    """Bounds by the limits of acceleration, shape (k, nv)."""
+    room = up(Interval.at(times).running().upper[1:, None] * leg.acceleration)
+    return Interval.at(end.v) + Interval(-room, room)
+
+
+def multipliers(leg: Leg, end: End) -> tuple[Array, NDArray[np.intp]]:
+    """Multipliers, shape (nv, m), and the joint that each is for, shape (m,)."""
+    inertia = end.inertia.lower / 2 + end.inertia.upper / 2
+    nv = len(inertia)
+    torque = np.maximum(np.abs(leg.torque.effort_lower), np.abs(leg.torque.effort_upper))
+    times = leg.velocity / (np.abs(np.linalg.inv(inertia)) @ torque)  # [s] to the greatest speed, roughly
+    slowest = np.argsort(-times)
+    columns, joints = [], []
+    for size in range(1, nv + 1):
+        free = slowest[:size]
+        solved = np.zeros((nv, size))
+        solved[free] = np.linalg.inv(inertia[np.ix_(free, free)])
+        columns.append(solved)
+        joints.append(free)
+    return np.concatenate(columns, axis=1), np.concatenate(joints)

@@ -1,0 +1,169 @@
+"""A linear program that every motion within the limits solves, and its multipliers.
+
+Unknown are the mean velocities v_k of the cells and the share θ of the way that is made. With M_k at the middle of a
+cell's box, momentum changes from one cell to the next by what the forces' bounds allow over half of each,
+
+    M_k+1 v_k+1 − M_k v_k ∈ ½ Δt_k [τ + e]_k + ½ Δt_k+1 [τ + e]_k+1,     Σ Δt_k v_k = θ Δq,     max θ.
+
+Where θ < 1 the duration is too short. What M leaves open within a box, beyond what is linear there, is a momentum of
+the cell's own within bounds. Nothing is proven by it, for M v is not linear and a solver rounds; its multipliers are
+what `proof.py` takes. Limits of acceleration are rows of the same kind, with the unit matrix as inertia.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+from scipy.sparse import block_diag, csr_matrix, eye, hstack, vstack
+
+from armdyn.optimal.bound.cells import Cells
+from armdyn.optimal.bound.enclosure.interval import Interval
+from armdyn.optimal.bound.forces import Forces
+from armdyn.optimal.bound.leg import Leg
+
+Array = NDArray[np.float64]
+
+_EXACT = {"primal_feasibility_tolerance": 1e-9, "dual_feasibility_tolerance": 1e-9}
+"""Of scaled rows and columns: the first cells' momenta are some 1e-5 of the greatest."""
+
+_CAUTION = 2.5
+"""So many times what the inertia leaves open: for what is linear in q, which the program does not know. Of 1 to 8 it
+raises the bounds of motions with long ramps most (the first of ten random pairs of a Panda: gap 3.4 to 3.3 %; the
+fourth of a UR5: 1.02 to 0.92 %), and those of others not at all."""
+
+_IDLE = 1e-3
+"""A torque counts no more that is worth less than this share of what it is at its best."""
+
+
+@dataclass(frozen=True, eq=False)
+class Multipliers:
+    """What a proof is made of: any numbers give a bound, those of the program a good one.
+
+    Attributes:
+        way: λ of the joints' ways [1/rad or 1/m], λᵀ Δq about 1, shape (nv,).
+        momentum: w at the nodes between cells [1/(N m s)], shape (2 k + 1, nv): linear within the cells from the
+            start and to the goal, constant in the middle one.
+        speed: likewise of the limits of acceleration [s/rad or s/m]; zero where there is none.
+    """
+
+    way: Array
+    momentum: Array
+    speed: Array
+
+    def ramp(self, leg: Leg, cells: Cells) -> float:
+        """How long after the start, or before the goal, torque or acceleration still counts [s]: the longer one."""
+        torque = np.maximum(np.abs(leg.torque.effort_lower), np.abs(leg.torque.effort_upper))
+        acceleration = np.where(np.isfinite(leg.acceleration), leg.acceleration, 0.0)
+        worth = np.abs(self.momentum) @ torque + np.abs(self.speed) @ acceleration
+        counts = worth > _IDLE * np.max(worth)
+        times = np.append(0.0, np.cumsum(cells.side))
+        k = cells.middle
+        return float(np.max(times, where=counts[: k + 1] | counts[: k - 1 : -1], initial=0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Rows of one kind: how something changes from node to node, each scaled.
+
+    Attributes:
+        matrix: of the cells' velocities, as shares of the limits.
+        shift: of momenta that the cells' inertia leaves open, as many columns as outer cells times joints.
+        open: bounds of these, shape (columns, 2).
+        change: least and greatest change at each node, shape (nodes nv, 2).
+        given: what it begins and ends with, shape (nodes nv,).
+        scale: of a row, shape (nv,).
+    """
+
+    matrix: csr_matrix
+    shift: csr_matrix
+    open: Array
+    change: Array
+    given: Array
+    scale: Array
+
+
+def relaxed(leg: Leg, cells: Cells, forces: Forces, duration: float) -> Multipliers | None:
+    """The multipliers of a leg's program for a duration [s]; None if the solver finds none."""
+    nv, nodes = len(leg.velocity), 2 * cells.middle + 1
+    kinds = [_rows(leg, cells, forces.terms.inertia, forces.rate(np.eye(nv)), duration)]
+    accelerated = np.isfinite(leg.acceleration)
+    if np.any(accelerated):
+        units = Interval.at(np.broadcast_to(np.eye(nv), (nodes, nv, nv)))
+        most = np.broadcast_to(leg.acceleration, (nodes, nv))
+        kinds.append(_rows(leg, cells, units, Interval(-most, most), duration))
+    times = np.insert(cells.lengths, cells.middle, max(duration - np.sum(cells.lengths), 0.0))
+    ways = hstack([eye(nv) * (time / duration) for time in times])
+    away = (leg.q_goal - leg.q_start) / (duration * leg.velocity)
+    slacks = len(kinds) * nodes * nv
+    matrix = hstack(
+        [
+            vstack([ways, *(rows.matrix for rows in kinds)]),
+            vstack([csr_matrix((nv, slacks)), -eye(slacks)]),
+            vstack([csr_matrix((nv, len(kinds) * (nodes - 1) * nv)), block_diag([rows.shift for rows in kinds])]),
+            vstack([csr_matrix(-away[:, None]), csr_matrix((slacks, 1))]),
+        ]
+    )
+    speeds = np.stack([cells.v.lower / leg.velocity, cells.v.upper / leg.velocity], axis=-1).reshape(-1, 2)
+    others = (*(rows.change for rows in kinds), *(rows.open for rows in kinds))
+    bounds = np.concatenate([speeds, *others, [[-np.inf, np.inf]]])
+    cost = np.zeros(len(bounds))
+    cost[-1] = -1.0
+    given = np.concatenate([np.zeros(nv), *(rows.given for rows in kinds)])
+    solved = linprog(cost, A_eq=csr_matrix(matrix), b_eq=given, bounds=bounds, method="highs", options=_EXACT)
+    if solved.status != 0:
+        return None
+    marginals = np.asarray(solved.eqlin.marginals)
+    parts = np.split(-marginals[nv:], len(kinds))
+    found = [part.reshape(nodes, nv) / rows.scale for part, rows in zip(parts, kinds, strict=True)]
+    return Multipliers(
+        way=marginals[:nv] / (duration * leg.velocity),
+        momentum=_free_at_ends(leg, found[0]),
+        speed=_free_at_ends(leg, np.where(accelerated, found[-1], 0.0)),
+    )
+
+
+def _rows(leg: Leg, cells: Cells, held: Interval, rate: Interval, duration: float) -> _Rows:
+    """Rows of a momentum M v, with M as each cell holds it, shape (cells, nv, nv), and bounds of the rate."""
+    k, nv, inertia = cells.middle, len(leg.velocity), held.centre
+    half = np.repeat(cells.lengths[:, None] / 2, nv, axis=1)
+    scale = np.abs(inertia[0]) @ leg.velocity
+    change = np.zeros((2, 2 * k + 1, nv))
+    for bound, end in zip(change, (rate.lower, rate.upper), strict=True):
+        bound[:-1] += half * end[cells.outer]
+        bound[1:] += half * end[cells.outer]
+        bound[k] += max(duration - np.sum(cells.lengths), 0.0) * end[k]
+    given = np.zeros((2 * k + 1, nv))
+    for node, v, sign in ((0, leg.v_start, 1.0), (2 * k, leg.v_goal, -1.0)):
+        if v is None:
+            change[:, node] = np.array([-np.inf, np.inf])[:, None]
+        else:
+            given[node] = sign * inertia[node] @ v
+    blocks = block_diag([block * leg.velocity / scale[:, None] for block in inertia[cells.outer]])
+    from_node, shift = _between_nodes(blocks, nv), _between_nodes(eye(blocks.shape[0]), nv)
+    cruise = csr_matrix((from_node.shape[0], nv))
+    beside = _CAUTION * (np.einsum("bij,bj->bi", held.radius, cells.v.magnitude) / scale)[cells.outer].ravel()
+    return _Rows(
+        matrix=csr_matrix(hstack([from_node[:, : k * nv], cruise, from_node[:, k * nv :]])),
+        shift=shift,
+        open=np.stack([-beside, beside], axis=-1),
+        change=np.moveaxis(change / scale, 0, -1).reshape(-1, 2),
+        given=(given / scale).ravel(),
+        scale=scale,
+    )
+
+
+def _between_nodes(blocks: csr_matrix, nv: int) -> csr_matrix:
+    """What cells give to the nodes that they begin at, and take from those that they end at."""
+    none = csr_matrix((nv, blocks.shape[1]))
+    return csr_matrix(vstack([blocks, none]) - vstack([none, blocks]))
+
+
+def _free_at_ends(leg: Leg, nodes: Array) -> Array:
+    """Multipliers, zero at an end where no velocity is given."""
+    for node, v in ((0, leg.v_start), (-1, leg.v_goal)):
+        if v is None:
+            nodes[node] = 0.0
+    return nodes

@@ -1,0 +1,113 @@
+"""Inertia and gravity over boxes of joint positions: all that the momentum's equation needs.
+
+M(q) and g(q) are affine forms, so that what different entries of M owe to one and the same joint stays known. M's are
+the better of two: those that its own instructions give, and those that its slopes' give by Taylor's integral,
+M(c + δ) = M(c) + Σ δ_k ∫ ∂M/∂q_k(c + s δ) ds for s from 0 to 1, whose second derivatives are true ones: some third of
+what products of forms leave, until the box is so large that the third order counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.dynamics.symbolic import Dynamics
+from armdyn.exclusive import built_once
+from armdyn.optimal.bound.enclosure.affine import Affine
+from armdyn.optimal.bound.enclosure.instructions import LevelledFunction
+from armdyn.optimal.bound.enclosure.interval import Interval, rounding
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """What they are over boxes: at the centre, and how they change from there with ε, |ε_k| ≤ 1 at the box's faces.
+
+    Attributes:
+        inertia: M at ε = 0 and all of it that is not linear in ε [kg m²], shape (boxes, nv, nv).
+        gravity: likewise g [N m], shape (boxes, nv).
+        inertia_slopes: ∂M_ab/∂ε_k [kg m²], shape (boxes, k, a, b).
+        gravity_slopes: ∂g_a/∂ε_k [N m], shape (boxes, k, a).
+        bends: ∂M_ab/∂q_k for a ≥ b, row by row, anywhere in the box [kg m²/rad], shape (boxes, pairs, k).
+    """
+
+    inertia: Interval
+    gravity: Interval
+    inertia_slopes: Interval
+    gravity_slopes: Interval
+    bends: Interval
+
+    def __getitem__(self, boxes: slice | Indices) -> Terms:
+        return Terms(**{name: part[boxes] for name, part in vars(self).items()})
+
+
+def terms_over(dynamics: Dynamics, q: Interval) -> Terms:
+    """The terms over boxes of joint positions [rad or m], shape (boxes, nv)."""
+    n, boxes = dynamics.nv, len(q.lower)
+    rows, columns = np.tril_indices(n)
+    full = np.empty((n, n), dtype=np.intp)
+    full[rows, columns] = full[columns, rows] = np.arange(len(rows))
+    values, slopes = _programs(dynamics)
+    turned = q.turned((1, 0))
+    forms, bends = values(Affine.over(turned)), slopes(Affine.over(turned))
+    at_centres = values(Interval.at(turned.centre))[: len(rows)]
+    better = _by_slopes(at_centres, bends, turned.radius)
+    inertia, fall = Affine(*(part[: len(rows)] for part in forms.parts)), Affine(*(p[len(rows) :] for p in forms.parts))
+    narrower = better.rest < inertia.rest
+    inertia = Affine(
+        np.where(narrower, better.centre, inertia.centre),
+        np.where(narrower[:, None], better.slopes, inertia.slopes),
+        np.where(narrower, better.rest, inertia.rest),
+    )
+    return Terms(
+        inertia=_constant(inertia)[full].turned((2, 0, 1)),
+        gravity=_constant(fall).turned((1, 0)),
+        inertia_slopes=Interval.at(inertia.slopes)[full].turned((3, 2, 0, 1)),
+        gravity_slopes=Interval.at(fall.slopes).turned((2, 1, 0)),
+        bends=bends.interval.meet(slopes(turned)).shaped((n, len(rows), boxes)).turned((2, 1, 0)),
+    )
+
+
+def _constant(forms: Affine) -> Interval:
+    """All of the forms that is not linear."""
+    return Interval(forms.centre - forms.rest, forms.centre + forms.rest).outward()
+
+
+def _by_slopes(at_centres: Interval, slopes: Affine, radius: Array) -> Affine:
+    """Affine forms of functions from their values at the centres and the forms of their slopes.
+
+    Args:
+        at_centres: shape (functions, boxes).
+        slopes: by q_1 of all functions, by q_2 of all, …: places nv functions.
+        radius: of the boxes, shape (nv, boxes).
+    """
+    count, (nv, boxes) = len(at_centres.lower), radius.shape
+    linear = slopes.centre.reshape(nv, count, boxes) * radius[:, None]
+    bent = slopes.slopes.reshape(nv, count, nv, boxes) * radius[:, None, None]
+    left = np.sum(slopes.rest.reshape(nv, count, boxes) * radius[:, None], axis=0)
+    bent = (bent + bent.transpose(2, 1, 0, 3)) / 4  # of ε_k ε_l, both orders
+    squares = np.einsum("kckb->cb", bent) / 2  # of ε_k², which is ½ ± ½
+    half = np.einsum("kckb->cb", np.abs(bent)) / 2
+    size = np.sum(np.abs(bent), axis=(0, 2))
+    rest = at_centres.radius + left + (size - half)
+    whole = at_centres.magnitude + np.sum(np.abs(linear), axis=0) + size + left
+    return Affine(at_centres.centre + squares, linear.transpose(1, 0, 2), rest + rounding(2 * nv * nv + 16, whole))
+
+
+@built_once(maxsize=16)
+def _programs(dynamics: Dynamics) -> tuple[LevelledFunction, LevelledFunction]:
+    """Of q: the lower triangle of M, then g; and the derivatives of that triangle, joint after joint."""
+    q = ca.SX.sym("q", dynamics.nv)
+    inertia = dynamics.crba(q)
+    triangle = ca.vertcat(*(inertia[int(a), int(b)] for a, b in zip(*np.tril_indices(dynamics.nv), strict=True)))
+    values = ca.vertcat(triangle, dynamics.gravity(q))
+    slopes = ca.vec(ca.jacobian(triangle, q))
+    return (
+        LevelledFunction.of(ca.Function("values", [q], [ca.cse(values)])),
+        LevelledFunction.of(ca.Function("slopes", [q], [ca.cse(slopes)])),
+    )

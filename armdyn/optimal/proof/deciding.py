@@ -1,0 +1,62 @@
+"""What decides how long a motion takes: each limit's share, by the elasticity of the minimum time."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armdyn.arguments import number, text
+from armdyn.optimal.arcs.phases import Phases
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.proof.sensitivity import by_limits
+
+_LEAST = 1e-6
+"""A share below that is none: what the multipliers of the arcs resolve."""
+
+
+@dataclass(frozen=True)
+class Share:
+    """How much of the time a limit decides: −∂ln t_f/∂ln(limit). One per cent more of it takes that part of 1 % off.
+
+    Of a speed limit all that a cruise at it takes. Torques decide by their root: without gravity and speed limits all
+    torque limits together have one half.
+
+    Attributes:
+        limit: "torque limit" or "velocity limit".
+        joint: its name.
+        part: of the time.
+
+    Raises:
+        ProblemError: no text, or no number.
+    """
+
+    limit: str
+    joint: str
+    part: float
+
+    def __post_init__(self) -> None:
+        text(self.limit, "limit")
+        text(self.joint, "joint")
+        number(self.part, "part")
+
+    @property
+    def name(self) -> str:
+        """Which limit it is, for people."""
+        return f"{self.joint}'s {self.limit}"
+
+
+def deciding(problem: MinimumTimeProblem, phases: Phases) -> tuple[Share, ...]:
+    """The limits that decide the time of an optimum whose arcs are known, most first; none where effort is paid for.
+
+    Args:
+        problem: what was solved.
+        phases: its optimum.
+    """
+    if problem.effort_weight > 0:  # its multipliers speak of the cost, not of the time
+        return ()
+    names, limits = problem.robot.joint_names, problem.limits
+    upper, lower, velocity = by_limits(phases)
+    torque = -(upper * limits.effort_upper + lower * limits.effort_lower) / phases.duration
+    speed = -velocity * np.where(velocity == 0, 0.0, limits.velocity) / phases.duration
+    shares = [Share("torque limit", name, float(part)) for name, part in zip(names, torque, strict=True)]
+    shares += [Share("velocity limit", name, float(part)) for name, part in zip(names, speed, strict=True)]
+    return tuple(sorted((one for one in shares if one.part > _LEAST), key=lambda one: -one.part))

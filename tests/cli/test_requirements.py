@@ -1,0 +1,74 @@
+"""`--require`: what it takes, what it refuses, and whether a motion is so."""
+
+from dataclasses import replace
+
+import pytest
+
+from armdyn.cli.motion.requirements import missing_of, requirements_of
+from armdyn.errors import ProblemError
+from problems import solved
+
+
+def missing(solution, *texts):
+    return missing_of(requirements_of(texts), solution)
+
+
+def gap(part, solution=None):
+    """A solution whose lower bound is so far below it."""
+    solution = solution or solved("r")
+    return replace(
+        solution, certificate=solution.certificate.bounded(solution.duration / (1 + part), solution.duration)
+    )
+
+
+def no_extremal(solution):
+    return replace(solution, certificate=replace(solution.certificate, hamiltonian_spread=1.0))
+
+
+@pytest.mark.parametrize(
+    ("text", "most"),
+    [("gap:0.5%", 0.005), ("gap:0.005", 0.005), (" gap: 2 % ", 0.02), ("gap:0", 0.0), ("gap:1e-4", 1e-4)],
+)
+def test_a_gap_is_a_part_or_per_cent(text, most):
+    (required,) = requirements_of([text])
+    assert required.kind == "gap" and required.most == pytest.approx(most, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "gap", "gap:", "gap:%", "gap:much", "gap:-1%", "gap:nan", "gap:inf", "gap:5", "gap=0.5%", "Certified",
+             "certified:1", "optimal", "certified,extremal"],
+)  # fmt: skip
+def test_what_it_does_not_know_it_refuses(text):
+    with pytest.raises(ProblemError, match="--require"):
+        requirements_of([text])
+
+
+def test_what_holds_is_not_missing():
+    assert missing(solved("r"), "certified", "extremal") == []
+    assert missing(gap(4e-3), "gap:0.5%", "gap:0.004001") == []
+    assert missing(gap(5e-4, no_extremal(solved("r"))), "certified") == []
+
+
+def test_what_does_not_hold_is_missing_and_says_why():
+    plain = no_extremal(solved("r"))
+    assert missing(plain, "certified") == ["certified is missing: the Hamiltonian strays from 0 by 1"]
+    (line,) = missing(gap(5e-4, plain), "certified", "extremal")
+    assert line.startswith("extremal is missing: not extremal: ")
+    assert missing(gap(7e-3), "gap:0.5%") == ["gap:0.5% is missing: the gap is 0.7 %"]
+    (line,) = missing(solved("r"), "gap:0.5%", "certified")
+    assert line.startswith("gap:0.5% is missing: no gap: no lower bound is known")
+
+
+def test_a_gap_that_is_not_proven_is_none():
+    beside = replace(solved("r"), certificate=replace(solved("r").certificate, goal_error=1e-5))
+    (line,) = missing(gap(1e-5, beside), "gap:1%")
+    assert "not proven" in line
+
+
+def test_of_what_is_not_usable_all_is_missing():
+    beside = replace(solved("r"), certificate=replace(solved("r").certificate, goal_error=0.1))
+    assert missing(beside, "certified", "gap:1%") == [
+        "certified is missing: the motion is not usable",
+        "gap:1% is missing: the motion is not usable",
+    ]
+    assert missing(beside) == []

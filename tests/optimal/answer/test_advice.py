@@ -1,0 +1,75 @@
+"""What may help: a line for each thing that is missing, and none for what is there."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armdyn.optimal.answer.advice import advice
+from armdyn.optimal.conditions.condition import Kept
+from armdyn.optimal.problem.status import Violation
+from armdyn.optimal.proof.certificate import Certificate
+from problems import paper_problem, solved
+
+LANDED = Certificate(1e-9, 1e-9, 0.0)
+FAST = Violation("velocity limit", "joint2", 0.05, 5.6e-4)
+
+
+def said(certificate, kept=(), arcs=False, **asked):
+    return advice(paper_problem("rr", **asked), certificate, kept, arcs)
+
+
+@pytest.mark.parametrize(
+    ("certificate", "thing", "words"),
+    [
+        (Certificate(np.inf, np.inf, np.inf), "lands", ["no motion was found", "`starts`", "`time_limit`"]),
+        (Certificate(0.2, 0.1, 0.0), "lands", ["does not land", "`max_intervals`", "`armature`"]),
+        (replace(LANDED, limit_violation=5.6e-4, exceeded=FAST), "limits", ["velocity limit of joint2", "0.056 %"]),
+        (replace(LANDED, limit_violation=5.6e-4), "limits", ["exceeds a limit"]),
+    ],
+)
+def test_what_is_not_usable_is_to_become_so_first(certificate, thing, words):
+    lines = said(certificate)
+    assert list(lines) == [thing]
+    assert all(word in lines[thing] for word in words)
+
+
+def test_all_that_is_missing_of_usable_is_named():
+    missed = Kept("obstacles", "", 1.0, ("touches",))
+    lines = said(Certificate(0.2, 0.1, 5.6e-4), [missed, Kept("jerk limits", "")])
+    assert list(lines) == ["lands", "limits", "conditions"]
+    assert "obstacles" in lines["conditions"] and "jerk" not in lines["conditions"]
+
+
+@pytest.mark.parametrize(
+    ("certificate", "arcs", "asked", "words"),
+    [
+        (LANDED, False, {}, "arcs were not resolved"),
+        (LANDED, True, {}, "not quite those of an optimum"),
+        (LANDED, False, {"jerk_limit": 1e3}, "not checked with jerk limits"),
+        (replace(LANDED, goal_error=1e-5), True, {}, "more than 1e-6 beside the goal"),
+    ],
+)
+def test_why_it_is_no_extremal(certificate, arcs, asked, words):
+    assert words in said(certificate, arcs=arcs, **asked)["extremal"]
+
+
+@pytest.mark.parametrize(
+    ("certificate", "asked", "words"),
+    [
+        (LANDED, {"velocity_limit": np.inf}, "give `velocity_limit`"),
+        (LANDED, {}, "no lower bound is known"),
+        (LANDED, {"effort_weight": 1.0}, "`effort_weight`"),
+        (replace(LANDED, goal_error=1e-5).bounded(1.0, 1.0), {}, "not proven"),
+        (LANDED.bounded(1.0, 0.9), {}, "faster than the lower bound"),
+        (LANDED.bounded(1.0, 1.7), {}, "says little where torque limits decide"),
+        (LANDED.bounded(1.0, 1.02), {}, "a gap of 2 %"),
+    ],
+)
+def test_why_there_is_no_small_gap(certificate, asked, words):
+    assert words in said(certificate, **asked)["gap"]
+
+
+def test_of_what_is_there_nothing_is_said():
+    assert "extremal" not in said(solved("rr").certificate, arcs=True)
+    assert "gap" not in said(LANDED.bounded(1.0, 1.0005))

@@ -1,0 +1,91 @@
+"""Interval operations contain what they stand for: sums and products against fractions, which do not round."""
+
+from fractions import Fraction
+from math import pi
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from armdyn.optimal.bound.enclosure.interval import Interval, joined
+
+NUMBERS = st.floats(-1e3, 1e3, allow_subnormal=False)
+PAIRS = st.tuples(NUMBERS, NUMBERS, st.floats(0, 1))
+
+
+def of(pair):
+    """An interval of one place, and a number in it."""
+    a, b, share = pair
+    lower, upper = min(a, b), max(a, b)
+    return Interval(np.array([lower]), np.array([upper])), min(max(lower + share * (upper - lower), lower), upper)
+
+
+def holds(interval, exact):
+    """An exact number is within the one interval."""
+    return Fraction(interval.lower.item()) <= exact <= Fraction(interval.upper.item())
+
+
+@given(PAIRS, PAIRS)
+def test_sums_and_products_hold_the_exact_result(first, second):
+    (a, x), (b, y) = of(first), of(second)
+    x, y = Fraction(x), Fraction(y)
+    assert holds(a + b, x + y)
+    assert holds(a - b, x - y)
+    assert holds(a * b, x * y)
+    assert holds(a.square(), x * x)
+    assert holds(-a, -x)
+    if b.mignitude.item() > 1e-3:
+        assert holds(a / b, x / y)
+
+
+@given(st.lists(PAIRS, min_size=3, max_size=3), st.lists(PAIRS, min_size=3, max_size=3))
+def test_matrix_products_and_running_sums_hold_the_exact_result(first, second):
+    rows, xs = zip(*(of(pair) for pair in first), strict=True)
+    columns, ys = zip(*(of(pair) for pair in second), strict=True)
+    row, column = joined(rows).shaped((1, 3)), joined(columns).shaped((3, 1))
+    assert holds(row.dot(column), sum(Fraction(x) * Fraction(y) for x, y in zip(xs, ys, strict=True)))
+    weights = np.array(ys).reshape(3, 1)
+    assert holds(row.times(weights), sum(Fraction(x) * Fraction(y) for x, y in zip(xs, ys, strict=True)))
+    assert holds(row.sum(1), sum(map(Fraction, xs)))
+    running = joined(rows).running()
+    for count in range(4):
+        assert holds(running[count], sum(map(Fraction, xs[:count]), Fraction(0)))
+
+
+@given(PAIRS)
+def test_waves_hold_their_values(pair):
+    interval, x = of(pair)
+    for wave in ("sin", "cos", "tanh"):
+        value, found = getattr(np, wave)(x), getattr(interval, wave)()
+        assert found.lower.item() <= value <= found.upper.item()
+        assert -1 <= found.lower.item() <= found.upper.item() <= 1
+
+
+@pytest.mark.parametrize("turn", [0, 2 * pi, -20 * pi])
+def test_extrema_within_an_interval_are_found(turn):
+    over = Interval(np.array([pi / 2 - 0.1]) + turn, np.array([pi / 2 + 0.1]) + turn)
+    assert over.sin().upper.item() == 1 and over.sin().lower.item() > 0.99
+    assert over.cos().lower.item() == pytest.approx(-np.sin(0.1), abs=1e-12)
+    under = Interval(np.array([pi - 0.1]) + turn, np.array([pi + 0.1]) + turn)
+    assert under.cos().lower.item() == -1 and under.cos().upper.item() < -0.99
+    whole = Interval(np.array([turn]), np.array([turn + 2 * pi]))
+    assert (whole.sin().lower.item(), whole.sin().upper.item()) == (-1, 1)
+
+
+def test_an_extremum_at_the_very_end_counts():
+    end = Interval(np.array([0.0]), np.array([pi / 2]))  # the float lies 6e-17 before the extremum
+    assert end.sin().upper.item() == 1
+    assert Interval(np.array([-0.5]), np.array([0.0])).cos().upper.item() == 1
+
+
+def test_what_is_in_both_is_never_empty():
+    beside = Interval(np.array([0.0]), np.array([1.0])).meet(Interval(np.array([1.5]), np.array([2.0])))
+    assert beside.lower.item() <= beside.upper.item()
+
+
+def test_centre_and_radius_hold_the_ends():
+    interval = Interval(np.array([0.1, -3.0, 2.0]), np.array([0.30000000000000004, 7.0, 2.0]))
+    assert np.all(interval.centre - interval.radius <= interval.lower)
+    assert np.all(interval.centre + interval.radius >= interval.upper)
+    assert interval.radius[2] == 0

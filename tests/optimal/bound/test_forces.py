@@ -1,0 +1,53 @@
+"""The range of a rate, against Pinocchio's dynamics at points of the boxes."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from armdyn.dynamics import Dynamics
+from armdyn.optimal.bound import forces as forces_module
+from armdyn.optimal.bound.enclosure.interval import Interval
+from armdyn.optimal.bound.forces import Forces
+from armdyn.optimal.bound.terms import terms_over
+from optimal.bound.arms import ARMS, drawn
+
+_STEP = 1e-6
+"""Of the difference quotient of M along v [s]; its error is some 1e-9 of the second derivative's size."""
+
+
+def momentum_rate(robot, q, v, tau):
+    """d(M v)/dt by Pinocchio: M a + Ṁ v with M a = τ − nle − τ_f."""
+    model, data = robot.model, robot.model.createData()
+    bias = pin.nonLinearEffects(model, data, robot.configuration(q), v)
+
+    def inertia(at):
+        upper = np.array(pin.crba(model, model.createData(), robot.configuration(at)))
+        return np.triu(upper) + np.triu(upper, 1).T
+
+    turning = (inertia(q + _STEP * v) - inertia(q - _STEP * v)) / (2 * _STEP)
+    return tau - bias - robot.friction.torque(v) + turning @ v, inertia(q)
+
+
+@pytest.mark.parametrize("most_corners", [9, 0])
+@pytest.mark.parametrize("arm", ARMS)
+def test_the_range_holds_the_rate_at_points(arm, most_corners, monkeypatch):
+    monkeypatch.setattr(forces_module, "MOST_CORNERS", most_corners)
+    robot, rng = ARMS[arm](), np.random.default_rng(1)
+    n = robot.nv
+    q_middle, v_middle = rng.uniform(-1, 1, (4, n)), rng.uniform(-1, 1, (4, n))
+    q, v = Interval(q_middle - 0.1, q_middle + 0.1), Interval(v_middle - 1, v_middle + 1)
+    forces = Forces(terms_over(Dynamics(robot), q), v, robot.limits, robot.friction)
+    w, way, steps = (rng.uniform(-1, 1, (n, 3)) for _ in range(3))
+    found = forces.rate(w, Interval.at(way), Interval.at(steps))
+    seen = []
+    for _ in range(60):
+        qs, vs = drawn(rng, q), drawn(rng, v)
+        tau = rng.choice([robot.limits.effort_lower, robot.limits.effort_upper])
+        for i in range(len(qs)):
+            rate, inertia = momentum_rate(robot, qs[i], vs[i], tau)
+            value = way.T @ vs[i] + steps.T @ inertia @ vs[i] + w.T @ rate
+            room = 1e-6 * (1 + np.abs(value))  # of the difference quotient
+            assert np.all(found.lower[i] <= value + room) and np.all(value <= found.upper[i] + room)
+            seen.append(value)
+    if arm == "cart" and most_corners:  # one joint: the ends themselves are among the points
+        assert np.max(seen, axis=0) == pytest.approx(found.upper.max(axis=0), rel=0.2)

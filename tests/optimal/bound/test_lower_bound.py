@@ -1,0 +1,182 @@
+"""The bound against exact minimum times, and against the best motions known."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import armdyn as ad
+from armdyn.errors import ProblemError
+from optimal.bound.arms import ARMS, random_problem
+from problems import cart, paper_arm, paper_problem
+
+PANDA = ((0, -0.785, 0, -2.356, 0, 1.571, 0.785), (1, 0.2, 0.5, -1.5, 0.3, 2, -0.5))
+
+KNOWN = {
+    "panda": (0.556068, 1.805235, 1.619286, 0.556305, 1.271243, 1.641291, 1.751767, 1.310348, 0.665505, 1.421522),
+    "ur5": (1.452456, 0.909181, 0.994371, 0.934485, 1.196305, 1.095492, 1.113053, 0.689756, 1.254783, 0.656778),
+}
+"""Durations of the fastest motions known [s] between the first ten of `random_pairs`; found by splines, no bounds."""
+
+
+def rail(v_start=0.0, v_goal=0.0, **limits):
+    """The double integrator, 1 kg and 1 N, over 1 m."""
+    return ad.MinimumTimeProblem(cart(), q_start=[0], q_goal=[1], v_start=[v_start], v_goal=[v_goal], **limits)
+
+
+@pytest.mark.parametrize(
+    ("problem", "exact"),
+    [
+        (rail(velocity_limit=0.5), 1 / 0.5 + 0.5),  # bang, cruise, bang
+        (rail(velocity_limit=1.0), 2.0),  # bang, bang: the limit is just reached
+        (rail(velocity_limit=3.0), 2.0),
+        (rail(velocity_limit=0.5, v_start=0.5, v_goal=0.5), 2.0),  # no ramps at all
+        (rail(velocity_limit=0.5, v_start=0.25), 0.25 + 0.5 + (1 - (0.5**2 - 0.25**2) / 2 - 0.5**2 / 2) / 0.5),
+        (rail(velocity_limit=0.5, acceleration_limit=[0.25]), 1 / 0.5 + 2.0),
+        (rail(velocity_limit=0.5, effort_limit=([-2.0], [0.5])), 1 / 0.5 + 0.5 + 0.125),
+    ],
+)
+def test_a_rail(problem, exact):
+    found = ad.lower_bound(problem)
+    assert found.duration <= exact
+    assert found.duration == pytest.approx(exact, rel=2e-4)  # cells of a twentieth of a ramp
+
+
+def quadrature(problem, limit):
+    """The exact minimum time of one revolute joint that reaches its speed limit: bang, cruise, bang."""
+    robot = problem.robot
+    dynamics = ad.Dynamics(robot)
+    (q0,), (q1,) = problem.q_start, problem.q_goal
+    tau = robot.limits.effort_upper
+
+    def ramp(q, sign):
+        """Time and way of a ramp: forward in time from the start, back in time from the goal."""
+
+        def slope(_, x):
+            return [sign * x[1], sign * dynamics.aba(x[:1], x[1:], sign * tau)[0]]
+
+        def full(_, x):
+            return x[1] - limit
+
+        full.terminal = True
+        found = solve_ivp(slope, (0, 10), [q, 0.0], events=full, rtol=1e-11, atol=1e-13)
+        return found.t_events[0][0], abs(found.y_events[0][0][0] - q)
+
+    (t_up, way_up), (t_down, way_down) = ramp(q0, 1.0), ramp(q1, -1.0)
+    assert way_up + way_down < q1 - q0
+    return t_up + t_down + (q1 - q0 - way_up - way_down) / limit
+
+
+@pytest.mark.parametrize(
+    ("limit", "mass", "damping", "coulomb", "armature", "worst"),
+    [
+        (5.0, 0.1006, 0.0, 0.0, 0.0, 5e-4),
+        (5.0, 0.3, 0.0, 0.0, 0.0, 2e-3),  # gravity, which is bounded over boxes of positions
+        (5.0, 0.1006, 0.02, 0.0, 0.0, 2e-3),
+        (5.0, 0.1006, 0.0, 0.1, 0.0, 2e-2),  # dry friction helps who goes back: an interval
+        (5.0, 0.1006, 0.0, 0.0, 0.01, 2e-3),
+    ],
+)
+def test_one_revolute_joint(limit, mass, damping, coulomb, armature, worst):
+    robot = paper_arm("r", mass).with_friction(damping, coulomb, None).with_armature(armature)
+    problem = paper_problem("r").variant(robot=robot, velocity_limit=[limit])
+    exact, found = quadrature(problem, limit), ad.lower_bound(problem)
+    assert found.joint == "joint1"
+    assert found.duration <= exact
+    assert found.duration == pytest.approx(exact, rel=worst)
+
+
+def test_the_usual_pair_of_the_panda():
+    found = ad.lower_bound(ad.MinimumTimeProblem(ARMS["panda"](), q_start=PANDA[0], q_goal=PANDA[1]))
+    assert 0.49335 < found.duration < 0.493396  # the fastest motion known; the bound was found 0.493373
+    assert found.joint == "panda_joint7"
+    assert found.kinematic == pytest.approx(1.285 / 2.61, rel=1e-12)
+    assert found.ramps == found.duration - found.kinematic
+
+
+def random_pairs(name):
+    """Ten problems with poses across 80 % of the range."""
+    robot, rng = ad.Robot.from_library(name), np.random.default_rng(1)
+    lower = np.maximum(robot.limits.position_lower, -np.pi)
+    upper = np.minimum(robot.limits.position_upper, np.pi)
+    middle, half = (lower + upper) / 2, 0.8 * (upper - lower) / 2
+    for _ in range(10):
+        start, goal = (rng.uniform(middle - half, middle + half) for _ in range(2))
+        yield ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", KNOWN)
+def test_random_pairs_are_bounded_closely_and_never_above_a_motion(name):
+    found = [ad.lower_bound(problem) for problem in random_pairs(name)]
+    gaps = np.array(KNOWN[name]) / [bound.duration for bound in found] - 1
+    assert np.all(gaps >= 0)
+    assert all(bound.duration >= bound.kinematic for bound in found)
+    assert np.median(gaps) < 0.003  # found: 0.0004 and 0.0020
+    assert (
+        np.max(gaps) < 0.036
+    )  # found: 0.0329 and 0.0092; the first pair of the Panda, whose ramps last a fifth of the motion
+
+
+@pytest.mark.parametrize(("arm", "known"), [("r", 0.368482508), ("rr", 0.375660574)])
+def test_known_optima_of_the_papers_arms(arm, known):
+    """Found by `solve_minimum_time`, which certified them."""
+    found = ad.lower_bound(paper_problem(arm, velocity_limit=[5.0] * len(arm)))
+    assert known * 0.99 < found.duration <= known
+
+
+@pytest.mark.parametrize(
+    ("changes", "slower"),
+    [
+        ({"effort_limit": 0.5}, 1.0),
+        ({"velocity_limit": 0.5}, 1.9),
+        ({"acceleration_limit": np.full(6, 3.0)}, 1.0),
+    ],
+)
+def test_more_asked_is_never_faster(changes, slower):
+    problem = random_problem(ARMS["ur5"](), 0)
+    own = {"effort_limit": problem.limits.effort_upper, "velocity_limit": problem.limits.velocity}
+    changes = {name: own.get(name, 1.0) * value for name, value in changes.items()}
+    assert ad.lower_bound(problem.variant(**changes)).duration > slower * ad.lower_bound(problem).duration
+
+
+def test_a_payload_costs_time():
+    loaded = random_problem(ARMS["ur5"](), 0)
+    empty = loaded.variant(robot=ad.Robot.from_library("ur5"))
+    assert ad.lower_bound(empty).duration < ad.lower_bound(loaded).duration
+
+
+def test_via_points_add_up():
+    robot = ARMS["ur5"]()
+    problem = random_problem(robot, 0)
+    way = np.asarray(problem.q_goal) - np.asarray(problem.q_start)
+    middle = problem.q_start + way / 2
+    free, through = ad.lower_bound(problem), ad.lower_bound(problem.variant(via=[middle]))
+    assert through.kinematic == pytest.approx(free.kinematic, rel=1e-12)
+    assert through.ramps == pytest.approx(free.ramps, rel=0.05)  # one ramp at each end; at the point none
+
+
+def test_without_velocity_limits_there_is_none():
+    free = paper_problem("rr", velocity_limit=[np.inf, np.inf])
+    assert ad.lower_bound(free) is None
+
+
+def test_one_joint_without_limit_leaves_the_kinematic_bound():
+    found = ad.lower_bound(paper_problem("rr", velocity_limit=[5.0, np.inf]))
+    assert found.duration == found.kinematic == pytest.approx(0.55 * np.pi / 5, rel=1e-12)
+
+
+def test_stopped_at_once_the_kinematic_bound_is_left():
+    found = ad.lower_bound(random_problem(ARMS["ur5"](), 0), stop=lambda: True)
+    assert found.duration == found.kinematic
+
+
+def test_what_is_no_problem_is_refused():
+    with pytest.raises(ProblemError, match="pose it"):
+        ad.lower_bound(ARMS["ur5"]())
+
+
+@pytest.mark.parametrize("limit", [100.0, 1e9, 1e-6])
+def test_limits_out_of_all_proportion_do_no_harm(limit):
+    problem = random_problem(ARMS["ur5"](), 0, velocity_limit=np.full(6, limit))
+    found = ad.lower_bound(problem)
+    assert found.kinematic <= found.duration < np.inf
