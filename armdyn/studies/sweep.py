@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from armdyn.errors import ProblemError
 from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Solution, Status, solve_minimum_time
+from armdyn.optimal.proof.certificate import GAP_TOLERANCE
 from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.policy.search import SamePolicy
 
@@ -19,7 +20,8 @@ def sweep(
 
     The first is searched as `solve_minimum_time` does. Each of the others begins with its neighbour's optimum
     beside fewer guesses of its own; then, backwards, an optimum that a later problem has found is tried on the
-    one before. The same model with other payloads, limits or poses is built and compiled once.
+    one before, unless that is proven to be about as fast as can be. The same model with other payloads, limits or
+    poses is built and compiled once.
 
     Args:
         problems: in an order in which neighbours resemble each other.
@@ -56,7 +58,7 @@ def sweep(
         if found[k].status is Status.INTERRUPTED:
             return tuple(found)
     for k in range(len(problems) - 2, -1, -1):
-        if not found[k + 1].success or _is_neighbours(found[k], found[k + 1]):
+        if not found[k + 1].success or _is_proven(found[k]) or _is_neighbours(found[k], found[k + 1]):
             continue
         other = solve(k, found[k + 1], 1)
         if _better(other, found[k]):
@@ -66,6 +68,11 @@ def sweep(
         if other.status is Status.INTERRUPTED:
             break
     return tuple(found)
+
+
+def _is_proven(solution: Solution) -> bool:
+    """A proven lower bound is so near that no other motion is worth a search."""
+    return solution.gap is not None and solution.gap_proven and solution.gap <= GAP_TOLERANCE
 
 
 def _is_neighbours(solution: Solution, later: Solution) -> bool:
