@@ -103,7 +103,7 @@ def _guesses(task: Task, count: int) -> list[Curve]:
     """
     problem, numbers, options = task.problem, task.policy.curves, task.options
     basis = Basis(graded(numbers.intervals, numbers.shortest))
-    guesses = [Curve.straight(problem, basis, _durations(task))]
+    guesses = [Curve.straight(problem, basis, durations(task))]
     for k, guess in enumerate(options.guesses):
         if guess.q.shape[1] != problem.robot.nv:
             name, joints = problem.robot.name, problem.robot.nv
@@ -116,8 +116,12 @@ def _guesses(task: Task, count: int) -> list[Curve]:
     return guesses
 
 
-def _durations(task: Task) -> Array:
-    """Of the legs of a straight guess [s], shape (legs,)."""
+def durations(task: Task) -> Array:
+    """Of the legs of a straight guess [s], shape (legs,).
+
+    Args:
+        task: any problem.
+    """
     problem, numbers = task.problem, task.policy.curves
     if numbers.cruises:
         return numbers.slack * np.maximum(problem.leg_bounds(), 1e-3 * problem.duration_bound())
