@@ -20,7 +20,10 @@ def build(problem, method):
     options = ad.MinimumTimeOptions(compile=True)
     task = Task.of(problem, options)
     if method == "full":
-        prepare_quickly(task, options.intervals, options.alone())
+        if task.policy.curves.alone:
+            torque_equations(task.dynamics, True)
+        else:
+            prepare_quickly(task, options.intervals, task.alone())
 
         def solve():
             solution = ad.solve_minimum_time(problem, options)
