@@ -26,6 +26,7 @@ PEERS = Path(__file__).resolve().parent / "peers"
 ROWS = (
     ("armdyn, search + certificate", "own.py", "full", "armdyn"),
     (f"armdyn, one solve, N = {INTERVALS}", "own.py", "mesh", "armdyn"),
+    ("armdyn, one curve", "own.py", "curve", "armdyn"),
     ("CasADi Opti + IPOPT, MX", "plain_casadi.py", "MX", "casadi"),
     ("CasADi Opti + IPOPT, SX", "plain_casadi.py", "SX", "casadi"),
     ("Drake + SNOPT", "drake_collocation.py", "SNOPT", "pydrake"),
@@ -53,7 +54,7 @@ def measure(case: str, row: tuple[str, str, str, str], repeats: int, timeout: fl
     end = ad.replay_torques(asked.robot, found)
     landed = float(np.max(np.abs(end.q[-1] - asked.q_goal))) if end.t[-1] == found.t[-1] else float("inf")
     numbers = {"duration": found.duration, "time": statistics.median(told["times"])}
-    return blank | told | numbers | {"replay": landed, "excess": limit_violation(asked, found)}
+    return blank | told | numbers | {"replay": landed, "excess": limit_violation(asked.limits, found)}
 
 
 def main() -> None:

@@ -1,20 +1,26 @@
-"""armdyn itself: one collocation solve from the straight start, and `solve_minimum_time` as it comes."""
+"""armdyn itself: one solve from the straight start, by collocation or as a curve; `solve_minimum_time` as it comes."""
 
 from protocol import INTERVALS, Answer, main
 
 import armdyn as ad
-from armdyn.optimal.search.starts import spline
+from armdyn.optimal.flat.equations import torque_equations
+from armdyn.optimal.flat.follow import follow
+from armdyn.optimal.flat.settle import settle
+from armdyn.optimal.search.starts import spline, straight_curve
 from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
 from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.task import Task
 
 
 def build(problem, method):
-    """One of the two, ready to solve."""
+    """One of the three, ready to solve."""
     options = ad.MinimumTimeOptions(compile=True)
     task = Task.of(problem, options)
     if method == "full":
-        prepare_quickly(task, options.intervals, options.alone())
+        if task.policy.curves.alone:
+            torque_equations(task.dynamics, True)
+        else:
+            prepare_quickly(task, options.intervals, task.alone())
 
         def solve():
             solution = ad.solve_minimum_time(problem, options)
@@ -22,6 +28,16 @@ def build(problem, method):
             return Answer(solution.trajectory, word)
 
         return solve
+
+    if method == "curve":
+        straight = straight_curve(task, task.policy.curves.intervals)
+        torque_equations(task.dynamics, True)
+
+        def solve_curve():
+            settled = settle(task, straight)
+            return Answer(follow(task, settled.curve), str(settled.solved.outcome.status))
+
+        return solve_curve
 
     guess = spline(problem, [])
     prepare_quickly(task, INTERVALS, DirectOptions())
@@ -34,4 +50,4 @@ def build(problem, method):
 
 
 if __name__ == "__main__":
-    main(build, ("full", "mesh"))
+    main(build, ("full", "mesh", "curve"))
