@@ -14,7 +14,8 @@ from armdyn.optimal.task.task import Task
 
 def build(problem, method):
     """One of the three, ready to solve."""
-    options = ad.MinimumTimeOptions(compile=True)
+    # Beyond three joints the derivatives of forward dynamics cost more than the unknowns of inverse dynamics.
+    options = ad.MinimumTimeOptions(compile=True, dynamics="forward" if problem.robot.nv <= 3 else "inverse")
     task = Task.of(problem, options)
     if method == "full":
         if task.policy.curves.alone:
