@@ -40,16 +40,14 @@ def test_a_neighbour_leads_where_a_search_of_its_own_does_not():
 @pytest.mark.slow
 def test_a_larger_arm_with_more_and_more_payload():
     start, goal = [0, -1, 1, -1, -1.5, 0], [-1.5, -1.8, 1.6, -0.4, 0.3, 1.0]
-    arms = [ad.Robot.from_library("ur5", payload=ad.Payload(mass=mass)) for mass in (1.0, 3.0, 5.0)]
+    arms = [ad.Robot.from_library("ur5", payload=ad.Payload(mass=mass)) for mass in (1.0, 5.0)]
     problems = [ad.MinimumTimeProblem(arm, q_start=start, q_goal=goal) for arm in arms]
-    solutions = sweep(problems)
-    assert all(solution.success for solution in solutions)
-    alone = [ad.solve_minimum_time(problem).duration for problem in problems]
-    for solution, duration in zip(solutions, alone, strict=True):
-        # The straight way is among the guesses of each, too.
-        assert solution.problem.duration_bound() < solution.duration <= duration * (1 + 1e-9)
+    first, second = sweep(problems)
+    assert first.success and second.success
+    # The straight way is among the guesses of the second, too.
+    assert second.duration <= ad.solve_minimum_time(problems[1]).duration * (1 + 1e-9)
     # Velocity limits shape the motion: payload tells in its ramps only.
-    assert max(alone) < 1.05 * min(alone)
+    assert problems[0].duration_bound() < first.duration == pytest.approx(second.duration, rel=0.02)
 
 
 def test_the_way_back_takes_what_a_later_search_found(monkeypatch):

@@ -43,5 +43,6 @@ def test_eight_branches_of_a_ur5_are_compared_as_coarse_curves():
     assert solution.success and solution.goals[0].refined
     # 16 intervals instead of 56.
     assert solution.duration <= tried[0].duration == pytest.approx(solution.duration, rel=0.02)
-    others = [ad.solve_minimum_time(problem.variant(q_goal=q, goal_pose=None)) for q in problem.goals]
-    assert solution.duration == pytest.approx(min(other.duration for other in others), rel=1e-9)
+    # Velocity limits alone put all other branches behind it.
+    others = [problem.variant(q_goal=q, goal_pose=None) for q in problem.goals if np.any(q != solution.problem.q_goal)]
+    assert len(others) == 7 and all(other.duration_bound() > solution.duration for other in others)
