@@ -8,6 +8,8 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.arcs.phases import Unresolved
+from armdyn.optimal.refine.smooth import time_energy
+from armdyn.optimal.task.task import Task
 from problems import paper_problem, solved
 
 
@@ -38,15 +40,19 @@ def test_nothing_is_built_when_the_time_is_up(more, monkeypatch):
     assert solution.message == "no motion was found: time limit reached"
 
 
-def test_optima_that_only_a_coarse_mesh_has_are_no_solution(monkeypatch):
+def test_optima_that_only_a_coarse_mesh_has_are_none_and_a_curve_is_the_answer(monkeypatch):
     def resist(task, guess):
         phases = solved("r").phases
         return Unresolved("Restoration Failed", ad.Status.INFEASIBLE, 7, phases)
 
     monkeypatch.setattr("armdyn.optimal.refine.smooth.resolved_near", resist)
-    solution = ad.solve_minimum_time(paper_problem("r", effort_weight=1.0, effort_limit=30.0))
-    assert solution.status is ad.Status.INFEASIBLE and "Restoration Failed" in solution.message
-    assert "Succeeded" not in str((solution.message, solution.certificate.reasons))
+    problem = paper_problem("r", effort_weight=1.0, effort_limit=30.0)
+    optima, found = time_energy(Task.of(problem))
+    assert not optima and found.failed[0].status is ad.Status.INFEASIBLE
+    assert "what converged on a coarse mesh does not on" in found.failed[0].message
+    assert "Restoration Failed" in found.failed[0].message
+    solution = ad.solve_minimum_time(problem)
+    assert solution.usable and not solution.arcs and solution.intervals > 0
 
 
 def test_interrupt_returns_what_there_is():
