@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.conditions.demands import Checked, Demands
-from armdyn.optimal.flat.curve import Curve
+from armdyn.optimal.flat.curve import Curve, Leg
 from armdyn.optimal.flat.equations import POINTS
-from armdyn.optimal.flat.posing import Room, Wanted
+from armdyn.optimal.flat.posing import Room, Wanted, torque_rates
 from armdyn.optimal.flat.solve import Solved, solve_curve
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.task import Task
@@ -20,6 +20,8 @@ _SAMPLES = 8
 """Of an interval, of the motion that conditions along the way are checked on."""
 _MOST = 0.95
 """Part of half the torque's range that room may take."""
+_KEPT = -1.0
+"""Excess of a rate that is zero, or has no limit."""
 _SLOWER = 10
 """Rounds of slowing down: each takes off more than half of the excess."""
 
@@ -82,14 +84,14 @@ def settle(task: Task, guess: Curve) -> Settled:
 
 
 def excesses_of(problem: MinimumTimeProblem, curve: Curve, looks: int) -> tuple[Room, ...]:
-    """How far torques exceed their limits near every point of every leg, as parts of half their ranges.
+    """How far torques, and how fast they change, exceed their limits near every point of every leg, as parts of these.
 
     Args:
         problem: its limits.
         curve: a motion.
         looks: places of an interval, an even number.
     """
-    limits = problem.limits
+    limits, limit = problem.limits, torque_rates(problem, Demands.of(problem))
     half = (limits.effort_upper - limits.effort_lower) / 2
     found = []
     for leg in curve.legs:
@@ -97,15 +99,35 @@ def excesses_of(problem: MinimumTimeProblem, curve: Curve, looks: int) -> tuple[
         s = breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, looks + 1)
         tau = leg.torques(problem.robot, s.ravel()).reshape(*s.shape, -1)
         marks = np.linspace(0, looks, POINTS + 1).astype(int)
-        near = [tau[:, first : last + 1] for first, last in pairwise(marks)]
+        near = [tau[:, first : last + 1] for first, last in pairwise(marks)]  # every point has its half of an interval
         upper = np.stack([np.max(part, axis=1) - limits.effort_upper for part in near], axis=1) / half
         lower = np.stack([limits.effort_lower - np.min(part, axis=1) for part in near], axis=1) / half
-        found.append(Room(upper.reshape(-1, half.size), lower.reshape(-1, half.size)))
+        rates = _KEPT if limit is None else _rate_excess(leg, s, tau, limit)
+        found.append(Room(upper.reshape(-1, half.size), lower.reshape(-1, half.size), rates))
     return tuple(found)
 
 
+def _rate_excess(leg: Leg, s: Array, tau: Array, limit: Array) -> Array:
+    """How far torques change faster than they may between a leg's points, as parts of the limits, shape (points + 1, nv).
+
+    Args:
+        leg: its points and its duration.
+        s: places of every interval, shape (intervals, places).
+        tau: torques there [N m or N], shape (intervals, places, nv).
+        limit: [N m/s or N/s], shape (nv,).
+    """
+    rates = np.abs(np.diff(tau, axis=1)) / (leg.duration * np.diff(s, axis=1)[..., None]) / limit - 1
+    middle = (s[:, 1:] + s[:, :-1]).ravel() / 2
+    which = np.searchsorted(leg.basis.gauss(POINTS)[0].ravel(), middle)
+    over = np.full((leg.basis.intervals * POINTS + 1, limit.size), _KEPT)
+    rates = rates.reshape(-1, limit.size)
+    for beside in (-1, 0, 1):  # a step that has no room left leaves the excess to its neighbours
+        np.maximum.at(over, np.clip(which + beside, 0, len(over) - 1), rates)
+    return over
+
+
 def _worst(over: Room) -> float:
-    return float(max(np.max(over.upper), np.max(over.lower)))
+    return float(max(np.max(over.upper), np.max(over.lower), np.max(over.rates)))
 
 
 def _percent(over: tuple[Room, ...]) -> str:
@@ -120,7 +142,7 @@ def _roomier(task: Task, room: Room, over: Room) -> Room:
         wanted = np.maximum(np.asarray(beyond) + numbers.spare, 0) * numbers.eager
         return np.minimum(own + wanted, _MOST)
 
-    return Room(more(room.upper, over.upper), more(room.lower, over.lower))
+    return Room(more(room.upper, over.upper), more(room.lower, over.lower), more(room.rates, over.rates))
 
 
 def _checked(task: Task, curve: Curve, demands: Demands) -> Checked:

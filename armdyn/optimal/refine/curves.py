@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from armdyn.errors import ProblemError
-from armdyn.optimal.conditions.demands import Demands
+from armdyn.optimal.conditions.demands import Checked, Demands
 from armdyn.optimal.conditions.registry import conditions_of
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
@@ -29,7 +29,7 @@ _REMARK = "Pontryagin's conditions are not checked on a curve"
 _HOPELESS = 1e-2
 """Excess over a limit, as a part of it, that is not for following a little beside the curve."""
 _ROUNDS = 3
-"""Of slowing down what exceeds a velocity limit by less than the replay is beside the curve."""
+"""Of slowing down what exceeds a limit by less than the replay is beside the curve."""
 
 
 def curves(task: Task) -> tuple[list[Optimum], Found]:
@@ -122,22 +122,28 @@ def _failed(task: Task, settled: Settled) -> Attempt:
 def _landed(task: Task, settled: Settled) -> Optimum:
     """A curve's motion, replayed."""
     problem, curve = task.problem, settled.curve
-    for _ in range(_ROUNDS):
-        motion = follow(task, curve)
-        replay = replace(replay_of(task, motion), name="minimum time")
-        over = limit_violation(problem.limits, replay)
-        if over <= LIMIT_TOLERANCE or over > _HOPELESS or not problem.from_rest_to_rest or task.stop:
+    for k in range(_ROUNDS + 1):
+        replay = replace(replay_of(task, follow(task, curve)), name="minimum time")
+        checked = settled.demands.check(problem, replay, curve.passing) if settled.demands.conditions else None
+        over, rates = limit_violation(problem.limits, replay), 0.0 if checked is None else _rate_excess(checked)
+        kept = over <= LIMIT_TOLERANCE and rates <= 0
+        if kept or max(over, rates) > _HOPELESS or not problem.from_rest_to_rest or task.stop or k == _ROUNDS:
             break
-        curve = curve.slower(1 + 1.5 * over)
+        curve = curve.slower(1 + max(1.5 * over, 0.7 * rates))
     outcome = settled.solved.outcome
     remark = _REMARK if settled.solved.converged else f"the curve did not converge ({outcome.message})"
-    passing = curve.passing
     return Optimum(
         trajectory=replay,
         certificate=certify(problem, replay, None, remark),
         cost=replay.duration,
         intervals=curve.legs[0].basis.intervals,
         iterations=settled.iterations,
-        checked=settled.demands.check(problem, replay, passing) if settled.demands.conditions else None,
-        via_times=tuple(map(float, passing)),
+        checked=checked,
+        via_times=tuple(map(float, curve.passing)),
     )
+
+
+def _rate_excess(checked: Checked) -> float:
+    """How far conditions that are not kept exceed what a slower motion has less of, as a part of their limits."""
+    over = [kept.share - 1 for kept in checked.kept if kept.reasons and kept.share is not None]
+    return max(over, default=0.0)

@@ -90,7 +90,7 @@ class Policy:
             smooth=SmoothPolicy(starts=_by_joints(joints, (2, 16, 24), 4), refined=10 if joints == 2 else 6),
             indirect=IndirectPolicy(starts=_by_joints(joints, (1, 6), 16)),
             curves=CurvePolicy(
-                shortest=3e-4 if problem.speed_limited else 1.0,
+                shortest=_shortest(problem),
                 starts=6 if crowded else 1 if problem.speed_limited else 4,
             ),
         )
@@ -108,6 +108,13 @@ class Policy:
     def changed(self, group: str, **numbers: object) -> Self:
         """The same with other numbers in one group, to try them."""
         return replace(self, **{group: replace(getattr(self, group), **numbers)})
+
+
+def _shortest(problem: MinimumTimeProblem) -> float:
+    """The first interval of a curve: torques that may not jump ramp more slowly than velocity limits are reached."""
+    if not problem.speed_limited:
+        return 1.0
+    return 2e-3 if problem.continuous_torque else 3e-4
 
 
 def _has_rows(problem: MinimumTimeProblem) -> bool:
