@@ -152,7 +152,8 @@ def torque_end_equations(joints: int) -> IntervalFunctions:
     """The same between a given torque and a point, where the motion begins or ends.
 
     Unknowns: the scaled torques at the point, the leg's duration.
-    Parameters: the given torques, scaled likewise, shape (nv,); the part of the duration; half the range over the limit.
+    Parameters: the given torques, scaled likewise, shape (nv,); the part of the duration; half the range over
+    the limit [s], shape (nv,).
     """
     torque, duration = ca.SX.sym("torque", joints), ca.SX.sym("T")
     given, part, over = ca.SX.sym("given", joints), ca.SX.sym("part"), ca.SX.sym("over", joints)

@@ -31,8 +31,9 @@ def follow(task: Task, curve: Curve) -> Trajectory:
     """
     problem, numbers = task.problem, task.policy.curves
     robot, limits, n = problem.robot, problem.limits, problem.robot.nv
-    wanted = curve.trajectory(robot, numbers.samples, numbers.steps)
-    t, jumps, tau = wanted.t, wanted.jumps, _lines(wanted)
+    wanted = curve.trajectory(robot, numbers.samples, numbers.steps, jumps=not problem.continuous_torque)
+    # Where rates of the torque are limited it is the curve's: the better lines change more steeply at their corners.
+    t, jumps, tau = wanted.t, wanted.jumps, wanted.tau.copy() if problem.continuous_torque else _lines(wanted)
     tau = np.clip(tau, limits.effort_lower, limits.effort_upper)
     reached, bandwidth = under_linear_torque(robot), numbers.bandwidth / curve.duration
     model, data = robot.model, robot.model.createData()
@@ -42,6 +43,8 @@ def follow(task: Task, curve: Curve) -> Trajectory:
     for k in range(t.size - 1):
         if jumps[k]:  # no time passes
             x[k + 1] = x[k]
+        elif k == t.size - 2 and problem.continuous_torque:  # what holds the arm at the goal
+            x[k + 1] = reached(t[k : k + 2], x[k], tau[k : k + 2])
         else:
             inertia = np.triu(pin.crba(model, data, robot.configuration(x[k, :n])))
             inertia += np.triu(inertia, 1).T

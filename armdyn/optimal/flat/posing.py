@@ -76,15 +76,17 @@ def shape_of(problem: MinimumTimeProblem, guess: Curve, demands: Demands) -> Sha
     """What the program of a problem looks like."""
     intervals = tuple(leg.basis.intervals for leg in guess.legs)
     orders = (1, *sorted({limit[0] for each in demands.conditions if (limit := each.derivative_limit(problem))}))
-    rated = torque_rates(problem, demands) is not None
+    rated = any(each.torque_rate_limit(problem) is not None for each in demands.conditions)
     return Shape(problem.robot.nv, intervals, orders, 2 if problem.continuous_torque else 1, rated)
 
 
-def torque_rates(problem: MinimumTimeProblem, demands: Demands) -> Array | None:
-    """How fast torques may change [N m/s or N/s], shape (nv,); None: that has no limits."""
+def torque_rates(task: Task, demands: Demands) -> Array | None:
+    """How fast a curve's torques may change [N m/s or N/s], shape (nv,); None: that has no limits."""
+    problem = task.problem
     found = [each.torque_rate_limit(problem) for each in demands.conditions]
     given = [limit for limit in found if limit is not None]
-    return np.min(given, axis=0) if given else None
+    kept = 0.0 if problem.from_rest_to_rest else task.policy.curves.steep_in_flight
+    return (1 - kept) * np.min(given, axis=0) if given else None
 
 
 def _has_rows(problem: MinimumTimeProblem, condition: Condition) -> bool:
@@ -131,7 +133,7 @@ def pose(task: Task, guess: Curve, wanted: Wanted, shape: Shape) -> Posed:
         tie = wanted.smooth * leg.duration / whole / n
         nothing = np.zeros(s.size * n)
         numbers.add(np.hstack([basis, weights.reshape(-1, 1), tie * weights.reshape(-1, 1)]), nothing, nothing)
-        _add_rates(numbers, problem, wanted.demands, leg.basis, shape, k)
+        _add_rates(numbers, task, wanted.demands, leg.basis, shape, k)
         points, torques, room = shape.points(k), shape.torques(k), wanted.rooms[k] if wanted.rooms else Room()
         lower[points], upper[points] = limits.position_lower, limits.position_upper
         least, most = limits.effort_lower / half, limits.effort_upper / half
@@ -144,7 +146,7 @@ def pose(task: Task, guess: Curve, wanted: Wanted, shape: Shape) -> Posed:
         for order in range(1, shape.smooth + 1):
             sides = _factors(guess.legs[k - 1].basis, order)[-1], _factors(guess.legs[k].basis, order)[0]
             numbers.add(np.concatenate([*sides, 1 / _finite(limits.velocity)]), np.zeros(n), np.zeros(n))
-    _add_torque_rates(numbers, problem, wanted, guess)
+    _add_torque_rates(numbers, task, wanted, guess)
     _add_rows(numbers, task, guess, wanted.demands)
     squares = problem.effort_weights() * half**2
     shared = np.concatenate([half, squares, task.dynamics.last_body, [1 / whole]])
@@ -165,15 +167,15 @@ def _factors(basis: Basis, order: int) -> Array:
     return np.take_along_axis(matrix, window, axis=1)
 
 
-def _add_rates(
-    numbers: _Numbers, problem: MinimumTimeProblem, demands: Demands, basis: Basis, shape: Shape, leg: int
-) -> None:
+def _add_rates(numbers: _Numbers, task: Task, demands: Demands, basis: Basis, shape: Shape, leg: int) -> None:
     """Limits of derivatives on one leg, by their control points."""
+    problem = task.problem
+    most = 1.0 if problem.from_rest_to_rest else 1 - task.policy.curves.in_flight
     given = {1: problem.limits.velocity}
     given |= dict(limit for each in demands.conditions if (limit := each.derivative_limit(problem)))
     for order in shape.orders:
         factors, scale = _factors(basis, order), _finite(given[order])
-        bound = np.tile(np.where(np.isinf(given[order]), np.inf, 1.0), (len(factors), 1))
+        bound = np.tile(np.where(np.isinf(given[order]), np.inf, most), (len(factors), 1))
         lower, upper = -bound, bound.copy()
         if order == 1 and leg == 0:
             lower[0] = upper[0] = np.asarray(problem.v_start) / scale
@@ -186,9 +188,10 @@ def _add_rates(
         numbers.add(np.hstack([factors, np.tile(1 / scale, (len(factors), 1))]), lower, upper)
 
 
-def _add_torque_rates(numbers: _Numbers, problem: MinimumTimeProblem, wanted: Wanted, guess: Curve) -> None:
+def _add_torque_rates(numbers: _Numbers, task: Task, wanted: Wanted, guess: Curve) -> None:
     """Limits of how fast torques change: leg by leg, where legs meet, and from and to what holds the arm."""
-    rates = torque_rates(problem, wanted.demands)
+    problem = task.problem
+    rates = torque_rates(task, wanted.demands)
     if rates is None:
         return
     limits, n = problem.limits, problem.robot.nv

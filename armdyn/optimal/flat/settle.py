@@ -11,7 +11,6 @@ from armdyn.optimal.flat.curve import Curve, Leg
 from armdyn.optimal.flat.equations import POINTS
 from armdyn.optimal.flat.posing import Room, Wanted, torque_rates
 from armdyn.optimal.flat.solve import Solved, solve_curve
-from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.task import Task
 
 Array = NDArray[np.float64]
@@ -62,7 +61,7 @@ def settle(task: Task, guess: Curve) -> Settled:
     solved = solve_curve(task, guess, wanted)
     iterations = solved.outcome.iterations
     for k in range(numbers.rounds):
-        over, checked = excesses_of(problem, solved.curve, numbers.looks), _checked(task, solved.curve, wanted.demands)
+        over, checked = excesses_of(task, solved.curve), _checked(task, solved.curve, wanted.demands)
         enough = numbers.little if problem.from_rest_to_rest else 0.0
         if (max(map(_worst, over)) <= enough and not checked.reasons) or task.stop or not solved.converged:
             break
@@ -79,19 +78,19 @@ def settle(task: Task, guess: Curve) -> Settled:
     curve = solved.curve
     if problem.from_rest_to_rest:
         curve = _slowed(task, curve)
-    excess = max(map(_worst, excesses_of(problem, curve, numbers.looks)))
+    excess = max(map(_worst, excesses_of(task, curve)))
     return Settled(curve, solved, wanted.demands, iterations, excess, _checked(task, curve, wanted.demands))
 
 
-def excesses_of(problem: MinimumTimeProblem, curve: Curve, looks: int) -> tuple[Room, ...]:
+def excesses_of(task: Task, curve: Curve) -> tuple[Room, ...]:
     """How far torques, and how fast they change, exceed their limits near every point of every leg, as parts of these.
 
     Args:
-        problem: its limits.
+        task: its limits, and at how many places they are looked at.
         curve: a motion.
-        looks: places of an interval, an even number.
     """
-    limits, limit = problem.limits, torque_rates(problem, Demands.of(problem))
+    problem, looks = task.problem, task.policy.curves.looks
+    limits, limit = problem.limits, torque_rates(task, Demands.of(problem))
     half = (limits.effort_upper - limits.effort_lower) / 2
     found = []
     for leg in curve.legs:
@@ -108,7 +107,7 @@ def excesses_of(problem: MinimumTimeProblem, curve: Curve, looks: int) -> tuple[
 
 
 def _rate_excess(leg: Leg, s: Array, tau: Array, limit: Array) -> Array:
-    """How far torques change faster than they may between a leg's points, as parts of the limits, shape (points + 1, nv).
+    """How far torques change too fast between a leg's points, as parts of the limits, shape (points + 1, nv).
 
     Args:
         leg: its points and its duration.
@@ -148,16 +147,17 @@ def _roomier(task: Task, room: Room, over: Room) -> Room:
 def _checked(task: Task, curve: Curve, demands: Demands) -> Checked:
     if not demands.conditions:
         return Checked(())
-    return demands.check(task.problem, curve.trajectory(task.problem.robot, _SAMPLES, 0), curve.passing)
+    motion = curve.trajectory(task.problem.robot, _SAMPLES, 0, jumps=not task.problem.continuous_torque)
+    return demands.check(task.problem, motion, curve.passing)
 
 
 def _slowed(task: Task, curve: Curve) -> Curve:
     """The same path, as much slower as its torques and speeds take to keep their limits."""
-    problem, looks = task.problem, task.policy.curves.looks
+    problem = task.problem
     speeds = [leg.basis.factors(1)[:, None] * np.diff(leg.points, axis=0) / leg.duration for leg in curve.legs]
     curve = curve.slower(max(1.0, float(np.max(np.abs(np.concatenate(speeds)) / problem.limits.velocity))))
     for _ in range(_SLOWER):
-        beyond = max(map(_worst, excesses_of(problem, curve, looks)))
+        beyond = max(map(_worst, excesses_of(task, curve)))
         if beyond <= 0:
             break
         curve = curve.slower(1 + 0.7 * beyond + 1e-6)
