@@ -115,7 +115,5 @@ def test_unknowns_stand_where_they_are_said_to_once_each():
 def test_equal_questions_get_one_program():
     job = task("via")
     guess, asked = bent(job.problem), wanted(job.problem)
-    first, second = (
-        build(job.dynamics, shape_of(problem("via"), guess, asked.demands), (), False) for _ in range(2)
-    )
+    first, second = (build(job.dynamics, shape_of(problem("via"), guess, asked.demands), (), False) for _ in range(2))
     assert first is second
