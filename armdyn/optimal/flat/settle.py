@@ -97,13 +97,27 @@ def excesses_of(task: Task, curve: Curve) -> tuple[Room, ...]:
         breaks = leg.basis.breaks
         s = breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, looks + 1)
         tau = leg.torques(problem.robot, s.ravel()).reshape(*s.shape, -1)
+        least, most = -_tops(-tau), _tops(tau)
         marks = np.linspace(0, looks, POINTS + 1).astype(int)
-        near = [tau[:, first : last + 1] for first, last in pairwise(marks)]  # every point has its half of an interval
-        upper = np.stack([np.max(part, axis=1) - limits.effort_upper for part in near], axis=1) / half
-        lower = np.stack([limits.effort_lower - np.min(part, axis=1) for part in near], axis=1) / half
+        halves = [slice(first, last + 1) for first, last in pairwise(marks)]  # every point has its half of an interval
+        upper = np.stack([np.max(most[:, half_of], axis=1) - limits.effort_upper for half_of in halves], axis=1) / half
+        lower = np.stack([limits.effort_lower - np.min(least[:, half_of], axis=1) for half_of in halves], axis=1) / half
         rates = _KEPT if limit is None else _rate_excess(leg, s, tau, limit)
         found.append(Room(upper.reshape(-1, half.size), lower.reshape(-1, half.size), rates))
     return tuple(found)
+
+
+def _tops(tau: Array) -> Array:
+    """Torques in an interval, raised to the top of the parabola through three of them where that lies between.
+
+    Args:
+        tau: shape (intervals, places, nv).
+    """
+    slope, bend = tau[:, 2:] - tau[:, :-2], tau[:, 2:] - 2 * tau[:, 1:-1] + tau[:, :-2]
+    near = np.abs(slope) < -2 * bend  # the top is no farther than the next place
+    tops = tau.copy()
+    tops[:, 1:-1] += np.where(near, slope**2, 0.0) / (8 * np.where(near, -bend, 1.0))
+    return tops
 
 
 def _rate_excess(leg: Leg, s: Array, tau: Array, limit: Array) -> Array:
