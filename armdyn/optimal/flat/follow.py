@@ -43,13 +43,12 @@ def follow(task: Task, curve: Curve) -> Trajectory:
     for k in range(t.size - 1):
         if jumps[k]:  # no time passes
             x[k + 1] = x[k]
-        elif k == t.size - 2 and problem.continuous_torque:  # what holds the arm at the goal
-            x[k + 1] = reached(t[k : k + 2], x[k], tau[k : k + 2])
         else:
             inertia = np.triu(pin.crba(model, data, robot.configuration(x[k, :n])))
             inertia += np.triu(inertia, 1).T
             beside = 2 * bandwidth * (x[k, n:] - wanted.v[k]) + bandwidth**2 * (x[k, :n] - wanted.q[k])
-            led = tau[k + 1] - inertia @ beside
+            fade = min((t.size - 2 - k) / numbers.samples, 1.0) if problem.continuous_torque else 1.0
+            led = tau[k + 1] - fade * inertia @ beside  # torques that may not jump end with what holds the arm
             tau[k + 1] = np.clip(led, limits.effort_lower, limits.effort_upper)
             x[k + 1] = reached(t[k : k + 2], x[k], tau[k : k + 2])
         if not np.all(np.isfinite(x[k + 1])):

@@ -39,8 +39,9 @@ def test_states_and_torques_fit_and_land(kind, jumps):
     # The very same integration, sample by sample: bit for bit.
     np.testing.assert_array_equal(replay.q, motion.q)
     np.testing.assert_array_equal(replay.v, motion.v)
-    # Feedback is a sample late: its last interval is 1/12 of the motion here, 3e-4 where velocities are limited.
-    assert np.max(np.abs(posed.beside_goal(motion)[:2])) < 1e-6 and np.max(np.abs(posed.beside_goal(motion))) < 1e-5
+    # Feedback is a sample late, and fades in the last interval where torques may not jump. That interval is 1/12 of the
+    # motion here, 3e-4 where velocities are limited: there they, too, are within 1e-6.
+    assert np.max(np.abs(posed.beside_goal(motion)[:2])) < 1e-6 and np.max(np.abs(posed.beside_goal(motion))) < 2e-5
     for k, leg in enumerate(curve.legs):  # and it is near the curve all the way
         start = 0.9 * k
         s = np.linspace(0.01, 0.99, 50)
