@@ -75,9 +75,11 @@ class Posed:
 def shape_of(problem: MinimumTimeProblem, guess: Curve, demands: Demands) -> Shape:
     """What the program of a problem looks like."""
     intervals = tuple(leg.basis.intervals for leg in guess.legs)
-    orders = (1, *sorted({limit[0] for each in demands.conditions if (limit := each.derivative_limit(problem))}))
+    orders = {limit[0] for each in demands.conditions if (limit := each.derivative_limit(problem))}
+    if problem.jerk_limit is not None and not problem.from_rest_to_rest:
+        orders.add(2)  # accelerations that are zero at an end in flight
     rated = any(each.torque_rate_limit(problem) is not None for each in demands.conditions)
-    return Shape(problem.robot.nv, intervals, orders, 2 if problem.continuous_torque else 1, rated)
+    return Shape(problem.robot.nv, intervals, (1, *sorted(orders)), 2 if problem.continuous_torque else 1, rated)
 
 
 def torque_rates(task: Task, demands: Demands) -> Array | None:
@@ -171,20 +173,19 @@ def _add_rates(numbers: _Numbers, task: Task, demands: Demands, basis: Basis, sh
     """Limits of derivatives on one leg, by their control points."""
     problem = task.problem
     most = 1.0 if problem.from_rest_to_rest else 1 - task.policy.curves.in_flight
-    given = {1: problem.limits.velocity}
+    given = {1: problem.limits.velocity, 2: np.full(shape.joints, np.inf)}
     given |= dict(limit for each in demands.conditions if (limit := each.derivative_limit(problem)))
     for order in shape.orders:
         factors, scale = _factors(basis, order), _finite(given[order])
         bound = np.tile(np.where(np.isinf(given[order]), np.inf, most), (len(factors), 1))
         lower, upper = -bound, bound.copy()
-        if order == 1 and leg == 0:
-            lower[0] = upper[0] = np.asarray(problem.v_start) / scale
-        if order == 1 and leg == shape.legs[-1]:
-            lower[-1] = upper[-1] = np.asarray(problem.v_goal) / scale
-        if order == 1 and leg == 0 and not np.any(problem.v_start):
-            lower[0], upper[0] = -bound[0], bound[0]  # the control points are fixed
-        if order == 1 and leg == shape.legs[-1] and not np.any(problem.v_goal):
-            lower[-1], upper[-1] = -bound[-1], bound[-1]
+        for place, outer, v in ((0, leg == 0, problem.v_start), (-1, leg == shape.legs[-1], problem.v_goal)):
+            if not (outer and np.any(v)):
+                continue  # at rest control points are fixed
+            if order == 1:
+                lower[place] = upper[place] = np.asarray(v) / scale
+            elif order == 2 and problem.jerk_limit is not None:
+                lower[place] = upper[place] = 0
         numbers.add(np.hstack([factors, np.tile(1 / scale, (len(factors), 1))]), lower, upper)
 
 
@@ -220,14 +221,16 @@ def _fix_ends(problem: MinimumTimeProblem, leg: int, points: NDArray[np.int_], s
     for place, inward, outer, v in ends:
         q = problem.poses[leg if place == 0 else leg + 1]
         at_rest = outer and not np.any(v)
-        count = 1 + at_rest + (at_rest and problem.continuous_torque and _holds(problem, q))
+        count = 1 + at_rest + (at_rest and _begins_gently(problem, q))
         for k in range(count):
             for side in sides:
                 side[points[place + inward * k]] = q
 
 
-def _holds(problem: MinimumTimeProblem, q: Array) -> bool:
-    """Whether the actuators can hold the arm still."""
+def _begins_gently(problem: MinimumTimeProblem, q: Array) -> bool:
+    """Whether acceleration is zero where the arm is at rest: jerks are limited, or torques begin with what holds it."""
+    if problem.jerk_limit is not None or not problem.continuous_torque:
+        return problem.jerk_limit is not None
     limits, hold = problem.limits, _holding(problem, q)
     return bool(np.all((hold >= limits.effort_lower) & (hold <= limits.effort_upper)))
 

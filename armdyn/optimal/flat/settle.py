@@ -61,14 +61,14 @@ def settle(task: Task, guess: Curve) -> Settled:
     solved = solve_curve(task, guess, wanted)
     iterations = solved.outcome.iterations
     for k in range(numbers.rounds):
-        over, checked = excesses_of(task, solved.curve), _checked(task, solved.curve, wanted.demands)
+        over, kept = excesses_of(task, solved.curve), checked(task, solved.curve, wanted.demands)
         enough = numbers.little if problem.from_rest_to_rest else 0.0
-        if (max(map(_worst, over)) <= enough and not checked.reasons) or task.stop or not solved.converged:
+        if (max(map(_worst, over)) <= enough and not kept.reasons) or task.stop or not solved.converged:
             break
         task.tell(f"round {k + 1}: {solved.curve.duration:.6f} s, torques {_percent(over)} beyond between points")
         rooms = wanted.rooms or (Room(),) * len(over)
         more = tuple(_roomier(task, room, here) for room, here in zip(rooms, over, strict=True))
-        stricter = wanted.demands.stricter(problem, checked)
+        stricter = wanted.demands.stricter(problem, kept)
         wanted = replace(wanted, rooms=more, demands=stricter)
         again = solve_curve(task, solved.curve, wanted, solved)
         iterations += again.outcome.iterations
@@ -79,7 +79,7 @@ def settle(task: Task, guess: Curve) -> Settled:
     if problem.from_rest_to_rest:
         curve = _slowed(task, curve)
     excess = max(map(_worst, excesses_of(task, curve)))
-    return Settled(curve, solved, wanted.demands, iterations, excess, _checked(task, curve, wanted.demands))
+    return Settled(curve, solved, wanted.demands, iterations, excess, checked(task, curve, wanted.demands))
 
 
 def excesses_of(task: Task, curve: Curve) -> tuple[Room, ...]:
@@ -158,7 +158,14 @@ def _roomier(task: Task, room: Room, over: Room) -> Room:
     return Room(more(room.upper, over.upper), more(room.lower, over.lower), more(room.rates, over.rates))
 
 
-def _checked(task: Task, curve: Curve, demands: Demands) -> Checked:
+def checked(task: Task, curve: Curve, demands: Demands) -> Checked:
+    """How a curve keeps the conditions along the way.
+
+    Args:
+        task: what is asked.
+        curve: the motion.
+        demands: the conditions.
+    """
     if not demands.conditions:
         return Checked(())
     motion = curve.trajectory(task.problem.robot, _SAMPLES, 0, jumps=not task.problem.continuous_torque)

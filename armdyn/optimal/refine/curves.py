@@ -12,7 +12,7 @@ from armdyn.optimal.conditions.registry import conditions_of
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.follow import follow
-from armdyn.optimal.flat.settle import Settled, settle
+from armdyn.optimal.flat.settle import Settled, checked, settle
 from armdyn.optimal.landing.limits import limit_violation, worst_violation
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.status import Status
@@ -68,8 +68,8 @@ def _without_obstacles(task: Task) -> list[Settled]:
     free = problem.variant(obstacles=(), self_collision=False)
     (best,) = _settled(task.about(free), _guesses(task.about(free))[:1])
     demands = Demands.of(problem)
-    checked = demands.check(problem, best.curve.trajectory(problem.robot, 8, 0), best.curve.passing)
-    return [] if checked.reasons else [replace(best, demands=demands, checked=checked)]
+    kept = checked(task, best.curve, demands)
+    return [] if kept.reasons else [replace(best, demands=demands, checked=kept)]
 
 
 def _guesses(task: Task) -> list[Curve]:
@@ -124,8 +124,8 @@ def _landed(task: Task, settled: Settled) -> Optimum:
     problem, curve = task.problem, settled.curve
     for k in range(_ROUNDS + 1):
         replay = replace(replay_of(task, follow(task, curve)), name="minimum time")
-        checked = settled.demands.check(problem, replay, curve.passing) if settled.demands.conditions else None
-        over, rates = limit_violation(problem.limits, replay), 0.0 if checked is None else _rate_excess(checked)
+        looked = settled.demands.check(problem, replay, curve.passing) if settled.demands.conditions else None
+        over, rates = limit_violation(problem.limits, replay), 0.0 if looked is None else _rate_excess(looked)
         kept = over <= LIMIT_TOLERANCE and rates <= 0
         if kept or max(over, rates) > _HOPELESS or not problem.from_rest_to_rest or task.stop or k == _ROUNDS:
             break
@@ -138,12 +138,12 @@ def _landed(task: Task, settled: Settled) -> Optimum:
         cost=replay.duration,
         intervals=curve.legs[0].basis.intervals,
         iterations=settled.iterations,
-        checked=checked,
+        checked=looked,
         via_times=tuple(map(float, curve.passing)),
     )
 
 
-def _rate_excess(checked: Checked) -> float:
+def _rate_excess(looked: Checked) -> float:
     """How far conditions that are not kept exceed what a slower motion has less of, as a part of their limits."""
-    over = [kept.share - 1 for kept in checked.kept if kept.reasons and kept.share is not None]
+    over = [kept.share - 1 for kept in looked.kept if kept.reasons and kept.share is not None]
     return max(over, default=0.0)

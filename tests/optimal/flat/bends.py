@@ -25,6 +25,7 @@ KINDS = {
     "frame speed": {"conditions": [ad.FrameSpeedLimit(2.0)]},
     "obstacle": {"obstacles": [BALL]},
     "effort": {"relative_effort_weight": 0.5, "effort_weight": 0.1},
+    "jerk in flight": {"v_start": [0.5, -0.3], "jerk_limit": 900.0},
     "in flight": {"v_start": [0.5, -0.3], "v_goal": [0.0, 0.4]},
 }
 """What is asked of the paper's arm of two links."""

@@ -88,7 +88,7 @@ def test_all_equations_but_those_of_the_torques_are_those_of_the_curve(kind):
             rates = equations[place : place + 2 * size].reshape(size, 2)
             place += 2 * size
             given = {1: limits.velocity, 2: job.problem.acceleration_limit, 3: job.problem.jerk_limit}[order]
-            scale = np.where(np.isinf(given), 1, given)
+            scale = 1 if given is None else np.where(np.isinf(given), 1, given)
             at_end = leg.basis.curve(leg.points)(1.0, order) / leg.duration**order
             np.testing.assert_allclose(rates[-1] * scale, at_end, rtol=1e-10, atol=1e-10)  # rounding of differences
     # Time over the guess's, and what squared torques cost: by Gauss's points, which here are the definition.

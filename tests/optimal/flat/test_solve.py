@@ -89,6 +89,12 @@ def test_torques_that_may_not_jump_do_not_where_legs_meet():
     np.testing.assert_allclose(ends, 0, atol=1e-9)  # control points that are one point
 
 
+def test_with_a_jerk_limit_accelerations_are_zero_at_both_ends_in_flight_too():
+    ends = fastest(28, v_start=[0.3], v_goal=[0.2], jerk_limit=2.0).curve.legs[0].at(np.array([0.0, 1.0]))
+    np.testing.assert_allclose(ends[2], 0, atol=1e-6)  # equations: IPOPT's 1e-7
+    np.testing.assert_allclose(ends[1].ravel(), [0.3, 0.2], atol=1e-6)
+
+
 def test_position_limits_are_kept_everywhere():
     asked = {"v_start": [-0.6], "relative_effort_weight": 20.0}
     free, held = (fastest(24, **asked, **more) for more in ({}, {"position_limit": (-0.25, 3.0)}))

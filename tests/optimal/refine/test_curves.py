@@ -123,7 +123,7 @@ def test_torque_rates_of_a_panda():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("ends", [{"v_start": V}, {"v_goal": V}, {"v_start": V, "v_goal": [-v for v in V]}])
-@pytest.mark.parametrize("more", [{}, {"conditions": [ad.TorqueRateLimit(2000.0)]}], ids=["free", "rate"])
+@pytest.mark.parametrize("more", [{}, {"conditions": [ad.TorqueRateLimit(2000.0)]}, {"jerk_limit": 200.0}])
 def test_motions_that_begin_or_end_in_flight(ends, more):
     optimum = solved(ur5(**ends, **more))
     assert np.max(np.abs(optimum.trajectory.v[-1] - ends.get("v_goal", np.zeros(6)))) < 1e-4
