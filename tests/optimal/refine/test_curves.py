@@ -106,6 +106,7 @@ def test_limits_along_the_way_cost_time_and_are_kept(kind):
         assert np.max(np.abs(motion(time).v)) > 0.5  # in flight
 
 
+@pytest.mark.slow
 def test_a_torque_jumps_at_a_via_point_where_it_may():
     motion = solved(ur5(via=[VIA])).trajectory
     assert np.count_nonzero(motion.jumps) == 1
@@ -252,6 +253,7 @@ def test_round_a_ball_that_the_straight_way_hits():
     assert motion.duration >= free.duration * (1 - SAME)
 
 
+@pytest.mark.slow
 def test_guesses_of_the_options_are_begun_with():
     problem, told = ur5(), []
     optimum = solved(problem)
