@@ -2,6 +2,7 @@
 
 import casadi as ca
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from armdyn.optimal.flat.equations import POINTS
@@ -98,6 +99,40 @@ def test_all_equations_but_those_of_the_torques_are_those_of_the_curve(kind):
     weights = job.problem.effort_weights()
     effort = sum(leg.duration * (own * weights).sum() / 2 for leg, own in zip(guess.legs, part, strict=True))
     assert cost[0] == pytest.approx((guess.duration + effort + tie) / guess.duration, rel=1e-12)  # rounding of sums
+
+
+@pytest.mark.parametrize("kind", ["torque rate", "via and torque rate"])
+def test_torque_rates_are_differences_of_the_curves_torques_by_time(kind):
+    program, shape, guess, job, posed = built(kind)
+    x, problem, half = posed.x.copy(), job.problem, job.problem.limits.effort_upper
+    times, torques, starts = [], [], np.append(0.0, guess.passing)
+    for k, (leg, start) in enumerate(zip(guess.legs, starts, strict=True)):
+        s = leg.basis.gauss(POINTS)[0].ravel()
+        times.append(start + leg.duration * s)
+        torques.append(leg.torques(problem.robot, s))
+        x[shape.torques(k)], x[shape.duration(k)] = torques[-1] / half, leg.duration
+    rates = [np.diff(tau, axis=0) / np.diff(t)[:, None] for t, tau in zip(times, torques, strict=True)]
+    rates += [
+        (after[0] - before[-1])[None] / (t_after[0] - t_before[-1])
+        for before, after, t_before, t_after in zip(torques, torques[1:], times, times[1:], strict=False)
+    ]
+    data = problem.robot.model.createData()
+    at_start, at_goal = (
+        pin.computeGeneralizedGravity(problem.robot.model, data, np.asarray(q))
+        for q in (problem.q_start, problem.q_goal)
+    )
+    rates += [
+        (torques[0][:1] - at_start) / times[0][0],
+        (torques[-1][-1:] - at_goal) / (guess.duration - times[-1][-1]),
+    ]
+    limit = np.asarray(problem.conditions[0].limit)
+    expected = np.concatenate(rates) / np.where(np.isinf(limit), 1, limit)
+    equations = values(program)(x, posed.p)[1].full().ravel()[-expected.size :]
+    np.testing.assert_allclose(equations, expected.ravel(), rtol=1e-10, atol=1e-10)  # rounding of differences
+    for bound, sign in zip(posed.g_bounds, (-1, 1), strict=True):
+        np.testing.assert_array_equal(
+            bound[-expected.size :].reshape(-1, 2), [np.where(np.isinf(limit), np.inf, 1) * sign] * len(expected)
+        )
 
 
 def test_unknowns_stand_where_they_are_said_to_once_each():
