@@ -123,6 +123,13 @@ class Condition(ABC):
         """
         return None
 
+    def torque_rate_limit(self, problem: MinimumTimeProblem) -> Array | None:
+        """Limits of how fast torques change [N m/s or N/s], shape (nv,), if it limits just that.
+
+        Curves keep them from each of their torques to the next, without rows.
+        """
+        return None
+
     def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
         """Which rows the program needs."""
         return ()

@@ -30,7 +30,8 @@ def graded(intervals: int, shortest: float) -> Array:
     def beyond(growth: float) -> float:
         return float(np.log(shortest * np.sum(np.exp(growth * steps))))
 
-    growth = brentq(beyond, 0.0, 10.0) if beyond(0.0) < 0 else 0.0
+    can_grow = intervals > 2 and beyond(0.0) < 0
+    growth = brentq(beyond, 0.0, -np.log(shortest)) if can_grow else 0.0
     ends = np.cumsum(np.exp(growth * steps))
     return np.append(0.0, ends / ends[-1])
 

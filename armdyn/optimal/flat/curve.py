@@ -101,13 +101,14 @@ class Curve:
         """The same path in so many times the duration."""
         return replace(self, legs=tuple(replace(leg, duration=factor * leg.duration) for leg in self.legs))
 
-    def trajectory(self, robot: Robot, least: int, steps: int) -> Trajectory:
+    def trajectory(self, robot: Robot, least: int, steps: int, jumps: bool = True) -> Trajectory:
         """Samples of the motion, and the torques that it takes there.
 
         Args:
             robot: that moves.
             least: samples of every interval, besides its end.
             steps: samples of every leg, at least.
+            jumps: whether the torque may jump where legs meet: then both legs have a sample there.
         """
         parts, start = [], 0.0
         for k, leg in enumerate(self.legs):
@@ -118,8 +119,11 @@ class Curve:
             q, v, _ = leg.at(s)
             t = start + leg.duration * s
             start = float(t[-1])
-            if k < len(self.legs) - 1:  # where legs meet the torque may jump
+            own: tuple[Array, ...] = t, q, v, leg.torques(robot, s)
+            if k < len(self.legs) - 1 and jumps:
                 t[-1] = np.nextafter(start, 0)
-            parts.append((t, q, v, leg.torques(robot, s)))
+            elif k < len(self.legs) - 1:
+                own = tuple(each[:-1] for each in own)
+            parts.append(own)
         t, q, v, tau = (np.concatenate(part) for part in zip(*parts, strict=True))
         return Trajectory(t, q, v, tau, robot.joint_names, "minimum time", robot.model_hash)

@@ -129,6 +129,40 @@ def meeting_equations(joints: int, order: int) -> IntervalFunctions:
     return differentiated(f"meeting{order}", y, ca.vertcat(factors, over), gap, ca.SX(0), False)
 
 
+@built_once(maxsize=16)
+def torque_rate_equations(joints: int, sides: int) -> IntervalFunctions:
+    """How fast torques change from one point to the next, over their limits.
+
+    Unknowns: the scaled torques at both points, then the durations of the legs that they lie in.
+    Parameters: of every such leg, which part of its duration lies between the points, shape (sides,); half the torque's
+    range over the limit [s], shape (nv,).
+
+    Args:
+        joints: of the arm.
+        sides: legs: 1, or 2 where the points lie before and after a pose that is passed.
+    """
+    before, after = ca.SX.sym("before", joints), ca.SX.sym("after", joints)
+    durations, parts, over = ca.SX.sym("T", sides), ca.SX.sym("parts", sides), ca.SX.sym("over", joints)
+    rates = (after - before) * over / ca.dot(parts, durations)
+    y, p = ca.vertcat(before, after, durations), ca.vertcat(parts, over)
+    return differentiated(f"torque_rate{sides}", y, p, rates, ca.SX(0), False)
+
+
+@built_once(maxsize=16)
+def torque_end_equations(joints: int) -> IntervalFunctions:
+    """The same between a given torque and a point, where the motion begins or ends.
+
+    Unknowns: the scaled torques at the point, the leg's duration.
+    Parameters: the given torques, scaled likewise, shape (nv,); the part of the duration; half the range over
+    the limit [s], shape (nv,).
+    """
+    torque, duration = ca.SX.sym("torque", joints), ca.SX.sym("T")
+    given, part, over = ca.SX.sym("given", joints), ca.SX.sym("part"), ca.SX.sym("over", joints)
+    rates = (torque - given) * over / (part * duration)
+    y, p = ca.vertcat(torque, duration), ca.vertcat(given, part, over)
+    return differentiated("torque_end", y, p, rates, ca.SX(0), False)
+
+
 @dataclass(frozen=True)
 class CurveInterval:
     """An interval of a curve, as conditions along the way see it: stages at its ends and Gauss's points.

@@ -31,8 +31,9 @@ def follow(task: Task, curve: Curve) -> Trajectory:
     """
     problem, numbers = task.problem, task.policy.curves
     robot, limits, n = problem.robot, problem.limits, problem.robot.nv
-    wanted = curve.trajectory(robot, numbers.samples, numbers.steps)
-    t, jumps, tau = wanted.t, wanted.jumps, _lines(wanted)
+    wanted = curve.trajectory(robot, numbers.samples, numbers.steps, jumps=not problem.continuous_torque)
+    # Where rates of the torque are limited it is the curve's: the better lines change more steeply at their corners.
+    t, jumps, tau = wanted.t, wanted.jumps, wanted.tau.copy() if problem.continuous_torque else _lines(wanted)
     tau = np.clip(tau, limits.effort_lower, limits.effort_upper)
     reached, bandwidth = under_linear_torque(robot), numbers.bandwidth / curve.duration
     model, data = robot.model, robot.model.createData()
@@ -46,7 +47,8 @@ def follow(task: Task, curve: Curve) -> Trajectory:
             inertia = np.triu(pin.crba(model, data, robot.configuration(x[k, :n])))
             inertia += np.triu(inertia, 1).T
             beside = 2 * bandwidth * (x[k, n:] - wanted.v[k]) + bandwidth**2 * (x[k, :n] - wanted.q[k])
-            led = tau[k + 1] - inertia @ beside
+            fade = min((t.size - 2 - k) / numbers.samples, 1.0) if problem.continuous_torque else 1.0
+            led = tau[k + 1] - fade * inertia @ beside  # torques that may not jump end with what holds the arm
             tau[k + 1] = np.clip(led, limits.effort_lower, limits.effort_upper)
             x[k + 1] = reached(t[k : k + 2], x[k], tau[k : k + 2])
         if not np.all(np.isfinite(x[k + 1])):

@@ -1,13 +1,14 @@
 """Numbers of the program of curves: a guess, parameters, and bounds of unknowns and equations."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 from math import factorial
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from armdyn.optimal.conditions.condition import Knots
+from armdyn.optimal.conditions.condition import Condition, Knots
 from armdyn.optimal.conditions.demands import Demands
 from armdyn.optimal.conditions.rows import Rows, RowValues, spread
 from armdyn.optimal.flat.basis import Basis
@@ -30,10 +31,13 @@ class Room:
     Attributes:
         upper: taken off the upper limits, as parts of half the range, shape (points, nv).
         lower: added to the lower ones, likewise.
+        rates: taken off the limits of how fast torques change, as parts of them, from the point before (or the leg's
+            beginning) to every point, and from the last point to the leg's end, shape (points + 1, nv).
     """
 
     upper: Array | float = 0.0
     lower: Array | float = 0.0
+    rates: Array | float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,15 +75,31 @@ class Posed:
 def shape_of(problem: MinimumTimeProblem, guess: Curve, demands: Demands) -> Shape:
     """What the program of a problem looks like."""
     intervals = tuple(leg.basis.intervals for leg in guess.legs)
-    orders = (1, *sorted({limit[0] for each in demands.conditions if (limit := each.derivative_limit(problem))}))
-    return Shape(problem.robot.nv, intervals, orders, 2 if problem.continuous_torque else 1)
+    orders = {limit[0] for each in demands.conditions if (limit := each.derivative_limit(problem))}
+    if problem.jerk_limit is not None and not problem.from_rest_to_rest:
+        orders.add(2)  # accelerations that are zero at an end in flight
+    rated = any(each.torque_rate_limit(problem) is not None for each in demands.conditions)
+    return Shape(problem.robot.nv, intervals, (1, *sorted(orders)), 2 if problem.continuous_torque else 1, rated)
+
+
+def torque_rates(task: Task, demands: Demands) -> Array | None:
+    """How fast a curve's torques may change [N m/s or N/s], shape (nv,); None: that has no limits."""
+    problem = task.problem
+    found = [each.torque_rate_limit(problem) for each in demands.conditions]
+    given = [limit for limit in found if limit is not None]
+    kept = 0.0 if problem.from_rest_to_rest else task.policy.curves.steep_in_flight
+    return (1 - kept) * np.min(given, axis=0) if given else None
+
+
+def _has_rows(problem: MinimumTimeProblem, condition: Condition) -> bool:
+    """Whether a condition is not kept by control points or torques alone."""
+    return condition.derivative_limit(problem) is None and condition.torque_rate_limit(problem) is None
 
 
 def rows_of(problem: MinimumTimeProblem, demands: Demands) -> tuple[Rows, ...]:
-    """Rows of the conditions that are not limits of derivatives, which control points keep."""
-    return tuple(
-        rows for each in demands.conditions if not each.derivative_limit(problem) for rows in each.rows(problem)
-    )
+    """Rows of the conditions that are not limits of derivatives or of torques' rates."""
+    asked = (each for each in demands.conditions if _has_rows(problem, each))
+    return tuple(rows for each in asked for rows in each.rows(problem))
 
 
 class _Numbers:
@@ -115,7 +135,7 @@ def pose(task: Task, guess: Curve, wanted: Wanted, shape: Shape) -> Posed:
         tie = wanted.smooth * leg.duration / whole / n
         nothing = np.zeros(s.size * n)
         numbers.add(np.hstack([basis, weights.reshape(-1, 1), tie * weights.reshape(-1, 1)]), nothing, nothing)
-        _add_rates(numbers, problem, wanted.demands, leg.basis, shape, k)
+        _add_rates(numbers, task, wanted.demands, leg.basis, shape, k)
         points, torques, room = shape.points(k), shape.torques(k), wanted.rooms[k] if wanted.rooms else Room()
         lower[points], upper[points] = limits.position_lower, limits.position_upper
         least, most = limits.effort_lower / half, limits.effort_upper / half
@@ -128,6 +148,7 @@ def pose(task: Task, guess: Curve, wanted: Wanted, shape: Shape) -> Posed:
         for order in range(1, shape.smooth + 1):
             sides = _factors(guess.legs[k - 1].basis, order)[-1], _factors(guess.legs[k].basis, order)[0]
             numbers.add(np.concatenate([*sides, 1 / _finite(limits.velocity)]), np.zeros(n), np.zeros(n))
+    _add_torque_rates(numbers, task, wanted, guess)
     _add_rows(numbers, task, guess, wanted.demands)
     squares = problem.effort_weights() * half**2
     shared = np.concatenate([half, squares, task.dynamics.last_body, [1 / whole]])
@@ -148,25 +169,50 @@ def _factors(basis: Basis, order: int) -> Array:
     return np.take_along_axis(matrix, window, axis=1)
 
 
-def _add_rates(
-    numbers: _Numbers, problem: MinimumTimeProblem, demands: Demands, basis: Basis, shape: Shape, leg: int
-) -> None:
+def _add_rates(numbers: _Numbers, task: Task, demands: Demands, basis: Basis, shape: Shape, leg: int) -> None:
     """Limits of derivatives on one leg, by their control points."""
-    given = {1: problem.limits.velocity}
+    problem = task.problem
+    most = 1.0 if problem.from_rest_to_rest else 1 - task.policy.curves.in_flight
+    given = {1: problem.limits.velocity, 2: np.full(shape.joints, np.inf)}
     given |= dict(limit for each in demands.conditions if (limit := each.derivative_limit(problem)))
     for order in shape.orders:
         factors, scale = _factors(basis, order), _finite(given[order])
-        bound = np.tile(np.where(np.isinf(given[order]), np.inf, 1.0), (len(factors), 1))
+        bound = np.tile(np.where(np.isinf(given[order]), np.inf, most), (len(factors), 1))
         lower, upper = -bound, bound.copy()
-        if order == 1 and leg == 0:
-            lower[0] = upper[0] = np.asarray(problem.v_start) / scale
-        if order == 1 and leg == shape.legs[-1]:
-            lower[-1] = upper[-1] = np.asarray(problem.v_goal) / scale
-        if order == 1 and leg == 0 and not np.any(problem.v_start):
-            lower[0], upper[0] = -bound[0], bound[0]  # the control points are fixed
-        if order == 1 and leg == shape.legs[-1] and not np.any(problem.v_goal):
-            lower[-1], upper[-1] = -bound[-1], bound[-1]
+        for place, outer, v in ((0, leg == 0, problem.v_start), (-1, leg == shape.legs[-1], problem.v_goal)):
+            if not (outer and np.any(v)):
+                continue  # at rest control points are fixed
+            if order == 1:
+                lower[place] = upper[place] = np.asarray(v) / scale
+            elif order == 2 and problem.jerk_limit is not None:
+                lower[place] = upper[place] = 0
         numbers.add(np.hstack([factors, np.tile(1 / scale, (len(factors), 1))]), lower, upper)
+
+
+def _add_torque_rates(numbers: _Numbers, task: Task, wanted: Wanted, guess: Curve) -> None:
+    """Limits of how fast torques change: leg by leg, where legs meet, and from and to what holds the arm."""
+    problem = task.problem
+    rates = torque_rates(task, wanted.demands)
+    if rates is None:
+        return
+    limits, n = problem.limits, problem.robot.nv
+    half = (limits.effort_upper - limits.effort_lower) / 2
+    over, whole = half / _finite(rates), np.where(np.isinf(rates), np.inf, 1.0)
+    places = [leg.basis.gauss(POINTS)[0].ravel() for leg in guess.legs]
+    rooms = [room.rates for room in wanted.rooms or (Room(),) * len(places)]
+    bounds = [whole - np.broadcast_to(room, (s.size + 1, n)) for room, s in zip(rooms, places, strict=True)]
+    for s, bound in zip(places, bounds, strict=True):
+        numbers.add(np.hstack([np.diff(s)[:, None], np.tile(over, (s.size - 1, 1))]), -bound[1:-1], bound[1:-1])
+    for (before, own), (after, next_own) in pairwise(zip(places, bounds, strict=True)):
+        bound = np.minimum(own[-1], next_own[0])
+        numbers.add(np.concatenate([[1 - before[-1], after[0]], over]), -bound, bound)
+    starts = problem.q_start, problem.v_start, places[0][0], bounds[0][0]
+    ends = problem.q_goal, problem.v_goal, 1 - places[-1][-1], bounds[-1][-1]
+    for q, v, part, bound in (starts, ends):
+        hold = _holding(problem, np.asarray(q))
+        held = (hold >= limits.effort_lower) & (hold <= limits.effort_upper) & (not np.any(v))
+        free = np.where(held, bound, np.inf)
+        numbers.add(np.concatenate([hold / half, [part], over]), -free, free)
 
 
 def _fix_ends(problem: MinimumTimeProblem, leg: int, points: NDArray[np.int_], sides: tuple[Array, Array]) -> None:
@@ -175,17 +221,24 @@ def _fix_ends(problem: MinimumTimeProblem, leg: int, points: NDArray[np.int_], s
     for place, inward, outer, v in ends:
         q = problem.poses[leg if place == 0 else leg + 1]
         at_rest = outer and not np.any(v)
-        count = 1 + at_rest + (at_rest and problem.continuous_torque and _holds(problem, q))
+        count = 1 + at_rest + (at_rest and _begins_gently(problem, q))
         for k in range(count):
             for side in sides:
                 side[points[place + inward * k]] = q
 
 
-def _holds(problem: MinimumTimeProblem, q: Array) -> bool:
-    """Whether the actuators can hold the arm still."""
-    robot, limits = problem.robot, problem.limits
-    hold = pin.computeGeneralizedGravity(robot.model, robot.model.createData(), robot.configuration(q))
+def _begins_gently(problem: MinimumTimeProblem, q: Array) -> bool:
+    """Whether acceleration is zero where the arm is at rest: jerks are limited, or torques begin with what holds it."""
+    if problem.jerk_limit is not None or not problem.continuous_torque:
+        return problem.jerk_limit is not None
+    limits, hold = problem.limits, _holding(problem, q)
     return bool(np.all((hold >= limits.effort_lower) & (hold <= limits.effort_upper)))
+
+
+def _holding(problem: MinimumTimeProblem, q: Array) -> Array:
+    """What holds the arm still [N m or N], shape (nv,)."""
+    robot = problem.robot
+    return np.array(pin.computeGeneralizedGravity(robot.model, robot.model.createData(), robot.configuration(q)))
 
 
 def _add_rows(numbers: _Numbers, task: Task, guess: Curve, demands: Demands) -> None:
@@ -207,7 +260,7 @@ def demands_values(problem: MinimumTimeProblem, guess: Curve, demands: Demands) 
     starts = np.append(0.0, guess.passing)
     breaks = [start + leg.duration * leg.basis.breaks[:-1] for start, leg in zip(starts, guess.legs, strict=True)]
     knots = Knots(np.append(np.concatenate(breaks) / whole, 1.0), (0, *ends.tolist()))
-    asked = (each for each in demands.conditions if not each.derivative_limit(problem))
+    asked = (each for each in demands.conditions if _has_rows(problem, each))
     return tuple(values for each in asked for values in each.values(problem, knots))
 
 

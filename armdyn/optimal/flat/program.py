@@ -17,7 +17,9 @@ from armdyn.optimal.flat.equations import (
     Shared,
     meeting_equations,
     rate_equations,
+    torque_end_equations,
     torque_equations,
+    torque_rate_equations,
 )
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.program.blocks import Block, program_of
@@ -35,12 +37,14 @@ class Shape:
         intervals: of every leg.
         orders: of the derivatives that have limits: 1, and perhaps 2 and 3.
         smooth: order of the highest derivative that does not jump where legs meet.
+        rated: whether there are limits of how fast torques change.
     """
 
     joints: int
     intervals: tuple[int, ...]
     orders: tuple[int, ...] = (1,)
     smooth: int = 1
+    rated: bool = False
 
     @property
     def legs(self) -> range:
@@ -94,6 +98,23 @@ class Shape:
         points = self.intervals[leg] * POINTS
         return self.joints * (points + sum(self._count(leg, order) for order in self.orders))
 
+    def torque_steps(self, leg: int) -> Index:
+        """Unknowns of the torques' rates from point to point of a leg, a column for each."""
+        torques = self.torques(leg)
+        return np.hstack([torques[:-1], torques[1:], np.full((len(torques) - 1, 1), self.duration(leg))]).T
+
+    def torque_meeting(self, leg: int) -> Index:
+        """Those from the last point of the leg before to the first of this one, one column."""
+        ends = self.torques(leg - 1)[-1], self.torques(leg)[0]
+        return np.concatenate([*ends, [self.duration(leg - 1), self.duration(leg)]])[:, None]
+
+    def torque_ends(self) -> tuple[Index, Index]:
+        """Those from the start to the first point, and from the last to the goal, one column each."""
+        last = self.legs[-1]
+        ends = (self.torques(0)[0], self.duration(0)), (self.torques(last)[-1], self.duration(last))
+        first, final = (np.append(torques, duration)[:, None] for torques, duration in ends)
+        return first, final
+
     def _columns(self, leg: int, window: Index, more: Index | None = None) -> Index:
         points, count = self.points(leg), len(window)
         own = [points[window].reshape(count, -1), np.full((count, 1), self.duration(leg))]
@@ -124,12 +145,22 @@ def build(dynamics: Dynamics, shape: Shape, rows: tuple[Rows, ...], asked: bool 
             before, after = shape.differences(leg - 1, order)[:, -1:], shape.differences(leg, order)[:, :1]
             own = 2 * (order + 1) + n
             blocks.append(Block(meeting_equations(n, order), np.vstack([before, after]), own))
+    if shape.rated:
+        blocks += _torque_rates(shape)
     everywhere = np.hstack([shape.in_intervals(leg) for leg in shape.legs])
     for each in rows:
         one = each.functions(CurveInterval(dynamics, asked))
         index = {"every": everywhere, "first": everywhere[:, :1], "last": everywhere[:, -1:]}[each.where]
         blocks.append(Block(_block_functions(one), index, WINDOW**2 + 1, shared=True, common=each.numbers))
     return program_of(blocks, shape.size, Shared.size(n), [shape.duration(leg) for leg in shape.legs])
+
+
+def _torque_rates(shape: Shape) -> list[Block]:
+    """Rates of the torques: leg by leg, where legs meet, and at both ends."""
+    n = shape.joints
+    steps = [Block(torque_rate_equations(n, 1), shape.torque_steps(leg), 1 + n) for leg in shape.legs]
+    meetings = [Block(torque_rate_equations(n, 2), shape.torque_meeting(leg), 2 + n) for leg in shape.legs[1:]]
+    return [*steps, *meetings, *(Block(torque_end_equations(n), end, 1 + 2 * n) for end in shape.torque_ends())]
 
 
 def _block_functions(one: RowFunctions) -> IntervalFunctions:

@@ -7,11 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.conditions.demands import Checked, Demands
-from armdyn.optimal.flat.curve import Curve
+from armdyn.optimal.flat.curve import Curve, Leg
 from armdyn.optimal.flat.equations import POINTS
-from armdyn.optimal.flat.posing import Room, Wanted
+from armdyn.optimal.flat.posing import Room, Wanted, torque_rates
 from armdyn.optimal.flat.solve import Solved, solve_curve
-from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.task import Task
 
 Array = NDArray[np.float64]
@@ -20,6 +19,8 @@ _SAMPLES = 8
 """Of an interval, of the motion that conditions along the way are checked on."""
 _MOST = 0.95
 """Part of half the torque's range that room may take."""
+_KEPT = -1.0
+"""Excess of a rate that is zero, or has no limit."""
 _SLOWER = 10
 """Rounds of slowing down: each takes off more than half of the excess."""
 
@@ -60,14 +61,14 @@ def settle(task: Task, guess: Curve) -> Settled:
     solved = solve_curve(task, guess, wanted)
     iterations = solved.outcome.iterations
     for k in range(numbers.rounds):
-        over, checked = excesses_of(problem, solved.curve, numbers.looks), _checked(task, solved.curve, wanted.demands)
+        over, kept = excesses_of(task, solved.curve), checked(task, solved.curve, wanted.demands)
         enough = numbers.little if problem.from_rest_to_rest else 0.0
-        if (max(map(_worst, over)) <= enough and not checked.reasons) or task.stop or not solved.converged:
+        if (max(map(_worst, over)) <= enough and not kept.reasons) or task.stop or not solved.converged:
             break
         task.tell(f"round {k + 1}: {solved.curve.duration:.6f} s, torques {_percent(over)} beyond between points")
         rooms = wanted.rooms or (Room(),) * len(over)
         more = tuple(_roomier(task, room, here) for room, here in zip(rooms, over, strict=True))
-        stricter = wanted.demands.stricter(problem, checked)
+        stricter = wanted.demands.stricter(problem, kept)
         wanted = replace(wanted, rooms=more, demands=stricter)
         again = solve_curve(task, solved.curve, wanted, solved)
         iterations += again.outcome.iterations
@@ -77,35 +78,69 @@ def settle(task: Task, guess: Curve) -> Settled:
     curve = solved.curve
     if problem.from_rest_to_rest:
         curve = _slowed(task, curve)
-    excess = max(map(_worst, excesses_of(problem, curve, numbers.looks)))
-    return Settled(curve, solved, wanted.demands, iterations, excess, _checked(task, curve, wanted.demands))
+    excess = max(map(_worst, excesses_of(task, curve)))
+    return Settled(curve, solved, wanted.demands, iterations, excess, checked(task, curve, wanted.demands))
 
 
-def excesses_of(problem: MinimumTimeProblem, curve: Curve, looks: int) -> tuple[Room, ...]:
-    """How far torques exceed their limits near every point of every leg, as parts of half their ranges.
+def excesses_of(task: Task, curve: Curve) -> tuple[Room, ...]:
+    """How far torques, and how fast they change, exceed their limits near every point of every leg, as parts of these.
 
     Args:
-        problem: its limits.
+        task: its limits, and at how many places they are looked at.
         curve: a motion.
-        looks: places of an interval, an even number.
     """
-    limits = problem.limits
+    problem, looks = task.problem, task.policy.curves.looks
+    limits, limit = problem.limits, torque_rates(task, Demands.of(problem))
     half = (limits.effort_upper - limits.effort_lower) / 2
     found = []
     for leg in curve.legs:
         breaks = leg.basis.breaks
         s = breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, looks + 1)
         tau = leg.torques(problem.robot, s.ravel()).reshape(*s.shape, -1)
+        least, most = -_tops(-tau), _tops(tau)
         marks = np.linspace(0, looks, POINTS + 1).astype(int)
-        near = [tau[:, first : last + 1] for first, last in pairwise(marks)]
-        upper = np.stack([np.max(part, axis=1) - limits.effort_upper for part in near], axis=1) / half
-        lower = np.stack([limits.effort_lower - np.min(part, axis=1) for part in near], axis=1) / half
-        found.append(Room(upper.reshape(-1, half.size), lower.reshape(-1, half.size)))
+        halves = [slice(first, last + 1) for first, last in pairwise(marks)]  # every point has its half of an interval
+        upper = np.stack([np.max(most[:, half_of], axis=1) - limits.effort_upper for half_of in halves], axis=1) / half
+        lower = np.stack([limits.effort_lower - np.min(least[:, half_of], axis=1) for half_of in halves], axis=1) / half
+        rates = _KEPT if limit is None else _rate_excess(leg, s, tau, limit)
+        found.append(Room(upper.reshape(-1, half.size), lower.reshape(-1, half.size), rates))
     return tuple(found)
 
 
+def _tops(tau: Array) -> Array:
+    """Torques in an interval, raised to the top of the parabola through three of them where that lies between.
+
+    Args:
+        tau: shape (intervals, places, nv).
+    """
+    slope, bend = tau[:, 2:] - tau[:, :-2], tau[:, 2:] - 2 * tau[:, 1:-1] + tau[:, :-2]
+    near = np.abs(slope) < -2 * bend  # the top is no farther than the next place
+    tops = tau.copy()
+    tops[:, 1:-1] += np.where(near, slope**2, 0.0) / (8 * np.where(near, -bend, 1.0))
+    return tops
+
+
+def _rate_excess(leg: Leg, s: Array, tau: Array, limit: Array) -> Array:
+    """How far torques change too fast between a leg's points, as parts of the limits, shape (points + 1, nv).
+
+    Args:
+        leg: its points and its duration.
+        s: places of every interval, shape (intervals, places).
+        tau: torques there [N m or N], shape (intervals, places, nv).
+        limit: [N m/s or N/s], shape (nv,).
+    """
+    rates = np.abs(np.diff(tau, axis=1)) / (leg.duration * np.diff(s, axis=1)[..., None]) / limit - 1
+    middle = (s[:, 1:] + s[:, :-1]).ravel() / 2
+    which = np.searchsorted(leg.basis.gauss(POINTS)[0].ravel(), middle)
+    over = np.full((leg.basis.intervals * POINTS + 1, limit.size), _KEPT)
+    rates = rates.reshape(-1, limit.size)
+    for beside in (-1, 0, 1):  # a step that has no room left leaves the excess to its neighbours
+        np.maximum.at(over, np.clip(which + beside, 0, len(over) - 1), rates)
+    return over
+
+
 def _worst(over: Room) -> float:
-    return float(max(np.max(over.upper), np.max(over.lower)))
+    return float(max(np.max(over.upper), np.max(over.lower), np.max(over.rates)))
 
 
 def _percent(over: tuple[Room, ...]) -> str:
@@ -120,22 +155,30 @@ def _roomier(task: Task, room: Room, over: Room) -> Room:
         wanted = np.maximum(np.asarray(beyond) + numbers.spare, 0) * numbers.eager
         return np.minimum(own + wanted, _MOST)
 
-    return Room(more(room.upper, over.upper), more(room.lower, over.lower))
+    return Room(more(room.upper, over.upper), more(room.lower, over.lower), more(room.rates, over.rates))
 
 
-def _checked(task: Task, curve: Curve, demands: Demands) -> Checked:
+def checked(task: Task, curve: Curve, demands: Demands) -> Checked:
+    """How a curve keeps the conditions along the way.
+
+    Args:
+        task: what is asked.
+        curve: the motion.
+        demands: the conditions.
+    """
     if not demands.conditions:
         return Checked(())
-    return demands.check(task.problem, curve.trajectory(task.problem.robot, _SAMPLES, 0), curve.passing)
+    motion = curve.trajectory(task.problem.robot, _SAMPLES, 0, jumps=not task.problem.continuous_torque)
+    return demands.check(task.problem, motion, curve.passing)
 
 
 def _slowed(task: Task, curve: Curve) -> Curve:
     """The same path, as much slower as its torques and speeds take to keep their limits."""
-    problem, looks = task.problem, task.policy.curves.looks
+    problem = task.problem
     speeds = [leg.basis.factors(1)[:, None] * np.diff(leg.points, axis=0) / leg.duration for leg in curve.legs]
     curve = curve.slower(max(1.0, float(np.max(np.abs(np.concatenate(speeds)) / problem.limits.velocity))))
     for _ in range(_SLOWER):
-        beyond = max(map(_worst, excesses_of(problem, curve, looks)))
+        beyond = max(map(_worst, excesses_of(task, curve)))
         if beyond <= 0:
             break
         curve = curve.slower(1 + 0.7 * beyond + 1e-6)

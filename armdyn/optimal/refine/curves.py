@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.errors import ProblemError
-from armdyn.optimal.conditions.demands import Demands
+from armdyn.optimal.conditions.demands import Checked, Demands
 from armdyn.optimal.conditions.registry import conditions_of
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.follow import follow
-from armdyn.optimal.flat.settle import Settled, settle
+from armdyn.optimal.flat.settle import Settled, checked, settle
 from armdyn.optimal.landing.limits import limit_violation, worst_violation
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.status import Status
@@ -39,7 +39,7 @@ _LEAST_SHARE = 1e-4
 _IDLE = 1e-2
 """Of the time: a joint whose limits decide less moves as it likes for most of it."""
 _ROUNDS = 3
-"""Of slowing down what exceeds a velocity limit by less than the replay is beside the curve."""
+"""Of slowing down what exceeds a limit by less than the replay is beside the curve."""
 
 
 def curves(task: Task) -> tuple[list[Optimum], Found]:
@@ -83,8 +83,8 @@ def _without_obstacles(task: Task) -> list[Settled]:
     free = problem.variant(obstacles=(), self_collision=False)
     (best,) = _settled(task.about(free), _guesses(task.about(free), 1)[:1])
     demands = Demands.of(problem)
-    checked = demands.check(problem, best.curve.trajectory(problem.robot, 8, 0), best.curve.passing)
-    return [] if checked.reasons else [replace(best, demands=demands, checked=checked)]
+    kept = checked(task, best.curve, demands)
+    return [] if kept.reasons else [replace(best, demands=demands, checked=kept)]
 
 
 def _trouble(settled: Settled) -> bool:
@@ -170,16 +170,16 @@ def _deciding(task: Task, settled: Settled) -> tuple[Share, ...]:
 def _landed(task: Task, settled: Settled) -> Optimum:
     """A curve's motion, replayed."""
     problem, curve = task.problem, settled.curve
-    for _ in range(_ROUNDS):
-        motion = follow(task, curve)
-        replay = replace(replay_of(task, motion), name="minimum time")
-        over = limit_violation(problem.limits, replay)
-        if over <= LIMIT_TOLERANCE or over > _HOPELESS or not problem.from_rest_to_rest or task.stop:
+    for k in range(_ROUNDS + 1):
+        replay = replace(replay_of(task, follow(task, curve)), name="minimum time")
+        looked = settled.demands.check(problem, replay, curve.passing) if settled.demands.conditions else None
+        over, rates = limit_violation(problem.limits, replay), 0.0 if looked is None else _rate_excess(looked)
+        kept = over <= LIMIT_TOLERANCE and rates <= 0
+        if kept or max(over, rates) > _HOPELESS or not problem.from_rest_to_rest or task.stop or k == _ROUNDS:
             break
-        curve = curve.slower(1 + 1.5 * over)
+        curve = curve.slower(1 + max(1.5 * over, 0.7 * rates))
     outcome = settled.solved.outcome
     remark = ON_CURVE if settled.solved.converged else f"the curve did not converge ({outcome.message})"
-    passing = curve.passing
     shares = _deciding(task, settled)
     decisive = {share.joint for share in shares if share.part > _IDLE}
     idle = tuple(name for name in problem.robot.joint_names if shares and name not in decisive)
@@ -189,7 +189,13 @@ def _landed(task: Task, settled: Settled) -> Optimum:
         cost=trajectory_cost(replay, problem.effort_weights()),
         intervals=curve.legs[0].basis.intervals,
         iterations=settled.iterations,
-        checked=settled.demands.check(problem, replay, passing) if settled.demands.conditions else None,
-        via_times=tuple(map(float, passing)),
+        checked=looked,
+        via_times=tuple(map(float, curve.passing)),
         decides=shares,
     )
+
+
+def _rate_excess(looked: Checked) -> float:
+    """How far conditions that are not kept exceed what a slower motion has less of, as a part of their limits."""
+    over = [kept.share - 1 for kept in looked.kept if kept.reasons and kept.share is not None]
+    return max(over, default=0.0)

@@ -63,6 +63,10 @@ class TorqueRateLimit(Condition):
         )
         return type(self)(limit)
 
+    def torque_rate_limit(self, problem: MinimumTimeProblem) -> Array:
+        """Its own."""
+        return np.asarray(self.limit)
+
     def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
         """Rates in every interval, as parts of the limits; the torques at both ends."""
         n = problem.robot.nv

@@ -23,6 +23,10 @@ class CurvePolicy:
     barrier: float = tuned(0.1, "scaled", "IPOPT's mu_init from a straight guess", TRAINED)
     warm_barrier: float = tuned(1e-6, "scaled", "the same, where little has changed", TRAINED)
     tolerance: float = tuned(1e-7, "scaled", "of IPOPT", TRAINED)
+    in_flight: float = tuned(
+        1e-5, "of a limit", "kept from velocity limits where a motion in flight at an end cannot be slowed down", "UR5"
+    )
+    steep_in_flight: float = tuned(1e-3, "of a limit", "the same of how fast torques change", "UR5")
     looks: int = tuned(24, "places", "of an interval at which torques are held against their limits", TRAINED)
     eager: float = tuned(
         1.5, "-", "times what a torque exceeds its limit by beside a point is taken off there", TRAINED

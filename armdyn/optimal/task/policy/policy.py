@@ -72,7 +72,7 @@ class Policy:
             curves=CurvePolicy(
                 alone=joints > 3 or problem.relative_effort_weight > 0,
                 cruises=speedy,
-                shortest=3e-4 if speedy else 1.0,
+                shortest=_shortest(problem, speedy),
                 starts=6 if crowded else 1 if speedy else 4,
             ),
         )
@@ -89,6 +89,13 @@ class Policy:
     def changed(self, group: str, **numbers: object) -> Self:
         """The same with other numbers in one group, to try them."""
         return replace(self, **{group: replace(getattr(self, group), **numbers)})
+
+
+def _shortest(problem: MinimumTimeProblem, speedy: bool) -> float:
+    """The first interval of a curve: torques that may not jump ramp more slowly than velocity limits are reached."""
+    if not speedy:
+        return 1.0
+    return 2e-3 if problem.continuous_torque else 3e-4
 
 
 def _has_rows(problem: MinimumTimeProblem) -> bool:

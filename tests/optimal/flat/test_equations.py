@@ -1,0 +1,105 @@
+"""An interval of a curve, as conditions along the way see it, against the curve itself."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from armdyn.dynamics import Dynamics
+from armdyn.optimal.flat.equations import (
+    POINTS,
+    CurveInterval,
+    meeting_equations,
+    rate_equations,
+    torque_end_equations,
+    torque_equations,
+    torque_rate_equations,
+)
+from armdyn.optimal.flat.posing import pose, shape_of
+from optimal.flat.bends import bent, problem, task, wanted
+
+
+def intervals(kind="plain"):
+    """The curve, its interval in symbols, and the numbers of y and p for every interval of its first leg."""
+    job = task(kind)
+    guess, asked = bent(job.problem), wanted(job.problem)
+    shape = shape_of(job.problem, guess, asked.demands)
+    x = pose(job, guess, asked, shape).x
+    leg, limits = guess.legs[0], job.problem.limits
+    half = (limits.effort_upper - limits.effort_lower) / 2
+    gauss = leg.basis.gauss(POINTS)[0].ravel()
+    x[shape.points(0)], x[shape.duration(0)] = leg.points, leg.duration
+    x[shape.torques(0)] = leg.torques(job.problem.robot, gauss) / half
+    return job, leg, half, x[shape.in_intervals(0)]
+
+
+def parameters(job, leg, half, k):
+    """Numbers of one interval, by the powers of its part: fitted to the B-splines, not taken from the program."""
+    start, h = leg.basis.breaks[k], np.diff(leg.basis.breaks)[k]
+    part = np.linspace(0.05, 0.95, 9)
+    values = leg.basis.local(start + h * part)[:, 0]
+    powers = np.linalg.lstsq(part[:, None] ** np.arange(5), values, rcond=None)[0]
+    return np.concatenate([powers.ravel(), [h], half, np.zeros(2), job.dynamics.last_body, [1.0]])
+
+
+def test_stages_are_the_curves():
+    job, leg, half, columns = intervals()
+    stages = CurveInterval(job.dynamics).stages()
+    names = ("q", "v", "a", "tau")
+    part = ca.SX.sym("part")
+    function = ca.Function(
+        "stages", [stages.y, stages.p, part], [*(getattr(stages, name) for name in names), stages.position(part)]
+    )
+    np.testing.assert_array_equal(stages.c[[0, -1]], [0, 1])
+    for k, y in enumerate(columns.T):
+        start, h = leg.basis.breaks[k], np.diff(leg.basis.breaks)[k]
+        q, v, a, tau, between = (value.full() for value in function(y, parameters(job, leg, half, k), 0.37))
+        s = start + h * stages.c
+        for got, own in zip((q, v, a), leg.at(s), strict=True):
+            # Fitted powers: 1e-14 of numbers near one, by their derivatives up to 1/h² T² of that.
+            np.testing.assert_allclose(got.T, own, atol=1e-10)
+        np.testing.assert_allclose(between.ravel(), leg.at(np.array([start + 0.37 * h]))[0][0], atol=1e-12)
+        torques = leg.torques(job.problem.robot, s)
+        np.testing.assert_allclose(tau.T[1:-1], torques[1:-1], atol=1e-11)  # at Gauss's points those of the curve
+        line = torques[1] + (s[0] - s[1]) / (s[2] - s[1]) * (torques[2] - torques[1])
+        np.testing.assert_allclose(tau.T[0], line, atol=1e-10)
+
+
+def test_equal_intervals_share_what_is_made_of_them():
+    first, second = (CurveInterval(Dynamics(problem("plain").robot, free_last_body=True)) for _ in range(2))
+    assert first.dynamics == second.dynamics
+    assert first == second and hash(first) == hash(second)
+    assert first != CurveInterval(first.dynamics, False)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_a_rate_is_a_derivative_of_the_curve_over_its_limit(order):
+    rng = np.random.default_rng(order)
+    points, factors, over = rng.normal(size=(order + 1, 2)), rng.normal(size=order + 1), rng.uniform(1, 2, 2)
+    duration = 0.7
+    got = rate_equations(2, order).defects([*points.ravel(), duration], [*factors, *over]).full().ravel()
+    np.testing.assert_allclose(got, factors @ points / duration**order * over, rtol=1e-14)  # rounding
+    other = [*points.ravel(), duration]
+    meeting = meeting_equations(2, order).defects([*other, *other], [*factors, *factors, *over])
+    np.testing.assert_allclose(meeting.full(), 0, atol=1e-14)
+    meeting = meeting_equations(2, order).defects([*other, *np.zeros(2 * order + 2), 1.0], [*factors, *factors, *over])
+    np.testing.assert_allclose(meeting.full().ravel(), got, rtol=1e-14)
+
+
+def test_torque_rates_are_differences_over_the_time_between():
+    before, after, over = np.array([0.1, -0.2]), np.array([0.4, 0.1]), np.array([2.0, 3.0])
+    (one, two), ends = (torque_rate_equations(2, sides).defects for sides in (1, 2)), torque_end_equations(2).defects
+    rate = (after - before) * over / (0.05 * 0.8)
+    np.testing.assert_allclose(one([*before, *after, 0.8], [0.05, *over]).full().ravel(), rate, rtol=1e-14)
+    np.testing.assert_allclose(ends([*after, 0.8], [*before, 0.05, *over]).full().ravel(), rate, rtol=1e-14)
+    both = two([*before, *after, 0.8, 0.5], [0.05, 0.02, *over]).full().ravel()
+    np.testing.assert_allclose(both, (after - before) * over / (0.05 * 0.8 + 0.02 * 0.5), rtol=1e-14)
+
+
+def test_a_torque_costs_its_square_for_as_long_as_it_lasts():
+    job = task("plain")
+    functions = torque_equations(job.dynamics, False)
+    y = np.concatenate([np.zeros(10), [0.5], [0.3, -0.4]])
+    basis, shared = np.zeros(15), [3.0, 3.0, 2.0, 5.0, *job.dynamics.last_body, 4.0]
+    cost = float(functions.cost(y, [*basis, 0.1, 0.02, *shared]))
+    # tie/2 |τ|² + hurry part T/2 (2 τ₁² + 5 τ₂²)
+    assert cost == pytest.approx(0.02 / 2 * 0.25 + 4 * 0.1 * 0.5 / 2 * (2 * 0.09 + 5 * 0.16), rel=1e-14)

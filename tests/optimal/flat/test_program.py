@@ -1,0 +1,154 @@
+"""The program of curves: its derivatives against finite differences, its equations against the curve itself."""
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from armdyn.optimal.flat.equations import POINTS
+from armdyn.optimal.flat.posing import pose, rows_of, shape_of
+from armdyn.optimal.flat.program import Shape, build
+from optimal.flat.bends import KINDS, bent, problem, task, wanted
+
+SMOOTH = 0.01
+
+
+def built(kind):
+    """A program, and the numbers of a bent curve."""
+    job = task(kind)
+    guess, asked = bent(job.problem), wanted(job.problem, smooth=SMOOTH)
+    shape = shape_of(job.problem, guess, asked.demands)
+    program = build(job.dynamics, shape, rows_of(job.problem, asked.demands), False)
+    return program, shape, guess, job, pose(job, guess, asked, shape)
+
+
+def values(program):
+    """(x, p) -> cost and equations."""
+    return ca.Function("values", *([program.functions[name] for name in names] for names in ("xp", "fg")))
+
+
+def differences(function, x, step):
+    """Central differences, two steps of Richardson's: the error is of the fourth order."""
+    columns = []
+    for i in range(x.size):
+        unit = np.zeros(x.size)
+        unit[i] = step
+        near, far = ((function(x + k * unit) - function(x - k * unit)) / (2 * k * step) for k in (1, 2))
+        columns.append((4 * near - far) / 3)
+    return np.array(columns).T
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_derivatives_are_those_of_the_values(kind):
+    program, _, _, _, posed = built(kind)
+    rng, both = np.random.default_rng(1), values(program)
+    x = posed.x + 0.002 * rng.normal(size=posed.x.size)
+
+    def equations(x):
+        return both(x, posed.p)[1].full().ravel()
+
+    jacobian = program.jacobian(x, posed.p)[1].full()
+    # Rounding 1e-16 over a step of 1e-4, of values of up to a few hundred; the fourth order adds less.
+    scale = np.max(np.abs(jacobian))
+    assert np.max(np.abs(jacobian - differences(equations, x, 1e-4))) < 1e-8 * scale
+
+    sigma, lam = rng.normal(), rng.normal(size=len(equations(x)))
+    f, p = program.functions["f"], program.functions["p"]
+    slope = ca.Function("slope", [program.functions["x"], p], [ca.gradient(f, program.functions["x"])])
+
+    def gradient(x):
+        return sigma * slope(x, posed.p).full().ravel() + program.jacobian(x, posed.p)[1].full().T @ lam
+
+    upper = program.hessian(x, posed.p, sigma, lam)
+    rows, cols = map(np.array, upper.sparsity().get_triplet())
+    assert np.all(rows <= cols)
+    upper = upper.full()
+    whole = upper + np.triu(upper, 1).T
+    assert np.max(np.abs(whole - differences(gradient, x, 1e-4))) < 1e-7 * np.max(np.abs(whole))  # as above
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_all_equations_but_those_of_the_torques_are_those_of_the_curve(kind):
+    program, shape, guess, job, posed = built(kind)
+    x, robot, limits = posed.x.copy(), job.problem.robot, job.problem.limits
+    half = (limits.effort_upper - limits.effort_lower) / 2
+    for k, leg in enumerate(guess.legs):  # not the fixed control points, nor torques clipped, but the curve's
+        x[shape.points(k)] = leg.points
+        x[shape.torques(k)] = leg.torques(robot, leg.basis.gauss(POINTS)[0].ravel()) / half
+    cost, equations = (value.full().ravel() for value in values(program)(x, posed.p))
+    lower, upper = posed.g_bounds
+    assert equations.shape == lower.shape == upper.shape
+    count, place = guess.legs[0].basis.intervals * POINTS * 2, 0
+    for leg in guess.legs:
+        # Pinocchio and CasADi round differently: torques of some half ranges.
+        assert np.max(np.abs(equations[place : place + count])) < 1e-13 * np.max(np.abs(x[shape.torques(0)]))
+        np.testing.assert_array_equal(lower[place : place + count], 0)
+        place += count
+        for order in shape.orders:
+            size = leg.basis.size - order
+            rates = equations[place : place + 2 * size].reshape(size, 2)
+            place += 2 * size
+            given = {1: limits.velocity, 2: job.problem.acceleration_limit, 3: job.problem.jerk_limit}[order]
+            scale = 1 if given is None else np.where(np.isinf(given), 1, given)
+            at_end = leg.basis.curve(leg.points)(1.0, order) / leg.duration**order
+            np.testing.assert_allclose(rates[-1] * scale, at_end, rtol=1e-10, atol=1e-10)  # rounding of differences
+    # Time over the guess's, and what squared torques cost: by Gauss's points, which here are the definition.
+    part = [leg.basis.gauss(POINTS)[1].ravel() @ leg.torques(robot, leg.basis.gauss(POINTS)[0].ravel()) ** 2
+            for leg in guess.legs]  # fmt: skip
+    tie = sum(SMOOTH / 2 * leg.duration * (own / half**2).sum() / 2 for leg, own in zip(guess.legs, part, strict=True))
+    weights = job.problem.effort_weights()
+    effort = sum(leg.duration * (own * weights).sum() / 2 for leg, own in zip(guess.legs, part, strict=True))
+    assert cost[0] == pytest.approx((guess.duration + effort + tie) / guess.duration, rel=1e-12)  # rounding of sums
+
+
+@pytest.mark.parametrize("kind", ["torque rate", "via and torque rate"])
+def test_torque_rates_are_differences_of_the_curves_torques_by_time(kind):
+    program, shape, guess, job, posed = built(kind)
+    x, problem, half = posed.x.copy(), job.problem, job.problem.limits.effort_upper
+    times, torques, starts = [], [], np.append(0.0, guess.passing)
+    for k, (leg, start) in enumerate(zip(guess.legs, starts, strict=True)):
+        s = leg.basis.gauss(POINTS)[0].ravel()
+        times.append(start + leg.duration * s)
+        torques.append(leg.torques(problem.robot, s))
+        x[shape.torques(k)], x[shape.duration(k)] = torques[-1] / half, leg.duration
+    rates = [np.diff(tau, axis=0) / np.diff(t)[:, None] for t, tau in zip(times, torques, strict=True)]
+    rates += [
+        (after[0] - before[-1])[None] / (t_after[0] - t_before[-1])
+        for before, after, t_before, t_after in zip(torques, torques[1:], times, times[1:], strict=False)
+    ]
+    data = problem.robot.model.createData()
+    at_start, at_goal = (
+        pin.computeGeneralizedGravity(problem.robot.model, data, np.asarray(q))
+        for q in (problem.q_start, problem.q_goal)
+    )
+    rates += [
+        (torques[0][:1] - at_start) / times[0][0],
+        (torques[-1][-1:] - at_goal) / (guess.duration - times[-1][-1]),
+    ]
+    limit = np.asarray(problem.conditions[0].limit)
+    expected = np.concatenate(rates) / np.where(np.isinf(limit), 1, limit)
+    equations = values(program)(x, posed.p)[1].full().ravel()[-expected.size :]
+    np.testing.assert_allclose(equations, expected.ravel(), rtol=1e-10, atol=1e-10)  # rounding of differences
+    for bound, sign in zip(posed.g_bounds, (-1, 1), strict=True):
+        np.testing.assert_array_equal(
+            bound[-expected.size :].reshape(-1, 2), [np.where(np.isinf(limit), np.inf, 1) * sign] * len(expected)
+        )
+
+
+def test_unknowns_stand_where_they_are_said_to_once_each():
+    shape = Shape(3, (4, 2), (1, 2))
+    places = [shape.points(k).ravel() for k in shape.legs] + [shape.torques(k).ravel() for k in shape.legs]
+    places = np.concatenate([*places, [shape.duration(k) for k in shape.legs]])
+    np.testing.assert_array_equal(np.sort(places), np.arange(shape.size))
+    assert shape.at_points(0).shape == (5 * 3 + 1 + 3, 4 * POINTS)
+    assert shape.in_intervals(1).shape == (5 * 3 + 1 + 3 * POINTS, 2)
+    assert shape.differences(1, 2).shape == (3 * 3 + 1, 2 + 4 - 2)
+    assert shape.torque_steps(0).shape == (2 * 3 + 1, 4 * POINTS - 1)
+    np.testing.assert_array_equal(shape.torque_meeting(1)[-2:, 0], [shape.duration(0), shape.duration(1)])
+
+
+def test_equal_questions_get_one_program():
+    job = task("via")
+    guess, asked = bent(job.problem), wanted(job.problem)
+    first, second = (build(job.dynamics, shape_of(problem("via"), guess, asked.demands), (), False) for _ in range(2))
+    assert first is second

@@ -1,0 +1,297 @@
+"""Motions of real arms as curves: what comes out lands, keeps its limits and what is asked along the way."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import armdyn as ad
+from armdyn.errors import ProblemError
+from armdyn.models.scene.collision import CollisionModel
+from armdyn.optimal.landing.limits import limit_violation
+from armdyn.optimal.landing.rollout import replay_torques
+from armdyn.optimal.problem.status import Status
+from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.refine.curves import curves
+from armdyn.optimal.task.task import Task
+
+START, GOAL = [0, -1, 1, -1, -1.5, 0], [-1.5, -1.8, 1.6, -0.4, 0.3, 1.0]
+FREE = 0.578607
+"""Duration of this motion [s], with the weight 1e-3 on gentle torques; least over eight starts."""
+SAME = 2e-5
+"""Durations of one optimum, as a part: torques of idle joints are settled and slowed down one way or another."""
+VIA = [-0.5, -1.6, 1.9, -1, -0.5, 0.4]
+V = [0.5, -0.5, 0.3, 0.2, -0.4, 0.1]
+HALF = np.array([150.0, 150, 150, 28, 28, 28])
+"""Torque limits [N m]."""
+
+
+def ur5(start=START, goal=GOAL, robot=None, **asked):
+    robot = robot or ad.Robot.from_library("ur5")
+    return ad.MinimumTimeProblem(robot, q_start=start, q_goal=None if "goal_pose" in asked else goal, **asked)
+
+
+def solved(problem, **options):
+    """The optimum, with what every answer has to keep looked at by other means."""
+    optima, _ = curves(Task.of(problem, ad.MinimumTimeOptions(**options)))
+    optimum = optima[0]
+    motion, limits = optimum.trajectory, problem.limits
+    assert optimum.certificate.goal_error < 1e-6
+    assert np.all(motion.tau <= limits.effort_upper) and np.all(motion.tau >= limits.effort_lower)
+    assert limit_violation(limits, motion, dense=20) <= 1e-6
+    replay = replay_torques(problem.robot, motion)
+    np.testing.assert_allclose(replay.q, motion.q, atol=1e-12)  # it is a replay
+    np.testing.assert_array_equal(motion.q[0], problem.q_start)
+    np.testing.assert_array_equal(motion.v[0], problem.v_start)
+    assert optimum.checked is None or not optimum.checked.reasons, optimum.checked.reasons
+    assert motion.duration >= problem.duration_bound()
+    return optimum
+
+
+def pair(seed):
+    """A random pair of poses of the UR5 over 80 % of its range, clipped to ±π."""
+    limits, rng = ad.Robot.from_library("ur5").limits, np.random.default_rng(seed)
+    lower, upper = np.clip(limits.position_lower, -np.pi, np.pi), np.clip(limits.position_upper, -np.pi, np.pi)
+    middle, half = (lower + upper) / 2, 0.4 * (upper - lower)
+    return rng.uniform(middle - half, middle + half), rng.uniform(middle - half, middle + half)
+
+
+def test_the_usual_pair():
+    problem = ur5()
+    optimum = solved(problem)
+    assert optimum.trajectory.duration == pytest.approx(FREE, rel=SAME)
+    assert optimum.landed(1e-6) and not optimum.missed
+    (reason,) = (text for text in optimum.certificate.reasons if "Pontryagin" in text)
+    assert "not checked on a curve" in reason
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [2, 3, 4])
+def test_random_pairs(seed):
+    problem = ur5(*pair(seed))
+    duration = solved(problem).trajectory.duration
+    # Velocity limits alone, and ramps: a hundredth or so of these motions.
+    assert problem.duration_bound() < duration < 1.2 * problem.duration_bound()
+
+
+LIMITED = {
+    "acceleration": {"acceleration_limit": 15.0},
+    "jerk": {"jerk_limit": 200.0},
+    "acceleration and jerk": {"acceleration_limit": 15.0, "jerk_limit": 200.0},
+    "torque rate": {"conditions": [ad.TorqueRateLimit(2000.0)]},
+    "frame speed": {"conditions": [ad.FrameSpeedLimit(1.0)]},
+    "torque rate and frame speed": {"conditions": [ad.TorqueRateLimit(2000.0), ad.FrameSpeedLimit(1.0)]},
+    "via": {"via": [VIA]},
+    "via and acceleration": {"via": [VIA], "acceleration_limit": 15.0},
+    "via and torque rate": {"via": [VIA], "conditions": [ad.TorqueRateLimit(2000.0)]},
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", LIMITED)
+def test_limits_along_the_way_cost_time_and_are_kept(kind):
+    optimum = solved(ur5(**LIMITED[kind]))
+    motion = optimum.trajectory
+    assert motion.duration > FREE * (1 + 1e-3)
+    for kept in optimum.checked.kept:
+        # Frame speeds are allowed 1e-3, accelerations and jerks 2 %, which the replay's lines need for their corners.
+        assert kept.share is None or 0.97 < kept.share < 1.02
+    if "torque rate" in kind:
+        rates = np.abs(np.diff(motion.tau, axis=0)) / np.diff(motion.t)[:, None]
+        assert np.max(rates) <= 2000 * (1 + 1e-6)
+        assert not np.any(motion.jumps)
+    if "via" in kind:
+        (time,) = optimum.via_times
+        np.testing.assert_allclose(motion(time).q, VIA, atol=1e-6)
+        assert np.max(np.abs(motion(time).v)) > 0.5  # in flight
+
+
+@pytest.mark.slow
+def test_a_torque_jumps_at_a_via_point_where_it_may():
+    motion = solved(ur5(via=[VIA])).trajectory
+    assert np.count_nonzero(motion.jumps) == 1
+
+
+@pytest.mark.slow
+def test_torque_rates_of_a_panda():
+    start, goal = (0, -0.785, 0, -2.356, 0, 1.571, 0.785), (1, 0.2, 0.5, -1.5, 0.3, 2, -0.5)
+    problem = ur5(start, goal, ad.Robot.from_library("panda"), conditions=[ad.TorqueRateLimit(1000.0)])
+    optimum = solved(problem)
+    # Where only the slope within every interval was limited it was 5.1 times the limit, in 0.51614 s.
+    assert optimum.trajectory.duration == pytest.approx(0.5163, rel=5e-4)
+    assert 0.99 < optimum.checked.kept[0].share <= 1 + 1e-6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ends", [{"v_start": V}, {"v_goal": V}, {"v_start": V, "v_goal": [-v for v in V]}])
+@pytest.mark.parametrize("more", [{}, {"conditions": [ad.TorqueRateLimit(2000.0)]}, {"jerk_limit": 200.0}])
+def test_motions_that_begin_or_end_in_flight(ends, more):
+    optimum = solved(ur5(**ends, **more))
+    assert np.max(np.abs(optimum.trajectory.v[-1] - ends.get("v_goal", np.zeros(6)))) < 1e-4
+
+
+@pytest.mark.slow
+def test_friction_and_armature_cost_time():
+    robot = ad.Robot.from_library("ur5")
+    rubbing = solved(ur5(robot=robot.with_friction(friction=2.0, damping=1.0))).trajectory.duration
+    heavy = solved(ur5(robot=robot.with_armature(1.0))).trajectory.duration
+    assert FREE < rubbing < heavy
+
+
+def test_a_goal_pose_is_reached():
+    robot = ad.Robot.from_library("ur5")
+    pose = ad.GoalPose(robot.tip, [0.4, 0.3, 0.4])
+    optimum = solved(ur5(goal_pose=pose))
+    place = ad.Dynamics(robot).frame_placement(optimum.trajectory.q[-1], robot.tip)[1]
+    np.testing.assert_allclose(place, pose.placement, atol=1e-6)  # as the joints land
+
+
+@pytest.mark.slow
+def test_endless_joints_go_the_shorter_way_round():
+    asked = {
+        "position_limit": (-np.inf, np.inf),
+        "start": [3.0, -1, 1, -1, -1.5, 0],
+        "goal": [-3.0, -1, 1, -1, -1.5, 0.1],
+    }
+    short = ad.solve_minimum_time(ur5(wrap=True, **asked))
+    assert short.success, short.message
+    assert short.trajectory.q[-1][0] == pytest.approx(2 * np.pi - 3.0, abs=1e-6)  # as it lands
+    assert short.duration < 0.2 * ur5(**asked).duration_bound()
+
+
+CART_ARM = """<robot name="cart_arm"><link name="base"/>{}</robot>"""
+
+
+def sliding_arm():
+    """Four joints, the first of which slides."""
+    axes = [("prismatic", "1 0 0"), ("revolute", "0 1 0"), ("revolute", "0 1 0"), ("continuous", "0 0 1")]
+    parts, parent = [], "base"
+    for k, (kind, axis) in enumerate(axes):
+        limit = '<limit effort="40" velocity="2"/>'
+        if kind != "continuous":
+            limit = '<limit lower="-2" upper="2" effort="40" velocity="2"/>'
+        parts.append(
+            f'<link name="l{k}"><inertial><origin xyz="0 0 0.15"/><mass value="1"/>'
+            f'<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>'
+            f'<joint name="j{k}" type="{kind}"><parent link="{parent}"/><child link="l{k}"/>'
+            f'<origin xyz="0 0 {0.3 if k else 0}"/><axis xyz="{axis}"/>{limit}</joint>'
+        )
+        parent = f"l{k}"
+    return CART_ARM.format("".join(parts))
+
+
+@pytest.mark.slow
+def test_a_prismatic_and_a_continuous_joint(read):
+    robot = read(sliding_arm())
+    problem = ur5([-1.0, -0.5, 0.3, 0.0], [1.0, 0.6, -0.4, 4.0], robot)
+    optimum = solved(problem)
+    # Two joints' ways take 1 s and 2 s at their limits; what ramps take is less than what one at 10 m/s² does.
+    assert 2.0 < optimum.trajectory.duration < 2.3
+
+
+@pytest.mark.slow
+def test_effort_is_paid_for():
+    free = solved(ur5()).trajectory
+    problem = ur5(relative_effort_weight=1.0)
+    paid = solved(problem).trajectory
+    by_newton = solved(ur5(effort_weight=1e-3)).trajectory
+    assert free.duration < paid.duration and free.duration < by_newton.duration
+
+    def spent(motion, weights):
+        flows = ~motion.jumps
+        squares = motion.tau**2 @ weights
+        return np.sum(((squares[1:] + squares[:-1]) / 2 * np.diff(motion.t))[flows])
+
+    weights = problem.effort_weights()
+    np.testing.assert_allclose(weights, problem.limits.effort_upper**-2.0)
+
+    def cost(motion):
+        return motion.duration + spent(motion, weights) / 2
+
+    assert cost(paid) < cost(free) and cost(paid) < cost(by_newton)
+
+
+@pytest.mark.slow
+def test_gentle_torques_cost_less_than_their_share():
+    shares, durations, variations = (0.0, 1e-3, 1e-1), [], []
+    for smooth in shares:
+        motion = solved(ur5(), smooth=smooth).trajectory
+        durations.append(motion.duration)
+        variations.append(np.sum(np.abs(np.diff(motion.tau, axis=0)) / HALF))
+    assert variations == sorted(variations, reverse=True)
+    assert variations[2] < 0.6 * variations[0]
+    for share, duration in zip(shares, durations, strict=True):
+        assert duration / min(durations) - 1 < max(share / 2, SAME)  # mean squares are one at most, and halved
+
+
+FAR, NEAR = ad.Sphere((0.8, -0.8, 1.0), 0.1, name="far"), ad.Sphere((0.45, 0.45, 0.35), 0.1, name="near")
+ROUND = ([0, -1.2, 1.2, -1.5, -1.5, 0], [1.6, -1.2, 1.2, -1.5, -1.5, 0])
+"""The straight way between these goes through NEAR."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("asked", [{"obstacles": [FAR]}, {"self_collision": True}], ids=["far", "itself"])
+def test_what_the_free_optimum_clears_costs_nothing(asked):
+    problem, told = ur5(**asked), []
+    task = replace(Task.of(problem), tell=told.append)
+    optima, found = curves(task)
+    assert optima[0].trajectory.duration == pytest.approx(FREE, rel=SAME)
+    assert "the way without obstacles" in told and not any("guesses" in text for text in told)
+    assert optima[0].checked.clearance.distance >= problem.clearance and not found.listed
+
+
+@pytest.mark.slow
+def test_round_a_ball_that_the_straight_way_hits():
+    problem = ur5(*ROUND, obstacles=[NEAR])
+    model = CollisionModel(problem.robot, [NEAR])
+    free = solved(ur5(*ROUND)).trajectory
+    assert min(model.nearest(q).distance for q in free(np.linspace(0, free.duration, 200)).q) < 0
+    optimum = solved(problem, starts=2)
+    motion = optimum.trajectory
+    nearest = min(model.nearest(q).distance for q in motion(np.linspace(0, motion.duration, 1000)).q)
+    assert nearest >= problem.clearance
+    assert motion.duration >= free.duration * (1 - SAME)
+
+
+@pytest.mark.slow
+def test_guesses_of_the_options_are_begun_with():
+    problem, told = ur5(), []
+    optimum = solved(problem)
+    task = replace(Task.of(problem, ad.MinimumTimeOptions(guesses=(optimum.trajectory,), workers=1)), tell=told.append)
+    again, _ = curves(task)
+    assert "2 guesses" in told
+    assert again[0].trajectory.duration == pytest.approx(FREE, rel=SAME)
+    other = ad.Trajectory(np.array([0.0, 1.0]), *(np.zeros((2, 3)) for _ in range(3)))
+    with pytest.raises(ProblemError, match=r"guesses\[0\] moves 3 joints, ur5.* has 6"):
+        curves(Task.of(problem, ad.MinimumTimeOptions(guesses=(other,))))
+
+
+def test_what_is_interrupted_at_once_is_usable():
+    problem = ur5()
+    optima, found = curves(Task.of(problem, stop=Stop(interrupted=True)))
+    if optima:
+        assert "did not converge (user requested stop)" in "".join(optima[0].certificate.reasons).lower()
+        assert limit_violation(problem.limits, optima[0].trajectory) <= 1e-6 and optima[0].landed(1e-6)
+    else:
+        assert found.failed[0].status is Status.INTERRUPTED
+
+
+@pytest.mark.parametrize("asked", [{"time_limit": 1e-3}, {"max_iterations": 3}], ids=["late", "few"])
+def test_what_did_not_converge_says_so(asked):
+    solution = ad.solve_minimum_time(ur5(), ad.MinimumTimeOptions(**asked))
+    assert not solution.certificate.ok
+    if solution.success:  # any curve within its limits is a motion
+        assert "did not converge" in solution.message
+        assert solution.replay_error < 1e-6 and solution.certificate.limit_violation <= 1e-6
+    else:
+        assert solution.status in (Status.TIME_LIMIT, Status.ITERATION_LIMIT) and solution.message
+
+
+@pytest.mark.slow
+def test_a_goal_that_cannot_be_held_is_named():
+    with pytest.warns(ad.ArmdynWarning, match="to hold the goal"):
+        problem = ur5(goal=[0, 0, 0, -1, -1.5, 0], effort_limit=[150, 10, 150, 28, 28, 28])
+    solution = ad.solve_minimum_time(problem)
+    assert not solution.success
+    assert solution.status in (Status.INFEASIBLE, Status.ITERATION_LIMIT)
+    assert "joint 'shoulder_lift_joint' takes 59.3 to be held at the goal, of 10 N m" in solution.message
