@@ -5,7 +5,7 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.models.robots.robot import Robot
@@ -59,18 +59,19 @@ class Curve:
     legs: tuple[Leg, ...]
 
     @classmethod
-    def straight(cls, problem: MinimumTimeProblem, basis: Basis, durations: Array) -> Self:
+    def straight(cls, problem: MinimumTimeProblem, basis: Basis, durations: ArrayLike) -> Self:
         """From pose to pose on straight lines, gaining speed, cruising, losing it.
 
         Args:
             problem: its poses.
             basis: of every leg.
-            durations: of the legs [s], shape (legs,).
+            durations: of the legs [s], shape (legs,), or one for all.
         """
         s = np.minimum(basis.places, 1 - basis.places)
         half = np.where(s < _RAMP, s**2 / (2 * _RAMP), s - _RAMP / 2) / (1 - _RAMP)
         part = np.where(basis.places < 0.5, half, 1 - half)[:, None]
-        ends = zip(problem.poses[:-1], problem.poses[1:], durations, strict=True)
+        lengths = np.broadcast_to(durations, len(problem.poses) - 1)
+        ends = zip(problem.poses[:-1], problem.poses[1:], lengths, strict=True)
         return cls(tuple(Leg(basis, (1 - part) * a + part * b, float(T)) for a, b, T in ends))
 
     @classmethod

@@ -53,7 +53,7 @@ def test_at_a_slower_pace_what_is_not_gravity_falls_by_the_square():
 @pytest.mark.parametrize("kind", ["plain", "via"])
 def test_a_straight_curve_goes_from_pose_to_pose_on_lines(kind):
     posed = problem(kind)
-    curve = Curve.straight(posed, Basis(graded(12, 0.01)), 0.7)
+    curve = Curve.straight(posed, Basis(graded(12, 0.01)), 1.2 * posed.leg_bounds())
     assert len(curve.legs) == len(posed.poses) - 1
     for leg, a, b, least in zip(curve.legs, posed.poses[:-1], posed.poses[1:], posed.leg_bounds(), strict=True):
         q, v, _ = leg.at(S)
@@ -67,7 +67,7 @@ def test_a_straight_curve_goes_from_pose_to_pose_on_lines(kind):
     assert curve.passing.size == len(curve.legs) - 1
 
 
-def test_without_velocity_limits_a_straight_curve_takes_the_time_that_is_given():
+def test_a_straight_curve_takes_the_time_that_is_given():
     posed = ad.MinimumTimeProblem(problem("plain").robot, q_start=START, q_goal=GOAL, velocity_limit=np.inf)
     assert Curve.straight(posed, Basis(graded(4, 1.0)), 0.7).duration == 0.7
 

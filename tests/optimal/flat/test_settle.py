@@ -93,21 +93,21 @@ def test_where_nothing_is_exceeded_nothing_is_solved_again():
 
 
 def test_room_is_added_only_where_a_torque_exceeds_its_limit():
-    job = cart_task()
-    curve = solve_curve(job, straight(job, 20), Wanted(Demands.of(job.problem))).curve
+    job = cart_task()  # the torque jumps in the middle of the eleventh interval
+    curve = solve_curve(job, straight(job, 21), Wanted(Demands.of(job.problem))).curve
     (over,) = excesses_of(job, curve)
-    assert over.upper.shape == over.lower.shape == (20 * POINTS, 1)
+    assert over.upper.shape == over.lower.shape == (21 * POINTS, 1)
     # By hand, on many places: each point has its half of an interval.
     (leg,) = curve.legs
-    for k in range(20):
+    for k in range(21):
         for half in range(2):
             s = leg.basis.breaks[k] + np.diff(leg.basis.breaks)[k] * (half + np.linspace(0, 1, 1201)) / 2
             tau = leg.torques(job.problem.robot, s)
             np.testing.assert_allclose(over.upper[2 * k + half], np.max(tau) - 1, atol=1e-6)  # of parabolas
             np.testing.assert_allclose(over.lower[2 * k + half], -1 - np.min(tau), atol=1e-6)
-    assert 0 < np.count_nonzero(over.upper > 0) < 20 and np.max(over.upper) > 1e-3
+    assert 0 < np.count_nonzero(over.upper > 0) < 21 and np.max(over.upper) > 1e-3
     told = []
-    settled = settle(replace(job, tell=told.append), straight(job, 20))
+    settled = settle(replace(job, tell=told.append), straight(job, 21))
     assert told and settled.excess <= 0
     # To slow the motion down would cost the root of the excess; what is taken off where it is costs less.
     assert settled.curve.duration < curve.duration * (np.sqrt(1 + np.max(over.upper)) - 1e-3)
