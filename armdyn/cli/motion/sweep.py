@@ -153,10 +153,15 @@ def sweep(
         if not output.json:
             console.print(_table(arms[0].name, rows))
             console.print(f"results in {escape(str(folder))}")
-            if status == "not_landed":
-                errors.print("some motions are not usable: their messages are in sweep.csv")
-            for text in missing:
-                errors.print(f"required: {escape(options_of(text))}")
+            _complain(status, missing)
+
+
+def _complain(status: str, missing: Sequence[str]) -> None:
+    """Say what is not as it should be."""
+    if status == "not_landed":
+        errors.print("some motions are not usable: their messages are in sweep.csv")
+    for text in missing:
+        errors.print(f"required: {escape(options_of(text))}")
 
 
 def _status(solutions: tuple[ad.Solution, ...], wanted: int) -> str:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.proof.certificate import Certificate
 
 
 def minimum_time_summary(solution: Solution) -> dict[str, object]:
@@ -22,19 +23,7 @@ def minimum_time_summary(solution: Solution) -> dict[str, object]:
         "gap_proven": solution.gap_proven,
         "decides": [{"limit": one.limit, "joint": one.joint, "part": one.part} for one in solution.decides],
         "what_to_do": list(solution.what_to_do),
-        "certificate": {
-            "ok": certificate.ok,
-            "goal_error": _finite(certificate.goal_error),
-            "goal_velocity_error": _finite(certificate.goal_velocity_error),
-            "hamiltonian_spread": _finite(certificate.hamiltonian_spread),
-            "switching_violation": _finite(certificate.switching_violation),
-            "adjoint_error": _finite(certificate.adjoint_error),
-            "lands": certificate.lands,
-            "keeps_limits": certificate.keeps_limits,
-            "limit_violation": _finite(certificate.limit_violation),
-            "singular": certificate.singular,
-            "reasons": list(certificate.reasons),
-        },
+        "certificate": _checks(certificate),
         "replay_error": _finite(solution.replay_error),
         "replay_velocity_error": _finite(solution.replay_velocity_error),
         "arcs": [{"duration": arc.duration, "modes": [str(mode) for mode in arc.modes]} for arc in solution.arcs],
@@ -67,6 +56,22 @@ def minimum_time_summary(solution: Solution) -> dict[str, object]:
         "iterations": solution.iterations,
         "solve_time": round(solution.solve_time, 3),
         "worst_violation": None if worst is None else str(worst),
+    }
+
+
+def _checks(certificate: Certificate) -> dict[str, object]:
+    return {
+        "ok": certificate.ok,
+        "goal_error": _finite(certificate.goal_error),
+        "goal_velocity_error": _finite(certificate.goal_velocity_error),
+        "hamiltonian_spread": _finite(certificate.hamiltonian_spread),
+        "switching_violation": _finite(certificate.switching_violation),
+        "adjoint_error": _finite(certificate.adjoint_error),
+        "lands": certificate.lands,
+        "keeps_limits": certificate.keeps_limits,
+        "limit_violation": _finite(certificate.limit_violation),
+        "singular": certificate.singular,
+        "reasons": list(certificate.reasons),
     }
 
 

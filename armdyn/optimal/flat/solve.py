@@ -2,20 +2,17 @@
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from armdyn.exclusive import forget
+from armdyn.optimal.conditions.rows import Rows
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.equations import torque_equations
 from armdyn.optimal.flat.posing import Wanted, pose, rows_of, shape_of
 from armdyn.optimal.flat.program import Shape, build
 from armdyn.optimal.problem.status import Status
+from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.program.machine.background import arrived
 from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, Outcome, forget_solvers, in_time
 from armdyn.optimal.task.task import Task
-
-Array = NDArray[np.float64]
 
 _WARM = 1e-9
 """How far IPOPT may push a warm start off its bounds."""
@@ -55,21 +52,9 @@ def solve_curve(task: Task, guess: Curve, wanted: Wanted, near: Solved | None = 
     Raises:
         LateError: the time is up before the program is built.
     """
-    if arrived():
-        forget(torque_equations, build)
-        forget_solvers()
-    shape, numbers = shape_of(task.problem, guess, wanted.demands), task.policy.curves
+    shape = shape_of(task.problem, guess, wanted.demands)
     near = near if near is not None and near.shape == shape else None
-    more: dict[str, float | str] = {"mu_init": numbers.barrier}
-    if near is not None:
-        pushes = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
-        more = {"mu_init": numbers.warm_barrier, "warm_start_init_point": "yes"}
-        more |= {f"warm_start_{push}": _WARM for push in pushes}
-    options = task.options
-    patience = min(options.max_iterations, numbers.patience)
-    settings = IpoptSettings(numbers.tolerance, patience, options.verbose, tuple(more.items()))
-    rows = rows_of(task.problem, wanted.demands)
-    solver = in_time(task, lambda scheme: Ipopt.of(settings, build, task.dynamics, shape, rows, scheme.compile))
+    solver = _solver(task, shape, rows_of(task.problem, wanted.demands), warm=near is not None)
     posed = pose(task, guess, wanted, shape)
     outcome = solver.solve(
         posed.x, posed.p, posed.x_bounds, posed.g_bounds, task.stop, None if near is None else near.outcome
@@ -79,3 +64,29 @@ def solve_curve(task: Task, guess: Curve, wanted: Wanted, near: Solved | None = 
         for k, leg in enumerate(guess.legs)
     )
     return Solved(Curve(legs), outcome, shape, guess.duration)
+
+
+def prepare_curve(task: Task, guess: Curve, wanted: Wanted) -> None:
+    """Build, if it is not there, what `solve_curve` needs from a guess, and from what comes out.
+
+    Args and raises: as of `solve_curve`.
+    """
+    shape, rows = shape_of(task.problem, guess, wanted.demands), rows_of(task.problem, wanted.demands)
+    for warm in (False, True):
+        _solver(task, shape, rows, warm)
+
+
+def _solver(task: Task, shape: Shape, rows: tuple[Rows, ...], warm: bool) -> Ipopt[Program]:
+    """IPOPT for the program; what was built without machine code that has arrived since is built again."""
+    if arrived():
+        forget(torque_equations, build)
+        forget_solvers()
+    numbers, options = task.policy.curves, task.options
+    more: dict[str, float | str] = {"mu_init": numbers.barrier}
+    if warm:
+        pushes = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
+        more = {"mu_init": numbers.warm_barrier, "warm_start_init_point": "yes"}
+        more |= {f"warm_start_{push}": _WARM for push in pushes}
+    patience = min(options.max_iterations, numbers.patience)
+    settings = IpoptSettings(numbers.tolerance, patience, options.verbose, tuple(more.items()))
+    return in_time(task, lambda scheme: Ipopt.of(settings, build, task.dynamics, shape, rows, scheme.compile))

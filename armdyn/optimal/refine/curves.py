@@ -12,7 +12,9 @@ from armdyn.optimal.conditions.demands import Checked, Demands
 from armdyn.optimal.conditions.registry import conditions_of
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.follow import follow
+from armdyn.optimal.flat.posing import Wanted
 from armdyn.optimal.flat.settle import Settled, checked, settle
+from armdyn.optimal.flat.solve import prepare_curve
 from armdyn.optimal.landing.limits import limit_violation, worst_violation
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.status import Status
@@ -120,6 +122,7 @@ def _settled(task: Task, guesses: Sequence[Curve]) -> list[Settled]:
     if len(guesses) == 1:
         return [settle(task, guesses[0])]
     task.tell(f"{len(guesses)} guesses")
+    prepare_curve(task, guesses[0], Wanted(Demands.of(task.problem)))  # workers know what was built before
     found = []
     jobs = [partial(settle, task, guess) for guess in guesses]
     for one in in_processes(jobs, task.workers):
