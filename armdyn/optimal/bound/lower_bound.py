@@ -62,6 +62,10 @@ def lower_bound(problem: MinimumTimeProblem, stop: Callable[[], bool] | None = N
     limit: nothing then bounds the Coriolis forces by which it may help others. Further `goals`, other ways round or
     branches, are motions of their own with bounds of their own.
 
+    Far from both ends the boxes are wide, and what torque can do there is hardly limited. Where the fastest ramps send
+    other joints away from their goals the bound hence misses what turning these back costs: some 2 % in one of ten
+    random motions of a Panda, next to nothing in the others.
+
     Args:
         problem: as `solve_minimum_time` takes it.
         stop: asked now and then; once it is true, what is proven so far is returned.

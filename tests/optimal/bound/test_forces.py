@@ -51,3 +51,43 @@ def test_the_range_holds_the_rate_at_points(arm, most_corners, monkeypatch):
             seen.append(value)
     if arm == "cart" and most_corners:  # one joint: the ends themselves are among the points
         assert np.max(seen, axis=0) == pytest.approx(found.upper.max(axis=0), rel=0.2)
+
+
+@pytest.mark.parametrize("concave", [0.0, 0.5, 30.0])
+def test_the_greatest_value_is_that_of_chords_less_squares(concave):
+    """Of f(v) = bᵀv + Σ |v_i + v_j| less squares: never below its values at points; reached, if f is linear."""
+    rng = np.random.default_rng(3)
+    robot = ARMS["rr"]()
+    lower = np.array([[-1.0, -2.0], [0.5, -0.1], [0.3, 0.3]])
+    v = Interval(lower, lower + np.array([[2.0, 2.5], [1.0, 0.3], [0.0, 0.0]]))
+    forces = Forces(terms_over(Dynamics(robot), v), v, robot.limits, robot.friction)
+    linear, weights = rng.uniform(-1, 1, (2, 1)), np.full((3, 2, 1), concave)
+    points = lower[:, None] + rng.uniform(0, 1, (3, 4000, 2)) * (v.upper - lower)[:, None]
+    points = np.concatenate([points, forces._corners], axis=1)
+    squares = (points**2) @ weights
+    for bent in (0.0, 1.0):
+
+        def convex(at, bent=bent):
+            return at @ linear + bent * np.abs(at.sum(axis=2, keepdims=True))
+
+        found = forces._greatest(convex(forces._corners), weights)
+        seen = np.max(convex(points) - squares, axis=1)
+        assert np.all(found >= seen - 1e-12)  # of rounding
+        if not bent:
+            assert found == pytest.approx(seen, abs=0.02 * (1 + concave))  # how far the nearest of the points may be
+
+
+def test_velocities_that_only_hurt_count_at_their_best():
+    """Centrifugal force of joint 1 pulls joint 2 of an RR arm outward: at rest of joint 1 it pulls least."""
+    robot = ARMS["rr"]()
+    q = Interval.at(np.array([[0.3, 1.0]]))
+    limit = np.array([[5.0, 0.0]])
+    forces = Forces(terms_over(Dynamics(robot), q), Interval(-limit, limit), robot.limits, robot.friction)
+    found = forces.rate(np.array([[0.0], [1.0]]), Interval.at(np.array([[0.02], [0.0]])))
+    fast = np.linspace(-5, 5, 2001)
+    seen = []
+    for v in fast:
+        rate, _ = momentum_rate(robot, q.lower[0], np.array([v, 0.0]), robot.limits.effort_upper)
+        seen.append(0.02 * v + rate[1])
+    assert found.upper[0, 0] == pytest.approx(max(seen), rel=1e-6)  # of the difference quotient
+    assert max(seen[0], seen[-1]) < max(seen) - 1e-3
