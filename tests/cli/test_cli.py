@@ -56,7 +56,7 @@ def test_people_are_told_what_was_written_and_how_long_it_took(tmp_path):
 
 @pytest.mark.slow
 def test_mintime_round_an_obstacle_to_a_pose(tmp_path):
-    (tmp_path / "scene.json").write_text('[{"type": "sphere", "center": [0.33, 0, -0.12], "radius": 0.05}]')
+    (tmp_path / "scene.json").write_text('[{"type": "sphere", "center": [0.14, 0, -0.366], "radius": 0.04}]')
     options = ["--payload", 0.1006, "--obstacle", "scene.json", "--goal-pose", "tip:0.4783,0,0.0574"]
     answer = run_json("mintime", "rr", *options, "--out", "run", cwd=tmp_path)
     # Solved and clear of the ball; not certified, as arcs along obstacles are not resolved.

@@ -26,12 +26,14 @@ class Solved:
         curve: where it ended: a motion, whether it converged or not.
         outcome: IPOPT's own words and multipliers.
         shape: of the program.
+        rows: of its conditions along the way.
         guessed: duration that the guess had, with which the program measures time [s].
     """
 
     curve: Curve
     outcome: Outcome
     shape: Shape
+    rows: tuple[Rows, ...]
     guessed: float
 
     @property
@@ -53,8 +55,9 @@ def solve_curve(task: Task, guess: Curve, wanted: Wanted, near: Solved | None = 
         LateError: the time is up before the program is built.
     """
     shape = shape_of(task.problem, guess, wanted.demands)
-    near = near if near is not None and near.shape == shape else None
-    solver = _solver(task, shape, rows_of(task.problem, wanted.demands), warm=near is not None)
+    rows = rows_of(task.problem, wanted.demands)
+    near = near if near is not None and (near.shape, near.rows) == (shape, rows) else None
+    solver = _solver(task, shape, rows, warm=near is not None)
     posed = pose(task, guess, wanted, shape)
     outcome = solver.solve(
         posed.x, posed.p, posed.x_bounds, posed.g_bounds, task.stop, None if near is None else near.outcome
@@ -63,7 +66,7 @@ def solve_curve(task: Task, guess: Curve, wanted: Wanted, near: Solved | None = 
         replace(leg, points=outcome.x[shape.points(k)], duration=float(outcome.x[shape.duration(k)]))
         for k, leg in enumerate(guess.legs)
     )
-    return Solved(Curve(legs), outcome, shape, guess.duration)
+    return Solved(Curve(legs), outcome, shape, rows, guess.duration)
 
 
 def prepare_curve(task: Task, guess: Curve, wanted: Wanted) -> None:
