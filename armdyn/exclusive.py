@@ -20,7 +20,7 @@ Built = TypeVar("Built")
 one_at_a_time = threading.RLock()
 """Of the whole process."""
 
-_forget: dict[Callable[..., object], Callable[[], None]] = {}
+_forget: list[Callable[[], None]] = []
 
 os.register_at_fork(
     before=one_at_a_time.acquire, after_in_parent=one_at_a_time.release, after_in_child=one_at_a_time.release
@@ -42,14 +42,14 @@ def built_once(maxsize: int) -> Callable[[Callable[Parameters, Built]], Callable
             with one_at_a_time:
                 return known(*args, **kwargs)  # type: ignore[arg-type]  # hashable they must be
 
-        _forget[alone] = known.cache_clear
+        _forget.append(known.cache_clear)
         return alone
 
     return decorate
 
 
-def forget(*builders: Callable[..., object]) -> None:
-    """What these have `built_once` is built again when it is asked for the next time."""
+def forget() -> None:
+    """All that was built once is built again when it is asked for the next time."""
     with one_at_a_time:
-        for build in builders:
-            _forget[build]()
+        for clear in _forget:
+            clear()

@@ -5,13 +5,12 @@ from dataclasses import dataclass, replace
 from armdyn.exclusive import forget
 from armdyn.optimal.conditions.rows import Rows
 from armdyn.optimal.flat.curve import Curve
-from armdyn.optimal.flat.equations import torque_equations
 from armdyn.optimal.flat.posing import Wanted, pose, rows_of, shape_of
 from armdyn.optimal.flat.program import Shape, build
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.program.machine.background import arrived
-from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, Outcome, forget_solvers, in_time
+from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, Outcome, in_time
 from armdyn.optimal.task.task import Task
 
 _WARM = 1e-9
@@ -82,8 +81,7 @@ def prepare_curve(task: Task, guess: Curve, wanted: Wanted) -> None:
 def _solver(task: Task, shape: Shape, rows: tuple[Rows, ...], warm: bool) -> Ipopt[Program]:
     """IPOPT for the program; what was built without machine code that has arrived since is built again."""
     if arrived():
-        forget(torque_equations, build)
-        forget_solvers()
+        forget()
     numbers, options = task.policy.curves, task.options
     more: dict[str, float | str] = {"mu_init": numbers.barrier}
     if warm:

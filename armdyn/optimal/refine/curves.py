@@ -20,7 +20,7 @@ from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.machine.background import awaited
 from armdyn.optimal.program.machine.deadline import LateError
-from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, ON_CURVE, certify
+from armdyn.optimal.proof.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE, certify
 from armdyn.optimal.proof.deciding import Share
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.smooth import trajectory_cost
@@ -55,7 +55,9 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
     """
     numbers = task.policy.curves
     try:
-        found = _without_obstacles(task) or _settled(task, _guesses(task, task.options.starts or numbers.starts))
+        found, clear = _without_obstacles(task)
+        if not (clear or (found and _enough(task, found[0]))):
+            found += _settled(task, _guesses(task, task.options.starts or numbers.starts))
         if max(map(_trouble, found)) > 0 and len(found) == 1 and not task.stop:
             found += _settled(task, _guesses(task, numbers.more_starts)[1:])
     except LateError:
@@ -76,17 +78,19 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
     return optima, Found((), listed=others, iterations=sum(one.iterations for one in found[len(optima) :]))
 
 
-def _without_obstacles(task: Task) -> list[Settled]:
-    """The fastest curve of all, if it is clear of what is to be kept clear of; else none."""
+def _without_obstacles(task: Task) -> tuple[list[Settled], bool]:
+    """The fastest curve of all, if it is clear of what is to be kept clear of; else what it leads to; and which."""
     problem = task.problem
     if not any(condition.goes_round for condition in conditions_of(problem)):
-        return []
+        return [], False
     task.tell("the way without obstacles")
     free = problem.variant(obstacles=(), self_collision=False)
     (best,) = _settled(task.about(free), _guesses(task.about(free), 1)[:1])
     demands = Demands.of(problem)
     kept = checked(task, best.curve, demands)
-    return [] if kept.reasons else [replace(best, demands=demands, checked=kept)]
+    if kept.reasons:
+        return [settle(task, best.curve)], False
+    return [replace(best, demands=demands, checked=kept)], True
 
 
 def _trouble(settled: Settled) -> bool:
@@ -119,8 +123,8 @@ def _guesses(task: Task, count: int) -> list[Curve]:
 
 def _settled(task: Task, guesses: Sequence[Curve]) -> list[Settled]:
     """The curves that guesses lead to."""
-    if len(guesses) == 1:
-        return [settle(task, guesses[0])]
+    if len(guesses) < 2:
+        return [settle(task, guess) for guess in guesses]
     task.tell(f"{len(guesses)} guesses")
     prepare_curve(task, guesses[0], Wanted(Demands.of(task.problem)))  # workers know what was built before
     found = []
@@ -128,7 +132,17 @@ def _settled(task: Task, guesses: Sequence[Curve]) -> list[Settled]:
     for one in in_processes(jobs, task.workers):
         found.append(one)
         task.tell(f"{len(found)} of {len(guesses)}: {one.curve.duration:.4f} s")
+        if _enough(task, one):
+            break
     return found
+
+
+def _enough(task: Task, settled: Settled) -> bool:
+    """Whether other guesses have nothing to give: a proven bound is near."""
+    if settled.checked.reasons or _trouble(settled):
+        return False
+    floor = task.floor()
+    return floor is not None and settled.curve.duration <= (1 + GAP_TOLERANCE) * floor
 
 
 def _failed(task: Task, settled: Settled) -> Attempt:

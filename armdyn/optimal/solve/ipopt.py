@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.exclusive import built_once, forget, one_at_a_time
+from armdyn.exclusive import built_once, one_at_a_time
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.assembly import Program
@@ -183,11 +183,6 @@ def in_time(task: Task, build: Callable[[Scheme], Ipopt[P]]) -> Ipopt[P]:
             except NoTimeError:
                 stop.hurried = True
         return build(replace(task.scheme, compile=False))
-
-
-def forget_solvers() -> None:
-    """All are set up again when they are needed the next time."""
-    forget(_built)
 
 
 @built_once(maxsize=_KEPT)

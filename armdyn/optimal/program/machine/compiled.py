@@ -52,8 +52,8 @@ def compiled(functions: Sequence[ca.Function], asked: bool | None = None, later:
     Args:
         functions: without free variables, with different names.
         asked: False: as they are. True: compile them, however long it takes. None: use what is on disk, and
-            compile small ones. What is on disk but damaged is compiled again.
-        later: with None: compile small ones, too, in the background.
+            compile small ones; large ones are built in the background. What is on disk but damaged is compiled again.
+        later: with None: small ones are built in the background, too.
 
     Returns:
         As they are, too, where there is no C compiler, or it fails, or there is no place to build.
@@ -71,7 +71,7 @@ def compiled(functions: Sequence[ca.Function], asked: bool | None = None, later:
         return functions
     recipe = _Recipe.of(functions, compiler)
     build = bool(asked) or (recipe.instructions <= _WORTH_IT and not later)
-    later = later and not asked
+    later = not build
     kept = cache_directory()
     try:
         try:
@@ -131,11 +131,9 @@ def _machine_code(
     if data is not None:
         with suppress(RuntimeError):  # whole, but not for this system: a home that several share
             return _loaded(functions, data, folder)
-    if later:
-        library.unlink(missing_ok=True)
-        build_later(library, recipe.compiler, recipe.source)
-        return functions
     if not (there or build):
+        if later:
+            build_later(library, recipe.compiler, recipe.source)
         return functions
     if recipe.instructions * _EACH > left() / 2:  # half of the time is for the solve
         raise NoTimeError
