@@ -20,8 +20,6 @@ from armdyn.optimal.task.task import Task
 
 Array = NDArray[np.float64]
 
-_LONGEST = 1e4
-"""Times the guess's duration that a leg may take: where no motion exists IPOPT would wait for ever."""
 _CAUTIOUS = 0.9
 """Part of their limits that a guess's torques are clipped to: IPOPT begins inside."""
 
@@ -143,7 +141,6 @@ def pose(task: Task, guess: Curve, wanted: Wanted, shape: Shape) -> Posed:
         least, most = limits.effort_lower / half, limits.effort_upper / half
         lower[torques], upper[torques] = least + room.lower, most - room.upper
         lower[shape.duration(k)] = max(float(problem.leg_bounds()[k]), 1e-3 * leg.duration)
-        upper[shape.duration(k)] = _LONGEST * leg.duration
         x[points], x[shape.duration(k)] = leg.points, leg.duration
         x[torques] = np.clip(leg.torques(problem.robot, s.ravel()) / half, _CAUTIOUS * least, _CAUTIOUS * most)
         _fix_ends(problem, k, points, (lower, upper))
