@@ -51,11 +51,11 @@ def test_the_verdict_is_said_apart():
 
 
 def test_a_small_gap_certifies_and_a_larger_one_says_what_may_help():
-    assert title_words(bounded(4e-4)).endswith(", certified, at most 0.04 % above the least time")
+    assert title_words(bounded(4e-4)).endswith(", certified, gap 0.04 %")
     near, far = (solution_words(bounded(gap), wrap=False) for gap in (4e-4, 2e-2))
     assert near["certified"] == "yes" and near["extremal"].startswith("no: ") and "what you can do" not in near
     assert near["gap"].startswith("at most 0.04 % above the lower bound of 0.17") and near["gap"].endswith("(proven)")
-    assert title_words(bounded(2e-2)).endswith(", not certified, at most 2 % above the least time")
+    assert title_words(bounded(2e-2)).endswith(", not certified, gap 2 %")
     assert far["certified"].startswith("no; the Hamiltonian strays")
     assert "--starts" in far["what you can do"] and "`" not in far["what you can do"]
     unproven = bounded(4e-4, goal_error=1e-5)

@@ -94,7 +94,8 @@ def mintime(
         with working(f"minimum time of {arm.name}", json) as progress:
             solution = ad.solve_minimum_time(problem, search.options(), progress)
             summary = minimum_time_summary(solution)
-            title = f"{arm.name}, {1000 * payload.payload:g} g: {title_words(solution)}"
+            carried = f", {1000 * payload.payload:g} g" if payload.payload else ""
+            title = f"{arm.name}{carried}: {title_words(solution)}"
             motion = solution.trajectory
             written = results.write(folder, arm, motion, summary, title, problem.obstacles, tell=progress)
         missing = missing_of(required, solution)

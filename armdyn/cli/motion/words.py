@@ -64,7 +64,7 @@ def _verdict(solution: Solution) -> str:
     gap = solution.gap if solution.gap_proven else None
     if solution.certificate.extremal:
         return "certified"
-    above = "" if gap is None else f"at most {percent(max(gap, 0.0))} above the least time"
+    above = "" if gap is None else f"gap {percent(max(gap, 0.0))}"
     return ", ".join(filter(None, ("certified" if solution.certified else "not certified", above)))
 
 
