@@ -58,7 +58,7 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
         found, clear = _without_obstacles(task)
         if not (clear or (found and _enough(task, found[0]))):
             found += _settled(task, _guesses(task, task.options.starts or numbers.starts))
-        if max(map(_trouble, found)) > 0 and len(found) == 1 and not task.stop:
+        if len(found) == 1 and not (clear or task.stop) and _trouble(found[0]):
             found += _settled(task, _guesses(task, numbers.more_starts)[1:])
     except LateError:
         unbegun = Attempt.unbegun(task.stop, spline(task.problem, []), task.policy.curves.intervals)

@@ -19,7 +19,9 @@ class CurvePolicy:
     starts: int = by_kind("guesses", "one where velocity limits shape the motion: from eight comes the same", TRAINED)
     more_starts: int = tuned(6, "guesses", "where the first has come to nothing", "bravo7")
     slack: float = tuned(1.2, "of the time at the velocity limits", "duration of a guess that cruises", TRAINED)
-    patience: int = tuned(300, "iterations", "of IPOPT; those that converge take 20 to 140", TRAINED)
+    patience: int = by_kind(
+        "iterations", "of IPOPT; those that converge take 20 to 60, with conditions along the way up to 140", TRAINED
+    )
     barrier: float = tuned(0.1, "scaled", "IPOPT's mu_init from a straight guess", TRAINED)
     warm_barrier: float = tuned(1e-6, "scaled", "the same, where little has changed", TRAINED)
     tolerance: float = tuned(1e-7, "scaled", "of IPOPT", TRAINED)

@@ -72,6 +72,7 @@ class Policy:
             curves=CurvePolicy(
                 alone=joints > 3 or problem.relative_effort_weight > 0,
                 cruises=speedy,
+                patience=300 if asked else 120,
                 shortest=_shortest(problem, speedy),
                 starts=6 if crowded else 1 if speedy else 4,
             ),
