@@ -2,7 +2,7 @@
 
 Poses are drawn from the middle 80 % of the position limits (an endless joint's from ±π), the same for a seed, and
 drawn again where the arm cannot be held still. Where the URDF has no torque limits, 10 N m serve. The paper's arms
-move within ±2.5 rad with 100.6 g. Nothing is tuned on these poses.
+move within ±2.5 rad with 100.6 g. Nothing is tuned on these poses but pair 1 of Panda and UR5.
 
     scripts/library_motions.py --out docs/arms.md
     scripts/library_motions.py --only panda ur5 --random 0
