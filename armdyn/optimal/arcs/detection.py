@@ -35,7 +35,7 @@ def detect(
     middle = trajectory((knots[:-1] + knots[1:]) / 2)
     at_knots = trajectory(knots)
     centre = (limits.effort_upper + limits.effort_lower) / 2
-    level = (middle.tau - centre) / (limits.effort_upper - centre)
+    level = (middle.tau - centre) / limits.effort_size
     first: list[Mode] = []
     events: list[Event] = []
     for i in range(problem.robot.nv):
@@ -49,7 +49,7 @@ def detect(
         contact = touching[:-1] | touching[1:] | (near[:-1] & near[1:])  # one end tells where contact begins or ends
         above = bounds[1] - middle.q[:, i] < middle.q[:, i] - bounds[0]
         fast = slow > limits.velocity[i] * (1 - numbers.near_speed)
-        modes = [
+        modes = [Mode.PASSIVE] * intervals if limits.passive[i] else [
             _torque_mode(level[k, i], numbers.near) or _state_mode(fast[k], middle.v[k, i], contact[k], above[k])
             for k in range(intervals)
         ]

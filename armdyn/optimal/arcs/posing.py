@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.arcs.arc import BANG, POSITION, VELOCITY, Arc, Mode
+from armdyn.optimal.arcs.arc import HELD, POSITION, VELOCITY, Arc, Mode
 from armdyn.optimal.arcs.grid import Density, deal, layered
 from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -139,7 +139,7 @@ class _Narrowed:
         for k in range(N):
             arc, last = arcs[arc_of[k]], k == N - 1
             for i, mode in enumerate(arc.modes):
-                if mode in BANG:
+                if mode in HELD:
                     bound = limits.effort_upper if mode is Mode.UPPER else limits.effort_lower
                     self._fix(torques[k, :, i], bound[i] / self.scales.effort[i])
                 if mode is Mode.FREE and keep is not None:

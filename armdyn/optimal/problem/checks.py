@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 _TYPED = 1e-9
 """So far [rad or m] beyond its limit a pose may be: it was typed with ten digits."""
 
+_ROUNDING = 1e-9
+"""Of the size of a torque: what gravity takes of an upright pole is not quite zero."""
+
 SLOWEST = 1e-9
 """Velocity limits below it are refused [rad/s or m/s]: a turn in two hundred years."""
 
@@ -40,12 +43,17 @@ def check_state(robot: Robot, limits: JointLimits, q: Array, v: Array, name: str
 
 def check_limits(robot: Robot, limits: JointLimits) -> None:
     """Refuse limits that leave no room, and torques without limits."""
+    if np.all(limits.passive):
+        raise ProblemError(
+            f"no joint has a motor: all torque limits are zero ({', '.join(robot.joint_names)}); minimum time needs one "
+            "joint with a torque limit above zero: give effort_limit=, or name fewer joints in passive="
+        )
     for i, joint in enumerate(robot.joint_names):
         lower, upper = limits.effort_lower[i], limits.effort_upper[i]
-        if not lower < upper or not np.isfinite(upper - lower):
+        if not (lower < upper or limits.passive[i]) or not np.isfinite(upper - lower):
             raise ProblemError(
-                f"joint {joint!r} has torque limits [{lower}, {upper}] N m; minimum time "
-                "needs finite ones, the lower below the upper: give effort_limit="
+                f"joint {joint!r} has torque limits [{lower}, {upper}] N m; minimum time needs finite ones, the lower "
+                f"below the upper: give effort_limit=, or passive=({joint!r},) if it has no motor"
             )
         if not limits.velocity[i] >= SLOWEST:
             raise ProblemError(
@@ -109,9 +117,10 @@ def warn_if_not_held(robot: Robot, limits: JointLimits, torque: Array) -> None:
     """Warn of a goal that the actuators cannot hold; torque: what would hold it [N m or N], shape (nv,)."""
     for i, joint in enumerate(robot.joint_names):
         bound = limits.effort_upper[i] if torque[i] > 0 else limits.effort_lower[i]
-        if abs(torque[i]) > abs(bound):
+        if abs(torque[i]) > abs(bound) + _ROUNDING * limits.effort_size[i]:
+            most = "it has no motor" if limits.passive[i] else f"its limit is {bound:.4g} N m"
             warnings.warn(
-                f"joint {joint!r} needs {torque[i]:.4g} N m to hold the goal but its limit is {bound:.4g} N m: "
+                f"joint {joint!r} needs {torque[i]:.4g} N m to hold the goal but {most}: "
                 "a motion to the goal may exist, staying there is beyond this actuator",
                 ArmdynWarning,
                 stacklevel=4,

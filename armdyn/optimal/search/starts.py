@@ -136,7 +136,8 @@ def _fitting_duration(problem: MinimumTimeProblem, path: Path, inertial: Array) 
     viscous = np.maximum(np.sign(inertial) * np.asarray(problem.robot.friction.damping) * path.dq, 0)
     limits = problem.limits
     bound = np.where(inertial > 0, limits.effort_upper, -limits.effort_lower)
-    bound = np.maximum(bound, 1e-3 * (limits.effort_upper - limits.effort_lower))
+    bound = np.maximum(bound, 2e-3 * limits.effort_size)
+    bound[:, limits.passive] = np.inf  # which no torque can make keep to the path
     half = viscous / (2 * bound)
     by_torque = np.max(half + np.sqrt(half**2 + np.abs(inertial) / bound))
     by_speed = np.max(np.abs(path.dq) / limits.velocity)

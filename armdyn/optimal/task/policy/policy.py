@@ -4,6 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Self
 
+import numpy as np
+
 from armdyn.optimal.problem.nature import speed_shapes
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.options import MinimumTimeOptions
@@ -51,7 +53,8 @@ class Policy:
     @classmethod
     def of(cls, problem: MinimumTimeProblem) -> Self:
         """The policy for a problem, by its joints, its limits and its conditions along the way."""
-        speedy = speed_shapes(problem)
+        motors = not np.any(problem.limits.passive)
+        speedy = motors and speed_shapes(problem)
         joints, asked = problem.robot.nv, bool(problem.along_the_way)
         crowded = bool(problem.obstacles) or problem.self_collision
         return cls(
@@ -70,7 +73,7 @@ class Policy:
             smooth=SmoothPolicy(starts=_by_joints(joints, 2, 16, 24), refined=10 if joints == 2 else 6),
             indirect=IndirectPolicy(starts=_by_joints(joints, 1, 6, 16)),
             curves=CurvePolicy(
-                alone=joints > 3 or problem.relative_effort_weight > 0,
+                alone=motors and (joints > 3 or problem.relative_effort_weight > 0),
                 cruises=speedy,
                 patience=300 if asked else 120,
                 shortest=_shortest(problem, speedy),
