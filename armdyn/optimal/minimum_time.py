@@ -99,7 +99,7 @@ def _usable(task: Task, optima: list[Optimum], found: Found) -> tuple[list[Optim
     """The optima and, where none of them is usable, curves that begin near the best of them."""
     tolerance = task.options.replay_tolerance
     good = any(one.landed(tolerance) and one.within_limits and not one.missed for one in optima)
-    if good or task.stop or task.policy.curves.alone:
+    if good or task.stop or task.policy.curves.alone or not task.policy.curves.fallback:
         return optima, found
     task.tell("nothing so far is usable: curves, which are motions whatever comes out")
     near = tuple(one.trajectory for one in optima if one.landed(_NEAR))

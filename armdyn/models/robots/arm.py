@@ -106,7 +106,7 @@ class Arm:
     def with_limits(self, effort_limit: ArrayLike | None, velocity_limit: ArrayLike | None) -> Self:
         """This robot with other limits: one number, or one per joint; None keeps its own.
 
-        A torque limit of zero is that of a joint without a motor.
+        A torque limit of zero is that of a joint without a motor. One number is for all joints that have one.
 
         Raises:
             SpecError: wrong length, NaN, or negative.
@@ -114,6 +114,8 @@ class Arm:
         limits = self.limits
         if effort_limit is not None:
             effort = self._read(effort_limit, "effort_limit", "N m or N", finite=False)
+            if np.ndim(effort_limit) == 0:
+                effort = np.where(limits.passive, 0.0, effort)
             limits = replace(limits, effort_lower=-effort, effort_upper=effort)
         if velocity_limit is not None:
             velocity = self._read(velocity_limit, "velocity_limit", "rad/s or m/s", finite=False)

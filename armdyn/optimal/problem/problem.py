@@ -262,6 +262,8 @@ class MinimumTimeProblem:
             effort_lower, effort_upper = (self._limit(x, "effort_limit") for x in self.effort_limit)
         elif self.effort_limit is not None:
             effort_upper = self._limit(self.effort_limit, "effort_limit")
+            if np.ndim(self.effort_limit) == 0:  # of all joints that have a motor
+                effort_upper = np.where(own.passive, 0.0, effort_upper)
             effort_lower = -effort_upper
         velocity = own.velocity
         if self.velocity_limit is not None:

@@ -74,6 +74,7 @@ class Policy:
             indirect=IndirectPolicy(starts=_by_joints(joints, 1, 6, 16)),
             curves=CurvePolicy(
                 alone=motors and (joints > 3 or problem.relative_effort_weight > 0),
+                fallback=motors,
                 cruises=speedy,
                 patience=300 if asked else 120,
                 shortest=_shortest(problem, speedy),
