@@ -74,7 +74,7 @@ class JointLimits:
             if name not in joints:
                 meant = did_you_mean(str(name), joints)
                 raise error(f"passive: there is no joint {shown(name)}{meant}; there are {', '.join(joints)}")
-        motors = ~np.isin(joints, names)
+        motors = np.array([name not in names for name in joints])
         return replace(
             self,
             effort_lower=np.where(motors, self.effort_lower, 0.0),

@@ -41,13 +41,23 @@ def check_state(robot: Robot, limits: JointLimits, q: Array, v: Array, name: str
             )
 
 
-def check_limits(robot: Robot, limits: JointLimits) -> None:
-    """Refuse limits that leave no room, and torques without limits."""
+def check_motors(robot: Robot, limits: JointLimits, relative_effort_weight: float) -> None:
+    """Refuse an arm of which nothing moves, and what needs a motor at every joint."""
     if np.all(limits.passive):
         raise ProblemError(
-            f"no joint has a motor: all torque limits are zero ({', '.join(robot.joint_names)}); minimum time needs one "
-            "joint with a torque limit above zero: give effort_limit=, or name fewer joints in passive="
+            f"no joint has a motor: all torque limits are zero ({', '.join(robot.joint_names)}); minimum time needs "
+            "one above zero: give effort_limit=, or name fewer joints in passive="
         )
+    if relative_effort_weight > 0 and np.any(limits.passive):
+        name = robot.joint_names[int(np.argmax(limits.passive))]
+        raise ProblemError(
+            f"relative_effort_weight is {relative_effort_weight:g}, but joint {name!r} has no motor whose range it could "
+            "be relative to: give effort_weight"
+        )
+
+
+def check_limits(robot: Robot, limits: JointLimits) -> None:
+    """Refuse limits that leave no room, and torques without limits."""
     for i, joint in enumerate(robot.joint_names):
         lower, upper = limits.effort_lower[i], limits.effort_upper[i]
         if not (lower < upper or limits.passive[i]) or not np.isfinite(upper - lower):

@@ -22,6 +22,7 @@ from armdyn.optimal.problem.checks import (
     check_clear,
     check_conditions,
     check_limits,
+    check_motors,
     check_poses,
     check_scene,
     check_state,
@@ -55,7 +56,8 @@ class MinimumTimeProblem:
         passive: names of joints without a motor, such as a cart's pole, besides those that effort_limit or the robot
             says are; their torque limits are zero.
         effort_weight: w [1/(N m)²].
-        relative_effort_weight: the same of torques as parts of half their ranges [-], so that small joints' count, too.
+        relative_effort_weight: the same of torques as parts of half their ranges [-], so that small joints' count, too;
+            not with passive joints.
         wrap: goals of endless joints, which turn and have no position limits, are meant modulo 2π: each is tried
             by the shorter and by the longer way round. Without, a joint goes to the very angle that was asked
             for: from 0 to 6 rad is nearly a whole turn, as where a cable must not be wound up.
@@ -280,6 +282,7 @@ class MinimumTimeProblem:
         )  # fmt: skip
         object.__setattr__(self, "passive", several(self.passive, "passive"))
         limits = limits.without_motors(self.passive, self.robot.joint_names, ProblemError)
+        check_motors(self.robot, limits, self.relative_effort_weight)
         check_limits(self.robot, limits)
         return limits
 

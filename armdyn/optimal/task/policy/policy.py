@@ -54,7 +54,7 @@ class Policy:
     def of(cls, problem: MinimumTimeProblem) -> Self:
         """The policy for a problem, by its joints, its limits and its conditions along the way."""
         motors = not np.any(problem.limits.passive)
-        speedy = motors and speed_shapes(problem)
+        speedy = speed_shapes(problem)
         joints, asked = problem.robot.nv, bool(problem.along_the_way)
         crowded = bool(problem.obstacles) or problem.self_collision
         return cls(
@@ -74,7 +74,7 @@ class Policy:
             indirect=IndirectPolicy(starts=_by_joints(joints, 1, 6, 16)),
             curves=CurvePolicy(
                 alone=motors and (joints > 3 or problem.relative_effort_weight > 0),
-                fallback=motors,
+                possible=motors,
                 cruises=speedy,
                 patience=300 if asked else 120,
                 shortest=_shortest(problem, speedy),
