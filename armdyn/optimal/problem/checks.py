@@ -51,8 +51,8 @@ def check_motors(robot: Robot, limits: JointLimits, relative_effort_weight: floa
     if relative_effort_weight > 0 and np.any(limits.passive):
         name = robot.joint_names[int(np.argmax(limits.passive))]
         raise ProblemError(
-            f"relative_effort_weight is {relative_effort_weight:g}, but joint {name!r} has no motor whose range it could "
-            "be relative to: give effort_weight"
+            f"relative_effort_weight is {relative_effort_weight:g}, but joint {name!r} has no motor, and its torque no "
+            "range: give effort_weight"
         )
 
 
