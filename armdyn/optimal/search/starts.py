@@ -11,6 +11,7 @@ from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.search.swings import swinging_time, swings
 from armdyn.optimal.task.policy.search import SearchPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -45,6 +46,9 @@ def detours(problem: MinimumTimeProblem, seed: int, count: int, stop: Stop | Non
         if problem.via
         else [[via] for via in vias]
     )
+    if not (round_it or problem.via):
+        to_and_fro = swings(problem, random, (count - 1) // 2)
+        ways[1 : 2 * len(to_and_fro) : 2] = to_and_fro
     straight: list[Array] = [np.asarray(q) for q in problem.via]
     return [straight, *(_clearest(problem, ways, count - 1, stop or Stop()) if round_it else ways)]
 
@@ -97,7 +101,7 @@ def spline(problem: MinimumTimeProblem, via: list[Array]) -> Trajectory:
     friction, rest = problem.robot.friction, np.zeros_like(q)
     static = _torques(problem, q, rest, rest)
     inertial = _torques(problem, q, dq, ddq) - friction.torque(dq) - static
-    duration = _fitting_duration(problem, Path(q, dq, ddq), inertial)
+    duration = max(_fitting_duration(problem, Path(q, dq, ddq), inertial), swinging_time(problem, static, inertial))
     v = dq / duration
     tau = static + inertial / duration**2 + friction.torque(v)
     tau = np.clip(tau, problem.limits.effort_lower, problem.limits.effort_upper)

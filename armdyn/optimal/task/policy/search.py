@@ -41,8 +41,8 @@ class SearchPolicy:
 
     starts: int = by_kind(
         "guesses",
-        "16 for two joints met the best optimum within six over eight seeds; 40 for three; around obstacles ways are "
-        "chosen among many",
+        "16 for two joints met the best optimum within six over eight seeds; 40 for three, and where one of two has no "
+        "motor; around obstacles ways are chosen among many",
         PAPER,
     )
     neighbour_starts: int = by_kind(
@@ -50,7 +50,9 @@ class SearchPolicy:
     )
     side_by_side: bool = by_kind("-", "in processes: for one joint a fork takes as long as the solve", PAPER)
     again: bool = by_kind("-", "where a finer mesh contradicts the search it is done again on that", PAPER)
-    refined: int = tuned(4, "optima", "so many are worth a finer mesh", PAPER)
+    refined: int = by_kind(
+        "optima", "so many are worth a finer mesh; without a motor more of the best are artefacts of coarse ones", PAPER
+    )
     again_at_least: int = tuned(10, "guesses", "of another search, on finer meshes", PAPER)
     worth: float = tuned(1.2, "of the best duration", "coarse solutions slower than that are only listed", PAPER)
     too_coarse: float = tuned(
@@ -67,6 +69,13 @@ class SearchPolicy:
     bow: float = tuned(
         2.0, "rad", "least spread of random poses: fast motions fold far out of the straight way", "RR, RRR, Luus"
     )
+    swings: tuple[int, ...] = tuned(
+        (1, 2, 3, 4, 6, 8),
+        "swings",
+        "in turn, of guesses on which joints without a motor swing up",
+        "cart-pole, acrobot, pendubot, Furuta pendulum, their own and weaker motors",
+    )
+    unlike: float = tuned(0.3, "of the way, rad or m", "by which such guesses differ from each other", "the same")
     tries: int = tuned(300, "ways", "looked at before a few that go round the obstacles are taken", "RR, Panda: a post")
     looks: int = tuned(25, "poses", "of a way that are held against the obstacles", UNRECORDED)
     brisk: float = tuned(10.0, "rad/s", "stands for a missing velocity limit where ways are compared", UNRECORDED)
