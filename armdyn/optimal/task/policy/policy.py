@@ -65,10 +65,10 @@ class Policy:
             ),
             search=SearchPolicy(
                 starts=_by_joints(joints, 1, 12, 16) if crowded else _by_joints(joints, 1, 16 if motors else 40, 40),
+                meshes=(15, 25) if motors else (25, 40),
                 neighbour_starts=_by_joints(joints, 1, 8, 12, 1),
                 side_by_side=joints > 1,
                 again=joints > 1 and not crowded,
-                refined=4 if motors else 8,
             ),
             refinement=RefinementPolicy(extremal_is_enough=joints > 2, lists_slower=joints > 2),
             smooth=SmoothPolicy(starts=_by_joints(joints, 2, 16, 24), refined=10 if joints == 2 else 6),

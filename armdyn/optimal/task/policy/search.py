@@ -45,14 +45,18 @@ class SearchPolicy:
         "motor; around obstacles ways are chosen among many",
         PAPER,
     )
+    meshes: tuple[int, ...] = by_kind(
+        "intervals",
+        "which guesses take turns on; without a motor there are swings to resolve, and coarse meshes know faster ones "
+        "that there are not",
+        PAPER,
+    )
     neighbour_starts: int = by_kind(
         "guesses", "of a search that has a neighbour's optimum, in a sweep; beyond three joints the straight one", PAPER
     )
     side_by_side: bool = by_kind("-", "in processes: for one joint a fork takes as long as the solve", PAPER)
     again: bool = by_kind("-", "where a finer mesh contradicts the search it is done again on that", PAPER)
-    refined: int = by_kind(
-        "optima", "so many are worth a finer mesh; without a motor more of the best are artefacts of coarse ones", PAPER
-    )
+    refined: int = tuned(4, "optima", "so many are worth a finer mesh", PAPER)
     again_at_least: int = tuned(10, "guesses", "of another search, on finer meshes", PAPER)
     worth: float = tuned(1.2, "of the best duration", "coarse solutions slower than that are only listed", PAPER)
     too_coarse: float = tuned(
