@@ -8,6 +8,9 @@ from armdyn.optimal.task.policy.search import SearchPolicy
 
 Array = NDArray[np.float64]
 
+_ALIKE = 0.1
+"""Cosine between what gravity does along a path and what would be needed, below which it has nothing to do with it."""
+
 
 def swings(problem: MinimumTimeProblem, random: np.random.Generator, count: int) -> list[list[Array]]:
     """Ways on which joints without a motor swing further and further, until the last swing brings them to the goal.
@@ -31,7 +34,7 @@ def swings(problem: MinimumTimeProblem, random: np.random.Generator, count: int)
         most = SearchPolicy.swings[k % len(SearchPolicy.swings)]
         parts = np.arange(1, most + 1)[:, None] / (most + 1)
         sides = np.where((most - np.arange(most))[:, None] % 2, -1.0, 1.0)  # the last swing is away from the goal
-        swung = parts * sides * away * random.normal(1, SearchPolicy.unlike, (most, away.size))
+        swung = parts * sides * away * random.lognormal(0, SearchPolicy.unlike, (most, away.size))
         moved = parts * away + random.normal(0, SearchPolicy.unlike, (most, away.size))
         poses = start + np.where(passive, swung, moved)
         ways.append(list(np.clip(poses, limits.position_lower, limits.position_upper)))
@@ -39,7 +42,7 @@ def swings(problem: MinimumTimeProblem, random: np.random.Generator, count: int)
 
 
 def swinging_time(problem: MinimumTimeProblem, static: Array, inertial: Array) -> float:
-    """The duration [s] in which gravity comes nearest to swinging the joints without a motor along a path; 0: none.
+    """The duration [s] in which gravity comes nearest to swinging joints without a motor along a path; 0: none.
 
     What a motor would have to give at such a joint is static + inertial / T²: least squares for 1 / T².
 
@@ -49,5 +52,6 @@ def swinging_time(problem: MinimumTimeProblem, static: Array, inertial: Array) -
         inertial: torques that move it along the path in one second, likewise.
     """
     passive = problem.limits.passive
-    against = -float(np.sum(static[:, passive] * inertial[:, passive]))
-    return float(np.sqrt(np.sum(inertial[:, passive] ** 2) / against)) if against > 0 else 0.0
+    held, moved = static[:, passive], inertial[:, passive]
+    against, size = -float(np.sum(held * moved)), float(np.linalg.norm(held) * np.linalg.norm(moved))
+    return float(np.linalg.norm(moved) / np.sqrt(against)) if against > _ALIKE * size else 0.0
