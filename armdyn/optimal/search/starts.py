@@ -101,7 +101,9 @@ def spline(problem: MinimumTimeProblem, via: list[Array]) -> Trajectory:
     friction, rest = problem.robot.friction, np.zeros_like(q)
     static = _torques(problem, q, rest, rest)
     inertial = _torques(problem, q, dq, ddq) - friction.torque(dq) - static
-    duration = max(_fitting_duration(problem, Path(q, dq, ddq), inertial), swinging_time(problem, static, inertial))
+    duration = _fitting_duration(problem, Path(q, dq, ddq), inertial)
+    if len(via) != 1:  # through one random pose nothing swings
+        duration = max(duration, swinging_time(problem, static, inertial))
     v = dq / duration
     tau = static + inertial / duration**2 + friction.torque(v)
     tau = np.clip(tau, problem.limits.effort_lower, problem.limits.effort_upper)
