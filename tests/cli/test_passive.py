@@ -30,7 +30,7 @@ def test_bound_takes_it_too(stranger):
     asks = ("--velocity-limit", 2, "--json")
     told = answer(run_here("bound", "cart_pole", *MOVE, *asks))
     assert told["bound"] == answer(run_here("bound", stranger, *MOVE, "--passive", "pole", *asks))["bound"]
-    assert told["bound"] > told["kinematic"] == 0.5
+    assert told["kinematic"] == pytest.approx(0.5) and told["bound"] > 0.6  # the cart must speed up and slow down
 
 
 @pytest.mark.parametrize(
