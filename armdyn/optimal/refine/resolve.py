@@ -13,6 +13,9 @@ from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.switching.chatter import singular_arcs
+from armdyn.optimal.switching.schedule import Schedule, banged, shares_of
+from armdyn.optimal.switching.settle import has_switching, motion_of, setting_of, settled
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -55,6 +58,11 @@ def _structure(task: Task, motion: Trajectory, intervals: int) -> tuple[Phases |
     # The torques of a fine mesh need not be on their limits where time hardly tells.
     switch = max(task.policy.arcs.switch, intervals // numbers.blur)
     arcs = merged(detect(problem, motion, mesh(intervals), switch, task.policy.arcs))
+    if has_switching(task):
+        phases, singular = _by_switching(task, arcs, motion)
+        if phases is not None:
+            return phases, ""
+        arcs = singular or arcs
     guess, seen = motion, set[Structure]()
     last: Phases | None = None
     for _ in range(numbers.rounds):
@@ -82,6 +90,20 @@ def _structure(task: Task, motion: Trajectory, intervals: int) -> tuple[Phases |
             break
         seen.add(structure)
     return last, "the switching structure did not settle"
+
+
+def _by_switching(task: Task, arcs: list[Arc], motion: Trajectory) -> tuple[Phases | None, list[Arc]]:
+    """Phases whose switching functions agree; or none, and the structure with singular arcs to try, if there are any."""
+    found = settled(setting_of(task), Schedule.of(banged(arcs, shares_of(task.problem, arcs, motion)), motion), task.stop)
+    if found.extremal is None:
+        return None, []
+    if not found.why:
+        own = found.arcs
+        size = max(task.policy.refinement.intervals, 3 * len(own))
+        phases = solve_phases(task, own, motion_of(found.extremal), size, PhaseAim(near=True))
+        if isinstance(phases, Phases) and pontryagin(task.problem, phases)[2] <= SWITCHING_TOLERANCE:
+            return phases, []
+    return None, singular_arcs(found.extremal.schedule)
 
 
 def _named(arcs: tuple[Arc, ...] | list[Arc]) -> Structure:
