@@ -6,7 +6,7 @@ Manifolds, 2008, chapter 7). The duration falls from one motion to the next. Cha
 other freely: torques that act on different joints commute, so that nothing jumps where they do.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -32,7 +32,7 @@ _VANISHED = 1e-8
 """Of the duration: a segment that is none."""
 _RADIUS = 0.03
 """Of the duration: how far the model is trusted at first."""
-_STEPS = 60
+_STEPS = 30
 """Along tangents, at most; from a mesh ten do."""
 _RANK = 1e-10
 """Of the largest singular value: rounding."""
@@ -104,16 +104,16 @@ def fastest(setting: Setting, schedule: Schedule, stop: Stop) -> Extremal | Resi
         if step.slope <= _FLAT:
             return model.extremal
         while True:
+            if step.promised < _WORTH * schedule.duration:
+                if step.slope <= _NEARLY_FLAT:
+                    return model.extremal
+                return Resisted("no step shortens the motion any more", linear)
             after = _stepped(setting, linear, step.by)
             gained = linear.march.schedule.duration - after.march.schedule.duration if after else -np.inf
             if gained >= 0.05 * step.promised:
                 break
             radius = min(radius, float(np.linalg.norm(step.by))) / 4
             step = model.step(radius)
-            if step.promised < _WORTH * schedule.duration:
-                if step.slope <= _NEARLY_FLAT:
-                    return model.extremal
-                return Resisted("no step shortens the motion any more", linear)
         if gained > 0.7 * step.promised and step.bound:
             radius *= 2.5
         assert after is not None  # noqa: S101 - else nothing is gained
@@ -140,7 +140,7 @@ def landed(setting: Setting, schedule: Schedule, rounds: int) -> Linear | None:
         if linear.infeasible <= _CLOSED:
             return linear
         by, whole = _correction(linear)
-        most = float(np.max(np.abs(by))) / schedule.duration
+        most = float(np.max(np.abs(by[: schedule.size + 1]))) / schedule.duration
         if k == rounds or most > _FAR:
             return None
         part = min(1.0, whole, 0.1 / max(most, 1e-300))
@@ -150,20 +150,21 @@ def landed(setting: Setting, schedule: Schedule, rounds: int) -> Linear | None:
 
 def _correction(linear: Linear) -> tuple[Array, float]:
     """What closes gaps and misses, to first order, and leaves a part of every segment; and how much of it may be done."""
-    rows, right, z = linear.jacobian, -linear.residual, linear.march.schedule.unknowns
-    lengths = _lengths(linear.march.schedule)
-    now = lengths @ z
+    march, equations = linear.march, linear.jacobian
+    (room, by_room), lengths = march.room, _lengths(march.schedule)
+    rows = np.vstack([lengths, by_room])
+    now = np.concatenate([lengths @ march.schedule.unknowns, room])
+    least = np.where(np.arange(now.size) < len(lengths), _KEPT * now, 0.0)
     held: list[int] = []
     while True:
-        by = np.linalg.lstsq(
-            np.vstack([rows, lengths[held]]), np.concatenate([right, (_KEPT - 1) * now[held]]), rcond=1e-9
-        )[0]
-        after = now + lengths @ by
-        short = [k for k in np.flatnonzero(after < _KEPT * now - 1e-15).tolist() if k not in held]
-        if not short or len(rows) + len(held) >= z.size:
+        right = np.concatenate([-linear.residual, (least - now)[held]])
+        by = np.linalg.lstsq(np.vstack([equations, rows[held]]), right, rcond=1e-9)[0]
+        after = now + rows @ by
+        short = [k for k in np.flatnonzero(after < least - 1e-12).tolist() if k not in held]
+        if not short or len(equations) + len(held) >= by.size:
             break
-        held.append(min(short, key=lambda k: after[k] - _KEPT * now[k]))
-    shares = [(1 - _KEPT) * now[k] / (now[k] - after[k]) for k in short]
+        held.append(min(short, key=lambda k: after[k] - least[k]))
+    shares = [(now[k] - least[k]) / (now[k] - after[k]) for k in short if k < len(lengths)]
     return by, float(max(0.0, min([1.0, *shares])))
 
 
@@ -172,15 +173,14 @@ def _moved(linear: Linear, by: Array, part: float) -> tuple[Schedule, NDArray[np
 
     Args:
         linear: where it stands.
-        by: what the unknowns change by [s].
+        by: what the unknowns change by.
         part: of the gaps that is closed.
     """
     schedule = linear.march.schedule
     states = schedule.states + (linear.reach[:-1] @ by + part * linear.gap[:-1])
-    by = by.copy()
-    latest = schedule.duration + by[-1]
-    by[:-1] = np.clip(schedule.times + by[:-1], 0.0, latest) - schedule.times
-    order = np.argsort(schedule.times + by[:-1], kind="stable")
+    by, m = by.copy(), schedule.size
+    by[:m] = np.clip(schedule.times + by[:m], 0.0, schedule.duration + by[m]) - schedule.times
+    order = np.argsort(schedule.times + by[:m], kind="stable")
     return schedule.moved(by, states), order != np.arange(schedule.size)
 
 
@@ -202,9 +202,9 @@ def _without_vanished(setting: Setting, linear: Linear) -> Linear:
 
 
 def _lengths(schedule: Schedule) -> Array:
-    """Of the segments by the unknowns, shape (segments, m + 1)."""
+    """Of the segments by the unknowns, shape (segments, width)."""
     segments: list[Segment] = list(schedule.segments())
-    out = np.zeros((len(segments), schedule.size + 1))
+    out = np.zeros((len(segments), schedule.width))
     for row, segment in zip(out, segments, strict=True):
         row[segment.end] += 1
         if segment.begin >= 0:
@@ -217,16 +217,18 @@ class _Step:
     """Along the tangent.
 
     Attributes:
-        by: what the unknowns change by [s].
+        by: what the unknowns change by.
         promised: what the duration falls by, by the model [s].
         bound: the model's trust ends it.
         slope: ∂t_f by the unknowns along the tangent, at most; infinite where a segment is in the way.
+        steepest: the same beside what is in the way.
     """
 
     by: Array
     promised: float
     bound: bool
     slope: float
+    steepest: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,7 +239,7 @@ class _Model:
         linear: the motion.
         multipliers: of the equations.
         costates: see `Linear.costates`.
-        tangents: of the unknowns, orthonormal, shape (k, m + 1).
+        tangents: of the unknowns, orthonormal, shape (k, width).
         bend: second derivatives along them, shape (k, k).
     """
 
@@ -252,7 +254,7 @@ class _Model:
         """At a motion."""
         rows = linear.jacobian
         gradient = np.zeros(rows.shape[1])
-        gradient[-1] = 1.0
+        gradient[linear.march.schedule.size] = 1.0
         multipliers = np.linalg.lstsq(rows.T, -gradient, rcond=_RANK)[0]
         costates = linear.costates(multipliers)
         tangents = _null_space(rows)
@@ -265,25 +267,39 @@ class _Model:
 
     def step(self, radius: float) -> _Step:
         """The best step within a radius [s] that leaves no segment negative."""
-        schedule = self.linear.march.schedule
+        march = self.linear.march
+        schedule, (room, by_room) = march.schedule, march.room
         lengths = _lengths(schedule)
-        now, short = lengths @ schedule.unknowns, _SHORT * schedule.duration
-        least, along = np.where(now < short, 0.0, 0.1 * now), lengths @ self.tangents.T
+        segments, now = len(lengths), np.concatenate([lengths @ schedule.unknowns, room])
+        rows = np.vstack([lengths, by_room])
+        short = np.arange(now.size) < segments
+        short &= now >= _SHORT * schedule.duration
+        least, along = np.where(short, 0.1 * now, 0.0), rows @ self.tangents.T
         held: list[int] = []
+        cut: _Step | None = None
         while True:
             step = self._within(along[held], (least - now)[held], radius)
-            after = now + lengths @ step.by
-            beyond = [k for k in np.flatnonzero(after < least - 1e-15).tolist() if k not in held]
-            if not beyond:
-                return step
-            if len(held) >= len(self.tangents):
-                share = min((now[k] - least[k]) / (now[k] - after[k]) for k in beyond)
-                return _Step(share * step.by, share * step.promised, True, np.inf)
+            if all(k >= segments for k in held) and step.slope == np.inf:
+                step = replace(step, slope=step.steepest)
+            after = now + rows @ step.by
+            beyond = [k for k in np.flatnonzero(after < least - 1e-12).tolist() if k not in held]
+            if beyond:
+                share = max(0.0, min((now[k] - least[k]) / (now[k] - after[k]) for k in beyond))
+                shorter = self._promising(share * (self.tangents @ step.by))
+                cut = shorter if cut is None or shorter.promised > cut.promised else cut
+            if not beyond or len(held) >= len(self.tangents):
+                break
             held.append(min(beyond, key=lambda k: after[k] - least[k]))
+        return cut if cut is not None and (beyond or cut.promised > step.promised) else step
+
+    def _promising(self, y: Array) -> _Step:
+        """A step along the tangents that something ends."""
+        promised = -float(self.tangents[:, self.linear.march.schedule.size] @ y + y @ self.bend @ y / 2)
+        return _Step(y @ self.tangents, promised, True, np.inf, np.inf)
 
     def _within(self, rows: Array, right: Array, radius: float) -> _Step:
         """The best step within a radius that some rows on the tangent allow."""
-        slope = self.tangents[:, -1]
+        slope = self.tangents[:, self.linear.march.schedule.size]
         base = np.linalg.lstsq(rows, right, rcond=_RANK)[0] if len(rows) else np.zeros_like(slope)
         size = float(np.linalg.norm(base))
         bound = size > 0.8 * radius
@@ -298,7 +314,7 @@ class _Model:
             own, rim = _in_ball(values, down, float(np.sqrt(max(radius**2 - base @ base, 1e-30))))
             y, bound = base + (axes @ own) @ free, bound or rim
         promised = -float(slope @ y + y @ self.bend @ y / 2)
-        return _Step(y @ self.tangents, promised, bound, np.inf if len(rows) else steepest)
+        return _Step(y @ self.tangents, promised, bound, np.inf if len(rows) else steepest, steepest)
 
 
 def _null_space(rows: Array) -> Array:

@@ -55,10 +55,11 @@ class Flow:
     """CasADi Functions of an arm; x = (q, v).
 
     Attributes:
-        march: (x, own, begins, h, τ, held, body) -> ends of `STEPS` steps, shape (2 nv, STEPS); what they answer to
-            their starts, ∂end/∂start, each as a column, shape (2 nv, 2 nv STEPS); and ẋ at the ends, shape
-            (2 nv, STEPS). A step starts where the one before ended or, where `begins` is 1, at its own x. The last
-            six have a column for each step.
+        march: (x, own, begins, h, τ at the start, τ at the end, felt, held, body) -> ends of `STEPS` steps, shape
+            (2 nv, STEPS); what they answer to their starts, ∂end/∂start, each as a column, shape
+            (2 nv, 2 nv STEPS); what they answer to a torque along `felt`, at the start and at the end, shape
+            (2 nv, 2 STEPS); and ẋ at the ends, shape (2 nv, STEPS). A step starts where the one before ended or,
+            where `begins` is 1, at its own x; its torque is linear. The last eight have a column for each step.
         switching: (q, p, held, body), 2 STEPS columns each -> S = ∂(pᵀẋ)/∂τ, shape (nv, 2 STEPS).
     """
 
@@ -77,22 +78,27 @@ def flow_of(dynamics: Dynamics, asked: bool | None) -> Flow:
     rate, switching = _functions(dynamics)
     n = dynamics.nv
     previous, own, begins, h = ca.MX.sym("previous", 2 * n), ca.MX.sym("own", 2 * n), ca.MX.sym("begins"), ca.MX.sym("h")
-    rest = [ca.MX.sym("tau", n), ca.MX.sym("held", n), ca.MX.sym("body", dynamics.last_body.size)]
-    start = begins * own + (1 - begins) * previous
-    identity = ca.densify(ca.MX.eye(2 * n))
+    first, last, felt = ca.MX.sym("first", n), ca.MX.sym("last", n), ca.MX.sym("felt", n)
+    rest = [felt, ca.MX.sym("held", n), ca.MX.sym("body", dynamics.last_body.size)]
+    start, identity = begins * own + (1 - begins) * previous, ca.densify(ca.MX.eye(2 * n))
     rates: list[ca.MX] = []
     slopes: list[ca.MX] = []
-    for row in A:
-        x, through = start, identity
-        for a, f, by_x in zip(row, rates, slopes, strict=False):
+    answers: list[ca.MX] = []
+    for row, c in zip(A, A.sum(axis=1), strict=True):
+        x, through, answer = start, identity, ca.MX.zeros(2 * n, 2)
+        for a, f, by_x, by_tau in zip(row, rates, slopes, answers, strict=False):
             if a:
-                x, through = x + (h * a) * f, through + (h * a) * by_x
-        f, by_x = rate(x, *rest)
+                x, through, answer = x + (h * a) * f, through + (h * a) * by_x, answer + (h * a) * by_tau
+        f, by_x, by_tau = rate(x, (1 - c) * first + c * last, *rest)
         rates.append(f)
         slopes.append(by_x @ through)
-    end = start + h * sum(b * f for b, f in zip(B, rates, strict=True) if b)
-    through = identity + h * sum(b * by_x for b, by_x in zip(B, slopes, strict=True) if b)
-    step = ca.Function("step", [previous, own, begins, h, *rest], [end, through, rate(end, *rest)[0]])
+        answers.append(by_x @ answer + ca.horzcat((1 - c) * by_tau, c * by_tau))
+    end, through, answer = (
+        at + h * sum(b * each for b, each in zip(B, every, strict=True) if b)
+        for at, every in ((start, rates), (identity, slopes), (ca.MX.zeros(2 * n, 2), answers))
+    )
+    inputs = [previous, own, begins, h, first, last, *rest]
+    step = ca.Function("step", inputs, [end, through, answer, rate(end, last, *rest)[0]])
     many = switching.map(2 * STEPS)
     columns = many.mx_in()
     march, many = compiled(
@@ -102,18 +108,19 @@ def flow_of(dynamics: Dynamics, asked: bool | None) -> Flow:
 
 
 def _functions(dynamics: Dynamics) -> tuple[ca.Function, ca.Function]:
-    """(x, τ, held, body) -> ẋ, ∂ẋ/∂x; and one column of `Flow.switching`."""
+    """(x, τ, felt, held, body) -> ẋ, ∂ẋ/∂x and ∂ẋ/∂τ along `felt`; and one column of `Flow.switching`."""
     n = dynamics.nv
     x, tau, held = ca.SX.sym("x", 2 * n), ca.SX.sym("tau", n), ca.SX.sym("held", n)
     numbers, p = ca.SX.sym("body", dynamics.last_body.size), ca.SX.sym("p", 2 * n)
-    body = only_present(dynamics, numbers)
+    body, felt = only_present(dynamics, numbers), ca.SX.sym("felt", n)
     q, v, free = x[:n], x[n:], 1 - held
     inertia = ca.diag(free) @ dynamics.crba(q, body) @ ca.diag(free) + ca.diag(held)
     f = ca.vertcat(v, _solved(inertia, free * (tau - dynamics.nle(q, v, body))))
     slope = ca.densify(ca.jacobian(f, x))
+    answer = ca.densify(ca.vertcat(ca.SX.zeros(n), free * _solved(inertia, free * felt)))
     switching = free * _solved(inertia, free * p[n:])
     return (
-        ca.Function("rate", [x, tau, held, numbers], [f, slope], {"cse": True}),
+        ca.Function("rate", [x, tau, felt, held, numbers], [f, slope, answer], {"cse": True}),
         ca.Function("switching", [q, p, held, numbers], [switching], {"cse": True}),
     )
 

@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
+from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import POSITION, VELOCITY, Mode, outward
@@ -15,6 +16,12 @@ from armdyn.optimal.switching.schedule import Schedule
 
 Array = NDArray[np.float64]
 
+_CURVED = 24
+"""Steps of an arc on which a torque is free, at least: two for a coefficient of the longest course."""
+_KINDS = {Mode.UPPER: 1, Mode.LOWER: -1}
+
+_SWAY = 0.2
+"""Of the duration: a stay that is moved by so much counts as much as a free torque that goes through its range."""
 _DIFFERENCE = 1e-5
 """Of the duration, for a tangent of length 1: between what rounds off and what is cut off."""
 MOST_ARCS = STEPS // 3
@@ -29,19 +36,89 @@ class Setting:
         problem: its limits, start and goal.
         flow: of its arm.
         body: the ten dynamic parameters of the last body.
+        course: what a coefficient of 1 in a free torque's course is [N m], shape (nv,): as much as a change's time that
+            is moved by a second.
     """
 
     problem: MinimumTimeProblem
     flow: Flow
     body: Array
+    course: Array
 
-    def torques(self, modes: Sequence[tuple[Mode, ...]]) -> tuple[Array, Array]:
-        """Torques [N m], 0 of joints that are held, and 1 for these, both of shape (arcs, nv)."""
-        limits = self.problem.limits
-        upper = np.array([[mode is Mode.UPPER for mode in each] for each in modes])
-        lower = np.array([[mode is Mode.LOWER for mode in each] for each in modes])
-        tau = np.where(upper, limits.effort_upper, np.where(lower, limits.effort_lower, 0.0))
-        return tau, np.where(upper | lower, 0.0, 1.0)
+    @classmethod
+    def of(cls, problem: MinimumTimeProblem, flow: Flow, body: Array, duration: float) -> Self:
+        """Of a problem, whose motion takes about so long [s]."""
+        limits = problem.limits
+        return cls(problem, flow, body, (limits.effort_upper - limits.effort_lower) / (_SWAY * duration))
+
+
+@dataclass(frozen=True, eq=False)
+class _Torques:
+    """Torques at both ends of all steps, and how a free one answers to the unknowns.
+
+    Attributes:
+        tau: at the starts and at the ends [N m], each of shape (STEPS, nv).
+        held: 1 for joints that are held, shape (STEPS, nv).
+        felt: 1 for the joint whose torque is free, likewise.
+        by: ∂(free torque)/∂(unknowns) at the starts and at the ends, each of shape (STEPS, width).
+    """
+
+    tau: tuple[Array, Array]
+    held: Array
+    felt: Array
+    by: tuple[Array, Array]
+
+    @classmethod
+    def of(cls, setting: Setting, schedule: Schedule, arc: NDArray[np.int_]) -> Self:
+        """Of a schedule's steps.
+
+        Args:
+            setting: what is marched.
+            schedule: in which one torque at most is free at a time.
+            arc: which arc each step is in, shape (STEPS,).
+        """
+        modes, limits = schedule.modes(), setting.problem.limits
+        kinds = np.array([[_KINDS.get(mode, 0) for mode in each] for each in modes])[arc]
+        bang = np.where(kinds > 0, limits.effort_upper, np.where(kinds < 0, limits.effort_lower, 0.0))
+        free = np.array([[mode is Mode.FREE for mode in each] for each in modes])[arc]
+        tau, by = (bang.copy(), bang.copy()), (np.zeros((STEPS, schedule.width)), np.zeros((STEPS, schedule.width)))
+        for k, place in schedule.places.items():
+            joint = schedule.changes[k].joint
+            unit, course = setting.course[joint], setting.course[joint] * np.array(schedule.changes[k].course)
+            end = next(segment.end for segment in schedule.segments() if segment.begin == k)
+            own = np.flatnonzero((arc > k) & (arc <= end))
+            for side in (0, 1):
+                s, by_z = _along(schedule, arc, own, side, (k, end))
+                tau[side][own, joint] = legendre.legval(2 * s - 1, course)
+                by[side][own] = (2 * legendre.legval(2 * s - 1, legendre.legder(course)))[:, None] * by_z
+                by[side][own, place] += unit * legendre.legvander(2 * s - 1, course.size - 1)
+        return cls(tau, np.where((kinds == 0) & ~free, 1.0, 0.0), free.astype(float), by)
+
+
+def _along(
+    schedule: Schedule, arc: NDArray[np.int_], own: NDArray[np.int_], side: int, ends: tuple[int, int]
+) -> tuple[Array, Array]:
+    """Where steps start (side 0) or end (side 1) in a segment, from 0 to 1; and by the unknowns, shape (own, width).
+
+    Args:
+        schedule: the arcs.
+        arc: which arc each step is in.
+        own: the steps asked for.
+        side: of them.
+        ends: changes that begin and end the segment.
+    """
+    edges = np.concatenate([[0.0], schedule.times, [schedule.duration]])
+    by_edges = np.zeros((edges.size, schedule.width))
+    by_edges[1:, : edges.size - 1] = np.eye(edges.size - 1)
+    counts = np.bincount(arc)
+    part = ((np.arange(arc.size) - np.concatenate([[0], np.cumsum(counts)])[arc] + side) / counts[arc])[own]
+    before = arc[own]
+    t = (1 - part) * edges[before] + part * edges[before + 1]
+    by_t = (1 - part)[:, None] * by_edges[before] + part[:, None] * by_edges[before + 1]
+    (begin, end), (by_begin, by_end) = edges[np.array(ends) + 1], by_edges[np.array(ends) + 1]
+    length = max(end - begin, 1e-12)
+    s = (t - begin) / length
+    return s, (by_t - by_begin - s[:, None] * (by_end - by_begin)) / length
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +134,8 @@ class March:
         end: at their ends, likewise.
         through: ∂end/∂start, shape (STEPS, 2 nv, 2 nv).
         rate: ẋ at the ends, shape (STEPS, 2 nv).
-        tau: torques of the arcs [N m], shape (m + 1, nv).
-        held: 1 for joints that are held, shape (m + 1, nv).
+        answer: ∂end/∂(free torque) at the steps' starts and ends, shape (STEPS, 2 nv, 2).
+        torques: what moves it.
     """
 
     setting: Setting
@@ -69,8 +146,8 @@ class March:
     end: Array
     through: Array
     rate: Array
-    tau: Array
-    held: Array
+    answer: Array
+    torques: _Torques
 
     @classmethod
     def of(
@@ -89,10 +166,11 @@ class March:
             arc: which arc each step is in, shape (STEPS,); None: the longest have most.
         """
         n = setting.problem.robot.nv
-        lengths = np.diff(np.concatenate([[0.0], schedule.unknowns]))
-        arc = _dealt(lengths) if arc is None else arc
+        lengths = np.diff(np.concatenate([[0.0], schedule.times, [schedule.duration]]))
+        curved = np.array([Mode.FREE in modes for modes in schedule.modes()])
+        arc = _dealt(lengths, curved) if arc is None else arc
         h = (lengths / np.bincount(arc))[arc]
-        tau, held = setting.torques(schedule.modes())
+        torques = _Torques.of(setting, schedule, arc)
         begins = np.concatenate([[True], arc[1:] != arc[:-1]])
         states = np.vstack([setting.problem.x_start, schedule.states])
         own = np.where(begins[:, None], states[arc], 0.0)
@@ -101,16 +179,18 @@ class March:
             begins = begins.copy()
             begins[first[joined]] = False
         body = np.tile(setting.body[:, None], STEPS)
-        ends, slopes, rates = setting.flow.march(
-            np.zeros(2 * n), own.T, begins.astype(float), h, tau[arc].T, held[arc].T, body
-        )
+        ends, slopes, answers, rates = setting.flow.march(
+            np.zeros(2 * n), own.T, begins.astype(float), h, torques.tau[0].T, torques.tau[1].T, torques.felt.T,
+            torques.held.T, body,
+        )  # fmt: skip
         end = np.array(ends).T
         through = np.array(slopes).T.reshape(STEPS, 2 * n, 2 * n).transpose(0, 2, 1)
         start = np.where(begins[:, None], own, np.vstack([states[:1], end[:-1]]))
         if joined is not None and np.any(joined):
             at = np.flatnonzero(np.diff(arc)) + 1
-            schedule = schedule.moved(np.zeros(schedule.size + 1), start[at])
-        return cls(setting, schedule, arc, h, start, end, through, np.array(rates).T, tau, held)
+            schedule = replace(schedule, states=start[at])
+        answer = np.array(answers).T.reshape(STEPS, 2, 2 * n).transpose(0, 2, 1)
+        return cls(setting, schedule, arc, h, start, end, through, np.array(rates).T, answer, torques)
 
     @property
     def finite(self) -> bool:
@@ -153,30 +233,52 @@ class March:
         Args:
             costates: p there, each of shape (STEPS, 2 nv).
         """
-        n, arc = self.setting.problem.robot.nv, np.tile(self.arc, 2)
+        n, held = self.setting.problem.robot.nv, np.tile(self.torques.held, (2, 1))
         body = np.tile(self.setting.body[:, None], 2 * STEPS)
         q = np.vstack([self.start, self.end])[:, :n]
-        return np.array(self.setting.flow.switching(q.T, np.vstack(costates).T, self.held[arc].T, body)).T
+        return np.array(self.setting.flow.switching(q.T, np.vstack(costates).T, held.T, body)).T
 
     @cached_property
-    def whole(self) -> Array:
-        """∂end/∂start of the arcs, shape (m + 1, 2 nv, 2 nv)."""
-        out = np.tile(np.eye(self.start.shape[1]), (self.schedule.size + 1, 1, 1))
+    def arcs(self) -> tuple[Array, Array]:
+        """∂end/∂start of the arcs, shape (m + 1, 2 nv, 2 nv), and ∂end/∂(unknowns), shape (m + 1, 2 nv, width)."""
+        schedule, size = self.schedule, self.start.shape[1]
+        whole, by = np.tile(np.eye(size), (schedule.size + 1, 1, 1)), np.zeros((schedule.size + 1, size, schedule.width))
+        counts = np.bincount(self.arc)
+        edges = np.zeros((schedule.size + 2, schedule.width))
+        edges[1:, : schedule.size + 1] = np.eye(schedule.size + 1)
+        lengths = np.diff(edges, axis=0) / counts[:, None]
+        free = np.any(self.torques.felt, axis=1)
+        rise = np.sum((self.torques.tau[1] - self.torques.tau[0]) * self.torques.felt, axis=1)
         for k, a in enumerate(self.arc):
-            out[a] = self.through[k] @ out[a]
-        return out
+            whole[a], by[a] = self.through[k] @ whole[a], self.through[k] @ by[a]
+            stretched = self.rate[k]
+            if free[k]:
+                by[a] += self.answer[k] @ np.array([self.torques.by[0][k], self.torques.by[1][k]])
+                stretched = stretched - (rise[k] / self.h[k] if self.h[k] else 0.0) * self.answer[k, :, 1]
+            by[a] += stretched[:, None] * lengths[a]
+        return whole, by
+
+    @cached_property
+    def room(self) -> tuple[Array, Array]:
+        """What free torques are from both limits, in parts of `Setting.course`, and by the unknowns, (rows, width)."""
+        torques, limits = self.torques, self.setting.problem.limits
+        free, unit = torques.felt > 0, self.setting.course
+        own = np.any(free, axis=1)
+        values, rows = [np.empty(0)], [np.empty((0, self.schedule.width))]
+        for tau, by in zip(torques.tau, torques.by, strict=True):
+            for sign, bound in ((-1.0, limits.effort_upper), (1.0, -limits.effort_lower)):
+                values.append((np.sum(np.where(free, (bound + sign * tau) / unit, 0.0), axis=1))[own])
+                rows.append((sign * by / np.sum(np.where(free, unit, 0.0), axis=1, keepdims=True).clip(1e-300))[own])
+        return np.concatenate(values), np.concatenate(rows)
 
     def beside(self, by: Array, states: Array) -> Self:
         """The same arcs, in the same steps, with other unknowns and states.
 
         Args:
-            by: what the unknowns change by [s], shape (m + 1,).
+            by: what the unknowns change by, shape (width,).
             states: what the changes' states change by, shape (m, 2 nv).
         """
-        here = self.schedule
-        there = replace(
-            here, times=here.times + by[:-1], states=here.states + states, duration=here.duration + float(by[-1])
-        )
+        there = self.schedule.moved(by, self.schedule.states + states, in_order=False)
         return type(self).of(self.setting, there, arc=self.arc)
 
     @cached_property
@@ -191,9 +293,9 @@ class Linear:
 
     Attributes:
         march: what is linearised.
-        reach: by the unknowns, what the states at the changes and at the end change by, shape (m + 1, 2 nv, m + 1).
+        reach: by the unknowns, what the states at the changes and at the end change by, shape (m + 1, 2 nv, width).
         gap: the same with the unknowns as they are, so that arcs join, shape (m + 1, 2 nv).
-        jacobian: of the equations, in parts of `March.unit`, shape (equations, m + 1): the goal, and what is held.
+        jacobian: of the equations, in parts of `March.unit`, shape (equations, width): the goal, and what is held.
         residual: likewise, gaps closed, shape (equations,).
         open: the largest gap, likewise.
     """
@@ -210,15 +312,13 @@ class Linear:
         """Linearise."""
         schedule, problem = march.schedule, march.setting.problem
         m, size = schedule.size, march.start.shape[1]
-        through, rate = march.whole, march.rate[march.last]
-        ends = march.end[march.last]
-        jumps = ends - np.vstack([schedule.states, problem.x_goal])
-        reach, gap = np.zeros((m + 1, size, m + 1)), np.zeros((m + 1, size))
+        whole, by = march.arcs
+        jumps = march.end[march.last] - np.vstack([schedule.states, problem.x_goal])
+        reach, gap = np.zeros((m + 1, size, schedule.width)), np.zeros((m + 1, size))
         for a in range(m + 1):
             if a:
-                reach[a], gap[a] = through[a] @ reach[a - 1], through[a] @ gap[a - 1]
-                reach[a, :, a - 1] -= rate[a]
-            reach[a, :, a] += rate[a]
+                reach[a], gap[a] = whole[a] @ reach[a - 1], whole[a] @ gap[a - 1]
+            reach[a] += by[a]
             gap[a] += jumps[a]
         held = march.held_states
         rows = [reach[m] / march.unit[:, None], *(reach[k, j][None] / march.unit[j] for k, j, _ in held)]
@@ -254,30 +354,30 @@ class Linear:
         that would have to cancel, as it does where states follow from times.
 
         Args:
-            tangents: of the unknowns, shape (k, m + 1).
+            tangents: of the unknowns, shape (k, width).
             costates: see there.
         """
         march = self.march
-        lengths = np.diff(tangents, prepend=0.0, axis=1)
         states = np.einsum("asz,kz->kas", self.reach[:-1], tangents)
         out = np.empty((len(tangents), len(tangents)))
         small = _DIFFERENCE * march.schedule.duration
         for j, (by, moved) in enumerate(zip(tangents, states, strict=True)):
             sides = [_gradient(march.beside(sign * small * by, sign * small * moved), costates) for sign in (1, -1)]
-            by_length, by_state = ((a - b) / (2 * small) for a, b in zip(*sides, strict=True))
-            out[j] = lengths @ by_length + np.einsum("kas,as->k", states, by_state)
+            by_unknowns, by_state = ((a - b) / (2 * small) for a, b in zip(*sides, strict=True))
+            out[j] = tangents @ by_unknowns + np.einsum("kas,as->k", states, by_state)
         return (out + out.T) / 2
 
 
 def _gradient(march: March, costates: tuple[Array, Array]) -> tuple[Array, Array]:
-    """The Lagrangian's by the arcs' lengths, shape (m + 1,), and by the changes' states, shape (m, 2 nv), less constants."""
-    p = costates[1][march.last]
-    return np.einsum("as,as->a", p, march.rate[march.last]), np.einsum("aij,ai->aj", march.whole, p)[1:]
+    """The Lagrangian's by the unknowns, shape (width,), and by the changes' states, shape (m, 2 nv), less constants."""
+    p, (whole, by) = costates[1][march.last], march.arcs
+    return np.einsum("as,asz->z", p, by), np.einsum("aij,ai->aj", whole, p)[1:]
 
 
-def _dealt(lengths: Array) -> NDArray[np.int_]:
-    """Which arc each step is in: some for every arc, and most for the longest."""
-    counts, parts = np.full(lengths.size, 2), np.maximum(lengths, 0.0)
+def _dealt(lengths: Array, curved: NDArray[np.bool_]) -> NDArray[np.int_]:
+    """Which arc each step is in: some for every arc, more where a torque is free, and most for the longest."""
+    own = max(2, min(_CURVED, (STEPS - 2 * lengths.size) // max(int(curved.sum()), 1)))
+    counts, parts = np.where(curved, own, 2), np.maximum(lengths, 0.0)
     for _ in range(STEPS - counts.sum()):
         counts[np.argmax(parts / counts)] += 1
     return np.repeat(np.arange(lengths.size), counts)

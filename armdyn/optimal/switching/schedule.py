@@ -26,11 +26,14 @@ class Change:
         joint: its number.
         mode: what it is in from then on; of a touch, the limit that it meets and leaves at once.
         touch: it keeps the mode that it was in.
+        course: of a free torque, in parts of `Setting.course`: coefficients of Legendre's polynomials over its
+            segment; else none.
     """
 
     joint: int
     mode: Mode
     touch: bool = False
+    course: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -92,8 +95,24 @@ class Schedule:
 
     @property
     def unknowns(self) -> Array:
-        """Times of the changes and the duration [s], shape (m + 1,)."""
-        return np.append(self.times, self.duration)
+        """Times of the changes, the duration [s], and the courses of free torques, shape (width,)."""
+        return np.concatenate([self.times, [self.duration], *(change.course for change in self.changes)])
+
+    @property
+    def width(self) -> int:
+        """How many unknowns there are: m + 1, and those of the courses."""
+        return self.size + 1 + sum(len(change.course) for change in self.changes)
+
+    @property
+    def places(self) -> dict[int, slice]:
+        """Where the courses stand in the unknowns, by the number of the change that begins them."""
+        out: dict[int, slice] = {}
+        first = self.size + 1
+        for k, change in enumerate(self.changes):
+            if change.course:
+                out[k] = slice(first, first + len(change.course))
+                first += len(change.course)
+        return out
 
     def modes(self) -> list[tuple[Mode, ...]]:
         """Modes between the changes, m + 1 of them."""
@@ -104,18 +123,29 @@ class Schedule:
             out.append(tuple(now))
         return out
 
-    def moved(self, by: Array, states: Array) -> Self:
-        """With other times and states, back in the order of the times.
+    def moved(self, by: Array, states: Array, in_order: bool = True) -> Self:
+        """With other times, courses and states.
 
         Args:
-            by: what the unknowns change by [s], shape (m + 1,).
+            by: what the unknowns change by, shape (width,).
             states: at the changes, shape (m, 2 nv).
+            in_order: back in the order of the times.
         """
-        times = self.times + by[:-1]
-        order = np.argsort(times, kind="stable")
-        changes = tuple(self.changes[k] for k in order)
-        duration = self.duration + float(by[-1])
-        return replace(self, changes=changes, times=times[order], states=states[order], duration=duration)
+        m, places = self.size, self.places
+        times = self.times + by[:m]
+        changes = [
+            replace(change, course=tuple((np.array(change.course) + by[places[k]]).tolist())) if k in places else change
+            for k, change in enumerate(self.changes)
+        ]
+        order = np.argsort(times, kind="stable") if in_order else np.arange(m)
+        duration = self.duration + float(by[m])
+        return replace(
+            self,
+            changes=tuple(changes[k] for k in order),
+            times=times[order],
+            states=states[order],
+            duration=duration,
+        )
 
     def segments(self) -> Iterator[Segment]:
         """Every joint's stays that a change begins or ends."""
@@ -138,6 +168,8 @@ class Schedule:
         for segment in segments:
             if segment.begin in gone or segment.end in gone:
                 continue
+            if segment.begin < 0 and self.changes[segment.end].mode is Mode.FREE:
+                continue  # a course begins with a change
             if segment.begin < 0:
                 change = self.changes[segment.end]
                 first[change.joint] = change.mode
