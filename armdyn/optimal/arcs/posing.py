@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import HELD, POSITION, VELOCITY, Arc, Mode
 from armdyn.optimal.arcs.grid import Density, deal, layered
-from armdyn.optimal.arcs.phases import TABLEAU, Phases
+from armdyn.optimal.arcs.phases import TABLEAU
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.layout import Layout
 from armdyn.optimal.program.unknowns import Scales, bounds, to_unknowns
@@ -20,6 +21,41 @@ Index = NDArray[np.int_]
 
 _SHORTEST = 1e-9
 """Least duration of an arc, scaled."""
+_INSIDE = 1e-9
+"""Of an arc: what is this side of the jumps at its ends."""
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """Torques that stay where they are off all limits, arc by arc.
+
+    Attributes:
+        motion: whose torques they are, with a jump one ulp wide where an arc begins.
+        durations: of its arcs [s].
+    """
+
+    motion: Trajectory
+    durations: Array
+
+    @classmethod
+    def of(cls, arcs: Sequence[Arc], motion: Trajectory) -> Self:
+        """Of a motion with such arcs."""
+        return cls(motion, np.array([arc.duration for arc in arcs]))
+
+    def at_stages(self, arc_of: Index, part: Array) -> Array:
+        """At the stages of intervals, shape (N, stages, nv).
+
+        Args:
+            arc_of: which arc an interval is in, shape (N,).
+            part: of its arc that an interval is, shape (N,).
+        """
+        ends = np.cumsum(part)
+        before = np.concatenate([[0.0], ends])[np.searchsorted(arc_of, arc_of)]  # of the arcs before
+        s = (ends - part - before)[:, None] + part[:, None] * TABLEAU.c
+        starts = np.concatenate([[0.0], np.cumsum(self.durations)])
+        inside = np.clip(s, _INSIDE, 1 - _INSIDE)
+        tau: Array = self.motion((starts[arc_of][:, None] + inside * self.durations[arc_of][:, None]).ravel()).tau
+        return tau.reshape(*s.shape, -1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,14 +67,14 @@ class PhaseAim:
             collocation's error takes it back.
         near: the guess solves nearly the same problem: IPOPT stays where it is.
         density: where the intervals are needed; None: they are dealt out by the arcs' lengths.
-        keep: a solution on the same mesh whose torques off all limits stay; None: they are free. That leaves the
-            arcs' durations, of which every limit met takes one, beside those that the goal takes: see `Posed.spare`.
+        keep: torques off all limits that stay; None: they are free. That leaves the arcs' durations, of which every
+            limit met takes one, beside those that the goal takes: see `Posed.spare`.
     """
 
     offset: Array | float = 0.0
     near: bool = False
     density: Density | None = None
-    keep: Phases | None = None
+    keep: Kept | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +127,8 @@ def pose(task: Task, arcs: Sequence[Arc], guess: Trajectory, layout: Layout, int
     arc_of, part = deal(durations, N, density, numbers.per_arc)
     x = to_unknowns(guess, layout, durations[arc_of] * part / durations.sum(), scales)
     lower, upper = bounds(problem, layout, N, scales)
-    _Narrowed(problem, layout, scales, lower, upper).to(arcs, arc_of, aim.keep)
+    kept = None if aim.keep is None else aim.keep.at_stages(arc_of, part)
+    _Narrowed(problem, layout, scales, lower, upper).to(arcs, arc_of, kept)
     for bound in (lower, upper):
         bound[layout.states(N)[-1]] += aim.offset / np.repeat([scales.length, scales.speed], layout.nv)
     times = layout.times(N)
@@ -148,7 +185,7 @@ class _Narrowed:
     lower: Array
     upper: Array
 
-    def to(self, arcs: Sequence[Arc], arc_of: Index, keep: Phases | None) -> None:
+    def to(self, arcs: Sequence[Arc], arc_of: Index, keep: Array | None) -> None:
         """Every joint in its mode on every interval, and the torques that stay where they are."""
         N, layout, limits = arc_of.size, self.layout, self.problem.limits
         knots, inner, torques = layout.states(N), layout.inner_states(N), layout.torques(N)
@@ -159,7 +196,7 @@ class _Narrowed:
                     bound = limits.effort_upper if mode is Mode.UPPER else limits.effort_lower
                     self._fix(torques[k, :, i], bound[i] / self.scales.effort[i])
                 if mode is Mode.FREE and keep is not None:
-                    tau = np.clip(keep.tau[k, :, i], limits.effort_lower[i], limits.effort_upper[i])
+                    tau = np.clip(keep[k, :, i], limits.effort_lower[i], limits.effort_upper[i])
                     self._fix(torques[k, :, i], tau / self.scales.effort[i])
                 if k > 0 and arc_of[k - 1] != arc_of[k]:
                     self._hold(knots[k], i, mode)  # entered on the limit, not within the first interval

@@ -63,14 +63,18 @@ def _scaled_stages(dynamics: Dynamics, scheme: Scheme) -> _ScaledStages:
 
 
 def present_body(dynamics: Dynamics, p: ca.SX) -> ca.SX:
-    """The last body of an interval's parameters.
+    """The last body of an interval's parameters, see `only_present`."""
+    return only_present(dynamics, Parameters.of(p, dynamics.nv).last_body)
+
+
+def only_present(dynamics: Dynamics, numbers: ca.SX) -> ca.SX:
+    """The ten numbers of a last body.
 
     What it has none of, as a planar arm most products of inertia, is no part of the expressions.
     """
     if dynamics.last_body.size == 0:
         raise ValueError("a transcription takes Dynamics(robot, free_last_body=True)")
-    numbers, present = Parameters.of(p, dynamics.nv).last_body, dynamics.last_body != 0
-    body: ca.SX = ca.vertcat(*(numbers[i] if there else 0 for i, there in enumerate(present)))
+    body: ca.SX = ca.vertcat(*(numbers[i] if there else 0 for i, there in enumerate(dynamics.last_body != 0)))
     return body
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from armdyn.optimal.arcs.phases import Phases, Unresolved
-from armdyn.optimal.arcs.posing import PhaseAim
+from armdyn.optimal.arcs.posing import Kept, PhaseAim
 from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.aim import Aim
@@ -40,9 +40,9 @@ def _finer(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
     numbers = task.policy.refinement
     ladder = Ladder(numbers.most_intervals)
     while (size := ladder.above(phases.arc_of.size)) and not task.stop:
-        if np.max(np.abs(pontryagin(task.problem, phases)[0])) <= numbers.stray:
+        if not phases.kept and np.max(np.abs(pontryagin(task.problem, phases)[0])) <= numbers.stray:
             break
-        aim = PhaseAim(near=True, density=phases.density)
+        aim = PhaseAim(near=True, density=phases.density, keep=Kept.of(phases.arcs, phases.torques) if phases.kept else None)
         tried = solve_phases(task, phases.arcs, phases.torques, size, aim)
         if isinstance(tried, Unresolved):
             remark = f"the arcs did not converge on {size} intervals ({tried.message})"
@@ -55,13 +55,14 @@ def _on_goal(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
     """Aimed beside the goal by the collocation's own error."""
     problem, numbers, n = task.problem, task.policy.refinement, task.problem.robot.nv
     best, replay = phases, replay_of(task, phases.torques)
-    aim = Aim()
+    given, aim = Kept.of(phases.arcs, phases.torques) if phases.kept else None, Aim()
     for _ in range(numbers.aims):
         if np.max(np.abs(problem.beside_goal(replay)[:n])) <= numbers.landed or task.stop:
             break
         aim = aim.corrected(problem, replay)
         # Where time leaves torques free another solution has others, and the error is not the same again.
-        keep = best if problem.effort_weight == 0 and len(best.arcs) > 2 * n else None
+        undetermined = problem.effort_weight == 0 and len(best.arcs) > 2 * n
+        keep = given or (Kept.of(best.arcs, best.torques) if undetermined else None)
         there = PhaseAim(aim.at_goal(n), near=True, density=best.laid, keep=keep)
         tried = solve_phases(task, best.arcs, best.torques, best.arc_of.size, there)
         if isinstance(tried, Unresolved):

@@ -3,7 +3,7 @@
 from armdyn.optimal.arcs.arc import Arc, Mode, merged
 from armdyn.optimal.arcs.detection import detect
 from armdyn.optimal.arcs.phases import Phases, Unresolved
-from armdyn.optimal.arcs.posing import PhaseAim
+from armdyn.optimal.arcs.posing import Kept, PhaseAim
 from armdyn.optimal.arcs.solving import prepare_phases, solve_phases
 from armdyn.optimal.arcs.structure import by_sign, with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.landing.aim import aimed
@@ -13,6 +13,8 @@ from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.switching.schedule import Schedule, banged, shares_of
+from armdyn.optimal.switching.settle import has_switching, motion_of, setting_of, settled
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -55,6 +57,10 @@ def _structure(task: Task, motion: Trajectory, intervals: int) -> tuple[Phases |
     # The torques of a fine mesh need not be on their limits where time hardly tells.
     switch = max(task.policy.arcs.switch, intervals // numbers.blur)
     arcs = merged(detect(problem, motion, mesh(intervals), switch, task.policy.arcs))
+    if has_switching(task):
+        phases = _by_switching(task, arcs, motion)
+        if phases is not None:
+            return phases, ""
     guess, seen = motion, set[Structure]()
     last: Phases | None = None
     for _ in range(numbers.rounds):
@@ -84,6 +90,22 @@ def _structure(task: Task, motion: Trajectory, intervals: int) -> tuple[Phases |
             break
         seen.add(structure)
     return last, "the switching structure did not settle"
+
+
+def _by_switching(task: Task, arcs: list[Arc], motion: Trajectory) -> Phases | None:
+    """Phases whose switching functions agree, if the structure can be mended until they do."""
+    schedule = Schedule.of(banged(arcs, shares_of(task.problem, arcs, motion)), motion)
+    found = settled(setting_of(task, motion.duration), schedule, task.stop)
+    if found.extremal is None or found.wrong > SWITCHING_TOLERANCE:
+        return None
+    own, guess = found.arcs, motion_of(found.extremal)
+    keep = Kept.of(own, guess) if any(arc.singular for arc in own) else None
+    size = max(task.policy.refinement.intervals * (2 if keep else 1), 3 * len(own))
+    phases = solve_phases(task, own, guess, size, PhaseAim(near=True, keep=keep))
+    if isinstance(phases, Unresolved):
+        return None
+    # Where a torque was given a finer mesh tells better: the certificate decides.
+    return phases if keep or pontryagin(task.problem, phases)[2] <= SWITCHING_TOLERANCE else None
 
 
 def _named(arcs: tuple[Arc, ...] | list[Arc]) -> Structure:

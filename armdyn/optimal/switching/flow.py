@@ -1,0 +1,143 @@
+"""The flow of an arm under constant torques, its derivatives, and the switching functions.
+
+A joint that is held keeps its velocity: the others move as if it were no joint. Steps are Cooper and Verner's method
+of eighth order (Some explicit Runge-Kutta methods of high order, SIAM J. Numer. Anal. 9, 1972).
+"""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.dynamics.symbolic import Dynamics
+from armdyn.exclusive import built_once
+from armdyn.optimal.program.interval import only_present
+from armdyn.optimal.program.machine.compiled import compiled
+
+Array = NDArray[np.float64]
+
+STEPS = 96
+"""Of a motion: an arm that turns by a third of a radian in each is then right to 1e-9."""
+
+
+def _tableau() -> tuple[Array, Array]:
+    """A, shape (11, 11), and b, shape (11,)."""
+    s = float(np.sqrt(21.0))
+    A = np.zeros((11, 11))
+    A[1, 0] = 1 / 2
+    A[2, :2] = [1 / 4, 1 / 4]
+    A[3, :3] = [1 / 7, (-7 - 3 * s) / 98, (21 + 5 * s) / 49]
+    A[4, [0, 2, 3]] = [(11 + s) / 84, (18 + 4 * s) / 63, (21 - s) / 252]
+    A[5, [0, 2, 3, 4]] = [(5 + s) / 48, (9 + s) / 36, (-231 + 14 * s) / 360, (63 - 7 * s) / 80]
+    A[6, [0, 2, 3, 4, 5]] = [
+        (10 - s) / 42, (-432 + 92 * s) / 315, (633 - 145 * s) / 90, (-504 + 115 * s) / 70, (63 - 13 * s) / 35,
+    ]  # fmt: skip
+    A[7, [0, 4, 5, 6]] = [1 / 14, (14 - 3 * s) / 126, (13 - 3 * s) / 63, 1 / 9]
+    A[8, [0, 4, 5, 6, 7]] = [1 / 32, (91 - 21 * s) / 576, 11 / 72, (-385 - 75 * s) / 1152, (63 + 13 * s) / 128]
+    A[9, [0, 4, 5, 6, 7, 8]] = [
+        1 / 14, 1 / 9, (-733 - 147 * s) / 2205, (515 + 111 * s) / 504, (-51 - 11 * s) / 56, (132 + 28 * s) / 245,
+    ]  # fmt: skip
+    A[10, 4:] = [
+        (-42 + 7 * s) / 18, (-18 + 28 * s) / 45, (-273 - 53 * s) / 72, (301 + 53 * s) / 72, (28 - 28 * s) / 45,
+        (49 - 7 * s) / 18, 0,
+    ]  # fmt: skip
+    b = np.zeros(11)
+    b[[0, 7, 8, 9, 10]] = [1 / 20, 49 / 180, 16 / 45, 49 / 180, 1 / 20]
+    return A, b
+
+
+A, B = _tableau()
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """CasADi Functions of an arm; x = (q, v).
+
+    Attributes:
+        march: (x, own, begins, h, τ at the start, τ at the end, felt, held, body) -> ends of `STEPS` steps, shape
+            (2 nv, STEPS); what they answer to their starts, ∂end/∂start, each as a column, shape
+            (2 nv, 2 nv STEPS); what they answer to a torque along `felt`, at the start and at the end, shape
+            (2 nv, 2 STEPS); and ẋ at the ends, shape (2 nv, STEPS). A step starts where the one before ended or,
+            where `begins` is 1, at its own x; its torque is linear. The last eight have a column for each step.
+        switching: (q, p, held, body), 2 STEPS columns each -> S = ∂(pᵀẋ)/∂τ, shape (nv, 2 STEPS).
+    """
+
+    march: ca.Function
+    switching: ca.Function
+
+
+@built_once(maxsize=64)
+def flow_of(dynamics: Dynamics, asked: bool | None) -> Flow:
+    """The flow of an arm.
+
+    Args:
+        dynamics: with a free last body.
+        asked: whether as machine code, see `compiled`.
+    """
+    rate, switching = _functions(dynamics)
+    n = dynamics.nv
+    previous, own, begins, h = ca.MX.sym("previous", 2 * n), ca.MX.sym("own", 2 * n), ca.MX.sym("begins"), ca.MX.sym("h")
+    first, last, felt = ca.MX.sym("first", n), ca.MX.sym("last", n), ca.MX.sym("felt", n)
+    rest = [felt, ca.MX.sym("held", n), ca.MX.sym("body", dynamics.last_body.size)]
+    start, identity = begins * own + (1 - begins) * previous, ca.densify(ca.MX.eye(2 * n))
+    rates: list[ca.MX] = []
+    slopes: list[ca.MX] = []
+    answers: list[ca.MX] = []
+    for row, c in zip(A, A.sum(axis=1), strict=True):
+        x, through, answer = start, identity, ca.MX.zeros(2 * n, 2)
+        for a, f, by_x, by_tau in zip(row, rates, slopes, answers, strict=False):
+            if a:
+                x, through, answer = x + (h * a) * f, through + (h * a) * by_x, answer + (h * a) * by_tau
+        f, by_x, by_tau = rate(x, (1 - c) * first + c * last, *rest)
+        rates.append(f)
+        slopes.append(by_x @ through)
+        answers.append(by_x @ answer + ca.horzcat((1 - c) * by_tau, c * by_tau))
+    end, through, answer = (
+        at + h * sum(b * each for b, each in zip(B, every, strict=True) if b)
+        for at, every in ((start, rates), (identity, slopes), (ca.MX.zeros(2 * n, 2), answers))
+    )
+    inputs = [previous, own, begins, h, first, last, *rest]
+    step = ca.Function("step", inputs, [end, through, answer, rate(end, last, *rest)[0]])
+    many = switching.map(2 * STEPS)
+    columns = many.mx_in()
+    march, many = compiled(
+        [step.mapaccum("march", STEPS, 1), ca.Function("switchings", columns, many.call(columns))], asked
+    )
+    return Flow(march, many)
+
+
+def _functions(dynamics: Dynamics) -> tuple[ca.Function, ca.Function]:
+    """(x, τ, felt, held, body) -> ẋ, ∂ẋ/∂x and ∂ẋ/∂τ along `felt`; and one column of `Flow.switching`."""
+    n = dynamics.nv
+    x, tau, held = ca.SX.sym("x", 2 * n), ca.SX.sym("tau", n), ca.SX.sym("held", n)
+    numbers, p = ca.SX.sym("body", dynamics.last_body.size), ca.SX.sym("p", 2 * n)
+    body, felt = only_present(dynamics, numbers), ca.SX.sym("felt", n)
+    q, v, free = x[:n], x[n:], 1 - held
+    inertia = ca.diag(free) @ dynamics.crba(q, body) @ ca.diag(free) + ca.diag(held)
+    f = ca.vertcat(v, _solved(inertia, free * (tau - dynamics.nle(q, v, body))))
+    slope = ca.densify(ca.jacobian(f, x))
+    answer = ca.densify(ca.vertcat(ca.SX.zeros(n), free * _solved(inertia, free * felt)))
+    switching = free * _solved(inertia, free * p[n:])
+    return (
+        ca.Function("rate", [x, tau, felt, held, numbers], [f, slope, answer], {"cse": True}),
+        ca.Function("switching", [q, p, held, numbers], [switching], {"cse": True}),
+    )
+
+
+def _solved(matrix: ca.SX, right: ca.SX) -> ca.SX:
+    """The solution of a symmetric positive definite system, by L D Lᵀ."""
+    n = right.numel()
+    L: list[list[ca.SX]] = [[ca.SX(0)] * n for _ in range(n)]
+    D: list[ca.SX] = []
+    for j in range(n):
+        D.append(matrix[j, j] - sum(L[j][k] ** 2 * D[k] for k in range(j)))
+        for i in range(j + 1, n):
+            L[i][j] = (matrix[i, j] - sum(L[i][k] * L[j][k] * D[k] for k in range(j))) / D[j]
+    y: list[ca.SX] = []
+    for i in range(n):
+        y.append(right[i] - sum(L[i][k] * y[k] for k in range(i)))
+    out = [y[i] / D[i] for i in range(n)]
+    for i in reversed(range(n)):
+        out[i] -= sum(L[k][i] * out[k] for k in range(i + 1, n))
+    return ca.vertcat(*out)

@@ -1,0 +1,259 @@
+"""A schedule: which limit every joint is on from when to when, and the states at which that changes."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.arcs.arc import BANG, Arc, Mode, merged
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_SAMPLES = 50
+"""Of a torque in an arc."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """What happens at one time.
+
+    Attributes:
+        joint: its number.
+        mode: what it is in from then on; of a touch, the limit that it meets and leaves at once.
+        touch: it keeps the mode that it was in.
+        course: of a free torque, in parts of `Setting.course`: coefficients of Legendre's polynomials over its
+            segment; else none.
+    """
+
+    joint: int
+    mode: Mode
+    touch: bool = False
+    course: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A joint's stay in one mode.
+
+    Attributes:
+        begin: number of the change that begins it; -1: the start.
+        end: of the one that ends it; as many as there are changes: the goal.
+    """
+
+    begin: int
+    end: int
+
+
+@dataclass(frozen=True, eq=False)
+class Schedule:
+    """Modes over time, all joints together.
+
+    Attributes:
+        first: modes at the start, one per joint.
+        changes: in the order of their times.
+        times: of the changes [s], shape (m,), rising.
+        states: (q, v) that the motion goes on from at the changes, shape (m, 2 nv).
+        duration: of the motion [s].
+    """
+
+    first: tuple[Mode, ...]
+    changes: tuple[Change, ...]
+    times: Array
+    states: Array
+    duration: float
+
+    @classmethod
+    def of(cls, arcs: Sequence[Arc], motion: Trajectory) -> Self:
+        """Arcs with states from a motion.
+
+        Args:
+            arcs: none of them singular.
+            motion: as long as the arcs together, about.
+        """
+        changes: list[Change] = []
+        times: list[float] = []
+        t = 0.0
+        for here, after in pairwise(arcs):
+            t += here.duration
+            events = [Change(i, mode, touch=True) for i, mode in here.touches]
+            events += [Change(i, b) for i, (a, b) in enumerate(zip(here.modes, after.modes, strict=True)) if a is not b]
+            changes += events
+            times += [t] * len(events)
+        duration = t + arcs[-1].duration
+        at = motion(np.array(times) * (motion.duration / duration))
+        return cls(arcs[0].modes, tuple(changes), np.array(times), np.hstack([at.q, at.v]), duration)
+
+    @property
+    def size(self) -> int:
+        """m, the number of changes."""
+        return len(self.changes)
+
+    @property
+    def unknowns(self) -> Array:
+        """Times of the changes, the duration [s], and the courses of free torques, shape (width,)."""
+        return np.concatenate([self.times, [self.duration], *(change.course for change in self.changes)])
+
+    @property
+    def width(self) -> int:
+        """How many unknowns there are: m + 1, and those of the courses."""
+        return self.size + 1 + sum(len(change.course) for change in self.changes)
+
+    @property
+    def places(self) -> dict[int, slice]:
+        """Where the courses stand in the unknowns, by the number of the change that begins them."""
+        out: dict[int, slice] = {}
+        first = self.size + 1
+        for k, change in enumerate(self.changes):
+            if change.course:
+                out[k] = slice(first, first + len(change.course))
+                first += len(change.course)
+        return out
+
+    def modes(self) -> list[tuple[Mode, ...]]:
+        """Modes between the changes, m + 1 of them."""
+        now, out = list(self.first), [self.first]
+        for change in self.changes:
+            if not change.touch:
+                now[change.joint] = change.mode
+            out.append(tuple(now))
+        return out
+
+    def moved(self, by: Array, states: Array, in_order: bool = True) -> Self:
+        """With other times, courses and states.
+
+        Args:
+            by: what the unknowns change by, shape (width,).
+            states: at the changes, shape (m, 2 nv).
+            in_order: back in the order of the times.
+        """
+        m, places = self.size, self.places
+        times = self.times + by[:m]
+        changes = [
+            replace(change, course=tuple((np.array(change.course) + by[places[k]]).tolist())) if k in places else change
+            for k, change in enumerate(self.changes)
+        ]
+        order = np.argsort(times, kind="stable") if in_order else np.arange(m)
+        duration = self.duration + float(by[m])
+        return replace(
+            self,
+            changes=tuple(changes[k] for k in order),
+            times=times[order],
+            states=states[order],
+            duration=duration,
+        )
+
+    def segments(self) -> Iterator[Segment]:
+        """Every joint's stays that a change begins or ends."""
+        for joint in range(len(self.first)):
+            own = [k for k, change in enumerate(self.changes) if change.joint == joint and not change.touch]
+            if own:
+                yield from (Segment(a, b) for a, b in pairwise([-1, *own, self.size]))
+
+    def with_changes(self, more: Iterable[tuple[float, Change, Array]]) -> Self:
+        """With more changes, each with its time and state."""
+        every = sorted(
+            [*zip(self.times, self.changes, self.states, strict=True), *more], key=lambda each: float(each[0])
+        )
+        times, changes, states = zip(*every, strict=True)
+        return replace(self, changes=changes, times=np.array(times, float), states=np.array(states))
+
+    def without(self, segments: Iterable[Segment]) -> Self:
+        """Without segments whose length has gone to nothing: what changes there, changes at once."""
+        first, gone = list(self.first), set[int]()
+        for segment in segments:
+            if segment.begin in gone or segment.end in gone:
+                continue
+            if segment.begin < 0 and self.changes[segment.end].mode is Mode.FREE:
+                continue  # a course begins with a change
+            if segment.begin < 0:
+                change = self.changes[segment.end]
+                first[change.joint] = change.mode
+            gone.add(segment.end if segment.begin < 0 else segment.begin)
+        now, kept = list(first), list[int]()
+        for k, change in enumerate(self.changes):
+            if k in gone or (not change.touch and now[change.joint] is change.mode):
+                continue
+            if not change.touch:
+                now[change.joint] = change.mode
+            kept.append(k)
+        return replace(self, first=tuple(first))._only(kept)
+
+    def without_changes(self, gone: Iterable[int]) -> Self:
+        """Without some changes, by their numbers: touches, that is."""
+        left = set(range(self.size)).difference(gone)
+        return self._only(sorted(left))
+
+    def _only(self, kept: Sequence[int]) -> Self:
+        changes = tuple(self.changes[k] for k in kept)
+        return replace(self, changes=changes, times=self.times[list(kept)], states=self.states[list(kept)])
+
+    def arcs(self) -> list[Arc]:
+        """Arcs with these durations; of changes at one time the later ones' modes count."""
+        edges = [0.0, *self.times.tolist(), self.duration]
+        out: list[Arc] = []
+        for k, (modes, (t0, t1)) in enumerate(zip(self.modes(), pairwise(edges), strict=True)):
+            touches = ()
+            if k < self.size and self.changes[k].touch:
+                touches = ((self.changes[k].joint, self.changes[k].mode),)
+            if t1 - t0 > 1e-12 * self.duration or (touches and not out):
+                out.append(Arc(t1 - t0, modes, touches))
+            elif touches:
+                out[-1] = replace(out[-1], touches=out[-1].touches + touches)
+        return merged(out)
+
+
+def banged(arcs: Sequence[Arc], shares: Array) -> list[Arc]:
+    """Arcs whose free torques are full ones of the same mean.
+
+    Args:
+        arcs: perhaps with joints on no limit.
+        shares: of its range that a joint's torque is above the lower limit in an arc, in the mean, shape (arcs, nv).
+    """
+    out: list[Arc] = []
+    for k, arc in enumerate(arcs):
+        cuts: list[tuple[float, int, Mode]] = []
+        modes = list(arc.modes)
+        for i, mode in enumerate(arc.modes):
+            if mode is not Mode.FREE:
+                continue
+            before = out[-1].modes[i] if out else None
+            after = arcs[k + 1].modes[i] if k + 1 < len(arcs) else None
+            modes[i], more = _pieces(before, after, float(shares[k, i]))
+            cuts += [(part, i, piece) for part, piece in more]
+        cuts.sort(key=lambda cut: cut[0])
+        ends = [part for part, _, _ in cuts] + [1.0]
+        begin = 0.0
+        for end, cut in zip(ends, [*cuts, None], strict=True):
+            if end > begin:
+                out.append(Arc((end - begin) * arc.duration, tuple(modes)))
+            if cut is not None:
+                modes[cut[1]] = cut[2]
+            begin = end
+        out[-1] = replace(out[-1], touches=arc.touches)
+    return merged(out)
+
+
+def shares_of(problem: MinimumTimeProblem, arcs: Sequence[Arc], motion: Trajectory) -> Array:
+    """How much of its range every torque is above its lower limit in every arc, in the mean, shape (arcs, nv)."""
+    limits = problem.limits
+    edges = np.cumsum([0.0, *(arc.duration for arc in arcs)])
+    edges *= motion.duration / edges[-1]
+    means = np.array([np.mean(motion(np.linspace(a, b, _SAMPLES)).tau, axis=0) for a, b in pairwise(edges)])
+    return np.asarray((means - limits.effort_lower) / (limits.effort_upper - limits.effort_lower))
+
+
+def _pieces(before: Mode | None, after: Mode | None, share: float) -> tuple[Mode, list[tuple[float, Mode]]]:
+    """A free stretch as full torques: its first mode, and where it changes to which, as parts of the stretch."""
+    share = min(max(share, 0.02), 0.98)
+    opposite = {Mode.UPPER: Mode.LOWER, Mode.LOWER: Mode.UPPER}
+    first = before if before in BANG else opposite.get(after, Mode.UPPER) if after is not None else Mode.UPPER
+    own = share if first is Mode.UPPER else 1 - share
+    other = opposite[first]
+    if after is first:  # there and back
+        return first, [(own / 2, other), (1 - own / 2, first)]
+    return first, [(own, other)]

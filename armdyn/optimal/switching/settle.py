@@ -1,0 +1,105 @@
+"""Structures mended until their costates agree."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armdyn.optimal.arcs.arc import Arc
+from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.switching.descent import Extremal, Resisted, fastest
+from armdyn.optimal.switching.flow import flow_of
+from armdyn.optimal.switching.march import Setting
+from armdyn.optimal.switching.schedule import Schedule
+from armdyn.optimal.switching.singular import idle_fall, with_longer_course, with_singular
+from armdyn.optimal.switching.signs import with_limits, with_signs, without_unwanted, wrong_signs
+from armdyn.optimal.task.task import Task
+from armdyn.trajectory import Trajectory
+
+_ROUNDS = 12
+"""Of mending."""
+_LEAST = 5e-5
+"""By how much H must fall for another stay: half of what is certified."""
+
+
+_ZERO = 1e-5
+"""The same on a singular arc, whose torque gets a longer course."""
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """What a schedule has come to.
+
+    Attributes:
+        extremal: the last; None: there was none.
+        wrong: by how much H would fall at worst on the other limit.
+        why: what it lacks, for people; "": nothing.
+    """
+
+    extremal: Extremal | None
+    wrong: float
+    why: str
+
+    @property
+    def arcs(self) -> list[Arc]:
+        """Its structure."""
+        return self.extremal.schedule.arcs() if self.extremal else []
+
+
+def has_switching(task: Task) -> bool:
+    """Whether arcs can be marched: time alone counts, friction has no sharp turns, and every joint has a motor."""
+    problem = task.problem
+    plain = problem.effort_weight == 0 and not problem.robot.friction.present and not problem.along_the_way
+    return plain and not np.any(problem.limits.passive)
+
+
+def setting_of(task: Task, duration: float) -> Setting:
+    """What a task's schedules, of about so long a duration [s], are marched by."""
+    flow = flow_of(task.dynamics, task.scheme.compile)
+    return Setting.of(task.problem, flow, task.dynamics.last_body, duration)
+
+
+def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
+    """The extremal that a schedule leads to when what it lacks is put in.
+
+    Args:
+        setting: what is marched.
+        schedule: to begin with.
+        stop: asked before every step.
+    """
+    best, mended, refused = Settled(None, np.inf, "nothing was tried"), False, False
+    chattering: Schedule | None = None
+    for _ in range(_ROUNDS):
+        found = fastest(setting, schedule, stop)
+        if isinstance(found, Resisted):
+            if chattering is None or stop:
+                return replace(best, why=found.why)
+            schedule, chattering, refused = chattering, None, True
+            continue
+        if limited := with_limits(found) or without_unwanted(found):
+            schedule, best = limited, replace(best, why="limits of position are not settled")
+            continue
+        wrong, longer = wrong_signs(found, _LEAST), with_longer_course(found, _ZERO)
+        worst = max([0.0] + [one.value for one in wrong[:1]] + [idle_fall(found, k) for k in found.schedule.places])
+        best = Settled(found, worst, "the switching structure did not settle" if wrong or longer else "")
+        if longer is not None:
+            schedule = longer
+            continue
+        if not wrong:
+            return best
+        chattering = None
+        schedule = with_signs(found, wrong)
+        if mended and not refused and (smooth := with_singular(found, wrong)) is not None:
+            schedule, chattering = smooth, schedule
+        mended = True
+    return best
+
+
+def motion_of(extremal: Extremal) -> Trajectory:
+    """An extremal's states and torques at the starts and ends of its steps, so that torques jump where they do."""
+    march, robot = extremal.march, extremal.march.setting.problem.robot
+    kept = np.flatnonzero(march.h > 1e-9 * extremal.schedule.duration)
+    starts = np.append(0.0, np.nextafter(march.times[1:-1], np.inf))  # a jump takes one ulp of the time
+    t = np.column_stack([starts, march.times[1:]])[kept].ravel()
+    x = np.stack([march.start, march.end], axis=1)[kept].reshape(t.size, -1)
+    tau = np.stack(march.torques.tau, axis=1)[kept].reshape(t.size, -1)
+    return Trajectory(t, x[:, : robot.nv], x[:, robot.nv :], tau, robot.joint_names, "extremal")

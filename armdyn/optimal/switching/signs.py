@@ -1,0 +1,127 @@
+"""What an extremal lacks to be Pontryagin's: torques on the wrong limit, limits overlooked, touches not wanted."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.arcs.arc import BANG, POSITION, Mode, outward
+from armdyn.optimal.switching.descent import Extremal
+from armdyn.optimal.switching.flow import STEPS
+from armdyn.optimal.switching.march import March
+from armdyn.optimal.switching.schedule import Change, Schedule
+
+Array = NDArray[np.float64]
+
+_BEYOND = 1e-6
+"""Of a radian, or of a velocity limit: what a limit may be exceeded by before it counts as overlooked."""
+_WORSE = 0.05
+"""Of the worst: stretches that fall short of that wait for another round."""
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """A stretch on which a joint's torque is on the wrong limit.
+
+    Attributes:
+        value: by how much H would fall at worst, against the 1 that time costs.
+        joint: its number.
+        mode: the limit that it is on.
+        begin: of the stretch [s].
+        end: of it [s].
+        worst: when it is worst [s].
+    """
+
+    value: float
+    joint: int
+    mode: Mode
+    begin: float
+    end: float
+    worst: float
+
+
+def wrong_signs(extremal: Extremal, least: float) -> list[Wrong]:
+    """Stretches on which the switching functions ask for the other limit, the worst first.
+
+    Args:
+        extremal: its costates and switching functions.
+        least: by how much H must fall for that.
+    """
+    march, limits = extremal.march, extremal.march.setting.problem.limits
+    modes, t = extremal.schedule.modes(), np.repeat(march.times, 2)[1:-1]
+    found: list[Wrong] = []
+    for i in range(len(extremal.schedule.first)):
+        own = [modes[a][i] for a in march.arc]
+        sign = np.array([0.0 if mode not in BANG else 1.0 if mode is Mode.UPPER else -1.0 for mode in own])
+        range_ = limits.effort_upper[i] - limits.effort_lower[i]
+        fall = np.column_stack([extremal.switching[:STEPS, i], extremal.switching[STEPS:, i]]) * sign[:, None] * range_
+        fall = fall.ravel()
+        inside = np.flatnonzero(fall > 0.05 * least)
+        for run in np.split(inside, np.flatnonzero(np.diff(inside) > 1) + 1):
+            if run.size and np.max(fall[run]) > least:
+                worst = int(run[np.argmax(fall[run])])
+                begin, end = t[max(run[0] - 1, 0)], t[min(run[-1] + 1, t.size - 1)]
+                found.append(
+                    Wrong(float(fall[worst]), i, own[worst // 2], float(begin), float(end), float(t[worst]))
+                )
+    return sorted(found, key=lambda wrong: -wrong.value)
+
+
+def with_signs(extremal: Extremal, wrong: list[Wrong]) -> Schedule:
+    """The schedule with a short stay on the other limit where it is asked for.
+
+    Args:
+        extremal: what lacks it.
+        wrong: the worst first.
+    """
+    opposite = {Mode.UPPER: Mode.LOWER, Mode.LOWER: Mode.UPPER}
+    more: list[tuple[float, Change, Array]] = []
+    for one in wrong:
+        if one.value < _WORSE * wrong[0].value:
+            break
+        half = (one.end - one.begin) / 8
+        middle = min(max(one.worst, one.begin + half), one.end - half)
+        for time, mode in ((middle - half, opposite[one.mode]), (middle + half, one.mode)):
+            more.append((time, Change(one.joint, mode), state_at(extremal.march, time)))
+    return extremal.schedule.with_changes(more)
+
+
+def with_limits(extremal: Extremal) -> Schedule | None:
+    """The schedule with touches of the position limits that it exceeds; None: it exceeds none."""
+    march, limits, n = extremal.march, extremal.march.setting.problem.limits, len(extremal.schedule.first)
+    more: list[tuple[float, Change, Array]] = []
+    for i in range(n):
+        q = march.end[:, i]
+        for mode, beyond, bound in (
+            (Mode.POSITION_UPPER, q - limits.position_upper[i], limits.position_upper[i]),
+            (Mode.POSITION_LOWER, limits.position_lower[i] - q, limits.position_lower[i]),
+        ):
+            inside = np.flatnonzero(beyond > _BEYOND)
+            for run in np.split(inside, np.flatnonzero(np.diff(inside) > 1) + 1):
+                if run.size:
+                    time = float(march.times[1 + run[np.argmax(beyond[run])]])
+                    state = state_at(march, time)
+                    state[i], state[n + i] = bound, 0.0
+                    more.append((time, Change(i, mode, touch=True), state))
+    return extremal.schedule.with_changes(more) if more else None
+
+
+def without_unwanted(extremal: Extremal) -> Schedule | None:
+    """The schedule without touches that the motion would rather not make; None: it wants them all."""
+    size = extremal.march.start.shape[1]
+    gone: set[int] = set()
+    for (k, j, _), multiplier in zip(extremal.march.held_states, extremal.multipliers[size:], strict=True):
+        change = extremal.schedule.changes[k]
+        if change.touch and change.mode in POSITION and j < size // 2 and outward(change.mode) * multiplier < 0:
+            gone.add(k)
+    return extremal.schedule.without_changes(gone) if gone else None
+
+
+def state_at(march: March, time: float) -> Array:
+    """(q, v) at a time [s], between steps about: Hermite's cubic, and a line."""
+    k = int(np.clip(np.searchsorted(march.times, time, side="right") - 1, 0, STEPS - 1))
+    h, n = march.h[k], march.start.shape[1] // 2
+    s = float(np.clip((time - march.times[k]) / h, 0, 1)) if h > 0 else 0.0
+    a, b = march.start[k], march.end[k]
+    q = a[:n] + s**2 * (3 - 2 * s) * (b[:n] - a[:n]) + h * s * (1 - s) * ((1 - s) * a[n:] - s * b[n:])
+    return np.concatenate([q, (1 - s) * a[n:] + s * b[n:]])
