@@ -49,14 +49,12 @@ def detect(
         contact = touching[:-1] | touching[1:] | (near[:-1] & near[1:])  # one end tells where contact begins or ends
         above = bounds[1] - middle.q[:, i] < middle.q[:, i] - bounds[0]
         fast = slow > limits.velocity[i] * (1 - numbers.near_speed)
-        modes = (
-            [Mode.PASSIVE] * intervals
-            if limits.passive[i]
-            else [
-                _torque_mode(level[k, i], numbers.near) or _state_mode(fast[k], middle.v[k, i], contact[k], above[k])
-                for k in range(intervals)
-            ]
-        )
+        modes = [
+            _torque_mode(level[k, i], numbers.near) or _state_mode(fast[k], middle.v[k, i], contact[k], above[k])
+            for k in range(intervals)
+        ]
+        if limits.passive[i]:
+            modes = [Mode.PASSIVE] * intervals
         runs = _runs(_without_lifting_off(modes))
         first.append(_first_mode(runs, level[:, i], switch))
         events += _switches(runs, level[:, i], knots, i, switch)

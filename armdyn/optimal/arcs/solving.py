@@ -92,7 +92,7 @@ def _solver(
 
 
 def _with_lines(dynamics: Dynamics, scheme: Scheme, intervals: int) -> Nlp:
-    """The program with the rows that `posing.line_bounds` is for."""
+    """The program with rows that say whether torques are lines; their bounds are of `posing`."""
     return with_rows(build_nlp(dynamics, scheme, intervals), dynamics, (StageRows(_lines),))
 
 
