@@ -197,7 +197,7 @@ class Schedule:
         edges = [0.0, *self.times.tolist(), self.duration]
         out: list[Arc] = []
         for k, (modes, (t0, t1)) in enumerate(zip(self.modes(), pairwise(edges), strict=True)):
-            touches = ()
+            touches: tuple[tuple[int, Mode], ...] = ()
             if k < self.size and self.changes[k].touch:
                 touches = ((self.changes[k].joint, self.changes[k].mode),)
             if t1 - t0 > 1e-12 * self.duration or (touches and not out):

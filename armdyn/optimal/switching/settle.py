@@ -10,8 +10,8 @@ from armdyn.optimal.switching.descent import Extremal, Resisted, fastest
 from armdyn.optimal.switching.flow import flow_of
 from armdyn.optimal.switching.march import Setting
 from armdyn.optimal.switching.schedule import Schedule
-from armdyn.optimal.switching.singular import idle_fall, with_longer_course, with_singular
 from armdyn.optimal.switching.signs import with_limits, with_signs, without_unwanted, wrong_signs
+from armdyn.optimal.switching.singular import idle_fall, with_longer_course, with_singular
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
