@@ -1,5 +1,6 @@
 """A march to first and to second order: what closes it, and the duration on the manifold of motions that it is on."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -211,9 +212,9 @@ class Model:
         steepest, y = 0.0, base
         if len(free):
             values, axes = np.linalg.eigh(free @ self.bend @ free.T)
-            down = -axes.T @ (free @ (slope + self.bend @ base))
-            steepest = float(np.max(np.abs(np.asarray(down))))
-            own, rim = _in_ball(values, down, float(np.sqrt(max(radius**2 - base @ base, 1e-30))))
+            down: Array = -axes.T @ (free @ (slope + self.bend @ base))
+            steepest = float(np.max(np.abs(down)))
+            own, rim = _in_ball(values, down, math.sqrt(max(radius**2 - float(base @ base), 1e-30)))
             y, bound = base + (axes @ own) @ free, bound or rim
         promised = -float(slope @ y + y @ self.bend @ y / 2)
         return Step(y @ self.tangents, promised, bound, np.inf if len(rows) else steepest, steepest)
