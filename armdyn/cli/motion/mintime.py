@@ -34,8 +34,8 @@ class SearchOptions:
     starts: Annotated[
         int | None,
         typer.Option(
-            help="Guesses of the global search, whatever the effort; by default as many as suit the robot (armdyn doctor "
-            "ROBOT --policy)."
+            help="Guesses of the global search, whatever the effort; by default as many as suit the robot "
+            "(armdyn doctor ROBOT --policy)."
         ),
     ] = None
     time_limit: Annotated[float, typer.Option(metavar="S", help="For the whole solve \\[s].")] = 300.0

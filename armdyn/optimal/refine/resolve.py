@@ -14,7 +14,7 @@ from armdyn.optimal.refine.land import land
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.switching.schedule import Schedule, banged, shares_of
-from armdyn.optimal.switching.settle import has_switching, motion_of, setting_of, settled
+from armdyn.optimal.switching.settle import has_switching, leaves_idle, motion_of, setting_of, settled
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -100,7 +100,7 @@ def _by_switching(task: Task, arcs: list[Arc], motion: Trajectory) -> Phases | N
     """Phases whose switching functions agree, if the structure can be mended until they do."""
     schedule = Schedule.of(banged(arcs, shares_of(task.problem, arcs, motion)), motion)
     found = settled(setting_of(task, motion.duration), schedule, task.stop)
-    if found.extremal is None or found.wrong > SWITCHING_TOLERANCE:
+    if found.extremal is None or found.wrong > SWITCHING_TOLERANCE or leaves_idle(found.extremal, SWITCHING_TOLERANCE):
         return None
     own, guess = found.arcs, motion_of(found.extremal)
     keep = Kept.of(own, guess) if any(arc.singular for arc in own) else None

@@ -93,6 +93,21 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
     return best
 
 
+def leaves_idle(extremal: Extremal, tolerance: float) -> bool:
+    """Whether time does not determine what some joint does for more than half of the motion.
+
+    Such a joint is better moved gently than from limit to limit.
+
+    Args:
+        extremal: whose joints are all on limits.
+        tolerance: of what H feels of a torque, against the 1 that time costs.
+    """
+    march, limits = extremal.march, extremal.march.setting.problem.limits
+    felt = np.abs(extremal.switching) * (limits.effort_upper - limits.effort_lower)
+    shares = np.tile(march.h, 2) @ ((felt <= tolerance) & ~np.tile(march.torques.felt > 0, (2, 1))) / 2
+    return bool(np.any(shares > extremal.schedule.duration / 2))
+
+
 def motion_of(extremal: Extremal) -> Trajectory:
     """An extremal's states and torques at the starts and ends of its steps, so that torques jump where they do."""
     march, robot = extremal.march, extremal.march.setting.problem.robot
