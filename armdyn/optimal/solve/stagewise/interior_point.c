@@ -1,0 +1,223 @@
+/* Minimum of the cost with c(w) = 0 and lower <= w <= upper, by the method of `line_search.c`'s authors: steps by
+   Riccati's sweep instead of a sparse factorization, and a simpler way back to the equations, are what is ours. */
+
+enum { SOLVED, ITERATIONS, STOPPED, NO_WAY_BACK, NO_NUMBERS, NO_STEP, NO_MEMORY };
+
+/* Bounds are loosened so much; E_mu of (5) is acceptable below that if it stays there. */
+static const double RELAXED = 1e-8, ACCEPTABLE = 1e-6;
+enum { ACCEPTED_AFTER = 15 };
+
+/* Told where it stands; not zero: stop. */
+typedef int (*Watch)(int iteration, double cost, double infeasible, double error, double mu);
+
+/* E_mu (5), where d is the gradient of cost + lam'c. */
+static double error_of(const Solve *s, double mu) {
+    double dual = 0, gaps = 0, equations = 0, z = 0, all;
+    int n = 0;
+    for (int i = 0; i < s->it.size; i++) {
+        if (!s->open[i]) continue;
+        dual = fmax(dual, fabs(s->d[i] - s->zl[i] + s->zu[i]));
+        if (isfinite(s->lower[i])) gaps = fmax(gaps, fabs((s->w[i] - s->lower[i]) * s->zl[i] - mu)), z += s->zl[i], n++;
+        if (isfinite(s->upper[i])) gaps = fmax(gaps, fabs((s->upper[i] - s->w[i]) * s->zu[i] - mu)), z += s->zu[i], n++;
+    }
+    for (int i = 0; i < s->it.equations; i++) equations = fmax(equations, fabs(s->c[i]));
+    all = absolute_sum(s->lam, s->it.equations) + z;
+    dual /= fmax(100, all / (s->it.equations + n)) / 100, gaps /= fmax(100, z / n) / 100;
+    return isfinite(all) ? fmax(fmax(dual, equations), gaps) : NAN;
+}
+
+/* Factors with as much on the diagonal as a minimum takes, section 3.1; 0: nothing helps. What is held has 1e30. */
+static int factored(Solve *s) {
+    double delta = 0;
+    for (int i = 0; i < s->it.size; i++) {
+        s->bent[i] = s->open[i] ? 0 : 1e30;
+        if (s->zl[i] > 0) s->bent[i] += s->zl[i] / (s->w[i] - s->lower[i]);
+        if (s->zu[i] > 0) s->bent[i] += s->zu[i] / (s->upper[i] - s->w[i]);
+    }
+    while (!factor(&s->it, s->bent, &s->end)) {
+        double more = delta ? delta * (s->last ? 8 : 100) : s->last ? fmax(1e-20, s->last / 3) : 1e-4;
+        if (more > 1e20) return 0;
+        for (int i = 0; i < s->it.size; i++) s->bent[i] += more - delta;
+        delta = more;
+    }
+    if (delta) s->last = delta;
+    return 1;
+}
+
+/* Multipliers of the equations by least squares, section 3.6; zero where they are large. */
+static void multipliers(Solve *s) {
+    double largest = 0;
+    flatten(&s->it);
+    for (int i = 0; i < s->it.size; i++) {
+        s->bent[i] = s->open[i] ? 1 : 1e30;
+        s->d[i] = s->open[i] ? s->gradient[i] - s->zl[i] + s->zu[i] : 0;
+    }
+    memset(s->other_c, 0, s->it.equations * sizeof *s->c), memset(s->lam, 0, s->it.equations * sizeof *s->lam);
+    if (!factor(&s->it, s->bent, &s->end)) return;
+    step(&s->it, &s->end, s->d, s->other_c, s->dw, s->dlam);
+    for (int i = 0; i < s->it.equations; i++) largest = fmax(largest, fabs(s->dlam[i]));
+    if (largest <= 1e3) memcpy(s->lam, s->dlam, s->it.equations * sizeof *s->lam);
+}
+
+/* On to the trial: unknowns and their multipliers; these stay near the central path (16). */
+static void advance(Solve *s, double cost, double alpha, double alpha_dual) {
+    double *swap = s->c;
+    s->c = s->trial_c, s->trial_c = swap, s->cost = cost, s->theta = absolute_sum(s->c, s->it.equations);
+    for (int i = 0; i < s->it.equations; i++) s->lam[i] += alpha * s->dlam[i];
+    memcpy(s->w, s->trial, s->it.size * sizeof *s->w);
+    for (int i = 0; i < s->it.size; i++) {
+        double below = s->w[i] - s->lower[i], above = s->upper[i] - s->w[i];
+        if (s->zl[i] > 0)
+            s->zl[i] = fmax(fmin(s->zl[i] + alpha_dual * s->dzl[i], 1e10 * s->mu / below), 1e-10 * s->mu / below);
+        if (s->zu[i] > 0)
+            s->zu[i] = fmax(fmin(s->zu[i] + alpha_dual * s->dzu[i], 1e10 * s->mu / above), 1e-10 * s->mu / above);
+    }
+}
+
+/* Back to where the equations nearly hold and the filter lets through: Newton's steps for the equations alone, of all
+   those the shortest by the distance from where it began and by the barrier; nearly what section 3.3 minimizes. */
+static int restored(Solve *s, int *k, int iterations) {
+    double begun = s->theta, weight = sqrt(s->mu), cost, theta, phi, alpha, *from = s->other_dw;
+    memcpy(from, s->w, s->it.size * sizeof *from);
+    into_filter(s);
+    do {
+        if (++*k > iterations) return 0;
+        flatten(&s->it);
+        for (int i = 0; i < s->it.size; i++) {
+            double scale = fmax(1, fabs(from[i])), below = s->w[i] - s->lower[i], above = s->upper[i] - s->w[i];
+            s->bent[i] = s->open[i] ? weight / (scale * scale) + s->mu / (below * below) + s->mu / (above * above) : 1e30;
+            s->d[i] = s->open[i] ? weight / (scale * scale) * (s->w[i] - from[i]) - s->mu / below + s->mu / above : 0;
+        }
+        if (!factor(&s->it, s->bent, &s->end)) return 0;
+        step(&s->it, &s->end, s->d, s->c, s->dw, s->dlam);
+        for (alpha = longest(s, s->dw, 0.99); alpha > 1e-8; alpha /= 2)
+            if (tried(s, s->dw, alpha, &cost, &theta, &phi) && theta <= (1 - 1e-4 * alpha) * s->theta) break;
+        if (alpha <= 1e-8) return 0;
+        advance(s, cost, 0, 0);
+        differentiate(&s->it, s->w, s->lam, s->gradient);
+    } while (theta > 0.9 * begun || !filter_lets_through(s, theta, phi));
+    for (int i = 0; i < s->it.size; i++) {
+        if (s->zl[i] > 0) s->zl[i] = s->mu / (s->w[i] - s->lower[i]);
+        if (s->zu[i] > 0) s->zu[i] = s->mu / (s->upper[i] - s->w[i]);
+    }
+    multipliers(s);
+    return 1;
+}
+
+/* Newton's step of all (11) to (12); how large it is beside w. */
+static double newton(Solve *s) {
+    double largest = 0;
+    s->phi = barrier_function(s, s->w, s->cost), s->slope = 0;
+    for (int i = 0; i < s->it.size; i++) {
+        double push = 0;
+        if (s->zl[i] > 0) push -= s->mu / (s->w[i] - s->lower[i]);
+        if (s->zu[i] > 0) push += s->mu / (s->upper[i] - s->w[i]);
+        s->d[i] = s->open[i] ? s->d[i] + push : 0, s->trial[i] = s->gradient[i] + push;
+    }
+    step(&s->it, &s->end, s->d, s->c, s->dw, s->dlam);
+    for (int i = 0; i < s->it.size; i++) {
+        if (!s->open[i]) s->dw[i] = 0;
+        s->slope += s->trial[i] * s->dw[i];
+        largest = fmax(largest, fabs(s->dw[i]) / (1 + fabs(s->w[i])));
+        if (s->zl[i] > 0) s->dzl[i] = (s->mu - s->zl[i] * s->dw[i]) / (s->w[i] - s->lower[i]) - s->zl[i];
+        if (s->zu[i] > 0) s->dzu[i] = (s->mu + s->zu[i] * s->dw[i]) / (s->upper[i] - s->w[i]) - s->zu[i];
+    }
+    return largest;
+}
+
+/* Iterations; returns how they ended, and in `k` after how many. */
+static int iterate(Solve *s, double tolerance, int iterations, int asked, Watch watch, int *k) {
+    double least_mu = tolerance / 11, cost, alpha, tau, error;
+    int acceptable = 0, tiny = 0;
+    for (*k = 0;; ++*k) {
+        differentiate(&s->it, s->w, s->lam, s->gradient);
+        transposed(&s->it, s->lam, s->d);
+        for (int i = 0; i < s->it.size; i++) s->d[i] += s->gradient[i];
+        error = error_of(s, 0);
+        if (!isfinite(error)) return NO_NUMBERS;
+        acceptable = error <= ACCEPTABLE ? acceptable + 1 : 0;
+        if (error <= tolerance || acceptable == ACCEPTED_AFTER) return SOLVED;
+        if (*k >= iterations) return ITERATIONS;
+        if (*k % asked == 0 && watch(*k, s->cost, s->theta, error, s->mu)) return STOPPED;
+        while (s->mu > least_mu && (tiny || error_of(s, s->mu) <= 10 * s->mu)) {
+            s->mu = fmax(least_mu, fmin(0.2 * s->mu, pow(s->mu, 1.5))); /* (7) */
+            s->filtered = tiny = 0;
+        }
+        if (tiny) return NO_STEP;
+        tau = fmax(0.99, 1 - s->mu);
+        if (!factored(s)) return NO_WAY_BACK;
+        tiny = newton(s) < 10 * 2.2e-16 && s->theta < 1e-4; /* rounding decides: section 3.9 */
+        if (tiny) {
+            double theta, phi;
+            alpha = longest(s, s->dw, tau);
+            if (!tried(s, s->dw, alpha, &cost, &theta, &phi)) return NO_NUMBERS;
+        } else if (!line_search(s, tau, &alpha, &cost)) {
+            if (!restored(s, k, iterations)) return *k > iterations ? (*k = iterations, ITERATIONS) : NO_WAY_BACK;
+            continue;
+        }
+        advance(s, cost, alpha, longest_dual(s, tau));
+    }
+}
+
+/* Between the bounds, loosened; what has none, or is held, has no multipliers. Section 3.6. */
+static void begin(Solve *s, const double *lower, const double *upper, double *low, double *high, char *open) {
+    int n = s->it.size;
+    s->lower = low, s->upper = high, s->open = open;
+    for (int i = 0; i < n; i++) {
+        int state = i < n - 1 && i % BLOCK < NX;
+        open[i] = lower[i] < upper[i] && !(state && (i < NX || i >= BLOCK * s->it.N));
+        low[i] = lower[i] - RELAXED * fmax(1, fabs(lower[i])), high[i] = upper[i] + RELAXED * fmax(1, fabs(upper[i]));
+        if (!open[i]) {
+            s->w[i] = lower[i];
+            continue;
+        }
+        if (isfinite(low[i])) {
+            s->zl[i] = 1;
+            s->w[i] = fmax(s->w[i], low[i] + 1e-2 * fmin(fmax(1, fabs(low[i])), high[i] - low[i]));
+        }
+        if (isfinite(high[i])) {
+            s->zu[i] = 1;
+            s->w[i] = fmin(s->w[i], high[i] - 1e-2 * fmin(fmax(1, fabs(high[i])), high[i] - low[i]));
+        }
+    }
+}
+
+static Program program_of(int N, const double *parameters, Stage *stages) {
+    return (Program){N, BLOCK * N + NX + 1, NX * N, parameters, stages};
+}
+
+/* Cost, equations and the states in the middles, shape (NX, N) by columns; 0: no numbers. */
+int values_at(int N, const double *parameters, const double *w, double *c, double *middles) {
+    Program it = program_of(N, parameters, NULL);
+    double cost;
+    return evaluate(&it, w, &cost, c, middles);
+}
+
+/* Solves from w, where it ends; lam are the equations' multipliers, z the bounds', k the iterations. x_0 and x_N are
+   held at their lower bounds. `watch` is told every `asked` iterations. */
+int solve(int N, const double *parameters, const double *lower, const double *upper, double tolerance, double barrier,
+          int iterations, int asked, Watch watch, double *w, double *lam, double *z, int *k) {
+    Stage *stages = calloc(N, sizeof *stages);
+    Solve s = {.it = program_of(N, parameters, stages), .w = w, .lam = lam, .mu = barrier};
+    int n = s.it.size, m = s.it.equations, ended = NO_MEMORY;
+    double *memory = calloc(12 * (size_t)n + 5 * (size_t)m, sizeof *memory), *next = memory;
+    char *open = calloc(n, 1);
+    if (stages && memory && open) {
+        double **wide[] = {&s.zl, &s.zu, &s.gradient, &s.d, &s.bent, &s.dw, &s.dzl, &s.dzu, &s.trial, &s.other_dw};
+        double **deep[] = {&s.c, &s.dlam, &s.trial_c, &s.other_c, &s.other_dlam};
+        for (size_t i = 0; i < sizeof wide / sizeof *wide; i++, next += n) *wide[i] = next;
+        for (size_t i = 0; i < sizeof deep / sizeof *deep; i++, next += m) *deep[i] = next;
+        begin(&s, lower, upper, next, next + n, open);
+        ended = NO_NUMBERS, *k = 0, memset(lam, 0, m * sizeof *lam);
+        if (evaluate(&s.it, w, &s.cost, s.c, NULL)) {
+            s.theta = absolute_sum(s.c, m);
+            s.least_theta = 1e-4 * fmax(1, s.theta), s.most_theta = 1e4 * fmax(1, s.theta);
+            differentiate(&s.it, w, lam, s.gradient);
+            multipliers(&s);
+            ended = iterate(&s, tolerance, iterations, asked, watch, k);
+        }
+        for (int i = 0; i < n; i++) z[i] = s.zu[i] - s.zl[i];
+    }
+    free(memory), free(stages), free(open);
+    return ended;
+}
