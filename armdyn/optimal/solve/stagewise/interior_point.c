@@ -116,7 +116,6 @@ static double newton(Solve *s) {
     }
     step(&s->it, &s->end, s->d, s->c, s->dw, s->dlam);
     for (int i = 0; i < s->it.size; i++) {
-        if (!s->open[i]) s->dw[i] = 0;
         s->slope += s->trial[i] * s->dw[i];
         largest = fmax(largest, fabs(s->dw[i]) / (1 + fabs(s->w[i])));
         if (s->zl[i] > 0) s->dzl[i] = (s->mu - s->zl[i] * s->dw[i]) / (s->w[i] - s->lower[i]) - s->zl[i];

@@ -77,7 +77,7 @@ static void into_filter(Solve *s) {
 
 /* The trial at w + length dw: its cost and equations; 0: no numbers. */
 static int tried(Solve *s, const double *dw, double length, double *cost, double *theta, double *phi) {
-    for (int i = 0; i < s->it.size; i++) s->trial[i] = s->w[i] + length * dw[i];
+    for (int i = 0; i < s->it.size; i++) s->trial[i] = s->w[i] + (s->open[i] ? length * dw[i] : 0);
     if (!evaluate(&s->it, s->trial, cost, s->trial_c, NULL)) return 0;
     *theta = absolute_sum(s->trial_c, s->it.equations);
     *phi = barrier_function(s, s->trial, *cost);
