@@ -26,13 +26,15 @@ class StageFunctions:
         rate: (x, u, p) to the acceleration a.
         bend: (x, u, weights of a, p) to a, the nonzeros of its Jacobian by (x, u), and of its weighted curvature.
         middle: (y, a at the left, a at the right, p) to the middle's state.
-        weigh: (y, the middle's Jacobian, λ, p) to the weights of a at the left and at the right.
+        weigh: (y, the middle's Jacobian, λ, ν, p) to the weights of a at the left and at the right.
         equations: (y, a at the left, in the middle, at the right, p) to the defects, and then the cost.
-        assemble: (y, λ, then a, Jacobian and curvature at the left, in the middle, at the right, p) to nonzeros of
-            the defects' Jacobian, the cost's gradient, and the curvature's upper triangle, of cost + λ'defects.
+        assemble: (y, λ, ν, then a, Jacobian and curvature at the left, in the middle, at the right, p) to nonzeros of
+            the defects' Jacobian, the cost's gradient, the upper triangle of the curvature of
+            cost + λ'defects + ν'middle, and the middle's Jacobian.
         jacobian: where the defects' Jacobian has nonzeros.
         gradient: where the cost's gradient has.
         hessian: where the upper triangle has.
+        middle_jacobian: where the middle's Jacobian has.
     """
 
     rate: ca.Function
@@ -44,6 +46,7 @@ class StageFunctions:
     jacobian: ca.Sparsity
     gradient: ca.Sparsity
     hessian: ca.Sparsity
+    middle_jacobian: ca.Sparsity
 
     @property
     def functions(self) -> tuple[ca.Function, ...]:
@@ -58,26 +61,29 @@ class StageFunctions:
             dynamics: with a free last body.
         """
         n = dynamics.nv
-        p, y, lam = ca.SX.sym("p", Parameters.size(n)), ca.SX.sym("y", 5 * n + 1), ca.SX.sym("lam", 2 * n)
+        p, y = ca.SX.sym("p", Parameters.size(n)), ca.SX.sym("y", 5 * n + 1)
+        lam, nu = ca.SX.sym("lam", 2 * n), ca.SX.sym("nu", 2 * n)
         acceleration, one = _Acceleration.of(dynamics, p), _Interval.of(n, Parameters.of(p, n), y)
         left, middle, right = (_Point.of(name, acceleration, one) for name in "lmr")
-        pull = middle.by_state.T @ lam  # what λ makes of a change of the middle's state
-        jacobian, hessian = one.derivatives(left, middle, right, lam, pull)
+        pulls = _Pulls(lam, nu, middle.by_state.T @ lam)
+        jacobian, hessian, moved = one.derivatives(left, middle, right, pulls)
         gradient = ca.gradient(one.cost, y)
-        nonzeros = [nonzeros_of(part) for part in (jacobian, gradient, hessian)]
+        nonzeros = [nonzeros_of(part) for part in (jacobian, gradient, hessian, moved)]
         given = [part for point in (left, middle, right) for part in (point.a, point.slopes, point.bends)]
-        weights = [lam[n:] + sign * one.h / 2 * pull[n:] for sign in (1, -1)]
+        bow = one.h / 2 * pulls.middle - 3 / 4 * nu  # by how the middle bends: h / 8 over -h / 6 is -3 / 4
+        weights = [lam[n:] + sign * bow[n:] for sign in (1, -1)]
         equations = ca.vertcat(one.defects(left, middle, right), one.cost)
         return cls(
             rate=acceleration.rate,
             bend=acceleration.bend,
             middle=ca.Function("middle", [y, left.a, right.a, p], [one.middle(left, right)]),
-            weigh=ca.Function("weigh", [y, middle.slopes, lam, p], weights),
+            weigh=ca.Function("weigh", [y, middle.slopes, lam, nu, p], weights),
             equations=ca.Function("equations", [y, left.a, middle.a, right.a, p], [equations]),
-            assemble=ca.Function("assemble", [y, lam, *given, p], _shared(nonzeros)),
+            assemble=ca.Function("assemble", [y, lam, nu, *given, p], _shared(nonzeros)),
             jacobian=jacobian.sparsity(),
             gradient=gradient.sparsity(),
             hessian=hessian.sparsity(),
+            middle_jacobian=moved.sparsity(),
         )
 
 
@@ -143,6 +149,21 @@ class _Point:
 
 
 @dataclass(frozen=True, eq=False)
+class _Pulls:
+    """Weights of an interval's equations.
+
+    Attributes:
+        lam: λ, of the defects.
+        nu: ν, of the middle's state x_m.
+        middle: what λ makes of a change of x_m: the gradient of λ'F_m.
+    """
+
+    lam: ca.SX
+    nu: ca.SX
+    middle: ca.SX
+
+
+@dataclass(frozen=True, eq=False)
 class _Interval:
     """Its parts in symbols, all scaled.
 
@@ -194,8 +215,8 @@ class _Interval:
         """x_{k+1} - x_k - h / 6 (F_l + 4 F_m + F_r)."""
         return self.end - self.start - self.h / 6 * self.total(left, middle, right)
 
-    def derivatives(self, left: _Point, middle: _Point, right: _Point, lam: ca.SX, pull: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Jacobian of the defects, and the upper triangle of the curvature of cost + λ'defects.
+    def derivatives(self, left: _Point, middle: _Point, right: _Point, pulls: _Pulls) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Jacobian of the defects, upper triangle of the curvature of cost + λ'defects + ν'x_m, Jacobian of x_m.
 
         The curvature is that of F at the three points, each with its weights, along the way that y moves them; beside
         it what T has in common with all, for h = dh T stands before every F.
@@ -204,8 +225,7 @@ class _Interval:
             left: with the curvature that its weights, those of `weigh`, give.
             middle: likewise, its weights λ.
             right: likewise.
-            lam: λ.
-            pull: the gradient of λ'F_m by the middle's state.
+            pulls: λ and ν.
         """
         n, h, dh = self.n, self.h, self.dh
         none, one = ca.SX(2 * n, 2 * n), ca.SX.eye(2 * n)
@@ -227,6 +247,8 @@ class _Interval:
         for point, way, weight in points:
             at = ca.vertcat(way, torque)
             curvature -= weight * h / 6 * (at.T @ point.curvature @ at)
-        beside = -dh / 6 * lam.T @ slope - h * dh / 12 * pull.T @ (to_left - to_right)
+        bow = dh / 8 * pulls.nu - h * dh / 12 * pulls.middle
+        beside = -dh / 6 * pulls.lam.T @ slope + bow.T @ (to_left - to_right)
         shared = along_T.T @ beside
-        return ca.sparsify(jacobian), ca.triu(ca.sparsify(curvature + shared + shared.T))
+        hessian = ca.triu(ca.sparsify(curvature + shared + shared.T))
+        return ca.sparsify(jacobian), hessian, ca.sparsify(moved)

@@ -40,14 +40,16 @@ def solve_quickly(
         guess: where it starts.
         intervals: of the mesh.
         settings: iteration limit, tolerance, verbosity.
-        between: a solution that exceeds a limit between the knots is solved again with all unknowns.
+        between: a solution that exceeds a limit between the knots is solved again within it there.
     """
-    if not condensable(task) or (between and _on_limits(task, guess)):
+    if not condensable(task):
         return solve_on_mesh(task, guess, intervals, settings)
+    if between and _on_limits(task, guess):
+        return _within(task, guess, intervals, settings)
     attempt, within = _condensed(task, guess, intervals, settings)
     if within or not between or attempt.status is not Status.SOLVED:
         return attempt
-    again = solve_on_mesh(task, attempt.trajectory, intervals, settings)
+    again = _within(task, attempt.trajectory, intervals, settings)
     return replace(again, iterations=attempt.iterations + again.iterations)
 
 
@@ -69,8 +71,25 @@ def _on_limits(task: Task, guess: Trajectory) -> bool:
     return bool(beyond or np.any(np.abs(guess.v) >= (1 - near) * limits.velocity))
 
 
-def _condensed(task: Task, guess: Trajectory, intervals: int, settings: DirectOptions) -> tuple[Attempt, bool]:
-    """An attempt, and whether it keeps all limits between the knots, too."""
+def _within(task: Task, guess: Trajectory, intervals: int, settings: DirectOptions) -> Attempt:
+    """An attempt that keeps all limits in the middle of the intervals, too."""
+    if not task.stop and isinstance(_solver(task, intervals, settings), Stagewise):
+        return _condensed(task, guess, intervals, settings, bounded=True)[0]
+    return solve_on_mesh(task, guess, intervals, settings)
+
+
+def _condensed(
+    task: Task, guess: Trajectory, intervals: int, settings: DirectOptions, bounded: bool = False
+) -> tuple[Attempt, bool]:
+    """An attempt, and whether it keeps all limits between the knots, too.
+
+    Args:
+        task: what is to be solved, and how.
+        guess: where it starts.
+        intervals: of the mesh.
+        settings: iteration limit, tolerance, verbosity.
+        bounded: whether it has to, which only `Stagewise` can see to.
+    """
     if task.stop:
         return Attempt.unbegun(task.stop, guess, intervals), False
     problem, solver = task.problem, _solver(task, intervals, settings)
@@ -80,7 +99,12 @@ def _condensed(task: Task, guess: Trajectory, intervals: int, settings: DirectOp
     parameters = scales.parameters(fractions, weights, task.dynamics.last_body)
     lower, upper = bounds(problem, full, intervals, scales)
     start = np.clip(to_unknowns(guess, full, fractions, scales), lower, upper)[kept]
-    outcome = solver.solve(start, parameters, (lower[kept], upper[kept]), task.stop)
+    sides = lower[kept], upper[kept]
+    if bounded and isinstance(solver, Stagewise):
+        inner = full.inner_states(intervals)[:, 0]
+        outcome = solver.solve(start, parameters, sides, task.stop, (lower[inner].T, upper[inner].T))
+    else:
+        outcome = solver.solve(start, parameters, sides, task.stop)
     x = layout.expanded(outcome.x, solver.middles(outcome.x, parameters))
     violation = None
     if outcome.status is not Status.SOLVED:

@@ -14,30 +14,30 @@ typedef int (*Watch)(int iteration, double cost, double infeasible, double error
 static double error_of(const Solve *s, double mu) {
     double dual = 0, gaps = 0, equations = 0, z = 0, all;
     int n = 0;
-    for (int i = 0; i < s->it.size; i++) {
-        if (!s->open[i]) continue;
+    for (int i = 0; i < s->it.all; i++) {
+        if (!s->it.open[i]) continue;
         dual = fmax(dual, fabs(s->d[i] - s->zl[i] + s->zu[i]));
         if (isfinite(s->lower[i])) gaps = fmax(gaps, fabs((s->w[i] - s->lower[i]) * s->zl[i] - mu)), z += s->zl[i], n++;
         if (isfinite(s->upper[i])) gaps = fmax(gaps, fabs((s->upper[i] - s->w[i]) * s->zu[i] - mu)), z += s->zu[i], n++;
     }
-    for (int i = 0; i < s->it.equations; i++) equations = fmax(equations, fabs(s->c[i]));
-    all = absolute_sum(s->lam, s->it.equations) + z;
-    dual /= fmax(100, all / (s->it.equations + n)) / 100, gaps /= fmax(100, z / n) / 100;
+    for (int i = 0; i < s->it.rows; i++) equations = fmax(equations, fabs(s->c[i]));
+    all = absolute_sum(s->lam, s->it.rows) + z;
+    dual /= fmax(100, all / (s->it.rows + n)) / 100, gaps /= fmax(100, z / n) / 100;
     return isfinite(all) ? fmax(fmax(dual, equations), gaps) : NAN;
 }
 
 /* Factors with as much on the diagonal as a minimum takes, section 3.1; 0: nothing helps. What is held has 1e30. */
 static int factored(Solve *s) {
     double delta = 0;
-    for (int i = 0; i < s->it.size; i++) {
-        s->bent[i] = s->open[i] ? 0 : 1e30;
-        if (s->zl[i] > 0) s->bent[i] += s->zl[i] / (s->w[i] - s->lower[i]);
-        if (s->zu[i] > 0) s->bent[i] += s->zu[i] / (s->upper[i] - s->w[i]);
+    for (int i = 0; i < s->it.all; i++) {
+        s->it.bent[i] = s->it.open[i] ? 0 : 1e30;
+        if (s->zl[i] > 0) s->it.bent[i] += s->zl[i] / (s->w[i] - s->lower[i]);
+        if (s->zu[i] > 0) s->it.bent[i] += s->zu[i] / (s->upper[i] - s->w[i]);
     }
-    while (!factor(&s->it, s->bent, &s->end)) {
+    while (!factor(&s->it, &s->end)) {
         double more = delta ? delta * (s->last ? 8 : 100) : s->last ? fmax(1e-20, s->last / 3) : 1e-4;
         if (more > 1e20) return 0;
-        for (int i = 0; i < s->it.size; i++) s->bent[i] += more - delta;
+        for (int i = 0; i < s->it.all; i++) s->it.bent[i] += more - delta;
         delta = more;
     }
     if (delta) s->last = delta;
@@ -48,24 +48,24 @@ static int factored(Solve *s) {
 static void multipliers(Solve *s) {
     double largest = 0;
     flatten(&s->it);
-    for (int i = 0; i < s->it.size; i++) {
-        s->bent[i] = s->open[i] ? 1 : 1e30;
-        s->d[i] = s->open[i] ? s->gradient[i] - s->zl[i] + s->zu[i] : 0;
+    for (int i = 0; i < s->it.all; i++) {
+        s->it.bent[i] = s->it.open[i] ? 1 : 1e30;
+        s->d[i] = s->it.open[i] ? s->gradient[i] - s->zl[i] + s->zu[i] : 0;
     }
-    memset(s->other_c, 0, s->it.equations * sizeof *s->c), memset(s->lam, 0, s->it.equations * sizeof *s->lam);
-    if (!factor(&s->it, s->bent, &s->end)) return;
+    memset(s->other_c, 0, s->it.rows * sizeof *s->c), memset(s->lam, 0, s->it.rows * sizeof *s->lam);
+    if (!factor(&s->it, &s->end)) return;
     step(&s->it, &s->end, s->d, s->other_c, s->dw, s->dlam);
-    for (int i = 0; i < s->it.equations; i++) largest = fmax(largest, fabs(s->dlam[i]));
-    if (largest <= 1e3) memcpy(s->lam, s->dlam, s->it.equations * sizeof *s->lam);
+    for (int i = 0; i < s->it.rows; i++) largest = fmax(largest, fabs(s->dlam[i]));
+    if (largest <= 1e3) memcpy(s->lam, s->dlam, s->it.rows * sizeof *s->lam);
 }
 
 /* On to the trial: unknowns and their multipliers; these stay near the central path (16). */
 static void advance(Solve *s, double cost, double alpha, double alpha_dual) {
     double *swap = s->c;
-    s->c = s->trial_c, s->trial_c = swap, s->cost = cost, s->theta = absolute_sum(s->c, s->it.equations);
-    for (int i = 0; i < s->it.equations; i++) s->lam[i] += alpha * s->dlam[i];
-    memcpy(s->w, s->trial, s->it.size * sizeof *s->w);
-    for (int i = 0; i < s->it.size; i++) {
+    s->c = s->trial_c, s->trial_c = swap, s->cost = cost, s->theta = absolute_sum(s->c, s->it.rows);
+    for (int i = 0; i < s->it.rows; i++) s->lam[i] += alpha * s->dlam[i];
+    memcpy(s->w, s->trial, s->it.all * sizeof *s->w);
+    for (int i = 0; i < s->it.all; i++) {
         double below = s->w[i] - s->lower[i], above = s->upper[i] - s->w[i];
         if (s->zl[i] > 0)
             s->zl[i] = fmax(fmin(s->zl[i] + alpha_dual * s->dzl[i], 1e10 * s->mu / below), 1e-10 * s->mu / below);
@@ -78,17 +78,17 @@ static void advance(Solve *s, double cost, double alpha, double alpha_dual) {
    those the shortest by the distance from where it began and by the barrier; nearly what section 3.3 minimizes. */
 static int restored(Solve *s, int *k, int iterations) {
     double begun = s->theta, weight = sqrt(s->mu), cost, theta, phi, alpha, *from = s->other_dw;
-    memcpy(from, s->w, s->it.size * sizeof *from);
+    memcpy(from, s->w, s->it.all * sizeof *from);
     into_filter(s);
     do {
         if (++*k > iterations) return 0;
         flatten(&s->it);
-        for (int i = 0; i < s->it.size; i++) {
+        for (int i = 0; i < s->it.all; i++) {
             double scale = fmax(1, fabs(from[i])), below = s->w[i] - s->lower[i], above = s->upper[i] - s->w[i];
-            s->bent[i] = s->open[i] ? weight / (scale * scale) + s->mu / (below * below) + s->mu / (above * above) : 1e30;
-            s->d[i] = s->open[i] ? weight / (scale * scale) * (s->w[i] - from[i]) - s->mu / below + s->mu / above : 0;
+            s->it.bent[i] = s->it.open[i] ? weight / (scale * scale) + s->mu / (below * below) + s->mu / (above * above) : 1e30;
+            s->d[i] = s->it.open[i] ? weight / (scale * scale) * (s->w[i] - from[i]) - s->mu / below + s->mu / above : 0;
         }
-        if (!factor(&s->it, s->bent, &s->end)) return 0;
+        if (!factor(&s->it, &s->end)) return 0;
         step(&s->it, &s->end, s->d, s->c, s->dw, s->dlam);
         for (alpha = longest(s, s->dw, 0.99); alpha > 1e-8; alpha /= 2)
             if (tried(s, s->dw, alpha, &cost, &theta, &phi) && theta <= (1 - 1e-4 * alpha) * s->theta) break;
@@ -96,7 +96,7 @@ static int restored(Solve *s, int *k, int iterations) {
         advance(s, cost, 0, 0);
         differentiate(&s->it, s->w, s->lam, s->gradient);
     } while (theta > 0.9 * begun || !filter_lets_through(s, theta, phi));
-    for (int i = 0; i < s->it.size; i++) {
+    for (int i = 0; i < s->it.all; i++) {
         if (s->zl[i] > 0) s->zl[i] = s->mu / (s->w[i] - s->lower[i]);
         if (s->zu[i] > 0) s->zu[i] = s->mu / (s->upper[i] - s->w[i]);
     }
@@ -108,14 +108,14 @@ static int restored(Solve *s, int *k, int iterations) {
 static double newton(Solve *s) {
     double largest = 0;
     s->phi = barrier_function(s, s->w, s->cost), s->slope = 0;
-    for (int i = 0; i < s->it.size; i++) {
+    for (int i = 0; i < s->it.all; i++) {
         double push = 0;
         if (s->zl[i] > 0) push -= s->mu / (s->w[i] - s->lower[i]);
         if (s->zu[i] > 0) push += s->mu / (s->upper[i] - s->w[i]);
-        s->d[i] = s->open[i] ? s->d[i] + push : 0, s->trial[i] = s->gradient[i] + push;
+        s->d[i] = s->it.open[i] ? s->d[i] + push : 0, s->trial[i] = s->gradient[i] + push;
     }
     step(&s->it, &s->end, s->d, s->c, s->dw, s->dlam);
-    for (int i = 0; i < s->it.size; i++) {
+    for (int i = 0; i < s->it.all; i++) {
         s->slope += s->trial[i] * s->dw[i];
         largest = fmax(largest, fabs(s->dw[i]) / (1 + fabs(s->w[i])));
         if (s->zl[i] > 0) s->dzl[i] = (s->mu - s->zl[i] * s->dw[i]) / (s->w[i] - s->lower[i]) - s->zl[i];
@@ -131,7 +131,7 @@ static int iterate(Solve *s, double tolerance, int iterations, int asked, Watch 
     for (*k = 0;; ++*k) {
         differentiate(&s->it, s->w, s->lam, s->gradient);
         transposed(&s->it, s->lam, s->d);
-        for (int i = 0; i < s->it.size; i++) s->d[i] += s->gradient[i];
+        for (int i = 0; i < s->it.all; i++) s->d[i] += s->gradient[i];
         error = error_of(s, 0);
         if (!isfinite(error)) return NO_NUMBERS;
         acceptable = error <= ACCEPTABLE ? acceptable + 1 : 0;
@@ -158,65 +158,83 @@ static int iterate(Solve *s, double tolerance, int iterations, int asked, Watch 
     }
 }
 
-/* Between the bounds, loosened; what has none, or is held, has no multipliers. Section 3.6. */
-static void begin(Solve *s, const double *lower, const double *upper, double *low, double *high, char *open) {
-    int n = s->it.size;
-    s->lower = low, s->upper = high, s->open = open;
-    for (int i = 0; i < n; i++) {
-        int state = i < n - 1 && i % BLOCK < NX;
-        open[i] = lower[i] < upper[i] && !(state && (i < NX || i >= BLOCK * s->it.N));
-        low[i] = lower[i] - RELAXED * fmax(1, fabs(lower[i])), high[i] = upper[i] + RELAXED * fmax(1, fabs(upper[i]));
-        if (!open[i]) {
-            s->w[i] = lower[i];
-            continue;
-        }
-        if (isfinite(low[i])) {
-            s->zl[i] = 1;
-            s->w[i] = fmax(s->w[i], low[i] + 1e-2 * fmin(fmax(1, fabs(low[i])), high[i] - low[i]));
-        }
-        if (isfinite(high[i])) {
-            s->zu[i] = 1;
-            s->w[i] = fmin(s->w[i], high[i] - 1e-2 * fmin(fmax(1, fabs(high[i])), high[i] - low[i]));
-        }
+/* Between its bounds, loosened; what has none, or is held, has no multipliers. Section 3.6. */
+static void begin(Solve *s, int i, double lower, double upper, double *low, double *high) {
+    *low = lower - RELAXED * fmax(1, fabs(lower)), *high = upper + RELAXED * fmax(1, fabs(upper));
+    if (!s->it.open[i]) {
+        s->w[i] = i < s->it.size ? lower : 0;
+        return;
+    }
+    if (isfinite(lower)) {
+        s->zl[i] = 1;
+        s->w[i] = fmax(s->w[i], *low + 1e-2 * fmin(fmax(1, fabs(*low)), *high - *low));
+    }
+    if (isfinite(upper)) {
+        s->zu[i] = 1;
+        s->w[i] = fmin(s->w[i], *high - 1e-2 * fmin(fmax(1, fabs(*high)), *high - *low));
     }
 }
 
-static Program program_of(int N, const double *parameters, Stage *stages) {
-    return (Program){N, BLOCK * N + NX + 1, NX * N, parameters, stages};
+/* Which unknowns are free: not the first and the last state, nor what bounds leave no room or, of slacks, have none. */
+static void opened(const Program *it, const double *lower, const double *upper, char *open) {
+    for (int i = 0; i < it->all; i++) {
+        int end = i < NX || (i >= BLOCK * it->N && i < it->size - 1);
+        int needed = i < it->size || isfinite(lower[i]) || isfinite(upper[i]);
+        open[i] = lower[i] < upper[i] && !end && needed;
+    }
+}
+
+/* Unknowns, slacks and multipliers to begin with, and what is there; 0: no numbers. */
+static int begun(Solve *s, const double *lower, const double *upper, double *low, double *high) {
+    Program *it = &s->it;
+    s->lower = low, s->upper = high;
+    for (int i = 0; i < it->size; i++) begin(s, i, lower[i], upper[i], low + i, high + i);
+    if (it->all > it->size) {
+        if (!evaluate(it, s->w, &s->cost, s->c, s->w + it->size)) return 0;
+        for (int i = it->size; i < it->all; i++) begin(s, i, lower[i], upper[i], low + i, high + i);
+    }
+    if (!evaluate(it, s->w, &s->cost, s->c, NULL)) return 0;
+    s->theta = absolute_sum(s->c, it->rows);
+    s->least_theta = 1e-4 * fmax(1, s->theta), s->most_theta = 1e4 * fmax(1, s->theta);
+    differentiate(it, s->w, s->lam, s->gradient);
+    multipliers(s);
+    return 1;
+}
+
+static Program program_of(int N, const double *parameters, int bounded) {
+    int size = BLOCK * N + NX + 1, equations = NX * N;
+    return (Program){.N = N, .size = size, .equations = equations, .parameters = parameters,
+                     .all = size + (bounded ? equations : 0), .rows = (bounded ? 2 : 1) * equations};
 }
 
 /* Cost, equations and the states in the middles, shape (NX, N) by columns; 0: no numbers. */
 int values_at(int N, const double *parameters, const double *w, double *c, double *middles) {
-    Program it = program_of(N, parameters, NULL);
+    Program it = program_of(N, parameters, 0);
     double cost;
     return evaluate(&it, w, &cost, c, middles);
 }
 
 /* Solves from w, where it ends; lam are the equations' multipliers, z the bounds', k the iterations. x_0 and x_N are
-   held at their lower bounds. `watch` is told every `asked` iterations. */
-int solve(int N, const double *parameters, const double *lower, const double *upper, double tolerance, double barrier,
-          int iterations, int asked, Watch watch, double *w, double *lam, double *z, int *k) {
-    Stage *stages = calloc(N, sizeof *stages);
-    Solve s = {.it = program_of(N, parameters, stages), .w = w, .lam = lam, .mu = barrier};
-    int n = s.it.size, m = s.it.equations, ended = NO_MEMORY;
-    double *memory = calloc(12 * (size_t)n + 5 * (size_t)m, sizeof *memory), *next = memory;
+   held at their lower bounds. Where the middles are `bounded` w, lam, z and the bounds have places for them; of w these
+   need not be set. `watch` is told every `asked` iterations. */
+int solve(int N, int bounded, const double *parameters, const double *lower, const double *upper, double tolerance,
+          double barrier, int iterations, int asked, Watch watch, double *w, double *lam, double *z, int *k) {
+    Solve s = {.it = program_of(N, parameters, bounded), .w = w, .lam = lam, .mu = barrier};
+    int n = s.it.all, m = s.it.rows, ended = NO_MEMORY;
+    double *memory = calloc(14 * (size_t)n + 5 * (size_t)m, sizeof *memory), *next = memory;
     char *open = calloc(n, 1);
-    if (stages && memory && open) {
-        double **wide[] = {&s.zl, &s.zu, &s.gradient, &s.d, &s.bent, &s.dw, &s.dzl, &s.dzu, &s.trial, &s.other_dw};
+    s.it.stages = calloc(N, sizeof *s.it.stages), s.it.open = open;
+    if (s.it.stages && memory && open) {
+        double **wide[] = {&s.zl, &s.zu, &s.gradient, &s.d, &s.dw, &s.dzl, &s.dzu, &s.trial, &s.other_dw,
+                           &s.it.bent, &s.it.reduced};
         double **deep[] = {&s.c, &s.dlam, &s.trial_c, &s.other_c, &s.other_dlam};
         for (size_t i = 0; i < sizeof wide / sizeof *wide; i++, next += n) *wide[i] = next;
         for (size_t i = 0; i < sizeof deep / sizeof *deep; i++, next += m) *deep[i] = next;
-        begin(&s, lower, upper, next, next + n, open);
+        opened(&s.it, lower, upper, open);
         ended = NO_NUMBERS, *k = 0, memset(lam, 0, m * sizeof *lam);
-        if (evaluate(&s.it, w, &s.cost, s.c, NULL)) {
-            s.theta = absolute_sum(s.c, m);
-            s.least_theta = 1e-4 * fmax(1, s.theta), s.most_theta = 1e4 * fmax(1, s.theta);
-            differentiate(&s.it, w, lam, s.gradient);
-            multipliers(&s);
-            ended = iterate(&s, tolerance, iterations, asked, watch, k);
-        }
+        if (begun(&s, lower, upper, next, next + n)) ended = iterate(&s, tolerance, iterations, asked, watch, k);
         for (int i = 0; i < n; i++) z[i] = s.zu[i] - s.zl[i];
     }
-    free(memory), free(stages), free(open);
+    free(memory), free(s.it.stages), free(open);
     return ended;
 }

@@ -43,8 +43,8 @@ def stagewise_library(dynamics: Dynamics, asked: bool | None) -> ctypes.CDLL | N
     library = compiled_library(source, sum(f.n_instructions() for f in one.functions) + _OWN, asked)
     if library is not None:
         library.solve.argtypes = [
-            ctypes.c_int, _Numbers, _Numbers, _Numbers, ctypes.c_double, ctypes.c_double, ctypes.c_int, ctypes.c_int,
-            WATCH, _Numbers, _Numbers, _Numbers, ctypes.POINTER(ctypes.c_int),
+            ctypes.c_int, ctypes.c_int, _Numbers, _Numbers, _Numbers, ctypes.c_double, ctypes.c_double,
+            ctypes.c_int, ctypes.c_int, WATCH, _Numbers, _Numbers, _Numbers, ctypes.POINTER(ctypes.c_int),
         ]  # fmt: skip
         library.values_at.argtypes = [ctypes.c_int, *[_Numbers] * 4]
     return library
@@ -60,10 +60,12 @@ def _source(joints: int, one: StageFunctions) -> str:
         "JACOBIAN": one.jacobian.nnz(),
         "GRADIENT": one.gradient.nnz(),
         "HESSIAN": one.hessian.nnz(),
+        "MIDDLE": one.middle_jacobian.nnz(),
     }
     (down, across), (upper, lower) = one.jacobian.get_triplet(), one.hessian.get_triplet()
     tables = {
         "jacobian_place": [width * i + j for i, j in zip(down, across, strict=True)],
+        "middle_place": [width * i + j for i, j in zip(*one.middle_jacobian.get_triplet(), strict=True)],
         "gradient_place": one.gradient.get_triplet()[0],
         "hessian_place": [width * i + j for i, j in zip(upper, lower, strict=True)],
         "hessian_mirror": [width * j + i for i, j in zip(upper, lower, strict=True)],

@@ -3,14 +3,13 @@
 
 enum { FILTER = 256 /* pairs that are kept; beyond that the last gives way */ };
 
-/* Where a solve stands: unknowns w, multipliers lam of the equations and zl, zu of the bounds, and what is there. */
+/* Where a solve stands: unknowns w (slacks last), multipliers lam of the equations and zl, zu of the bounds, and what is there. */
 typedef struct {
     Program it;
     End end;
-    const char *open; /* whether an unknown is free */
     const double *lower, *upper;
     double *w, *lam, *zl, *zu, *gradient, *c;
-    double *d, *bent, *dw, *dlam, *dzl, *dzu;               /* the step */
+    double *d, *dw, *dlam, *dzl, *dzu;               /* the step */
     double *trial, *trial_c, *other_c, *other_dw, *other_dlam; /* what the line search tries */
     double cost, theta, mu, last;                           /* theta: sum of |c|; last: what was added to H last */
     double least_theta, most_theta, slope, phi;             /* of the search: phi is the barrier function */
@@ -27,8 +26,8 @@ static double absolute_sum(const double *a, int n) {
 /* The barrier function (3a) at w, where the cost is known. */
 static double barrier_function(const Solve *s, const double *w, double cost) {
     double sum = 0;
-    for (int i = 0; i < s->it.size; i++) {
-        if (!s->open[i]) continue;
+    for (int i = 0; i < s->it.all; i++) {
+        if (!s->it.open[i]) continue;
         if (isfinite(s->lower[i])) sum -= log(w[i] - s->lower[i]);
         if (isfinite(s->upper[i])) sum -= log(s->upper[i] - w[i]);
     }
@@ -38,8 +37,8 @@ static double barrier_function(const Solve *s, const double *w, double cost) {
 /* How far along dw the bounds let go (15a). */
 static double longest(const Solve *s, const double *dw, double tau) {
     double alpha = 1;
-    for (int i = 0; i < s->it.size; i++) {
-        if (!s->open[i]) continue;
+    for (int i = 0; i < s->it.all; i++) {
+        if (!s->it.open[i]) continue;
         if (dw[i] < 0 && isfinite(s->lower[i])) alpha = fmin(alpha, -tau * (s->w[i] - s->lower[i]) / dw[i]);
         if (dw[i] > 0 && isfinite(s->upper[i])) alpha = fmin(alpha, tau * (s->upper[i] - s->w[i]) / dw[i]);
     }
@@ -49,7 +48,7 @@ static double longest(const Solve *s, const double *dw, double tau) {
 /* How far their multipliers let go (15b). */
 static double longest_dual(const Solve *s, double tau) {
     double alpha = 1;
-    for (int i = 0; i < s->it.size; i++) {
+    for (int i = 0; i < s->it.all; i++) {
         if (s->dzl[i] < 0) alpha = fmin(alpha, -tau * s->zl[i] / s->dzl[i]);
         if (s->dzu[i] < 0) alpha = fmin(alpha, -tau * s->zu[i] / s->dzu[i]);
     }
@@ -77,9 +76,9 @@ static void into_filter(Solve *s) {
 
 /* The trial at w + length dw: its cost and equations; 0: no numbers. */
 static int tried(Solve *s, const double *dw, double length, double *cost, double *theta, double *phi) {
-    for (int i = 0; i < s->it.size; i++) s->trial[i] = s->w[i] + (s->open[i] ? length * dw[i] : 0);
+    for (int i = 0; i < s->it.all; i++) s->trial[i] = s->w[i] + (s->it.open[i] ? length * dw[i] : 0);
     if (!evaluate(&s->it, s->trial, cost, s->trial_c, NULL)) return 0;
-    *theta = absolute_sum(s->trial_c, s->it.equations);
+    *theta = absolute_sum(s->trial_c, s->it.rows);
     *phi = barrier_function(s, s->trial, *cost);
     return 1;
 }
@@ -103,10 +102,10 @@ static int accepted(Solve *s, double alpha, double theta, double phi) {
 /* Second-order corrections of a step that the equations' curvature has spoiled, section 2.4. */
 static int corrected(Solve *s, double tau, double alpha, double theta, double *cost) {
     double length = alpha, before, phi;
-    memcpy(s->other_c, s->c, s->it.equations * sizeof *s->c);
+    memcpy(s->other_c, s->c, s->it.rows * sizeof *s->c);
     for (int round = 0; round < 4; round++) {
         before = theta;
-        for (int i = 0; i < s->it.equations; i++) s->other_c[i] = length * s->other_c[i] + s->trial_c[i];
+        for (int i = 0; i < s->it.rows; i++) s->other_c[i] = length * s->other_c[i] + s->trial_c[i];
         step(&s->it, &s->end, s->d, s->other_c, s->other_dw, s->other_dlam);
         length = longest(s, s->other_dw, tau);
         if (!tried(s, s->other_dw, length, cost, &theta, &phi)) return 0;

@@ -129,7 +129,7 @@ static void pulled_back(const Stage *s, double F[NV][NV], double SM[NV][NX]) {
         Y[i][NX] += s->P[i][NX];
     }
     for (int i = 0; i < NX; i++)
-        for (int j = 0; j < NV; j++) Z[i][j] = Y[i][j] + (j == NX ? 0 : 2 * s->H[BLOCK + i][place(j)]);
+        for (int j = 0; j < NV; j++) Z[i][j] = Y[i][j] + (j == NX ? 0 : 2 * s->B[BLOCK + i][place(j)]);
     for (int i = 0; i < NV; i++) {
         for (int j = 0; j < NV; j++) F[i][j] = i == NX ? Y[NX][j] : 0;
         for (int j = 0; j < NX; j++) SM[i][j] = i == NX ? s->S[NX][j] : 0;
@@ -139,7 +139,7 @@ static void pulled_back(const Stage *s, double F[NV][NV], double SM[NV][NX]) {
         }
     }
     for (int i = 0; i < NV; i++)
-        for (int j = 0; j <= i; j++) F[i][j] = F[j][i] = (F[i][j] + F[j][i]) / 2 + s->H[place(i)][place(j)];
+        for (int j = 0; j <= i; j++) F[i][j] = F[j][i] = (F[i][j] + F[j][i]) / 2 + s->B[place(i)][place(j)];
 }
 
 /* One interval backwards, from P, S and G (negative) at its end to those at its beginning; 0: no minimum.
@@ -148,8 +148,8 @@ static int stage_factor(Stage *s, double P[NZ][NZ], double S[NZ][NX], double G[N
     double F[NV][NV], SM[NV][NX];
     if (!solved_for_next(s)) return 0;
     for (int i = 0; i < NX; i++) {
-        for (int j = 0; j < NX; j++) P[i][j] += s->H[BLOCK + i][BLOCK + j];
-        P[i][NX] += s->H[BLOCK + i][NY - 1], P[NX][i] += s->H[BLOCK + i][NY - 1];
+        for (int j = 0; j < NX; j++) P[i][j] += s->B[BLOCK + i][BLOCK + j];
+        P[i][NX] += s->B[BLOCK + i][NY - 1], P[NX][i] += s->B[BLOCK + i][NY - 1];
     }
     memcpy(s->P, P, sizeof s->P), memcpy(s->S, S, sizeof s->S);
     pulled_back(s, F, SM);
@@ -178,16 +178,29 @@ static int stage_factor(Stage *s, double P[NZ][NZ], double S[NZ][NX], double G[N
     return 1;
 }
 
-/* All intervals; `bent` is what is added to the diagonal of H, in the order of the unknowns. 0: no minimum. */
-static int factor(const Program *it, const double *bent, End *end) {
+/* The curvature of an interval with that which bounds of its middle add. */
+static void bend_by_bounds(const Program *it, int k) {
+    Stage *s = it->stages + k;
+    s->B = it->all > it->size ? s->bounded : s->H;
+    if (it->all == it->size) return;
+    memcpy(s->bounded, s->H, sizeof s->H);
+    for (int l = 0; l < NX; l++) {
+        int slack = it->size + NX * k + l;
+        for (int i = 0; it->open[slack] && i < NY; i++)
+            for (int j = 0; j < NY; j++) s->bounded[i][j] += s->Jm[l][i] * it->bent[slack] * s->Jm[l][j];
+    }
+}
+
+/* All intervals; `it->bent` is what is added to the diagonal of H, in the order of the unknowns. 0: no minimum. */
+static int factor(const Program *it, End *end) {
     double P[NZ][NZ] = {{0}}, S[NZ][NX] = {{0}}, G[NX][NX] = {{0}}, a[NX];
     for (int i = 0; i < NX; i++) P[i][i] = HELD, S[i][i] = 1;
     for (int k = it->N - 1; k >= 0; k--)
-        if (!stage_factor(it->stages + k, P, S, G, bent + BLOCK * k)) return 0;
+        if (bend_by_bounds(it, k), !stage_factor(it->stages + k, P, S, G, it->bent + BLOCK * k)) return 0;
     memcpy(end->G, G, sizeof G), memcpy(end->S, S[NX], sizeof end->S), memcpy(a, end->S, sizeof a);
     if (!cholesky(&end->G[0][0], NX)) return 0;
     forward(&end->G[0][0], NX, a, 1);
-    end->bend = P[NX][NX] + bent[it->size - 1];
+    end->bend = P[NX][NX] + it->bent[it->size - 1];
     for (int i = 0; i < NX; i++) end->bend += a[i] * a[i];
     return end->bend > 0;
 }
@@ -206,7 +219,7 @@ static void sweep_back(const Program *it, const double *d, const double *c, doub
         }
         for (int i = 0; i < NV; i++) {
             f[i] = i == NX ? q[NX] : 0;
-            for (int l = 0; l < NX; l++) f[i] += (i == NX ? 0 : t->H[place(i)][BLOCK + l] * t->r[l]) + t->M[l][i] * q[l];
+            for (int l = 0; l < NX; l++) f[i] += (i == NX ? 0 : t->B[place(i)][BLOCK + l] * t->r[l]) + t->M[l][i] * q[l];
             if (i != NX) f[i] += d[BLOCK * k + place(i)];
         }
         for (int l = 0; l < NX; l++)
@@ -220,8 +233,9 @@ static void sweep_back(const Program *it, const double *d, const double *c, doub
     }
 }
 
-/* The step: (H + bent) dw + J'dlam = -d and J dw = -c. */
-static void step(const Program *it, const End *end, const double *d, const double *c, double *dw, double *dlam) {
+/* The same for unknowns w alone: the slacks are eliminated. */
+static void step_without_slacks(const Program *it, const End *end, const double *d, const double *c, double *dw,
+                                double *dlam) {
     double p[NZ] = {0}, b[NX] = {0}, a[NX], nu[NX], v[NV] = {0}, slope;
     sweep_back(it, d, c, p, b);
     memcpy(a, end->S, sizeof a);
@@ -232,7 +246,7 @@ static void step(const Program *it, const End *end, const double *d, const doubl
     for (int i = 0; i < NX; i++) nu[i] = a[i] * v[NX] + b[i];
     backward(&end->G[0][0], NX, nu);
     for (int k = 0; k < it->N; k++) {
-        const Stage *t = it->stages + k;
+        Stage *t = it->stages + k;
         double *u = v + NZ, next[NX], *lam = dlam + NX * k;
         for (int i = 0; i < NU; i++) {
             u[i] = -t->k[i];
@@ -247,11 +261,37 @@ static void step(const Program *it, const End *end, const double *d, const doubl
         for (int i = 0; i < NX; i++) {
             lam[i] = -t->p[i] - t->P[i][NX] * v[NX];
             for (int j = 0; j < NX; j++) lam[i] -= t->P[i][j] * next[j] + t->S[i][j] * nu[j];
-            for (int j = 0; j < NV; j++) lam[i] -= j == NX ? 0 : t->H[BLOCK + i][place(j)] * v[j];
+            for (int j = 0; j < NV; j++) lam[i] -= j == NX ? 0 : t->B[BLOCK + i][place(j)] * v[j];
         }
         lu_transposed(t->LU, t->pivot, lam);
         memcpy(dw + BLOCK * k, v, NX * sizeof *v), memcpy(dw + BLOCK * k + NX, u, NU * sizeof *u);
         memcpy(v, next, sizeof next);
     }
     memset(dw + BLOCK * it->N, 0, NX * sizeof *dw); /* x_N is held */
+}
+
+/* The step: (H + bent) dw + J'dlam = -d and J dw = -c. Of a slack, whose row is Jm dw - ds = -e, that leaves
+   ds = Jm dw + e and dlam = bent ds + d, and to the others Jm'(bent e + d). */
+static void step(const Program *it, const End *end, const double *d, const double *c, double *dw, double *dlam) {
+    if (it->all == it->size) {
+        step_without_slacks(it, end, d, c, dw, dlam);
+        return;
+    }
+    const double *bent = it->bent + it->size, *e = c + it->equations, *gradient = d + it->size;
+    memcpy(it->reduced, d, it->size * sizeof *d);
+    for (int k = 0; k < it->N; k++) {
+        double weights[NX];
+        for (int i = 0; i < NX; i++)
+            weights[i] = it->open[it->size + NX * k + i] ? bent[NX * k + i] * e[NX * k + i] + gradient[NX * k + i] : 0;
+        add_transposed(it, k, it->stages[k].Jm, weights, it->reduced);
+    }
+    step_without_slacks(it, end, it->reduced, c, dw, dlam);
+    for (int i = 0; i < it->equations; i++) {
+        double *ds = dw + it->size + i, *dnu = dlam + it->equations + i, *row = it->stages[i / NX].Jm[i % NX];
+        *ds = *dnu = 0;
+        if (!it->open[it->size + i]) continue;
+        *ds = e[i] + row[NY - 1] * dw[it->size - 1];
+        for (int j = 0; j < NY - 1; j++) *ds += row[j] * dw[BLOCK * (i / NX) + j];
+        *dnu = bent[i] * *ds + gradient[i];
+    }
 }

@@ -67,7 +67,14 @@ class Stagewise:
             return None
         return cls(library, CondensedLayout(Layout(dynamics.nv, scheme)), intervals, settings)
 
-    def solve(self, x: Array, p: Array, bounds: tuple[Array, Array], stop: Stop) -> Outcome:
+    def solve(
+        self,
+        x: Array,
+        p: Array,
+        bounds: tuple[Array, Array],
+        stop: Stop,
+        middles: tuple[Array, Array] | None = None,
+    ) -> Outcome:
         """One call of the method.
 
         Args:
@@ -75,13 +82,23 @@ class Stagewise:
             p: parameters.
             bounds: least and largest unknowns; those of the first and the last state coincide.
             stop: asked every few iterations.
+            middles: least and largest states in the middle of the intervals, a column each, shape (2 nv, N); None: any.
 
         Raises:
             MemoryError: there is none left.
         """
-        own, w, z = self.settings, np.array(x, dtype=float), np.zeros(len(x))
-        lam, count = np.zeros(self._equations), ctypes.c_int()
-        given = [np.ascontiguousarray(numbers, dtype=float) for numbers in (p, *bounds)]
+        own, size, rows = self.settings, len(x), self._equations
+        lower, upper = bounds
+        if middles is not None:
+            lower, upper = np.append(lower, middles[0].T), np.append(upper, middles[1].T)
+        slacks = len(lower) - size
+        w, z, lam, count = (
+            np.append(x, np.zeros(slacks)),
+            np.zeros(size + slacks),
+            np.zeros(rows + slacks),
+            ctypes.c_int(),
+        )
+        given = [np.ascontiguousarray(numbers, dtype=float) for numbers in (p, lower, upper)]
         raised: list[BaseException] = []
 
         def watched(iteration: int, cost: float, infeasible: float, error: float, barrier: float) -> bool:
@@ -94,14 +111,14 @@ class Stagewise:
                 return True
 
         code = self.library.solve(
-            self.intervals, *map(_pointer, given), own.tolerance, own.barrier, own.max_iterations,
+            self.intervals, slacks > 0, *map(_pointer, given), own.tolerance, own.barrier, own.max_iterations,
             1 if own.verbose else _ASKED, WATCH(watched), *map(_pointer, (w, lam, z)), ctypes.byref(count),
         )  # fmt: skip
         if raised:
             raise raised[0]
         if code == len(_ENDED):
             raise MemoryError
-        return ended(_ENDED[code], stop, count.value, w, x, z, lam)
+        return ended(_ENDED[code], stop, count.value, w[:size], x, z[:size], lam[:rows])
 
     def equations(self, x: Array, p: Array) -> Array:
         """Values of the program's equations at unknowns and parameters."""

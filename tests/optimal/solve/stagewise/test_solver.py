@@ -10,7 +10,8 @@ import armdyn as ad
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_unknowns
 from armdyn.optimal.search.starts import detours, spline
-from armdyn.optimal.solve.condensed import solve_quickly
+from armdyn.optimal.solve.condensed import _within, solve_quickly
+from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.solve.stagewise.solver import Stagewise
 from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.scheme import Scheme
@@ -51,6 +52,22 @@ def test_ipopts_iterations_to_ipopts_optimum(arm):
     # Newton's steps are the same but for rounding.
     assert own.trajectory.duration == pytest.approx(other.trajectory.duration, rel=1e-10)
     np.testing.assert_allclose(own.trajectory.q, other.trajectory.q, atol=1e-7)
+
+
+@pytest.mark.parametrize("kind", [{"velocity_limit": 12.0}, {"position_limit": ((-1.7, -2.0), (1.7, 2.0))}])
+def test_limits_in_the_middle_of_intervals_as_with_all_unknowns(kind):
+    problem = paper_problem("rr", **kind)
+    task = replace(Task.of(problem), scheme=CONSTANT)
+    full = solve_on_mesh(task, spline(problem, []), N, TIGHT)
+    again = _within(task, full.trajectory, N, TIGHT)
+    assert full.status is again.status is ad.Status.SOLVED
+    assert again.trajectory.duration == pytest.approx(full.trajectory.duration, rel=1e-7)  # both to 1e-9, scaled
+    np.testing.assert_allclose(again.trajectory.q, full.trajectory.q, atol=2e-5)  # by the square root, in the optimum
+    beyond = (
+        np.abs(again.trajectory.v) / problem.limits.velocity,
+        np.abs(again.trajectory.q) / np.maximum(problem.limits.position_upper, -problem.limits.position_lower),
+    )
+    assert 1 - 1e-3 < max(np.max(part) for part in beyond) <= 1 + 1e-7  # reached, and loosened by 1e-8
 
 
 def test_multipliers_are_those_of_the_solution():
