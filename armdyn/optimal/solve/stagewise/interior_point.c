@@ -1,7 +1,7 @@
 /* Minimum of the cost with c(w) = 0 and lower <= w <= upper, by the method of `line_search.c`'s authors: steps by
    Riccati's sweep instead of a sparse factorization, and a simpler way back to the equations, are what is ours. */
 
-enum { SOLVED, ITERATIONS, STOPPED, NO_WAY_BACK, NO_NUMBERS, NO_STEP, NO_MEMORY };
+enum { SOLVED, ACCEPTED, ITERATIONS, STOPPED, NO_WAY_BACK, NO_NUMBERS, NO_STEP, NO_MEMORY };
 
 /* Bounds are loosened so much; E_mu of (5) is acceptable below that if it stays there. */
 static const double RELAXED = 1e-8, ACCEPTABLE = 1e-6;
@@ -74,12 +74,24 @@ static void advance(Solve *s, double cost, double alpha, double alpha_dual) {
     }
 }
 
+/* A number so far from its bounds, as a part of them or of the room between. */
+static double inside(double w, double low, double high, double part) {
+    if (isfinite(low)) w = fmax(w, low + part * fmin(fmax(1, fabs(low)), high - low));
+    if (isfinite(high)) w = fmin(w, high - part * fmin(fmax(1, fabs(high)), high - low));
+    return w;
+}
+
 /* Back to where the equations nearly hold and the filter lets through: Newton's steps for the equations alone, of all
    those the shortest by the distance from where it began and by the barrier; nearly what section 3.3 minimizes. */
 static int restored(Solve *s, int *k, int iterations) {
-    double begun = s->theta, weight = sqrt(s->mu), cost, theta, phi, alpha, *from = s->other_dw;
-    memcpy(from, s->w, s->it.all * sizeof *from);
+    double begun = s->theta, weight = sqrt(s->mu), cost, theta = begun, phi = s->phi, alpha, *from = s->other_dw;
     into_filter(s);
+    for (int i = 0; i < s->it.all; i++) /* what sticks to its bound makes all steps short, and the equations stiff */
+        if (s->it.open[i]) s->w[i] = inside(s->w[i], s->lower[i], s->upper[i], 1e-4);
+    if (!evaluate(&s->it, s->w, &s->cost, s->c, NULL)) return 0;
+    s->theta = absolute_sum(s->c, s->it.rows);
+    differentiate(&s->it, s->w, s->lam, s->gradient);
+    memcpy(from, s->w, s->it.all * sizeof *from);
     do {
         if (++*k > iterations) return 0;
         flatten(&s->it);
@@ -107,7 +119,7 @@ static int restored(Solve *s, int *k, int iterations) {
 /* Newton's step of all (11) to (12); how large it is beside w. */
 static double newton(Solve *s) {
     double largest = 0;
-    s->phi = barrier_function(s, s->w, s->cost), s->slope = 0;
+    s->slope = 0;
     for (int i = 0; i < s->it.all; i++) {
         double push = 0;
         if (s->zl[i] > 0) push -= s->mu / (s->w[i] - s->lower[i]);
@@ -135,26 +147,26 @@ static int iterate(Solve *s, double tolerance, int iterations, int asked, Watch 
         error = error_of(s, 0);
         if (!isfinite(error)) return NO_NUMBERS;
         acceptable = error <= ACCEPTABLE ? acceptable + 1 : 0;
-        if (error <= tolerance || acceptable == ACCEPTED_AFTER) return SOLVED;
+        if (error <= tolerance) return SOLVED;
+        if (acceptable == ACCEPTED_AFTER) return ACCEPTED;
         if (*k >= iterations) return ITERATIONS;
         if (*k % asked == 0 && watch(*k, s->cost, s->theta, error, s->mu)) return STOPPED;
         while (s->mu > least_mu && (tiny || error_of(s, s->mu) <= 10 * s->mu)) {
             s->mu = fmax(least_mu, fmin(0.2 * s->mu, pow(s->mu, 1.5))); /* (7) */
             s->filtered = tiny = 0;
         }
-        if (tiny) return NO_STEP;
+        if (tiny) return acceptable ? ACCEPTED : NO_STEP;
         tau = fmax(0.99, 1 - s->mu);
-        if (!factored(s)) return NO_WAY_BACK;
-        tiny = newton(s) < 10 * 2.2e-16 && s->theta < 1e-4; /* rounding decides: section 3.9 */
-        if (tiny) {
-            double theta, phi;
-            alpha = longest(s, s->dw, tau);
-            if (!tried(s, s->dw, alpha, &cost, &theta, &phi)) return NO_NUMBERS;
-        } else if (!line_search(s, tau, &alpha, &cost)) {
-            if (!restored(s, k, iterations)) return *k > iterations ? (*k = iterations, ITERATIONS) : NO_WAY_BACK;
-            continue;
+        s->phi = barrier_function(s, s->w, s->cost);
+        if (factored(s)) {
+            tiny = newton(s) < 10 * 2.2e-16 && s->theta < 1e-4; /* rounding decides: section 3.9 */
+            if (tiny ? whole_step(s, tau, &alpha, &cost) : line_search(s, tau, &alpha, &cost)) {
+                advance(s, cost, alpha, longest_dual(s, tau));
+                continue;
+            }
         }
-        advance(s, cost, alpha, longest_dual(s, tau));
+        tiny = 0;
+        if (!restored(s, k, iterations)) return *k > iterations ? (*k = iterations, ITERATIONS) : NO_WAY_BACK;
     }
 }
 
@@ -165,14 +177,8 @@ static void begin(Solve *s, int i, double lower, double upper, double *low, doub
         s->w[i] = i < s->it.size ? lower : 0;
         return;
     }
-    if (isfinite(lower)) {
-        s->zl[i] = 1;
-        s->w[i] = fmax(s->w[i], *low + 1e-2 * fmin(fmax(1, fabs(*low)), *high - *low));
-    }
-    if (isfinite(upper)) {
-        s->zu[i] = 1;
-        s->w[i] = fmin(s->w[i], *high - 1e-2 * fmin(fmax(1, fabs(*high)), *high - *low));
-    }
+    s->w[i] = inside(s->w[i], *low, *high, 1e-2);
+    s->zl[i] = isfinite(lower), s->zu[i] = isfinite(upper);
 }
 
 /* Which unknowns are free: not the first and the last state, nor what bounds leave no room or, of slacks, have none. */

@@ -115,6 +115,13 @@ static int corrected(Solve *s, double tau, double alpha, double theta, double *c
     return 0;
 }
 
+/* As far as the bounds allow, with no questions asked but for numbers. */
+static int whole_step(Solve *s, double tau, double *alpha, double *cost) {
+    double theta, phi;
+    *alpha = longest(s, s->dw, tau);
+    return tried(s, s->dw, *alpha, cost, &theta, &phi);
+}
+
 /* The line search: 1: trial, its equations and cost, and alpha, the multipliers' part of their step; 0: none will do. */
 static int line_search(Solve *s, double tau, double *alpha, double *cost) {
     double shortest = 1e-5, theta, phi;

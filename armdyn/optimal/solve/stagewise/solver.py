@@ -22,6 +22,7 @@ _ASKED = 5
 """Iterations between two questions whether to stop: about as long as one question takes in Python."""
 _ENDED = (
     "Solve_Succeeded",
+    "Solved_To_Acceptable_Level",
     "Maximum_Iterations_Exceeded",
     "User_Requested_Stop",
     "Restoration_Failed",
