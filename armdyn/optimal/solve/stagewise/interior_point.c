@@ -10,20 +10,20 @@ enum { ACCEPTED_AFTER = 15 };
 /* Told where it stands; not zero: stop. */
 typedef int (*Watch)(int iteration, double cost, double infeasible, double error, double mu);
 
-/* E_mu (5), where d is the gradient of cost + lam'c. */
+/* E_mu (5), where d is the gradient of cost + lam'c; what is no number is no error, and shows in the sum. */
 static double error_of(const Solve *s, double mu) {
-    double dual = 0, gaps = 0, equations = 0, z = 0, all;
+    double dual = 0, gaps = 0, equations = 0, z = 0, sum = 0, all;
     int n = 0;
     for (int i = 0; i < s->it.all; i++) {
         if (!s->it.open[i]) continue;
-        dual = fmax(dual, fabs(s->d[i] - s->zl[i] + s->zu[i]));
+        dual = fmax(dual, fabs(s->d[i] - s->zl[i] + s->zu[i])), sum += s->d[i];
         if (isfinite(s->lower[i])) gaps = fmax(gaps, fabs((s->w[i] - s->lower[i]) * s->zl[i] - mu)), z += s->zl[i], n++;
         if (isfinite(s->upper[i])) gaps = fmax(gaps, fabs((s->upper[i] - s->w[i]) * s->zu[i] - mu)), z += s->zu[i], n++;
     }
     for (int i = 0; i < s->it.rows; i++) equations = fmax(equations, fabs(s->c[i]));
     all = absolute_sum(s->lam, s->it.rows) + z;
     dual /= fmax(100, all / (s->it.rows + n)) / 100, gaps /= fmax(100, z / n) / 100;
-    return isfinite(all) ? fmax(fmax(dual, equations), gaps) : NAN;
+    return isfinite(all) && isfinite(sum) ? fmax(fmax(dual, equations), gaps) : NAN;
 }
 
 /* Factors with as much on the diagonal as a minimum takes, section 3.1; 0: nothing helps. What is held has 1e30. */
@@ -96,9 +96,11 @@ static int restored(Solve *s, int *k, int iterations) {
         if (++*k > iterations) return 0;
         flatten(&s->it);
         for (int i = 0; i < s->it.all; i++) {
-            double scale = fmax(1, fabs(from[i])), below = s->w[i] - s->lower[i], above = s->upper[i] - s->w[i];
-            s->it.bent[i] = s->it.open[i] ? weight / (scale * scale) + s->mu / (below * below) + s->mu / (above * above) : 1e30;
-            s->d[i] = s->it.open[i] ? weight / (scale * scale) * (s->w[i] - from[i]) - s->mu / below + s->mu / above : 0;
+            double scale = fmax(1, fabs(from[i])), near = weight / (scale * scale);
+            double below = s->w[i] - s->lower[i], above = s->upper[i] - s->w[i];
+            s->it.bent[i] = near + s->mu / (below * below) + s->mu / (above * above);
+            s->d[i] = near * (s->w[i] - from[i]) - s->mu / below + s->mu / above;
+            if (!s->it.open[i]) s->it.bent[i] = 1e30, s->d[i] = 0;
         }
         if (!factor(&s->it, &s->end)) return 0;
         step(&s->it, &s->end, s->d, s->c, s->dw, s->dlam);

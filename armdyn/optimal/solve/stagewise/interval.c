@@ -3,7 +3,7 @@
    Before this stand JOINTS, LANES, the type V of LANES doubles, and functions of one interval in V, which
    `stagewise.interval` writes: y = (x_k, u_k, x_{k+1}, T) are its unknowns, p its parameters. Unknowns of the program
    are w = (x_0, u_0, x_1, ..., x_N, T) and, where the states in the middle of the intervals have bounds, slacks s that
-   equal them: m(w) - s = 0 follows the equations of motion. A slack without bounds is held at zero, and so is its row. */
+   equal them: m(w) - s = 0 follows the equations of motion. A slack without bounds is held at zero, as is its row. */
 
 enum {
     NX = 2 * JOINTS,   /* state */
@@ -70,7 +70,8 @@ static int evaluate(const Program *it, const double *w, double *cost, double *c,
 static void differentiate(const Program *it, const double *w, const double *lam, double *gradient) {
     V y[NY], p[PARAMETERS], x[NX], l[NX], m[NX], left[NU], mid[NU], right[NU], to_left[NU], to_right[NU];
     V J[JACOBIAN], g[GRADIENT], H[HESSIAN], Jm[MIDDLE];
-    V slopes_left[SLOPES], slopes_mid[SLOPES], slopes_right[SLOPES], bends_left[BENDS], bends_mid[BENDS], bends_right[BENDS];
+    V slopes_left[SLOPES], slopes_mid[SLOPES], slopes_right[SLOPES];
+    V bends_left[BENDS], bends_mid[BENDS], bends_right[BENDS];
     memset(gradient, 0, it->all * sizeof *gradient);
     for (int first = 0; first < it->N; first += LANES) {
         gather(it, w, first, y, p);
@@ -83,8 +84,8 @@ static void differentiate(const Program *it, const double *w, const double *lam,
         bend(x, y + NX, l + NU, p, mid, slopes_mid, bends_mid), weigh(y, slopes_mid, l, m, p, to_left, to_right);
         bend(y, y + NX, to_left, p, left, slopes_left, bends_left);
         bend(y + BLOCK, y + NX, to_right, p, right, slopes_right, bends_right);
-        assemble(y, l, m, left, slopes_left, bends_left, mid, slopes_mid, bends_mid, right, slopes_right, bends_right, p,
-                 J, g, H, Jm);
+        assemble(y, l, m, left, slopes_left, bends_left, mid, slopes_mid, bends_mid, right, slopes_right, bends_right,
+                 p, J, g, H, Jm);
         for (int lane = 0; lane < LANES && first + lane < it->N; lane++) {
             int k = first + lane;
             double *jacobian = &it->stages[k].J[0][0], *hessian = &it->stages[k].H[0][0];

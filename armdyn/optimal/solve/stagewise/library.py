@@ -1,4 +1,4 @@
-"""The method's C for an arm: its functions, written by CasADi's instructions, and the four files beside this one."""
+"""The method's C for an arm: its functions, written by CasADi's instructions, and the files beside this one."""
 
 import ctypes
 from importlib.resources import files
@@ -10,7 +10,7 @@ from armdyn.optimal.program.machine.compiled import compiled_library
 from armdyn.optimal.program.machine.lanes import UnwrittenError, in_lanes, prelude, table
 from armdyn.optimal.program.stages import StageFunctions
 
-_PARTS = ("interval.c", "riccati.c", "line_search.c", "interior_point.c")
+_PARTS = ("interval.c", "dense.c", "riccati.c", "line_search.c", "interior_point.c")
 """In the order in which they build on each other."""
 _OWN = 1500
 """About as many instructions as an arm's function are what the compiler makes of these."""

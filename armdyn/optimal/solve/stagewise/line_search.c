@@ -3,7 +3,8 @@
 
 enum { FILTER = 256 /* pairs that are kept; beyond that the last gives way */ };
 
-/* Where a solve stands: unknowns w (slacks last), multipliers lam of the equations and zl, zu of the bounds, and what is there. */
+/* Where a solve stands: unknowns w (slacks last), multipliers lam of the equations and zl, zu of the bounds, and what
+   is there. */
 typedef struct {
     Program it;
     End end;
@@ -122,7 +123,7 @@ static int whole_step(Solve *s, double tau, double *alpha, double *cost) {
     return tried(s, s->dw, *alpha, cost, &theta, &phi);
 }
 
-/* The line search: 1: trial, its equations and cost, and alpha, the multipliers' part of their step; 0: none will do. */
+/* The line search: 1: trial, its equations and cost, and alpha, the multipliers' part of their step; 0: none. */
 static int line_search(Solve *s, double tau, double *alpha, double *cost) {
     double shortest = 1e-5, theta, phi;
     int first = 1;

@@ -19,95 +19,6 @@ typedef struct {
 /* Place in y of the j-th of (x, T, u). */
 static int place(int j) { return j < NX ? j : j == NX ? NY - 1 : j - 1; }
 
-/* A = LU with rows exchanged; 0: singular. */
-static int lu_factor(double A[NX][NX], int *pivot) {
-    for (int j = 0; j < NX; j++) {
-        int best = j;
-        for (int i = j + 1; i < NX; i++)
-            if (fabs(A[i][j]) > fabs(A[best][j])) best = i;
-        pivot[j] = best;
-        if (!(fabs(A[best][j]) > 1e-12)) return 0;
-        if (best != j)
-            for (int l = 0; l < NX; l++) {
-                double swap = A[j][l];
-                A[j][l] = A[best][l], A[best][l] = swap;
-            }
-        double inverse = 1 / A[j][j];
-        for (int i = j + 1; i < NX; i++) {
-            double factor = A[i][j] *= inverse;
-            for (int l = j + 1; l < NX; l++) A[i][l] -= factor * A[j][l];
-        }
-    }
-    return 1;
-}
-
-/* A B = B in place, B of `columns` columns. */
-static inline __attribute__((always_inline)) void lu_solve(double LU[NX][NX], const int *pivot, double *B, int columns) {
-    for (int j = 0; j < NX; j++)
-        if (pivot[j] != j)
-            for (int l = 0; l < columns; l++) {
-                double swap = B[j * columns + l];
-                B[j * columns + l] = B[pivot[j] * columns + l], B[pivot[j] * columns + l] = swap;
-            }
-    for (int j = 0; j < NX; j++)
-        for (int i = j + 1; i < NX; i++)
-            for (int l = 0; l < columns; l++) B[i * columns + l] -= LU[i][j] * B[j * columns + l];
-    for (int j = NX - 1; j >= 0; j--) {
-        double inverse = 1 / LU[j][j];
-        for (int l = 0; l < columns; l++) B[j * columns + l] *= inverse;
-        for (int i = 0; i < j; i++)
-            for (int l = 0; l < columns; l++) B[i * columns + l] -= LU[i][j] * B[j * columns + l];
-    }
-}
-
-/* The transposed: A' b = b in place. */
-static void lu_transposed(double LU[NX][NX], const int *pivot, double *b) {
-    for (int j = 0; j < NX; j++) {
-        for (int i = 0; i < j; i++) b[j] -= LU[i][j] * b[i];
-        b[j] /= LU[j][j];
-    }
-    for (int j = NX - 1; j >= 0; j--)
-        for (int i = j + 1; i < NX; i++) b[j] -= LU[i][j] * b[i];
-    for (int j = NX - 1; j >= 0; j--)
-        if (pivot[j] != j) {
-            double swap = b[j];
-            b[j] = b[pivot[j]], b[pivot[j]] = swap;
-        }
-}
-
-static inline __attribute__((always_inline)) int cholesky(double *A, int n) {
-    for (int j = 0; j < n; j++) {
-        double pivot = A[j * n + j], scale = fabs(pivot);
-        for (int l = 0; l < j; l++) pivot -= A[j * n + l] * A[j * n + l];
-        if (!(pivot > 1e-13 * scale)) return 0;
-        A[j * n + j] = pivot = sqrt(pivot);
-        for (int i = j + 1; i < n; i++) {
-            double sum = A[i * n + j];
-            for (int l = 0; l < j; l++) sum -= A[i * n + l] * A[j * n + l];
-            A[i * n + j] = sum / pivot;
-        }
-    }
-    return 1;
-}
-
-/* L B = B in place. */
-static inline __attribute__((always_inline)) void forward(const double *L, int n, double *B, int columns) {
-    for (int i = 0; i < n; i++) {
-        for (int j = 0; j < i; j++)
-            for (int l = 0; l < columns; l++) B[i * columns + l] -= L[i * n + j] * B[j * columns + l];
-        double inverse = 1 / L[i * n + i];
-        for (int l = 0; l < columns; l++) B[i * columns + l] *= inverse;
-    }
-}
-
-/* L' b = b in place. */
-static inline __attribute__((always_inline)) void backward(const double *L, int n, double *b) {
-    for (int i = n - 1; i >= 0; i--) {
-        for (int j = i + 1; j < n; j++) b[i] -= L[j * n + i] * b[j];
-        b[i] /= L[i * n + i];
-    }
-}
-
 /* dx_{k+1} = M (dx_k, dT, du_k) + r; 0: the equations do not say. */
 static int solved_for_next(Stage *s) {
     for (int i = 0; i < NX; i++) {
@@ -219,7 +130,8 @@ static void sweep_back(const Program *it, const double *d, const double *c, doub
         }
         for (int i = 0; i < NV; i++) {
             f[i] = i == NX ? q[NX] : 0;
-            for (int l = 0; l < NX; l++) f[i] += (i == NX ? 0 : t->B[place(i)][BLOCK + l] * t->r[l]) + t->M[l][i] * q[l];
+            for (int l = 0; l < NX; l++)
+                f[i] += (i == NX ? 0 : t->B[place(i)][BLOCK + l] * t->r[l]) + t->M[l][i] * q[l];
             if (i != NX) f[i] += d[BLOCK * k + place(i)];
         }
         for (int l = 0; l < NX; l++)
@@ -233,7 +145,7 @@ static void sweep_back(const Program *it, const double *d, const double *c, doub
     }
 }
 
-/* The same for unknowns w alone: the slacks are eliminated. */
+/* `step` without its slacks: those unknowns and rows alone. */
 static void step_without_slacks(const Program *it, const End *end, const double *d, const double *c, double *dw,
                                 double *dlam) {
     double p[NZ] = {0}, b[NX] = {0}, a[NX], nu[NX], v[NV] = {0}, slope;
