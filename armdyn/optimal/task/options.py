@@ -20,13 +20,13 @@ up for."""
 
 @dataclass(frozen=True)
 class DirectOptions:
-    """Of one call of IPOPT.
+    """Of one call of IPOPT, or of the stagewise method, which is IPOPT's.
 
     Attributes:
         tolerance: on the scaled problem.
         max_iterations: before it gives up.
         verbose: let it print.
-        barrier: IPOPT's mu_init, on the scaled problem.
+        barrier: the first one, IPOPT's mu_init, on the scaled problem.
     """
 
     tolerance: float = 1e-8
@@ -68,7 +68,7 @@ class MinimumTimeOptions:
         time_limit: wall time for the whole solve [s].
         workers: processes of search and refinement; None: one per core. They make no difference to the answer.
             Threads may solve at once: they take turns at IPOPT, and each gets what it would get alone.
-        verbose: let IPOPT print.
+        verbose: let solvers print.
     """
 
     guesses: tuple[Trajectory, ...] = ()
