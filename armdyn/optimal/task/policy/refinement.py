@@ -77,9 +77,12 @@ class SmoothPolicy:
     fine: int = tuned(30, "intervals", "of the first solution by a high order", PAPER)
     most_rough: int = tuned(120, "intervals", "of the last mesh that is rough", "RRR, 500 g and 1 kg")
     most: int = tuned(240, "intervals", "of the finest mesh", "RRR, 500 g and 1 kg")
-    steps: int = tuned(12, "solves", "spent on all optima together: one takes 0.1 to 20 s", "RRR, ten payloads")
+    optimism: float = tuned(
+        0.98, "of a coarse J", "what it may yet fall to: more is another optimum's", "RR, RRR, ten payloads"
+    )
+    steps: int = tuned(12, "solves", "spent on all optima together: one takes 0.1 to 6 s", "RRR, ten payloads")
     settled: float = tuned(1e-5, "-", "|H| at which a mesh is replayed: a tenth of what is certified", PAPER)
-    doubted: float = tuned(1e-4, "-", "|H| beyond which the structure is looked at: what is certified", PAPER)
+    warm: float = tuned(0.02, "-", "|H| below which the next solve stays where it is: 4 to 10 iterations, not 50", PAPER)
     rough: float = tuned(0.05, "-", "|H| beyond which a mesh is too coarse to tell limits by", PAPER)
     artefact: float = tuned(1.0, "-", "|H| beyond which it says nothing of where to look, either", PAPER)
     worth: float = tuned(
