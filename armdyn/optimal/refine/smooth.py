@@ -17,6 +17,7 @@ from armdyn.optimal.arcs.posing import PhaseAim
 from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.arcs.structure import with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land
 from armdyn.optimal.refine.optimum import Optimum
@@ -40,11 +41,11 @@ def time_energy(task: Task) -> tuple[list[Optimum], Found]:
         ProblemError: a guess in the options moves other joints.
     """
     numbers, options, weight = task.policy.smooth, task.options, task.problem.effort_weight
-    leads = [_Lead(0.0, guess) for guess in _given(task)]
+    given = [_Lead(0.0, guess) for guess in _given(task)]
     attempts = _searched(task, options.starts or numbers.starts)
-    for motion in _distinct(task, attempts)[: options.refinements or numbers.refined]:
-        leads.append(_Lead(numbers.optimism * trajectory_cost(motion, weight), motion))
-    settling = _Settling(task, leads)
+    coarse = _distinct(task, attempts)[: options.refinements or numbers.refined]
+    found = [_Lead(numbers.optimism * trajectory_cost(motion, weight), motion) for motion in coarse]
+    settling = _Settling(task, [*given, *found])
     landed: list[Optimum] = []
     for phases in settling.optima():
         paid = cost(task.problem, phases)
@@ -52,7 +53,7 @@ def time_energy(task: Task) -> tuple[list[Optimum], Found]:
         landed.append(replace(land(task, phases), cost=paid))
         if landed[-1].landed(options.replay_tolerance) or task.stop:
             break
-    failed = _none_of(task, attempts, settling.unresolved) if not landed else attempts
+    failed = attempts if landed else _none_of(task, attempts, settling.failed)
     iterations = sum(attempt.iterations for attempt in attempts)
     return landed, Found((), failed=tuple(failed), listed=settling.durations, iterations=iterations)
 
@@ -73,7 +74,8 @@ def smooth_optima(task: Task, starts: int, most: int) -> tuple[tuple[Phases, ...
     found = [resolved_near(task, guess) for guess in _distinct(task, attempts)[:most] if not task.stop]
     solved = sorted((each for each in found if isinstance(each, Phases)), key=lambda phases: cost(problem, phases))
     if not solved:
-        attempts = _none_of(task, attempts, [each for each in found if isinstance(each, Unresolved)])
+        resisted = [_failed(task, each) for each in found if isinstance(each, Unresolved)]
+        attempts = _none_of(task, attempts, resisted)
     alike = within(task.policy.same.resolved_cost)
     groups = grouped(solved, lambda first, item: alike(cost(problem, first), cost(problem, item)))
     return tuple(group[0] for group in groups), tuple(attempts)
@@ -96,18 +98,26 @@ def _searched(task: Task, starts: int) -> list[Attempt]:
     return search(linear, [numbers.coarse], starts, coarse)
 
 
-def _none_of(task: Task, attempts: list[Attempt], resisted: Sequence[Unresolved]) -> list[Attempt]:
+def _none_of(task: Task, attempts: Sequence[Attempt], resisted: Sequence[Attempt]) -> list[Attempt]:
     """What there is to say where none of the attempts has led to an optimum, the most telling first."""
-    told = [*(_failed(each, task.policy.smooth.fine) for each in resisted), *attempts]
+    told = [*resisted, *attempts]
     if task.stop:
         told.insert(0, replace(told[0], status=task.stop.status, message=task.stop.word))
     return told
 
 
-def _failed(phases: Unresolved, intervals: int) -> Attempt:
+def _failed(task: Task, phases: Unresolved) -> Attempt:
     """A coarse optimum that did not converge on the fine mesh, as an attempt there."""
+    intervals = task.policy.smooth.fine
     message = f"what converged on a coarse mesh does not on {intervals} intervals ({phases.message})"
     return Attempt(phases.status, message, phases.last.torques, intervals, phases.iterations, None)
+
+
+def _no_optimum(phases: Phases, stray: float) -> Attempt:
+    """What converged, but on no mesh becomes an optimum."""
+    size = phases.arc_of.size
+    message = f"what converged on {size} intervals is no optimum: the Hamiltonian strays from 0 by {stray:.2g}"
+    return Attempt(Status.FAILED, message, phases.torques, size, phases.iterations, None)
 
 
 def resolved_near(task: Task, guess: Trajectory) -> Phases | Unresolved:
@@ -140,24 +150,24 @@ class _Settling:
     Coarse meshes promise more than there is, and only what promises most is worth a finer one.
 
     Attributes:
-        unresolved: leads that did not converge when they were solved by the high order.
+        failed: leads that have come to nothing.
     """
 
     def __init__(self, task: Task, leads: Sequence[_Lead]):
-        self.unresolved: list[Unresolved] = []
+        self.failed: list[Attempt] = []
         self._task, self._waiting = task, list(leads)
         self._left, self._resolved = list[Phases](), list[Phases]()
 
     @property
     def durations(self) -> tuple[float, ...]:
         """Of all optima met, resolved or not [s]."""
-        motions = [*self._resolved, *(lead.motion for lead in self._waiting if isinstance(lead.motion, Trajectory))]
-        return tuple(motion.duration for motion in motions)
+        coarse = (lead.motion for lead in self._waiting if isinstance(lead.motion, Trajectory))
+        return (*(phases.duration for phases in self._resolved), *(motion.duration for motion in coarse))
 
     def optima(self) -> Iterator[Phases]:
         """Optima whose mesh and structure are good enough to be replayed, that of least J first.
 
-        Where there are none, the two best whose meshes cannot be finer, or the best of all.
+        Where there are none, the two best whose meshes cannot be finer, or the best under way.
         """
         numbers = self._task.policy.smooth
         for _ in range(numbers.steps + len(self._waiting)):
@@ -172,7 +182,7 @@ class _Settling:
             else:
                 self._improve(best, stray)
         waiting = [lead.motion for lead in self._waiting if isinstance(lead.motion, Phases)]
-        yield from self._sorted(self._left)[:2] or self._sorted(waiting)[:1] or self._sorted(self._resolved)[:1]
+        yield from self._sorted(self._left)[:2] or self._sorted(waiting)[:1]
 
     def _sorted(self, optima: Sequence[Phases]) -> list[Phases]:
         return sorted(optima, key=lambda phases: cost(self._task.problem, phases))
@@ -181,7 +191,7 @@ class _Settling:
         """A lead by the high order, unless it comes to an optimum that is known."""
         found, problem = resolved_near(self._task, motion), self._task.problem
         if isinstance(found, Unresolved):
-            self.unresolved.append(found)
+            self.failed.append(_failed(self._task, found))
             return
         known, own = [cost(problem, phases) for phases in self._resolved], cost(problem, found)
         if all(abs(own / other - 1) > self._task.policy.same.resolved_cost for other in known):
@@ -189,24 +199,22 @@ class _Settling:
             self._waiting.append(_Lead(own, found))
 
     def _improve(self, best: Phases, stray: float) -> None:
-        """Another structure, or a finer mesh; what neither converges on is let go."""
-        numbers = self._task.policy.smooth
-        better: Phases | Unresolved | None = _restructured(self._task, best, stray)
-        if better is None:
-            size = Ladder(numbers.most if stray < numbers.rough else numbers.most_rough).above(best.arc_of.size)
-            if size is None:
-                self._left.append(best)
-                return
+        """Another structure, or a finer mesh; where neither converges, or is to be had, it is let go."""
+        numbers, rough = self._task.policy.smooth, stray >= self._task.policy.smooth.rough
+        better: Phases | Unresolved | None = None if rough else _restructured(self._task, best, stray)
+        if better is None and (size := Ladder(numbers.most_rough if rough else numbers.most).above(best.arc_of.size)):
             better = _solved(self._task, best.arcs, size, best, stray)
         if isinstance(better, Phases):
             self._waiting.append(_Lead(cost(self._task.problem, better), better))
+        elif better is None and not rough:
+            self._left.append(best)
+        else:
+            self.failed.append(_no_optimum(best, stray))
 
 
 def _restructured(task: Task, phases: Phases, stray: float) -> Phases | None:
     """With the structure that the multipliers ask for; None: there is none, or it is no better."""
-    numbers, arcs = task.policy.smooth, task.policy.arcs
-    if stray >= numbers.rough:
-        return None
+    arcs = task.policy.arcs
     wanted = (
         without_vanished(phases, arcs) or with_overlooked(task.problem, phases, arcs) or without_idle_touches(phases)
     )
