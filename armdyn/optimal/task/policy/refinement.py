@@ -82,7 +82,9 @@ class SmoothPolicy:
     )
     steps: int = tuned(12, "solves", "spent on all optima together: one takes 0.1 to 6 s", "RRR, ten payloads")
     settled: float = tuned(1e-5, "-", "|H| at which a mesh is replayed: a tenth of what is certified", PAPER)
-    warm: float = tuned(0.02, "-", "|H| below which the next solve stays where it is: 4 to 10 iterations, not 50", PAPER)
+    warm: float = tuned(
+        0.02, "-", "|H| below which the next solve stays where it is: 4 to 10 iterations, not 50", PAPER
+    )
     rough: float = tuned(0.05, "-", "|H| beyond which a mesh is too coarse to tell limits by", PAPER)
     artefact: float = tuned(1.0, "-", "|H| beyond which it says nothing of where to look, either", PAPER)
     worth: float = tuned(
