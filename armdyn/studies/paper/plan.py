@@ -10,7 +10,7 @@ from armdyn.studies.paper.outcomes.case import READINGS, Case
 from armdyn.studies.paper.printed.examples import EXAMPLES, PAYLOAD, Kind
 from armdyn.studies.paper.printed.loop import PAPER_RULE
 
-KINDS: tuple[Kind, ...] = ("minimum_time", "time_energy", "pid")
+_KINDS: tuple[Kind, ...] = ("minimum_time", "time_energy", "pid")
 FAR = 2.0
 """Payloads that differ by such a factor are no neighbours: 500 g and 1 kg have other optima than what is lighter."""
 
@@ -81,7 +81,8 @@ class Plan:
         shown = [case for case in wanted if case.payload == self.shown_payload]
         others = [case for case in wanted if case.payload != self.shown_payload]
         return [
-            *sorted(shown, key=lambda case: (KINDS.index(case.kind), len(case.arm))),
+            # One reading after the other: no two workers need the same machine code at the same time.
+            *sorted(shown, key=lambda case: (_KINDS.index(case.kind), READINGS.index(case.reading), len(case.arm))),
             *sorted(others, key=lambda case: (case.kind == "pid", -len(case.arm), -case.payload)),
         ]
 
