@@ -3,6 +3,7 @@
 import base64
 import gzip
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
@@ -200,5 +201,7 @@ def _replays(outcomes: Iterable[Outcome], payload: float) -> dict[str, object]:
     }
 
 
+@lru_cache(maxsize=16)
 def _packed(text: str) -> str:
+    """Compressed, as base64; the page is written twice with the same replays."""
     return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode("ascii")
