@@ -32,8 +32,7 @@ UNBOUNDED_EFFORT = 30.0
 
 
 @lru_cache(maxsize=64)
-def _robot(arm: PaperArm, payload: float, reading: Reading) -> Robot:
-    spec = ArmSpec.paper(arm)
+def _robot(spec: ArmSpec, payload: float, reading: Reading) -> Robot:
     if not payload:
         return Robot.from_spec(spec)
     return Robot.from_spec(spec, Payload(mass=payload) if reading == "tip" else Payload.at_last_com(spec, payload))
@@ -113,7 +112,7 @@ class Case:
 
     def robot(self) -> Robot:
         """The arm with its payload; the same for equal ones."""
-        return _robot(self.arm, self.payload, self.reading)
+        return _robot(ArmSpec.paper(self.arm), self.payload, self.reading)
 
     def equations(self) -> EquationsOfMotion | None:
         """The printed ones; None: the robot's own."""
