@@ -136,7 +136,7 @@ class _Lead:
     """What may come to an optimum.
 
     Attributes:
-        promise: J [s], as low as it may yet be.
+        promise: J [s], as low as it may yet be; 0: nothing is known of it.
         motion: of a coarse mesh or of a similar problem, or solved by the high order.
     """
 
@@ -160,14 +160,14 @@ class _Settling:
 
     @property
     def durations(self) -> tuple[float, ...]:
-        """Of all optima met, resolved or not [s]."""
-        coarse = (lead.motion for lead in self._waiting if isinstance(lead.motion, Trajectory))
+        """Of all optima met, resolved or not, but for guesses, which are of other problems [s]."""
+        coarse = (lead.motion for lead in self._waiting if lead.promise and isinstance(lead.motion, Trajectory))
         return (*(phases.duration for phases in self._resolved), *(motion.duration for motion in coarse))
 
     def optima(self) -> Iterator[Phases]:
         """Optima whose mesh and structure are good enough to be replayed, that of least J first.
 
-        Where there are none, the two best whose meshes cannot be finer, or the best under way.
+        Where there are none, the two best of those on whose meshes nothing improves, or the best under way.
         """
         numbers = self._task.policy.smooth
         for _ in range(numbers.steps + len(self._waiting)):
@@ -199,17 +199,17 @@ class _Settling:
             self._waiting.append(_Lead(own, found))
 
     def _improve(self, best: Phases, stray: float) -> None:
-        """Another structure, or a finer mesh; where neither converges, or is to be had, it is let go."""
+        """Another structure, or a finer mesh; where neither converges, or is to be had, what is rough is let go."""
         numbers, rough = self._task.policy.smooth, stray >= self._task.policy.smooth.rough
         better: Phases | Unresolved | None = None if rough else _restructured(self._task, best, stray)
         if better is None and (size := Ladder(numbers.most_rough if rough else numbers.most).above(best.arc_of.size)):
             better = _solved(self._task, best.arcs, size, best, stray)
         if isinstance(better, Phases):
             self._waiting.append(_Lead(cost(self._task.problem, better), better))
-        elif better is None and not rough:
-            self._left.append(best)
-        else:
+        elif rough:
             self.failed.append(_no_optimum(best, stray))
+        else:
+            self._left.append(best)
 
 
 def _restructured(task: Task, phases: Phases, stray: float) -> Phases | None:
