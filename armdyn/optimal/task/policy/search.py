@@ -47,7 +47,7 @@ class SearchPolicy:
     )
     neighbour_starts: int = by_kind(
         "guesses",
-        "of a search that has a neighbour's optimum; half where effort is paid for; beyond three joints the straight one",
+        "of a search that has a neighbour's optimum; half where effort is paid for; beyond three joints the straight",
         PAPER,
     )
     side_by_side: bool = by_kind("-", "in processes: for one joint a fork takes as long as the solve", PAPER)
