@@ -51,7 +51,9 @@ class SearchPolicy:
     thorough: float = tuned(5.0, "of the guesses", 'effort "thorough"; all of them are solved', "RRR, random")
     more_refined: int = tuned(3, "times the optima", 'effort "thorough" refines', "RRR, random")
     neighbour_starts: int = by_kind(
-        "guesses", "of a search that has a neighbour's optimum, in a sweep; beyond three joints the straight one", PAPER
+        "guesses",
+        "of a search that has a neighbour's optimum; half where effort is paid for; beyond three joints the straight",
+        PAPER,
     )
     side_by_side: bool = by_kind("-", "in processes: for one joint a fork takes as long as the solve", PAPER)
     again: bool = by_kind("-", "where a finer mesh contradicts the search it is done again on that", PAPER)
