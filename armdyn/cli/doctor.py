@@ -190,6 +190,7 @@ def _joints(robot: ad.Robot) -> list[Facts]:
             "velocity": _number(limits.velocity[i]),
             "effort_lower": _number(limits.effort_lower[i]),
             "effort_upper": _number(limits.effort_upper[i]),
+            "passive": name in robot.passive,
             "armature": float(model.armature[i]),
             "damping": float(model.damping[i]),
             "friction": float(model.upperDryFrictionLimit[i]),
@@ -203,8 +204,10 @@ def _joints(robot: ad.Robot) -> list[Facts]:
 def _remarks(robot: ad.Robot) -> list[str]:
     joints = _joints(robot)
     findings = {
-        "no torque limit: minimum time needs --effort-limit": [j for j in joints if j["effort_upper"] is None],
-        "torque limit 0: minimum time needs --effort-limit": [j for j in joints if j["effort_upper"] == 0],
+        "no torque limit: minimum time needs --effort-limit, or --passive for a joint without a motor": [
+            j for j in joints if j["effort_upper"] is None
+        ],
+        "no motor: other joints swing it": [j for j in joints if j["passive"]],
         "friction that the URDF has is applied": [j for j in joints if j["damping_applied"] or j["friction_applied"]],
         "friction that the URDF has is not applied: --damping urdf --friction urdf of mintime and pid take it": [
             j
@@ -240,6 +243,8 @@ def _table(robot: ad.Robot, joints: list[Facts]) -> Table:
 
     def between(joint: Facts, what: str) -> str:
         lower, upper = joint[f"{what}_lower"], joint[f"{what}_upper"]
+        if what == "effort" and joint["passive"]:
+            return "no motor"
         if lower is None or upper is None:
             return "-" if lower is upper else f"{show(lower)} … {show(upper)}"
         return f"±{show(upper)}" if -lower == upper else f"{show(lower)} … {show(upper)}"  # type: ignore[operator]

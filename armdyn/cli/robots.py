@@ -29,7 +29,7 @@ def robots(
     ] = False,
     json: Json = False,
 ) -> None:
-    """The robots that go by a name: the paper's arms, and those of example-robot-data.
+    """The robots that go by a name: the paper's arms, benchmarks of joints without a motor, and example-robot-data's.
 
     Each name works wherever a command takes ROBOT, and in Robot.from_library(NAME). Everything of a robot that
     is not the arm is locked; armdyn doctor NAME says where.
@@ -39,10 +39,10 @@ def robots(
     armdyn doctor baxter_left[/]
     """
     with answering(json) as answer:
-        from armdyn.models.robots.library import LIBRARY_ARMS, other_robots
+        from armdyn.models.robots.library import BENCHMARKS, LIBRARY_ARMS, other_robots
 
         with working("robots", json) as progress:
-            arms = [_facts(name, progress) for name in (*models.PAPER_ARMS, *LIBRARY_ARMS)]
+            arms = [_facts(name, progress) for name in (*models.PAPER_ARMS, *BENCHMARKS, *LIBRARY_ARMS)]
             others = [_facts(name, progress) for name in other_robots()] if everything or json else []
         answer.facts |= {"success": True, "status": "listed", "files": [], "robots": arms, "others": others}
         if not json:
@@ -76,13 +76,14 @@ def _facts(name: str, progress: Callable[[str], None]) -> Facts:
     given = {
         "position": np.isfinite(limits.position_lower) & np.isfinite(limits.position_upper),
         "velocity": np.isfinite(limits.velocity),
-        "effort": np.isfinite(limits.effort_upper) & (limits.effort_upper > 0),
+        "effort": np.isfinite(limits.effort_upper),
     }
     return facts | {
         "loads": True,
         "dof": robot.nv,
         "joints": list(robot.joint_names),
         "continuous": [joint for joint, i in zip(robot.joint_names, robot.model.nqs[1:], strict=True) if i == 2],
+        "passive": list(robot.passive),
         "tip": robot.tip,
         "missing": {
             kind: [joint for joint, has in zip(robot.joint_names, present, strict=True) if not has]
@@ -115,6 +116,8 @@ def _row(facts: Facts) -> list[str]:
     remarks = [] if facts["robot"] == facts["name"] else [f"of {facts['robot']}"]
     if missing["effort"]:
         remarks.append(f"needs --effort-limit ({_which(missing['effort'], joints)})")
+    if facts["passive"]:
+        remarks.append(f"no motor ({_which(facts['passive'], joints)})")
     if facts["continuous"]:
         remarks.append(f"no end stops ({_which(facts['continuous'], joints)})")
     locked = facts["locked"]

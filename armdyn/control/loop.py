@@ -61,8 +61,13 @@ class Loop:
             goal: [rad or m], shape (nv,).
 
         Raises:
-            ProblemError: the gains are for another number of joints.
+            ProblemError: the gains are for another number of joints, or a joint has no motor.
         """
+        if robot.passive:
+            raise ProblemError(
+                f"a PID controller needs a motor at every joint of {robot.name}; there is none at "
+                f"{', '.join(robot.passive)}: minimum time moves such arms"
+            )
         kp, ki, damping = controller.coefficients(robot.nv)
         lower, upper = robot.limits.effort_lower, robot.limits.effort_upper
         if not controller.saturates:

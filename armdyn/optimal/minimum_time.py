@@ -88,7 +88,7 @@ def _strategy(task: Task) -> Strategy:
     problem, numbers = task.problem, task.policy.curves
     if numbers.alone:
         return curves
-    if numbers.cruises and not problem.along_the_way:
+    if numbers.cruises and numbers.possible and not problem.along_the_way:
         return either
     if problem.along_the_way:
         return constrained
@@ -99,7 +99,7 @@ def _usable(task: Task, optima: list[Optimum], found: Found) -> tuple[list[Optim
     """The optima and, where none of them is usable, curves that begin near the best of them."""
     tolerance = task.options.replay_tolerance
     good = any(one.landed(tolerance) and one.within_limits and not one.missed for one in optima)
-    if good or task.stop or task.policy.curves.alone:
+    if good or task.stop or task.policy.curves.alone or not task.policy.curves.possible:
         return optima, found
     task.tell("nothing so far is usable: curves, which are motions whatever comes out")
     near = tuple(one.trajectory for one in optima if one.landed(_NEAR))

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 import armdyn.cli.robots as robots
 from armdyn.cli.app import app
 from armdyn.models import PAPER_ARMS, Robot
-from armdyn.models.robots.library import LIBRARY_ARMS
+from armdyn.models.robots.library import BENCHMARKS, LIBRARY_ARMS
 from armdyn.show.results import load_result
 from armdyn.trajectory import Trajectory
 from cli.command import COMMAND
@@ -25,7 +25,7 @@ def listed():
 
 def test_every_arm_is_listed_and_loads(listed):
     assert listed["success"] and listed["status"] == "listed"
-    assert [arm["name"] for arm in listed["robots"]] == [*PAPER_ARMS, *LIBRARY_ARMS]
+    assert [arm["name"] for arm in listed["robots"]] == [*PAPER_ARMS, *BENCHMARKS, *LIBRARY_ARMS]
     assert all(arm["loads"] for arm in listed["robots"]), [arm for arm in listed["robots"] if not arm["loads"]]
 
 
@@ -36,6 +36,8 @@ def test_what_is_missing(listed):
     assert arms["panda"]["missing"] == {"position": [], "velocity": [], "effort": []}
     assert arms["panda"]["locked"] == {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
     assert arms["kinova"]["continuous"] == ["j2s6s200_joint_1", "j2s6s200_joint_4", "j2s6s200_joint_6"]
+    assert arms["cart_pole"]["passive"] == ["pole"] and arms["cart_pole"]["missing"]["effort"] == []
+    assert arms["panda"]["passive"] == []
     assert (arms["baxter_left"]["robot"], arms["baxter_left"]["dof"], arms["so100"]["dof"]) == ("baxter", 7, 5)
 
 
@@ -60,6 +62,7 @@ def test_table_teaches():
     done = subprocess.run(ROBOTS, capture_output=True, text=True, timeout=120, check=True)
     words = " ".join(done.stdout.split())
     assert "needs --effort-limit (all joints)" in words and "of baxter" in words
+    assert "no motor (shoulder)" in words
     assert "armdyn doctor NAME" in words
 
 

@@ -21,7 +21,8 @@ class JointOptions:
     panel: ClassVar[str] = "Joints"
 
     effort_limit: Annotated[
-        str | None, typer.Option(metavar="T[,T…]", help="Torque limits instead of the URDF's \\[N m].")
+        str | None,
+        typer.Option(metavar="T[,T…]", help="Torque limits instead of the URDF's \\[N m]; 0: a joint has no motor."),
     ] = None
     damping: Annotated[
         str | None,
@@ -69,7 +70,7 @@ class JointOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class FastJointOptions:
-    """The same with velocity limits, for motions that keep them."""
+    """The same with velocity limits and joints without a motor, for motions that keep them."""
 
     panel: ClassVar[str] = JointOptions.panel
 
@@ -77,11 +78,21 @@ class FastJointOptions:
         str | None,
         typer.Option(metavar="V[,V…]", help="Velocity limits instead of the URDF's \\[rad/s]; inf for none."),
     ] = None
+    passive: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="JOINT",
+            help="A joint without a motor, such as a cart's pole: its torque is zero, and the other joints swing it "
+            "where it is to go. The same as a limit of 0 in --effort-limit; may be given again. A zero in a URDF does "
+            "not say so by itself: many mean by it that they know no limit.",
+        ),
+    ] = None
     joints: JointOptions = field(default_factory=JointOptions)
 
     def fit(self, robot: Robot) -> Robot:
         """A robot with these joints; see `JointOptions.fit`."""
-        return self.joints.fit(robot.with_limits(None, one_or_more(self.velocity_limit, "--velocity-limit")))
+        fast = robot.with_limits(None, one_or_more(self.velocity_limit, "--velocity-limit"))
+        return self.joints.fit(fast).with_passive(self.passive or ())
 
 
 def _friction(text: str | None, what: str) -> FrictionValue | None:

@@ -1,6 +1,6 @@
 """What a robot arm is, once it is read: Pinocchio's model and the limits of its joints."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -41,8 +41,8 @@ class Arm:
     Attributes:
         name: from the URDF, the MJCF or the model.
         model: Pinocchio's model; locked joints are gone from it, the payload is in it.
-        limits: of every joint. A URDF's range without width, or velocity limit of zero, counts as none
-            given; a torque limit of zero stays, and minimum time then asks for `effort_limit`.
+        limits: of every joint. A URDF's range without width, or velocity or torque limit of zero, counts as none
+            given. Torque limits of zero that are here are those of a joint without a motor: see `passive`.
         joint_names: the moving joints, in the order of every vector.
         urdf: the text it was read from; empty if that was no URDF, and then it has no geometry.
         source: the file it came from, or what made it.
@@ -94,6 +94,11 @@ class Arm:
         return int(self.model.nv)
 
     @property
+    def passive(self) -> tuple[str, ...]:
+        """The joints without a motor, whose torque limits are zero."""
+        return tuple(name for name, idle in zip(self.joint_names, self.limits.passive, strict=True) if idle)
+
+    @property
     def model_hash(self) -> str:
         """SHA-256 of its equations of motion, payload and friction included; see `models.robots.identity`."""
         return model_hash(self.model, self.friction)
@@ -101,17 +106,29 @@ class Arm:
     def with_limits(self, effort_limit: ArrayLike | None, velocity_limit: ArrayLike | None) -> Self:
         """This robot with other limits: one number, or one per joint; None keeps its own.
 
+        A torque limit of zero is that of a joint without a motor. One number is for all joints that have one.
+
         Raises:
             SpecError: wrong length, NaN, or negative.
         """
         limits = self.limits
         if effort_limit is not None:
             effort = self._read(effort_limit, "effort_limit", "N m or N", finite=False)
+            if np.ndim(effort_limit) == 0:
+                effort = np.where(limits.passive, 0.0, effort)
             limits = replace(limits, effort_lower=-effort, effort_upper=effort)
         if velocity_limit is not None:
             velocity = self._read(velocity_limit, "velocity_limit", "rad/s or m/s", finite=False)
             limits = replace(limits, velocity=velocity)
         return replace(self, limits=limits)
+
+    def with_passive(self, joints: Iterable[str]) -> Self:
+        """This robot with no motor at some more of its joints, by their names.
+
+        Raises:
+            SpecError: there is no such joint.
+        """
+        return replace(self, limits=self.limits.without_motors(joints, self.joint_names, SpecError))
 
     def with_friction(
         self,

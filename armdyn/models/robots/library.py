@@ -1,4 +1,4 @@
-"""The arms of example-robot-data."""
+"""The robots that go by a name: the arms of example-robot-data, and the package's own benchmarks."""
 
 import os
 from dataclasses import dataclass
@@ -72,6 +72,16 @@ LIBRARY_ARMS: dict[str, LibraryArm] = {
 }
 """The library's arms, and those inside its bigger robots; all else of the robot is locked."""
 
+BENCHMARKS: dict[str, tuple[str, ...]] = {
+    "acrobot": ("shoulder",),
+    "cart_pole": ("pole",),
+    "furuta_pendulum": ("pendulum",),
+    "pendubot": ("elbow",),
+}
+"""The benchmarks of underactuated control, and which of their joints have no motor. A URDF's torque limit of zero, by
+which many mean none at all, could not say that. Where their numbers come from is said in their files."""
+
+_OWN = Path(__file__).parent / "urdf"
 
 _CORRECTED = {"ur3": "ur3_robot.urdf"}
 """Files that the loaders 5 get wrong: their "ur3" is a UR5."""
@@ -88,7 +98,8 @@ def library_arm(name: str) -> tuple[Path, str, LibraryArm | None]:
     """Where an arm's URDF is, the folder in which its `package://` is, and which joints it has.
 
     Args:
-        name: of `LIBRARY_ARMS`, or any robot of the library: then no choice of joints comes back.
+        name: of `LIBRARY_ARMS` or `BENCHMARKS`, or any robot of the library: but for the first no choice of joints
+            comes back.
 
     Raises:
         SpecError: the name is no text.
@@ -98,9 +109,11 @@ def library_arm(name: str) -> tuple[Path, str, LibraryArm | None]:
     from example_robot_data.robots_loader import ROBOTS
 
     arm = LIBRARY_ARMS.get(text(name, "name of a robot", error=SpecError))
+    if name in BENCHMARKS:
+        return _OWN / f"{name}.urdf", str(_OWN), None
     if arm is None and name not in ROBOTS:
         hint = "" if not is_description(name) else "Robot.from_description reads those of robot_descriptions"
-        raise UnknownRobotError(name, sorted({*ROBOTS, *LIBRARY_ARMS}), hint)
+        raise UnknownRobotError(name, sorted({*ROBOTS, *LIBRARY_ARMS, *BENCHMARKS}), hint)
     return *library_urdf(name if arm is None else arm.robot), arm
 
 

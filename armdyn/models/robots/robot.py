@@ -13,7 +13,7 @@ from armdyn.models.reading.urdf_arm import check_inertia, joint_limits, read_arm
 from armdyn.models.reading.urdf_xml import check_urdf_text, file_path, read_urdf
 from armdyn.models.robots.arm import READERS
 from armdyn.models.robots.descriptions import described
-from armdyn.models.robots.library import library_arm
+from armdyn.models.robots.library import BENCHMARKS, library_arm
 from armdyn.models.robots.readers import ModelReaders, expect_ends, expect_folders, expect_locks
 from armdyn.models.values.friction import FRICTION_WIDTH, FrictionValue
 from armdyn.models.values.spec import ArmSpec, Payload
@@ -138,10 +138,12 @@ class Robot(ModelReaders):
         friction_width: float = FRICTION_WIDTH,
         arm: tuple[str, str] | None = None,
     ) -> Self:
-        """An arm of example-robot-data, such as "panda", "ur5", "talos_arm", or one of `LIBRARY_ARMS`.
+        """An arm of example-robot-data, such as "panda", "ur5", "talos_arm", one of `LIBRARY_ARMS`, or a benchmark.
 
         Args:
-            name: the library's name for it, or that of an arm inside a bigger robot, such as "baxter_left".
+            name: the library's name for it, that of an arm inside a bigger robot, such as "baxter_left", or
+                "acrobot", "cart_pole", "furuta_pendulum", "pendubot", which come with armdyn: they know which of
+                their joints have no motor.
             payload: see `from_urdf`.
             lock: see `from_urdf`; besides what is locked already, such as a hand's fingers.
             effort_limit: see `from_urdf`.
@@ -161,10 +163,11 @@ class Robot(ModelReaders):
         path, shared, part = library_arm(name)
         if arm is None and part is not None:
             arm = part.first, part.last
-        return cls.from_urdf(
-            path, payload, lock, effort_limit, velocity_limit, armature, (shared,), damping, friction, friction_width,
-            arm,
+        robot = cls.from_urdf(
+            path, payload, lock, None, velocity_limit, armature, (shared,), damping, friction, friction_width, arm,
         )  # fmt: skip
+        passive = [joint for joint in BENCHMARKS.get(name, ()) if joint in robot.joint_names]
+        return robot.with_passive(passive).with_limits(effort_limit, None)
 
     @classmethod
     def from_description(

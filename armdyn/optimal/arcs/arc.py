@@ -17,9 +17,13 @@ class Mode(StrEnum):
     POSITION_LOWER = "position lower"
     FREE = "free"
     """On no limit: singular, or smooth if effort has a weight."""
+    PASSIVE = "passive"
+    """Without a motor: its torque is zero, and it never leaves this mode."""
 
 
 BANG = (Mode.UPPER, Mode.LOWER)
+HELD = (*BANG, Mode.PASSIVE)
+"""Of a torque that is constant."""
 VELOCITY = (Mode.VELOCITY_UPPER, Mode.VELOCITY_LOWER)
 POSITION = (Mode.POSITION_UPPER, Mode.POSITION_LOWER)
 

@@ -35,7 +35,7 @@ def detect(
     middle = trajectory((knots[:-1] + knots[1:]) / 2)
     at_knots = trajectory(knots)
     centre = (limits.effort_upper + limits.effort_lower) / 2
-    level = (middle.tau - centre) / (limits.effort_upper - centre)
+    level = (middle.tau - centre) / limits.effort_size
     first: list[Mode] = []
     events: list[Event] = []
     for i in range(problem.robot.nv):
@@ -53,6 +53,8 @@ def detect(
             _torque_mode(level[k, i], numbers.near) or _state_mode(fast[k], middle.v[k, i], contact[k], above[k])
             for k in range(intervals)
         ]
+        if limits.passive[i]:
+            modes = [Mode.PASSIVE] * intervals
         runs = _runs(_without_lifting_off(modes))
         first.append(_first_mode(runs, level[:, i], switch))
         events += _switches(runs, level[:, i], knots, i, switch)

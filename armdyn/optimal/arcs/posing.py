@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.arcs.arc import BANG, POSITION, VELOCITY, Arc, Mode
+from armdyn.optimal.arcs.arc import HELD, POSITION, VELOCITY, Arc, Mode
 from armdyn.optimal.arcs.grid import Density, deal, layered
 from armdyn.optimal.arcs.phases import TABLEAU
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -136,6 +136,9 @@ def pose(task: Task, arcs: Sequence[Arc], guess: Trajectory, layout: Layout, int
     lower[times] = _SHORTEST
     tied = any(arc.singular for arc in arcs) and problem.effort_weight == 0
     weights = scales.weights(problem.effort_weight, numbers.tie if tied else 0.0)
+    sides = [_equation_bounds(arcs, arc_of, layout)]
+    if tied:
+        sides.append(_line_bounds(problem, arcs, arc_of, scales, held=aim.keep is not None))
     return Posed(
         arcs=tuple(arcs),
         scales=scales,
@@ -145,7 +148,7 @@ def pose(task: Task, arcs: Sequence[Arc], guess: Trajectory, layout: Layout, int
         x=np.clip(x, lower, upper),
         parameters=scales.parameters(part, weights, task.dynamics.last_body),
         x_bounds=(lower, upper),
-        g_bounds=_equation_bounds(arcs, arc_of, layout),
+        g_bounds=(np.concatenate([side[0] for side in sides]), np.concatenate([side[1] for side in sides])),
     )
 
 
@@ -157,6 +160,19 @@ def _equation_bounds(arcs: Sequence[Arc], arc_of: Index, layout: Layout) -> tupl
         held = np.array([arcs[a].modes[i] in POSITION for a in arc_of.tolist()])
         least[np.ix_(held, layout.defects[:, layout.knot.q][:, i])] = -np.inf
     return least.ravel(), -least.ravel()
+
+
+def _line_bounds(
+    problem: MinimumTimeProblem, arcs: Sequence[Arc], arc_of: Index, scales: Scales, held: bool
+) -> tuple[Array, Array]:
+    """A free torque does not bend within an interval, and begins it within its limits; held, it is given already."""
+    free = np.array([[mode is Mode.FREE and not held for mode in arcs[a].modes] for a in arc_of])  # (N, nv)
+    sides = []
+    for limit, infinity in ((problem.limits.effort_lower, -np.inf), (problem.limits.effort_upper, np.inf)):
+        bends = np.where(free, 0.0, infinity)[:, None].repeat(TABLEAU.c.size - 2, axis=1)
+        begins = np.where(free, limit / scales.effort, infinity)[:, None]
+        sides.append(np.concatenate([bends, begins], axis=1).ravel())
+    return sides[0], sides[1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +192,7 @@ class _Narrowed:
         for k in range(N):
             arc, last = arcs[arc_of[k]], k == N - 1
             for i, mode in enumerate(arc.modes):
-                if mode in BANG:
+                if mode in HELD:
                     bound = limits.effort_upper if mode is Mode.UPPER else limits.effort_lower
                     self._fix(torques[k, :, i], bound[i] / self.scales.effort[i])
                 if mode is Mode.FREE and keep is not None:

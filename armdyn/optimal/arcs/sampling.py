@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.arcs.arc import BANG, Arc, Mode
+from armdyn.optimal.arcs.arc import HELD, Arc, Mode
 from armdyn.optimal.arcs.phases import TABLEAU
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.trajectory import Trajectory
@@ -34,18 +34,18 @@ def motion_of(
         most: samples, about, on all arcs where a torque varies together: 4 to 16 on an interval.
     """
     nodes, limits = np.append(0.0, TABLEAU.c), problem.limits
-    varying = sum(any(mode not in BANG for mode in arcs[a].modes) for a in arc_of)
+    varying = sum(any(mode not in HELD for mode in arcs[a].modes) for a in arc_of)
     samples = int(np.clip(most // max(varying, 1), 4, 16))
     rows_t, rows_x, rows_tau = [], [], []
     for k, a in enumerate(arc_of):
-        constant = all(mode in BANG for mode in arcs[a].modes)
+        constant = all(mode in HELD for mode in arcs[a].modes)
         s = np.array([0.0, 1.0]) if constant else np.linspace(0, 1, samples + 1)
         values = lagrange(TABLEAU.c, s) @ tau[k]
         if not constant:  # lines between the samples shall have the polynomial's impulse, not only its values
             values -= _curvature(TABLEAU.c, s) @ tau[k] / (12 * samples**2)
         values = np.clip(values, limits.effort_lower, limits.effort_upper)
         for i, mode in enumerate(arcs[a].modes):
-            if mode in BANG:
+            if mode in HELD:
                 values[:, i] = (limits.effort_upper if mode is Mode.UPPER else limits.effort_lower)[i]
         times = t[k] + s * (t[k + 1] - t[k])
         times[-1] = np.nextafter(t[k + 1], 0) if k < arc_of.size - 1 else t[k + 1]

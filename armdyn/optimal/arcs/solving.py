@@ -4,23 +4,31 @@ Every arc is a phase of five-stage Radau IIA collocation on which the torque (or
 of each joint stays on its limit. What is left to find are the durations: within a phase the motion
 is smooth, so that the collocation's error falls with its full order, and t_f is exact to rounding.
 The multipliers of the defects are the costates.
+
+Where time leaves a torque free, on a singular arc, it is a line in every interval: time hardly tells a polynomial
+through all stages from one that goes up and down between them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.grid import Density, density_of, layered
 from armdyn.optimal.arcs.phases import TABLEAU, Phases, Unresolved
 from armdyn.optimal.arcs.posing import PhaseAim, Posed, pose
 from armdyn.optimal.arcs.sampling import motion_of
+from armdyn.optimal.conditions.rows import StageRows, with_rows
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Nlp, build_nlp
+from armdyn.optimal.program.interval import Stages
 from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, Outcome, in_time
+from armdyn.optimal.task.scheme import Scheme
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -53,7 +61,8 @@ def solve_phases(
     aim, numbers, singular = aim or PhaseAim(), task.policy.arcs, any(arc.singular for arc in arcs)
     free = numbers.smooth_iterations if task.problem.effort_weight else numbers.free_iterations
     iterations = free if singular else numbers.held_iterations
-    solver = _solver(task, intervals, aim.near or not singular, iterations)
+    build = _with_lines if singular and not task.problem.effort_weight else build_nlp
+    solver = _solver(task, build, intervals, aim.near or not singular, iterations)
     posed = pose(task, arcs, guess, solver.program.layout, intervals, aim)
     if posed.spare < 0:
         message = f"the structure has more conditions than unknowns, by {-posed.spare}"
@@ -71,13 +80,29 @@ def solve_phases(
 def prepare_phases(task: Task, intervals: int) -> None:
     """Build, if it is not there, what `solve_phases` needs for arcs without free torques."""
     if not task.stop:
-        _solver(task, intervals, near=True, iterations=task.policy.arcs.held_iterations)
+        _solver(task, build_nlp, intervals, near=True, iterations=task.policy.arcs.held_iterations)
 
 
-def _solver(task: Task, intervals: int, near: bool, iterations: int) -> Ipopt[Nlp]:
+def _solver(
+    task: Task, build: Callable[[Dynamics, Scheme, int], Nlp], intervals: int, near: bool, iterations: int
+) -> Ipopt[Nlp]:
     step = replace(task, scheme=replace(task.scheme, method=TABLEAU.name, control="stage"))
     settings = IpoptSettings(task.policy.arcs.tolerance, iterations, options=_FROM_HERE if near else _CAREFUL)
-    return in_time(step, lambda scheme: Ipopt.of(settings, build_nlp, task.dynamics, scheme, intervals))
+    return in_time(step, lambda scheme: Ipopt.of(settings, build, task.dynamics, scheme, intervals))
+
+
+def _with_lines(dynamics: Dynamics, scheme: Scheme, intervals: int) -> Nlp:
+    """The program with rows that say whether torques are lines; their bounds are of `posing`."""
+    return with_rows(build_nlp(dynamics, scheme, intervals), dynamics, (StageRows(_lines),))
+
+
+def _lines(stages: Stages, _: ca.SX) -> ca.SX:
+    """How far torques bend from stage to stage, and what they begin the interval with, over their scales."""
+    c, tau = stages.c, stages.tau
+    slopes = [(tau[:, j + 1] - tau[:, j]) / (c[j + 1] - c[j]) for j in range(c.size - 1)]
+    rows = [*(after - before for before, after in pairwise(slopes)), tau[:, 0] - c[0] * slopes[0]]
+    lines: ca.SX = ca.vertcat(*(row / stages.effort for row in rows))
+    return lines
 
 
 def _read(task: Task, nlp: Nlp, posed: Posed, outcome: Outcome) -> Phases:
@@ -136,7 +161,7 @@ def _slope(nlp: Nlp, posed: Posed, outcome: Outcome) -> Array:
 def _costates(nlp: Nlp, posed: Posed, outcome: Outcome, slope: Array) -> tuple[Array, Array]:
     """Costates at the knots, shape (N + 1, 2 nv), and their integrals over the stages, shape (N, stages, 2 nv)."""
     layout, N, scales = nlp.layout, nlp.intervals, posed.scales
-    rows = outcome.lam_g.reshape(N, layout.equations.size)[:, layout.defects]  # (N, stages, 2 nv)
+    rows = outcome.lam_g[: N * nlp.defects].reshape(N, nlp.defects)[:, layout.defects]  # (N, stages, 2 nv)
     units = np.repeat([scales.length, scales.speed], layout.nv)
     costate = np.concatenate([-rows.sum(axis=1), -slope[layout.states(N)[-1:]]])
     lengths = posed.part * outcome.x[layout.times(N)[:-1]]

@@ -53,7 +53,7 @@ class BangBangExtremal:
     """Arcs and the states and costates along them; or a guess of them.
 
     Attributes:
-        arcs: durations [s] and modes, each Mode.UPPER or Mode.LOWER.
+        arcs: durations [s] and modes, each Mode.UPPER or Mode.LOWER, or Mode.PASSIVE.
         switches: the joint that switches after each arc but the last.
         starts: y where the arcs start, shape (arcs, 4 nv).
         status: SOLVED, or why not.
@@ -101,7 +101,10 @@ def guess_arcs(problem: BangBangProblem, t: Array, y: Array) -> BangBangExtremal
         y: there, shape (4 nv, m).
     """
     values = columns(problem.system.switching, y)[0][:, 0]
+    passive = problem.lower == problem.upper  # no sign of S moves its torque
+    values = np.where(passive[:, None], 0.0, values)
     modes = [Mode.UPPER if row[0] < 0 else Mode.LOWER for row in values]
+    modes = [Mode.PASSIVE if idle else mode for mode, idle in zip(modes, passive, strict=True)]
     events = _sign_changes(t, values)
     arcs, begin = [], float(t[0])
     for at, i in events:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from armdyn.arguments import expect
 from armdyn.errors import ProblemError
 from armdyn.optimal.answer.solution import Solution
-from armdyn.optimal.arcs.arc import BANG
+from armdyn.optimal.arcs.arc import HELD
 from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.indirect.bang_bang import BangBangProblem, guess_arcs
 from armdyn.optimal.indirect.boundary import BoundaryProblem, Extremal, solve_lobatto, solve_trapezoidal
@@ -98,7 +98,8 @@ class _Question:
         problem = self.problem
         lower, upper = problem.limits.effort_lower, problem.limits.effort_upper
         if not self.options.bounded:
-            lower, upper = np.full_like(lower, -np.inf), np.full_like(upper, np.inf)
+            motors = ~problem.limits.passive
+            lower, upper = np.where(motors, -np.inf, 0.0), np.where(motors, np.inf, 0.0)
         return BoundaryProblem(self.system, problem.x_start, problem.x_goal, weight, lower, upper, guess, self.stop)
 
 
@@ -229,7 +230,7 @@ def _minimum_time(question: _Question, seed: _Seed) -> IndirectSolution:
         return from_arcs(problem, shooting, bang, options, seed.direct)
     how = f"continuation came to w = {reached:.2g} (N m)^-2" if seed.weight > 0 else "from the seed's costates"
     modes = {mode for arc in (seed.direct.arcs if seed.direct and seed.weight == 0 else ()) for mode in arc.modes}
-    if other := modes.difference(BANG):
+    if other := modes.difference(HELD):
         how += f" (whose arcs have modes that shooting does not know: {', '.join(sorted(other))})"
     failed = replace(last, status=bang.status, message=f"{how}; {bang.message}", residual=bang.residual)
     return from_extremal(

@@ -48,7 +48,7 @@ def _corrected(task: Task, pieces: Pieces, replay: Trajectory) -> Pieces:
     """One step of Newton's method: the smallest change that, to first order, lands and keeps velocity limits."""
     problem, numbers = task.problem, task.policy.landing
     limits, n = problem.limits, problem.robot.nv
-    half = (limits.effort_upper - limits.effort_lower) / 2
+    half = limits.effort_size
     by_torque, by_time = sensitivity(problem.robot, pieces, replay, numbers.steps)
     columns = np.concatenate([by_torque * np.tile(half, len(pieces.tau)), by_time[..., None] / numbers.longer], axis=2)
     # A velocity is steered at the knots, so that it keeps its limit within the pieces on either side, too.

@@ -61,7 +61,7 @@ def excesses(limits: JointLimits, motion: Trajectory, dense: int = 8) -> tuple[E
             "torque limit",
             motion.t,
             np.maximum(motion.tau - limits.effort_upper, limits.effort_lower - motion.tau),
-            (limits.effort_upper - limits.effort_lower) / 2,
+            limits.effort_size,
         ),
         Excess(
             "velocity limit",

@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 _TYPED = 1e-9
 """So far [rad or m] beyond its limit a pose may be: it was typed with ten digits."""
 
+_ROUNDING = 1e-9
+"""Of the size of a torque: what gravity takes of an upright pole is not quite zero."""
+
 SLOWEST = 1e-9
 """Velocity limits below it are refused [rad/s or m/s]: a turn in two hundred years."""
 
@@ -38,14 +41,29 @@ def check_state(robot: Robot, limits: JointLimits, q: Array, v: Array, name: str
             )
 
 
+def check_motors(robot: Robot, limits: JointLimits, relative_effort_weight: float) -> None:
+    """Refuse an arm of which nothing moves, and what needs a motor at every joint."""
+    if np.all(limits.passive):
+        raise ProblemError(
+            f"no joint has a motor: all torque limits are zero ({', '.join(robot.joint_names)}); minimum time needs "
+            "one above zero: give effort_limit=, or name fewer joints in passive="
+        )
+    if relative_effort_weight > 0 and np.any(limits.passive):
+        name = robot.joint_names[int(np.argmax(limits.passive))]
+        raise ProblemError(
+            f"relative_effort_weight is {relative_effort_weight:g}, but joint {name!r} has no motor, and its torque no "
+            "range: give effort_weight"
+        )
+
+
 def check_limits(robot: Robot, limits: JointLimits) -> None:
     """Refuse limits that leave no room, and torques without limits."""
     for i, joint in enumerate(robot.joint_names):
         lower, upper = limits.effort_lower[i], limits.effort_upper[i]
-        if not lower < upper or not np.isfinite(upper - lower):
+        if not (lower < upper or limits.passive[i]) or not np.isfinite(upper - lower):
             raise ProblemError(
-                f"joint {joint!r} has torque limits [{lower}, {upper}] N m; minimum time "
-                "needs finite ones, the lower below the upper: give effort_limit="
+                f"joint {joint!r} has torque limits [{lower}, {upper}] N m; minimum time needs finite ones, the lower "
+                f"below the upper: give effort_limit=, or passive=({joint!r},) if it has no motor"
             )
         if not limits.velocity[i] >= SLOWEST:
             raise ProblemError(
@@ -109,9 +127,10 @@ def warn_if_not_held(robot: Robot, limits: JointLimits, torque: Array) -> None:
     """Warn of a goal that the actuators cannot hold; torque: what would hold it [N m or N], shape (nv,)."""
     for i, joint in enumerate(robot.joint_names):
         bound = limits.effort_upper[i] if torque[i] > 0 else limits.effort_lower[i]
-        if abs(torque[i]) > abs(bound):
+        if abs(torque[i]) > abs(bound) + _ROUNDING * limits.effort_size[i]:
+            most = "it has no motor" if limits.passive[i] else f"its limit is {bound:.4g} N m"
             warnings.warn(
-                f"joint {joint!r} needs {torque[i]:.4g} N m to hold the goal but its limit is {bound:.4g} N m: "
+                f"joint {joint!r} needs {torque[i]:.4g} N m to hold the goal but {most}: "
                 "a motion to the goal may exist, staying there is beyond this actuator",
                 ArmdynWarning,
                 stacklevel=4,

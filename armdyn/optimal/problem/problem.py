@@ -22,6 +22,7 @@ from armdyn.optimal.problem.checks import (
     check_clear,
     check_conditions,
     check_limits,
+    check_motors,
     check_poses,
     check_scene,
     check_state,
@@ -49,10 +50,14 @@ class MinimumTimeProblem:
         v_start: joint velocities at the start [rad/s or m/s], shape (nv,); None: at rest.
         v_goal: joint velocities at the end, shape (nv,); None: at rest.
         effort_limit: torque limits [N m or N]: one number, one per joint, or (lower, upper); None: the robot's.
+            Zero is a joint without a motor.
         velocity_limit: [rad/s or m/s]: one number or one per joint, inf for none; None: the robot's.
         position_limit: (lower, upper) [rad or m], each one number or one per joint; None: the robot's.
+        passive: names of joints without a motor, such as a cart's pole, besides those that effort_limit or the robot
+            says are; their torque limits are zero.
         effort_weight: w [1/(N m)²].
-        relative_effort_weight: the same of torques as parts of half their ranges [-], so that small joints' count, too.
+        relative_effort_weight: the same of torques as parts of half their ranges [-], so that small joints' count, too;
+            not with passive joints.
         wrap: goals of endless joints, which turn and have no position limits, are meant modulo 2π: each is tried
             by the shorter and by the longer way round. Without, a joint goes to the very angle that was asked
             for: from 0 to 6 rad is nearly a whole turn, as where a cable must not be wound up.
@@ -69,7 +74,7 @@ class MinimumTimeProblem:
 
     Raises:
         ProblemError: wrong length, not finite, a state outside the limits or in contact, start = goal, a joint
-            without a finite, non-zero torque limit, or a goal pose out of reach.
+            without a finite torque limit, no joint with a motor, or a goal pose out of reach.
 
     Warns:
         ArmdynWarning: the actuators cannot hold the goal. A fast motion to it may exist all the same.
@@ -84,6 +89,7 @@ class MinimumTimeProblem:
     effort_limit: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None
     velocity_limit: ArrayLike | None = None
     position_limit: tuple[ArrayLike, ArrayLike] | None = None
+    passive: Sequence[str] = ()
     effort_weight: float = 0.0
     relative_effort_weight: float = 0.0
     wrap: bool = False
@@ -171,8 +177,7 @@ class MinimumTimeProblem:
 
     def effort_weights(self) -> Array:
         """Weights of the squared torques in J, shape (nv,) [1/(N m)²]."""
-        half = (self.limits.effort_upper - self.limits.effort_lower) / 2
-        return self.effort_weight + self.relative_effort_weight / half**2
+        return self.effort_weight + self.relative_effort_weight / self.limits.effort_size**2
 
     def beside_goal(self, motion: Trajectory) -> Array:
         """How far a motion's last state (q, v) is from the goal's, shape (2 nv,)."""
@@ -259,6 +264,8 @@ class MinimumTimeProblem:
             effort_lower, effort_upper = (self._limit(x, "effort_limit") for x in self.effort_limit)
         elif self.effort_limit is not None:
             effort_upper = self._limit(self.effort_limit, "effort_limit")
+            if np.ndim(self.effort_limit) == 0:  # of all joints that have a motor
+                effort_upper = np.where(own.passive, 0.0, effort_upper)
             effort_lower = -effort_upper
         velocity = own.velocity
         if self.velocity_limit is not None:
@@ -273,6 +280,9 @@ class MinimumTimeProblem:
             position_lower=lower, position_upper=upper, velocity=velocity,
             effort_lower=effort_lower, effort_upper=effort_upper,
         )  # fmt: skip
+        object.__setattr__(self, "passive", several(self.passive, "passive"))
+        limits = limits.without_motors(self.passive, self.robot.joint_names, ProblemError)
+        check_motors(self.robot, limits, self.relative_effort_weight)
         check_limits(self.robot, limits)
         return limits
 

@@ -36,7 +36,8 @@ class Scales:
         """Scales from the limits and the size of a guess."""
         length = float(max(np.max(np.ptp(guess.q, axis=0)), 0.1))
         limits = problem.limits
-        effort = np.maximum(np.abs(limits.effort_lower), np.abs(limits.effort_upper))
+        most = np.maximum(np.abs(limits.effort_lower), np.abs(limits.effort_upper))
+        effort = np.where(limits.passive, limits.effort_size, most)
         return cls(guess.duration, length, length / guess.duration, effort)
 
     def parameters(self, fractions: Array, weights: Array, last_body: Array) -> Array:

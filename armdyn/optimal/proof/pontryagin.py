@@ -5,7 +5,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from armdyn.dynamics.numeric import forward_dynamics
-from armdyn.optimal.arcs.arc import BANG, POSITION, VELOCITY, Mode, outward
+from armdyn.optimal.arcs.arc import HELD, POSITION, VELOCITY, Mode, outward
 from armdyn.optimal.arcs.phases import TABLEAU, Phases
 from armdyn.optimal.arcs.sampling import lagrange
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -34,7 +34,7 @@ def pontryagin(problem: MinimumTimeProblem, phases: Phases) -> tuple[Array, Arra
     for k, a in enumerate(phases.arc_of):
         first = k == 0 or phases.arc_of[k - 1] != a
         for i, mode in enumerate(phases.arcs[a].modes):
-            if mode in BANG or not first:  # a free torque is extrapolated to the knot where its arc begins
+            if mode in HELD or not first:  # a free torque is extrapolated to the knot where its arc begins
                 worst = max(worst, fall[k, i])
     return hamiltonian, switching, float(max(worst, _worst_pull(phases)))
 

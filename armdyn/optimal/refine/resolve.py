@@ -90,7 +90,9 @@ def _structure(task: Task, motion: Trajectory, intervals: int) -> tuple[Phases |
         if worst <= SWITCHING_TOLERANCE:
             return phases, ""
         arcs = by_sign(phases, switching)
-        if structure in seen or task.stop or structure == _named(arcs):
+        if structure == _named(arcs):  # nothing is to be corrected but the mesh
+            return phases, ""
+        if structure in seen or task.stop:
             break
         seen.add(structure)
     return last, "the switching structure did not settle"

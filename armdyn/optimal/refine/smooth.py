@@ -127,7 +127,8 @@ def resolved_near(task: Task, guess: Trajectory) -> Phases | Unresolved:
         task: with a weight on effort.
         guess: the motion to start from.
     """
-    arc = Arc(guess.duration, (Mode.FREE,) * task.problem.robot.nv)
+    modes = tuple(Mode.PASSIVE if idle else Mode.FREE for idle in task.problem.limits.passive)
+    arc = Arc(guess.duration, modes)
     return solve_phases(task, [arc], guess, task.policy.smooth.fine)
 
 

@@ -63,7 +63,7 @@ def find(task: Task) -> Found:
     count = numbers.guesses(options)
     beside = _beside(task)
     task.tell(f"search: {count} guesses" + (f", and {len(beside)} on {options.intervals} intervals" if beside else ""))
-    attempts = search(task, options.coarse_intervals, count, task.coarse(), beside)
+    attempts = search(task, task.meshes, count, task.coarse(), beside)
     fine, coarse = (distinct(some, same) for some in (attempts[: len(beside)], attempts[len(beside) :]))
     found = ranked([*fine, *coarse])  # what is on the finer mesh already hides none of the others: it costs no more
     if not found:
@@ -142,7 +142,7 @@ def _too_coarse(task: Task, found: Sequence[Attempt], settled: _Settled) -> tupl
     astray = slower > numbers.doubted and all(_astray(task, attempt) for attempt in settled.attempts)
     if not (astray or slower > numbers.too_coarse):
         return None
-    task.tell(f"optima of {task.options.coarse_intervals} intervals are {slower:.2f} times as slow on {mesh}")
+    task.tell(f"optima of {task.meshes} intervals are {slower:.2f} times as slow on {mesh}")
     finer = Ladder(task.options.max_intervals).above(mesh) if astray else None
     on = finer or mesh
     return on, (on, on * 3 // 2), 4 if finer else 2

@@ -67,7 +67,7 @@ def screened(
 def _tried(task: Task) -> float:
     """The duration of one coarse solve from the straight way [s]; inf: it did not converge, or was not begun."""
     if not task.policy.curves.alone:
-        guess, intervals = spline(task.problem, []), task.options.coarse_intervals[0]
+        guess, intervals = spline(task.problem, []), task.meshes[0]
         attempt = solve_on_mesh(task, guess, intervals, task.coarse()[-1])
         return attempt.trajectory.duration if attempt.usable else np.inf
     with suppress(LateError):

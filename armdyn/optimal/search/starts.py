@@ -11,6 +11,7 @@ from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.search.swings import swinging_time, swings
 from armdyn.optimal.task.policy.search import SearchPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -45,6 +46,9 @@ def detours(problem: MinimumTimeProblem, seed: int, count: int, stop: Stop | Non
         if problem.via
         else [[via] for via in vias]
     )
+    if not (round_it or problem.via):
+        to_and_fro = swings(problem, random, (count - 1) // 2)
+        ways[1 : 2 * len(to_and_fro) : 2] = to_and_fro
     straight: list[Array] = [np.asarray(q) for q in problem.via]
     return [straight, *(_clearest(problem, ways, count - 1, stop or Stop()) if round_it else ways)]
 
@@ -98,6 +102,8 @@ def spline(problem: MinimumTimeProblem, via: list[Array]) -> Trajectory:
     static = _torques(problem, q, rest, rest)
     inertial = _torques(problem, q, dq, ddq) - friction.torque(dq) - static
     duration = _fitting_duration(problem, Path(q, dq, ddq), inertial)
+    if len(via) != 1:  # through one random pose nothing swings
+        duration = max(duration, swinging_time(problem, static, inertial))
     v = dq / duration
     tau = static + inertial / duration**2 + friction.torque(v)
     tau = np.clip(tau, problem.limits.effort_lower, problem.limits.effort_upper)
@@ -136,7 +142,8 @@ def _fitting_duration(problem: MinimumTimeProblem, path: Path, inertial: Array) 
     viscous = np.maximum(np.sign(inertial) * np.asarray(problem.robot.friction.damping) * path.dq, 0)
     limits = problem.limits
     bound = np.where(inertial > 0, limits.effort_upper, -limits.effort_lower)
-    bound = np.maximum(bound, 1e-3 * (limits.effort_upper - limits.effort_lower))
+    bound = np.maximum(bound, 2e-3 * limits.effort_size)
+    bound[:, limits.passive] = np.inf  # which no torque can make keep to the path
     half = viscous / (2 * bound)
     by_torque = np.max(half + np.sqrt(half**2 + np.abs(inertial) / bound))
     by_speed = np.max(np.abs(path.dq) / limits.velocity)

@@ -78,6 +78,7 @@ class _Torques:
         kinds = np.array([[_KINDS.get(mode, 0) for mode in each] for each in modes])[arc]
         bang = np.where(kinds > 0, limits.effort_upper, np.where(kinds < 0, limits.effort_lower, 0.0))
         free = np.array([[mode is Mode.FREE for mode in each] for each in modes])[arc]
+        held = np.array([[mode in POSITION or mode in VELOCITY for mode in each] for each in modes])[arc]
         tau, by = (bang.copy(), bang.copy()), (np.zeros((STEPS, schedule.width)), np.zeros((STEPS, schedule.width)))
         for k, place in schedule.places.items():
             joint = schedule.changes[k].joint
@@ -89,7 +90,7 @@ class _Torques:
                 tau[side][own, joint] = legendre.legval(2 * s - 1, course)
                 by[side][own] = (2 * legendre.legval(2 * s - 1, legendre.legder(course)))[:, None] * by_z
                 by[side][own, place] += unit * legendre.legvander(2 * s - 1, course.size - 1)
-        return cls(tau, np.where((kinds == 0) & ~free, 1.0, 0.0), free.astype(float), by)
+        return cls(tau, held.astype(float), free.astype(float), by)
 
 
 def _along(

@@ -103,8 +103,9 @@ def leaves_idle(extremal: Extremal, tolerance: float) -> bool:
         tolerance: of what H feels of a torque, against the 1 that time costs.
     """
     march, limits = extremal.march, extremal.march.setting.problem.limits
-    felt = np.abs(extremal.switching) * (limits.effort_upper - limits.effort_lower)
-    shares = np.tile(march.h, 2) @ ((felt <= tolerance) & ~np.tile(march.torques.felt > 0, (2, 1))) / 2
+    ranges = limits.effort_upper - limits.effort_lower
+    idle = (np.abs(extremal.switching) * ranges <= tolerance) & (ranges > 0)
+    shares = np.tile(march.h, 2) @ (idle & ~np.tile(march.torques.felt > 0, (2, 1))) / 2
     return bool(np.any(shares > extremal.schedule.duration / 2))
 
 

@@ -76,7 +76,7 @@ class MinimumTimeOptions:
     starts: int | None = None
     seed: int = 0
     refinements: int | None = None
-    coarse_intervals: tuple[int, ...] = (15, 25)
+    coarse_intervals: tuple[int, ...] | None = None
     intervals: int = 40
     max_intervals: int = 160
     arcs: bool = True
@@ -97,11 +97,12 @@ class MinimumTimeOptions:
             expect(guess, Trajectory, f"guesses[{i}]") for i, guess in enumerate(several(self.guesses, "guesses"))
         )
         object.__setattr__(self, "guesses", guesses)
-        meshes = several(self.coarse_intervals, "coarse_intervals")
-        if not meshes:
-            raise ProblemError("coarse_intervals is empty; it must be numbers of at least 1")
-        meshes = tuple(whole(mesh, f"coarse_intervals[{i}]", least=1) for i, mesh in enumerate(meshes))
-        object.__setattr__(self, "coarse_intervals", meshes)
+        if self.coarse_intervals is not None:
+            meshes = several(self.coarse_intervals, "coarse_intervals")
+            if not meshes:
+                raise ProblemError("coarse_intervals is empty; it must be numbers of at least 1")
+            meshes = tuple(whole(mesh, f"coarse_intervals[{i}]", least=1) for i, mesh in enumerate(meshes))
+            object.__setattr__(self, "coarse_intervals", meshes)
         for name in ("intervals", "max_intervals", "max_iterations"):
             whole(getattr(self, name), name, least=1)
         for name in ("starts", "refinements", "workers"):

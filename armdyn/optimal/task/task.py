@@ -87,6 +87,11 @@ class Task:
         """Processes of search and refinement; None: one per core."""
         return self.options.workers if self.policy.search.side_by_side else 1
 
+    @property
+    def meshes(self) -> tuple[int, ...]:
+        """Intervals of the search's meshes."""
+        return self.options.coarse_intervals or self.policy.search.meshes
+
     def coarse(self) -> list[DirectOptions]:
         """What IPOPT needs for the search; guesses take turns on these."""
         numbers = self.policy.program

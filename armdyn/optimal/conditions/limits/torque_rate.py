@@ -95,7 +95,7 @@ class TorqueRateLimit(Condition):
         ends = zip(_ends(problem), motion.t[[0, -1]], motion.tau[[0, -1]], ("begins", "ends"), strict=True)
         for x, t, tau, end in ends:
             hold, free = self._held(problem, x)
-            beside = np.where(free > 0, 0, np.abs(tau - hold)) / problem.limits.effort_upper
+            beside = np.where(free > 0, 0, np.abs(tau - hold)) / problem.limits.effort_size
             if np.max(beside) > _TOLERANCE:
                 worst.append(
                     Violation("jump of the torque", names[int(np.argmax(beside))], float(t), float(np.max(beside)))

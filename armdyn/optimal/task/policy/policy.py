@@ -4,6 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Self
 
+import numpy as np
+
 from armdyn.optimal.problem.nature import speed_shapes
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.options import MinimumTimeOptions
@@ -51,6 +53,7 @@ class Policy:
     @classmethod
     def of(cls, problem: MinimumTimeProblem) -> Self:
         """The policy for a problem, by its joints, its limits and its conditions along the way."""
+        motors = not np.any(problem.limits.passive)
         speedy = speed_shapes(problem)
         joints, asked = problem.robot.nv, bool(problem.along_the_way)
         crowded = bool(problem.obstacles) or problem.self_collision
@@ -61,7 +64,8 @@ class Policy:
                 flat=1e-4 if _has_rows(problem) else None,
             ),
             search=SearchPolicy(
-                starts=_by_joints(joints, 1, 12, 16) if crowded else _by_joints(joints, 1, 16, 40),
+                starts=_by_joints(joints, 1, 12, 16) if crowded else _by_joints(joints, 1, 16 if motors else 40, 40),
+                meshes=(15, 25) if motors else (25, 35),
                 neighbour_starts=_by_joints(joints, *((1, 4, 6, 1) if problem.pays_effort else (1, 8, 12, 1))),
                 side_by_side=joints > 1,
                 again=joints > 1 and not crowded,
@@ -70,7 +74,8 @@ class Policy:
             smooth=SmoothPolicy(starts=_by_joints(joints, 2, 16, 24), refined=10 if joints == 2 else 6),
             indirect=IndirectPolicy(starts=_by_joints(joints, 1, 6, 16)),
             curves=CurvePolicy(
-                alone=joints > 3 or problem.relative_effort_weight > 0,
+                alone=motors and (joints > 3 or problem.relative_effort_weight > 0),
+                possible=motors,
                 cruises=speedy,
                 patience=300 if asked else 120,
                 shortest=_shortest(problem, speedy),

@@ -43,8 +43,14 @@ class SearchPolicy:
 
     starts: int = by_kind(
         "guesses",
-        "16 for two joints met the best optimum within six over eight seeds; 40 for three; around obstacles ways are "
-        "chosen among many",
+        "16 for two joints met the best optimum within six over eight seeds; 40 for three, and where one of two has no "
+        "motor; around obstacles ways are chosen among many",
+        PAPER,
+    )
+    meshes: tuple[int, ...] = by_kind(
+        "intervals",
+        "which guesses take turns on; without a motor there are swings to resolve, and coarse meshes know faster ones "
+        "that there are not",
         PAPER,
     )
     quick: float = tuned(1 / 3, "of the guesses", 'effort "quick"', "RRR, random")
@@ -74,6 +80,13 @@ class SearchPolicy:
     bow: float = tuned(
         2.0, "rad", "least spread of random poses: fast motions fold far out of the straight way", "RR, RRR, Luus"
     )
+    swings: tuple[int, ...] = tuned(
+        (1, 2, 3, 4, 6, 8),
+        "swings",
+        "in turn, of guesses on which joints without a motor swing up",
+        "cart-pole, acrobot, pendubot, Furuta pendulum, their own and weaker motors",
+    )
+    unlike: float = tuned(0.3, "of the way, rad or m", "by which such guesses differ from each other", "the same")
     tries: int = tuned(300, "ways", "looked at before a few that go round the obstacles are taken", "RR, Panda: a post")
     looks: int = tuned(25, "poses", "of a way that are held against the obstacles", UNRECORDED)
     brisk: float = tuned(10.0, "rad/s", "stands for a missing velocity limit where ways are compared", UNRECORDED)

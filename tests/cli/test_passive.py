@@ -1,0 +1,62 @@
+"""Joints without a motor on the command line."""
+
+import pytest
+
+from armdyn.models import Robot
+from cli.command import answer, run_here
+
+MOVE = ("--q-start", "0,0", "--q-goal", "1,0")
+
+
+@pytest.fixture
+def stranger(tmp_path):
+    """The cart-pole as a file, whose zeros say nothing."""
+    path = tmp_path / "cart.urdf"
+    path.write_text(Robot.from_library("cart_pole").urdf)
+    return path
+
+
+@pytest.mark.slow
+def test_the_fastest_side_move(stranger, tmp_path):
+    out = ("--effort-limit", 3, "--no-figure", "--no-replay", "--json", "--out", tmp_path / "out")
+    told = answer(run_here("mintime", "cart_pole", *MOVE, *out))
+    assert told["certified"] and told["duration"] == pytest.approx(1.559332194, rel=1e-8)  # tests/optimal/test_passive
+    assert {mode for arc in told["arcs"] for mode in arc["modes"]} == {"torque upper", "torque lower", "passive"}
+    same = answer(run_here("mintime", stranger, *MOVE, "--passive", "pole", *out))
+    assert same["duration"] == pytest.approx(told["duration"], rel=1e-9)
+
+
+def test_bound_takes_it_too(stranger):
+    asks = ("--velocity-limit", 2, "--json")
+    told = answer(run_here("bound", "cart_pole", *MOVE, *asks))
+    assert told["bound"] == answer(run_here("bound", stranger, *MOVE, "--passive", "pole", *asks))["bound"]
+    assert told["kinematic"] == pytest.approx(0.5) and told["bound"] > 0.6  # the cart must speed up and slow down
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--passive", "pol"), "there is no joint 'pol'; did you mean 'pole'?"),
+        (("--passive", "pole", "--passive", "cart"), "no joint has a motor"),
+        ((), "passive=('pole',) if it has no motor"),
+    ],
+)
+def test_what_is_refused(stranger, options, words):
+    assert words in answer(run_here("mintime", stranger, *MOVE, *options, "--json"), code=2)["message"]
+
+
+def test_help_teaches():
+    told = " ".join(run_here("mintime", "--help").stdout.replace("│", " ").split())
+    assert "--passive" in told and "without a motor" in told
+
+
+def test_doctor_names_them():
+    told = answer(run_here("doctor", "acrobot", "--json"))
+    assert [joint["passive"] for joint in told["joints"]] == [True, False]
+    assert "no motor: other joints swing it (shoulder)" in told["remarks"]
+    assert "no motor" in run_here("doctor", "acrobot").stdout
+
+
+def test_a_controller_of_every_joint_refuses_them(tmp_path):
+    told = answer(run_here("pid", "pendubot", *MOVE, "--out", tmp_path / "out", "--json"), code=2)
+    assert "there is none at elbow" in told["message"]

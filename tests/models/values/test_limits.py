@@ -1,0 +1,41 @@
+"""Limits of joints, of which some have no motor."""
+
+import numpy as np
+import pytest
+
+from armdyn.errors import ProblemError
+from armdyn.models import JointLimits
+
+JOINTS = ("a", "b", "c")
+
+
+def limits(lower, upper):
+    wide = np.full(len(upper), np.inf)
+    return JointLimits(
+        position_lower=-wide, position_upper=wide, velocity=wide, effort_lower=lower, effort_upper=upper
+    )  # fmt: skip
+
+
+def test_passive_is_what_has_no_torque():
+    own = limits([-1.0, 0.0, 0.0], [3.0, 0.0, 2.0])
+    assert own.passive.tolist() == [False, True, False]  # the last pushes one way
+    assert own.effort_size.tolist() == [2.0, 1.0, 1.0]  # half the ranges; the least of the others'
+
+
+def test_sizes_are_positive_where_nothing_has_a_motor():
+    assert limits([0.0, 0.0], [0.0, 0.0]).effort_size.tolist() == [1.0, 1.0]
+
+
+def test_without_motors():
+    own = limits([-1.0, -2.0, -3.0], [1.0, 2.0, np.inf])
+    idle = own.without_motors(iter(["c", "a"]), JOINTS, ProblemError)
+    assert idle.effort_lower.tolist() == [0.0, -2.0, 0.0] and idle.effort_upper.tolist() == [0.0, 2.0, 0.0]
+    assert own.without_motors((), JOINTS, ProblemError).effort_upper.tolist() == [1.0, 2.0, np.inf]
+
+
+@pytest.mark.parametrize(
+    ("passive", "words"), [(["d"], "there are a, b, c"), ("a", "must be a list"), ([3], "joint 3")]
+)
+def test_what_is_no_joint(passive, words):
+    with pytest.raises(ProblemError, match=words):
+        limits([-1.0] * 3, [1.0] * 3).without_motors(passive, JOINTS, ProblemError)
