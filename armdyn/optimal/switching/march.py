@@ -272,7 +272,8 @@ class March:
     def room(self) -> tuple[Array, Array]:
         """What free torques are from both limits, in parts of `Setting.course`, and by the unknowns, (rows, width)."""
         torques, limits = self.torques, self.setting.problem.limits
-        free, unit = torques.felt > 0, self.setting.course
+        free = torques.felt > 0
+        unit = np.where(self.setting.course > 0, self.setting.course, 1.0)  # without a motor nothing is free
         own = np.any(free, axis=1)
         values, rows = [np.empty(0)], [np.empty((0, self.schedule.width))]
         for tau, by in zip(torques.tau, torques.by, strict=True):
