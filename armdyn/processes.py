@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkProcess
@@ -46,14 +46,24 @@ def in_processes(jobs: Sequence[Callable[[], Result]], workers: int | None) -> G
             yield job() if result is None else result[0]
 
 
-def as_they_end(jobs: Sequence[Callable[[], Result]], workers: int | None) -> Generator[Result]:
+def as_they_end(
+    jobs: Sequence[Callable[[], Result]], workers: int | None, after: Mapping[int, Collection[int]] | None = None
+) -> Generator[Result]:
     """The jobs' results as `in_processes` gives them, but each as soon as it is there.
 
     Who stops asking interrupts what is under way, and waits for it: a job hears SIGINT only where it listens, as
     `solve_minimum_time` does, and else goes on to its end.
+
+    Args:
+        jobs: what is to be done.
+        workers: processes at most, see `in_processes`.
+        after: of some jobs, the numbers of others that end before they are begun.
+
+    Raises:
+        ValueError: jobs wait for each other.
     """
     with _crew(jobs, workers, patient=True) as crew:
-        for k, result in _ended(jobs, crew):
+        for k, result in _ended(jobs, crew, after or {}):
             yield jobs[k]() if result is None else result[0]
 
 
@@ -83,20 +93,30 @@ def beside(job: Callable[[], Result], workers: int | None) -> Iterator[Callable[
         yield result
 
 
-def _ended(jobs: Sequence[Callable[[], Result]], crew: Crew) -> Iterator[tuple[int, tuple[Result] | None]]:
+def _ended(
+    jobs: Sequence[Callable[[], Result]], crew: Crew, after: Mapping[int, Collection[int]] | None = None
+) -> Iterator[tuple[int, tuple[Result] | None]]:
     """Numbers of jobs that are no longer under way, with their results; None: it is to be done here."""
     idle, under_way = list(crew), dict[Connection, int]()
-    begun = 0
-    while begun < len(jobs) or under_way:
-        while idle and begun < len(jobs):
+    waiting, known = list(range(len(jobs))), set[int]()
+
+    def free() -> int | None:
+        """The first job that waits for none."""
+        return next((k for k in waiting if known.issuperset((after or {}).get(k, ()))), None)
+
+    while waiting or under_way:
+        while idle and (k := free()) is not None:
             line = idle.pop()
             with suppress(OSError):  # else it is no more
-                line.send(begun)
-                under_way[line] = begun
-                begun += 1
+                line.send(k)
+                under_way[line] = k
+                waiting.remove(k)
         if not under_way:  # there is nobody, or nobody is left
-            begun += 1
-            yield begun - 1, None
+            if (k := free()) is None:
+                raise ValueError(f"jobs {waiting} wait for each other")
+            waiting.remove(k)
+            yield k, None
+            known.add(k)
             continue
         ready = wait(list(under_way))
         for line in [line for line in under_way if line in ready]:
@@ -105,6 +125,7 @@ def _ended(jobs: Sequence[Callable[[], Result]], crew: Crew) -> Iterator[tuple[i
                 result = (line.recv(),)
                 idle.append(line)
             yield k, result
+            known.add(k)
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""Time armdyn beside a plain CasADi script and Drake's DirectCollocation, in one run.
+"""Time armdyn beside a plain CasADi script, rockit's and Drake's DirectCollocation, in one run.
 
 Times are wall times of a solve, the median of --repeats runs after one that is dropped (unless that one alone
 takes more than 10 s); "ratio" is to armdyn's one solve. Building functions is not in them, but in its own column [s].
@@ -29,6 +29,7 @@ ROWS = (
     ("armdyn, one curve", "own.py", "curve", "armdyn"),
     ("CasADi Opti + IPOPT, MX", "plain_casadi.py", "MX", "casadi"),
     ("CasADi Opti + IPOPT, SX", "plain_casadi.py", "SX", "casadi"),
+    ("rockit + IPOPT", "rockit_collocation.py", "IPOPT", "rockit"),
     ("Drake + SNOPT", "drake_collocation.py", "SNOPT", "pydrake"),
     ("Drake + IPOPT", "drake_collocation.py", "IPOPT", "pydrake"),
 )

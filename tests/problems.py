@@ -101,3 +101,17 @@ def solve(problem, **options):
     solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(**options))
     assert solution.success, solution.message
     return solution
+
+
+def random_problem(pair, seed=1, **limits):
+    """A pair of scripts/search_statistics.py, of RRR: seed 1 is what was tuned on."""
+    random = np.random.default_rng([seed, pair])
+    payload, (start, goal) = random.uniform(0, 0.3), random.uniform(-2.5, 2.5, (2, 3))
+    robot = ad.Robot.from_spec(ad.ArmSpec.paper("rrr"), ad.Payload(mass=payload))
+    return ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal, **limits)
+
+
+@cache
+def random_solution(pair):
+    """Its fastest motion, without limits of position."""
+    return ad.solve_minimum_time(random_problem(pair, position_limit=(-np.inf, np.inf)))

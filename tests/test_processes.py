@@ -53,6 +53,31 @@ def test_in_order_or_as_they_end(together, orders):
     assert list(together([partial(overtaken, event, k) for k in range(4)], 2)) in orders
 
 
+def finds(done, k):
+    """Which jobs had ended when it was begun."""
+    before = set(done)
+    done.append(k)
+    return k, before
+
+
+@pytest.mark.parametrize("workers", [1, 2, 3])
+def test_a_job_is_begun_when_those_that_it_waits_for_have_ended(workers):
+    with FORK.Manager() as manager:
+        after = {0: [3], 1: [0, 2], 4: []}
+        done = manager.list()
+        results = dict(as_they_end([partial(finds, done, k) for k in range(5)], workers, after))
+    assert results.keys() == set(range(5))
+    assert all(results[k] >= set(others) for k, others in after.items())
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_jobs_that_wait_for_each_other_are_refused(workers):
+    jobs = as_they_end([int, int, int], workers, {1: [2], 2: [1]})
+    assert next(jobs) == 0
+    with pytest.raises(ValueError, match=r"\[1, 2\] wait for each other"):
+        next(jobs)
+
+
 def dies_elsewhere(k):
     if k % 2 and os.getpid() != HERE:
         os.kill(os.getpid(), signal.SIGKILL)

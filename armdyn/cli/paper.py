@@ -16,10 +16,11 @@ from armdyn.control.arrival import ARRIVAL_RULES
 from armdyn.files import probe_folder, write_whole
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from rich.progress import Progress
 
     from armdyn.studies.paper.outcomes.outcome import Outcome
-    from armdyn.studies.paper.reproduce import Plan, Reproduced
+    from armdyn.studies.paper.plan import Plan
+    from armdyn.studies.paper.reproduce import Reproduced
 
 
 ArrivalRuleName = Annotated[
@@ -50,8 +51,9 @@ def reproduce(
 ) -> None:
     """The whole paper: every example, table and figure, the published numbers beside ours.
 
-    Open DIR/index.html in a browser. DIR/tables has Tables 3 to 7 as CSV, Markdown and LaTeX, DIR/figures
-    Figures 2 to 7, DIR/cases every single result; the six examples with 100.6 g have a folder each.
+    Open DIR/index.html in a browser: it is there as soon as the examples with 100.6 g are, which come first.
+    DIR/tables has Tables 3 to 7 as CSV, Markdown and LaTeX, DIR/figures Figures 2 to 7, DIR/cases every single
+    result; the six examples with 100.6 g have a folder each.
     What is done stays: Ctrl-C, and the same command goes on from there.
     A PID loop that does not settle is a finding, not a failure: the paper's loop is unstable for RRR. Exit code 3:
     some minimum-time motion is not usable.
@@ -64,14 +66,18 @@ def reproduce(
 
         plan, count = _plan(only or (), payload or (), arrival_rule, fresh), 0
         try:
-            with _progress(len(plan.cases()), json) as tell:
+            with _progress(len(plan.cases()), json) as bar:
 
                 def done(outcome: "Outcome", number: int, of: int) -> None:
                     nonlocal count
                     count = number
-                    tell(outcome, number, of)
+                    bar.tell(outcome, number, of)
 
-                result = carry_out(out, plan, done)
+                def shown(outcomes: "Sequence[Outcome]") -> None:
+                    with bar.aside():
+                        _print_examples(outcomes, plan, out)
+
+                result = carry_out(out, plan, done, None if json else shown)
         except KeyboardInterrupt:
             message = f"interrupted; {count} of {len(plan.cases())} results are in {out}: run the same command to go on"
             answer.facts |= {"success": False, "status": "interrupted", "message": message, "out": str(out)}
@@ -80,13 +86,13 @@ def reproduce(
             answer.facts |= _facts(result)
             answer.code = 0 if answer.facts["success"] else NOT_USABLE
             if not json:
-                _print(result, plan, out)
+                _print(result, out)
 
 
 def _plan(only: Sequence[str], payloads: Sequence[str], rule: str | None, fresh: bool) -> "Plan":
     """What the options ask for."""
+    from armdyn.studies.paper.plan import Plan
     from armdyn.studies.paper.printed.loop import PAPER_RULE
-    from armdyn.studies.paper.reproduce import Plan
 
     rule = rule or PAPER_RULE
     one_of(rule, ARRIVAL_RULES, "--arrival-rule")
@@ -98,11 +104,33 @@ def _plan(only: Sequence[str], payloads: Sequence[str], rule: str | None, fresh:
     )
 
 
+class _Bar:
+    """A bar on standard error; without one, nothing is told."""
+
+    def __init__(self, bar: "Progress | None", total: int):
+        self._bar, self._task = bar, bar.add_task("", total=total) if bar else None
+
+    def tell(self, outcome: "Outcome", done: int, of: int) -> None:
+        """So many cases are done, this one last."""
+        if self._bar and self._task is not None:
+            description = escape(outcome.case.name)
+            self._bar.update(self._task, completed=done, total=of, description=description, refresh=True)
+
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """Out of the way, while something else is said."""
+        if self._bar:
+            self._bar.stop()
+        yield
+        if self._bar:
+            self._bar.start()
+
+
 @contextmanager
-def _progress(total: int, as_json: bool) -> "Iterator[Callable[[Outcome, int, int], None]]":
-    """A bar on standard error."""
+def _progress(total: int, as_json: bool) -> Iterator[_Bar]:
+    """A bar where someone watches."""
     if as_json or not errors.is_terminal:
-        yield lambda outcome, done, of: None
+        yield _Bar(None, total)
         return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -115,13 +143,9 @@ def _progress(total: int, as_json: bool) -> "Iterator[Callable[[Outcome, int, in
     )
     # It refreshes itself in a thread otherwise, and processes are to be forked.
     with Progress(*columns, console=errors.rich, transient=True, auto_refresh=False) as bar:
-        task = bar.add_task("", total=total)
+        own = _Bar(bar, total)
         bar.refresh()
-
-        def tell(outcome: "Outcome", done: int, of: int) -> None:
-            bar.update(task, completed=done, total=of, description=escape(outcome.case.name), refresh=True)
-
-        yield tell
+        yield own
 
 
 def _facts(result: "Reproduced") -> dict[str, object]:
@@ -139,21 +163,21 @@ def _facts(result: "Reproduced") -> dict[str, object]:
     }
 
 
-def _print(result: "Reproduced", plan: "Plan", out: Path) -> None:
-    """For people: the examples with the figures' payload, and where the rest is."""
+def _print_examples(outcomes: "Sequence[Outcome]", plan: "Plan", out: Path) -> None:
+    """For people: the examples with the figures' payload, and where they are shown."""
     from rich.table import Table
+
+    from armdyn.studies.paper.printed.published import printed_time
+    from armdyn.studies.paper.tables.rows import setup
 
     grams = f"{1000 * plan.shown_payload:g} g"
     table = Table(title=f"The paper's examples with {grams} at the tip", title_justify="left")
     for column in ("#", "arm", "problem", "paper", "ours", "what happened"):
         table.add_column(column, justify="right" if column in ("#", "paper", "ours") else "left")
-    from armdyn.studies.paper.printed.published import printed_time
-    from armdyn.studies.paper.tables.rows import setup
-
-    for outcome in sorted(result.outcomes, key=lambda o: (o.case.example, o.case.kind)):
+    for outcome in sorted(outcomes, key=lambda o: (o.case.example, o.case.kind)):
         case = outcome.case
         paper = printed_time(case.example, case.payload)
-        if case.payload != plan.shown_payload or case.reading != "tip" or setup(case):
+        if case.reading != "tip" or setup(case):
             continue
         table.add_row(
             str(case.example),
@@ -164,9 +188,14 @@ def _print(result: "Reproduced", plan: "Plan", out: Path) -> None:
             escape(_happened(outcome)),
         )
     console.print(table)
+    console.print(f"figures and replays: open {escape(str(out / 'index.html'))} in a browser")
+
+
+def _print(result: "Reproduced", out: Path) -> None:
+    """For people: how the paper's numbers fare, and where the rest is."""
     words = ", ".join(f"{n} {verdict}" for verdict, n in _facts(result)["verdicts"].items())  # type: ignore[attr-defined]
     console.print(f"{len(result.rows)} numbers of the paper: {words}")
-    console.print(f"open {escape(str(out / 'index.html'))} in a browser; tables in {escape(str(out / 'tables'))}")
+    console.print(f"all of them are in {escape(str(out / 'index.html'))}; tables in {escape(str(out / 'tables'))}")
 
 
 def _happened(outcome: "Outcome") -> str:

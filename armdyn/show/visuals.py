@@ -1,15 +1,16 @@
 """What a robot looks like: the shapes of its URDF, on the joints that carry them."""
 
+from __future__ import annotations
+
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
-import trimesh
 from meshcat import geometry as mg
 from numpy.typing import NDArray
 
@@ -18,6 +19,9 @@ from armdyn.models import Robot
 from armdyn.models.reading.meshes import load_meshes, numbers, origin, resolve_mesh
 from armdyn.models.reading.urdf_check import parse_urdf
 from armdyn.models.scene.obstacles import Box, Capsule, Obstacle, Sphere
+
+if TYPE_CHECKING:
+    import trimesh
 
 Array = NDArray[np.float64]
 
@@ -165,6 +169,8 @@ def _visual_shapes(
 
 def _load_meshes(path: Path, scale: Array) -> Iterator[tuple[trimesh.Trimesh, tuple[float, float, float, float]]]:
     """The triangles of a file, one mesh per colour."""
+    import trimesh  # slow to import, and the paper's arms have no meshes
+
     by_color: dict[tuple[float, float, float, float], list[trimesh.Trimesh]] = {}
     for bare, mesh in load_meshes(path, scale):
         by_color.setdefault(_mesh_color(mesh), []).append(bare)

@@ -6,6 +6,7 @@ from dataclasses import replace
 from armdyn.errors import ProblemError
 from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Solution, Status, solve_minimum_time
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE
+from armdyn.optimal.refine.smooth import trajectory_cost
 from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.policy.search import SamePolicy
 
@@ -16,7 +17,7 @@ def sweep(
     progress: Callable[[str], None] | None = None,
     done: Callable[[int, Solution], None] | None = None,
 ) -> tuple[Solution, ...]:
-    """Minimum times of similar problems, as of one motion with more and more payload.
+    """Optima of similar problems, as the minimum times of one motion with more and more payload.
 
     The first is searched as `solve_minimum_time` does. Each of the others begins with its neighbour's optimum
     beside fewer guesses of its own; then, backwards, an optimum that a later problem has found is tried on the
@@ -76,12 +77,21 @@ def _is_proven(solution: Solution) -> bool:
 
 
 def _is_neighbours(solution: Solution, later: Solution) -> bool:
-    """Both optima have the same arcs: they are one branch's, and there is nothing to try."""
+    """Both optima have the same arcs: they are one branch's, and there is nothing to try.
+
+    Where effort is paid for torques are on no limit, and their arcs say nothing.
+    """
     own, other = ([arc.modes for arc in s.arcs] for s in (solution, later))
-    return bool(own) and own == other
+    return bool(own) and own == other and not solution.problem.pays_effort
 
 
 def _better(solution: Solution, other: Solution) -> bool:
     if solution.success != other.success:
         return solution.success
-    return solution.duration < other.duration * (1 - SamePolicy.resolved)
+    return _cost(solution) < _cost(other) * (1 - SamePolicy.resolved)
+
+
+def _cost(solution: Solution) -> float:
+    """What is least [s]: the duration, and the effort that is paid for."""
+    effort = trajectory_cost(solution.trajectory, solution.problem.effort_weight) - solution.trajectory.duration
+    return solution.duration + effort

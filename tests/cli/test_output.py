@@ -14,7 +14,7 @@ import armdyn as ad
 from armdyn.cli.app import app
 from armdyn.models import Robot
 from armdyn.studies.paper.outcomes.store import load_outcome
-from armdyn.studies.paper.reproduce import Plan
+from armdyn.studies.paper.plan import Plan
 
 COMMAND = [sys.executable, "-c", "from armdyn.cli import main; main()"]
 COMMANDS = {

@@ -7,6 +7,7 @@ import pytest
 import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.optimal import Status
+from armdyn.optimal.refine.smooth import trajectory_cost
 from armdyn.studies import sweep as module
 from armdyn.studies.sweep import sweep
 from problems import paper_problem
@@ -21,6 +22,16 @@ def test_same_optima_as_each_for_itself():
     # Both are certified to 1e-9 relative; two searches may stop at different multiples of rounding below that.
     assert [s.duration for s in solutions] == pytest.approx([s.duration for s in alone], rel=1e-8)
     assert order == [(k, solution.duration) for k, solution in enumerate(solutions)]
+
+
+@pytest.mark.slow
+def test_time_and_energy_as_each_for_itself():
+    problems = [paper_problem("rr", mass, effort_weight=1.0, effort_limit=30.0) for mass in (0.1006, 0.1219)]
+    # The reference's J: collocation of another kind, on finer and finer meshes.
+    known = (0.5577320121886695, 0.5781908970767553)
+    for solution, best in zip(sweep(problems), known, strict=True):
+        assert solution.certified
+        assert trajectory_cost(solution.trajectory, 1.0) == pytest.approx(best, rel=1e-7)
 
 
 @pytest.mark.slow
@@ -88,6 +99,3 @@ def test_nothing_and_nonsense():
     guess = ad.solve_minimum_time(paper_problem("r", 0.1)).trajectory
     with pytest.raises(ProblemError, match=r"guesses\[0\] moves 1 joints, rr has 2"):
         ad.solve_minimum_time(paper_problem("rr", 0.1), ad.MinimumTimeOptions(guesses=(guess,)))
-    weighted = ad.MinimumTimeProblem(paper_problem("r", 0.1).robot, q_start=[0.0], q_goal=[0.1], effort_weight=1.0)
-    with pytest.raises(ProblemError, match="guesses"):
-        ad.solve_minimum_time(weighted, ad.MinimumTimeOptions(guesses=(guess,)))

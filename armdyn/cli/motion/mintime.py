@@ -16,6 +16,7 @@ from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction
 from armdyn.cli.options.poses import GoalOptions
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+from armdyn.optimal.task.options import Effort
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,10 +25,17 @@ class SearchOptions:
 
     panel: ClassVar[str] = "Search"
 
+    effort: Annotated[
+        Effort,
+        typer.Option(
+            help="How much is searched: quick is a third of normal; thorough takes five times as long and misses less."
+        ),
+    ] = "normal"
     starts: Annotated[
         int | None,
         typer.Option(
-            help="Guesses of the global search; by default as many as suit the robot (armdyn doctor ROBOT --policy)."
+            help="Guesses of the global search, whatever the effort; by default as many as suit the robot "
+            "(armdyn doctor ROBOT --policy)."
         ),
     ] = None
     time_limit: Annotated[float, typer.Option(metavar="S", help="For the whole solve \\[s].")] = 300.0
@@ -45,6 +53,7 @@ class SearchOptions:
     def options(self) -> ad.MinimumTimeOptions:
         """The solver's options."""
         return ad.MinimumTimeOptions(
+            effort=self.effort,
             starts=self.starts,
             time_limit=self.time_limit,
             max_intervals=self.max_intervals,

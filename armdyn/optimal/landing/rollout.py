@@ -12,6 +12,7 @@ from armdyn.arguments import expect, number
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.errors import TrajectoryError
 from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.optimal.landing.one_step import EVALUATIONS, one_step
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -59,16 +60,27 @@ def replay_torques(
     t, torque, jumps = trajectory.t, trajectory.tau, trajectory.jumps
     states = [np.concatenate([trajectory.q[0], trajectory.v[0]])]
     k, spent = 0, 0
+    going: Array | None = None  # the rate here, where the last step has left it and the torque does not jump
     while k < t.size - 1:
         if jumps[k]:  # no time passes
             states.append(states[-1])
-            k += 1
+            k, going = k + 1, None
             continue
         slope = (torque[k + 1] - torque[k]) / (t[k + 1] - t[k])
         end = k + 1
         while not np.any(slope) and end < t.size - 1 and np.array_equal(torque[end + 1], torque[k]):
             end += 1  # samples of one constant torque: nothing for the integrator to stop at
         here = partial(rate, start=t[k], tau=torque[k], slope=slope)
+        if end == k + 1 and not enough(0):
+            going = here(t[k], states[-1]) if going is None else going
+            step = one_step(here, t[k : end + 1], states[-1], going, rtol)
+            spent += EVALUATIONS
+            if step is not None:
+                state, going = step
+                states.append(state)
+                k = end
+                continue
+        going = None
         reached, evaluations = _integrate(here, t[k : end + 1], states[-1], rtol, enough)
         states, spent = states + reached, spent + evaluations
         if len(reached) < end - k:
@@ -150,6 +162,6 @@ def _integrate(
             break
         passed = times[len(states) + 1 : np.searchsorted(times, solver.t, "right")]
         if passed.size:
-            within = solver.dense_output()
-            states += [solver.y if at == solver.t else within(at) for at in passed]
+            within = None if np.all(passed == solver.t) else solver.dense_output()
+            states += [solver.y if within is None or at == solver.t else within(at) for at in passed]
     return states, int(solver.nfev)

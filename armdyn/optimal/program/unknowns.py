@@ -125,21 +125,30 @@ def to_trajectory(
         duration = max(float(knots[first, layout.knot.time]) * scales.time, 1e-9)
         times[first + 1 : last + 1] = times[first] + duration * np.cumsum(fractions[first:last])
         first = last
-    rows: list[tuple[float, Array, Array]] = []
-    for k in range(N):
-        if layout.linear:
-            left, right = knots[k, layout.knot.torque], knots[k + 1, layout.knot.torque]
-        else:
-            left = right = torques[k, 0]
-        rows.append((times[k], states[k], left))
-        for state, c in zip(between[k], tableau.c[tableau.inner.start : tableau.inner.stop], strict=True):
-            rows.append((times[k] + c * (times[k + 1] - times[k]), state, (1 - c) * left + c * right))
-        if layout.scheme.control == "constant" and k < N - 1:  # the jump: one ulp before the next knot
-            rows.append((np.nextafter(times[k + 1], 0), states[k + 1], right))
-    rows.append((times[N], states[N], right))
-    t, state, tau = (np.array(part) for part in zip(*rows, strict=True))
-    q, v = state[:, layout.knot.q] * scales.length, state[:, layout.knot.v] * scales.speed
-    return Trajectory(t, q, v, tau * scales.effort, joint_names, "minimum time")
+    if layout.linear:
+        at_knots = knots[:, None, layout.knot.torque]
+        left, right = at_knots[:-1], at_knots[1:]
+    else:
+        left = right = torques[:, :1]
+    c = tableau.c[tableau.inner.start : tableau.inner.stop, None]
+    t = [times[:-1, None], times[:-1, None] + c.T * np.diff(times)[:, None]]
+    state, tau = [states[:-1, None], between], [left, (1 - c) * left + c * right]
+    jumps = int(layout.scheme.control == "constant")
+    if jumps:  # one ulp before the next knot
+        t.append(np.nextafter(times[1:, None], 0))
+        state.append(states[1:, None])
+        tau.append(right)
+    at = _in_order(state, states[N], jumps)
+    q, v = at[:, layout.knot.q] * scales.length, at[:, layout.knot.v] * scales.speed
+    torque = _in_order(tau, right[-1, 0], jumps) * scales.effort
+    return Trajectory(_in_order(t, times[N], jumps), q, v, torque, joint_names, "minimum time")
+
+
+def _in_order(parts: list[Array], end: Array, beyond: int) -> Array:
+    """Samples of every interval one after the other, and the last knot's; so many of the last interval are none."""
+    rows = np.concatenate(parts, axis=1)
+    rows = rows.reshape(-1, *rows.shape[2:])
+    return np.concatenate([rows[: len(rows) - beyond], end[None]])
 
 
 def bounds(problem: MinimumTimeProblem, layout: Layout, intervals: int, scales: Scales) -> tuple[Array, Array]:

@@ -28,6 +28,8 @@ _RTOL = 1e-7
 """Of the integrator: a thousandth of the costates' tolerance; absolute a tenth of that, as H feels it."""
 _SAMPLES = 400
 """Of the replay, about: quintics between them are then right to 1e-9 of what the paper's arms do."""
+_POWERS = np.arange(6.0)
+"""Of a quintic."""
 _MOST_STEPS = 5_000
 """Of the integrator: ten times what the paper's arms take, some seconds."""
 _STILL = 1e-9
@@ -50,9 +52,11 @@ def adjoint_error(robot: Robot, replay: Trajectory, phases: Phases) -> float:
     duration = phases.duration
     if abs(replay.duration - duration) > 1e-12 * duration:
         return float("inf")
-    finer = replay_torques(robot, dense(replay, _SAMPLES))
-    if finer.t[-1] != replay.t[-1]:
-        return float("inf")
+    finer = dense(replay, _SAMPLES)
+    if finer.t.size > replay.t.size:  # else the replay's own states are all there are
+        finer = replay_torques(robot, finer)
+        if finer.t[-1] != replay.t[-1]:
+            return float("inf")
     along = _Along.of(robot, finer)
     found = _backwards(along, phases)
     if found is None:
@@ -65,27 +69,33 @@ def adjoint_error(robot: Robot, replay: Trajectory, phases: Phases) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Along:
-    """A motion, and how its accelerations answer to its states.
+    """A motion between whose samples positions are quintics: through q, v and a at both.
 
     Attributes:
         robot: that moves.
         motion: samples of its states and torques.
-        a: accelerations at the samples [rad/s² or m/s²], shape (m, nv).
+        quintics: between two samples, coefficients of sᵏ with s from 0 to 1 [rad or m], shape (m - 1, 6, nv).
         size: largest velocity and acceleration of every joint, shape (2 nv,).
     """
 
     robot: Robot
     motion: Trajectory
-    a: Array
+    quintics: Array
     size: Array
 
     @classmethod
     def of(cls, robot: Robot, motion: Trajectory) -> "_Along":
         """With what forward dynamics say of the samples."""
         acceleration = forward_dynamics(robot)
-        a = np.array([acceleration(*sample) for sample in zip(motion.q, motion.v, motion.tau, strict=True)])
-        peaks = [np.max(np.abs(each), axis=0) for each in (motion.v, a)]
-        return cls(robot, motion, a, np.concatenate([np.maximum(each, _STILL * np.max(each)) for each in peaks]))
+        q, v, h = motion.q, motion.v, np.diff(motion.t)[:, None]
+        a = np.array([acceleration(*sample) for sample in zip(q, v, motion.tau, strict=True)])
+        start, mean, bend = h * v[:-1], h**2 / 2 * a[:-1], h**2 / 2 * np.diff(a, axis=0)
+        rise, speed = np.diff(q, axis=0) - start - mean, h * np.diff(v, axis=0) - 2 * mean
+        # Of s³, s⁴ and s⁵, so that value, slope and curvature at s = 1 are rise, speed and 2 bend.
+        more = (10 * rise - 4 * speed + bend, -15 * rise + 7 * speed - 2 * bend, 6 * rise - 3 * speed + bend)
+        peaks = [np.max(np.abs(each), axis=0) for each in (v, a)]
+        size = np.concatenate([np.maximum(each, _STILL * np.max(each)) for each in peaks])
+        return cls(robot, motion, np.stack([q[:-1], start, mean, *more], axis=1), size)
 
     def within(self, start: float, end: float) -> "_Stretch":
         """The part between two times that are samples: what a jump of the torque at its ends says is of this side."""
@@ -119,25 +129,22 @@ class _Stretch:
         """∂a/∂q and ∂a/∂v, friction included, each of shape (nv, nv)."""
         robot, (q, v, tau) = self.along.robot, self._state(time)
         friction = robot.friction
+        if not friction.present:
+            pin.computeABADerivatives(self._model, self._data, robot.configuration(q), v, tau)
+            return self._data.ddq_dq, self._data.ddq_dv
         pin.computeABADerivatives(self._model, self._data, robot.configuration(q), v, tau - friction.torque(v))
         inverse = np.triu(self._data.Minv) + np.triu(self._data.Minv, 1).T
         return self._data.ddq_dq, self._data.ddq_dv - inverse * friction.slope(v)
 
     def _state(self, time: float) -> tuple[Array, Array, Array]:
-        """Position, velocity and torque: between samples the quintic through q, v and a at both."""
-        motion, a = self.along.motion, self.along.a
-        t, q, v, tau = motion.t, motion.q, motion.v, motion.tau
-        k = int(np.clip(np.searchsorted(t, time, side="right") - 1, self.first, self.last - 1))
+        """Position, velocity and torque."""
+        t, tau = self.along.motion.t, self.along.motion.tau
+        k = min(max(int(np.searchsorted(t, time, side="right")) - 1, self.first), self.last - 1)
         h = t[k + 1] - t[k]
         s = (time - t[k]) / h
-        start, mean, bend = h * v[k], h**2 / 2 * a[k], h**2 / 2 * (a[k + 1] - a[k])
-        rise = q[k + 1] - q[k] - start - mean
-        speed = h * (v[k + 1] - v[k]) - 2 * mean
-        # Of s³, s⁴ and s⁵, so that value, slope and curvature at s = 1 are rise, speed and 2 bend.
-        c3, c4, c5 = 10 * rise - 4 * speed + bend, -15 * rise + 7 * speed - 2 * bend, 6 * rise - 3 * speed + bend
-        position = q[k] + s * (start + s * (mean + s * (c3 + s * (c4 + s * c5))))
-        velocity = (start + s * (2 * mean + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h
-        return position, velocity, tau[k] + s * (tau[k + 1] - tau[k])
+        powers, quintic = s**_POWERS, self.along.quintics[k]
+        velocity = (_POWERS[1:] * powers[:-1]) @ quintic[1:] / h
+        return powers @ quintic, velocity, tau[k] + s * (tau[k + 1] - tau[k])
 
 
 def _backwards(along: _Along, phases: Phases) -> Array | None:

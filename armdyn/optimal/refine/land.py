@@ -42,7 +42,9 @@ def _finer(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
     while (size := ladder.above(phases.arc_of.size)) and not task.stop:
         if not phases.kept and np.max(np.abs(pontryagin(task.problem, phases)[0])) <= numbers.stray:
             break
-        aim = PhaseAim(near=True, density=phases.density, keep=Kept.of(phases.arcs, phases.torques) if phases.kept else None)
+        aim = PhaseAim(
+            near=True, density=phases.density, keep=Kept.of(phases.arcs, phases.torques) if phases.kept else None
+        )
         tried = solve_phases(task, phases.arcs, phases.torques, size, aim)
         if isinstance(tried, Unresolved):
             remark = f"the arcs did not converge on {size} intervals ({tried.message})"

@@ -8,13 +8,13 @@ from armdyn.optimal.arcs.solving import prepare_phases, solve_phases
 from armdyn.optimal.arcs.structure import by_sign, with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.landing.aim import aimed
 from armdyn.optimal.program.unknowns import mesh
-from armdyn.optimal.proof.certificate import SWITCHING_TOLERANCE, certify
+from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE, SWITCHING_TOLERANCE, certify
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.switching.schedule import Schedule, banged, shares_of
-from armdyn.optimal.switching.settle import has_switching, motion_of, setting_of, settled
+from armdyn.optimal.switching.settle import has_switching, leaves_idle, motion_of, setting_of, settled
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -40,7 +40,13 @@ def resolve(task: Task, attempt: Attempt) -> Optimum:
     certificate = certify(task.problem, replay, None, remark)
     on_mesh = Optimum(landed, certificate, landed.duration, intervals)
     # Arcs that are not certified are worth having only if their motion is the better one.
-    return resolved if resolved is not None and resolved.error <= on_mesh.error else on_mesh
+    return min((one for one in (resolved, on_mesh) if one is not None), key=_rank)
+
+
+def _rank(optimum: Optimum) -> tuple[bool, float]:
+    """Sorts: those that land within their limits by duration, then the others by what is worst about them."""
+    good = optimum.error <= max(GOAL_TOLERANCE, LIMIT_TOLERANCE)
+    return not good, optimum.trajectory.duration if good else optimum.error
 
 
 def prepare_resolving(task: Task) -> None:
@@ -58,9 +64,9 @@ def _structure(task: Task, motion: Trajectory, intervals: int) -> tuple[Phases |
     switch = max(task.policy.arcs.switch, intervals // numbers.blur)
     arcs = merged(detect(problem, motion, mesh(intervals), switch, task.policy.arcs))
     if has_switching(task):
-        phases = _by_switching(task, arcs, motion)
-        if phases is not None:
-            return phases, ""
+        settled_phases = _by_switching(task, arcs, motion)
+        if settled_phases is not None:
+            return settled_phases, ""
     guess, seen = motion, set[Structure]()
     last: Phases | None = None
     for _ in range(numbers.rounds):
@@ -96,7 +102,7 @@ def _by_switching(task: Task, arcs: list[Arc], motion: Trajectory) -> Phases | N
     """Phases whose switching functions agree, if the structure can be mended until they do."""
     schedule = Schedule.of(banged(arcs, shares_of(task.problem, arcs, motion)), motion)
     found = settled(setting_of(task, motion.duration), schedule, task.stop)
-    if found.extremal is None or found.wrong > SWITCHING_TOLERANCE:
+    if found.extremal is None or found.wrong > SWITCHING_TOLERANCE or leaves_idle(found.extremal, SWITCHING_TOLERANCE):
         return None
     own, guess = found.arcs, motion_of(found.extremal)
     keep = Kept.of(own, guess) if any(arc.singular for arc in own) else None

@@ -5,7 +5,7 @@ find, but there are several local optima, and J = ∫ (1 + w/2 τᵀτ) dt tells
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +17,7 @@ from armdyn.optimal.arcs.posing import PhaseAim
 from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.arcs.structure import with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land
 from armdyn.optimal.refine.optimum import Optimum
@@ -34,24 +35,27 @@ def time_energy(task: Task) -> tuple[list[Optimum], Found]:
     """Optima in the order of their costs, as far as the first that survives its replay, and their search.
 
     Args:
-        task: with a weight on effort.
+        task: with a weight on effort. Guesses of its options are looked at before what its search finds.
 
     Raises:
-        ProblemError: the options have guesses.
+        ProblemError: a guess in the options moves other joints.
     """
-    if task.options.guesses:
-        raise ProblemError("options.guesses: a problem whose effort has a weight makes its own; leave them out")
-    starts = task.options.starts or task.policy.smooth.starts
-    optima, attempts = smooth_optima(task, starts, task.options.refinements or task.policy.smooth.refined)
+    numbers, options, weight = task.policy.smooth, task.options, task.problem.effort_weight
+    given = [_Lead(0.0, guess) for guess in _given(task)]
+    attempts = _searched(task, options.starts or numbers.starts)
+    coarse = _distinct(task, attempts)[: options.refinements or numbers.refined]
+    found = [_Lead(numbers.optimism * trajectory_cost(motion, weight), motion) for motion in coarse]
+    settling = _Settling(task, [*given, *found])
     landed: list[Optimum] = []
-    for phases in settled(task, optima):
+    for phases in settling.optima():
         paid = cost(task.problem, phases)
         task.tell(f"replaying an optimum of J = {paid:.4f} s")
         landed.append(replace(land(task, phases), cost=paid))
-        if landed[-1].landed(task.options.replay_tolerance) or task.stop:
+        if landed[-1].landed(options.replay_tolerance) or task.stop:
             break
-    iterations, listed = sum(attempt.iterations for attempt in attempts), tuple(phases.duration for phases in optima)
-    return landed, Found((), failed=tuple(attempts), listed=listed, iterations=iterations)
+    failed = attempts if landed else _none_of(task, attempts, settling.failed)
+    iterations = sum(attempt.iterations for attempt in attempts)
+    return landed, Found((), failed=tuple(failed), listed=settling.durations, iterations=iterations)
 
 
 def smooth_optima(task: Task, starts: int, most: int) -> tuple[tuple[Phases, ...], tuple[Attempt, ...]]:
@@ -66,25 +70,54 @@ def smooth_optima(task: Task, starts: int, most: int) -> tuple[tuple[Phases, ...
         Optima, the one of least J first, with costates from the multipliers; and what they were found among, which
         says, if there are none, where those that converged on a coarse mesh have failed.
     """
-    numbers, problem = task.policy.smooth, task.problem
-    linear = replace(task, scheme=replace(task.scheme, method="lobatto3", control="linear"))
-    coarse = [DirectOptions(task.policy.program.coarse_tolerance, numbers.iterations)]
-    attempts = search(linear, [numbers.coarse], starts, coarse)
+    problem, attempts = task.problem, _searched(task, starts)
     found = [resolved_near(task, guess) for guess in _distinct(task, attempts)[:most] if not task.stop]
     solved = sorted((each for each in found if isinstance(each, Phases)), key=lambda phases: cost(problem, phases))
     if not solved:
-        attempts = [*(_failed(each, numbers.fine) for each in found if isinstance(each, Unresolved)), *attempts]
-        if task.stop:
-            attempts.insert(0, replace(attempts[0], status=task.stop.status, message=task.stop.word))
+        resisted = [_failed(task, each) for each in found if isinstance(each, Unresolved)]
+        attempts = _none_of(task, attempts, resisted)
     alike = within(task.policy.same.resolved_cost)
     groups = grouped(solved, lambda first, item: alike(cost(problem, first), cost(problem, item)))
     return tuple(group[0] for group in groups), tuple(attempts)
 
 
-def _failed(phases: Unresolved, intervals: int) -> Attempt:
+def _given(task: Task) -> tuple[Trajectory, ...]:
+    """The options' guesses."""
+    robot = task.problem.robot
+    for k, guess in enumerate(task.options.guesses):
+        if guess.q.shape[1] != robot.nv:
+            raise ProblemError(f"options.guesses[{k}] moves {guess.q.shape[1]} joints, {robot.name} has {robot.nv}")
+    return task.options.guesses
+
+
+def _searched(task: Task, starts: int) -> list[Attempt]:
+    """Attempts of the search on a coarse mesh."""
+    numbers = task.policy.smooth
+    linear = replace(task, scheme=replace(task.scheme, method="lobatto3", control="linear"))
+    coarse = [DirectOptions(task.policy.program.coarse_tolerance, numbers.iterations)]
+    return search(linear, [numbers.coarse], starts, coarse)
+
+
+def _none_of(task: Task, attempts: Sequence[Attempt], resisted: Sequence[Attempt]) -> list[Attempt]:
+    """What there is to say where none of the attempts has led to an optimum, the most telling first."""
+    told = [*resisted, *attempts]
+    if task.stop:
+        told.insert(0, replace(told[0], status=task.stop.status, message=task.stop.word))
+    return told
+
+
+def _failed(task: Task, phases: Unresolved) -> Attempt:
     """A coarse optimum that did not converge on the fine mesh, as an attempt there."""
+    intervals = task.policy.smooth.fine
     message = f"what converged on a coarse mesh does not on {intervals} intervals ({phases.message})"
     return Attempt(phases.status, message, phases.last.torques, intervals, phases.iterations, None)
+
+
+def _no_optimum(phases: Phases, stray: float) -> Attempt:
+    """What converged, but on no mesh becomes an optimum."""
+    size = phases.arc_of.size
+    message = f"what converged on {size} intervals is no optimum: the Hamiltonian strays from 0 by {stray:.2g}"
+    return Attempt(Status.FAILED, message, phases.torques, size, phases.iterations, None)
 
 
 def resolved_near(task: Task, guess: Trajectory) -> Phases | Unresolved:
@@ -99,48 +132,90 @@ def resolved_near(task: Task, guess: Trajectory) -> Phases | Unresolved:
     return solve_phases(task, [arc], guess, task.policy.smooth.fine)
 
 
-def settled(task: Task, optima: Sequence[Phases]) -> Iterator[Phases]:
-    """Optima whose mesh and structure are good enough to be replayed, that of least J first.
+@dataclass(frozen=True, eq=False)
+class _Lead:
+    """What may come to an optimum.
 
-    The one of least J is improved, by one solve, until it is the best of all and there is nothing to improve:
-    coarse meshes promise more than there is, and only what promises most is worth a finer one.
-
-    Args:
-        task: with a weight on effort.
-        optima: with one arc each.
+    Attributes:
+        promise: J [s], as low as it may yet be; 0: nothing is known of it.
+        motion: of a coarse mesh or of a similar problem, or solved by the high order.
     """
-    waiting, left, numbers = list(optima), list[Phases](), task.policy.smooth
 
-    def promise(phases: Phases) -> float:
-        return cost(task.problem, phases)
+    promise: float
+    motion: Trajectory | Phases
 
-    for _ in range(numbers.steps):
-        if not waiting or task.stop:
-            break
-        best = min(waiting, key=promise)
-        waiting.remove(best)
-        stray = _stray(task.problem, best)
-        if stray <= numbers.settled:
-            yield best
-            continue
-        better = _restructured(task, best, stray)
-        size = Ladder(numbers.most if stray < numbers.rough else numbers.most_rough).above(best.arc_of.size)
-        if better is None and size is None:
-            left.append(best)
-            continue
-        if better is None and size is not None:
-            finer = _solved(task, best.arcs, size, best, stray)
-            better = finer if isinstance(finer, Phases) else None
-        if better is not None:
-            waiting.append(better)
-    yield from sorted(left, key=promise)[:2] or sorted(waiting, key=promise)[:1] or optima[:1]
+
+class _Settling:
+    """Improves the lead that promises most, by one solve, until there is nothing to improve and none promises more.
+
+    Coarse meshes promise more than there is, and only what promises most is worth a finer one.
+
+    Attributes:
+        failed: leads that have come to nothing.
+    """
+
+    def __init__(self, task: Task, leads: Sequence[_Lead]):
+        self.failed: list[Attempt] = []
+        self._task, self._waiting = task, list(leads)
+        self._left, self._resolved = list[Phases](), list[Phases]()
+
+    @property
+    def durations(self) -> tuple[float, ...]:
+        """Of all optima met, resolved or not, but for guesses, which are of other problems [s]."""
+        coarse = (lead.motion for lead in self._waiting if lead.promise and isinstance(lead.motion, Trajectory))
+        return (*(phases.duration for phases in self._resolved), *(motion.duration for motion in coarse))
+
+    def optima(self) -> Iterator[Phases]:
+        """Optima whose mesh and structure are good enough to be replayed, that of least J first.
+
+        Where there are none, the two best of those on whose meshes nothing improves, or the best under way.
+        """
+        numbers = self._task.policy.smooth
+        for _ in range(numbers.steps + len(self._waiting)):
+            if not self._waiting or self._task.stop:
+                break
+            best = min(self._waiting, key=lambda lead: lead.promise).motion
+            self._waiting = [lead for lead in self._waiting if lead.motion is not best]
+            if isinstance(best, Trajectory):
+                self._resolve(best)
+            elif (stray := _stray(self._task.problem, best)) <= numbers.settled:
+                yield best
+            else:
+                self._improve(best, stray)
+        waiting = [lead.motion for lead in self._waiting if isinstance(lead.motion, Phases)]
+        yield from self._sorted(self._left)[:2] or self._sorted(waiting)[:1]
+
+    def _sorted(self, optima: Sequence[Phases]) -> list[Phases]:
+        return sorted(optima, key=lambda phases: cost(self._task.problem, phases))
+
+    def _resolve(self, motion: Trajectory) -> None:
+        """A lead by the high order, unless it comes to an optimum that is known."""
+        found, problem = resolved_near(self._task, motion), self._task.problem
+        if isinstance(found, Unresolved):
+            self.failed.append(_failed(self._task, found))
+            return
+        known, own = [cost(problem, phases) for phases in self._resolved], cost(problem, found)
+        if all(abs(own / other - 1) > self._task.policy.same.resolved_cost for other in known):
+            self._resolved.append(found)
+            self._waiting.append(_Lead(own, found))
+
+    def _improve(self, best: Phases, stray: float) -> None:
+        """Another structure, or a finer mesh; where neither converges, or is to be had, what is rough is let go."""
+        numbers, rough = self._task.policy.smooth, stray >= self._task.policy.smooth.rough
+        better: Phases | Unresolved | None = None if rough else _restructured(self._task, best, stray)
+        if better is None and (size := Ladder(numbers.most_rough if rough else numbers.most).above(best.arc_of.size)):
+            better = _solved(self._task, best.arcs, size, best, stray)
+        if isinstance(better, Phases):
+            self._waiting.append(_Lead(cost(self._task.problem, better), better))
+        elif rough:
+            self.failed.append(_no_optimum(best, stray))
+        else:
+            self._left.append(best)
 
 
 def _restructured(task: Task, phases: Phases, stray: float) -> Phases | None:
     """With the structure that the multipliers ask for; None: there is none, or it is no better."""
-    numbers, arcs = task.policy.smooth, task.policy.arcs
-    if not numbers.doubted < stray < numbers.rough:
-        return None
+    arcs = task.policy.arcs
     wanted = (
         without_vanished(phases, arcs) or with_overlooked(task.problem, phases, arcs) or without_idle_touches(phases)
     )
@@ -152,8 +227,10 @@ def _restructured(task: Task, phases: Phases, stray: float) -> Phases | None:
 
 def _solved(task: Task, arcs: Sequence[Arc], size: int, near: Phases, stray: float) -> Phases | Unresolved:
     """Arcs on a mesh, from a solution that is near; an artefact says nothing of where to look."""
-    density = near.density if stray < task.policy.smooth.artefact else None
-    return solve_phases(task, arcs, near.torques, max(size, 3 * len(arcs)), PhaseAim(density=density))
+    numbers = task.policy.smooth
+    density = near.density if stray < numbers.artefact else None
+    aim = PhaseAim(density=density, near=stray < numbers.warm)
+    return solve_phases(task, arcs, near.torques, max(size, 3 * len(arcs)), aim)
 
 
 def _stray(problem: MinimumTimeProblem, phases: Phases) -> float:

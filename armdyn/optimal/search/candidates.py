@@ -60,7 +60,7 @@ def find(task: Task) -> Found:
         ProblemError: a guess in the options moves other joints.
     """
     options, numbers, same = task.options, task.policy.search, task.policy.same.coarse
-    count = options.starts or numbers.starts
+    count = numbers.guesses(options)
     beside = _beside(task)
     task.tell(f"search: {count} guesses" + (f", and {len(beside)} on {options.intervals} intervals" if beside else ""))
     attempts = search(task, task.meshes, count, task.coarse(), beside)
@@ -105,7 +105,7 @@ def _settled(task: Task, found: Sequence[Attempt]) -> _Settled:
         found: optima, best first.
     """
     options, settings = task.options, task.fine()
-    most = options.refinements or task.policy.search.refined
+    most = task.policy.search.refinements(options)
     prepare_quickly(task, options.intervals, settings)
 
     def finer(attempt: Attempt) -> Attempt:

@@ -49,7 +49,8 @@ def search(
         best = f", best {min(solved):.4f} s" if solved else ""
         task.tell(f"search: guess {len(own)} of {count}{best}")
         # An optimum has another duration on another mesh, and counts on each: safer than to match them.
-        if task.stop or enough(len(solved), len(distinct(own, task.policy.same.coarse))):
+        met = task.options.effort != "thorough" and enough(len(solved), len(distinct(own, task.policy.same.coarse)))
+        if task.stop or met:
             break
     return attempts
 

@@ -15,14 +15,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Attempt:
-    """What IPOPT made of one guess on one mesh.
+    """What IPOPT, or the stagewise method in its words, made of one guess on one mesh.
 
     Attributes:
         status: how it ended.
         message: IPOPT's word for it.
         trajectory: the motion; the last iterate if it did not converge.
         intervals: of the mesh.
-        iterations: of IPOPT.
+        iterations: of either.
         worst_violation: None if it converged, or was not begun.
         passing: when the motion is at the via points [s], shape (vias,).
     """

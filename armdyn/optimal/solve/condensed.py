@@ -1,24 +1,28 @@
 """One guess on one mesh with few unknowns where that will do, as in the search; else with all."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.problem.status import Status
+from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.condensed import CondensedNlp, build_condensed, has_condensed
+from armdyn.optimal.program.layout import CondensedLayout
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.direct import prepare, solve_on_mesh
-from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, in_time
+from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, Outcome, in_time
+from armdyn.optimal.solve.stagewise.solver import Stagewise
 from armdyn.optimal.task.options import DirectOptions
+from armdyn.optimal.task.scheme import Scheme
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
 _RELAXED = 1e-8
-"""What IPOPT lets unknowns exceed their bounds by."""
+"""What unknowns may exceed their bounds by."""
 
 
 def condensable(task: Task) -> bool:
@@ -36,14 +40,16 @@ def solve_quickly(
         guess: where it starts.
         intervals: of the mesh.
         settings: iteration limit, tolerance, verbosity.
-        between: a solution that exceeds a limit between the knots is solved again with all unknowns.
+        between: a solution that exceeds a limit between the knots is solved again within it there.
     """
-    if not condensable(task) or (between and _on_limits(task, guess)):
+    if not condensable(task):
         return solve_on_mesh(task, guess, intervals, settings)
+    if between and _on_limits(task, guess):
+        return _within(task, guess, intervals, settings)
     attempt, within = _condensed(task, guess, intervals, settings)
     if within or not between or attempt.status is not Status.SOLVED:
         return attempt
-    again = solve_on_mesh(task, attempt.trajectory, intervals, settings)
+    again = _within(task, attempt.trajectory, intervals, settings)
     return replace(again, iterations=attempt.iterations + again.iterations)
 
 
@@ -65,21 +71,41 @@ def _on_limits(task: Task, guess: Trajectory) -> bool:
     return bool(beyond or np.any(np.abs(guess.v) >= (1 - near) * limits.velocity))
 
 
-def _condensed(task: Task, guess: Trajectory, intervals: int, settings: DirectOptions) -> tuple[Attempt, bool]:
-    """An attempt, and whether it keeps all limits between the knots, too."""
+def _within(task: Task, guess: Trajectory, intervals: int, settings: DirectOptions) -> Attempt:
+    """An attempt that keeps all limits in the middle of the intervals, too."""
+    if not task.stop and isinstance(_solver(task, intervals, settings), Stagewise):
+        return _condensed(task, guess, intervals, settings, bounded=True)[0]
+    return solve_on_mesh(task, guess, intervals, settings)
+
+
+def _condensed(
+    task: Task, guess: Trajectory, intervals: int, settings: DirectOptions, bounded: bool = False
+) -> tuple[Attempt, bool]:
+    """An attempt, and whether it keeps all limits between the knots, too.
+
+    Args:
+        task: what is to be solved, and how.
+        guess: where it starts.
+        intervals: of the mesh.
+        settings: iteration limit, tolerance, verbosity.
+        bounded: whether it has to, which only `Stagewise` can see to.
+    """
     if task.stop:
         return Attempt.unbegun(task.stop, guess, intervals), False
     problem, solver = task.problem, _solver(task, intervals, settings)
-    program, scales = solver.program, Scales.of(problem, guess)
-    full, kept = program.layout.full, program.layout.kept(intervals)
-    fractions = np.diff(mesh(intervals))
+    scales, layout = Scales.of(problem, guess), solver.layout
+    full, kept, fractions = layout.full, layout.kept(intervals), np.diff(mesh(intervals))
     weights = scales.weights(problem.effort_weight)
     parameters = scales.parameters(fractions, weights, task.dynamics.last_body)
     lower, upper = bounds(problem, full, intervals, scales)
     start = np.clip(to_unknowns(guess, full, fractions, scales), lower, upper)[kept]
-    equal = np.zeros(program.functions["g"].numel())
-    outcome = solver.solve(start, parameters, (lower[kept], upper[kept]), (equal, equal), task.stop)
-    x = program.layout.expanded(outcome.x, np.array(program.middles(outcome.x, parameters)))
+    sides = lower[kept], upper[kept]
+    if bounded and isinstance(solver, Stagewise):
+        inner = full.inner_states(intervals)[:, 0]
+        outcome = solver.solve(start, parameters, sides, task.stop, (lower[inner].T, upper[inner].T))
+    else:
+        outcome = solver.solve(start, parameters, sides, task.stop)
+    x = layout.expanded(outcome.x, solver.middles(outcome.x, parameters))
     violation = None
     if outcome.status is not Status.SOLVED:
         defects = solver.equations(outcome.x, parameters).reshape(intervals, -1)
@@ -90,6 +116,34 @@ def _condensed(task: Task, guess: Trajectory, intervals: int, settings: DirectOp
     return Attempt(outcome.status, outcome.message, motion, intervals, outcome.iterations, violation), within
 
 
-def _solver(task: Task, intervals: int, settings: DirectOptions) -> Ipopt[CondensedNlp]:
-    own = IpoptSettings.of(settings)
-    return in_time(task, lambda scheme: Ipopt.of(own, build_condensed, task.dynamics, scheme, intervals))
+def _solver(task: Task, intervals: int, settings: DirectOptions) -> "Stagewise | _ByIpopt":
+    """Our own method where it can be had, else IPOPT."""
+
+    def build(scheme: Scheme) -> "Stagewise | _ByIpopt":
+        own = Stagewise.of(task.dynamics, scheme, intervals, settings)
+        if own is not None:
+            return own
+        return _ByIpopt(Ipopt.of(IpoptSettings.of(settings), build_condensed, task.dynamics, scheme, intervals))
+
+    return in_time(task, build)
+
+
+@dataclass(frozen=True, eq=False)
+class _ByIpopt:
+    """IPOPT where `Stagewise` would be."""
+
+    ipopt: Ipopt[CondensedNlp]
+
+    @property
+    def layout(self) -> CondensedLayout:
+        return self.ipopt.program.layout
+
+    def solve(self, x: Array, p: Array, bounds: tuple[Array, Array], stop: Stop) -> Outcome:
+        equal = np.zeros(self.ipopt.program.functions["g"].numel())
+        return self.ipopt.solve(x, p, bounds, (equal, equal), stop)
+
+    def equations(self, x: Array, p: Array) -> Array:
+        return self.ipopt.equations(x, p)
+
+    def middles(self, x: Array, p: Array) -> Array:
+        return np.array(self.ipopt.program.middles(x, p))

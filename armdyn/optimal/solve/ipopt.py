@@ -21,6 +21,7 @@ from armdyn.optimal.task.task import Task
 
 Array = NDArray[np.float64]
 P = TypeVar("P", bound=Program)
+S = TypeVar("S")
 
 _ASKED, _SMALL = 5, 2000
 """Iterations between two questions whether to stop, in programs of so many unknowns: a question costs as much as the
@@ -150,27 +151,41 @@ class Ipopt(Generic[P]):
         with one_at_a_time, self._monitor.asking(stop), silence(self._verbose):
             result = self._solver(x0=x, p=p, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg, **more)
             stats: dict[str, Any] = self._solver.stats()
-        word = str(stats["return_status"])
-        status = _STATUS.get(word, Status.FAILED)
-        if status is Status.INTERRUPTED and not stop.interrupted:
-            status, word = Status.TIME_LIMIT, "time limit reached"
-        found = np.array(result["x"]).ravel()
-        if not np.all(np.isfinite(found)):
-            status, found = Status.FAILED if status is Status.SOLVED else status, x
         lam_x, lam_g = (np.array(result[name]).ravel() for name in ("lam_x", "lam_g"))
-        return Outcome(status, word.replace("_", " "), int(stats["iter_count"]), found, lam_x, lam_g)
+        found = np.array(result["x"]).ravel()
+        return ended(str(stats["return_status"]), stop, int(stats["iter_count"]), found, x, lam_x, lam_g)
 
     def equations(self, x: Array, p: Array) -> Array:
         """Values of the program's equations at unknowns and parameters."""
         return np.array(self._solver.get_function("nlp_g")(x, p)).ravel()
 
 
-def in_time(task: Task, build: Callable[[Scheme], Ipopt[P]]) -> Ipopt[P]:
+def ended(word: str, stop: Stop, iterations: int, x: Array, begun: Array, lam_x: Array, lam_g: Array) -> Outcome:
+    """What became of a program.
+
+    Args:
+        word: IPOPT's, for how it ended.
+        stop: that it asked.
+        iterations: that it took.
+        x: the unknowns where it ended.
+        begun: those where it began, which are taken where the others are not finite.
+        lam_x: multipliers of the unknowns' bounds.
+        lam_g: multipliers of the equations.
+    """
+    status = _STATUS.get(word, Status.FAILED)
+    if status is Status.INTERRUPTED and not stop.interrupted:
+        status, word = Status.TIME_LIMIT, "time limit reached"
+    if not np.all(np.isfinite(x)):
+        status, x = Status.FAILED if status is Status.SOLVED else status, begun
+    return Outcome(status, word.replace("_", " "), iterations, x, lam_x, lam_g)
+
+
+def in_time(task: Task, build: Callable[[Scheme], S]) -> S:
     """What a function of the task's scheme builds: by the deadline, in machine code only where there is time for that.
 
     Args:
         task: whose scheme and deadline they are.
-        build: calls `Ipopt.of`.
+        build: calls `Ipopt.of`, say.
 
     Raises:
         LateError: the time is up before that of what takes seconds to build is ready.

@@ -6,15 +6,16 @@ Manifolds, 2008, chapter 7). The duration falls from one motion to the next. Cha
 other freely: torques that act on different joints commute, so that nothing jumps where they do.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.switching.march import MOST_ARCS, Linear, March, Setting
-from armdyn.optimal.switching.schedule import Schedule, Segment
+from armdyn.optimal.switching.march import MOST_ARCS, March, Setting
+from armdyn.optimal.switching.model import Linear, Model, lengths_of
+from armdyn.optimal.switching.schedule import Schedule
 
 Array = NDArray[np.float64]
 
@@ -26,16 +27,12 @@ _FAR = 0.5
 """A correction of a time by more than this part of the duration says that there is nothing near."""
 _KEPT = 0.2
 """Part of a segment that one correction leaves at least."""
-_SHORT = 1e-2
-"""Of the duration: segments shorter than that may vanish in one step; longer ones shrink by a tenth first."""
 _VANISHED = 1e-8
 """Of the duration: a segment that is none."""
 _RADIUS = 0.03
 """Of the duration: how far the model is trusted at first."""
 _STEPS = 30
 """Along tangents, at most; from a mesh ten do."""
-_RANK = 1e-10
-"""Of the largest singular value: rounding."""
 _FLAT = 1e-6
 """∂t_f/∂(time of a change), beside 1 for time, that is none: a hundredth of what is certified."""
 _NEARLY_FLAT = 1e-4
@@ -59,6 +56,12 @@ class Extremal:
     costates: tuple[Array, Array]
     switching: Array
     multipliers: Array
+
+    @classmethod
+    def of(cls, model: Model) -> Self:
+        """Of a model whose slope is none."""
+        switching = model.linear.march.switching(model.costates)
+        return cls(model.linear, model.costates, switching, model.multipliers)
 
     @property
     def march(self) -> March:
@@ -99,14 +102,16 @@ def fastest(setting: Setting, schedule: Schedule, stop: Stop) -> Extremal | Resi
     for _ in range(_STEPS):
         if stop:
             return Resisted(stop.word, linear)
-        model = _Model.of(linear)
+        model = Model.of(linear)
+        if not np.all(np.isfinite(model.bend)):
+            return Resisted("the motion beside it leaves what numbers can hold", linear)
         step = model.step(radius)
         if step.slope <= _FLAT:
-            return model.extremal
+            return Extremal.of(model)
         while True:
             if step.promised < _WORTH * schedule.duration:
                 if step.slope <= _NEARLY_FLAT:
-                    return model.extremal
+                    return Extremal.of(model)
                 return Resisted("no step shortens the motion any more", linear)
             after = _stepped(setting, linear, step.by)
             gained = linear.march.schedule.duration - after.march.schedule.duration if after else -np.inf
@@ -136,7 +141,7 @@ def landed(setting: Setting, schedule: Schedule, rounds: int) -> Linear | None:
         march = March.of(setting, schedule, joined)
         if not march.finite:
             return None
-        linear, schedule = march.linear, march.schedule
+        linear, schedule = Linear.of(march), march.schedule
         if linear.infeasible <= _CLOSED:
             return linear
         by, whole = _correction(linear)
@@ -149,9 +154,9 @@ def landed(setting: Setting, schedule: Schedule, rounds: int) -> Linear | None:
 
 
 def _correction(linear: Linear) -> tuple[Array, float]:
-    """What closes gaps and misses, to first order, and leaves a part of every segment; and how much of it may be done."""
+    """What closes gaps and misses, to first order, and leaves a part of every segment; and how much of it may be."""
     march, equations = linear.march, linear.jacobian
-    (room, by_room), lengths = march.room, _lengths(march.schedule)
+    (room, by_room), lengths = march.room, lengths_of(march.schedule)
     rows = np.vstack([lengths, by_room])
     now = np.concatenate([lengths @ march.schedule.unknowns, room])
     least = np.where(np.arange(now.size) < len(lengths), _KEPT * now, 0.0)
@@ -195,143 +200,7 @@ def _without_vanished(setting: Setting, linear: Linear) -> Linear:
     """The same motion without segments whose length has gone to nothing."""
     schedule = linear.march.schedule
     segments = list(schedule.segments())
-    gone = np.flatnonzero(_lengths(schedule) @ schedule.unknowns < _VANISHED * schedule.duration)
+    gone = np.flatnonzero(lengths_of(schedule) @ schedule.unknowns < _VANISHED * schedule.duration)
     if not gone.size:
         return linear
     return landed(setting, schedule.without(segments[k] for k in gone), 4) or linear
-
-
-def _lengths(schedule: Schedule) -> Array:
-    """Of the segments by the unknowns, shape (segments, width)."""
-    segments: list[Segment] = list(schedule.segments())
-    out = np.zeros((len(segments), schedule.width))
-    for row, segment in zip(out, segments, strict=True):
-        row[segment.end] += 1
-        if segment.begin >= 0:
-            row[segment.begin] -= 1
-    return out
-
-
-@dataclass(frozen=True, eq=False)
-class _Step:
-    """Along the tangent.
-
-    Attributes:
-        by: what the unknowns change by.
-        promised: what the duration falls by, by the model [s].
-        bound: the model's trust ends it.
-        slope: ∂t_f by the unknowns along the tangent, at most; infinite where a segment is in the way.
-        steepest: the same beside what is in the way.
-    """
-
-    by: Array
-    promised: float
-    bound: bool
-    slope: float
-    steepest: float
-
-
-@dataclass(frozen=True, eq=False)
-class _Model:
-    """The duration to second order, on the tangent.
-
-    Attributes:
-        linear: the motion.
-        multipliers: of the equations.
-        costates: see `Linear.costates`.
-        tangents: of the unknowns, orthonormal, shape (k, width).
-        bend: second derivatives along them, shape (k, k).
-    """
-
-    linear: Linear
-    multipliers: Array
-    costates: tuple[Array, Array]
-    tangents: Array
-    bend: Array
-
-    @classmethod
-    def of(cls, linear: Linear) -> Self:
-        """At a motion."""
-        rows = linear.jacobian
-        gradient = np.zeros(rows.shape[1])
-        gradient[linear.march.schedule.size] = 1.0
-        multipliers = np.linalg.lstsq(rows.T, -gradient, rcond=_RANK)[0]
-        costates = linear.costates(multipliers)
-        tangents = _null_space(rows)
-        return cls(linear, multipliers, costates, tangents, linear.bend(tangents, costates))
-
-    @property
-    def extremal(self) -> Extremal:
-        """The motion with its costates."""
-        return Extremal(self.linear, self.costates, self.linear.march.switching(self.costates), self.multipliers)
-
-    def step(self, radius: float) -> _Step:
-        """The best step within a radius [s] that leaves no segment negative."""
-        march = self.linear.march
-        schedule, (room, by_room) = march.schedule, march.room
-        lengths = _lengths(schedule)
-        segments, now = len(lengths), np.concatenate([lengths @ schedule.unknowns, room])
-        rows = np.vstack([lengths, by_room])
-        short = np.arange(now.size) < segments
-        short &= now >= _SHORT * schedule.duration
-        least, along = np.where(short, 0.1 * now, 0.0), rows @ self.tangents.T
-        held: list[int] = []
-        cut: _Step | None = None
-        while True:
-            step = self._within(along[held], (least - now)[held], radius)
-            if all(k >= segments for k in held) and step.slope == np.inf:
-                step = replace(step, slope=step.steepest)
-            after = now + rows @ step.by
-            beyond = [k for k in np.flatnonzero(after < least - 1e-12).tolist() if k not in held]
-            if beyond:
-                share = max(0.0, min((now[k] - least[k]) / (now[k] - after[k]) for k in beyond))
-                shorter = self._promising(share * (self.tangents @ step.by))
-                cut = shorter if cut is None or shorter.promised > cut.promised else cut
-            if not beyond or len(held) >= len(self.tangents):
-                break
-            held.append(min(beyond, key=lambda k: after[k] - least[k]))
-        return cut if cut is not None and (beyond or cut.promised > step.promised) else step
-
-    def _promising(self, y: Array) -> _Step:
-        """A step along the tangents that something ends."""
-        promised = -float(self.tangents[:, self.linear.march.schedule.size] @ y + y @ self.bend @ y / 2)
-        return _Step(y @ self.tangents, promised, True, np.inf, np.inf)
-
-    def _within(self, rows: Array, right: Array, radius: float) -> _Step:
-        """The best step within a radius that some rows on the tangent allow."""
-        slope = self.tangents[:, self.linear.march.schedule.size]
-        base = np.linalg.lstsq(rows, right, rcond=_RANK)[0] if len(rows) else np.zeros_like(slope)
-        size = float(np.linalg.norm(base))
-        bound = size > 0.8 * radius
-        if bound:
-            base *= 0.8 * radius / size
-        free = _null_space(rows) if len(rows) else np.eye(slope.size)
-        steepest, y = 0.0, base
-        if len(free):
-            values, axes = np.linalg.eigh(free @ self.bend @ free.T)
-            down = -axes.T @ (free @ (slope + self.bend @ base))
-            steepest = float(np.max(np.abs(down)))
-            own, rim = _in_ball(values, down, float(np.sqrt(max(radius**2 - base @ base, 1e-30))))
-            y, bound = base + (axes @ own) @ free, bound or rim
-        promised = -float(slope @ y + y @ self.bend @ y / 2)
-        return _Step(y @ self.tangents, promised, bound, np.inf if len(rows) else steepest, steepest)
-
-
-def _null_space(rows: Array) -> Array:
-    """Orthonormal directions that rows do not feel, shape (k, columns)."""
-    values, directions = np.linalg.svd(rows)[1:]
-    return np.asarray(directions[int(np.sum(values > _RANK * values[0])) :])
-
-
-def _in_ball(values: Array, down: Array, radius: float) -> tuple[Array, bool]:
-    """The least of ½ Σ λ y² − down·y within a ball, and whether its rim is reached (Moré and Sorensen 1983)."""
-    low = max(0.0, -float(values[0]) * (1 + 1e-9) + 1e-12) if values[0] <= 0 else 0.0
-    y: Array = down / (values + low)
-    if np.linalg.norm(y) <= radius:
-        return y, False
-    high = low + float(np.linalg.norm(down)) / radius + float(np.max(np.abs(values)))
-    for _ in range(60):
-        shift = (low + high) / 2
-        y = down / (values + shift)
-        low, high = (shift, high) if np.linalg.norm(y) > radius else (low, shift)
-    return down / (values + high), True

@@ -77,7 +77,12 @@ def flow_of(dynamics: Dynamics, asked: bool | None) -> Flow:
     """
     rate, switching = _functions(dynamics)
     n = dynamics.nv
-    previous, own, begins, h = ca.MX.sym("previous", 2 * n), ca.MX.sym("own", 2 * n), ca.MX.sym("begins"), ca.MX.sym("h")
+    previous, own, begins, h = (
+        ca.MX.sym("previous", 2 * n),
+        ca.MX.sym("own", 2 * n),
+        ca.MX.sym("begins"),
+        ca.MX.sym("h"),
+    )
     first, last, felt = ca.MX.sym("first", n), ca.MX.sym("last", n), ca.MX.sym("felt", n)
     rest = [felt, ca.MX.sym("held", n), ca.MX.sym("body", dynamics.last_body.size)]
     start, identity = begins * own + (1 - begins) * previous, ca.densify(ca.MX.eye(2 * n))

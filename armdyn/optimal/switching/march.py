@@ -1,6 +1,5 @@
 """A schedule carried through by the integrator, and how it answers to its times."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -22,8 +21,6 @@ _KINDS = {Mode.UPPER: 1, Mode.LOWER: -1}
 
 _SWAY = 0.2
 """Of the duration: a stay that is moved by so much counts as much as a free torque that goes through its range."""
-_DIFFERENCE = 1e-5
-"""Of the duration, for a tangent of length 1: between what rounds off and what is cut off."""
 MOST_ARCS = STEPS // 3
 """Of a schedule that is marched: fewer than three steps each see nothing of what happens between."""
 
@@ -81,6 +78,7 @@ class _Torques:
         kinds = np.array([[_KINDS.get(mode, 0) for mode in each] for each in modes])[arc]
         bang = np.where(kinds > 0, limits.effort_upper, np.where(kinds < 0, limits.effort_lower, 0.0))
         free = np.array([[mode is Mode.FREE for mode in each] for each in modes])[arc]
+        held = np.array([[mode in POSITION or mode in VELOCITY for mode in each] for each in modes])[arc]
         tau, by = (bang.copy(), bang.copy()), (np.zeros((STEPS, schedule.width)), np.zeros((STEPS, schedule.width)))
         for k, place in schedule.places.items():
             joint = schedule.changes[k].joint
@@ -92,7 +90,7 @@ class _Torques:
                 tau[side][own, joint] = legendre.legval(2 * s - 1, course)
                 by[side][own] = (2 * legendre.legval(2 * s - 1, legendre.legder(course)))[:, None] * by_z
                 by[side][own, place] += unit * legendre.legvander(2 * s - 1, course.size - 1)
-        return cls(tau, np.where((kinds == 0) & ~free, 1.0, 0.0), free.astype(float), by)
+        return cls(tau, held.astype(float), free.astype(float), by)
 
 
 def _along(
@@ -242,27 +240,40 @@ class March:
     def arcs(self) -> tuple[Array, Array]:
         """∂end/∂start of the arcs, shape (m + 1, 2 nv, 2 nv), and ∂end/∂(unknowns), shape (m + 1, 2 nv, width)."""
         schedule, size = self.schedule, self.start.shape[1]
-        whole, by = np.tile(np.eye(size), (schedule.size + 1, 1, 1)), np.zeros((schedule.size + 1, size, schedule.width))
-        counts = np.bincount(self.arc)
-        edges = np.zeros((schedule.size + 2, schedule.width))
-        edges[1:, : schedule.size + 1] = np.eye(schedule.size + 1)
-        lengths = np.diff(edges, axis=0) / counts[:, None]
-        free = np.any(self.torques.felt, axis=1)
-        rise = np.sum((self.torques.tau[1] - self.torques.tau[0]) * self.torques.felt, axis=1)
-        for k, a in enumerate(self.arc):
-            whole[a], by[a] = self.through[k] @ whole[a], self.through[k] @ by[a]
-            stretched = self.rate[k]
-            if free[k]:
-                by[a] += self.answer[k] @ np.array([self.torques.by[0][k], self.torques.by[1][k]])
-                stretched = stretched - (rise[k] / self.h[k] if self.h[k] else 0.0) * self.answer[k, :, 1]
-            by[a] += stretched[:, None] * lengths[a]
+        whole, by = (
+            np.tile(np.eye(size), (schedule.size + 1, 1, 1)),
+            np.zeros((schedule.size + 1, size, schedule.width)),
+        )
+        for a, (first, last) in enumerate(zip([0, *(self.last[:-1] + 1)], self.last, strict=True)):
+            for through in self.through[first : last + 1]:
+                whole[a] = through @ whole[a]
+            if np.any(self.torques.felt[first]):
+                self._add_curved(by[a], a, range(first, last + 1))
+                continue
+            by[a, :, a] += self.rate[last]  # torques are constant: a longer arc goes on as it ended
+            if a:
+                by[a, :, a - 1] -= self.rate[last]
         return whole, by
+
+    def _add_curved(self, by: Array, arc: int, steps: range) -> None:
+        """∂end/∂(unknowns) of an arc on which a torque is free, put into an array of zeros, shape (2 nv, width)."""
+        torques = self.torques
+        length = np.zeros(by.shape[1])
+        length[arc] = 1 / len(steps)
+        if arc:
+            length[arc - 1] = -1 / len(steps)
+        for k in steps:
+            rise = float(np.sum((torques.tau[1][k] - torques.tau[0][k]) * torques.felt[k]))
+            stretched = self.rate[k] - (rise / self.h[k] if self.h[k] else 0.0) * self.answer[k, :, 1]
+            by[:] = self.through[k] @ by + stretched[:, None] * length
+            by += self.answer[k, :, :1] * torques.by[0][k] + self.answer[k, :, 1:] * torques.by[1][k]
 
     @cached_property
     def room(self) -> tuple[Array, Array]:
         """What free torques are from both limits, in parts of `Setting.course`, and by the unknowns, (rows, width)."""
         torques, limits = self.torques, self.setting.problem.limits
-        free, unit = torques.felt > 0, self.setting.course
+        free = torques.felt > 0
+        unit = np.where(self.setting.course > 0, self.setting.course, 1.0)  # without a motor nothing is free
         own = np.any(free, axis=1)
         values, rows = [np.empty(0)], [np.empty((0, self.schedule.width))]
         for tau, by in zip(torques.tau, torques.by, strict=True):
@@ -280,98 +291,6 @@ class March:
         """
         there = self.schedule.moved(by, self.schedule.states + states, in_order=False)
         return type(self).of(self.setting, there, arc=self.arc)
-
-    @cached_property
-    def linear(self) -> "Linear":
-        """How it answers to its times, to first order."""
-        return Linear.of(self)
-
-
-@dataclass(frozen=True, eq=False)
-class Linear:
-    """A march to first order: the states that close its gaps, and what is asked of it, by its times.
-
-    Attributes:
-        march: what is linearised.
-        reach: by the unknowns, what the states at the changes and at the end change by, shape (m + 1, 2 nv, width).
-        gap: the same with the unknowns as they are, so that arcs join, shape (m + 1, 2 nv).
-        jacobian: of the equations, in parts of `March.unit`, shape (equations, width): the goal, and what is held.
-        residual: likewise, gaps closed, shape (equations,).
-        open: the largest gap, likewise.
-    """
-
-    march: March
-    reach: Array
-    gap: Array
-    jacobian: Array
-    residual: Array
-    open: float
-
-    @classmethod
-    def of(cls, march: March) -> Self:
-        """Linearise."""
-        schedule, problem = march.schedule, march.setting.problem
-        m, size = schedule.size, march.start.shape[1]
-        whole, by = march.arcs
-        jumps = march.end[march.last] - np.vstack([schedule.states, problem.x_goal])
-        reach, gap = np.zeros((m + 1, size, schedule.width)), np.zeros((m + 1, size))
-        for a in range(m + 1):
-            if a:
-                reach[a], gap[a] = whole[a] @ reach[a - 1], whole[a] @ gap[a - 1]
-            reach[a] += by[a]
-            gap[a] += jumps[a]
-        held = march.held_states
-        rows = [reach[m] / march.unit[:, None], *(reach[k, j][None] / march.unit[j] for k, j, _ in held)]
-        beyond = [(schedule.states[k, j] + gap[k, j] - value) / march.unit[j] for k, j, value in held]
-        worst = float(np.max(np.abs(jumps / march.unit)))
-        residual = np.concatenate([gap[m] / march.unit, beyond])
-        return cls(march, reach, gap, np.vstack(rows), residual, worst)
-
-    @property
-    def infeasible(self) -> float:
-        """The largest of gaps and equations, in parts of `March.unit`."""
-        return max(self.open, float(np.max(np.abs(self.residual))))
-
-    def costates(self, multipliers: Array) -> tuple[Array, Array]:
-        """p at the steps' starts and ends, each of shape (STEPS, 2 nv), of the equations' multipliers."""
-        march, size = self.march, self.march.start.shape[1]
-        p = multipliers[:size] / march.unit
-        jumps = np.zeros((march.schedule.size, size))
-        for (k, j, _), multiplier in zip(march.held_states, multipliers[size:], strict=True):
-            jumps[k, j] += multiplier / march.unit[j]
-        start, end = np.empty((STEPS, size)), np.empty((STEPS, size))
-        for k in range(STEPS - 1, -1, -1):
-            end[k] = p
-            p = start[k] = march.through[k].T @ p
-            if k and march.arc[k] != march.arc[k - 1]:
-                p = p + jumps[march.arc[k] - 1]
-        return start, end
-
-    def bend(self, tangents: Array, costates: tuple[Array, Array]) -> Array:
-        """The Lagrangian's second derivatives along tangents, shape (k, k).
-
-        Central differences of its gradient by times and states together: arcs are short, so that nothing grows in them
-        that would have to cancel, as it does where states follow from times.
-
-        Args:
-            tangents: of the unknowns, shape (k, width).
-            costates: see there.
-        """
-        march = self.march
-        states = np.einsum("asz,kz->kas", self.reach[:-1], tangents)
-        out = np.empty((len(tangents), len(tangents)))
-        small = _DIFFERENCE * march.schedule.duration
-        for j, (by, moved) in enumerate(zip(tangents, states, strict=True)):
-            sides = [_gradient(march.beside(sign * small * by, sign * small * moved), costates) for sign in (1, -1)]
-            by_unknowns, by_state = ((a - b) / (2 * small) for a, b in zip(*sides, strict=True))
-            out[j] = tangents @ by_unknowns + np.einsum("kas,as->k", states, by_state)
-        return (out + out.T) / 2
-
-
-def _gradient(march: March, costates: tuple[Array, Array]) -> tuple[Array, Array]:
-    """The Lagrangian's by the unknowns, shape (width,), and by the changes' states, shape (m, 2 nv), less constants."""
-    p, (whole, by) = costates[1][march.last], march.arcs
-    return np.einsum("as,asz->z", p, by), np.einsum("aij,ai->aj", whole, p)[1:]
 
 
 def _dealt(lengths: Array, curved: NDArray[np.bool_]) -> NDArray[np.int_]:

@@ -197,7 +197,7 @@ class Schedule:
         edges = [0.0, *self.times.tolist(), self.duration]
         out: list[Arc] = []
         for k, (modes, (t0, t1)) in enumerate(zip(self.modes(), pairwise(edges), strict=True)):
-            touches = ()
+            touches: tuple[tuple[int, Mode], ...] = ()
             if k < self.size and self.changes[k].touch:
                 touches = ((self.changes[k].joint, self.changes[k].mode),)
             if t1 - t0 > 1e-12 * self.duration or (touches and not out):
@@ -244,7 +244,8 @@ def shares_of(problem: MinimumTimeProblem, arcs: Sequence[Arc], motion: Trajecto
     edges = np.cumsum([0.0, *(arc.duration for arc in arcs)])
     edges *= motion.duration / edges[-1]
     means = np.array([np.mean(motion(np.linspace(a, b, _SAMPLES)).tau, axis=0) for a, b in pairwise(edges)])
-    return np.asarray((means - limits.effort_lower) / (limits.effort_upper - limits.effort_lower))
+    ranges = limits.effort_upper - limits.effort_lower
+    return np.asarray((means - limits.effort_lower) / np.where(ranges > 0, ranges, 1.0))
 
 
 def _pieces(before: Mode | None, after: Mode | None, share: float) -> tuple[Mode, list[tuple[float, Mode]]]:

@@ -10,8 +10,8 @@ from armdyn.optimal.switching.descent import Extremal, Resisted, fastest
 from armdyn.optimal.switching.flow import flow_of
 from armdyn.optimal.switching.march import Setting
 from armdyn.optimal.switching.schedule import Schedule
-from armdyn.optimal.switching.singular import idle_fall, with_longer_course, with_singular
 from armdyn.optimal.switching.signs import with_limits, with_signs, without_unwanted, wrong_signs
+from armdyn.optimal.switching.singular import idle_fall, with_longer_course, with_singular
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -92,6 +92,22 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
             schedule, chattering = smooth, schedule
         mended = True
     return best
+
+
+def leaves_idle(extremal: Extremal, tolerance: float) -> bool:
+    """Whether time does not determine what some joint does for more than half of the motion.
+
+    Such a joint is better moved gently than from limit to limit.
+
+    Args:
+        extremal: whose joints are all on limits.
+        tolerance: of what H feels of a torque, against the 1 that time costs.
+    """
+    march, limits = extremal.march, extremal.march.setting.problem.limits
+    ranges = limits.effort_upper - limits.effort_lower
+    idle = (np.abs(extremal.switching) * ranges <= tolerance) & (ranges > 0)
+    shares = np.tile(march.h, 2) @ (idle & ~np.tile(march.torques.felt > 0, (2, 1))) / 2
+    return bool(np.any(shares > extremal.schedule.duration / 2))
 
 
 def motion_of(extremal: Extremal) -> Trajectory:

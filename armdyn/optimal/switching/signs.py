@@ -61,9 +61,7 @@ def wrong_signs(extremal: Extremal, least: float) -> list[Wrong]:
             if run.size and np.max(fall[run]) > least:
                 worst = int(run[np.argmax(fall[run])])
                 begin, end = t[max(run[0] - 1, 0)], t[min(run[-1] + 1, t.size - 1)]
-                found.append(
-                    Wrong(float(fall[worst]), i, own[worst // 2], float(begin), float(end), float(t[worst]))
-                )
+                found.append(Wrong(float(fall[worst]), i, own[worst // 2], float(begin), float(end), float(t[worst])))
     return sorted(found, key=lambda wrong: -wrong.value)
 
 

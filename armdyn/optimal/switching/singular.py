@@ -79,7 +79,10 @@ def idle_fall(extremal: Extremal, k: int) -> float:
     falls = [0.0]
     for switching, tau in zip(np.split(extremal.switching, 2), march.torques.tau, strict=True):
         s, u = switching[own, joint], tau[own, joint]
-        falls += [*(np.maximum(s, 0) * (u - limits.effort_lower[joint])), *(np.maximum(-s, 0) * (limits.effort_upper[joint] - u))]
+        falls += [
+            *(np.maximum(s, 0) * (u - limits.effort_lower[joint])),
+            *(np.maximum(-s, 0) * (limits.effort_upper[joint] - u)),
+        ]
     return float(max(falls))
 
 

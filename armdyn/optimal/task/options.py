@@ -1,12 +1,17 @@
 """How `solve_minimum_time` goes about it."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 from armdyn.arguments import expect, flag, number, one_of, several, whole
 from armdyn.errors import ProblemError
 from armdyn.optimal.task.scheme import Control, DynamicsForm
 from armdyn.optimal.task.tableau import TABLEAUS
 from armdyn.trajectory import Trajectory
+
+Effort = Literal["quick", "normal", "thorough"]
+EFFORTS: tuple[Effort, ...] = ("quick", "normal", "thorough")
+"""How much is searched."""
 
 REPLAY_TOLERANCE = 1e-3
 """Default of `MinimumTimeOptions.replay_tolerance` [rad or m]: about a millimetre at the tip, which a controller makes
@@ -15,13 +20,13 @@ up for."""
 
 @dataclass(frozen=True)
 class DirectOptions:
-    """Of one call of IPOPT.
+    """Of one call of IPOPT, or of the stagewise method, which is IPOPT's.
 
     Attributes:
         tolerance: on the scaled problem.
         max_iterations: before it gives up.
         verbose: let it print.
-        barrier: IPOPT's mu_init, on the scaled problem.
+        barrier: the first one, IPOPT's mu_init, on the scaled problem.
     """
 
     tolerance: float = 1e-8
@@ -40,7 +45,9 @@ class MinimumTimeOptions:
 
     Attributes:
         guesses: motions of the same joints to begin with, beside the search's own: optima of similar problems.
-        starts: guesses of the global search.
+        effort: how much is searched: "quick" solves a third of the guesses, "thorough" five times as many and all of
+            them, and refines three times as many optima. docs/time_optimality.md says how often each finds the best.
+        starts: guesses of the global search, whatever the effort.
         seed: of the guesses after the first; the same seed gives the same answer.
         refinements: so many of the optima found are refined.
         coarse_intervals: of the search's meshes, which its guesses take turns on.
@@ -61,10 +68,11 @@ class MinimumTimeOptions:
         time_limit: wall time for the whole solve [s].
         workers: processes of search and refinement; None: one per core. They make no difference to the answer.
             Threads may solve at once: they take turns at IPOPT, and each gets what it would get alone.
-        verbose: let IPOPT print.
+        verbose: let solvers print.
     """
 
     guesses: tuple[Trajectory, ...] = ()
+    effort: Effort = "normal"
     starts: int | None = None
     seed: int = 0
     refinements: int | None = None
@@ -104,6 +112,7 @@ class MinimumTimeOptions:
         for name in ("replay_tolerance", "tolerance", "time_limit"):
             number(getattr(self, name), name, sign="positive", finite=False)
         number(self.smooth, "smooth", sign="not negative")
+        one_of(self.effort, EFFORTS, "effort")
         one_of(self.method, tuple(TABLEAUS), "method")
         one_of(self.control, ("linear", "constant"), "control")
         one_of(self.dynamics, ("forward", "inverse"), "dynamics")

@@ -8,7 +8,7 @@ The rooms in the order of the data; none imports one below it:
 - `tables`: Tables 3 to 7, published beside ours.
 - `page`: figures, each example's folder, and the page that shows it all.
 
-`reproduce` goes through them all.
+`plan` says which cases there are to solve, and `reproduce` goes through all rooms.
 """
 
 from typing import TYPE_CHECKING

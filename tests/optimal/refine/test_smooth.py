@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import armdyn as ad
+from armdyn.errors import ProblemError
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.refine.smooth import cost, resolved_near, smooth_optima, trajectory_cost
+from armdyn.optimal.refine.smooth import cost, resolved_near, smooth_optima, time_energy, trajectory_cost
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.task.task import Task
 from problems import cart, paper_problem
@@ -38,6 +39,42 @@ def test_optima_come_by_cost_and_the_first_is_not_the_fastest():
     assert len(found) >= 2 and np.all(np.diff(costs) > 0)
     assert costs[0] == pytest.approx(0.5577320121886695, rel=1e-7)  # the reference's J
     assert found[1].duration < found[0].duration  # by duration the choice would be wrong
+
+
+@pytest.mark.slow
+def test_a_limit_that_is_touched_is_named_though_the_mesh_nearly_has_it():
+    """RRR with 31.2 g: H strays by 2.5e-5 where joint 2 touches π unnamed, and by more on every finer mesh."""
+    problem = paper_problem("rrr", 0.0312, effort_weight=1.0, effort_limit=30.0)
+    solution = ad.solve_minimum_time(problem)
+    assert solution.certified
+    assert trajectory_cost(solution.trajectory, 1.0) == pytest.approx(0.58613, rel=2e-5)  # the reference's has 5 digits
+    assert any(arc.touches for arc in solution.arcs)
+
+
+def test_a_guess_is_looked_at_first_and_leads_where_one_start_does_not():
+    problem = paper_problem("rr", 0.1219, effort_weight=1.0)
+    near = ad.solve_minimum_time(paper_problem("rr", 0.1006, effort_weight=1.0)).trajectory
+    options = ad.MinimumTimeOptions(starts=1, guesses=(near,))
+    (optimum,), found = time_energy(Task.of(problem, options))
+    assert optimum.cost == pytest.approx(0.5781908970767553, rel=1e-7)  # the reference's J
+    alone = time_energy(Task.of(problem, ad.MinimumTimeOptions(starts=1)))[0][0]
+    assert alone.cost > 1.01 * optimum.cost
+    assert found.listed[0] == pytest.approx(optimum.trajectory.duration, rel=1e-6)
+
+
+def test_a_guess_of_other_joints_is_refused():
+    guess = ad.Trajectory([0, 1], np.zeros((2, 1)), np.zeros((2, 1)), np.zeros((2, 1)))
+    task = Task.of(paper_problem("rr", effort_weight=1.0), ad.MinimumTimeOptions(guesses=(guess,)))
+    with pytest.raises(ProblemError, match=r"guesses\[0\] moves 1 joints, rr has 2"):
+        time_energy(task)
+
+
+def test_what_strays_on_the_finest_mesh_is_no_optimum_and_said(monkeypatch):
+    monkeypatch.setattr("armdyn.optimal.refine.smooth._stray", lambda problem, phases: 0.5)
+    problem = paper_problem("r", effort_weight=1.0, effort_limit=30.0)
+    optima, found = time_energy(Task.of(problem))
+    assert not optima and found.failed[0].status is ad.Status.FAILED
+    assert "on 120 intervals is no optimum: the Hamiltonian strays from 0 by 0.5" in found.failed[0].message
 
 
 def test_as_many_as_asked_and_none_once_stopped():

@@ -36,7 +36,7 @@ TABLE = {
     "rr ball": (12, False, 1e-4, False, False, False, 6, 8),
     "rr jerk": (16, False, 1e-4, True, True, False, 4, 8),
     "rr via": (16, False, None, False, True, False, 4, 8),
-    "rr effort": (16, True, None, False, True, False, 4, 8),
+    "rr effort": (16, True, None, False, True, False, 4, 4),
     "ur5": (40, True, None, False, True, True, 1, 1),
 }
 

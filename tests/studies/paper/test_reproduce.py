@@ -5,11 +5,10 @@ import multiprocessing
 
 import pytest
 
-from armdyn.errors import ProblemError
-from armdyn.models import PAPER_PAYLOADS
-from armdyn.studies.paper import EXAMPLES, PAYLOAD
+from armdyn.studies.paper import PAYLOAD
 from armdyn.studies.paper.outcomes.case import Case
-from armdyn.studies.paper.reproduce import EXAMPLES_OF_PART, Plan, cases_of, reproduce
+from armdyn.studies.paper.plan import Plan, cases_of
+from armdyn.studies.paper.reproduce import reproduce
 
 FOLDER = {"trajectory.npz", "figure.png", "figure.pdf", "replay.html", "result.json"}
 
@@ -18,63 +17,22 @@ def names(folder):
     return {path.name for path in folder.iterdir()}
 
 
-def test_everything_is_every_example_with_every_payload():
-    cases = Plan().cases()
-    assert len(cases) == len(set(cases))
-    for one in EXAMPLES:
-        assert {case.payload for case in cases if case.example == one.number} == set(PAPER_PAYLOADS)
-    kinds = {(case.arm, case.kind, case.reading) for case in cases}
-    assert {("r", "minimum_time", "mM"), ("rr", "time_energy", "mM"), ("rrr", "minimum_time", "tip")} <= kinds
-    assert any(case.variant == "printed" for case in cases)
-    assert any(case.states == "example 2" for case in cases)
-    # The longest come first, so that no core waits for one at the end.
-    assert cases[0].arm == "rrr" and cases[0].kind != "pid" and cases[-1].kind == "pid"
-
-
-@pytest.mark.parametrize("part", EXAMPLES_OF_PART)
-def test_a_part_takes_its_examples_only(part):
-    cases = Plan(only=(part,)).cases()
-    assert {case.example for case in cases} == set(EXAMPLES_OF_PART[part])
-    payloads = {case.payload for case in cases}
-    if part == "table3":
-        assert not cases
-    elif part.startswith("figure") or part == "table7":
-        assert payloads == {PAYLOAD}  # the paper has them for this one alone
-    else:
-        assert payloads == set(PAPER_PAYLOADS)
-
-
-def test_payloads_and_rules_are_taken():
-    plan = Plan(only=("example4",), payloads=(0.2, 0.3), arrival_rule="first_crossing")
-    assert {case.payload for case in plan.cases()} == {0.2, 0.3} and plan.shown_payload == 0.2
-    assert all(case.arrival_rule == "first_crossing" for case in plan.cases())
-    assert Plan(payloads=(0.2, PAYLOAD)).shown_payload == PAYLOAD == Plan().shown_payload
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"only": ("table9",)}, "no 'table9'"),
-        ({"payloads": (-0.1,)}, "-0.1 kg"),
-        ({"payloads": (float("nan"),)}, "nan kg"),
-    ],
-)
-def test_plans_that_cannot_be_are_refused(given, message):
-    with pytest.raises(ProblemError, match=message):
-        Plan(**given)
-
-
 @pytest.fixture(scope="module")
 def loops(tmp_path_factory):
     """Example 4 with 100.6 g and 200 g."""
     folder, told = tmp_path_factory.mktemp("paper"), []
     plan = Plan(only=("example4", "table3"), payloads=(PAYLOAD, 0.2))
-    result = reproduce(folder, plan, lambda outcome, done, of: told.append((outcome.case, done, of)))
-    return folder, plan, result, told
+    shown = []
+
+    def look(outcomes):
+        shown.append(({outcome.case for outcome in outcomes}, (folder / "index.html").exists(), len(told)))
+
+    result = reproduce(folder, plan, lambda outcome, done, of: told.append((outcome.case, done, of)), look)
+    return folder, plan, result, told, shown
 
 
 def test_files(loops):
-    folder, plan, result, _ = loops
+    folder, plan, result, *_ = loops
     assert all(file.stat().st_size > 0 for file in result.files)
     assert {"index.html", "cases", "tables", "figures", "example4_r_pid"} <= names(folder)
     assert names(folder / "example4_r_pid") == FOLDER
@@ -87,9 +45,17 @@ def test_files(loops):
 
 
 def test_progress_counts_every_case_once(loops):
-    _, plan, result, told = loops
+    _, plan, result, told, _ = loops
     assert {case for case, *_ in told} == set(plan.cases()) == {outcome.case for outcome in result.outcomes}
     assert [done for _, done, _ in told] == list(range(1, len(told) + 1)) and told[-1][1] == told[-1][2]
+
+
+def test_what_is_shown_is_told_once_with_its_figures(loops):
+    folder, plan, _, told, ((cases, page, count),) = loops
+    assert cases == {case for case in plan.cases() if case.payload == PAYLOAD}
+    assert page or count == len(told)  # of a page that is to be written again at once nobody is told
+    assert names(folder / "figures") == {"figure3.pdf", "figure3.png"}
+    assert (folder / "index.html").read_text("utf-8").count("<figure>") == 1
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ What is loaded is a copy of the very bytes that the checksum was compared with, 
 and that is gone at once: nothing that happens to the library meanwhile or later reaches this process.
 """
 
+import ctypes
 import hashlib
 import os
 import platform
@@ -15,10 +16,11 @@ import shutil
 import subprocess
 import tempfile
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Generic, TypeVar
 
 import casadi as ca
 
@@ -27,6 +29,8 @@ from armdyn.files import read_sealed, write_sealed
 from armdyn.optimal.program.machine.background import build_later
 from armdyn.optimal.program.machine.cache import cache_directory, private_folder, protected
 from armdyn.optimal.program.machine.deadline import NoTimeError, left
+
+T = TypeVar("T")
 
 _FLAGS = ("-O1", "-fPIC", "-shared", "-ffp-contract=off")
 """Level 1 has nearly all of the speed at half of level 2's build time; no contraction: the same numbers everywhere."""
@@ -66,23 +70,64 @@ def compiled(functions: Sequence[ca.Function], asked: bool | None = None, later:
         NoTimeError: to compile would take, or has taken, longer than `deadline.until` allows.
     """
     functions = list(functions)
-    compiler = shutil.which(os.environ.get("CC") or "cc") or shutil.which("gcc")
+    compiler = _compiler()
     if asked is False or compiler is None:
         return functions
-    recipe = _Recipe.of(functions, compiler)
+    generator = ca.CodeGenerator("armdyn.c", {"with_header": False})
+    for function in functions:
+        generator.add(function)
+
+    def loaded(library: str) -> list[ca.Function]:
+        return [ca.external(function.name(), library) for function in functions]
+
+    size = sum(function.n_instructions() for function in functions)
+    return _had(_Recipe.of(compiler, generator.dump(), size, loaded), asked, later) or functions
+
+
+def compiled_library(source: str, instructions: int, asked: bool | None = None) -> ctypes.CDLL | None:
+    """A library of C as `compiled` makes one of functions.
+
+    Args:
+        source: in C.
+        instructions: about how many, by which it is decided whether to build it unasked.
+        asked: as for `compiled`.
+
+    Returns:
+        None: what `compiled` leaves as it is.
+    """
+
+    def loaded(library: str) -> ctypes.CDLL:
+        try:
+            return ctypes.CDLL(library)
+        except OSError as error:
+            raise RuntimeError(str(error)) from error
+
+    compiler = _compiler()
+    if asked is False or compiler is None:
+        return None
+    return _had(_Recipe.of(compiler, source, instructions, loaded), asked)
+
+
+def _compiler() -> str | None:
+    """Its path."""
+    return shutil.which(os.environ.get("CC") or "cc") or shutil.which("gcc")
+
+
+def _had(recipe: "_Recipe[T]", asked: bool | None, later: bool = False) -> T | None:
+    """What a recipe makes; None: go on without."""
     build = bool(asked) or (recipe.instructions <= _WORTH_IT and not later)
     later = not build
     kept = cache_directory()
     try:
         try:
-            return _machine_code(functions, recipe, protected(kept), build, later)
+            return _machine_code(recipe, protected(kept), build, later)
         except OSError as error:
             _warn_once(f"the cache of machine code, {kept}, is not used (ARMDYN_CACHE may name another)", error)
         with private_folder() as folder:  # not kept: a process needs each library once
-            return _machine_code(functions, recipe, folder, build)
+            return _machine_code(recipe, folder, build)
     except (OSError, CompilerError) as error:
         _warn_once("solving without machine code, which takes several times as long", error)
-        return functions
+        return None
 
 
 class CompilerError(Exception):
@@ -90,36 +135,42 @@ class CompilerError(Exception):
 
 
 @dataclass(frozen=True)
-class _Recipe:
+class _Recipe(Generic[T]):
     """What a library is made from.
 
     Attributes:
         source: in C.
         compiler: its path.
         library: the file's name.
-        instructions: of the functions, together.
+        instructions: of the source, about.
+        loaded: what to make of a library's path; raises RuntimeError where it cannot be loaded.
     """
 
     source: str
     compiler: str
     library: str
     instructions: int
+    loaded: Callable[[str], T]
 
     @classmethod
-    def of(cls, functions: Sequence[ca.Function], compiler: str) -> "_Recipe":
-        generator = ca.CodeGenerator("armdyn.c", {"with_header": False})
-        for function in functions:
-            generator.add(function)
-        source = generator.dump()
+    def of(cls, compiler: str, source: str, instructions: int, loaded: Callable[[str], T]) -> "_Recipe[T]":
         made_by = (ca.CasadiMeta.version(), platform.machine(), compiler, *_FLAGS, source)
         name = hashlib.sha256("\n".join(made_by).encode()).hexdigest()[:32] + ".so"
-        return cls(source, compiler, name, sum(function.n_instructions() for function in functions))
+        return cls(source, compiler, name, instructions, loaded)
+
+    def load(self, data: bytes, folder: Path) -> T:
+        """From a library's bytes."""
+        handle, copy = tempfile.mkstemp(".so", ".", folder)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(data)
+            return self.loaded(copy)
+        finally:
+            Path(copy).unlink()  # it lives on as long as it is used
 
 
-def _machine_code(
-    functions: list[ca.Function], recipe: _Recipe, folder: Path, build: bool, later: bool = False
-) -> list[ca.Function]:
-    """The functions from a folder's library, which is built where it is damaged, or missing and wanted.
+def _machine_code(recipe: _Recipe[T], folder: Path, build: bool, later: bool = False) -> T | None:
+    """What the folder's library holds, which is built where it is damaged, or missing and wanted; None: not yet.
 
     Raises:
         OSError: the folder will not do: it is full, say, or nothing in it can be loaded.
@@ -130,33 +181,22 @@ def _machine_code(
     data = read_sealed(library, _LARGEST)
     if data is not None:
         with suppress(RuntimeError):  # whole, but not for this system: a home that several share
-            return _loaded(functions, data, folder)
+            return recipe.load(data, folder)
     if not (there or build):
         if later:
             build_later(library, recipe.compiler, recipe.source)
-        return functions
+        return None
     if recipe.instructions * _EACH > left() / 2:  # half of the time is for the solve
         raise NoTimeError
     data = built(recipe.source, recipe.compiler, folder)
     try:
-        fast = _loaded(functions, data, folder)
+        fast = recipe.load(data, folder)
     except RuntimeError as error:
         raise OSError(f"what {recipe.compiler} built in {folder} cannot be loaded") from error
     if library.is_dir() and not library.is_symlink():
         shutil.rmtree(library)  # a file cannot be put in a folder's place
     write_sealed(library, data)
     return fast
-
-
-def _loaded(functions: Sequence[ca.Function], data: bytes, folder: Path) -> list[ca.Function]:
-    """The functions from a library's bytes; CasADi raises RuntimeError where they cannot be loaded."""
-    handle, copy = tempfile.mkstemp(".so", ".", folder)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-        return [ca.external(function.name(), copy) for function in functions]
-    finally:
-        Path(copy).unlink()  # it lives on as long as a function does
 
 
 def built(source: str, compiler: str, folder: Path) -> bytes:

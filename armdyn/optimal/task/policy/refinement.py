@@ -30,7 +30,10 @@ class RefinementPolicy:
     landed: float = tuned(1e-9, "rad or m", "goal error at which a replay has landed: a few of the integrator's", PAPER)
     stray: float = tuned(1e-6, "-", "|H| that is as good as it can be: a hundredth of what is certified", PAPER)
     stray_kept: float = tuned(
-        3e-5, "-", "the same where a singular torque was given: no finer mesh mends what its course leaves", "RRR, random"
+        3e-5,
+        "-",
+        "the same where a singular torque was given: no finer mesh mends what its course leaves",
+        "RRR, random",
     )
     slowing: int = tuned(3, "rounds", "of slowing a motion down until its velocity limits hold", LARGE)
     slow_samples: int = tuned(1000, "samples", "of a motion of arcs that is slowed down", "RR")
@@ -64,7 +67,7 @@ class ArcsPolicy:
     tolerance: float = tuned(1e-10, "scaled", "of IPOPT: durations then hold to about as much", PAPER)
     held_iterations: int = tuned(60, "iterations", "where all torques are held", PAPER)
     free_iterations: int = tuned(100, "iterations", "where some are free", PAPER)
-    smooth_iterations: int = tuned(200, "iterations", "where they are to be smooth", PAPER)
+    smooth_iterations: int = tuned(150, "iterations", "where they are to be smooth", PAPER)
     tie: float = tuned(1e-5, "of 1 for time", "cost of full torques that time leaves free: it makes them unique", "RRR")
     samples: int = tuned(480, "samples", "of torques that are not constant, 4 to 16 on an interval", "RRR time-energy")
 
@@ -80,9 +83,14 @@ class SmoothPolicy:
     fine: int = tuned(30, "intervals", "of the first solution by a high order", PAPER)
     most_rough: int = tuned(120, "intervals", "of the last mesh that is rough", "RRR, 500 g and 1 kg")
     most: int = tuned(240, "intervals", "of the finest mesh", "RRR, 500 g and 1 kg")
-    steps: int = tuned(12, "solves", "spent on all optima together: one takes 0.1 to 20 s", "RRR, ten payloads")
+    optimism: float = tuned(
+        0.98, "of a coarse J", "what it may yet fall to: more is another optimum's", "RR, RRR, ten payloads"
+    )
+    steps: int = tuned(12, "solves", "spent on all optima together: one takes 0.1 to 6 s", "RRR, ten payloads")
     settled: float = tuned(1e-5, "-", "|H| at which a mesh is replayed: a tenth of what is certified", PAPER)
-    doubted: float = tuned(1e-4, "-", "|H| beyond which the structure is looked at: what is certified", PAPER)
+    warm: float = tuned(
+        0.02, "-", "|H| below which the next solve stays where it is: 4 to 10 iterations, not 50", PAPER
+    )
     rough: float = tuned(0.05, "-", "|H| beyond which a mesh is too coarse to tell limits by", PAPER)
     artefact: float = tuned(1.0, "-", "|H| beyond which it says nothing of where to look, either", PAPER)
     worth: float = tuned(

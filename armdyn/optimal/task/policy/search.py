@@ -1,7 +1,9 @@
 """Numbers of the program and of the search."""
 
+import math
 from dataclasses import dataclass
 
+from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.tuned import PAPER, UNRECORDED, by_kind, tuned
 
 
@@ -51,8 +53,13 @@ class SearchPolicy:
         "that there are not",
         PAPER,
     )
+    quick: float = tuned(1 / 3, "of the guesses", 'effort "quick"', "RRR, random")
+    thorough: float = tuned(5.0, "of the guesses", 'effort "thorough"; all of them are solved', "RRR, random")
+    more_refined: int = tuned(3, "times the optima", 'effort "thorough" refines', "RRR, random")
     neighbour_starts: int = by_kind(
-        "guesses", "of a search that has a neighbour's optimum, in a sweep; beyond three joints the straight one", PAPER
+        "guesses",
+        "of a search that has a neighbour's optimum; half where effort is paid for; beyond three joints the straight",
+        PAPER,
     )
     side_by_side: bool = by_kind("-", "in processes: for one joint a fork takes as long as the solve", PAPER)
     again: bool = by_kind("-", "where a finer mesh contradicts the search it is done again on that", PAPER)
@@ -83,6 +90,15 @@ class SearchPolicy:
     tries: int = tuned(300, "ways", "looked at before a few that go round the obstacles are taken", "RR, Panda: a post")
     looks: int = tuned(25, "poses", "of a way that are held against the obstacles", UNRECORDED)
     brisk: float = tuned(10.0, "rad/s", "stands for a missing velocity limit where ways are compared", UNRECORDED)
+
+    def guesses(self, options: MinimumTimeOptions) -> int:
+        """How many the options ask for."""
+        factor = {"quick": self.quick, "normal": 1.0, "thorough": self.thorough}[options.effort]
+        return options.starts or max(1, math.ceil(factor * self.starts))
+
+    def refinements(self, options: MinimumTimeOptions) -> int:
+        """How many optima the options ask for."""
+        return options.refinements or self.refined * (self.more_refined if options.effort == "thorough" else 1)
 
 
 @dataclass(frozen=True, kw_only=True)

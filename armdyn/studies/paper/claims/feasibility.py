@@ -1,6 +1,7 @@
 """Whether an arm's actuators can hold it still at its goal, and with how much payload."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import pinocchio as pin
@@ -69,6 +70,7 @@ def largest_payload(arm: PaperArm, reading: Reading = "tip") -> float:
     return float(np.min(room / np.abs(slope)))
 
 
-def all_holdings() -> list[Holding]:
+@cache
+def all_holdings() -> tuple[Holding, ...]:
     """Every arm with every payload of Table 2 in both readings."""
-    return [holding(arm, m, reading) for arm in PAPER_ARMS for reading in READINGS for m in PAPER_PAYLOADS]
+    return tuple(holding(arm, m, reading) for arm in PAPER_ARMS for reading in READINGS for m in PAPER_PAYLOADS)

@@ -15,6 +15,7 @@ and t_f = (φ + mπ + ψ)/ω: it switches every π/ω, not every 2π/r, and betw
 """
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Self
 
 import numpy as np
@@ -261,6 +262,7 @@ def linearisation(payload: float, reading: Reading = "tip") -> Linearisation:
     return Linearisation(payload, reading, law, link.minimum_time(start, goal), miss)
 
 
-def all_linearisations() -> list[Linearisation]:
+@cache
+def all_linearisations() -> tuple[Linearisation, ...]:
     """With every payload of Table 2 in both readings."""
-    return [linearisation(payload, reading) for reading in READINGS for payload in PAPER_PAYLOADS]
+    return tuple(linearisation(payload, reading) for reading in READINGS for payload in PAPER_PAYLOADS)

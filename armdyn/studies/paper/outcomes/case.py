@@ -1,6 +1,7 @@
 """One thing of the paper to solve or simulate."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 from armdyn.arguments import one_of
@@ -28,6 +29,13 @@ States = Literal["printed", "example 2"]
 READINGS: tuple[Reading, ...] = ("tip", "mM")
 UNBOUNDED_EFFORT = 30.0
 """The torque limit of a problem that has none [N m]: it scales the unknowns. No optimum here passes a fifth of it."""
+
+
+@lru_cache(maxsize=64)
+def _robot(spec: ArmSpec, payload: float, reading: Reading) -> Robot:
+    if not payload:
+        return Robot.from_spec(spec)
+    return Robot.from_spec(spec, Payload(mass=payload) if reading == "tip" else Payload.at_last_com(spec, payload))
 
 
 @dataclass(frozen=True)
@@ -103,13 +111,8 @@ class Case:
         return example(self.arm, "minimum_time") if self.states == "example 2" else self.paper_example
 
     def robot(self) -> Robot:
-        """The arm with its payload."""
-        spec = ArmSpec.paper(self.arm)
-        if not self.payload:
-            return Robot.from_spec(spec)
-        at_tip = self.reading == "tip"
-        load = Payload(mass=self.payload) if at_tip else Payload.at_last_com(spec, self.payload)
-        return Robot.from_spec(spec, load)
+        """The arm with its payload; the same for equal ones."""
+        return _robot(ArmSpec.paper(self.arm), self.payload, self.reading)
 
     def equations(self) -> EquationsOfMotion | None:
         """The printed ones; None: the robot's own."""

@@ -17,6 +17,7 @@ from armdyn.optimal import (
 )
 from armdyn.optimal.answer.summary import minimum_time_summary
 from armdyn.optimal.refine.smooth import trajectory_cost
+from armdyn.optimal.task.policy import Policy
 from armdyn.studies.paper.outcomes.case import Case
 from armdyn.studies.paper.outcomes.outcome import Fact, Outcome
 from armdyn.studies.paper.printed.loop import DURATION
@@ -25,13 +26,20 @@ SOLVE_LIMIT, INDIRECT_LIMIT = 120.0, 20.0
 """Wall time of a direct and of an indirect solve [s]: several times what the slowest case takes."""
 
 
-def run_case(case: Case, progress: Callable[[str], None] | None = None, workers: int | None = None) -> Outcome:
+def run_case(
+    case: Case,
+    progress: Callable[[str], None] | None = None,
+    workers: int | None = None,
+    near: Outcome | None = None,
+) -> Outcome:
     """Solve or simulate a case.
 
     Args:
         case: what.
         progress: told in words what is being tried.
         workers: processes of the search for minimum time; None: one per core.
+        near: of the same case with nearly the same payload: where the search begins. It has few other guesses if
+            that is certified.
 
     Returns:
         An outcome. Its facts are, for every open-loop case, `certified`, `goal_error` [rad], `objective` J,
@@ -46,6 +54,9 @@ def run_case(case: Case, progress: Callable[[str], None] | None = None, workers:
         return _closed_loop(case)
     problem = case.problem()
     options = MinimumTimeOptions(time_limit=SOLVE_LIMIT, workers=workers)
+    if near is not None and near.success and near.trajectory is not None:
+        few = Policy.of(problem).search.neighbour_starts if near.facts["certified"] else None
+        options = replace(options, guesses=(near.trajectory,), starts=few)
     return _open_loop(case, solve_minimum_time(problem, options, progress))
 
 

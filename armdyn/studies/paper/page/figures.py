@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from armdyn.show.plots import COLORS, INK, STYLES, plot_trajectories, save_figure
+from armdyn.show.plots import COLORS, INK, STYLES, plot_trajectories, save_figure, svg_text
 from armdyn.studies.paper.claims.traits import Traits
 from armdyn.studies.paper.outcomes.case import Case
 from armdyn.studies.paper.outcomes.outcome import Outcome, by_case
@@ -93,7 +93,7 @@ def paper_figures(outcomes: Iterable[Outcome], payload: float = PAYLOAD) -> tupl
     found = by_case(outcome for outcome in outcomes if outcome.trajectory is not None)
     figures = []
     for number, example in EXAMPLE_OF_FIGURE.items():
-        drawn = tuple(found[case] for case in _drawn(example, payload) if case in found)
+        drawn = tuple(found[case] for case in drawn_cases(number, payload) if case in found)
         if drawn:
             said = published.printed_time(example, payload)
             figures.append(PaperFigure(number, drawn, None if said is None else said.value))
@@ -128,25 +128,35 @@ def draw(figure: PaperFigure) -> Figure:
     return drawn
 
 
-def save_figures(folder: Path, figures: Iterable[tuple[PaperFigure, Figure]]) -> list[Path]:
-    """Write figureK.pdf and figureK.png.
+@dataclass(frozen=True)
+class Picture:
+    """One of Figures 2 to 7, drawn.
+
+    Attributes:
+        figure: what is in it.
+        svg: as a text.
+        files: as which it is on disk.
+    """
+
+    figure: PaperFigure
+    svg: str
+    files: tuple[Path, ...]
+
+
+def picture(folder: Path, figure: PaperFigure) -> Picture:
+    """Draw a figure, and write figureK.pdf and figureK.png.
 
     Args:
         folder: made if it is not there.
-        figures: from `paper_figures`, each with what `draw` made of it.
-
-    Returns:
-        The files written.
+        figure: from `paper_figures`.
 
     Raises:
         OSError: the folder cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    return [
-        save_figure(drawn, folder / f"figure{figure.number}.{suffix}")
-        for figure, drawn in figures
-        for suffix in ("pdf", "png")
-    ]
+    drawn = draw(figure)
+    files = [save_figure(drawn, folder / f"figure{figure.number}.{suffix}") for suffix in ("pdf", "png")]
+    return Picture(figure, svg_text(drawn), tuple(files))
 
 
 def label(case: Case) -> str:
@@ -156,8 +166,14 @@ def label(case: Case) -> str:
     return "(7) as printed" if case.variant == "printed" else _READINGS[case.reading]
 
 
-def _drawn(example: int, payload: float) -> tuple[Case, ...]:
-    """The cases of an example's figure."""
+def drawn_cases(number: int, payload: float) -> tuple[Case, ...]:
+    """The cases that a figure shows, solid first, under the paper's arrival rule.
+
+    Args:
+        number: the paper's.
+        payload: M [kg].
+    """
+    example = EXAMPLE_OF_FIGURE[number]
     arm = EXAMPLES[example - 1].arm
     if EXAMPLES[example - 1].kind != "pid":
         return (Case(example, arm, "minimum_time", payload), Case(example, arm, "time_energy", payload))

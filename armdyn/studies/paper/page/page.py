@@ -3,6 +3,7 @@
 import base64
 import gzip
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
@@ -10,12 +11,12 @@ from pathlib import Path
 from armdyn.files import write_whole
 from armdyn.models.values.spec import PAPER_ARMS, PAPER_PAYLOADS
 from armdyn.show.markup import Html, element, fill, inline_svg, join, script_json
-from armdyn.show.plots import INK, svg_text
+from armdyn.show.plots import INK
 from armdyn.show.replay import page_template, replay_fields, viewer_script
 from armdyn.studies.paper.claims.statements import SECTIONS, statements
 from armdyn.studies.paper.outcomes.case import Case
 from armdyn.studies.paper.outcomes.outcome import Outcome, by_case
-from armdyn.studies.paper.page.figures import MARK, PaperFigure, draw, paper_figures, save_figures
+from armdyn.studies.paper.page.figures import MARK, Picture, paper_figures, picture
 from armdyn.studies.paper.page.page_tables import (
     at_a_glance,
     grid_table,
@@ -38,7 +39,13 @@ _LEAD = (
 _SVG_COLORS = {INK: "var(--ink)", MARK: "var(--mark)", "#d9dee4": "var(--grid)", "#ffffff": "transparent"}
 
 
-def write_page(folder: Path, outcomes: Sequence[Outcome], rows: Sequence[Row], payload: float = PAYLOAD) -> list[Path]:
+def write_page(
+    folder: Path,
+    outcomes: Sequence[Outcome],
+    rows: Sequence[Row],
+    payload: float = PAYLOAD,
+    pictures: Sequence[Picture] | None = None,
+) -> list[Path]:
     """Write index.html, which holds it all, and Figures 2 to 7 as files.
 
     Args:
@@ -46,6 +53,7 @@ def write_page(folder: Path, outcomes: Sequence[Outcome], rows: Sequence[Row], p
         outcomes: of any cases; what was not computed is left out or said to be missing.
         rows: of Tables 3 to 7.
         payload: M of the figures, the replays and the statements [kg].
+        pictures: the figures, in any order; None: they are drawn.
 
     Returns:
         The files written.
@@ -54,14 +62,14 @@ def write_page(folder: Path, outcomes: Sequence[Outcome], rows: Sequence[Row], p
         OSError: the folder cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    figures = [(figure, draw(figure)) for figure in paper_figures(outcomes, payload)]
-    written = save_figures(folder / "figures", figures)
-    pictures = join(_picture(figure, svg_text(drawn)) for figure, drawn in figures)
+    if pictures is None:
+        pictures = [picture(folder / "figures", figure) for figure in paper_figures(outcomes, payload)]
+    pictures = sorted(pictures, key=lambda one: one.figure.number)
     sections = {
         "what": ("What was done", _what_was_done(payload)),
         "glance": ("At a glance", join([at_a_glance(outcomes, payload), score(rows)])),
         "tables": ("Tables 3 to 7", join([_verdicts(), *(paper_table(number, rows) for number in range(3, 8))])),
-        "figures": ("Figures 2 to 7", element("div", pictures, class_="figures")),
+        "figures": ("Figures 2 to 7", element("div", join(map(_picture, pictures)), class_="figures")),
         "replays": ("Replays", _stage(payload)),
         "statements": ("Sections 6.1 to 6.3", _statements(outcomes, payload)),
         "approaches": ("Two approaches", _approaches(outcomes)),
@@ -78,6 +86,7 @@ def write_page(folder: Path, outcomes: Sequence[Outcome], rows: Sequence[Row], p
         "footer": join([_FOOTER.format(version("armdyn"))]),
         "replays": script_json(_replays(outcomes, payload)),
     }
+    written = [file for one in pictures for file in one.files]
     return [*written, write_whole(folder / "index.html", fill(template, parts).encode())]
 
 
@@ -120,8 +129,9 @@ def _verdicts() -> Html:
     )
 
 
-def _picture(figure: PaperFigure, svg: str) -> Html:
-    drawing = inline_svg(svg, f"figure{figure.number}", figure.title, _SVG_COLORS)
+def _picture(picture: Picture) -> Html:
+    figure = picture.figure
+    drawing = inline_svg(picture.svg, f"figure{figure.number}", figure.title, _SVG_COLORS)
     return element("figure", drawing, element("figcaption", figure.caption))
 
 
@@ -191,5 +201,7 @@ def _replays(outcomes: Iterable[Outcome], payload: float) -> dict[str, object]:
     }
 
 
+@lru_cache(maxsize=16)
 def _packed(text: str) -> str:
+    """Compressed, as base64; the page is written twice with the same replays."""
     return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode("ascii")

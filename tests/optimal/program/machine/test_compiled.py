@@ -222,7 +222,7 @@ def test_place_that_is_no_folder_is_done_without(place, monkeypatch):
 
 
 @needs_compiler
-@pytest.mark.parametrize("failing", ["write_sealed", "_loaded", "built"])
+@pytest.mark.parametrize("failing", ["write_sealed", "_Recipe.load", "built"])
 def test_full_disk_is_done_without(failing, own_cache, monkeypatch):
     def fail(*_, **__):
         raise OSError(28, "No space left on device", f"/somewhere/{np.random.default_rng().integers(1e9)}")

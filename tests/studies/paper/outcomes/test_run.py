@@ -1,11 +1,15 @@
 """Every way in which the paper's examples are run, against independent numbers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from armdyn.control import closed_loop_eigenvalues
 from armdyn.models import PAPER_ARMS
+from armdyn.optimal import solve_minimum_time
 from armdyn.studies.paper import example
+from armdyn.studies.paper.outcomes import run
 from armdyn.studies.paper.outcomes.case import Case
 from armdyn.studies.paper.outcomes.run import run_case
 from studies.paper.references import EVERY, REFERENCE, grams, reference
@@ -34,6 +38,22 @@ def test_time_energy_of_one_link(payload, reading):
 def test_time_energy_of_two_links(payload, reading):
     outcome = run_case(Case(2, "rr", "time_energy", payload, reading))
     _check_time_energy(outcome, reference_time("rr", reading, payload))
+
+
+def test_a_neighbour_is_where_the_search_begins(monkeypatch):
+    asked = []
+
+    def solve(problem, options, progress):
+        asked.append(options)
+        return solve_minimum_time(problem, options, progress)
+
+    monkeypatch.setattr(run, "solve_minimum_time", solve)
+    near = run_case(Case(1, "r", "time_energy", 0.1006))
+    outcome = run_case(Case(1, "r", "time_energy", 0.1219), near=near)
+    _check_time_energy(outcome, reference_time("r", "tip", 0.1219))
+    run_case(Case(1, "r", "time_energy", 0.1219), near=replace(near, facts=near.facts | {"certified": False}))
+    run_case(Case(1, "r", "time_energy", 0.1219), near=replace(near, success=False, time=None))
+    assert [(len(options.guesses), options.starts) for options in asked] == [(0, None), (1, 1), (1, None), (0, None)]
 
 
 def _check_time_energy(outcome, expected):

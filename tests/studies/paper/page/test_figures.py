@@ -8,7 +8,7 @@ import pytest
 from armdyn.studies.paper import EXAMPLES
 from armdyn.studies.paper.outcomes.case import Case
 from armdyn.studies.paper.outcomes.run import run_case
-from armdyn.studies.paper.page.figures import EXAMPLE_OF_FIGURE, draw, paper_figures, save_figures
+from armdyn.studies.paper.page.figures import EXAMPLE_OF_FIGURE, draw, paper_figures, picture
 from armdyn.studies.paper.printed import published
 from studies.paper.computed import outcome, outcomes
 
@@ -109,11 +109,11 @@ def test_nothing_is_drawn_of_what_has_no_motion():
 
 
 def test_files_are_pdf_and_png(tmp_path):
-    figures = [(figure, draw(figure)) for figure in paper_figures(outcomes())[:2]]
-    written = save_figures(tmp_path / "figures", figures)
-    assert [path.name for path in written] == ["figure2.pdf", "figure2.png", "figure3.pdf", "figure3.png"]
-    assert all(path.stat().st_size > 10_000 for path in written)
-    assert written[0].read_bytes().startswith(b"%PDF") and written[1].read_bytes().startswith(b"\x89PNG")
+    drawn = picture(tmp_path / "figures", paper_figures(outcomes())[0])
+    assert [path.name for path in drawn.files] == ["figure2.pdf", "figure2.png"]
+    assert all(path.stat().st_size > 10_000 for path in drawn.files)
+    assert drawn.files[0].read_bytes().startswith(b"%PDF") and drawn.files[1].read_bytes().startswith(b"\x89PNG")
+    assert "<svg" in drawn.svg
 
 
 def test_torque_jumps_are_drawn_as_jumps():

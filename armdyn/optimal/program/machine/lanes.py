@@ -1,0 +1,89 @@
+"""Functions as C that evaluates them at several places at once: what has a lane each in one vector register.
+
+GCC and Clang know types of several numbers; sums and products of such are one instruction on every processor of
+today, and the numbers are those of one place alone.
+"""
+
+from collections.abc import Iterable
+
+import casadi as ca
+
+LANES = 2
+"""What a register holds on every x86-64 and ARMv8; with four, on what has registers for them, nothing is gained."""
+
+_WRITTEN = {
+    ca.OP_ADD: "{} + {}",
+    ca.OP_SUB: "{} - {}",
+    ca.OP_MUL: "{} * {}",
+    ca.OP_DIV: "{} / {}",
+    ca.OP_NEG: "-{}",
+    ca.OP_SQ: "{0} * {0}",
+    ca.OP_TWICE: "2.0 * {}",
+    ca.OP_INV: "1.0 / {}",
+}
+_CALLED = {
+    ca.OP_SIN: "sin",
+    ca.OP_COS: "cos",
+    ca.OP_TAN: "tan",
+    ca.OP_TANH: "tanh",
+    ca.OP_SQRT: "sqrt",
+    ca.OP_EXP: "exp",
+    ca.OP_LOG: "log",
+    ca.OP_FABS: "fabs",
+}
+"""Of the C library, which knows one place at a time."""
+
+
+class UnwrittenError(Exception):
+    """An instruction that has no C here: go on without. It never leaves a solve."""
+
+
+def prelude() -> str:
+    """What functions of `in_lanes` need before them."""
+    lines = [
+        "#include <math.h>",
+        f"enum {{ LANES = {LANES} }};",
+        f"typedef double V __attribute__((vector_size({LANES} * sizeof(double))));",
+        "static inline V broadcast(double x) { return x - (V){0}; }",
+    ]
+    for name in _CALLED.values():
+        body = f"for (int i = 0; i < LANES; i++) x[i] = {name}(x[i]); return x;"
+        lines.append(f"static inline V {name}_v(V x) {{ {body} }}")
+    return "\n".join(lines) + "\n"
+
+
+def in_lanes(function: ca.Function) -> str:
+    """A function of dense SX in C: `static void name(const V *i0, …, V *o0, …)`.
+
+    Raises:
+        UnwrittenError: it has an instruction that is not known here.
+    """
+    given = [f"const V *i{k}" for k in range(function.n_in())]
+    given += [f"V *o{k}" for k in range(function.n_out())]
+    lines = [f"static void {function.name()}({', '.join(given)}) {{"]
+    held: dict[int, str] = {}
+    for k in range(function.n_instructions()):
+        code, put, taken = function.instruction_id(k), function.instruction_output(k), function.instruction_input(k)
+        if code == ca.OP_CONST:
+            held[put[0]] = f"broadcast({function.instruction_constant(k)!r})"
+        elif code == ca.OP_INPUT:
+            held[put[0]] = f"i{taken[0]}[{taken[1]}]"
+        elif code == ca.OP_OUTPUT:
+            lines.append(f"o{put[0]}[{put[1]}] = {held[taken[0]]};")
+        else:
+            lines.append(f"V t{k} = {_expression(code, [held[place] for place in taken])};")
+            held[put[0]] = f"t{k}"
+    return "\n".join([*lines, "}\n"])
+
+
+def table(name: str, numbers: Iterable[int]) -> str:
+    """A table of whole numbers in C."""
+    return f"static const int {name}[] = {{{', '.join(str(int(number)) for number in numbers)}}};\n"
+
+
+def _expression(code: int, arguments: list[str]) -> str:
+    if code in _WRITTEN:
+        return _WRITTEN[code].format(*arguments)
+    if code in _CALLED:
+        return f"{_CALLED[code]}_v({arguments[0]})"
+    raise UnwrittenError(f"CasADi's instruction {code}")

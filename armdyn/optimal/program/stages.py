@@ -1,0 +1,254 @@
+"""One interval of the condensed program by the chain rule, as functions that follow one another.
+
+The condensed interval (see `condensed`) has forward dynamics in three points: at both ends, and in the middle that
+follows from them. Derived as one expression it repeats the dynamics' second derivatives time and again: 23 000
+instructions for three joints. Here they are one function, `bend`, called three times: 7 000 instructions, which the
+compiler builds in a fifth of the time and which take half as long. Of the multipliers λ of the equations come those of
+the accelerations at the three points.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import casadi as ca
+import numpy as np
+
+from armdyn.dynamics.symbolic import Dynamics
+from armdyn.optimal.program.interval import nonzeros_of, present_body
+from armdyn.optimal.program.layout import Parameters
+
+
+@dataclass(frozen=True, eq=False)
+class StageFunctions:
+    """Functions of one interval; y = (x_k, u_k, x_{k+1}, T) are its unknowns, p its `Parameters`, all scaled.
+
+    Attributes:
+        rate: (x, u, p) to the acceleration a.
+        bend: (x, u, weights of a, p) to a, the nonzeros of its Jacobian by (x, u), and of its weighted curvature.
+        middle: (y, a at the left, a at the right, p) to the middle's state.
+        weigh: (y, the middle's Jacobian, λ, ν, p) to the weights of a at the left and at the right.
+        equations: (y, a at the left, in the middle, at the right, p) to the defects, and then the cost.
+        assemble: (y, λ, ν, then a, Jacobian and curvature at the left, in the middle, at the right, p) to nonzeros of
+            the defects' Jacobian, the cost's gradient, the upper triangle of the curvature of
+            cost + λ'defects + ν'middle, and the middle's Jacobian.
+        jacobian: where the defects' Jacobian has nonzeros.
+        gradient: where the cost's gradient has.
+        hessian: where the upper triangle has.
+        middle_jacobian: where the middle's Jacobian has.
+    """
+
+    rate: ca.Function
+    bend: ca.Function
+    middle: ca.Function
+    weigh: ca.Function
+    equations: ca.Function
+    assemble: ca.Function
+    jacobian: ca.Sparsity
+    gradient: ca.Sparsity
+    hessian: ca.Sparsity
+    middle_jacobian: ca.Sparsity
+
+    @property
+    def functions(self) -> tuple[ca.Function, ...]:
+        """All of them."""
+        return self.rate, self.bend, self.middle, self.weigh, self.equations, self.assemble
+
+    @classmethod
+    def of(cls, dynamics: Dynamics) -> Self:
+        """Of an arm whose torque is constant in every interval.
+
+        Args:
+            dynamics: with a free last body.
+        """
+        n = dynamics.nv
+        p, y = ca.SX.sym("p", Parameters.size(n)), ca.SX.sym("y", 5 * n + 1)
+        lam, nu = ca.SX.sym("lam", 2 * n), ca.SX.sym("nu", 2 * n)
+        acceleration, one = _Acceleration.of(dynamics, p), _Interval.of(n, Parameters.of(p, n), y)
+        left, middle, right = (_Point.of(name, acceleration, one) for name in "lmr")
+        pulls = _Pulls(lam, nu, middle.by_state.T @ lam)
+        jacobian, hessian, moved = one.derivatives(left, middle, right, pulls)
+        gradient = ca.gradient(one.cost, y)
+        nonzeros = [nonzeros_of(part) for part in (jacobian, gradient, hessian, moved)]
+        given = [part for point in (left, middle, right) for part in (point.a, point.slopes, point.bends)]
+        bow = one.h / 2 * pulls.middle - 3 / 4 * nu  # by how the middle bends: h / 8 over -h / 6 is -3 / 4
+        weights = [lam[n:] + sign * bow[n:] for sign in (1, -1)]
+        equations = ca.vertcat(one.defects(left, middle, right), one.cost)
+        return cls(
+            rate=acceleration.rate,
+            bend=acceleration.bend,
+            middle=ca.Function("middle", [y, left.a, right.a, p], [one.middle(left, right)]),
+            weigh=ca.Function("weigh", [y, middle.slopes, lam, nu, p], weights),
+            equations=ca.Function("equations", [y, left.a, middle.a, right.a, p], [equations]),
+            assemble=ca.Function("assemble", [y, lam, nu, *given, p], _shared(nonzeros)),
+            jacobian=jacobian.sparsity(),
+            gradient=gradient.sparsity(),
+            hessian=hessian.sparsity(),
+            middle_jacobian=moved.sparsity(),
+        )
+
+
+def _shared(columns: list[ca.SX]) -> list[ca.SX]:
+    """The same columns; what they have in common is computed once."""
+    ends = np.cumsum([0] + [column.numel() for column in columns]).tolist()
+    return list(ca.vertsplit(ca.cse(ca.vertcat(*columns)), ends))
+
+
+@dataclass(frozen=True, eq=False)
+class _Acceleration:
+    """Scaled, of a state and a torque: `rate` and `bend`, and where its derivatives have nonzeros."""
+
+    rate: ca.Function
+    bend: ca.Function
+    slopes: ca.Sparsity
+    bends: ca.Sparsity
+
+    @classmethod
+    def of(cls, dynamics: Dynamics, p: ca.SX) -> Self:
+        n, by = dynamics.nv, Parameters.of(p, dynamics.nv)
+        x, u, weights = ca.SX.sym("x", 2 * n), ca.SX.sym("u", n), ca.SX.sym("weights", n)
+        body = present_body(dynamics, p)
+        a = dynamics.aba(by.length * x[:n], by.speed * x[n:], by.effort * u, body) / by.speed
+        at = ca.vertcat(x, u)
+        slopes, bends = ca.jacobian(a, at), ca.triu(ca.hessian(ca.dot(weights, a), at)[0])
+        bend = ca.Function("bend", [x, u, weights, p], _shared([a, nonzeros_of(slopes), nonzeros_of(bends)]))
+        return cls(ca.Function("rate", [x, u, p], [a]), bend, slopes.sparsity(), bends.sparsity())
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """What `bend` says of a point of the interval, in symbols.
+
+    Attributes:
+        a: the acceleration.
+        slopes: nonzeros of its Jacobian by (x, u).
+        bends: nonzeros of the upper triangle of its weighted curvature.
+        by_state: Jacobian of the state's rate F = (q', v') by the state.
+        by_torque: the same by the torque.
+        curvature: weighted, of F along (x, u).
+    """
+
+    a: ca.SX
+    slopes: ca.SX
+    bends: ca.SX
+    by_state: ca.SX
+    by_torque: ca.SX
+    curvature: ca.SX
+
+    @classmethod
+    def of(cls, name: str, acceleration: _Acceleration, one: "_Interval") -> Self:
+        n = one.n
+        a, slopes, bends = (
+            ca.SX.sym(f"{name}_{part}", size)
+            for part, size in (("a", n), ("slopes", acceleration.slopes.nnz()), ("bends", acceleration.bends.nnz()))
+        )
+        jacobian = ca.SX(acceleration.slopes, slopes)
+        above = ca.horzcat(ca.SX(n, n), one.pace * ca.SX.eye(n))
+        by_state = ca.vertcat(above, jacobian[:, : 2 * n])
+        by_torque = ca.vertcat(ca.SX(n, n), jacobian[:, 2 * n :])
+        return cls(a, slopes, bends, by_state, by_torque, ca.triu2symm(ca.SX(acceleration.bends, bends)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Pulls:
+    """Weights of an interval's equations.
+
+    Attributes:
+        lam: λ, of the defects.
+        nu: ν, of the middle's state x_m.
+        middle: what λ makes of a change of x_m: the gradient of λ'F_m.
+    """
+
+    lam: ca.SX
+    nu: ca.SX
+    middle: ca.SX
+
+
+@dataclass(frozen=True, eq=False)
+class _Interval:
+    """Its parts in symbols, all scaled.
+
+    Attributes:
+        n: joints.
+        start: x_k.
+        end: x_{k+1}.
+        h: the interval's duration.
+        dh: the same of a unit of T, the final time.
+        pace: the position's rate of a unit of velocity.
+        cost: the interval's.
+        y: all unknowns.
+    """
+
+    n: int
+    start: ca.SX
+    end: ca.SX
+    h: ca.SX
+    dh: ca.SX
+    pace: ca.SX
+    cost: ca.SX
+    y: ca.SX
+
+    @classmethod
+    def of(cls, n: int, by: Parameters, y: ca.SX) -> Self:
+        u, T, dh = y[2 * n : 3 * n], y[-1], by.fraction * by.time
+        cost = by.fraction * T * (1 + ca.dot(by.weights, u**2) / 2)
+        return cls(n, y[: 2 * n], y[3 * n : 5 * n], dh * T, dh, by.speed / by.length, cost, y)
+
+    def rate(self, x: ca.SX, a: ca.SX) -> ca.SX:
+        """F = (q', v')."""
+        rate: ca.SX = ca.vertcat(self.pace * x[self.n :], a)
+        return rate
+
+    def fall(self, left: _Point, right: _Point) -> ca.SX:
+        """By how much F falls from the left to the right."""
+        return self.rate(self.start, left.a) - self.rate(self.end, right.a)
+
+    def middle(self, left: _Point, right: _Point) -> ca.SX:
+        """The middle's state x_m = (x_k + x_{k+1}) / 2 + h / 8 (F_l - F_r)."""
+        return (self.start + self.end) / 2 + self.h / 8 * self.fall(left, right)
+
+    def total(self, left: _Point, middle: _Point, right: _Point) -> ca.SX:
+        """Simpson's sum F_l + 4 F_m + F_r."""
+        ends = self.rate(self.start, left.a) + self.rate(self.end, right.a)
+        return ends + 4 * self.rate(self.middle(left, right), middle.a)
+
+    def defects(self, left: _Point, middle: _Point, right: _Point) -> ca.SX:
+        """x_{k+1} - x_k - h / 6 (F_l + 4 F_m + F_r)."""
+        return self.end - self.start - self.h / 6 * self.total(left, middle, right)
+
+    def derivatives(self, left: _Point, middle: _Point, right: _Point, pulls: _Pulls) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Jacobian of the defects, upper triangle of the curvature of cost + λ'defects + ν'x_m, Jacobian of x_m.
+
+        The curvature is that of F at the three points, each with its weights, along the way that y moves them; beside
+        it what T has in common with all, for h = dh T stands before every F.
+
+        Args:
+            left: with the curvature that its weights, those of `weigh`, give.
+            middle: likewise, its weights λ.
+            right: likewise.
+            pulls: λ and ν.
+        """
+        n, h, dh = self.n, self.h, self.dh
+        none, one = ca.SX(2 * n, 2 * n), ca.SX.eye(2 * n)
+        to_left = ca.horzcat(left.by_state, left.by_torque, none, ca.SX(2 * n, 1))
+        to_right = ca.horzcat(none, right.by_torque, right.by_state, ca.SX(2 * n, 1))
+        along_T = ca.horzcat(ca.SX(1, 5 * n), ca.SX.eye(1))
+        ends = ca.horzcat(one, ca.SX(2 * n, n), one, ca.SX(2 * n, 1)) / 2
+        moved = ends + h / 8 * (to_left - to_right) + dh / 8 * self.fall(left, right) @ along_T
+        torque = ca.horzcat(ca.SX(n, 2 * n), ca.SX.eye(n), ca.SX(n, 2 * n + 1))
+        to_middle = middle.by_state @ moved + middle.by_torque @ torque
+        slope = to_left + 4 * to_middle + to_right
+        change = ca.horzcat(-one, ca.SX(2 * n, n), one, ca.SX(2 * n, 1))
+        jacobian = change - h / 6 * slope - dh / 6 * self.total(left, middle, right) @ along_T
+
+        state = ca.horzcat(one, ca.SX(2 * n, 3 * n + 1))
+        last = ca.horzcat(ca.SX(2 * n, 3 * n), one, ca.SX(2 * n, 1))
+        points = ((left, state, 1), (middle, moved, 4), (right, last, 1))
+        curvature = ca.hessian(self.cost, self.y)[0]
+        for point, way, weight in points:
+            at = ca.vertcat(way, torque)
+            curvature -= weight * h / 6 * (at.T @ point.curvature @ at)
+        bow = dh / 8 * pulls.nu - h * dh / 12 * pulls.middle
+        beside = -dh / 6 * pulls.lam.T @ slope + bow.T @ (to_left - to_right)
+        shared = along_T.T @ beside
+        hessian = ca.triu(ca.sparsify(curvature + shared + shared.T))
+        return ca.sparsify(jacobian), hessian, ca.sparsify(moved)

@@ -1,0 +1,93 @@
+/* Small dense matrices, row by row. */
+
+/* Called with sizes that the compiler knows, and then unrolled. */
+#define INLINE static inline __attribute__((always_inline))
+
+/* A = LU with rows exchanged; 0: singular. */
+static int lu_factor(double A[NX][NX], int *pivot) {
+    for (int j = 0; j < NX; j++) {
+        int best = j;
+        for (int i = j + 1; i < NX; i++)
+            if (fabs(A[i][j]) > fabs(A[best][j])) best = i;
+        pivot[j] = best;
+        if (!(fabs(A[best][j]) > 1e-12)) return 0;
+        if (best != j)
+            for (int l = 0; l < NX; l++) {
+                double swap = A[j][l];
+                A[j][l] = A[best][l], A[best][l] = swap;
+            }
+        double inverse = 1 / A[j][j];
+        for (int i = j + 1; i < NX; i++) {
+            double factor = A[i][j] *= inverse;
+            for (int l = j + 1; l < NX; l++) A[i][l] -= factor * A[j][l];
+        }
+    }
+    return 1;
+}
+
+/* A B = B in place, B of `columns` columns. */
+INLINE void lu_solve(double LU[NX][NX], const int *pivot, double *B, int columns) {
+    for (int j = 0; j < NX; j++)
+        if (pivot[j] != j)
+            for (int l = 0; l < columns; l++) {
+                double swap = B[j * columns + l];
+                B[j * columns + l] = B[pivot[j] * columns + l], B[pivot[j] * columns + l] = swap;
+            }
+    for (int j = 0; j < NX; j++)
+        for (int i = j + 1; i < NX; i++)
+            for (int l = 0; l < columns; l++) B[i * columns + l] -= LU[i][j] * B[j * columns + l];
+    for (int j = NX - 1; j >= 0; j--) {
+        double inverse = 1 / LU[j][j];
+        for (int l = 0; l < columns; l++) B[j * columns + l] *= inverse;
+        for (int i = 0; i < j; i++)
+            for (int l = 0; l < columns; l++) B[i * columns + l] -= LU[i][j] * B[j * columns + l];
+    }
+}
+
+/* The transposed: A' b = b in place. */
+static void lu_transposed(double LU[NX][NX], const int *pivot, double *b) {
+    for (int j = 0; j < NX; j++) {
+        for (int i = 0; i < j; i++) b[j] -= LU[i][j] * b[i];
+        b[j] /= LU[j][j];
+    }
+    for (int j = NX - 1; j >= 0; j--)
+        for (int i = j + 1; i < NX; i++) b[j] -= LU[i][j] * b[i];
+    for (int j = NX - 1; j >= 0; j--)
+        if (pivot[j] != j) {
+            double swap = b[j];
+            b[j] = b[pivot[j]], b[pivot[j]] = swap;
+        }
+}
+
+INLINE int cholesky(double *A, int n) {
+    for (int j = 0; j < n; j++) {
+        double pivot = A[j * n + j], scale = fabs(pivot);
+        for (int l = 0; l < j; l++) pivot -= A[j * n + l] * A[j * n + l];
+        if (!(pivot > 1e-13 * scale)) return 0;
+        A[j * n + j] = pivot = sqrt(pivot);
+        for (int i = j + 1; i < n; i++) {
+            double sum = A[i * n + j];
+            for (int l = 0; l < j; l++) sum -= A[i * n + l] * A[j * n + l];
+            A[i * n + j] = sum / pivot;
+        }
+    }
+    return 1;
+}
+
+/* L B = B in place. */
+INLINE void forward(const double *L, int n, double *B, int columns) {
+    for (int i = 0; i < n; i++) {
+        for (int j = 0; j < i; j++)
+            for (int l = 0; l < columns; l++) B[i * columns + l] -= L[i * n + j] * B[j * columns + l];
+        double inverse = 1 / L[i * n + i];
+        for (int l = 0; l < columns; l++) B[i * columns + l] *= inverse;
+    }
+}
+
+/* L' b = b in place. */
+INLINE void backward(const double *L, int n, double *b) {
+    for (int i = n - 1; i >= 0; i--) {
+        for (int j = i + 1; j < n; j++) b[i] -= L[j * n + i] * b[j];
+        b[i] /= L[i * n + i];
+    }
+}

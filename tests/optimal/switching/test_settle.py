@@ -1,0 +1,59 @@
+"""Structures mended: what is missing is put in, what hovers becomes singular, limits are met."""
+
+import numpy as np
+import pytest
+
+import armdyn as ad
+from armdyn.optimal.arcs.arc import Mode
+from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.switching.schedule import Schedule, Segment
+from armdyn.optimal.switching.settle import motion_of, setting_of, settled
+from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.optimal.task.task import Task
+from problems import random_problem, random_solution, solved
+
+
+def test_changes_that_are_missing_are_put_in():
+    solution = random_solution(15)
+    given = Schedule.of(solution.phases.arcs, solution.phases.torques)
+    own = setting_of(Task.of(solution.problem, MinimumTimeOptions(compile=False)), solution.duration)
+    # The short stay of the third joint on its upper limit near the end: 2.5 ms of 240 ms.
+    edges = np.append(given.times, given.duration)
+    lengths = {(s.begin, s.end): edges[s.end] - edges[s.begin] for s in given.segments() if s.begin >= 0}
+    begin, end = min((pair for pair in lengths if pair[1] < given.size), key=lambda pair: lengths[pair])
+    lacking = given.without([Segment(begin, end)])
+    assert lacking.size == given.size - 2
+    found = settled(own, lacking, Stop())
+    assert found.why == ""
+    assert [arc.modes for arc in found.arcs] == [arc.modes for arc in solution.phases.arcs]
+    assert found.extremal.schedule.duration == pytest.approx(solution.phases.duration, rel=1e-7)
+
+
+@pytest.mark.slow
+def test_a_singular_arc_is_found_and_certified():
+    # Without it the structure did not settle: changes were put in and went to nothing, on and on.
+    problem = random_problem(35, position_limit=(-np.inf, np.inf))
+    solution = ad.solve_minimum_time(problem)
+    assert solution.certified
+    assert any(arc.singular for arc in solution.phases.arcs)
+    # Slower by no more than a search of twenty times as many guesses and chattering between the limits: 0.26796498 s.
+    assert solution.duration == pytest.approx(0.26796498, rel=1e-6)
+    # On the singular arc the switching function is zero, on all others its sign is that of the limit.
+    for k, a in enumerate(solution.phases.arc_of):
+        for i, mode in enumerate(solution.phases.arcs[a].modes):
+            if mode is Mode.FREE and k > 0 and solution.phases.arc_of[k - 1] == a:
+                assert abs(solution.certificate.switching[k, i]) * 6.0 <= 1e-4
+
+
+def test_a_motion_has_the_states_of_its_steps():
+    solution = solved("rr")
+    given = Schedule.of(solution.phases.arcs, solution.phases.torques)
+    own = setting_of(Task.of(solution.problem, MinimumTimeOptions(compile=False)), solution.duration)
+    found = settled(own, given, Stop())
+    assert found.why == ""
+    assert found.wrong <= 1e-4
+    motion = motion_of(found.extremal)
+    replay = ad.replay_torques(solution.problem.robot, motion)
+    # Steps of eighth order against the replay's integrator, whose tolerance is 1e-10.
+    np.testing.assert_allclose(replay.q[-1], solution.problem.q_goal, atol=1e-7)
+    np.testing.assert_allclose(motion.q[-1], solution.problem.q_goal, atol=1e-8)
