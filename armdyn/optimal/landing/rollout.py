@@ -48,8 +48,18 @@ def replay_torques(
         TrajectoryError: no Trajectory, or of another number of joints.
     """
     _check(robot, trajectory, rtol)
-    acceleration = forward_dynamics(robot)
-    n = robot.nv
+    states = _followed(robot, trajectory, rtol, stop)
+    x, n = np.array(states if len(states) > 1 else 2 * states), robot.nv
+    m = len(x)
+    return Trajectory(
+        trajectory.t[:m], x[:, :n], x[:, n:], trajectory.tau[:m], trajectory.joint_names, f"{trajectory.name} replay",
+        robot.model_hash,
+    )  # fmt: skip
+
+
+def _followed(robot: Robot, trajectory: Trajectory, rtol: float, stop: Callable[[], bool] | None) -> list[Array]:
+    """States at the samples, as far as `replay_torques` goes."""
+    acceleration, n = forward_dynamics(robot), robot.nv
 
     def rate(t: float, x: Array, *, start: float, tau: Array, slope: Array) -> Array:
         return np.concatenate([x[n:], acceleration(x[:n], x[n:], tau + (t - start) * slope)])
@@ -86,14 +96,7 @@ def replay_torques(
         if len(reached) < end - k:
             break
         k = end
-    if len(states) == 1:
-        states.append(states[0])
-    x = np.array(states)
-    m = len(x)
-    return Trajectory(
-        trajectory.t[:m], x[:, :n], x[:, n:], trajectory.tau[:m], trajectory.joint_names, f"{trajectory.name} replay",
-        robot.model_hash,
-    )  # fmt: skip
+    return states
 
 
 def dense(motion: Trajectory, samples: int) -> Trajectory:
