@@ -115,17 +115,17 @@ def _settled(task: Task, found: Sequence[Attempt]) -> _Settled:
 
     task.tell(f"the best optima, about {found[0].trajectory.duration:.4f} s, on {options.intervals} intervals")
     candidates: list[Attempt] = []
-    iterations = 0
+    iterations, looked = 0, most * task.policy.search.looked_at
     jobs = [partial(finer, attempt) for attempt in found]
     for k, (attempt, fine) in enumerate(zip(found, in_processes(jobs, options.workers), strict=True)):
         iterations += fine.iterations if attempt.intervals != options.intervals else 0
-        candidates.append(fine if fine.usable else attempt)
-        candidates = distinct(candidates, task.policy.same.mesh) or candidates[:1]
         # Coarse durations may be far too good to be true; those on the mesh are to be beaten.
-        worth = task.policy.search.worth * candidates[0].trajectory.duration
+        candidates = distinct([*candidates, fine], task.policy.same.mesh)
+        worth = task.policy.search.worth * candidates[0].trajectory.duration if candidates else np.inf
         later = found[k + 1 :]
-        if len(candidates) == most or task.stop or (later and later[0].trajectory.duration >= worth):
+        if k + 1 == looked or task.stop or (later and later[0].trajectory.duration >= worth):
             break
+    candidates = candidates[:most] or list(found[:1])
     return _Settled(candidates, [attempt.trajectory.duration for attempt in found[k + 1 :]], iterations)
 
 

@@ -64,6 +64,9 @@ class SearchPolicy:
     side_by_side: bool = by_kind("-", "in processes: for one joint a fork takes as long as the solve", PAPER)
     again: bool = by_kind("-", "where a finer mesh contradicts the search it is done again on that", PAPER)
     refined: int = tuned(4, "optima", "so many are worth a finer mesh", PAPER)
+    looked_at: int = tuned(
+        6, "times as many", "coarse optima are solved on the finer mesh: many are too good to be true", "RRR, random"
+    )
     again_at_least: int = tuned(10, "guesses", "of another search, on finer meshes", PAPER)
     worth: float = tuned(1.2, "of the best duration", "coarse solutions slower than that are only listed", PAPER)
     too_coarse: float = tuned(
