@@ -64,7 +64,7 @@ class Policy:
                 flat=1e-4 if _has_rows(problem) else None,
             ),
             search=SearchPolicy(
-                starts=_by_joints(joints, 1, 12, 16) if crowded else _by_joints(joints, 1, 16 if motors else 40, 40),
+                starts=_by_joints(joints, 1, 12, 16) if crowded else _by_joints(joints, 1, 16 if motors else 40, 100),
                 meshes=(15, 25) if motors else (25, 35),
                 neighbour_starts=_by_joints(joints, *((1, 4, 6, 1) if problem.pays_effort else (1, 8, 12, 1))),
                 side_by_side=joints > 1,
