@@ -67,10 +67,10 @@ class Policy:
                 starts=_by_joints(joints, 1, 12, 16) if crowded else _by_joints(joints, 1, 16 if motors else 40, 100),
                 meshes=(15, 25) if motors else (25, 35),
                 neighbour_starts=_by_joints(joints, *((1, 4, 6, 1) if problem.pays_effort else (1, 8, 12, 1))),
-                side_by_side=joints > 1,
+                side_by_side=joints > 2 or (joints > 1 and (asked or problem.pays_effort)),
                 again=joints > 1 and not crowded,
             ),
-            refinement=RefinementPolicy(extremal_is_enough=joints > 2, lists_slower=joints > 2),
+            refinement=RefinementPolicy(extremal_is_enough=joints > 2, lists_slower=joints > 1),
             smooth=SmoothPolicy(starts=_by_joints(joints, 2, 16, 24), refined=10 if joints == 2 else 6),
             indirect=IndirectPolicy(starts=_by_joints(joints, 1, 6, 16)),
             curves=CurvePolicy(

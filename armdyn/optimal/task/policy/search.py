@@ -43,9 +43,9 @@ class SearchPolicy:
 
     starts: int = by_kind(
         "guesses",
-        "16 for two joints met the best optimum within six over eight seeds; 40 for three, and where one of two has no "
+        "16 for two joints met the best optimum within six over eight seeds; 100 for three, 40 where one of two has no "
         "motor; around obstacles ways are chosen among many",
-        PAPER,
+        "the paper's arms; RRR, random pairs (seed 1)",
     )
     meshes: tuple[int, ...] = by_kind(
         "intervals",
@@ -61,7 +61,7 @@ class SearchPolicy:
         "of a search that has a neighbour's optimum; half where effort is paid for; beyond three joints the straight",
         PAPER,
     )
-    side_by_side: bool = by_kind("-", "in processes: for one joint a fork takes as long as the solve", PAPER)
+    side_by_side: bool = by_kind("-", "in processes: up to two joints a fork takes as long as the solve", PAPER)
     again: bool = by_kind("-", "where a finer mesh contradicts the search it is done again on that", PAPER)
     refined: int = tuned(4, "optima", "so many are worth a finer mesh", PAPER)
     looked_at: int = tuned(
