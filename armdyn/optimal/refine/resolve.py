@@ -14,7 +14,8 @@ from armdyn.optimal.refine.land import land
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.switching.schedule import Schedule, banged, shares_of
-from armdyn.optimal.switching.settle import has_switching, leaves_idle, motion_of, setting_of, settled
+from armdyn.optimal.switching.settle import Settled, has_switching, leaves_idle, motion_of, setting_of, settled
+from armdyn.optimal.switching.signs import with_bounces
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -100,8 +101,19 @@ def _structure(task: Task, motion: Trajectory, intervals: int) -> tuple[Phases |
 
 def _by_switching(task: Task, arcs: list[Arc], motion: Trajectory) -> Phases | None:
     """Phases whose switching functions agree, if the structure can be mended until they do."""
-    schedule = Schedule.of(banged(arcs, shares_of(task.problem, arcs, motion)), motion)
-    found = settled(setting_of(task, motion.duration), schedule, task.stop)
+    setting = setting_of(task, motion.duration)
+    schedule: Schedule | None = Schedule.of(banged(arcs, shares_of(task.problem, arcs, motion)), motion)
+    while schedule is not None:
+        found = settled(setting, schedule, task.stop)
+        phases = _phases_of(task, found)
+        if phases is not None or found.extremal is None or task.stop:
+            return phases
+        schedule = with_bounces(found.extremal)  # none after that: bounces are no contacts
+    return None
+
+
+def _phases_of(task: Task, found: Settled) -> Phases | None:
+    """What a settled structure comes to by collocation, if its switching functions agree."""
     if found.extremal is None or found.wrong > SWITCHING_TOLERANCE or leaves_idle(found.extremal, SWITCHING_TOLERANCE):
         return None
     own, guess = found.arcs, motion_of(found.extremal)

@@ -46,7 +46,8 @@ class MinimumTimeOptions:
     Attributes:
         guesses: motions of the same joints to begin with, beside the search's own: optima of similar problems.
         effort: how much is searched: "quick" solves a third of the guesses, "thorough" five times as many and all of
-            them, and refines three times as many optima. docs/time_optimality.md says how often each finds the best.
+            them, and refines three times as many optima (docs/search.md). Curves, and what pays for effort, have their
+            own number.
         starts: guesses of the global search, whatever the effort.
         seed: of the guesses after the first; the same seed gives the same answer.
         refinements: so many of the optima found are refined.

@@ -14,7 +14,9 @@ class RefinementPolicy:
         "beyond two joints arcs with H = 0 are not made finer: a wrong sign no finer mesh takes back",
         "RRR, ten payloads",
     )
-    lists_slower: bool = by_kind("-", "beyond one joint an optimum slower than a certified one is only listed", "RR, RRR")
+    lists_slower: bool = by_kind(
+        "-", "beyond one joint an optimum slower than a certified one is only listed", "RR, RRR"
+    )
     sure: float = tuned(
         5.0, "-", "slower by so many times what the certified one's mesh was wrong by", "RRR, ten payloads"
     )
