@@ -1,6 +1,6 @@
 """From a mesh's solution to its arcs: the structure whose switching functions agree with its modes."""
 
-from armdyn.optimal.arcs.arc import Arc, Mode, merged
+from armdyn.optimal.arcs.arc import POSITION, Arc, Mode, merged
 from armdyn.optimal.arcs.detection import detect
 from armdyn.optimal.arcs.phases import Phases, Unresolved
 from armdyn.optimal.arcs.posing import Kept, PhaseAim
@@ -122,8 +122,9 @@ def _phases_of(task: Task, found: Settled) -> Phases | None:
     phases = solve_phases(task, own, guess, size, PhaseAim(near=True, keep=keep))
     if isinstance(phases, Unresolved):
         return None
-    # Where a torque was given a finer mesh tells better: the certificate decides.
-    return phases if keep or pontryagin(task.problem, phases)[2] <= SWITCHING_TOLERANCE else None
+    # The signs agree by finer steps than this mesh's, but for contacts, whose pulls only the multipliers tell.
+    contact = any(mode in POSITION for arc in own for mode in arc.modes)
+    return phases if not contact or pontryagin(task.problem, phases)[2] <= SWITCHING_TOLERANCE else None
 
 
 def _named(arcs: tuple[Arc, ...] | list[Arc]) -> Structure:

@@ -11,7 +11,7 @@ from armdyn.optimal.switching.flow import flow_of
 from armdyn.optimal.switching.march import Setting
 from armdyn.optimal.switching.schedule import Schedule
 from armdyn.optimal.switching.signs import with_limits, with_signs, without_unwanted, wrong_signs
-from armdyn.optimal.switching.singular import idle_fall, with_longer_course, with_singular
+from armdyn.optimal.switching.singular import idle_fall, with_longer_course, with_singular, with_stays
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -78,7 +78,7 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
         if limited := with_limits(found) or without_unwanted(found):
             schedule, best = limited, replace(best, why="limits of position are not settled")
             continue
-        wrong, longer = wrong_signs(found, _LEAST), with_longer_course(found, _ZERO)
+        wrong, longer = wrong_signs(found, _LEAST), with_stays(found) or with_longer_course(found, _ZERO)
         worst = max([0.0] + [one.value for one in wrong[:1]] + [idle_fall(found, k) for k in found.schedule.places])
         best = Settled(found, worst, "the switching structure did not settle" if wrong or longer else "")
         if longer is not None:

@@ -21,6 +21,10 @@ _FITTED = 3
 """Of them, those that are fitted to the stays."""
 _INSIDE = 0.95
 """Of the way to a limit that such a course may go at first."""
+_REACHED = 1e-4
+"""Of a torque's range: so near a limit it has reached it."""
+_STAY = 0.1
+"""Of a course that ends on a limit: the stay there that is put in its place at first."""
 _SAMPLES = 200
 """Of the stays."""
 
@@ -68,6 +72,38 @@ def with_longer_course(extremal: Extremal, least: float) -> Schedule | None:
         if change.course and len(change.course) < _MANY and idle_fall(extremal, k) > least:
             changes[k] = replace(change, course=(*change.course, 0.0, 0.0))
     return replace(schedule, changes=tuple(changes)) if tuple(changes) != schedule.changes else None
+
+
+def with_stays(extremal: Extremal) -> Schedule | None:
+    """The schedule with a stay on the limit that a free torque reaches at an end of its course; None: none does."""
+    schedule, march = extremal.schedule, extremal.march
+    limits, now = march.setting.problem.limits, schedule
+    for k, change in reversed(list(enumerate(schedule.changes))):
+        if not change.course:
+            continue
+        joint, end = change.joint, next(segment.end for segment in schedule.segments() if segment.begin == k)
+        own = np.flatnonzero((march.arc > k) & (march.arc <= end))
+        begin, stop = float(march.times[own[0]]), float(march.times[own[-1] + 1])
+        edges = march.torques.tau[0][own[0], joint], march.torques.tau[1][own[-1], joint]
+        low, high = limits.effort_lower[joint], limits.effort_upper[joint]
+        near = _REACHED * (high - low)
+        met = [Mode.UPPER if u >= high - near else Mode.LOWER if u <= low + near else None for u in edges]
+        modes = schedule.modes()
+        around = modes[k][joint], modes[end + 1][joint] if end < schedule.size else None
+        stays = [mode if mode is not beside else None for mode, beside in zip(met, around, strict=True)]
+        if not any(stays):
+            continue
+        inner = (
+            begin + (_STAY * (stop - begin) if stays[0] else 0.0),
+            stop - (_STAY * (stop - begin) if stays[1] else 0.0),
+        )
+        more = [(inner[0], Change(joint, Mode.FREE, course=_course(extremal, joint, *inner)))]
+        if stays[0]:
+            more.append((begin, Change(joint, stays[0])))
+        if stays[1]:
+            more.append((inner[1], Change(joint, stays[1])))
+        now = now.without_changes([k]).with_changes((t, one, state_at(march, t)) for t, one in more)
+    return None if now is schedule else now
 
 
 def idle_fall(extremal: Extremal, k: int) -> float:
