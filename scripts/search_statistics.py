@@ -75,7 +75,7 @@ def measured(given: argparse.Namespace) -> None:
         if given.times:
             starts = given.times * Policy.of(problem).search.starts
             more = ad.MinimumTimeOptions(
-                effort="thorough", starts=starts, refinements=16, time_limit=20 * given.time_limit
+                effort="thorough", starts=starts, refinements=6, time_limit=20 * given.time_limit
             )
             line["more"] = solved(problem, more)
         with given.out.open("a") as file:

@@ -12,6 +12,7 @@ from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.search.swings import swinging_time, swings
+from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.policy.search import SearchPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -40,7 +41,8 @@ def detours(problem: MinimumTimeProblem, seed: int, count: int, stop: Stop | Non
     lower, upper = problem.limits.position_lower, problem.limits.position_upper
     round_it = any(condition.goes_round for condition in conditions_of(problem))
     tries = SearchPolicy.tries if round_it else count - 1
-    vias = np.clip(middle + random.normal(size=(tries, reach.size)) * reach, lower, upper)
+    spread = Policy.of(problem).search.spread
+    vias = np.clip(middle + spread * random.normal(size=(tries, reach.size)) * reach, lower, upper)
     ways = (
         [_through(problem, via, int(random.integers(len(problem.via) + 1))) for via in vias]
         if problem.via

@@ -67,6 +67,7 @@ class Policy:
                 starts=_by_joints(joints, 1, 12, 16) if crowded else _by_joints(joints, 1, 16 if motors else 40, 100),
                 meshes=(15, 25) if motors else (25, 35),
                 neighbour_starts=_by_joints(joints, *((1, 4, 6, 1) if problem.pays_effort else (1, 8, 12, 1))),
+                spread=1.5 if joints == 3 else 1.0,
                 side_by_side=joints > 2 or (joints > 1 and (asked or problem.pays_effort)),
                 again=joints > 1 and not crowded,
             ),
