@@ -74,9 +74,7 @@ def measured(given: argparse.Namespace) -> None:
         line: dict[str, object] = {"pair": k, "case": case_of(given), "own": solved(problem, options)}
         if given.times:
             starts = given.times * Policy.of(problem).search.starts
-            more = ad.MinimumTimeOptions(
-                effort="thorough", starts=starts, refinements=6, time_limit=20 * given.time_limit
-            )
+            more = ad.MinimumTimeOptions(effort="thorough", starts=starts, time_limit=20 * given.time_limit)
             line["more"] = solved(problem, more)
         with given.out.open("a") as file:
             file.write(json.dumps(line) + "\n")

@@ -72,7 +72,7 @@ def test_two_links_are_the_best_known_and_certified(mass):
 
 
 def test_luus_two_link_and_its_other_optimum():
-    solution = solve(luus_problem())
+    solution = solve(luus_problem(), refinements=2)  # else the other, which is slower, is listed as the mesh has it
     assert solution.certificate.ok, solution.message
     assert solution.duration == pytest.approx(2.982279943, abs=1e-7)
     assert any(other == pytest.approx(3.20834535, abs=1e-4) for other in solution.local_optima)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 import typer
 
@@ -16,7 +16,6 @@ from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction
 from armdyn.cli.options.poses import GoalOptions
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
-from armdyn.optimal.task.options import Effort
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +25,7 @@ class SearchOptions:
     panel: ClassVar[str] = "Search"
 
     effort: Annotated[
-        Effort,
+        Literal["quick", "normal", "thorough"],
         typer.Option(
             help="How much is searched: quick is a third of normal; thorough takes five times as long and misses less."
         ),

@@ -62,7 +62,8 @@ def refined(task: Task, found: Found) -> list[Optimum]:
             duration, cost = attempts[k].trajectory.duration, optima[k].cost
             beaten = min(beaten, duration + numbers.sure * abs(duration - cost), numbers.slower * cost)
         left = attempts[k + 1 :]
-        if left and (task.stop or (numbers.lists_slower and left[0].trajectory.duration > beaten)):
+        slower = options.refinements is None and numbers.lists_slower and left and left[0].trajectory.duration > beaten
+        if left and (task.stop or slower):
             break
         if left:
             task.tell(f"refining optimum {k + 2}, about {left[0].trajectory.duration:.4f} s")

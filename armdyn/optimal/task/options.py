@@ -50,7 +50,8 @@ class MinimumTimeOptions:
             own number.
         starts: guesses of the global search, whatever the effort.
         seed: of the guesses after the first; the same seed gives the same answer.
-        refinements: so many of the optima found are refined.
+        refinements: so many of the optima found are refined, slower ones than a certified one, too; None: these are
+            listed as the mesh has them.
         coarse_intervals: of the search's meshes, which its guesses take turns on.
         intervals: of the mesh on which the arcs are read.
         max_intervals: of the finest such mesh, tried when the arcs resist or the replay misses the goal.
