@@ -76,7 +76,8 @@ def find(task: Task) -> Found:
     iterations += settled.iterations
     if finer := _too_coarse(task, found, settled):
         mesh, meshes, share = finer
-        again = search(task, meshes, min(count, max(count // share, numbers.again_at_least)), task.coarse())
+        near = replace(task, policy=task.policy.changed("search", spread=1.0))  # what coarse meshes get wrong is heavy
+        again = search(near, meshes, min(count, max(count // share, numbers.again_at_least)), task.coarse())
         kept = settled.attempts if mesh == options.intervals else []
         found = distinct([*kept, *again], same) or settled.attempts
         settled = _settled(task.with_options(intervals=mesh), found)

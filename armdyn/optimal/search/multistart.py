@@ -29,7 +29,7 @@ def search(
         settings: of IPOPT.
         beside: other solves, which come first and are begun first.
     """
-    ways = detours(task.problem, task.options.seed, count, task.stop)
+    ways = detours(task.problem, task.options.seed, count, task.stop, task.policy.search.spread)
     for intervals in meshes:  # before the fork, so that every worker has them
         for setting in settings:
             prepare_quickly(task, intervals, setting)

@@ -12,7 +12,6 @@ from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.search.swings import swinging_time, swings
-from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.policy.search import SearchPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -23,7 +22,9 @@ _SAMPLES = 101
 """Of a guess."""
 
 
-def detours(problem: MinimumTimeProblem, seed: int, count: int, stop: Stop | None = None) -> list[list[Array]]:
+def detours(
+    problem: MinimumTimeProblem, seed: int, count: int, stop: Stop | None = None, spread: float = 1.0
+) -> list[list[Array]]:
     """What `spline` makes guesses of: first the straight way, then ways through random poses.
 
     Args:
@@ -31,6 +32,7 @@ def detours(problem: MinimumTimeProblem, seed: int, count: int, stop: Stop | Non
         seed: the same seed gives the same detours.
         count: how many.
         stop: asked while ways round what is forbidden are looked for; then there are fewer.
+        spread: of the random poses, in parts of the way.
 
     Returns:
         For each guess the poses in between [rad or m], each of shape (nv,).
@@ -41,7 +43,6 @@ def detours(problem: MinimumTimeProblem, seed: int, count: int, stop: Stop | Non
     lower, upper = problem.limits.position_lower, problem.limits.position_upper
     round_it = any(condition.goes_round for condition in conditions_of(problem))
     tries = SearchPolicy.tries if round_it else count - 1
-    spread = Policy.of(problem).search.spread
     vias = np.clip(middle + spread * random.normal(size=(tries, reach.size)) * reach, lower, upper)
     ways = (
         [_through(problem, via, int(random.integers(len(problem.via) + 1))) for via in vias]
