@@ -31,12 +31,6 @@ class RefinementPolicy:
     aims: int = tuned(8, "rounds", "of aiming arcs beside the goal", PAPER)
     landed: float = tuned(1e-9, "rad or m", "goal error at which a replay has landed: a few of the integrator's", PAPER)
     stray: float = tuned(1e-6, "-", "|H| that is as good as it can be: a hundredth of what is certified", PAPER)
-    stray_kept: float = tuned(
-        3e-5,
-        "-",
-        "the same where a singular torque was given: no finer mesh mends what its course leaves",
-        "RRR, random",
-    )
     slowing: int = tuned(3, "rounds", "of slowing a motion down until its velocity limits hold", LARGE)
     slow_samples: int = tuned(1000, "samples", "of a motion of arcs that is slowed down", "RR")
 
