@@ -118,7 +118,7 @@ def _settled(task: Task, found: Sequence[Attempt]) -> _Settled:
     candidates: list[Attempt] = []
     iterations, looked = 0, most * task.policy.search.looked_at
     jobs = [partial(finer, attempt) for attempt in found]
-    for k, (attempt, fine) in enumerate(zip(found, in_processes(jobs, options.workers), strict=True)):
+    for k, (attempt, fine) in enumerate(zip(found, in_processes(jobs, task.workers), strict=True)):
         iterations += fine.iterations if attempt.intervals != options.intervals else 0
         # Coarse durations may be far too good to be true; those on the mesh are to be beaten.
         candidates = distinct([*candidates, fine], task.policy.same.mesh)
