@@ -5,6 +5,9 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import pairwise
 
+import numpy as np
+from numpy.typing import NDArray
+
 
 class Mode(StrEnum):
     """What determines a joint's torque on an arc."""
@@ -22,10 +25,16 @@ class Mode(StrEnum):
 
 
 BANG = (Mode.UPPER, Mode.LOWER)
+OPPOSITE = {Mode.UPPER: Mode.LOWER, Mode.LOWER: Mode.UPPER}
 HELD = (*BANG, Mode.PASSIVE)
 """Of a torque that is constant."""
 VELOCITY = (Mode.VELOCITY_UPPER, Mode.VELOCITY_LOWER)
 POSITION = (Mode.POSITION_UPPER, Mode.POSITION_LOWER)
+
+
+def stretches(places: NDArray[np.int_]) -> list[NDArray[np.int_]]:
+    """Rising numbers in stretches of neighbours; none: there are no numbers."""
+    return np.split(places, np.flatnonzero(np.diff(places) > 1) + 1) if places.size else []
 
 
 def outward(mode: Mode) -> float:

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.arcs.arc import BANG, POSITION, VELOCITY, Arc, Event, Mode, arcs_between
+from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, VELOCITY, Arc, Event, Mode, arcs_between, stretches
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.policy.refinement import ArcsPolicy
 from armdyn.trajectory import Trajectory
@@ -15,7 +15,6 @@ Array = NDArray[np.float64]
 
 _TOWARD = {Mode.VELOCITY_UPPER: Mode.UPPER, Mode.VELOCITY_LOWER: Mode.LOWER}
 """The torque that brings a joint to a velocity limit; away from it, the other."""
-_OPPOSITE = {Mode.UPPER: Mode.LOWER, Mode.LOWER: Mode.UPPER}
 
 
 def detect(
@@ -60,11 +59,10 @@ def detect(
         events += _switches(runs, level[:, i], knots, i, switch)
         inner = np.flatnonzero(touching[1:-1]) + 1
         on_limit = [k for k in inner if modes[k] not in POSITION and modes[k - 1] not in POSITION]
-        for run in np.split(on_limit, np.flatnonzero(np.diff(on_limit) > 1) + 1):
-            if len(run):
-                k = int(run[len(run) // 2])
-                side = Mode.POSITION_UPPER if at_knots.q[k, i] > np.mean(bounds) else Mode.POSITION_LOWER
-                events.append(Event(float(knots[k]), i, side, touch=True))
+        for run in stretches(np.array(on_limit, int)):
+            k = int(run[len(run) // 2])
+            side = Mode.POSITION_UPPER if at_knots.q[k, i] > np.mean(bounds) else Mode.POSITION_LOWER
+            events.append(Event(float(knots[k]), i, side, touch=True))
     return arcs_between(first, events, duration)
 
 
@@ -109,7 +107,7 @@ def _first_mode(runs: Sequence[tuple[Mode, int, int]], level: Array, switch: int
     if after in VELOCITY:
         return _TOWARD[after]
     # The switch lies within the first intervals: it must come from the other side.
-    return _OPPOSITE.get(after, Mode.UPPER if level[0] > 0 else Mode.LOWER)
+    return OPPOSITE.get(after, Mode.UPPER if level[0] > 0 else Mode.LOWER)
 
 
 def _switches(
@@ -127,7 +125,7 @@ def _switches(
                     events.append(Event(t0, joint, here))
                 mode = here
             continue
-        away = _OPPOSITE[_TOWARD[mode]] if mode in VELOCITY else _OPPOSITE.get(mode, Mode.FREE)
+        away = OPPOSITE[_TOWARD[mode]] if mode in VELOCITY else OPPOSITE.get(mode, Mode.FREE)
         after = runs[r + 1][0] if r + 1 < len(runs) else away
         if r + 1 < len(runs) and _is_switch(runs[r + 1], switch):
             continue
@@ -139,7 +137,7 @@ def _switches(
             half = there * (t1 - t0) / 2
             if there > 0.02:
                 centre = (t0 + t1) / 2
-                events += [Event(centre - half, joint, _OPPOSITE[mode]), Event(centre + half, joint, mode)]
+                events += [Event(centre - half, joint, OPPOSITE[mode]), Event(centre + half, joint, mode)]
             continue
         if mode in sign and after in sign:
             share = part if mode is Mode.UPPER else 1 - part

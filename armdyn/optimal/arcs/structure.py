@@ -16,6 +16,7 @@ from armdyn.optimal.arcs.arc import (
     arcs_between,
     merged,
     outward,
+    stretches,
     without_short,
 )
 from armdyn.optimal.arcs.phases import TABLEAU, Phases
@@ -50,9 +51,8 @@ def with_overlooked(problem: MinimumTimeProblem, phases: Phases, numbers: ArcsPo
             held = (np.max(sign * pulls[:, :, row], axis=1) * size > numbers.held * phases.duration) & ~named
             found = found or bool(np.any(held))
             for i in range(held.shape[1]):
-                inside = np.flatnonzero(held[:, i])
-                for run in np.split(inside, np.flatnonzero(np.diff(inside) > 1) + 1):
-                    if row == 0 and 0 < run.size <= numbers.touch and not np.any(met[run, i]):
+                for run in stretches(np.flatnonzero(held[:, i])):
+                    if row == 0 and run.size <= numbers.touch and not np.any(met[run, i]):
                         weight = np.maximum(sign * pulls[run, :, row, i], 0)
                         touched.append(Event(float(np.average(times[run], weights=weight)), i, mode, touch=True))
                     else:

@@ -14,7 +14,15 @@ from armdyn.optimal.refine.land import land
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.switching.schedule import Schedule, banged, shares_of
-from armdyn.optimal.switching.settle import Settled, has_switching, leaves_idle, motion_of, setting_of, settled
+from armdyn.optimal.switching.settle import (
+    Settled,
+    has_switching,
+    leaves_idle,
+    motion_of,
+    prepare_switching,
+    setting_of,
+    settled,
+)
 from armdyn.optimal.switching.signs import with_bounces
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -52,6 +60,7 @@ def _rank(optimum: Optimum) -> tuple[bool, float]:
 
 def prepare_resolving(task: Task) -> None:
     """Build, if it is not there, what `resolve` is most likely to need."""
+    prepare_switching(task)
     for finer in (1, 2):
         prepare_phases(task, finer * task.policy.refinement.intervals)
 

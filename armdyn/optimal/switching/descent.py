@@ -22,7 +22,9 @@ Array = NDArray[np.float64]
 _CLOSED = 1e-9
 """Gaps and misses that are none, in parts of `March.unit`: the integrator's own."""
 _ROUNDS = 16
-"""Of Newton's method from a mesh's states; from a motion beside four do."""
+"""Of Newton's method from a mesh's states."""
+_AGAIN = 4
+"""The same from a motion beside."""
 _FAR = 0.5
 """A correction of a time by more than this part of the duration says that there is nothing near."""
 _KEPT = 0.2
@@ -95,7 +97,7 @@ def fastest(setting: Setting, schedule: Schedule, stop: Stop) -> Extremal | Resi
         schedule: times and states that need not fit each other.
         stop: asked before every step.
     """
-    linear = landed(setting, schedule, _ROUNDS)
+    linear = landed(setting, schedule)
     if linear is None:
         return Resisted("no motion near the mesh's ends in the goal")
     radius = _RADIUS * schedule.duration
@@ -126,15 +128,17 @@ def fastest(setting: Setting, schedule: Schedule, stop: Stop) -> Extremal | Resi
     return Resisted(f"{_STEPS} steps did not reach an extremal", linear)
 
 
-def landed(setting: Setting, schedule: Schedule, rounds: int) -> Linear | None:
+def landed(
+    setting: Setting, schedule: Schedule, rounds: int = _ROUNDS, joined: NDArray[np.bool_] | None = None
+) -> Linear | None:
     """A motion that ends in the goal and keeps what is held, by the least change of the times; None: none is near.
 
     Args:
         setting: what is marched.
         schedule: to begin with.
         rounds: of Newton's method.
+        joined: its changes whose states are not theirs, see `March.of`.
     """
-    joined: NDArray[np.bool_] | None = None
     for k in range(rounds + 1):
         if schedule.size + 1 > MOST_ARCS:
             return None
@@ -142,6 +146,8 @@ def landed(setting: Setting, schedule: Schedule, rounds: int) -> Linear | None:
         if not march.finite:
             return None
         linear, schedule = Linear.of(march), march.schedule
+        if not np.all(np.isfinite(linear.jacobian)):  # a chain of many arcs may overflow where each does not
+            return None
         if linear.infeasible <= _CLOSED:
             return linear
         by, whole = _correction(linear)
@@ -192,8 +198,7 @@ def _moved(linear: Linear, by: Array, part: float) -> tuple[Schedule, NDArray[np
 def _stepped(setting: Setting, linear: Linear, by: Array) -> Linear | None:
     """The motion after a step along the tangent."""
     schedule, joined = _moved(linear, by, 1.0)
-    march = March.of(setting, schedule, joined)
-    return landed(setting, march.schedule, 4) if march.finite else None
+    return landed(setting, schedule, _AGAIN, joined)
 
 
 def _without_vanished(setting: Setting, linear: Linear) -> Linear:
@@ -203,4 +208,4 @@ def _without_vanished(setting: Setting, linear: Linear) -> Linear:
     gone = np.flatnonzero(lengths_of(schedule) @ schedule.unknowns < _VANISHED * schedule.duration)
     if not gone.size:
         return linear
-    return landed(setting, schedule.without(segments[k] for k in gone), 4) or linear
+    return landed(setting, schedule.without(segments[k] for k in gone), _AGAIN) or linear

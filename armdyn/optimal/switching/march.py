@@ -83,7 +83,7 @@ class _Torques:
         for k, place in schedule.places.items():
             joint = schedule.changes[k].joint
             unit, course = setting.course[joint], setting.course[joint] * np.array(schedule.changes[k].course)
-            end = next(segment.end for segment in schedule.segments() if segment.begin == k)
+            end = schedule.end_of(k)
             own = np.flatnonzero((arc > k) & (arc <= end))
             for side in (0, 1):
                 s, by_z = _along(schedule, arc, own, side, (k, end))

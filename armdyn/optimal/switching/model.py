@@ -129,14 +129,12 @@ class Step:
         promised: what the duration falls by, by the model [s].
         bound: the model's trust ends it.
         slope: ∂t_f by the unknowns along the tangent, at most; infinite where a segment is in the way.
-        steepest: the same beside what is in the way.
     """
 
     by: Array
     promised: float
     bound: bool
     slope: float
-    steepest: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,23 +180,23 @@ class Model:
         cut: Step | None = None
         while True:
             step = self._within(along[held], (least - now)[held], radius)
-            if all(k >= segments for k in held) and step.slope == np.inf:
-                step = replace(step, slope=step.steepest)
+            if any(k < segments for k in held):
+                step = replace(step, slope=np.inf)
             after = now + rows @ step.by
             beyond = [k for k in np.flatnonzero(after < least - 1e-12).tolist() if k not in held]
             if beyond:
                 share = max(0.0, min((now[k] - least[k]) / (now[k] - after[k]) for k in beyond))
-                shorter = self._promising(share * (self.tangents @ step.by))
+                shorter = self._along(share * (self.tangents @ step.by), True, np.inf)
                 cut = shorter if cut is None or shorter.promised > cut.promised else cut
             if not beyond or len(held) >= len(self.tangents):
                 break
             held.append(min(beyond, key=lambda k: after[k] - least[k]))
         return cut if cut is not None and (beyond or cut.promised > step.promised) else step
 
-    def _promising(self, y: Array) -> Step:
-        """A step along the tangents that something ends."""
+    def _along(self, y: Array, bound: bool, slope: float) -> Step:
+        """A step of given parts of the tangents."""
         promised = -float(self.tangents[:, self.linear.march.schedule.size] @ y + y @ self.bend @ y / 2)
-        return Step(y @ self.tangents, promised, True, np.inf, np.inf)
+        return Step(y @ self.tangents, promised, bound, slope)
 
     def _within(self, rows: Array, right: Array, radius: float) -> Step:
         """The best step within a radius that some rows on the tangent allow."""
@@ -209,15 +207,14 @@ class Model:
         if bound:
             base *= 0.8 * radius / size
         free = _null_space(rows) if len(rows) else np.eye(slope.size)
-        steepest, y = 0.0, base
+        steepest, y = 0.0, np.asarray(base, float)
         if len(free):
             values, axes = np.linalg.eigh(free @ self.bend @ free.T)
             down: Array = -axes.T @ (free @ (slope + self.bend @ base))
             steepest = float(np.max(np.abs(down)))
             own, rim = _in_ball(values, down, math.sqrt(max(radius**2 - float(base @ base), 1e-30)))
             y, bound = base + (axes @ own) @ free, bound or rim
-        promised = -float(slope @ y + y @ self.bend @ y / 2)
-        return Step(y @ self.tangents, promised, bound, np.inf if len(rows) else steepest, steepest)
+        return self._along(y, bound, steepest)
 
 
 def _null_space(rows: Array) -> Array:

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.arcs.arc import BANG, Arc, Mode, merged
+from armdyn.optimal.arcs.arc import BANG, OPPOSITE, Arc, Mode, merged
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.trajectory import Trajectory
 
@@ -154,6 +154,10 @@ class Schedule:
             if own:
                 yield from (Segment(a, b) for a, b in pairwise([-1, *own, self.size]))
 
+    def end_of(self, begin: int) -> int:
+        """The change that ends the segment which a change begins, by their numbers; m: the goal."""
+        return next(segment.end for segment in self.segments() if segment.begin == begin)
+
     def with_changes(self, more: Iterable[tuple[float, Change, Array]]) -> Self:
         """With more changes, each with its time and state."""
         every = sorted(
@@ -251,10 +255,9 @@ def shares_of(problem: MinimumTimeProblem, arcs: Sequence[Arc], motion: Trajecto
 def _pieces(before: Mode | None, after: Mode | None, share: float) -> tuple[Mode, list[tuple[float, Mode]]]:
     """A free stretch as full torques: its first mode, and where it changes to which, as parts of the stretch."""
     share = min(max(share, 0.02), 0.98)
-    opposite = {Mode.UPPER: Mode.LOWER, Mode.LOWER: Mode.UPPER}
-    first = before if before in BANG else opposite.get(after, Mode.UPPER) if after is not None else Mode.UPPER
+    first = before if before in BANG else OPPOSITE.get(after, Mode.UPPER) if after is not None else Mode.UPPER
     own = share if first is Mode.UPPER else 1 - share
-    other = opposite[first]
+    other = OPPOSITE[first]
     if after is first:  # there and back
         return first, [(own / 2, other), (1 - own / 2, first)]
     return first, [(own, other)]

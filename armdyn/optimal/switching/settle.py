@@ -6,8 +6,9 @@ import numpy as np
 
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.solve.ipopt import in_time
 from armdyn.optimal.switching.descent import Extremal, Resisted, fastest
-from armdyn.optimal.switching.flow import flow_of
+from armdyn.optimal.switching.flow import Flow, flow_of
 from armdyn.optimal.switching.march import Setting
 from armdyn.optimal.switching.schedule import Schedule
 from armdyn.optimal.switching.signs import with_limits, with_signs, without_unwanted, wrong_signs
@@ -19,8 +20,6 @@ _ROUNDS = 12
 """Of mending."""
 _LEAST = 5e-5
 """By how much H must fall for another stay: half of what is certified."""
-
-
 _ZERO = 1e-5
 """The same on a singular arc, whose torque gets a longer course."""
 
@@ -54,8 +53,17 @@ def has_switching(task: Task) -> bool:
 
 def setting_of(task: Task, duration: float) -> Setting:
     """What a task's schedules, of about so long a duration [s], are marched by."""
-    flow = flow_of(task.dynamics, task.scheme.compile)
-    return Setting.of(task.problem, flow, task.dynamics.last_body, duration)
+    return Setting.of(task.problem, _flow(task), task.dynamics.last_body, duration)
+
+
+def prepare_switching(task: Task) -> None:
+    """Build, if it is not there, what schedules are marched by: before a fork, so that every worker has it."""
+    if has_switching(task) and not task.stop:
+        _flow(task)
+
+
+def _flow(task: Task) -> Flow:
+    return in_time(task, lambda scheme: flow_of(task.dynamics, scheme.compile))
 
 
 def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:

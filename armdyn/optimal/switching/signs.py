@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.arcs.arc import BANG, POSITION, Mode, outward
+from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, Mode, outward, stretches
 from armdyn.optimal.switching.descent import Extremal
 from armdyn.optimal.switching.flow import STEPS
 from armdyn.optimal.switching.march import March
@@ -14,7 +14,7 @@ from armdyn.optimal.switching.schedule import Change, Schedule
 Array = NDArray[np.float64]
 
 _BEYOND = 1e-6
-"""Of a radian, or of a velocity limit: what a limit may be exceeded by before it counts as overlooked."""
+"""What a position limit may be exceeded by before it counts as overlooked [rad or m]."""
 _WORSE = 0.05
 """Of the worst: stretches that fall short of that wait for another round."""
 
@@ -56,9 +56,8 @@ def wrong_signs(extremal: Extremal, least: float) -> list[Wrong]:
         range_ = limits.effort_upper[i] - limits.effort_lower[i]
         fall = np.column_stack([extremal.switching[:STEPS, i], extremal.switching[STEPS:, i]]) * sign[:, None] * range_
         fall = fall.ravel()
-        inside = np.flatnonzero(fall > 0.05 * least)
-        for run in np.split(inside, np.flatnonzero(np.diff(inside) > 1) + 1):
-            if run.size and np.max(fall[run]) > least:
+        for run in stretches(np.flatnonzero(fall > 0.05 * least)):
+            if np.max(fall[run]) > least:
                 worst = int(run[np.argmax(fall[run])])
                 begin, end = t[max(run[0] - 1, 0)], t[min(run[-1] + 1, t.size - 1)]
                 found.append(Wrong(float(fall[worst]), i, own[worst // 2], float(begin), float(end), float(t[worst])))
@@ -72,14 +71,13 @@ def with_signs(extremal: Extremal, wrong: list[Wrong]) -> Schedule:
         extremal: what lacks it.
         wrong: the worst first.
     """
-    opposite = {Mode.UPPER: Mode.LOWER, Mode.LOWER: Mode.UPPER}
     more: list[tuple[float, Change, Array]] = []
     for one in wrong:
         if one.value < _WORSE * wrong[0].value:
             break
         half = (one.end - one.begin) / 8
         middle = min(max(one.worst, one.begin + half), one.end - half)
-        for time, mode in ((middle - half, opposite[one.mode]), (middle + half, one.mode)):
+        for time, mode in ((middle - half, OPPOSITE[one.mode]), (middle + half, one.mode)):
             more.append((time, Change(one.joint, mode), state_at(extremal.march, time)))
     return extremal.schedule.with_changes(more)
 
@@ -94,13 +92,11 @@ def with_limits(extremal: Extremal) -> Schedule | None:
             (Mode.POSITION_UPPER, q - limits.position_upper[i], limits.position_upper[i]),
             (Mode.POSITION_LOWER, limits.position_lower[i] - q, limits.position_lower[i]),
         ):
-            inside = np.flatnonzero(beyond > _BEYOND)
-            for run in np.split(inside, np.flatnonzero(np.diff(inside) > 1) + 1):
-                if run.size:
-                    time = float(march.times[1 + run[np.argmax(beyond[run])]])
-                    state = state_at(march, time)
-                    state[i], state[n + i] = bound, 0.0
-                    more.append((time, Change(i, mode, touch=True), state))
+            for run in stretches(np.flatnonzero(beyond > _BEYOND)):
+                time = float(march.times[1 + run[np.argmax(beyond[run])]])
+                state = state_at(march, time)
+                state[i], state[n + i] = bound, 0.0
+                more.append((time, Change(i, mode, touch=True), state))
     return extremal.schedule.with_changes(more) if more else None
 
 

@@ -81,7 +81,7 @@ def with_stays(extremal: Extremal) -> Schedule | None:
     for k, change in reversed(list(enumerate(schedule.changes))):
         if not change.course:
             continue
-        joint, end = change.joint, next(segment.end for segment in schedule.segments() if segment.begin == k)
+        joint, end = change.joint, schedule.end_of(k)
         own = np.flatnonzero((march.arc > k) & (march.arc <= end))
         begin, stop = float(march.times[own[0]]), float(march.times[own[-1] + 1])
         edges = march.torques.tau[0][own[0], joint], march.torques.tau[1][own[-1], joint]
@@ -110,8 +110,7 @@ def idle_fall(extremal: Extremal, k: int) -> float:
     """By how much H would fall at worst if the free torque that a change begins went to a limit."""
     schedule, march = extremal.schedule, extremal.march
     joint, limits = schedule.changes[k].joint, march.setting.problem.limits
-    end = next(segment.end for segment in schedule.segments() if segment.begin == k)
-    own = (march.arc > k) & (march.arc <= end)
+    own = (march.arc > k) & (march.arc <= schedule.end_of(k))
     falls = [0.0]
     for switching, tau in zip(np.split(extremal.switching, 2), march.torques.tau, strict=True):
         s, u = switching[own, joint], tau[own, joint]
