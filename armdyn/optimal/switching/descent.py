@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.switching.march import MOST_ARCS, March, Setting
+from armdyn.optimal.switching.march import March, Setting
 from armdyn.optimal.switching.model import Linear, Model, lengths_of
 from armdyn.optimal.switching.schedule import Schedule
 
@@ -49,8 +49,8 @@ class Extremal:
 
     Attributes:
         linear: it, and how it answers to its times.
-        costates: at the starts and ends of the steps, each of shape (STEPS, 2 nv).
-        switching: the switching functions at these, shape (2 STEPS, nv).
+        costates: at the starts and ends of the steps, each of shape (steps, 2 nv).
+        switching: the switching functions at these, shape (2 steps, nv).
         multipliers: of the equations.
     """
 
@@ -69,6 +69,11 @@ class Extremal:
     def march(self) -> March:
         """The motion."""
         return self.linear.march
+
+    @property
+    def stray(self) -> float:
+        """Largest |H| at the ends of the steps: 0 but for the integrator's error."""
+        return float(np.max(np.abs(1 + np.sum(self.costates[1] * self.march.rate, axis=1))))
 
     @property
     def schedule(self) -> Schedule:
@@ -105,14 +110,14 @@ def fastest(setting: Setting, schedule: Schedule, stop: Stop) -> Extremal | Resi
         if stop:
             return Resisted(stop.word, linear)
         model = Model.of(linear)
-        if not np.all(np.isfinite(model.bend)):
+        if not np.all(np.isfinite(model.parabola.bend)):
             return Resisted("the motion beside it leaves what numbers can hold", linear)
-        step = model.step(radius)
-        if step.slope <= _FLAT:
+        if model.slope <= _FLAT:
             return Extremal.of(model)
+        step = model.step(radius)
         while True:
             if step.promised < _WORTH * schedule.duration:
-                if step.slope <= _NEARLY_FLAT:
+                if model.slope <= _NEARLY_FLAT:
                     return Extremal.of(model)
                 return Resisted("no step shortens the motion any more", linear)
             after = _stepped(setting, linear, step.by)
@@ -140,7 +145,7 @@ def landed(
         joined: its changes whose states are not theirs, see `March.of`.
     """
     for k in range(rounds + 1):
-        if schedule.size + 1 > MOST_ARCS:
+        if schedule.size + 1 > setting.most_arcs:
             return None
         march = March.of(setting, schedule, joined)
         if not march.finite:

@@ -21,8 +21,8 @@ _KINDS = {Mode.UPPER: 1, Mode.LOWER: -1}
 
 _SWAY = 0.2
 """Of the duration: a stay that is moved by so much counts as much as a free torque that goes through its range."""
-MOST_ARCS = STEPS // 3
-"""Of a schedule that is marched: fewer than three steps each see nothing of what happens between."""
+_LEAST = 3
+"""Steps of an arc, in the mean: fewer see nothing of what happens between."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +41,12 @@ class Setting:
     flow: Flow
     body: Array
     course: Array
+    steps: int = STEPS
+
+    @property
+    def most_arcs(self) -> int:
+        """That a march may have."""
+        return self.steps // _LEAST
 
     @classmethod
     def of(cls, problem: MinimumTimeProblem, flow: Flow, body: Array, duration: float) -> Self:
@@ -54,10 +60,10 @@ class _Torques:
     """Torques at both ends of all steps, and how a free one answers to the unknowns.
 
     Attributes:
-        tau: at the starts and at the ends [N m], each of shape (STEPS, nv).
-        held: 1 for joints that are held, shape (STEPS, nv).
+        tau: at the starts and at the ends [N m], each of shape (steps, nv).
+        held: 1 for joints that are held, shape (steps, nv).
         felt: 1 for the joint whose torque is free, likewise.
-        by: ∂(free torque)/∂(unknowns) at the starts and at the ends, each of shape (STEPS, width).
+        by: ∂(free torque)/∂(unknowns) at the starts and at the ends, each of shape (steps, width).
     """
 
     tau: tuple[Array, Array]
@@ -72,14 +78,14 @@ class _Torques:
         Args:
             setting: what is marched.
             schedule: in which one torque at most is free at a time.
-            arc: which arc each step is in, shape (STEPS,).
+            arc: which arc each step is in, shape (steps,).
         """
         modes, limits = schedule.modes(), setting.problem.limits
         kinds = np.array([[_KINDS.get(mode, 0) for mode in each] for each in modes])[arc]
         bang = np.where(kinds > 0, limits.effort_upper, np.where(kinds < 0, limits.effort_lower, 0.0))
         free = np.array([[mode is Mode.FREE for mode in each] for each in modes])[arc]
         held = np.array([[mode in POSITION or mode in VELOCITY for mode in each] for each in modes])[arc]
-        tau, by = (bang.copy(), bang.copy()), (np.zeros((STEPS, schedule.width)), np.zeros((STEPS, schedule.width)))
+        tau, by = (bang.copy(), bang.copy()), (np.zeros((arc.size, schedule.width)), np.zeros((arc.size, schedule.width)))
         for k, place in schedule.places.items():
             joint = schedule.changes[k].joint
             unit, course = setting.course[joint], setting.course[joint] * np.array(schedule.changes[k].course)
@@ -126,13 +132,13 @@ class March:
     Attributes:
         setting: what is marched.
         schedule: the arcs.
-        arc: which arc a step is in, shape (STEPS,); every arc has some.
-        h: lengths of the steps [s], shape (STEPS,).
-        start: states at the steps' starts, shape (STEPS, 2 nv).
+        arc: which arc a step is in, shape (steps,); every arc has some.
+        h: lengths of the steps [s], shape (steps,).
+        start: states at the steps' starts, shape (steps, 2 nv).
         end: at their ends, likewise.
-        through: ∂end/∂start, shape (STEPS, 2 nv, 2 nv).
-        rate: ẋ at the ends, shape (STEPS, 2 nv).
-        answer: ∂end/∂(free torque) at the steps' starts and ends, shape (STEPS, 2 nv, 2).
+        through: ∂end/∂start, shape (steps, 2 nv, 2 nv).
+        rate: ẋ at the ends, shape (steps, 2 nv).
+        answer: ∂end/∂(free torque) at the steps' starts and ends, shape (steps, 2 nv, 2).
         torques: what moves it.
     """
 
@@ -159,14 +165,13 @@ class March:
 
         Args:
             setting: what is marched.
-            schedule: of MOST_ARCS at most.
+            schedule: of `Setting.most_arcs` at most.
             joined: changes whose states are not theirs, but where the arc before ends, shape (m,); None: none.
-            arc: which arc each step is in, shape (STEPS,); None: the longest have most.
+            arc: which arc each step is in, shape (steps,); None: the longest have most.
         """
-        n = setting.problem.robot.nv
         lengths = np.diff(np.concatenate([[0.0], schedule.times, [schedule.duration]]))
         curved = np.array([Mode.FREE in modes for modes in schedule.modes()])
-        arc = _dealt(lengths, curved) if arc is None else arc
+        arc = _dealt(lengths, curved, setting.steps) if arc is None else arc
         h = (lengths / np.bincount(arc))[arc]
         torques = _Torques.of(setting, schedule, arc)
         begins = np.concatenate([[True], arc[1:] != arc[:-1]])
@@ -176,19 +181,15 @@ class March:
             first = np.flatnonzero(begins)[1:]
             begins = begins.copy()
             begins[first[joined]] = False
-        body = np.tile(setting.body[:, None], STEPS)
-        ends, slopes, answers, rates = setting.flow.march(
-            np.zeros(2 * n), own.T, begins.astype(float), h, torques.tau[0].T, torques.tau[1].T, torques.felt.T,
-            torques.held.T, body,
-        )  # fmt: skip
-        end = np.array(ends).T
-        through = np.array(slopes).T.reshape(STEPS, 2 * n, 2 * n).transpose(0, 2, 1)
+        body = np.tile(setting.body, (arc.size, 1))
+        end, through, answer, rate = setting.flow.marched(
+            own, begins.astype(float), h, *torques.tau, torques.felt, torques.held, body
+        )
         start = np.where(begins[:, None], own, np.vstack([states[:1], end[:-1]]))
         if joined is not None and np.any(joined):
             at = np.flatnonzero(np.diff(arc)) + 1
             schedule = replace(schedule, states=start[at])
-        answer = np.array(answers).T.reshape(STEPS, 2, 2 * n).transpose(0, 2, 1)
-        return cls(setting, schedule, arc, h, start, end, through, np.array(rates).T, answer, torques)
+        return cls(setting, schedule, arc, h, start, end, through, rate, answer, torques)
 
     @property
     def finite(self) -> bool:
@@ -198,11 +199,11 @@ class March:
     @cached_property
     def last(self) -> NDArray[np.int_]:
         """The last step of every arc, shape (m + 1,)."""
-        return np.append(np.flatnonzero(np.diff(self.arc)), STEPS - 1)
+        return np.append(np.flatnonzero(np.diff(self.arc)), self.arc.size - 1)
 
     @cached_property
     def times(self) -> Array:
-        """Where steps start and end [s], shape (STEPS + 1,)."""
+        """Where steps start and end [s], shape (steps + 1,)."""
         return np.concatenate([[0.0], np.cumsum(self.h)])
 
     @cached_property
@@ -226,15 +227,15 @@ class March:
         return np.repeat([1.0, max(1e-3, float(np.max(np.abs(self.end[:, n:]))))], n)
 
     def switching(self, costates: tuple[Array, Array]) -> Array:
-        """The switching functions at the starts and the ends of all steps, shape (2 STEPS, nv).
+        """The switching functions at the starts and the ends of all steps, shape (2 steps, nv).
 
         Args:
-            costates: p there, each of shape (STEPS, 2 nv).
+            costates: p there, each of shape (steps, 2 nv).
         """
         n, held = self.setting.problem.robot.nv, np.tile(self.torques.held, (2, 1))
-        body = np.tile(self.setting.body[:, None], 2 * STEPS)
+        body = np.tile(self.setting.body, (len(held), 1))
         q = np.vstack([self.start, self.end])[:, :n]
-        return np.array(self.setting.flow.switching(q.T, np.vstack(costates).T, held.T, body)).T
+        return self.setting.flow.switchings(q, np.vstack(costates), held, body)
 
     @cached_property
     def arcs(self) -> tuple[Array, Array]:
@@ -293,10 +294,10 @@ class March:
         return type(self).of(self.setting, there, arc=self.arc)
 
 
-def _dealt(lengths: Array, curved: NDArray[np.bool_]) -> NDArray[np.int_]:
+def _dealt(lengths: Array, curved: NDArray[np.bool_], steps: int) -> NDArray[np.int_]:
     """Which arc each step is in: some for every arc, more where a torque is free, and most for the longest."""
-    own = max(2, min(_CURVED, (STEPS - 2 * lengths.size) // max(int(curved.sum()), 1)))
+    own = max(2, min(_CURVED, (steps - 2 * lengths.size) // max(int(curved.sum()), 1)))
     counts, parts = np.where(curved, own, 2), np.maximum(lengths, 0.0)
-    for _ in range(STEPS - counts.sum()):
+    for _ in range(steps - counts.sum()):
         counts[np.argmax(parts / counts)] += 1
     return np.repeat(np.arange(lengths.size), counts)

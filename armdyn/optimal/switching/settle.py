@@ -8,7 +8,7 @@ from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.solve.ipopt import in_time
 from armdyn.optimal.switching.descent import Extremal, Resisted, fastest
-from armdyn.optimal.switching.flow import Flow, flow_of
+from armdyn.optimal.switching.flow import STEPS, Flow, flow_of
 from armdyn.optimal.switching.march import Setting
 from armdyn.optimal.switching.schedule import Schedule
 from armdyn.optimal.switching.signs import with_limits, with_signs, without_unwanted, wrong_signs
@@ -22,6 +22,10 @@ _LEAST = 5e-5
 """By how much H must fall for another stay: half of what is certified."""
 _ZERO = 1e-5
 """The same on a singular arc, whose torque gets a longer course."""
+_STRAY = 1e-5
+"""Of |H| along a march: a tenth of what is certified; beyond it the steps are too long."""
+_FINEST = 4 * STEPS
+"""Steps of a march, at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +82,9 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
     chattering: Schedule | None = None
     for _ in range(_ROUNDS):
         found = fastest(setting, schedule, stop)
+        if isinstance(found, Extremal) and found.stray > _STRAY and setting.steps < _FINEST:
+            setting, schedule = replace(setting, steps=2 * setting.steps), found.schedule
+            continue
         if isinstance(found, Resisted):
             if chattering is None or stop:
                 return replace(best, why=found.why)
