@@ -6,9 +6,9 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.switching.descent import Extremal, Resisted, fastest, landed
-from armdyn.optimal.switching.model import Linear, Model
-from armdyn.optimal.switching.schedule import Schedule
+from armdyn.optimal.switching.extremal.descent import Extremal, Resisted, fastest, landed
+from armdyn.optimal.switching.extremal.model import Linear, Model
+from armdyn.optimal.switching.extremal.schedule import Schedule
 from armdyn.optimal.switching.settle import setting_of
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task

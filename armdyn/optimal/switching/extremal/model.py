@@ -7,9 +7,9 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.switching.flow import STEPS
-from armdyn.optimal.switching.march import March
-from armdyn.optimal.switching.schedule import Schedule, Segment
+from armdyn.optimal.switching.extremal.flow import STEPS
+from armdyn.optimal.switching.extremal.march import March
+from armdyn.optimal.switching.extremal.schedule import Schedule, Segment
 
 Array = NDArray[np.float64]
 
