@@ -13,7 +13,7 @@ from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.solve.attempt import Attempt
-from armdyn.optimal.switching.schedule import Schedule, banged, shares_of
+from armdyn.optimal.switching.extremal.schedule import Schedule, banged, shares_of
 from armdyn.optimal.switching.settle import (
     Settled,
     has_switching,

@@ -7,10 +7,10 @@ import numpy as np
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.solve.ipopt import in_time
-from armdyn.optimal.switching.descent import Extremal, Resisted, fastest
-from armdyn.optimal.switching.flow import STEPS, Flow, flow_of
-from armdyn.optimal.switching.march import Setting
-from armdyn.optimal.switching.schedule import Schedule
+from armdyn.optimal.switching.extremal.descent import Extremal, Resisted, fastest
+from armdyn.optimal.switching.extremal.flow import STEPS, Flow, flow_of
+from armdyn.optimal.switching.extremal.march import Setting
+from armdyn.optimal.switching.extremal.schedule import Schedule
 from armdyn.optimal.switching.signs import with_limits, with_signs, without_unwanted, wrong_signs
 from armdyn.optimal.switching.singular import idle_fall, with_longer_course, with_singular, with_stays
 from armdyn.optimal.task.task import Task

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, Mode, outward, stretches
-from armdyn.optimal.switching.descent import Extremal
-from armdyn.optimal.switching.march import March
-from armdyn.optimal.switching.schedule import Change, Schedule
+from armdyn.optimal.switching.extremal.descent import Extremal
+from armdyn.optimal.switching.extremal.march import March
+from armdyn.optimal.switching.extremal.schedule import Change, Schedule
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import Mode
-from armdyn.optimal.switching.descent import Extremal
-from armdyn.optimal.switching.schedule import Change, Schedule
+from armdyn.optimal.switching.extremal.descent import Extremal
+from armdyn.optimal.switching.extremal.schedule import Change, Schedule
 from armdyn.optimal.switching.signs import Wrong, state_at
 
 Array = NDArray[np.float64]

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import POSITION, VELOCITY, Mode, outward
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.switching.flow import STEPS, Flow
-from armdyn.optimal.switching.schedule import Schedule
+from armdyn.optimal.switching.extremal.flow import STEPS, Flow
+from armdyn.optimal.switching.extremal.schedule import Schedule
 
 Array = NDArray[np.float64]
 

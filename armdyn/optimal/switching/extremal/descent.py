@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.switching.march import March, Setting
-from armdyn.optimal.switching.model import Linear, Model, lengths_of
-from armdyn.optimal.switching.schedule import Schedule
+from armdyn.optimal.switching.extremal.march import March, Setting
+from armdyn.optimal.switching.extremal.model import Linear, Model, lengths_of
+from armdyn.optimal.switching.extremal.schedule import Schedule
 
 Array = NDArray[np.float64]
 
