@@ -13,7 +13,8 @@ from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.solve.attempt import Attempt
-from armdyn.optimal.switching.extremal.schedule import Schedule, banged, shares_of
+from armdyn.optimal.switching.extremal.schedule import Schedule
+from armdyn.optimal.switching.reading import schedules_of
 from armdyn.optimal.switching.settle import (
     Settled,
     has_switching,
@@ -111,13 +112,14 @@ def _structure(task: Task, motion: Trajectory, intervals: int) -> tuple[Phases |
 def _by_switching(task: Task, arcs: list[Arc], motion: Trajectory) -> Phases | None:
     """Phases whose switching functions agree, if the structure can be mended until they do."""
     setting = setting_of(task, motion.duration)
-    schedule: Schedule | None = Schedule.of(banged(arcs, shares_of(task.problem, arcs, motion)), motion)
-    while schedule is not None:
-        found = settled(setting, schedule, task.stop)
-        phases = _phases_of(task, found)
-        if phases is not None or found.extremal is None or task.stop:
-            return phases
-        schedule = with_bounces(found.extremal)  # none after that: bounces are no contacts
+    for reading in schedules_of(setting, arcs, motion):
+        schedule: Schedule | None = reading
+        while schedule is not None:
+            found = settled(setting, schedule, task.stop)
+            phases = _phases_of(task, found)
+            if phases is not None or task.stop:
+                return phases
+            schedule = with_bounces(found.extremal) if found.extremal else None  # bounces are no contacts
     return None
 
 

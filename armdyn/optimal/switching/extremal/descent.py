@@ -71,9 +71,16 @@ class Extremal:
         return self.linear.march
 
     @property
-    def stray(self) -> float:
-        """Largest |H| at the ends of the steps: 0 but for the integrator's error."""
-        return float(np.max(np.abs(1 + np.sum(self.costates[1] * self.march.rate, axis=1))))
+    def drift(self) -> float:
+        """By how much H drifts at most on an arc on which no torque is free: the integrator's error.
+
+        Where one is free it drifts, too, as long as its switching function is not zero.
+        """
+        march = self.march
+        hamiltonian = 1 + np.sum(self.costates[1] * march.rate, axis=1)
+        full = ~np.any(march.torques.felt, axis=1)
+        arcs = (hamiltonian[full & (march.arc == arc)] for arc in np.unique(march.arc[full]))
+        return max((float(np.ptp(own)) for own in arcs), default=0.0)
 
     @property
     def schedule(self) -> Schedule:

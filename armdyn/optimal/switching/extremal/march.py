@@ -5,20 +5,18 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import POSITION, VELOCITY, Mode, outward
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.switching.extremal.flow import STEPS, Flow
 from armdyn.optimal.switching.extremal.schedule import Schedule
+from armdyn.optimal.switching.extremal.torques import Torques
 
 Array = NDArray[np.float64]
 
 _CURVED = 24
 """Steps of an arc on which a torque is free, at least: two for a coefficient of the longest course."""
-_KINDS = {Mode.UPPER: 1, Mode.LOWER: -1}
-
 _SWAY = 0.2
 """Of the duration: a stay that is moved by so much counts as much as a free torque that goes through its range."""
 _LEAST = 3
@@ -56,76 +54,6 @@ class Setting:
 
 
 @dataclass(frozen=True, eq=False)
-class _Torques:
-    """Torques at both ends of all steps, and how a free one answers to the unknowns.
-
-    Attributes:
-        tau: at the starts and at the ends [N m], each of shape (steps, nv).
-        held: 1 for joints that are held, shape (steps, nv).
-        felt: 1 for the joint whose torque is free, likewise.
-        by: ∂(free torque)/∂(unknowns) at the starts and at the ends, each of shape (steps, width).
-    """
-
-    tau: tuple[Array, Array]
-    held: Array
-    felt: Array
-    by: tuple[Array, Array]
-
-    @classmethod
-    def of(cls, setting: Setting, schedule: Schedule, arc: NDArray[np.int_]) -> Self:
-        """Of a schedule's steps.
-
-        Args:
-            setting: what is marched.
-            schedule: in which one torque at most is free at a time.
-            arc: which arc each step is in, shape (steps,).
-        """
-        modes, limits = schedule.modes(), setting.problem.limits
-        kinds = np.array([[_KINDS.get(mode, 0) for mode in each] for each in modes])[arc]
-        bang = np.where(kinds > 0, limits.effort_upper, np.where(kinds < 0, limits.effort_lower, 0.0))
-        free = np.array([[mode is Mode.FREE for mode in each] for each in modes])[arc]
-        held = np.array([[mode in POSITION or mode in VELOCITY for mode in each] for each in modes])[arc]
-        tau, by = (bang.copy(), bang.copy()), (np.zeros((arc.size, schedule.width)), np.zeros((arc.size, schedule.width)))
-        for k, place in schedule.places.items():
-            joint = schedule.changes[k].joint
-            unit, course = setting.course[joint], setting.course[joint] * np.array(schedule.changes[k].course)
-            end = schedule.end_of(k)
-            own = np.flatnonzero((arc > k) & (arc <= end))
-            for side in (0, 1):
-                s, by_z = _along(schedule, arc, own, side, (k, end))
-                tau[side][own, joint] = legendre.legval(2 * s - 1, course)
-                by[side][own] = (2 * legendre.legval(2 * s - 1, legendre.legder(course)))[:, None] * by_z
-                by[side][own, place] += unit * legendre.legvander(2 * s - 1, course.size - 1)
-        return cls(tau, held.astype(float), free.astype(float), by)
-
-
-def _along(
-    schedule: Schedule, arc: NDArray[np.int_], own: NDArray[np.int_], side: int, ends: tuple[int, int]
-) -> tuple[Array, Array]:
-    """Where steps start (side 0) or end (side 1) in a segment, from 0 to 1; and by the unknowns, shape (own, width).
-
-    Args:
-        schedule: the arcs.
-        arc: which arc each step is in.
-        own: the steps asked for.
-        side: of them.
-        ends: changes that begin and end the segment.
-    """
-    edges = np.concatenate([[0.0], schedule.times, [schedule.duration]])
-    by_edges = np.zeros((edges.size, schedule.width))
-    by_edges[1:, : edges.size - 1] = np.eye(edges.size - 1)
-    counts = np.bincount(arc)
-    part = ((np.arange(arc.size) - np.concatenate([[0], np.cumsum(counts)])[arc] + side) / counts[arc])[own]
-    before = arc[own]
-    t = (1 - part) * edges[before] + part * edges[before + 1]
-    by_t = (1 - part)[:, None] * by_edges[before] + part[:, None] * by_edges[before + 1]
-    (begin, end), (by_begin, by_end) = edges[np.array(ends) + 1], by_edges[np.array(ends) + 1]
-    length = max(end - begin, 1e-12)
-    s = (t - begin) / length
-    return s, (by_t - by_begin - s[:, None] * (by_end - by_begin)) / length
-
-
-@dataclass(frozen=True, eq=False)
 class March:
     """The arcs of a schedule, each from its own start, in steps.
 
@@ -138,7 +66,7 @@ class March:
         end: at their ends, likewise.
         through: ∂end/∂start, shape (steps, 2 nv, 2 nv).
         rate: ẋ at the ends, shape (steps, 2 nv).
-        answer: ∂end/∂(free torque) at the steps' starts and ends, shape (steps, 2 nv, 2).
+        answer: ∂end/∂τ at the steps' starts and ends, of free torques, shape (steps, 2 nv, 2, nv).
         torques: what moves it.
     """
 
@@ -151,7 +79,7 @@ class March:
     through: Array
     rate: Array
     answer: Array
-    torques: _Torques
+    torques: Torques
 
     @classmethod
     def of(
@@ -173,7 +101,7 @@ class March:
         curved = np.array([Mode.FREE in modes for modes in schedule.modes()])
         arc = _dealt(lengths, curved, setting.steps) if arc is None else arc
         h = (lengths / np.bincount(arc))[arc]
-        torques = _Torques.of(setting, schedule, arc)
+        torques = Torques.of(setting.problem.limits, setting.course, schedule, arc)
         begins = np.concatenate([[True], arc[1:] != arc[:-1]])
         states = np.vstack([setting.problem.x_start, schedule.states])
         own = np.where(begins[:, None], states[arc], 0.0)
@@ -182,9 +110,11 @@ class March:
             begins = begins.copy()
             begins[first[joined]] = False
         body = np.tile(setting.body, (arc.size, 1))
-        end, through, answer, rate = setting.flow.marched(
-            own, begins.astype(float), h, *torques.tau, torques.felt, torques.held, body
-        )
+        columns = own, begins.astype(float), h, *torques.tau
+        answer = 0.0
+        for felt in torques.layers:
+            end, through, along, rate = setting.flow.marched(*columns, felt, torques.held, body)
+            answer = answer + along[:, :, :, None] * felt[:, None, None]
         start = np.where(begins[:, None], own, np.vstack([states[:1], end[:-1]]))
         if joined is not None and np.any(joined):
             at = np.flatnonzero(np.diff(arc)) + 1
@@ -264,24 +194,15 @@ class March:
         if arc:
             length[arc - 1] = -1 / len(steps)
         for k in steps:
-            rise = float(np.sum((torques.tau[1][k] - torques.tau[0][k]) * torques.felt[k]))
-            stretched = self.rate[k] - (rise / self.h[k] if self.h[k] else 0.0) * self.answer[k, :, 1]
+            rise = (torques.tau[1][k] - torques.tau[0][k]) / self.h[k] if self.h[k] else np.zeros(torques.felt.shape[1])
+            stretched = self.rate[k] - self.answer[k, :, 1] @ rise
             by[:] = self.through[k] @ by + stretched[:, None] * length
-            by += self.answer[k, :, :1] * torques.by[0][k] + self.answer[k, :, 1:] * torques.by[1][k]
+            by += self.answer[k, :, 0] @ torques.by[0][k] + self.answer[k, :, 1] @ torques.by[1][k]
 
     @cached_property
     def room(self) -> tuple[Array, Array]:
         """What free torques are from both limits, in parts of `Setting.course`, and by the unknowns, (rows, width)."""
-        torques, limits = self.torques, self.setting.problem.limits
-        free = torques.felt > 0
-        unit = np.where(self.setting.course > 0, self.setting.course, 1.0)  # without a motor nothing is free
-        own = np.any(free, axis=1)
-        values, rows = [np.empty(0)], [np.empty((0, self.schedule.width))]
-        for tau, by in zip(torques.tau, torques.by, strict=True):
-            for sign, bound in ((-1.0, limits.effort_upper), (1.0, -limits.effort_lower)):
-                values.append((np.sum(np.where(free, (bound + sign * tau) / unit, 0.0), axis=1))[own])
-                rows.append((sign * by / np.sum(np.where(free, unit, 0.0), axis=1, keepdims=True).clip(1e-300))[own])
-        return np.concatenate(values), np.concatenate(rows)
+        return self.torques.room(self.setting.problem.limits, self.setting.course)
 
     def beside(self, by: Array, states: Array) -> Self:
         """The same arcs, in the same steps, with other unknowns and states.

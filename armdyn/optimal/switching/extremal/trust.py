@@ -11,8 +11,10 @@ Array = NDArray[np.float64]
 
 _RANK = 1e-10
 """Of the largest singular value: rounding."""
-TIGHT = 1e-12
-"""Room to a plane that is none: both are in parts of the duration."""
+TIGHT = 1e-8
+"""Room to a plane that is none, in what unknowns are in: landing closes to about a tenth."""
+_ALONG = 1e-12
+"""Of the radius: a step that comes so little nearer to a plane goes along it."""
 _PULL = 1e-9
 """A multiplier that pulls into a plane by no more is none, beside the 1 that time costs."""
 _CHANGES = 4
@@ -52,7 +54,7 @@ class Parabola:
             target, shift, rim = self._along(y, rows[kept], radius)
             by = rows @ (target - y)
             left = np.maximum(room + rows @ y, 0.0)
-            nearer = by < -TIGHT * radius
+            nearer = by < -_ALONG * radius
             nearer[kept] = False
             shares = np.where(nearer, left / np.where(nearer, -by, 1.0), np.inf)
             k = int(np.argmin(shares)) if shares.size else -1
