@@ -24,8 +24,8 @@ _ZERO = 1e-5
 """The same on a singular arc, whose torque gets a longer course."""
 _DRIFT = 1e-5
 """Of H along an arc: a tenth of what is certified; beyond it the steps are too long."""
-_PATIENCE = 3
-"""Rounds in a row that come no nearer: more go in circles."""
+_PATIENCE, _BETTER = 3, 0.7
+"""Rounds in a row that come no nearer than by so much: more go in circles."""
 _FINEST = 4 * STEPS
 """Steps of a march, at most."""
 
@@ -99,8 +99,8 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
             continue
         wrong, longer = wrong_signs(found, _LEAST), with_stays(found) or with_longer_course(found, _ZERO)
         worst = max([0.0] + [one.value for one in wrong[:1]] + [idle_fall(found, k) for k in found.schedule.places])
-        stale = 0 if worst < best.wrong else stale + 1
-        if not stale:
+        stale = 0 if worst < _BETTER * best.wrong else stale + 1
+        if worst < best.wrong:
             best = Settled(found, worst, "the switching structure did not settle" if wrong or longer else "")
         if not (wrong or longer) or stale > _PATIENCE:
             return best

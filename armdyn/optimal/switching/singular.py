@@ -26,8 +26,8 @@ _ON_LIMIT = 0.9
 """Of the way to a limit: a torque of a mesh or of stays that has gone so far is meant to be on it."""
 _REACHED = 1e-4
 """Of a torque's range: so near a limit it has reached it."""
-_HELD = 1e-5
-"""By how much H must rise off the limit, for the torque to be held there: as for a longer course."""
+_HELD = 5e-5
+"""By how much H must rise off a limit for a stay there: half of what is certified."""
 _SHORT = 0.05
 """Of a segment: a course that would be shorter beside a stay is left to the stay."""
 _SAMPLES = 200
