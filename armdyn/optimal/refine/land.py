@@ -38,7 +38,7 @@ def land(task: Task, phases: Phases, remark: str = "", intervals: int | None = N
 def _finer(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
     """On finer meshes while H strays; with the replay, and what went wrong."""
     numbers = task.policy.refinement
-    ladder = Ladder(numbers.most_intervals)
+    ladder = Ladder(max(numbers.most_intervals, numbers.most_per_arc * len(phases.arcs)))
     while (size := ladder.above(phases.arc_of.size)) and not task.stop:
         if not phases.kept and np.max(np.abs(pontryagin(task.problem, phases)[0])) <= numbers.stray:
             break
