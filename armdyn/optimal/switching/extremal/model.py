@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -44,10 +45,10 @@ class Linear:
     @classmethod
     def of(cls, march: March) -> Self:
         """Linearise."""
-        schedule, problem = march.schedule, march.setting.problem
+        schedule = march.schedule
         m, size = schedule.size, march.start.shape[1]
         whole, by = march.arcs
-        jumps = march.end[march.last] - np.vstack([schedule.states, problem.x_goal])
+        jumps = march.end[march.last] - np.vstack([schedule.states, march.setting.end])
         reach, gap = np.zeros((m + 1, size, schedule.width)), np.zeros((m + 1, size))
         for a in range(m + 1):
             if a:
@@ -66,12 +67,20 @@ class Linear:
         """The largest of gaps and equations, in parts of `March.unit`."""
         return max(self.open, float(np.max(np.abs(self.residual))))
 
-    def costates(self, multipliers: Array) -> tuple[Array, Array]:
-        """P at the steps' starts and ends, each of shape (STEPS, 2 nv), of the equations' multipliers."""
+    @cached_property
+    def multipliers(self) -> Array:
+        """Of the equations, for a duration that answers least to the unknowns, shape (equations,)."""
+        gradient = np.zeros(self.jacobian.shape[1])
+        gradient[self.march.schedule.size] = 1.0
+        return np.asarray(np.linalg.lstsq(self.jacobian.T, -gradient, rcond=_RANK)[0], float)
+
+    @cached_property
+    def costates(self) -> tuple[Array, Array]:
+        """P at the steps' starts and ends, each of shape (STEPS, 2 nv), of the multipliers."""
         march, size = self.march, self.march.start.shape[1]
-        p = multipliers[:size] / march.unit
+        p = self.multipliers[:size] / march.unit
         jumps = np.zeros((march.schedule.size, size))
-        for (k, j, _), multiplier in zip(march.held_states, multipliers[size:], strict=True):
+        for (k, j, _), multiplier in zip(march.held_states, self.multipliers[size:], strict=True):
             jumps[k, j] += multiplier / march.unit[j]
         start, end = np.empty((STEPS, size)), np.empty((STEPS, size))
         for k in range(STEPS - 1, -1, -1):
@@ -81,7 +90,7 @@ class Linear:
                 p = p + jumps[march.arc[k] - 1]
         return start, end
 
-    def bend(self, tangents: Array, costates: tuple[Array, Array]) -> Array:
+    def bend(self, tangents: Array) -> Array:
         """The Lagrangian's second derivatives along tangents, shape (k, k).
 
         Differences of its gradient by times and states together: arcs are short, so that nothing grows in them that
@@ -89,15 +98,14 @@ class Linear:
 
         Args:
             tangents: of the unknowns, shape (k, width).
-            costates: see there.
         """
         march = self.march
         states = np.einsum("asz,kz->kas", self.reach[:-1], tangents)
         out = np.empty((len(tangents), len(tangents)))
         small = _DIFFERENCE * march.schedule.duration
-        here = _gradient(march, costates)
+        here = _gradient(march, self.costates)
         for j, (by, moved) in enumerate(zip(tangents, states, strict=True)):
-            there = _gradient(march.beside(small * by, small * moved), costates)
+            there = _gradient(march.beside(small * by, small * moved), self.costates)
             by_unknowns, by_state = ((b - a) / small for a, b in zip(here, there, strict=True))
             out[j] = tangents @ by_unknowns + np.einsum("kas,as->k", states, by_state)
         return (out + out.T) / 2
@@ -143,28 +151,19 @@ class Model:
 
     Attributes:
         linear: the motion.
-        multipliers: of the equations.
-        costates: see `Linear.costates`.
         tangents: of the unknowns, orthonormal, shape (k, width).
         bend: second derivatives along them, shape (k, k).
     """
 
     linear: Linear
-    multipliers: Array
-    costates: tuple[Array, Array]
     tangents: Array
     bend: Array
 
     @classmethod
     def of(cls, linear: Linear) -> Self:
         """At a motion."""
-        rows = linear.jacobian
-        gradient = np.zeros(rows.shape[1])
-        gradient[linear.march.schedule.size] = 1.0
-        multipliers = np.asarray(np.linalg.lstsq(rows.T, -gradient, rcond=_RANK)[0], float)
-        costates = linear.costates(multipliers)
-        tangents = _null_space(rows)
-        return cls(linear, multipliers, costates, tangents, linear.bend(tangents, costates))
+        tangents = _null_space(linear.jacobian)
+        return cls(linear, tangents, linear.bend(tangents))
 
     def step(self, radius: float) -> Step:
         """The best step within a radius [s] that leaves no segment negative."""
