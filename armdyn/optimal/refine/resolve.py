@@ -14,7 +14,7 @@ from armdyn.optimal.refine.land import land, land_extremal
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.switching.extremal.descent import Extremal
-from armdyn.optimal.switching.extremal.schedule import Schedule, banged, shares_of
+from armdyn.optimal.switching.reading import schedules_of
 from armdyn.optimal.switching.settle import has_switching, leaves_idle, prepare_switching, setting_of, settled
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -106,11 +106,14 @@ def _structure(task: Task, arcs: list[Arc], motion: Trajectory) -> tuple[Phases 
 
 def _by_switching(task: Task, arcs: list[Arc], motion: Trajectory) -> Extremal | None:
     """The extremal whose switching functions agree, if the structure can be mended until they do."""
-    schedule = Schedule.of(banged(arcs, shares_of(task.problem, arcs, motion)), motion)
-    found = settled(setting_of(task, motion.duration), schedule, task.stop)
-    if found.extremal is None or found.wrong > SWITCHING_TOLERANCE:
-        return None
-    return None if leaves_idle(found.extremal, SWITCHING_TOLERANCE) else found.extremal
+    setting = setting_of(task, motion.duration)
+    for schedule in schedules_of(setting, arcs, motion):
+        found = settled(setting, schedule, task.stop)
+        if found.extremal is not None and found.wrong <= SWITCHING_TOLERANCE:
+            return None if leaves_idle(found.extremal, SWITCHING_TOLERANCE) else found.extremal
+        if task.stop:
+            break
+    return None
 
 
 def _named(arcs: tuple[Arc, ...] | list[Arc]) -> Structure:

@@ -194,23 +194,14 @@ class _At:
 
 def _carried(march: March, step: NDArray[np.int_], part: Array) -> tuple[Array, Array, Array]:
     """States within steps, what they answer to the steps' starts, and ẋ there."""
-    setting, size = march.setting, march.start.shape[1]
     first, last = march.torques.tau
-    body = np.tile(setting.body[:, None], STEPS)
-    xs, slopes, rates = [], [], []
-    for begin in range(0, step.size, STEPS):
-        own = step[begin : begin + STEPS]
-        some = np.pad(own, (0, STEPS - own.size), mode="edge")
-        s = np.pad(part[begin : begin + STEPS], (0, STEPS - own.size))
-        there = first[some] + s[:, None] * (last[some] - first[some])
-        x, slope, _, rate = setting.flow.march(
-            np.zeros(size), march.start[some].T, np.ones(STEPS), s * march.h[some], first[some].T, there.T,
-            march.torques.felt[some].T, march.torques.held[some].T, body,
-        )  # fmt: skip
-        xs.append(np.array(x).T[: own.size])
-        slopes.append(np.array(slope).T.reshape(STEPS, size, size).transpose(0, 2, 1)[: own.size])
-        rates.append(np.array(rate).T[: own.size])
-    return np.concatenate(xs), np.concatenate(slopes), np.concatenate(rates)
+    some = np.pad(step, (0, -step.size % STEPS), mode="edge")
+    s = np.pad(part, (0, -step.size % STEPS))
+    there = first[some] + s[:, None] * (last[some] - first[some])
+    rows = march.start[some], np.ones(some.size), s * march.h[some], first[some], there
+    body = np.tile(march.setting.body, (some.size, 1))
+    x, through, _, rate = march.setting.flow.marched(*rows, march.torques.felt[some], march.torques.held[some], body)
+    return x[: step.size], through[: step.size], rate[: step.size]
 
 
 def _adjoined(at: _At, lengths: Array, n: int) -> tuple[Array, Array]:

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, Mode, outward, stretches
 from armdyn.optimal.switching.extremal.descent import Extremal
-from armdyn.optimal.switching.extremal.flow import STEPS
 from armdyn.optimal.switching.extremal.march import March
 from armdyn.optimal.switching.extremal.schedule import Change, Schedule
 
@@ -54,7 +53,7 @@ def wrong_signs(extremal: Extremal, least: float) -> list[Wrong]:
         own = [modes[a][i] for a in march.arc]
         sign = np.array([0.0 if mode not in BANG else 1.0 if mode is Mode.UPPER else -1.0 for mode in own])
         range_ = limits.effort_upper[i] - limits.effort_lower[i]
-        fall = np.column_stack([extremal.switching[:STEPS, i], extremal.switching[STEPS:, i]]) * sign[:, None] * range_
+        fall = np.column_stack(np.split(extremal.switching[:, i], 2)) * sign[:, None] * range_
         fall = fall.ravel()
         for run in stretches(np.flatnonzero(fall > 0.05 * least)):
             if np.max(fall[run]) > least:
@@ -113,7 +112,7 @@ def without_unwanted(extremal: Extremal) -> Schedule | None:
 
 def state_at(march: March, time: float) -> Array:
     """(q, v) at a time [s], between steps about: Hermite's cubic, and a line."""
-    k = int(np.clip(np.searchsorted(march.times, time, side="right") - 1, 0, STEPS - 1))
+    k = int(np.clip(np.searchsorted(march.times, time, side="right") - 1, 0, march.h.size - 1))
     h, n = march.h[k], march.start.shape[1] // 2
     s = float(np.clip((time - march.times[k]) / h, 0, 1)) if h > 0 else 0.0
     a, b = march.start[k], march.end[k]

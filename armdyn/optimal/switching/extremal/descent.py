@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.switching.extremal.march import MOST_ARCS, March, Setting
+from armdyn.optimal.switching.extremal.march import March, Setting
 from armdyn.optimal.switching.extremal.model import Linear, Model, lengths_of
 from armdyn.optimal.switching.extremal.schedule import Schedule
 
@@ -55,7 +55,7 @@ class Extremal:
 
     @property
     def costates(self) -> tuple[Array, Array]:
-        """At the starts and ends of the steps, each of shape (STEPS, 2 nv)."""
+        """At the starts and ends of the steps, each of shape (steps, 2 nv)."""
         return self.linear.costates
 
     @property
@@ -65,13 +65,25 @@ class Extremal:
 
     @cached_property
     def switching(self) -> Array:
-        """The switching functions at the starts and ends of the steps, shape (2 STEPS, nv)."""
+        """The switching functions at the starts and ends of the steps, shape (2 steps, nv)."""
         return self.march.switching(self.costates)
 
     @property
     def march(self) -> March:
         """The motion."""
         return self.linear.march
+
+    @property
+    def drift(self) -> float:
+        """By how much H drifts at most on an arc on which no torque is free: the integrator's error.
+
+        Where one is free it drifts, too, as long as its switching function is not zero.
+        """
+        march = self.march
+        hamiltonian = 1 + np.sum(self.costates[1] * march.rate, axis=1)
+        full = ~np.any(march.torques.felt, axis=1)
+        arcs = (hamiltonian[full & (march.arc == arc)] for arc in np.unique(march.arc[full]))
+        return max((float(np.ptp(own)) for own in arcs), default=0.0)
 
     @property
     def schedule(self) -> Schedule:
@@ -108,14 +120,14 @@ def fastest(setting: Setting, schedule: Schedule, stop: Stop) -> Extremal | Resi
         if stop:
             return Resisted(stop.word, linear)
         model = Model.of(linear)
-        if not np.all(np.isfinite(model.bend)):
+        if not np.all(np.isfinite(model.parabola.bend)):
             return Resisted("the motion beside it leaves what numbers can hold", linear)
-        step = model.step(radius)
-        if step.slope <= _FLAT:
+        if linear.slope <= _FLAT:
             return Extremal(linear)
+        step = model.step(radius)
         while True:
             if step.promised < _WORTH * schedule.duration:
-                if step.slope <= _NEARLY_FLAT:
+                if linear.slope <= _NEARLY_FLAT:
                     return Extremal(linear)
                 return Resisted("no step shortens the motion any more", linear)
             after = _stepped(setting, linear, step.by)
@@ -159,7 +171,7 @@ def landed(
     """
     in_one = joined is not None and bool(np.all(joined))
     for k in range(rounds + 1):
-        if schedule.size + 1 > MOST_ARCS:
+        if schedule.size + 1 > setting.most_arcs:
             return None
         march = March.of(setting, schedule, joined)
         if not march.finite:

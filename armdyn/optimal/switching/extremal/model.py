@@ -1,16 +1,15 @@
 """A march to first and to second order: what closes it, and the duration on the manifold of motions that it is on."""
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.switching.extremal.flow import STEPS
 from armdyn.optimal.switching.extremal.march import March
 from armdyn.optimal.switching.extremal.schedule import Schedule, Segment
+from armdyn.optimal.switching.extremal.trust import TIGHT, Parabola, held_back, null_space
 
 Array = NDArray[np.float64]
 
@@ -68,22 +67,40 @@ class Linear:
         return max(self.open, float(np.max(np.abs(self.residual))))
 
     @cached_property
-    def multipliers(self) -> Array:
-        """Of the equations, for a duration that answers least to the unknowns, shape (equations,)."""
+    def tangents(self) -> Array:
+        """Changes of the unknowns, orthonormal, that no equation feels, shape (k, width)."""
+        return null_space(self.jacobian)
+
+    @cached_property
+    def _answer(self) -> tuple[float, Array]:
+        """What the duration answers along the tangents beside what free torques on their limits hold back; multipliers."""
         gradient = np.zeros(self.jacobian.shape[1])
         gradient[self.march.schedule.size] = 1.0
-        return np.asarray(np.linalg.lstsq(self.jacobian.T, -gradient, rcond=_RANK)[0], float)
+        room, by_room = self.march.room
+        tight = by_room[room <= TIGHT]
+        pull, slope = held_back(self.tangents @ gradient, tight @ self.tangents.T)
+        return slope, np.asarray(np.linalg.lstsq(self.jacobian.T, pull @ tight - gradient, rcond=_RANK)[0], float)
+
+    @property
+    def slope(self) -> float:
+        """Of the duration along the tangents, beside what free torques on their limits hold back."""
+        return self._answer[0]
+
+    @property
+    def multipliers(self) -> Array:
+        """Of the equations, shape (equations,)."""
+        return self._answer[1]
 
     @cached_property
     def costates(self) -> tuple[Array, Array]:
-        """P at the steps' starts and ends, each of shape (STEPS, 2 nv), of the multipliers."""
+        """P at the steps' starts and ends, each of shape (steps, 2 nv), of the multipliers."""
         march, size = self.march, self.march.start.shape[1]
         p = self.multipliers[:size] / march.unit
         jumps = np.zeros((march.schedule.size, size))
         for (k, j, _), multiplier in zip(march.held_states, self.multipliers[size:], strict=True):
             jumps[k, j] += multiplier / march.unit[j]
-        start, end = np.empty((STEPS, size)), np.empty((STEPS, size))
-        for k in range(STEPS - 1, -1, -1):
+        start, end = np.empty_like(march.start), np.empty_like(march.end)
+        for k in range(march.arc.size - 1, -1, -1):
             end[k] = p
             p = start[k] = march.through[k].T @ p
             if k and march.arc[k] != march.arc[k - 1]:
@@ -136,13 +153,11 @@ class Step:
         by: what the unknowns change by.
         promised: what the duration falls by, by the model [s].
         bound: the model's trust ends it.
-        slope: ∂t_f by the unknowns along the tangent, at most; infinite where a segment is in the way.
     """
 
     by: Array
     promised: float
     bound: bool
-    slope: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,86 +166,27 @@ class Model:
 
     Attributes:
         linear: the motion.
-        tangents: of the unknowns, orthonormal, shape (k, width).
-        bend: second derivatives along them, shape (k, k).
+        parabola: the duration along its tangents.
     """
 
     linear: Linear
-    tangents: Array
-    bend: Array
+    parabola: Parabola
 
     @classmethod
     def of(cls, linear: Linear) -> Self:
         """At a motion."""
-        tangents = _null_space(linear.jacobian)
-        return cls(linear, tangents, linear.bend(tangents))
+        gradient = linear.tangents[:, linear.march.schedule.size]
+        return cls(linear, Parabola(gradient, linear.bend(linear.tangents)))
 
     def step(self, radius: float) -> Step:
         """The best step within a radius [s] that leaves no segment negative."""
         march = self.linear.march
         schedule, (room, by_room) = march.schedule, march.room
         lengths = lengths_of(schedule)
-        segments, now = len(lengths), np.concatenate([lengths @ schedule.unknowns, room])
-        rows = np.vstack([lengths, by_room])
-        short = np.arange(now.size) < segments
-        short &= now >= _SHORT * schedule.duration
-        least, along = np.where(short, 0.1 * now, 0.0), rows @ self.tangents.T
-        held: list[int] = []
-        cut: Step | None = None
-        while True:
-            step = self._within(along[held], (least - now)[held], radius)
-            if any(k < segments for k in held):
-                step = replace(step, slope=np.inf)
-            after = now + rows @ step.by
-            beyond = [k for k in np.flatnonzero(after < least - 1e-12).tolist() if k not in held]
-            if beyond:
-                share = max(0.0, min((now[k] - least[k]) / (now[k] - after[k]) for k in beyond))
-                shorter = self._along(share * (self.tangents @ step.by), True, np.inf)
-                cut = shorter if cut is None or shorter.promised > cut.promised else cut
-            if not beyond or len(held) >= len(self.tangents):
-                break
-            held.append(min(beyond, key=lambda k: after[k] - least[k]))
-        return cut if cut is not None and (beyond or cut.promised > step.promised) else step
-
-    def _along(self, y: Array, bound: bool, slope: float) -> Step:
-        """A step of given parts of the tangents."""
-        promised = -float(self.tangents[:, self.linear.march.schedule.size] @ y + y @ self.bend @ y / 2)
-        return Step(y @ self.tangents, promised, bound, slope)
-
-    def _within(self, rows: Array, right: Array, radius: float) -> Step:
-        """The best step within a radius that some rows on the tangent allow."""
-        slope = self.tangents[:, self.linear.march.schedule.size]
-        base = np.linalg.lstsq(rows, right, rcond=_RANK)[0] if len(rows) else np.zeros_like(slope)
-        size = float(np.linalg.norm(base))
-        bound = size > 0.8 * radius
-        if bound:
-            base *= 0.8 * radius / size
-        free = _null_space(rows) if len(rows) else np.eye(slope.size)
-        steepest, y = 0.0, np.asarray(base, float)
-        if len(free):
-            values, axes = np.linalg.eigh(free @ self.bend @ free.T)
-            down: Array = -axes.T @ (free @ (slope + self.bend @ base))
-            steepest = float(np.max(np.abs(down)))
-            own, rim = _in_ball(values, down, math.sqrt(max(radius**2 - float(base @ base), 1e-30)))
-            y, bound = base + (axes @ own) @ free, bound or rim
-        return self._along(y, bound, steepest)
-
-
-def _null_space(rows: Array) -> Array:
-    """Orthonormal directions that rows do not feel, shape (k, columns)."""
-    values, directions = np.linalg.svd(rows)[1:]
-    return np.asarray(directions[int(np.sum(values > _RANK * values[0])) :])
-
-
-def _in_ball(values: Array, down: Array, radius: float) -> tuple[Array, bool]:
-    """The least of ½ Σ λ y² − down·y within a ball, and whether its rim is reached (Moré and Sorensen 1983)."""
-    low = max(0.0, -float(values[0]) * (1 + 1e-9) + 1e-12) if values[0] <= 0 else 0.0
-    y: Array = down / (values + low)
-    if np.linalg.norm(y) <= radius:
-        return y, False
-    high = low + float(np.linalg.norm(down)) / radius + float(np.max(np.abs(values)))
-    for _ in range(60):
-        shift = (low + high) / 2
-        y = down / (values + shift)
-        low, high = (shift, high) if np.linalg.norm(y) > radius else (low, shift)
-    return down / (values + high), True
+        now = np.concatenate([lengths @ schedule.unknowns, room])
+        long = np.arange(now.size) < len(lengths)
+        long &= now >= _SHORT * schedule.duration
+        tangents = self.linear.tangents
+        rows = np.vstack([lengths, by_room]) @ tangents.T
+        y, rim = self.parabola.within(rows, np.where(long, 0.9 * now, now), radius)
+        return Step(y @ tangents, -self.parabola.at(y), rim)
