@@ -7,6 +7,7 @@ import numpy as np
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.solve.ipopt import in_time
+from armdyn.optimal.switching.contacts import with_contacts
 from armdyn.optimal.switching.extremal.descent import Extremal, Resisted, fastest
 from armdyn.optimal.switching.extremal.flow import STEPS, Flow, flow_of
 from armdyn.optimal.switching.extremal.march import Setting
@@ -94,7 +95,7 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
             (schedule, hovering), chattering = chattering, None
             refused.add(hovering)
             continue
-        if limited := with_limits(found) or without_unwanted(found):
+        if limited := with_limits(found) or without_unwanted(found) or with_contacts(found):
             schedule, best = limited, replace(best, why="limits of position are not settled")
             continue
         wrong, longer = wrong_signs(found, _LEAST), with_stays(found) or with_longer_course(found, _ZERO)

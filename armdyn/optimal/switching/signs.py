@@ -110,36 +110,6 @@ def without_unwanted(extremal: Extremal) -> Schedule | None:
     return extremal.schedule.without_changes(gone) if gone else None
 
 
-def with_bounces(extremal: Extremal) -> Schedule | None:
-    """The schedule with two touches and a bounce between them for every contact with a position limit; None: none has.
-
-    Inward torque lets the joint go, outward torque brings it back.
-    """
-    schedule, outer = extremal.schedule, {Mode.POSITION_UPPER: Mode.UPPER, Mode.POSITION_LOWER: Mode.LOWER}
-    gone: list[int] = []
-    more: list[tuple[float, Change, Array]] = []
-    for segment in schedule.segments():
-        if segment.begin < 0 or segment.end >= schedule.size:
-            continue
-        contact, left = schedule.changes[segment.begin], schedule.changes[segment.end]
-        if contact.mode not in outer or left.mode is outer[contact.mode] or left.mode not in BANG:
-            continue
-        gone += [segment.begin, segment.end]
-        a, b = (float(schedule.times[k]) for k in (segment.begin, segment.end))
-        steps = (
-            (a, Change(contact.joint, contact.mode, touch=True)),
-            (a, Change(contact.joint, left.mode)),
-            (a + (b - a) / 4, Change(contact.joint, outer[contact.mode])),
-            (b - (b - a) / 4, Change(contact.joint, left.mode)),
-            (b, Change(contact.joint, contact.mode, touch=True)),
-        )
-        more += [(time, change, state_at(extremal.march, time)) for time, change in steps]
-    if not more:
-        return None
-    bouncing = schedule.without_changes(gone).with_changes(more)
-    return bouncing.without(())
-
-
 def state_at(march: March, time: float) -> Array:
     """(q, v) at a time [s], between steps about: Hermite's cubic, and a line."""
     k = int(np.clip(np.searchsorted(march.times, time, side="right") - 1, 0, march.h.size - 1))

@@ -6,8 +6,8 @@ Manifolds, 2008, chapter 7). The duration falls from one motion to the next. Cha
 other freely: torques that act on different joints commute, so that nothing jumps where they do.
 """
 
-from dataclasses import dataclass
-from typing import Self
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,21 +49,24 @@ class Extremal:
 
     Attributes:
         linear: it, and how it answers to its times.
-        costates: at the starts and ends of the steps, each of shape (steps, 2 nv).
-        switching: the switching functions at these, shape (2 steps, nv).
-        multipliers: of the equations.
     """
 
     linear: Linear
-    costates: tuple[Array, Array]
-    switching: Array
-    multipliers: Array
 
-    @classmethod
-    def of(cls, model: Model) -> Self:
-        """Of a model whose slope is none."""
-        switching = model.linear.march.switching(model.costates)
-        return cls(model.linear, model.costates, switching, model.multipliers)
+    @property
+    def costates(self) -> tuple[Array, Array]:
+        """At the starts and ends of the steps, each of shape (steps, 2 nv)."""
+        return self.linear.costates
+
+    @property
+    def multipliers(self) -> Array:
+        """Of the equations."""
+        return self.linear.multipliers
+
+    @cached_property
+    def switching(self) -> Array:
+        """The switching functions at the starts and ends of the steps, shape (2 steps, nv)."""
+        return self.march.switching(self.costates)
 
     @property
     def march(self) -> March:
@@ -119,13 +122,13 @@ def fastest(setting: Setting, schedule: Schedule, stop: Stop) -> Extremal | Resi
         model = Model.of(linear)
         if not np.all(np.isfinite(model.parabola.bend)):
             return Resisted("the motion beside it leaves what numbers can hold", linear)
-        if model.slope <= _FLAT:
-            return Extremal.of(model)
+        if linear.slope <= _FLAT:
+            return Extremal(linear)
         step = model.step(radius)
         while True:
             if step.promised < _WORTH * schedule.duration:
-                if model.slope <= _NEARLY_FLAT:
-                    return Extremal.of(model)
+                if linear.slope <= _NEARLY_FLAT:
+                    return Extremal(linear)
                 return Resisted("no step shortens the motion any more", linear)
             after = _stepped(setting, linear, step.by)
             gained = linear.march.schedule.duration - after.march.schedule.duration if after else -np.inf
@@ -140,6 +143,21 @@ def fastest(setting: Setting, schedule: Schedule, stop: Stop) -> Extremal | Resi
     return Resisted(f"{_STEPS} steps did not reach an extremal", linear)
 
 
+def ended(extremal: Extremal, offset: Array | float = 0.0) -> Extremal:
+    """The same structure in one piece, without the gaps that its arcs have by rounding.
+
+    Args:
+        extremal: whose arcs begin where the ones before end to 1e-9; an arm in the open carries that on and on.
+        offset: how far beside the goal it is to end, in (q, v), shape (2 nv,).
+
+    Returns:
+        It; as it was, if nothing in one piece is near.
+    """
+    setting = replace(extremal.march.setting, offset=offset)
+    linear = landed(setting, extremal.schedule, _AGAIN, np.ones(extremal.schedule.size, bool))
+    return extremal if linear is None else Extremal(linear)
+
+
 def landed(
     setting: Setting, schedule: Schedule, rounds: int = _ROUNDS, joined: NDArray[np.bool_] | None = None
 ) -> Linear | None:
@@ -149,8 +167,9 @@ def landed(
         setting: what is marched.
         schedule: to begin with.
         rounds: of Newton's method.
-        joined: its changes whose states are not theirs, see `March.of`.
+        joined: its changes whose states are not theirs, see `March.of`; where all are, the motion stays in one piece.
     """
+    in_one = joined is not None and bool(np.all(joined))
     for k in range(rounds + 1):
         if schedule.size + 1 > setting.most_arcs:
             return None
@@ -167,7 +186,8 @@ def landed(
         if k == rounds or most > _FAR:
             return None
         part = min(1.0, whole, 0.1 / max(most, 1e-300))
-        schedule, joined = _moved(linear, part * by, part)
+        schedule, moved = _moved(linear, part * by, part)
+        joined = np.ones(schedule.size, bool) if in_one else moved
     return None
 
 

@@ -33,12 +33,14 @@ class Setting:
         body: the ten dynamic parameters of the last body.
         course: what a coefficient of 1 in a free torque's course is [N m], shape (nv,): as much as a change's time that
             is moved by a second.
+        offset: how far beside the goal it is to end, in (q, v), shape (2 nv,).
     """
 
     problem: MinimumTimeProblem
     flow: Flow
     body: Array
     course: Array
+    offset: Array | float = 0.0
     steps: int = STEPS
 
     @property
@@ -51,6 +53,11 @@ class Setting:
         """Of a problem, whose motion takes about so long [s]."""
         limits = problem.limits
         return cls(problem, flow, body, (limits.effort_upper - limits.effort_lower) / (_SWAY * duration))
+
+    @property
+    def end(self) -> Array:
+        """(q, v) to end in, shape (2 nv,)."""
+        return np.asarray(self.problem.x_goal + self.offset)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,7 @@
 """A march to first and to second order: what closes it, and the duration on the manifold of motions that it is on."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -43,10 +44,10 @@ class Linear:
     @classmethod
     def of(cls, march: March) -> Self:
         """Linearise."""
-        schedule, problem = march.schedule, march.setting.problem
+        schedule = march.schedule
         m, size = schedule.size, march.start.shape[1]
         whole, by = march.arcs
-        jumps = march.end[march.last] - np.vstack([schedule.states, problem.x_goal])
+        jumps = march.end[march.last] - np.vstack([schedule.states, march.setting.end])
         reach, gap = np.zeros((m + 1, size, schedule.width)), np.zeros((m + 1, size))
         for a in range(m + 1):
             if a:
@@ -65,12 +66,38 @@ class Linear:
         """The largest of gaps and equations, in parts of `March.unit`."""
         return max(self.open, float(np.max(np.abs(self.residual))))
 
-    def costates(self, multipliers: Array) -> tuple[Array, Array]:
-        """P at the steps' starts and ends, each of shape (steps, 2 nv), of the equations' multipliers."""
+    @cached_property
+    def tangents(self) -> Array:
+        """Changes of the unknowns, orthonormal, that no equation feels, shape (k, width)."""
+        return null_space(self.jacobian)
+
+    @cached_property
+    def _answer(self) -> tuple[float, Array]:
+        """What the duration answers along the tangents beside what free torques on their limits hold back; multipliers."""
+        gradient = np.zeros(self.jacobian.shape[1])
+        gradient[self.march.schedule.size] = 1.0
+        room, by_room = self.march.room
+        tight = by_room[room <= TIGHT]
+        pull, slope = held_back(self.tangents @ gradient, tight @ self.tangents.T)
+        return slope, np.asarray(np.linalg.lstsq(self.jacobian.T, pull @ tight - gradient, rcond=_RANK)[0], float)
+
+    @property
+    def slope(self) -> float:
+        """Of the duration along the tangents, beside what free torques on their limits hold back."""
+        return self._answer[0]
+
+    @property
+    def multipliers(self) -> Array:
+        """Of the equations, shape (equations,)."""
+        return self._answer[1]
+
+    @cached_property
+    def costates(self) -> tuple[Array, Array]:
+        """P at the steps' starts and ends, each of shape (steps, 2 nv), of the multipliers."""
         march, size = self.march, self.march.start.shape[1]
-        p = multipliers[:size] / march.unit
+        p = self.multipliers[:size] / march.unit
         jumps = np.zeros((march.schedule.size, size))
-        for (k, j, _), multiplier in zip(march.held_states, multipliers[size:], strict=True):
+        for (k, j, _), multiplier in zip(march.held_states, self.multipliers[size:], strict=True):
             jumps[k, j] += multiplier / march.unit[j]
         start, end = np.empty_like(march.start), np.empty_like(march.end)
         for k in range(march.arc.size - 1, -1, -1):
@@ -80,7 +107,7 @@ class Linear:
                 p = p + jumps[march.arc[k] - 1]
         return start, end
 
-    def bend(self, tangents: Array, costates: tuple[Array, Array]) -> Array:
+    def bend(self, tangents: Array) -> Array:
         """The Lagrangian's second derivatives along tangents, shape (k, k).
 
         Differences of its gradient by times and states together: arcs are short, so that nothing grows in them that
@@ -88,15 +115,14 @@ class Linear:
 
         Args:
             tangents: of the unknowns, shape (k, width).
-            costates: see there.
         """
         march = self.march
         states = np.einsum("asz,kz->kas", self.reach[:-1], tangents)
         out = np.empty((len(tangents), len(tangents)))
         small = _DIFFERENCE * march.schedule.duration
-        here = _gradient(march, costates)
+        here = _gradient(march, self.costates)
         for j, (by, moved) in enumerate(zip(tangents, states, strict=True)):
-            there = _gradient(march.beside(small * by, small * moved), costates)
+            there = _gradient(march.beside(small * by, small * moved), self.costates)
             by_unknowns, by_state = ((b - a) / small for a, b in zip(here, there, strict=True))
             out[j] = tangents @ by_unknowns + np.einsum("kas,as->k", states, by_state)
         return (out + out.T) / 2
@@ -140,34 +166,17 @@ class Model:
 
     Attributes:
         linear: the motion.
-        multipliers: of the equations.
-        costates: see `Linear.costates`.
-        tangents: of the unknowns, orthonormal, shape (k, width).
-        slope: of the duration along them, beside what free torques on their limits hold back.
-        parabola: the duration along them.
+        parabola: the duration along its tangents.
     """
 
     linear: Linear
-    multipliers: Array
-    costates: tuple[Array, Array]
-    tangents: Array
-    slope: float
     parabola: Parabola
 
     @classmethod
     def of(cls, linear: Linear) -> Self:
         """At a motion."""
-        rows = linear.jacobian
-        gradient = np.zeros(rows.shape[1])
-        gradient[linear.march.schedule.size] = 1.0
-        tangents = null_space(rows)
-        room, by_room = linear.march.room
-        tight = by_room[room <= TIGHT]
-        pull, slope = held_back(tangents @ gradient, tight @ tangents.T)
-        multipliers = np.asarray(np.linalg.lstsq(rows.T, pull @ tight - gradient, rcond=_RANK)[0], float)
-        costates = linear.costates(multipliers)
-        parabola = Parabola(tangents @ gradient, linear.bend(tangents, costates))
-        return cls(linear, multipliers, costates, tangents, slope, parabola)
+        gradient = linear.tangents[:, linear.march.schedule.size]
+        return cls(linear, Parabola(gradient, linear.bend(linear.tangents)))
 
     def step(self, radius: float) -> Step:
         """The best step within a radius [s] that leaves no segment negative."""
@@ -177,6 +186,7 @@ class Model:
         now = np.concatenate([lengths @ schedule.unknowns, room])
         long = np.arange(now.size) < len(lengths)
         long &= now >= _SHORT * schedule.duration
-        rows = np.vstack([lengths, by_room]) @ self.tangents.T
+        tangents = self.linear.tangents
+        rows = np.vstack([lengths, by_room]) @ tangents.T
         y, rim = self.parabola.within(rows, np.where(long, 0.9 * now, now), radius)
-        return Step(y @ self.tangents, -self.parabola.at(y), rim)
+        return Step(y @ tangents, -self.parabola.at(y), rim)
