@@ -99,14 +99,15 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
             schedule, best = limited, replace(best, why="limits of position are not settled")
             continue
         wrong, longer = wrong_signs(found, _LEAST), with_stays(found) or with_longer_course(found, _ZERO)
-        worst = max([0.0] + [one.value for one in wrong[:1]] + [idle_fall(found, k) for k in found.schedule.places])
+        idle = max([0.0, *(idle_fall(found, k) for k in found.schedule.places)])
+        worst = max([idle, *(one.value for one in wrong[:1])])
         stale = 0 if worst < _BETTER * best.wrong else stale + 1
         if worst < best.wrong:
             best = Settled(found, worst, "the switching structure did not settle" if wrong or longer else "")
         if not (wrong or longer) or stale > _PATIENCE:
             return best
-        if longer is not None:
-            schedule = longer
+        if longer is not None:  # what a course that is too short leaves wrong beside it goes with it
+            schedule = with_signs(found, [one for one in wrong if one.value > idle], longer)
             continue
         chattering = None
         schedule = with_signs(found, wrong)

@@ -63,12 +63,13 @@ def wrong_signs(extremal: Extremal, least: float) -> list[Wrong]:
     return sorted(found, key=lambda wrong: -wrong.value)
 
 
-def with_signs(extremal: Extremal, wrong: list[Wrong]) -> Schedule:
-    """The schedule with a short stay on the other limit where it is asked for.
+def with_signs(extremal: Extremal, wrong: list[Wrong], schedule: Schedule | None = None) -> Schedule:
+    """A schedule with a short stay on the other limit where it is asked for.
 
     Args:
         extremal: what lacks it.
         wrong: the worst first.
+        schedule: the extremal's with other things mended; None: its own.
     """
     more: list[tuple[float, Change, Array]] = []
     for one in wrong:
@@ -78,7 +79,7 @@ def with_signs(extremal: Extremal, wrong: list[Wrong]) -> Schedule:
         middle = min(max(one.worst, one.begin + half), one.end - half)
         for time, mode in ((middle - half, OPPOSITE[one.mode]), (middle + half, one.mode)):
             more.append((time, Change(one.joint, mode), state_at(extremal.march, time)))
-    return extremal.schedule.with_changes(more)
+    return (schedule or extremal.schedule).with_changes(more)
 
 
 def with_limits(extremal: Extremal) -> Schedule | None:

@@ -193,21 +193,18 @@ def landed(
 
 def _correction(linear: Linear) -> tuple[Array, float]:
     """What closes gaps and misses, to first order, and leaves a part of every segment; and how much of it may be."""
-    march, equations = linear.march, linear.jacobian
-    (room, by_room), lengths = march.room, lengths_of(march.schedule)
-    rows = np.vstack([lengths, by_room])
-    now = np.concatenate([lengths @ march.schedule.unknowns, room])
-    least = np.where(np.arange(now.size) < len(lengths), _KEPT * now, 0.0)
+    equations, planes, now = linear.jacobian, linear.planes, linear.planes.now
+    least = np.where(planes.lengths, _KEPT * now, 0.0)
     held: list[int] = []
     while True:
         right = np.concatenate([-linear.residual, (least - now)[held]])
-        by = np.linalg.lstsq(np.vstack([equations, rows[held]]), right, rcond=1e-9)[0]
-        after = now + rows @ by
+        by = np.linalg.lstsq(np.vstack([equations, planes.rows[held]]), right, rcond=1e-9)[0]
+        after = now + planes.rows @ by
         short = [k for k in np.flatnonzero(after < least - 1e-12).tolist() if k not in held]
         if not short or len(equations) + len(held) >= by.size:
             break
         held.append(min(short, key=lambda k: after[k] - least[k]))
-    shares = [(now[k] - least[k]) / (now[k] - after[k]) for k in short if k < len(lengths)]
+    shares = [(now[k] - least[k]) / (now[k] - after[k]) for k in short if planes.lengths[k]]
     return by, float(max(0.0, min([1.0, *shares])))
 
 
