@@ -20,9 +20,7 @@ from armdyn.trajectory import Trajectory
 _ROUNDS = 12
 """Of mending."""
 _LEAST = 5e-5
-"""By how much H must fall for another stay: half of what is certified."""
-_ZERO = 1e-5
-"""The same on a singular arc, whose torque gets a longer course."""
+"""By how much H must fall for another stay, or a longer course: half of what is certified."""
 _DRIFT = 1e-5
 """Of H along an arc: a tenth of what is certified; beyond it the steps are too long."""
 _PATIENCE, _BETTER = 3, 0.7
@@ -98,7 +96,7 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
         if limited := with_limits(found) or without_unwanted(found) or with_contacts(found):
             schedule, best = limited, replace(best, why="limits of position are not settled")
             continue
-        wrong, longer = wrong_signs(found, _LEAST), with_stays(found) or with_longer_course(found, _ZERO)
+        wrong, longer = wrong_signs(found, _LEAST), with_stays(found, _LEAST) or with_longer_course(found, _LEAST)
         idle = max([0.0, *(idle_fall(found, k) for k in found.schedule.places)])
         worst = max([idle, *(one.value for one in wrong[:1])])
         stale = 0 if worst < _BETTER * best.wrong else stale + 1
