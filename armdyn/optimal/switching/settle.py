@@ -10,9 +10,10 @@ from armdyn.optimal.solve.ipopt import in_time
 from armdyn.optimal.switching.contacts import with_contacts
 from armdyn.optimal.switching.extremal.descent import Extremal, Resisted, fastest
 from armdyn.optimal.switching.extremal.flow import STEPS, Flow, flow_of
+from armdyn.optimal.switching.extremal.limits import with_limits
 from armdyn.optimal.switching.extremal.march import Setting
 from armdyn.optimal.switching.extremal.schedule import Schedule
-from armdyn.optimal.switching.signs import with_limits, with_signs, without_unwanted, wrong_signs
+from armdyn.optimal.switching.signs import with_signs, without_unwanted, wrong_signs
 from armdyn.optimal.switching.singular import idle_fall, with_longer_course, with_singular, with_stays
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -93,7 +94,7 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
             (schedule, hovering), chattering = chattering, None
             refused.add(hovering)
             continue
-        if limited := with_limits(found) or without_unwanted(found) or with_contacts(found):
+        if limited := with_limits(found.march) or without_unwanted(found) or with_contacts(found):
             schedule, best = limited, replace(best, why="limits of position are not settled")
             continue
         wrong, longer = wrong_signs(found, _LEAST), with_stays(found, _LEAST) or with_longer_course(found, _LEAST)

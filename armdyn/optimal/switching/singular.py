@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from armdyn.optimal.arcs.arc import Mode, stretches
 from armdyn.optimal.switching.extremal.course import Course
 from armdyn.optimal.switching.extremal.descent import Extremal
+from armdyn.optimal.switching.extremal.limits import state_at
 from armdyn.optimal.switching.extremal.march import Setting
 from armdyn.optimal.switching.extremal.schedule import Change, Schedule
-from armdyn.optimal.switching.signs import Wrong, state_at
+from armdyn.optimal.switching.signs import Wrong
 
 Array = NDArray[np.float64]
 
