@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import Mode, stretches
-from armdyn.optimal.switching.extremal.course import Course
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.limits import state_at
 from armdyn.optimal.switching.extremal.march import Setting
 from armdyn.optimal.switching.extremal.schedule import Change, Schedule
+from armdyn.optimal.switching.extremal.torques.course import Course
 from armdyn.optimal.switching.signs import Wrong
 
 Array = NDArray[np.float64]
@@ -133,9 +133,9 @@ class _Along:
         """
         out: list[tuple[float, float, Mode]] = []
         for mode, sign, room in ((Mode.UPPER, -1, self.room[0]), (Mode.LOWER, 1, self.room[1])):
-            for run in stretches(np.flatnonzero(sign * self.fall > _FROM * least)):
-                if np.max(sign * self.fall[run]) > least and np.min(room[run]) <= _REACHED:
-                    out.append((float(self.t[run[0]]), float(self.t[run[-1]]), mode))
+            runs = stretches(np.flatnonzero(sign * self.fall > _FROM * least))
+            held = [r for r in runs if np.max(sign * self.fall[r]) > least and np.min(room[r]) <= _REACHED]
+            out += [(float(self.t[run[0]]), float(self.t[run[-1]]), mode) for run in held]
         return sorted(out)
 
     def kinked(self, extremal: Extremal, least: float) -> list[tuple[float, float, Mode]]:
@@ -227,7 +227,7 @@ def course_near(setting: Setting, joint: int, tau: Array, leaping: frozenset[int
     limits, unit = setting.problem.limits, setting.course[joint]
     s = np.linspace(0, 1, len(tau) + 2)[1:-1]
     middle, half = (limits.effort_upper + limits.effort_lower) / 2, limits.effort_size
-    signs = (tau > middle + _ON_LIMIT * half) * 1.0 - (tau < middle - _ON_LIMIT * half)
+    signs: Array = np.sign(tau - middle) * (np.abs(tau - middle) > _ON_LIMIT * half)
     course = Course((0.0,) * _FEW, tuple((other, (0.0,)) for other in sorted(leaping)))
     terms = course.terms(s, signs)
     fitted = np.linalg.lstsq(terms, (tau[:, joint] - middle[joint]) / unit, rcond=None)[0]
