@@ -85,8 +85,8 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
     refused = set[int]()
     for _ in range(_ROUNDS):
         found = fastest(setting, schedule, stop)
-        if isinstance(found, Extremal) and found.drift > _DRIFT and setting.steps < _FINEST:
-            setting, schedule = replace(setting, steps=2 * setting.steps), found.schedule
+        if found.linear is not None and found.linear.drift > _DRIFT and setting.steps < _FINEST and not stop:
+            setting, schedule = replace(setting, steps=2 * setting.steps), found.linear.march.schedule
             continue
         if isinstance(found, Resisted):
             if chattering is None or stop:
