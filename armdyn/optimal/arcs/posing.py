@@ -128,7 +128,10 @@ def pose(task: Task, arcs: Sequence[Arc], guess: Trajectory, layout: Layout, int
     x = to_unknowns(guess, layout, durations[arc_of] * part / durations.sum(), scales)
     lower, upper = bounds(problem, layout, N, scales)
     kept = None if aim.keep is None else aim.keep.at_stages(arc_of, part)
-    _Narrowed(problem, layout, scales, lower, upper).to(arcs, arc_of, kept)
+    narrowed = _Narrowed(problem, layout, scales, lower, upper)
+    if aim.near:
+        narrowed.loosen(arcs, N)
+    narrowed.to(arcs, arc_of, kept)
     for bound in (lower, upper):
         bound[layout.states(N)[-1]] += aim.offset / np.repeat([scales.length, scales.speed], layout.nv)
     times = layout.times(N)
@@ -184,6 +187,17 @@ class _Narrowed:
     scales: Scales
     lower: Array
     upper: Array
+
+    def loosen(self, arcs: Sequence[Arc], intervals: int) -> None:
+        """Without the limits of position that are touched, but where they are.
+
+        About a touch the states of a fine mesh are so near the limit that multipliers would spread over them.
+        """
+        q = self.layout.knot.q
+        for i, mode in {touch for arc in arcs for touch in arc.touches if touch[1] in POSITION}:
+            bound, infinity = (self.upper, np.inf) if mode is Mode.POSITION_UPPER else (self.lower, -np.inf)
+            for states in (self.layout.states(intervals)[1:-1], self.layout.inner_states(intervals)):
+                bound[states[..., q][..., i]] = infinity
 
     def to(self, arcs: Sequence[Arc], arc_of: Index, keep: Array | None) -> None:
         """Every joint in its mode on every interval, and the torques that stay where they are."""

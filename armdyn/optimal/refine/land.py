@@ -12,6 +12,8 @@ from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.proof.certificate import certify
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.switching.costates import phases_of
+from armdyn.optimal.switching.extremal.descent import Extremal, ended
 from armdyn.optimal.task.ladder import Ladder
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -35,10 +37,31 @@ def land(task: Task, phases: Phases, remark: str = "", intervals: int | None = N
     return Optimum(replay, certificate, replay.duration, size, phases, iterations=phases.iterations)
 
 
+def land_extremal(task: Task, extremal: Extremal, intervals: int) -> Optimum:
+    """Aim an extremal beside the goal, by what its torques as lines do not say, until its replay is on it; certify it.
+
+    Args:
+        task: what is solved.
+        extremal: of it.
+        intervals: of the mesh that it was read from.
+    """
+    problem, policy, n, aim = task.problem, task.policy, task.problem.robot.nv, Aim()
+    for _ in range(policy.refinement.aims):
+        phases = phases_of(ended(extremal, aim.at_goal(n)), policy.arcs)
+        replay = replay_of(task, phases.torques)
+        missed = float(np.max(np.abs(problem.beside_goal(replay)[:n])))
+        if missed <= policy.refinement.landed or replay.t[-1] != phases.duration or task.stop:
+            break
+        aim = aim.corrected(problem, replay)
+    replay = replace(replay, name="minimum time")
+    certificate = certify(problem, replay, phases, adjoint=False)
+    return Optimum(replay, certificate, replay.duration, intervals, phases)
+
+
 def _finer(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
     """On finer meshes while H strays; with the replay, and what went wrong."""
     numbers = task.policy.refinement
-    ladder = Ladder(numbers.most_intervals)
+    ladder = Ladder(max(numbers.most_intervals, numbers.most_per_arc * len(phases.arcs)))
     while (size := ladder.above(phases.arc_of.size)) and not task.stop:
         if not phases.kept and np.max(np.abs(pontryagin(task.problem, phases)[0])) <= numbers.stray:
             break

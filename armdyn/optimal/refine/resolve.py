@@ -1,29 +1,21 @@
 """From a mesh's solution to its arcs: the structure whose switching functions agree with its modes."""
 
-from armdyn.optimal.arcs.arc import POSITION, Arc, Mode, merged
+from armdyn.optimal.arcs.arc import Arc, Mode, merged
 from armdyn.optimal.arcs.detection import detect
 from armdyn.optimal.arcs.phases import Phases, Unresolved
-from armdyn.optimal.arcs.posing import Kept, PhaseAim
+from armdyn.optimal.arcs.posing import PhaseAim
 from armdyn.optimal.arcs.solving import prepare_phases, solve_phases
 from armdyn.optimal.arcs.structure import by_sign, with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.landing.aim import aimed
 from armdyn.optimal.program.unknowns import mesh
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE, SWITCHING_TOLERANCE, certify
 from armdyn.optimal.proof.pontryagin import pontryagin
-from armdyn.optimal.refine.land import land
+from armdyn.optimal.refine.land import land, land_extremal
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.solve.attempt import Attempt
-from armdyn.optimal.switching.schedule import Schedule, banged, shares_of
-from armdyn.optimal.switching.settle import (
-    Settled,
-    has_switching,
-    leaves_idle,
-    motion_of,
-    prepare_switching,
-    setting_of,
-    settled,
-)
-from armdyn.optimal.switching.signs import with_bounces
+from armdyn.optimal.switching.extremal.descent import Extremal
+from armdyn.optimal.switching.reading import schedules_of
+from armdyn.optimal.switching.settle import has_switching, leaves_idle, prepare_switching, setting_of, settled
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -37,19 +29,24 @@ def resolve(task: Task, attempt: Attempt) -> Optimum:
         task: what is solved.
         attempt: a collocation solution with constant torques between its knots.
     """
-    motion, intervals = attempt.trajectory, attempt.intervals
-    phases, remark = _structure(task, motion, intervals)
-    resolved: Optimum | None = None
-    if phases is not None:
-        resolved = land(task, phases, remark, intervals)
-        if resolved.certificate.ok:
-            return resolved
-        remark = resolved.certificate.remark
+    motion, known, remark = attempt.trajectory, list[Optimum](), f"{task.stop.word} before the arcs were read"
+    if not task.stop:
+        arcs = _arcs_of(task, attempt)
+        if has_switching(task) and (extremal := _by_switching(task, arcs, motion)) is not None:
+            known.append(land_extremal(task, extremal, attempt.intervals))
+        if not (known and known[0].certificate.ok):
+            phases, remark = _structure(task, arcs, motion)
+            if phases is not None:
+                known.append(land(task, phases, remark, attempt.intervals))
+                remark = known[-1].certificate.remark
+    certified = [one for one in known if one.certificate.ok]
+    if certified:
+        return certified[0]
     landed, replay = aimed(task, motion)
     certificate = certify(task.problem, replay, None, remark)
-    on_mesh = Optimum(landed, certificate, landed.duration, intervals)
+    on_mesh = Optimum(landed, certificate, landed.duration, attempt.intervals)
     # Arcs that are not certified are worth having only if their motion is the better one.
-    return min((one for one in (resolved, on_mesh) if one is not None), key=_rank)
+    return min((*known, on_mesh), key=_rank)
 
 
 def _rank(optimum: Optimum) -> tuple[bool, float]:
@@ -65,18 +62,17 @@ def prepare_resolving(task: Task) -> None:
         prepare_phases(task, finer * task.policy.refinement.intervals)
 
 
-def _structure(task: Task, motion: Trajectory, intervals: int) -> tuple[Phases | None, str]:
-    """Phases whose switching functions agree with their modes, or the last ones and why they do not."""
-    if task.stop:
-        return None, f"{task.stop.word} before the arcs were read"
-    problem, numbers = task.problem, task.policy.refinement
+def _arcs_of(task: Task, attempt: Attempt) -> list[Arc]:
+    """The arcs that a mesh's torques and states say."""
+    policy, intervals = task.policy, attempt.intervals
     # The torques of a fine mesh need not be on their limits where time hardly tells.
-    switch = max(task.policy.arcs.switch, intervals // numbers.blur)
-    arcs = merged(detect(problem, motion, mesh(intervals), switch, task.policy.arcs))
-    if has_switching(task):
-        settled_phases = _by_switching(task, arcs, motion)
-        if settled_phases is not None:
-            return settled_phases, ""
+    switch = max(policy.arcs.switch, intervals // policy.refinement.blur)
+    return merged(detect(task.problem, attempt.trajectory, mesh(intervals), switch, policy.arcs))
+
+
+def _structure(task: Task, arcs: list[Arc], motion: Trajectory) -> tuple[Phases | None, str]:
+    """Phases whose switching functions agree with their modes, or the last ones and why they do not."""
+    problem, numbers = task.problem, task.policy.refinement
     guess, seen = motion, set[Structure]()
     last: Phases | None = None
     for _ in range(numbers.rounds):
@@ -108,32 +104,16 @@ def _structure(task: Task, motion: Trajectory, intervals: int) -> tuple[Phases |
     return last, "the switching structure did not settle"
 
 
-def _by_switching(task: Task, arcs: list[Arc], motion: Trajectory) -> Phases | None:
-    """Phases whose switching functions agree, if the structure can be mended until they do."""
+def _by_switching(task: Task, arcs: list[Arc], motion: Trajectory) -> Extremal | None:
+    """The extremal whose switching functions agree, if the structure can be mended until they do."""
     setting = setting_of(task, motion.duration)
-    schedule: Schedule | None = Schedule.of(banged(arcs, shares_of(task.problem, arcs, motion)), motion)
-    while schedule is not None:
+    for schedule in schedules_of(setting, arcs, motion):
         found = settled(setting, schedule, task.stop)
-        phases = _phases_of(task, found)
-        if phases is not None or found.extremal is None or task.stop:
-            return phases
-        schedule = with_bounces(found.extremal)  # none after that: bounces are no contacts
+        if found.extremal is not None and found.wrong <= SWITCHING_TOLERANCE:
+            return None if leaves_idle(found.extremal, SWITCHING_TOLERANCE) else found.extremal
+        if task.stop:
+            break
     return None
-
-
-def _phases_of(task: Task, found: Settled) -> Phases | None:
-    """What a settled structure comes to by collocation, if its switching functions agree."""
-    if found.extremal is None or found.wrong > SWITCHING_TOLERANCE or leaves_idle(found.extremal, SWITCHING_TOLERANCE):
-        return None
-    own, guess = found.arcs, motion_of(found.extremal)
-    keep = Kept.of(own, guess) if any(arc.singular for arc in own) else None
-    size = max(task.policy.refinement.intervals * (2 if keep else 1), 3 * len(own))
-    phases = solve_phases(task, own, guess, size, PhaseAim(near=True, keep=keep))
-    if isinstance(phases, Unresolved):
-        return None
-    # The signs agree by finer steps than this mesh's, but for contacts, whose pulls only the multipliers tell.
-    contact = any(mode in POSITION for arc in own for mode in arc.modes)
-    return phases if not contact or pontryagin(task.problem, phases)[2] <= SWITCHING_TOLERANCE else None
 
 
 def _named(arcs: tuple[Arc, ...] | list[Arc]) -> Structure:

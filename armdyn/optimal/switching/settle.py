@@ -7,10 +7,11 @@ import numpy as np
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.solve.ipopt import in_time
-from armdyn.optimal.switching.descent import Extremal, Resisted, fastest
-from armdyn.optimal.switching.flow import Flow, flow_of
-from armdyn.optimal.switching.march import Setting
-from armdyn.optimal.switching.schedule import Schedule
+from armdyn.optimal.switching.contacts import with_contacts
+from armdyn.optimal.switching.extremal.descent import Extremal, Resisted, fastest
+from armdyn.optimal.switching.extremal.flow import STEPS, Flow, flow_of
+from armdyn.optimal.switching.extremal.march import Setting
+from armdyn.optimal.switching.extremal.schedule import Schedule
 from armdyn.optimal.switching.signs import with_limits, with_signs, without_unwanted, wrong_signs
 from armdyn.optimal.switching.singular import idle_fall, with_longer_course, with_singular, with_stays
 from armdyn.optimal.task.task import Task
@@ -22,6 +23,12 @@ _LEAST = 5e-5
 """By how much H must fall for another stay: half of what is certified."""
 _ZERO = 1e-5
 """The same on a singular arc, whose torque gets a longer course."""
+_DRIFT = 1e-5
+"""Of H along an arc: a tenth of what is certified; beyond it the steps are too long."""
+_PATIENCE, _BETTER = 3, 0.7
+"""Rounds in a row that come no nearer than by so much: more go in circles."""
+_FINEST = 4 * STEPS
+"""Steps of a march, at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,30 +81,38 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
         schedule: to begin with.
         stop: asked before every step.
     """
-    best, mended, refused = Settled(None, np.inf, "nothing was tried"), False, False
-    chattering: Schedule | None = None
+    best, mended, stale = Settled(None, np.inf, "nothing was tried"), False, 0
+    chattering: tuple[Schedule, int] | None = None
+    refused = set[int]()
     for _ in range(_ROUNDS):
         found = fastest(setting, schedule, stop)
+        if isinstance(found, Extremal) and found.drift > _DRIFT and setting.steps < _FINEST:
+            setting, schedule = replace(setting, steps=2 * setting.steps), found.schedule
+            continue
         if isinstance(found, Resisted):
             if chattering is None or stop:
-                return replace(best, why=found.why)
-            schedule, chattering, refused = chattering, None, True
+                return best if best.extremal else replace(best, why=found.why)
+            (schedule, hovering), chattering = chattering, None
+            refused.add(hovering)
             continue
-        if limited := with_limits(found) or without_unwanted(found):
+        if limited := with_limits(found) or without_unwanted(found) or with_contacts(found):
             schedule, best = limited, replace(best, why="limits of position are not settled")
             continue
         wrong, longer = wrong_signs(found, _LEAST), with_stays(found) or with_longer_course(found, _ZERO)
         worst = max([0.0] + [one.value for one in wrong[:1]] + [idle_fall(found, k) for k in found.schedule.places])
-        best = Settled(found, worst, "the switching structure did not settle" if wrong or longer else "")
+        stale = 0 if worst < _BETTER * best.wrong else stale + 1
+        if worst < best.wrong:
+            best = Settled(found, worst, "the switching structure did not settle" if wrong or longer else "")
+        if not (wrong or longer) or stale > _PATIENCE:
+            return best
         if longer is not None:
             schedule = longer
             continue
-        if not wrong:
-            return best
         chattering = None
         schedule = with_signs(found, wrong)
-        if mended and not refused and (smooth := with_singular(found, wrong)) is not None:
-            schedule, chattering = smooth, schedule
+        left = [one for one in wrong if one.joint not in refused]
+        if mended and left and (smooth := with_singular(found, left)) is not None:
+            schedule, chattering = smooth, (schedule, left[0].joint)
         mended = True
     return best
 

@@ -6,10 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, Mode, outward, stretches
-from armdyn.optimal.switching.descent import Extremal
-from armdyn.optimal.switching.flow import STEPS
-from armdyn.optimal.switching.march import March
-from armdyn.optimal.switching.schedule import Change, Schedule
+from armdyn.optimal.switching.extremal.descent import Extremal
+from armdyn.optimal.switching.extremal.march import March
+from armdyn.optimal.switching.extremal.schedule import Change, Schedule
 
 Array = NDArray[np.float64]
 
@@ -54,7 +53,7 @@ def wrong_signs(extremal: Extremal, least: float) -> list[Wrong]:
         own = [modes[a][i] for a in march.arc]
         sign = np.array([0.0 if mode not in BANG else 1.0 if mode is Mode.UPPER else -1.0 for mode in own])
         range_ = limits.effort_upper[i] - limits.effort_lower[i]
-        fall = np.column_stack([extremal.switching[:STEPS, i], extremal.switching[STEPS:, i]]) * sign[:, None] * range_
+        fall = np.column_stack(np.split(extremal.switching[:, i], 2)) * sign[:, None] * range_
         fall = fall.ravel()
         for run in stretches(np.flatnonzero(fall > 0.05 * least)):
             if np.max(fall[run]) > least:
@@ -111,39 +110,9 @@ def without_unwanted(extremal: Extremal) -> Schedule | None:
     return extremal.schedule.without_changes(gone) if gone else None
 
 
-def with_bounces(extremal: Extremal) -> Schedule | None:
-    """The schedule with two touches and a bounce between them for every contact with a position limit; None: none has.
-
-    Inward torque lets the joint go, outward torque brings it back.
-    """
-    schedule, outer = extremal.schedule, {Mode.POSITION_UPPER: Mode.UPPER, Mode.POSITION_LOWER: Mode.LOWER}
-    gone: list[int] = []
-    more: list[tuple[float, Change, Array]] = []
-    for segment in schedule.segments():
-        if segment.begin < 0 or segment.end >= schedule.size:
-            continue
-        contact, left = schedule.changes[segment.begin], schedule.changes[segment.end]
-        if contact.mode not in outer or left.mode is outer[contact.mode] or left.mode not in BANG:
-            continue
-        gone += [segment.begin, segment.end]
-        a, b = (float(schedule.times[k]) for k in (segment.begin, segment.end))
-        steps = (
-            (a, Change(contact.joint, contact.mode, touch=True)),
-            (a, Change(contact.joint, left.mode)),
-            (a + (b - a) / 4, Change(contact.joint, outer[contact.mode])),
-            (b - (b - a) / 4, Change(contact.joint, left.mode)),
-            (b, Change(contact.joint, contact.mode, touch=True)),
-        )
-        more += [(time, change, state_at(extremal.march, time)) for time, change in steps]
-    if not more:
-        return None
-    bouncing = schedule.without_changes(gone).with_changes(more)
-    return bouncing.without(())
-
-
 def state_at(march: March, time: float) -> Array:
     """(q, v) at a time [s], between steps about: Hermite's cubic, and a line."""
-    k = int(np.clip(np.searchsorted(march.times, time, side="right") - 1, 0, STEPS - 1))
+    k = int(np.clip(np.searchsorted(march.times, time, side="right") - 1, 0, march.h.size - 1))
     h, n = march.h[k], march.start.shape[1] // 2
     s = float(np.clip((time - march.times[k]) / h, 0, 1)) if h > 0 else 0.0
     a, b = march.start[k], march.end[k]

@@ -3,28 +3,33 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from armdyn.optimal.arcs.arc import Mode
-from armdyn.optimal.switching.descent import Extremal
-from armdyn.optimal.switching.schedule import Change, Schedule
+from armdyn.optimal.arcs.arc import Mode, stretches
+from armdyn.optimal.switching.extremal.course import Course
+from armdyn.optimal.switching.extremal.descent import Extremal
+from armdyn.optimal.switching.extremal.march import Setting
+from armdyn.optimal.switching.extremal.schedule import Change, Schedule
 from armdyn.optimal.switching.signs import Wrong, state_at
 
 Array = NDArray[np.float64]
 
 _APART = 0.05
 """Of the duration: stretches of one joint that are nearer together belong together."""
-_FEW, _MANY = 5, 11
-"""Coefficients of a course at first, and at most: two more where the switching function is not zero yet."""
-_FITTED = 3
-"""Of them, those that are fitted to the stays."""
+_FEW, _MANY = 3, 11
+"""Coefficients of a course that are fitted to what was there, and at most."""
+_MORE = 2
+"""Coefficients that come at a time, while the switching function is not zero yet."""
 _INSIDE = 0.95
 """Of the way to a limit that such a course may go at first."""
+_ON_LIMIT = 0.9
+"""Of the way to a limit: a torque of a mesh or of stays that has gone so far is meant to be on it."""
 _REACHED = 1e-4
 """Of a torque's range: so near a limit it has reached it."""
-_STAY = 0.1
-"""Of a course that ends on a limit: the stay there that is put in its place at first."""
+_HELD = 5e-5
+"""By how much H must rise off a limit for a stay there: half of what is certified."""
+_SHORT = 0.05
+"""Of a segment: a course that would be shorter beside a stay is left to the stay."""
 _SAMPLES = 200
 """Of the stays."""
 
@@ -45,13 +50,7 @@ def with_singular(extremal: Extremal, wrong: list[Wrong]) -> Schedule | None:
         return None
     begin = max(min(begin, *schedule.times[inside]), near)
     end = max(end, *schedule.times[inside])
-    modes = schedule.modes()
-    if any(
-        Mode.FREE in each and a < end and b > begin
-        for each, a, b in zip(modes, [0.0, *schedule.times], [*schedule.times, schedule.duration], strict=True)
-    ):
-        return None  # one at a time
-    after = modes[inside[-1] + 1][worst.joint]
+    after = schedule.modes()[inside[-1] + 1][worst.joint]
     more = [(begin, Change(worst.joint, Mode.FREE, course=_course(extremal, worst.joint, begin, end)))]
     if end < schedule.duration - near:
         more.append((end, Change(worst.joint, after)))
@@ -67,43 +66,60 @@ def with_longer_course(extremal: Extremal, least: float) -> Schedule | None:
         least: by how much H may fall.
     """
     schedule = extremal.schedule
-    changes = list(schedule.changes)
+    changes, edges = list(schedule.changes), np.append(schedule.times, schedule.duration)
     for k, change in enumerate(schedule.changes):
-        if change.course and len(change.course) < _MANY and idle_fall(extremal, k) > least:
-            changes[k] = replace(change, course=(*change.course, 0.0, 0.0))
+        if change.course and len(change.course.smooth) < _MANY and idle_fall(extremal, k) > least:
+            leaping = leaping_within(schedule, change.joint, *edges[[k, schedule.end_of(k)]])
+            changes[k] = replace(change, course=change.course.longer(_MORE, leaping))
     return replace(schedule, changes=tuple(changes)) if tuple(changes) != schedule.changes else None
 
 
 def with_stays(extremal: Extremal) -> Schedule | None:
-    """The schedule with a stay on the limit that a free torque reaches at an end of its course; None: none does."""
-    schedule, march = extremal.schedule, extremal.march
-    limits, now = march.setting.problem.limits, schedule
+    """The schedule with stays on the limits that free torques reach and are held on; None: none is."""
+    schedule, now = extremal.schedule, extremal.schedule
     for k, change in reversed(list(enumerate(schedule.changes))):
-        if not change.course:
-            continue
-        joint, end = change.joint, schedule.end_of(k)
-        own = np.flatnonzero((march.arc > k) & (march.arc <= end))
-        begin, stop = float(march.times[own[0]]), float(march.times[own[-1] + 1])
-        edges = march.torques.tau[0][own[0], joint], march.torques.tau[1][own[-1], joint]
-        low, high = limits.effort_lower[joint], limits.effort_upper[joint]
-        near = _REACHED * (high - low)
-        met = [Mode.UPPER if u >= high - near else Mode.LOWER if u <= low + near else None for u in edges]
-        modes = schedule.modes()
-        around = modes[k][joint], modes[end + 1][joint] if end < schedule.size else None
-        stays = [mode if mode is not beside else None for mode, beside in zip(met, around, strict=True)]
-        if not any(stays):
-            continue
-        inner = (
-            begin + (_STAY * (stop - begin) if stays[0] else 0.0),
-            stop - (_STAY * (stop - begin) if stays[1] else 0.0),
-        )
-        more = [(inner[0], Change(joint, Mode.FREE, course=_course(extremal, joint, *inner)))]
-        if stays[0]:
-            more.append((begin, Change(joint, stays[0])))
-        if stays[1]:
-            more.append((inner[1], Change(joint, stays[1])))
-        now = now.without_changes([k]).with_changes((t, one, state_at(march, t)) for t, one in more)
-    return None if now is schedule else now
+        stays = _held_stretches(extremal, k) if change.course else []
+        if stays:
+            pieces = _pieces(extremal, k, stays)
+            now = now.without_changes([k]).with_changes((t, one, state_at(extremal.march, t)) for t, one in pieces)
+    return None if now is schedule else now.without(())
+
+
+def _held_stretches(extremal: Extremal, k: int) -> list[tuple[float, float, Mode]]:
+    """Where the free torque that a change begins is to stay on a limit: begin, end [s], and which."""
+    march, joint = extremal.march, extremal.schedule.changes[k].joint
+    limits, end = march.setting.problem.limits, extremal.schedule.end_of(k)
+    own = np.flatnonzero((march.arc > k) & (march.arc <= end))
+    range_ = limits.effort_upper[joint] - limits.effort_lower[joint]
+    # Starts and ends of the steps in turn.
+    fall = np.column_stack([each[own, joint] for each in np.split(extremal.switching, 2)]).ravel() * range_
+    tau = np.column_stack([each[own, joint] for each in march.torques.tau]).ravel()
+    t = np.column_stack([march.times[own], march.times[own + 1]]).ravel()
+    out: list[tuple[float, float, Mode]] = []
+    for mode, sign, room in (
+        (Mode.UPPER, -1, limits.effort_upper[joint] - tau),
+        (Mode.LOWER, 1, tau - limits.effort_lower[joint]),
+    ):
+        for run in stretches(np.flatnonzero(sign * fall > _HELD)):
+            if np.min(room[run]) <= _REACHED * range_:
+                out.append((float(t[run[0]]), float(t[run[-1]]), mode))
+    return sorted(out)
+
+
+def _pieces(extremal: Extremal, k: int, stays: list[tuple[float, float, Mode]]) -> list[tuple[float, Change]]:
+    """A segment of a free torque in pieces: stays on limits, and courses between them; with their times."""
+    schedule, joint = extremal.schedule, extremal.schedule.changes[k].joint
+    now, stop = (float(each) for each in np.append(schedule.times, schedule.duration)[[k, schedule.end_of(k)]])
+    shortest, out = _SHORT * (stop - now), list[tuple[float, Change]]()
+    for begin, end, mode in [*stays, (stop, stop, Mode.FREE)]:
+        if begin - now > shortest:
+            out.append((now, Change(joint, Mode.FREE, course=_course(extremal, joint, now, begin))))
+        else:
+            begin = now
+        if end > begin:
+            out.append((begin, Change(joint, mode)))
+        now = max(now, end)
+    return out
 
 
 def idle_fall(extremal: Extremal, k: int) -> float:
@@ -121,6 +137,15 @@ def idle_fall(extremal: Extremal, k: int) -> float:
     return float(max(falls))
 
 
+def leaping_within(schedule: Schedule, joint: int, begin: float, end: float) -> frozenset[int]:
+    """Other joints that change between two times [s]."""
+    return frozenset(
+        change.joint
+        for change, time in zip(schedule.changes, schedule.times, strict=True)
+        if begin < time < end and change.joint != joint and not change.touch
+    )
+
+
 def _stretch(wrong: list[Wrong], apart: float) -> tuple[float, float]:
     """The worst stretch and those of its joint that join it [s]."""
     own = sorted((one.begin, one.end) for one in wrong if one.joint == wrong[0].joint)
@@ -131,16 +156,32 @@ def _stretch(wrong: list[Wrong], apart: float) -> tuple[float, float]:
     return begin, end
 
 
-def _course(extremal: Extremal, joint: int, begin: float, end: float) -> tuple[float, ...]:
-    """What comes nearest to the stays between two times [s]."""
+def _course(extremal: Extremal, joint: int, begin: float, end: float) -> Course:
+    """What comes nearest to a joint's torque between two times [s]."""
     march = extremal.march
     t = np.linspace(begin, end, _SAMPLES + 2)[1:-1]
-    tau = march.torques.tau[0][np.clip(np.searchsorted(march.times, t, side="right") - 1, 0, march.h.size - 1), joint]
-    x, limits = 2 * (t - begin) / (end - begin) - 1, march.setting.problem.limits
-    fitted = legendre.legfit(x, tau / march.setting.course[joint], _FITTED - 1)
-    middle = (limits.effort_upper[joint] + limits.effort_lower[joint]) / 2 / march.setting.course[joint]
-    half = limits.effort_upper[joint] / march.setting.course[joint] - middle
-    fitted[0] -= middle
-    fitted *= min(1.0, _INSIDE * half / float(np.max(np.abs(legendre.legval(x, fitted)))))
-    fitted[0] += middle
-    return (*fitted.tolist(), *([0.0] * (_FEW - _FITTED)))
+    own = np.clip(np.searchsorted(march.times, t, side="right") - 1, 0, march.h.size - 1)
+    leaping = leaping_within(extremal.schedule, joint, begin, end)
+    course = course_near(march.setting, joint, march.torques.tau[0][own], leaping)
+    return course.longer(_MORE, leaping)
+
+
+def course_near(setting: Setting, joint: int, tau: Array, leaping: frozenset[int]) -> Course:
+    """A short course near a joint's torque, within its limits.
+
+    Args:
+        setting: what is marched.
+        joint: its number.
+        tau: of all joints at even places of the segment [N m], shape (samples, nv).
+        leaping: others that change within it.
+    """
+    limits, unit = setting.problem.limits, setting.course[joint]
+    s = np.linspace(0, 1, len(tau) + 2)[1:-1]
+    middle, half = (limits.effort_upper + limits.effort_lower) / 2, limits.effort_size
+    signs = (tau > middle + _ON_LIMIT * half) * 1.0 - (tau < middle - _ON_LIMIT * half)
+    course = Course((0.0,) * _FEW, tuple((other, (0.0,)) for other in sorted(leaping)))
+    terms = course.terms(s, signs)
+    fitted = np.linalg.lstsq(terms, (tau[:, joint] - middle[joint]) / unit, rcond=None)[0]
+    fitted *= min(1.0, _INSIDE * half[joint] / unit / max(float(np.max(np.abs(terms @ fitted))), 1e-300))
+    fitted[0] += middle[joint] / unit
+    return course.with_values(fitted)

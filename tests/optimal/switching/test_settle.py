@@ -6,7 +6,7 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Mode
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.switching.schedule import Schedule, Segment
+from armdyn.optimal.switching.extremal.schedule import Schedule, Segment
 from armdyn.optimal.switching.settle import motion_of, setting_of, settled
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task

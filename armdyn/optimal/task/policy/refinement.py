@@ -23,6 +23,7 @@ class RefinementPolicy:
     slower: float = tuned(1.02, "of a certified duration", "the same, at the most", "RRR, ten payloads")
     intervals: int = tuned(24, "intervals", "of the first mesh of arcs", PAPER)
     most_intervals: int = tuned(100, "intervals", "of the finest such mesh", PAPER)
+    most_per_arc: int = tuned(12, "intervals", "the same for each arc: 17 arcs need more than 100", "RRR, random pairs")
     most_arcs: int = tuned(60, "arcs", "more are no structure", UNRECORDED)
     blur: int = tuned(
         20, "-", "off its limits for less than this part of a fine mesh a torque is switching", "RRR 1 kg"

@@ -6,9 +6,9 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.switching.descent import Extremal, Resisted, fastest, landed
-from armdyn.optimal.switching.model import Linear, Model
-from armdyn.optimal.switching.schedule import Schedule
+from armdyn.optimal.switching.extremal.descent import Extremal, Resisted, fastest, landed
+from armdyn.optimal.switching.extremal.model import Linear, Model
+from armdyn.optimal.switching.extremal.schedule import Schedule
 from armdyn.optimal.switching.settle import setting_of
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task
@@ -63,7 +63,7 @@ def test_the_model_is_what_motions_beside_it_do():
     m = linear.march.schedule.size
     slope = model.tangents[:, m]
     assert len(slope) >= 1
-    for by, down, bend in zip(model.tangents, slope, np.diag(model.bend), strict=True):
+    for by, down, bend in zip(model.tangents, slope, np.diag(model.parabola.bend), strict=True):
         sizes = np.array([-2e-5, 2e-5])
         durations = []
         for size in sizes:
@@ -75,7 +75,7 @@ def test_the_model_is_what_motions_beside_it_do():
         assert (durations[1] - durations[0]) / (2 * sizes[1]) == pytest.approx(down, rel=1e-3, abs=1e-5)
         # The second difference of durations that are known to 1e-12 s or so.
         second = (durations[1] - 2 * here + durations[0]) / sizes[1] ** 2
-        assert second == pytest.approx(bend, rel=0.05, abs=0.05 * np.max(np.abs(model.bend)))
+        assert second == pytest.approx(bend, rel=0.05, abs=0.05 * np.max(np.abs(model.parabola.bend)))
 
 
 def test_a_schedule_with_too_few_changes_has_no_motion_near():

@@ -6,16 +6,16 @@ Manifolds, 2008, chapter 7). The duration falls from one motion to the next. Cha
 other freely: torques that act on different joints commute, so that nothing jumps where they do.
 """
 
-from dataclasses import dataclass
-from typing import Self
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.switching.march import MOST_ARCS, March, Setting
-from armdyn.optimal.switching.model import Linear, Model, lengths_of
-from armdyn.optimal.switching.schedule import Schedule
+from armdyn.optimal.switching.extremal.march import March, Setting
+from armdyn.optimal.switching.extremal.model import Linear, Model, lengths_of
+from armdyn.optimal.switching.extremal.schedule import Schedule
 
 Array = NDArray[np.float64]
 
@@ -49,26 +49,41 @@ class Extremal:
 
     Attributes:
         linear: it, and how it answers to its times.
-        costates: at the starts and ends of the steps, each of shape (STEPS, 2 nv).
-        switching: the switching functions at these, shape (2 STEPS, nv).
-        multipliers: of the equations.
     """
 
     linear: Linear
-    costates: tuple[Array, Array]
-    switching: Array
-    multipliers: Array
 
-    @classmethod
-    def of(cls, model: Model) -> Self:
-        """Of a model whose slope is none."""
-        switching = model.linear.march.switching(model.costates)
-        return cls(model.linear, model.costates, switching, model.multipliers)
+    @property
+    def costates(self) -> tuple[Array, Array]:
+        """At the starts and ends of the steps, each of shape (steps, 2 nv)."""
+        return self.linear.costates
+
+    @property
+    def multipliers(self) -> Array:
+        """Of the equations."""
+        return self.linear.multipliers
+
+    @cached_property
+    def switching(self) -> Array:
+        """The switching functions at the starts and ends of the steps, shape (2 steps, nv)."""
+        return self.march.switching(self.costates)
 
     @property
     def march(self) -> March:
         """The motion."""
         return self.linear.march
+
+    @property
+    def drift(self) -> float:
+        """By how much H drifts at most on an arc on which no torque is free: the integrator's error.
+
+        Where one is free it drifts, too, as long as its switching function is not zero.
+        """
+        march = self.march
+        hamiltonian = 1 + np.sum(self.costates[1] * march.rate, axis=1)
+        full = ~np.any(march.torques.felt, axis=1)
+        arcs = (hamiltonian[full & (march.arc == arc)] for arc in np.unique(march.arc[full]))
+        return max((float(np.ptp(own)) for own in arcs), default=0.0)
 
     @property
     def schedule(self) -> Schedule:
@@ -105,15 +120,15 @@ def fastest(setting: Setting, schedule: Schedule, stop: Stop) -> Extremal | Resi
         if stop:
             return Resisted(stop.word, linear)
         model = Model.of(linear)
-        if not np.all(np.isfinite(model.bend)):
+        if not np.all(np.isfinite(model.parabola.bend)):
             return Resisted("the motion beside it leaves what numbers can hold", linear)
+        if linear.slope <= _FLAT:
+            return Extremal(linear)
         step = model.step(radius)
-        if step.slope <= _FLAT:
-            return Extremal.of(model)
         while True:
             if step.promised < _WORTH * schedule.duration:
-                if step.slope <= _NEARLY_FLAT:
-                    return Extremal.of(model)
+                if linear.slope <= _NEARLY_FLAT:
+                    return Extremal(linear)
                 return Resisted("no step shortens the motion any more", linear)
             after = _stepped(setting, linear, step.by)
             gained = linear.march.schedule.duration - after.march.schedule.duration if after else -np.inf
@@ -128,6 +143,21 @@ def fastest(setting: Setting, schedule: Schedule, stop: Stop) -> Extremal | Resi
     return Resisted(f"{_STEPS} steps did not reach an extremal", linear)
 
 
+def ended(extremal: Extremal, offset: Array | float = 0.0) -> Extremal:
+    """The same structure in one piece, without the gaps that its arcs have by rounding.
+
+    Args:
+        extremal: whose arcs begin where the ones before end to 1e-9; an arm in the open carries that on and on.
+        offset: how far beside the goal it is to end, in (q, v), shape (2 nv,).
+
+    Returns:
+        It; as it was, if nothing in one piece is near.
+    """
+    setting = replace(extremal.march.setting, offset=offset)
+    linear = landed(setting, extremal.schedule, _AGAIN, np.ones(extremal.schedule.size, bool))
+    return extremal if linear is None else Extremal(linear)
+
+
 def landed(
     setting: Setting, schedule: Schedule, rounds: int = _ROUNDS, joined: NDArray[np.bool_] | None = None
 ) -> Linear | None:
@@ -137,10 +167,11 @@ def landed(
         setting: what is marched.
         schedule: to begin with.
         rounds: of Newton's method.
-        joined: its changes whose states are not theirs, see `March.of`.
+        joined: its changes whose states are not theirs, see `March.of`; where all are, the motion stays in one piece.
     """
+    in_one = joined is not None and bool(np.all(joined))
     for k in range(rounds + 1):
-        if schedule.size + 1 > MOST_ARCS:
+        if schedule.size + 1 > setting.most_arcs:
             return None
         march = March.of(setting, schedule, joined)
         if not march.finite:
@@ -155,7 +186,8 @@ def landed(
         if k == rounds or most > _FAR:
             return None
         part = min(1.0, whole, 0.1 / max(most, 1e-300))
-        schedule, joined = _moved(linear, part * by, part)
+        schedule, moved = _moved(linear, part * by, part)
+        joined = np.ones(schedule.size, bool) if in_one else moved
     return None
 
 

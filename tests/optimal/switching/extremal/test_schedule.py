@@ -5,7 +5,8 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Arc, Mode
-from armdyn.optimal.switching.schedule import Change, Schedule, Segment, banged
+from armdyn.optimal.switching.extremal.course import Course
+from armdyn.optimal.switching.extremal.schedule import Change, Schedule, Segment, banged
 from problems import solved
 
 U, L, F, P = Mode.UPPER, Mode.LOWER, Mode.FREE, Mode.POSITION_UPPER
@@ -60,12 +61,12 @@ def test_changes_of_different_joints_pass_each_other():
 
 def test_a_course_moves_with_its_change():
     given = schedule([Arc(1.0, (U, L)), Arc(1.0, (L, L))]).with_changes(
-        [(0.5, Change(1, F, course=(1.0, 2.0)), np.zeros(4))]
+        [(0.5, Change(1, F, course=Course((1.0, 2.0))), np.zeros(4))]
     )
     assert given.width == 5
     np.testing.assert_array_equal(given.unknowns, [0.5, 1.0, 2.0, 1.0, 2.0])
     moved = given.moved(np.array([1.0, 0.0, 0.0, 0.25, -1.0]), given.states)
-    assert moved.changes[1].course == (1.25, 1.0)
+    assert moved.changes[1].course == Course((1.25, 1.0))
     assert moved.places == {1: slice(3, 5)}
 
 

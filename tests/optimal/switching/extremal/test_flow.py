@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import armdyn as ad
-from armdyn.optimal.switching.flow import STEPS, A, B, flow_of
+from armdyn.optimal.switching.extremal.flow import STEPS, A, B, flow_of
 from problems import paper_arm
 
 TORQUE = {"r": [3.0], "rr": [3.0, -3.0], "rrr": [3.0, -3.0, 3.0]}

@@ -18,7 +18,7 @@ from armdyn.optimal.program.machine.compiled import compiled
 Array = NDArray[np.float64]
 
 STEPS = 96
-"""Of a motion: an arm that turns by a third of a radian in each is then right to 1e-9."""
+"""That one call marches: an arm that turns by a third of a radian in each is then right to 1e-9."""
 
 
 def _tableau() -> tuple[Array, Array]:
@@ -65,6 +65,31 @@ class Flow:
 
     march: ca.Function
     switching: ca.Function
+
+    def marched(self, own: Array, begins: Array, *columns: Array) -> tuple[Array, Array, Array, Array]:
+        """Any multiple of `STEPS` steps, as many at a time: what `march` gives, a row for each step.
+
+        Args:
+            own: states that steps begin with, shape (steps, 2 nv).
+            begins: 1 where they do, shape (steps,); the first does.
+            columns: the other inputs of `march` but the first, a row for each step.
+        """
+        size, previous = own.shape[1], np.zeros(own.shape[1])
+        parts: list[tuple[Array, ...]] = []
+        for first in range(0, len(own), STEPS):
+            part = slice(first, first + STEPS)
+            outputs = self.march(previous, own[part].T, begins[part], *(each[part].T for each in columns))
+            parts.append(tuple(np.array(output).T for output in outputs))
+            previous = parts[-1][0][-1]
+        ends, slopes, answers, rates = (np.concatenate(each) for each in zip(*parts, strict=True))
+        through = slopes.reshape(-1, size, size).transpose(0, 2, 1)
+        return ends, through, answers.reshape(-1, 2, size).transpose(0, 2, 1), rates
+
+    def switchings(self, *columns: Array) -> Array:
+        """S of any multiple of 2 `STEPS` rows of what `switching` takes, likewise."""
+        starts = range(0, len(columns[0]), 2 * STEPS)
+        parts = [self.switching(*(each[first : first + 2 * STEPS].T for each in columns)) for first in starts]
+        return np.concatenate([np.array(part).T for part in parts])
 
 
 @built_once(maxsize=64)

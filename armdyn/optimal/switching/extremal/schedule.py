@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import BANG, OPPOSITE, Arc, Mode, merged
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.switching.extremal.course import Course
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -26,14 +27,13 @@ class Change:
         joint: its number.
         mode: what it is in from then on; of a touch, the limit that it meets and leaves at once.
         touch: it keeps the mode that it was in.
-        course: of a free torque, in parts of `Setting.course`: coefficients of Legendre's polynomials over its
-            segment; else none.
+        course: of a free torque; else none.
     """
 
     joint: int
     mode: Mode
     touch: bool = False
-    course: tuple[float, ...] = ()
+    course: Course | None = None
 
 
 @dataclass(frozen=True)
@@ -96,12 +96,13 @@ class Schedule:
     @property
     def unknowns(self) -> Array:
         """Times of the changes, the duration [s], and the courses of free torques, shape (width,)."""
-        return np.concatenate([self.times, [self.duration], *(change.course for change in self.changes)])
+        courses = [change.course.values for change in self.changes if change.course]
+        return np.concatenate([self.times, [self.duration], *courses])
 
     @property
     def width(self) -> int:
         """How many unknowns there are: m + 1, and those of the courses."""
-        return self.size + 1 + sum(len(change.course) for change in self.changes)
+        return self.size + 1 + sum(change.course.size for change in self.changes if change.course)
 
     @property
     def places(self) -> dict[int, slice]:
@@ -110,8 +111,8 @@ class Schedule:
         first = self.size + 1
         for k, change in enumerate(self.changes):
             if change.course:
-                out[k] = slice(first, first + len(change.course))
-                first += len(change.course)
+                out[k] = slice(first, first + change.course.size)
+                first += change.course.size
         return out
 
     def modes(self) -> list[tuple[Mode, ...]]:
@@ -134,7 +135,9 @@ class Schedule:
         m, places = self.size, self.places
         times = self.times + by[:m]
         changes = [
-            replace(change, course=tuple((np.array(change.course) + by[places[k]]).tolist())) if k in places else change
+            replace(change, course=change.course.with_values(change.course.values + by[places[k]]))
+            if change.course
+            else change
             for k, change in enumerate(self.changes)
         ]
         order = np.argsort(times, kind="stable") if in_order else np.arange(m)
@@ -211,19 +214,20 @@ class Schedule:
         return merged(out)
 
 
-def banged(arcs: Sequence[Arc], shares: Array) -> list[Arc]:
+def banged(arcs: Sequence[Arc], shares: Array, left: NDArray[np.bool_] | None = None) -> list[Arc]:
     """Arcs whose free torques are full ones of the same mean.
 
     Args:
         arcs: perhaps with joints on no limit.
         shares: of its range that a joint's torque is above the lower limit in an arc, in the mean, shape (arcs, nv).
+        left: whose torques are left free, likewise; None: nobody's.
     """
     out: list[Arc] = []
     for k, arc in enumerate(arcs):
         cuts: list[tuple[float, int, Mode]] = []
         modes = list(arc.modes)
         for i, mode in enumerate(arc.modes):
-            if mode is not Mode.FREE:
+            if mode is not Mode.FREE or (left is not None and left[k, i]):
                 continue
             before = out[-1].modes[i] if out else None
             after = arcs[k + 1].modes[i] if k + 1 < len(arcs) else None

@@ -1,0 +1,153 @@
+"""Contacts with position limits: whether torques can hold them, whether limits push, and what becomes of the others."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.arcs.arc import OPPOSITE, POSITION, Mode, outward, stretches
+from armdyn.optimal.switching.costates import NODES, Whole
+from armdyn.optimal.switching.extremal.descent import Extremal
+from armdyn.optimal.switching.extremal.schedule import Change, Schedule, Segment
+from armdyn.optimal.switching.signs import state_at
+
+Array = NDArray[np.float64]
+
+_BEYOND = 1e-6
+"""Of a torque's range: by so much more than it has a joint cannot be held."""
+_INWARD = 1e-4
+"""Of a contact's largest pull: as is certified."""
+_WHOLE = 0.02
+"""Of a contact: what is left of it at an end is not worth another contact."""
+_TOWARDS = {Mode.POSITION_UPPER: Mode.UPPER, Mode.POSITION_LOWER: Mode.LOWER}
+"""The torque that presses a joint against its limit."""
+
+
+def with_contacts(extremal: Extremal) -> Schedule | None:
+    """The schedule without parts of contacts that cannot be held or would rather be let go; None: there are none.
+
+    A joint that takes more torque than it has is given all of it, and touches at most. One that a limit would have to
+    pull back against is let go: inward torque takes it off, outward torque brings it back, a bounce.
+
+    Args:
+        extremal: whose contacts are looked at, one at a time.
+    """
+    schedule, whole = extremal.schedule, None
+    for segment in schedule.segments():
+        if segment.begin < 0 or schedule.changes[segment.begin].mode not in POSITION:
+            continue
+        whole = whole or Whole.of(extremal)
+        contact = _Contact.of(extremal, whole, segment)
+        if contact is None:
+            continue
+        if (weak := contact.weak) is not None:
+            return _let_go(extremal, segment, weak.part, [(0.0, weak.mode)])
+        if (part := contact.unwilling) is not None:
+            towards = _TOWARDS[schedule.changes[segment.begin].mode]
+            away = OPPOSITE[towards]
+            return _let_go(extremal, segment, part, [(0.0, away), (0.25, towards), (0.75, away)])
+    return None
+
+
+@dataclass(frozen=True)
+class _Weak:
+    part: tuple[float, float]
+    mode: Mode
+
+
+@dataclass(frozen=True, eq=False)
+class _Contact:
+    """A contact at the stages of its intervals.
+
+    Attributes:
+        s: where they are in it, from 0 to 1, shape (m,).
+        torque: from −1 at the lower limit to 1 at the upper, shape (m,).
+        pull: of the limit [1/(rad s)], outward, shape (m,).
+        ends: at its beginning and its end [1/rad].
+    """
+
+    s: Array
+    torque: Array
+    pull: Array
+    ends: tuple[float, float]
+
+    @classmethod
+    def of(cls, extremal: Extremal, whole: Whole, segment: Segment) -> "_Contact | None":
+        """Of a segment; None: it takes no time."""
+        schedule, limits = extremal.schedule, extremal.march.setting.problem.limits
+        change = schedule.changes[segment.begin]
+        edges = np.append(schedule.times, schedule.duration)
+        begin, end = float(edges[segment.begin]), float(edges[segment.end])
+        middle = (whole.t[:-1] + whole.t[1:]) / 2
+        own = np.flatnonzero((middle > begin) & (middle < end) & whole.position[:, change.joint])
+        if not own.size:
+            return None
+        i, sign, lengths = change.joint, outward(change.mode), np.diff(whole.t)
+        t = whole.t[own][:, None] + lengths[own][:, None] * NODES
+        upper, lower = limits.effort_upper[i], limits.effort_lower[i]
+        torque = (2 * whole.tau[own, :, i] - upper - lower) / (upper - lower)
+        costate, k, last = whole.costate[:, :, i], int(own[0]), int(own[-1])
+        first = 0.0 if k == 0 else costate[k - 1, -1] - costate[k, 0]
+        final = 0.0 if last == lengths.size - 1 else costate[last, -1] - costate[last + 1, 0]
+        return cls(
+            ((t - begin) / (end - begin)).ravel(),
+            torque.ravel(),
+            -sign * whole.pulls[own, :, i].ravel() * (end - begin),
+            (sign * float(first), sign * float(final)),
+        )
+
+    @property
+    def weak(self) -> _Weak | None:
+        """The first part in which a torque would have to be beyond its limit, and which; None: it never is."""
+        beyond = np.flatnonzero(np.abs(self.torque) > 1 + 2 * _BEYOND)
+        if not beyond.size:
+            return None
+        run = stretches(beyond)[0]
+        mode = Mode.UPPER if self.torque[run[0]] > 0 else Mode.LOWER
+        return _Weak(self._part(run), mode)
+
+    @property
+    def unwilling(self) -> tuple[float, float] | None:
+        """The first part in which the limit would have to pull the joint; None: it never has to."""
+        least = -_INWARD * max(float(np.max(np.abs(self.pull))), *map(abs, self.ends))
+        inward = np.flatnonzero(self.pull < least)
+        if inward.size:
+            return self._part(stretches(inward)[0])
+        if self.ends[0] < least:
+            return 0.0, 0.25
+        return (0.75, 1.0) if self.ends[1] < least else None
+
+    def _part(self, run: NDArray[np.int_]) -> tuple[float, float]:
+        before, after = self.s[max(run[0] - 1, 0)], self.s[min(run[-1] + 1, self.s.size - 1)]
+        begin, end = (self.s[run[0]] + before) / 2, (self.s[run[-1]] + after) / 2
+        return (0.0 if begin < _WHOLE else float(begin)), (1.0 if end > 1 - _WHOLE else float(end))
+
+
+def _let_go(
+    extremal: Extremal, segment: Segment, part: tuple[float, float], steps: list[tuple[float, Mode]]
+) -> Schedule:
+    """The schedule with a contact that is let go for a part of it.
+
+    Args:
+        extremal: whose schedule it is.
+        segment: the contact.
+        part: of it, from 0 to 1.
+        steps: torques instead, from when on in that part.
+    """
+    schedule = extremal.schedule
+    contact = schedule.changes[segment.begin]
+    edges = np.append(schedule.times, schedule.duration)
+    begin, end = float(edges[segment.begin]), float(edges[segment.end])
+    a, b = (begin + each * (end - begin) for each in part)
+    touch = Change(contact.joint, contact.mode, touch=True)
+    more = [(a + s * (b - a), Change(contact.joint, mode)) for s, mode in steps]
+    gone = []
+    if part[0] == 0:
+        gone.append(segment.begin)
+        more = [(a, touch), *more]
+    if part[1] < 1:
+        more.append((b, Change(contact.joint, contact.mode)))
+    elif part[0] > 0 or len(steps) > 1:
+        more.append((b, touch))
+    every = [(time, change, state_at(extremal.march, time)) for time, change in more]
+    return schedule.without_changes(gone).with_changes(every).without(())

@@ -1,0 +1,192 @@
+"""A march to first and to second order: what closes it, and the duration on the manifold of motions that it is on."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.switching.extremal.march import March
+from armdyn.optimal.switching.extremal.schedule import Schedule, Segment
+from armdyn.optimal.switching.extremal.trust import TIGHT, Parabola, held_back, null_space
+
+Array = NDArray[np.float64]
+
+_DIFFERENCE = 1e-6
+"""Of the duration, for a tangent of length 1: between what rounds off and what is cut off."""
+_SHORT = 1e-2
+"""Of the duration: segments shorter than that may vanish in one step; longer ones shrink by a tenth first."""
+_RANK = 1e-10
+"""Of the largest singular value: rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """A march to first order: the states that close its gaps, and what is asked of it, by its times.
+
+    Attributes:
+        march: what is linearised.
+        reach: by the unknowns, what the states at the changes and at the end change by, shape (m + 1, 2 nv, width).
+        gap: the same with the unknowns as they are, so that arcs join, shape (m + 1, 2 nv).
+        jacobian: of the equations, in parts of `March.unit`, shape (equations, width): the goal, and what is held.
+        residual: likewise, gaps closed, shape (equations,).
+        open: the largest gap, likewise.
+    """
+
+    march: March
+    reach: Array
+    gap: Array
+    jacobian: Array
+    residual: Array
+    open: float
+
+    @classmethod
+    def of(cls, march: March) -> Self:
+        """Linearise."""
+        schedule = march.schedule
+        m, size = schedule.size, march.start.shape[1]
+        whole, by = march.arcs
+        jumps = march.end[march.last] - np.vstack([schedule.states, march.setting.end])
+        reach, gap = np.zeros((m + 1, size, schedule.width)), np.zeros((m + 1, size))
+        for a in range(m + 1):
+            if a:
+                reach[a], gap[a] = whole[a] @ reach[a - 1], whole[a] @ gap[a - 1]
+            reach[a] += by[a]
+            gap[a] += jumps[a]
+        held = march.held_states
+        rows = [reach[m] / march.unit[:, None], *(reach[k, j][None] / march.unit[j] for k, j, _ in held)]
+        beyond = [(schedule.states[k, j] + gap[k, j] - value) / march.unit[j] for k, j, value in held]
+        worst = float(np.max(np.abs(jumps / march.unit)))
+        residual = np.concatenate([gap[m] / march.unit, beyond])
+        return cls(march, reach, gap, np.vstack(rows), residual, worst)
+
+    @property
+    def infeasible(self) -> float:
+        """The largest of gaps and equations, in parts of `March.unit`."""
+        return max(self.open, float(np.max(np.abs(self.residual))))
+
+    @cached_property
+    def tangents(self) -> Array:
+        """Changes of the unknowns, orthonormal, that no equation feels, shape (k, width)."""
+        return null_space(self.jacobian)
+
+    @cached_property
+    def _answer(self) -> tuple[float, Array]:
+        """What the duration answers along the tangents beside what free torques on their limits hold back; multipliers."""
+        gradient = np.zeros(self.jacobian.shape[1])
+        gradient[self.march.schedule.size] = 1.0
+        room, by_room = self.march.room
+        tight = by_room[room <= TIGHT]
+        pull, slope = held_back(self.tangents @ gradient, tight @ self.tangents.T)
+        return slope, np.asarray(np.linalg.lstsq(self.jacobian.T, pull @ tight - gradient, rcond=_RANK)[0], float)
+
+    @property
+    def slope(self) -> float:
+        """Of the duration along the tangents, beside what free torques on their limits hold back."""
+        return self._answer[0]
+
+    @property
+    def multipliers(self) -> Array:
+        """Of the equations, shape (equations,)."""
+        return self._answer[1]
+
+    @cached_property
+    def costates(self) -> tuple[Array, Array]:
+        """P at the steps' starts and ends, each of shape (steps, 2 nv), of the multipliers."""
+        march, size = self.march, self.march.start.shape[1]
+        p = self.multipliers[:size] / march.unit
+        jumps = np.zeros((march.schedule.size, size))
+        for (k, j, _), multiplier in zip(march.held_states, self.multipliers[size:], strict=True):
+            jumps[k, j] += multiplier / march.unit[j]
+        start, end = np.empty_like(march.start), np.empty_like(march.end)
+        for k in range(march.arc.size - 1, -1, -1):
+            end[k] = p
+            p = start[k] = march.through[k].T @ p
+            if k and march.arc[k] != march.arc[k - 1]:
+                p = p + jumps[march.arc[k] - 1]
+        return start, end
+
+    def bend(self, tangents: Array) -> Array:
+        """The Lagrangian's second derivatives along tangents, shape (k, k).
+
+        Differences of its gradient by times and states together: arcs are short, so that nothing grows in them that
+        would have to cancel, as it does where states follow from times.
+
+        Args:
+            tangents: of the unknowns, shape (k, width).
+        """
+        march = self.march
+        states = np.einsum("asz,kz->kas", self.reach[:-1], tangents)
+        out = np.empty((len(tangents), len(tangents)))
+        small = _DIFFERENCE * march.schedule.duration
+        here = _gradient(march, self.costates)
+        for j, (by, moved) in enumerate(zip(tangents, states, strict=True)):
+            there = _gradient(march.beside(small * by, small * moved), self.costates)
+            by_unknowns, by_state = ((b - a) / small for a, b in zip(here, there, strict=True))
+            out[j] = tangents @ by_unknowns + np.einsum("kas,as->k", states, by_state)
+        return (out + out.T) / 2
+
+
+def _gradient(march: March, costates: tuple[Array, Array]) -> tuple[Array, Array]:
+    """The Lagrangian's by the unknowns, shape (width,), and by the changes' states, shape (m, 2 nv), less constants."""
+    p, (whole, by) = costates[1][march.last], march.arcs
+    return np.einsum("as,asz->z", p, by), np.einsum("aij,ai->aj", whole, p)[1:]
+
+
+def lengths_of(schedule: Schedule) -> Array:
+    """Of the segments by the unknowns, shape (segments, width)."""
+    segments: list[Segment] = list(schedule.segments())
+    out = np.zeros((len(segments), schedule.width))
+    for row, segment in zip(out, segments, strict=True):
+        row[segment.end] += 1
+        if segment.begin >= 0:
+            row[segment.begin] -= 1
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """Along the tangent.
+
+    Attributes:
+        by: what the unknowns change by.
+        promised: what the duration falls by, by the model [s].
+        bound: the model's trust ends it.
+    """
+
+    by: Array
+    promised: float
+    bound: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """The duration to second order, on the tangent.
+
+    Attributes:
+        linear: the motion.
+        parabola: the duration along its tangents.
+    """
+
+    linear: Linear
+    parabola: Parabola
+
+    @classmethod
+    def of(cls, linear: Linear) -> Self:
+        """At a motion."""
+        gradient = linear.tangents[:, linear.march.schedule.size]
+        return cls(linear, Parabola(gradient, linear.bend(linear.tangents)))
+
+    def step(self, radius: float) -> Step:
+        """The best step within a radius [s] that leaves no segment negative."""
+        march = self.linear.march
+        schedule, (room, by_room) = march.schedule, march.room
+        lengths = lengths_of(schedule)
+        now = np.concatenate([lengths @ schedule.unknowns, room])
+        long = np.arange(now.size) < len(lengths)
+        long &= now >= _SHORT * schedule.duration
+        tangents = self.linear.tangents
+        rows = np.vstack([lengths, by_room]) @ tangents.T
+        y, rim = self.parabola.within(rows, np.where(long, 0.9 * now, now), radius)
+        return Step(y @ tangents, -self.parabola.at(y), rim)

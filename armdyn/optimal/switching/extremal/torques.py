@@ -1,0 +1,108 @@
+"""What moves a march: torques at the ends of its steps, and how free ones answer to the unknowns."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.models.values.limits import JointLimits
+from armdyn.optimal.arcs.arc import POSITION, VELOCITY, Mode
+from armdyn.optimal.switching.extremal.schedule import Schedule
+
+Array = NDArray[np.float64]
+
+_KINDS = {Mode.UPPER: 1, Mode.LOWER: -1}
+
+
+@dataclass(frozen=True, eq=False)
+class Torques:
+    """Torques at both ends of all steps, and how free ones answer to the unknowns.
+
+    Attributes:
+        tau: at the starts and at the ends [N m], each of shape (steps, nv).
+        held: 1 for joints that are held, shape (steps, nv).
+        felt: 1 for joints whose torques are free, likewise.
+        by: ∂τ/∂(unknowns) of free torques at the starts and at the ends, each of shape (steps, nv, width).
+    """
+
+    tau: tuple[Array, Array]
+    held: Array
+    felt: Array
+    by: tuple[Array, Array]
+
+    @classmethod
+    def of(cls, limits: JointLimits, unit: Array, schedule: Schedule, arc: NDArray[np.int_]) -> Self:
+        """Of a schedule's steps.
+
+        Args:
+            limits: of the torques.
+            unit: what a coefficient of 1 in a course is [N m], shape (nv,).
+            schedule: its arcs.
+            arc: which arc each step is in, shape (steps,).
+        """
+        modes = schedule.modes()
+        signs = np.array([[_KINDS.get(mode, 0) for mode in each] for each in modes])[arc]
+        bang = np.where(signs > 0, limits.effort_upper, np.where(signs < 0, limits.effort_lower, 0.0))
+        free = np.array([[mode is Mode.FREE for mode in each] for each in modes])[arc]
+        held = np.array([[mode in POSITION or mode in VELOCITY for mode in each] for each in modes])[arc]
+        tau = bang.copy(), bang.copy()
+        by = tuple(np.zeros((*bang.shape, schedule.width)) for _ in tau)
+        for k, place in schedule.places.items():
+            joint, course = schedule.changes[k].joint, schedule.changes[k].course
+            end = schedule.end_of(k)
+            own = np.flatnonzero((arc > k) & (arc <= end))
+            for side, (torque, answer) in enumerate(zip(tau, by, strict=True)):
+                s, by_z = _along(schedule, arc, own, side, (k, end))
+                terms = unit[joint] * course.terms(s, signs[own])
+                torque[own, joint] = terms @ course.values
+                answer[own, joint] = (unit[joint] * course.slope(s, signs[own]))[:, None] * by_z
+                answer[own, joint, place] += terms
+        return cls(tau, held.astype(float), free.astype(float), (by[0], by[1]))
+
+    @property
+    def layers(self) -> list[Array]:
+        """Free torques, one of each step at a time: 1 for its joint, each of shape (steps, nv); at least one layer."""
+        number = np.cumsum(self.felt, axis=1)
+        return [self.felt * (number == k + 1) for k in range(max(1, int(np.max(number))))]
+
+    def room(self, limits: JointLimits, unit: Array) -> tuple[Array, Array]:
+        """What free torques are from both limits, and by the unknowns, shape (rows, width).
+
+        Args:
+            limits: of the torques.
+            unit: what counts as 1 [N m], shape (nv,).
+        """
+        steps, joints = np.nonzero(self.felt)
+        scale, values, rows = unit[joints], [np.empty(0)], [np.empty((0, self.by[0].shape[2]))]
+        for tau, by in zip(self.tau, self.by, strict=True):
+            for sign, bound in ((-1.0, limits.effort_upper), (1.0, -limits.effort_lower)):
+                values.append((bound[joints] + sign * tau[steps, joints]) / scale)
+                rows.append(sign * by[steps, joints] / scale[:, None])
+        return np.concatenate(values), np.concatenate(rows)
+
+
+def _along(
+    schedule: Schedule, arc: NDArray[np.int_], own: NDArray[np.int_], side: int, ends: tuple[int, int]
+) -> tuple[Array, Array]:
+    """Where steps start (side 0) or end (side 1) in a segment, from 0 to 1; and by the unknowns, shape (own, width).
+
+    Args:
+        schedule: the arcs.
+        arc: which arc each step is in.
+        own: the steps asked for.
+        side: of them.
+        ends: changes that begin and end the segment.
+    """
+    edges = np.concatenate([[0.0], schedule.times, [schedule.duration]])
+    by_edges = np.zeros((edges.size, schedule.width))
+    by_edges[1:, : edges.size - 1] = np.eye(edges.size - 1)
+    counts = np.bincount(arc)
+    part = ((np.arange(arc.size) - np.concatenate([[0], np.cumsum(counts)])[arc] + side) / counts[arc])[own]
+    before = arc[own]
+    t = (1 - part) * edges[before] + part * edges[before + 1]
+    by_t = (1 - part)[:, None] * by_edges[before] + part[:, None] * by_edges[before + 1]
+    (begin, end), (by_begin, by_end) = edges[np.array(ends) + 1], by_edges[np.array(ends) + 1]
+    length = max(end - begin, 1e-12)
+    s = (t - begin) / length
+    return s, (by_t - by_begin - s[:, None] * (by_end - by_begin)) / length

@@ -1,0 +1,121 @@
+"""The least of a quadratic model within a ball and on the right side of planes: an active set, each time in a ball."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+Array = NDArray[np.float64]
+
+_RANK = 1e-10
+"""Of the largest singular value: rounding."""
+TIGHT = 1e-8
+"""Room to a plane that is none, in what unknowns are in: landing closes to about a tenth."""
+_ALONG = 1e-12
+"""Of the radius: a step that comes so little nearer to a plane goes along it."""
+_PULL = 1e-9
+"""A multiplier that pulls into a plane by no more is none, beside the 1 that time costs."""
+_CHANGES = 4
+"""Of the planes that are kept to, so many times as many as there are unknowns: more go in circles."""
+
+
+@dataclass(frozen=True, eq=False)
+class Parabola:
+    """What is made small: slope·y + yᵀ bend y / 2.
+
+    Attributes:
+        slope: shape (k,).
+        bend: symmetric, shape (k, k).
+    """
+
+    slope: Array
+    bend: Array
+
+    def at(self, y: Array) -> float:
+        """Its value, 0 at 0."""
+        return float(self.slope @ y + y @ self.bend @ y / 2)
+
+    def within(self, rows: Array, room: Array, radius: float) -> tuple[Array, bool]:
+        """The least that is found in |y| ≤ radius with rows y + room ≥ 0; and whether the ball's rim ends it.
+
+        From y = 0 on: to the least with the planes that are kept to, or as far as the next plane, which is kept to
+        from there; at the least, a plane that holds nothing back is let go.
+
+        Args:
+            rows: shape (planes, k).
+            room: at y = 0; negative counts as none, shape (planes,).
+            radius: of the ball.
+        """
+        y, room, kept = np.zeros_like(self.slope), np.maximum(room, 0.0), list[int]()
+        best, best_value, rim_there = y, 0.0, False
+        for _ in range(_CHANGES * self.slope.size):
+            target, shift, rim = self._along(y, rows[kept], radius)
+            by = rows @ (target - y)
+            left = np.maximum(room + rows @ y, 0.0)
+            nearer = by < -_ALONG * radius
+            nearer[kept] = False
+            shares = np.where(nearer, left / np.where(nearer, -by, 1.0), np.inf)
+            k = int(np.argmin(shares)) if shares.size else -1
+            whole = k < 0 or shares[k] >= 1
+            y = target if whole else y + shares[k] * (target - y)
+            if self.at(y) < best_value:
+                best, best_value, rim_there = y, self.at(y), rim and whole
+            if not whole:
+                kept.append(k)
+                continue
+            if not kept:
+                break
+            pull = np.linalg.lstsq(rows[kept].T, self.slope + self.bend @ y + shift * y, rcond=_RANK)[0]
+            if np.min(pull) >= -_PULL:
+                break
+            kept.pop(int(np.argmin(pull)))
+        return best, rim_there
+
+    def _along(self, y: Array, kept: Array, radius: float) -> tuple[Array, float, bool]:
+        """The least in the ball that is as far from some planes as y is; the ball's multiplier; whether its rim is met."""
+        free = null_space(kept) if len(kept) else np.eye(y.size)
+        if not len(free):
+            return y, 0.0, False
+        base: Array = y - (free @ y) @ free
+        values, axes = np.linalg.eigh(free @ self.bend @ free.T)
+        down: Array = -axes.T @ (free @ (self.slope + self.bend @ base))
+        own, shift, rim = _in_ball(values, down, math.sqrt(max(radius**2 - float(base @ base), 1e-30)))
+        return base + (axes @ own) @ free, shift, rim
+
+
+def held_back(slope: Array, rows: Array) -> tuple[Array, float]:
+    """Multipliers of planes on which a point lies that hold it back, shape (planes,), and how steep it is beside them.
+
+    Args:
+        slope: shape (k,).
+        rows: of the planes, shape (planes, k).
+    """
+    if not len(rows):
+        return np.empty(0), float(np.linalg.norm(slope))
+    pull, left = nnls(rows.T, slope)
+    return np.asarray(pull), float(left)
+
+
+def null_space(rows: Array) -> Array:
+    """Orthonormal directions that rows do not feel, shape (k, columns)."""
+    values, directions = np.linalg.svd(rows)[1:]
+    return np.asarray(directions[int(np.sum(values > _RANK * values[0])) :])
+
+
+def _in_ball(values: Array, down: Array, radius: float) -> tuple[Array, float, bool]:
+    """The least of ½ Σ λ y² − down·y within a ball, its multiplier, and whether its rim is reached.
+
+    Moré and Sorensen, Computing a trust region step, SIAM J. Sci. Stat. Comput. 4, 1983.
+    """
+    low = max(0.0, -float(values[0]) * (1 + 1e-9) + 1e-12) if values[0] <= 0 else 0.0
+    y: Array = down / (values + low)
+    if np.linalg.norm(y) <= radius:
+        return y, low, False
+    high = low + float(np.linalg.norm(down)) / radius + float(np.max(np.abs(values)))
+    for _ in range(60):
+        shift = (low + high) / 2
+        y = down / (values + shift)
+        low, high = (shift, high) if np.linalg.norm(y) > radius else (low, shift)
+    return down / (values + high), high, True
