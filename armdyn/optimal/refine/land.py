@@ -30,7 +30,7 @@ def land(task: Task, phases: Phases, remark: str = "", intervals: int | None = N
     """
     phases, replay, resisted = _finer(task, phases)
     if not resisted:
-        phases, replay, resisted = _on_goal(task, phases)
+        phases, replay, resisted = _on_goal(task, phases, replay)
     replay = replace(replay, name="minimum time")
     certificate = certify(task.problem, replay, phases, remark or resisted, adjoint=False)
     size = intervals or phases.arc_of.size
@@ -76,11 +76,11 @@ def _finer(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
     return phases, replay_of(task, phases.torques), ""
 
 
-def _on_goal(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
+def _on_goal(task: Task, phases: Phases, replay: Trajectory) -> tuple[Phases, Trajectory, str]:
     """Aimed beside the goal by the collocation's own error."""
     problem, numbers, n = task.problem, task.policy.refinement, task.problem.robot.nv
-    best, replay = phases, replay_of(task, phases.torques)
-    given, aim = Kept.of(phases.arcs, phases.torques) if phases.kept else None, Aim()
+    best, aim = phases, Aim()
+    given = Kept.of(phases.arcs, phases.torques) if phases.kept else None
     for _ in range(numbers.aims):
         if np.max(np.abs(problem.beside_goal(replay)[:n])) <= numbers.landed or task.stop:
             break
