@@ -21,8 +21,13 @@ def forward_dynamics(robot: Robot) -> StateFunction:
     """
     model, data, configuration, friction = robot.model, robot.model.createData(), robot.configuration, robot.friction
 
-    def free(q: Array, v: Array, tau: Array) -> Array:
+    def plain(q: Array, v: Array, tau: Array) -> Array:
+        return np.array(pin.aba(model, data, q, v, tau))
+
+    def turning(q: Array, v: Array, tau: Array) -> Array:
         return np.array(pin.aba(model, data, configuration(q), v, tau))
+
+    free = plain if model.nq == model.nv else turning  # the most called function of all
 
     def rubbing(q: Array, v: Array, tau: Array) -> Array:
         return free(q, v, tau - friction.torque(v))

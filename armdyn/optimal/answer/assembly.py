@@ -84,7 +84,7 @@ def _judged(task: Task, optimum: Optimum, bound: float | None) -> Optimum:
     motion, phases, problem = optimum.trajectory, optimum.phases, task.problem
     certificate = replace(optimum.certificate, landing=task.options.replay_tolerance)
     certificate = certificate.bounded(None if problem.pays_effort else bound, motion.duration)
-    if phases is not None and certificate.extremal:
+    if phases is not None and certificate.extremal and certificate.adjoint_error is None:
         certificate = replace(certificate, adjoint_error=adjoint_error(problem.robot, motion, phases))
     return replace(optimum, certificate=certificate)
 

@@ -4,42 +4,47 @@ Where the torque has a corner at every sample an integrator is started at every 
 takes longer to be started than to step. This is its step, by its own coefficients, without the object around it.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
+from armdyn.dynamics.numeric import StateFunction
+
 Array = NDArray[np.float64]
-Rate = Callable[[float, Array], Array]
 
 _A, _B, _C, _E3, _E5 = (np.asarray(getattr(DOP853, name)) for name in ("A", "B", "C", "E3", "E5"))
 _STAGES = int(DOP853.n_stages)
 EVALUATIONS = _STAGES
-"""Of the rate, in one step from where it is known."""
+"""Of the acceleration, in one step from where it is known."""
+NODES = np.append(_C[:_STAGES], 1.0)[:, None]
+"""Where a step asks for torques, as parts of it, shape (EVALUATIONS + 1, 1)."""
+_BEFORE = tuple(_A[s, :s] for s in range(_STAGES))
 
 
-def one_step(rate: Rate, times: Array, x: Array, slope: Array, rtol: float) -> tuple[Array, Array] | None:
+def one_step(
+    acceleration: StateFunction, torques: Array, h: float, x: Array, slope: Array, rtol: float
+) -> tuple[Array, Array] | None:
     """The state after a stretch, and its rate there.
 
     Args:
-        rate: (time, state) ↦ how the state changes.
-        times: the stretch's ends [s], shape (2,).
-        x: the state where it begins, shape (m,).
-        slope: the rate there, shape (m,).
+        acceleration: of q, v and tau.
+        torques: at `NODES` of the stretch, shape (EVALUATIONS + 1, nv).
+        h: its length [s].
+        x: (q, v) where it begins, shape (2 nv,).
+        slope: its rate there, shape (2 nv,).
         rtol: relative tolerance; absolute 1e-2 of that.
 
     Returns:
         None: the error is beyond the tolerance by the method's own estimate, or something is not finite.
     """
-    start, end = times
-    h = end - start
+    n = x.size // 2
     K = np.empty((_STAGES + 1, x.size))
     K[0] = slope
     for s in range(1, _STAGES):
-        K[s] = rate(start + _C[s] * h, x + h * (_A[s, :s] @ K[:s]))
+        y = x + h * (_BEFORE[s] @ K[:s])
+        K[s, :n], K[s, n:] = y[n:], acceleration(y[:n], y[n:], torques[s])
     there = x + h * (_B @ K[:_STAGES])
-    K[_STAGES] = rate(end, there)
+    K[_STAGES, :n], K[_STAGES, n:] = there[n:], acceleration(there[:n], there[n:], torques[_STAGES])
     scale = rtol * (1e-2 + np.maximum(np.abs(x), np.abs(there)))
     fifth, third = _E5 @ K / scale, _E3 @ K / scale
     fine, coarse = float(fifth @ fifth), float(third @ third)

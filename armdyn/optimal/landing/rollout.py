@@ -12,7 +12,7 @@ from armdyn.arguments import expect, number
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.errors import TrajectoryError
 from armdyn.models.robots.robot import Robot, expect_robot
-from armdyn.optimal.landing.one_step import EVALUATIONS, one_step
+from armdyn.optimal.landing.one_step import EVALUATIONS, NODES, one_step
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -68,6 +68,8 @@ def _followed(robot: Robot, trajectory: Trajectory, rtol: float, stop: Callable[
         return spent + evaluations >= (_MOST_WHEN_LATE if stop is not None and stop() else _MOST_EVALUATIONS)
 
     t, torque, jumps = trajectory.t, trajectory.tau, trajectory.jumps
+    steps, change = np.diff(t), np.diff(torque, axis=0)
+    held = ~np.any(change, axis=1)
     states = [np.concatenate([trajectory.q[0], trajectory.v[0]])]
     k, spent = 0, 0
     going: Array | None = None  # the rate here, where the last step has left it and the torque does not jump
@@ -76,14 +78,13 @@ def _followed(robot: Robot, trajectory: Trajectory, rtol: float, stop: Callable[
             states.append(states[-1])
             k, going = k + 1, None
             continue
-        slope = (torque[k + 1] - torque[k]) / (t[k + 1] - t[k])
         end = k + 1
-        while not np.any(slope) and end < t.size - 1 and np.array_equal(torque[end + 1], torque[k]):
+        while held[k] and end < t.size - 1 and held[end]:
             end += 1  # samples of one constant torque: nothing for the integrator to stop at
-        here = partial(rate, start=t[k], tau=torque[k], slope=slope)
+        here = partial(rate, start=t[k], tau=torque[k], slope=change[k] / steps[k])
         if end == k + 1 and not enough(0):
             going = here(t[k], states[-1]) if going is None else going
-            step = one_step(here, t[k : end + 1], states[-1], going, rtol)
+            step = one_step(acceleration, torque[k] + NODES * change[k], steps[k], states[-1], going, rtol)
             spent += EVALUATIONS
             if step is not None:
                 state, going = step

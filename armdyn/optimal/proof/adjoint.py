@@ -13,27 +13,34 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
-from scipy.integrate import DOP853
 
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.arcs.arc import POSITION, VELOCITY
 from armdyn.optimal.arcs.phases import TABLEAU, Phases
 from armdyn.optimal.landing.rollout import dense, replay_torques
+from armdyn.optimal.task.tableau import GAUSS_3
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_RTOL = 1e-7
-"""Of the integrator: a thousandth of the costates' tolerance; absolute a tenth of that, as H feels it."""
+_PRECISE = 1e-7
+"""Of a stretch's propagator, as H feels it: a thousandth of the costates' tolerance. What is taken is 64 times as good:
+the two halves' of what one step of sixth order is held against."""
 _SAMPLES = 400
 """Of the replay, about: quintics between them are then right to 1e-9 of what the paper's arms do."""
 _POWERS = np.arange(6.0)
 """Of a quintic."""
-_MOST_STEPS = 5_000
-"""Of the integrator: ten times what the paper's arms take, some seconds."""
+_MOST = 20_000
+"""Stretches: fifty times what the paper's arms take, some seconds."""
+_DEEPEST = 12
+"""Times that one is halved: the turn of a joint through dry friction takes some."""
+_NEAR = 1e-3
+"""Of an interval: a sample so near its end is no edge of its own."""
 _STILL = 1e-9
 """A joint that moves less than this part of the fastest counts as if it moved that much."""
+_MIDDLE = 0.3
+"""Of a stretch: a sample so near its middle halves it, because torques have their corners there."""
 
 
 def adjoint_error(robot: Robot, replay: Trajectory, phases: Phases) -> float:
@@ -57,7 +64,7 @@ def adjoint_error(robot: Robot, replay: Trajectory, phases: Phases) -> float:
         finer = replay_torques(robot, finer)
         if finer.t[-1] != replay.t[-1]:
             return float("inf")
-    along = _Along.of(robot, finer)
+    along = Along.of(robot, finer)
     found = _backwards(along, phases)
     if found is None:
         return float("inf")
@@ -68,7 +75,7 @@ def adjoint_error(robot: Robot, replay: Trajectory, phases: Phases) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class _Along:
+class Along:
     """A motion between whose samples positions are quintics: through q, v and a at both.
 
     Attributes:
@@ -84,7 +91,7 @@ class _Along:
     size: Array
 
     @classmethod
-    def of(cls, robot: Robot, motion: Trajectory) -> "_Along":
+    def of(cls, robot: Robot, motion: Trajectory) -> "Along":
         """With what forward dynamics say of the samples."""
         acceleration = forward_dynamics(robot)
         q, v, h = motion.q, motion.v, np.diff(motion.t)[:, None]
@@ -97,57 +104,88 @@ class _Along:
         size = np.concatenate([np.maximum(each, _STILL * np.max(each)) for each in peaks])
         return cls(robot, motion, np.stack([q[:-1], start, mean, *more], axis=1), size)
 
-    def within(self, start: float, end: float) -> "_Stretch":
-        """The part between two times that are samples: what a jump of the torque at its ends says is of this side."""
-        t, tiny = self.motion.t, 1e-14 * self.motion.t[-1]
-        first, last = np.searchsorted(t, [start - tiny, end - tiny])
-        return _Stretch(self, int(first), int(last))
+    def states(self, times: Array) -> tuple[Array, Array, Array]:
+        """Positions, velocities and torques at times that are no jumps, shape (k,): each of shape (k, nv)."""
+        t, tau = self.motion.t, self.motion.tau
+        k = np.clip(np.searchsorted(t, times, side="right") - 1, 0, t.size - 2)
+        h = (t[k + 1] - t[k])[:, None]
+        s = (times - t[k])[:, None] / h
+        powers, quintics = s**_POWERS, self.quintics[k]
+        velocities = np.einsum("kp,kpn->kn", _POWERS[1:] * powers[:, :-1], quintics[:, 1:]) / h
+        return np.einsum("kp,kpn->kn", powers, quintics), velocities, tau[k] + s * (tau[k + 1] - tau[k])
 
-
-class _Stretch:
-    """The adjoint equations between two samples.
-
-    Attributes:
-        along: the motion.
-        first: the sample that it begins with.
-        last: the sample that it ends with.
-    """
-
-    def __init__(self, along: _Along, first: int, last: int):
-        self.along, self.first, self.last = along, first, last
-        self._model, self._data = along.robot.model, along.robot.model.createData()
-
-    def rate(self, time: float, flat: Array) -> Array:
-        """−(∂f/∂x)ᵀ times the columns of a matrix, shape (2 nv, 2 nv + 1), all as one row."""
-        n = self.along.robot.nv
-        columns = flat.reshape(2 * n, -1)
-        by_q, by_v = self._slopes(time)
-        down: Array = -np.concatenate([by_q.T @ columns[n:], columns[:n] + by_v.T @ columns[n:]]).ravel()
+    def slopes(self, times: Array) -> Array:
+        """−(∂f/∂x)ᵀ at such times, friction included, shape (k, 2 nv, 2 nv)."""
+        robot, n, friction = self.robot, self.robot.nv, self.robot.friction
+        model, data, rubs = robot.model, robot.model.createData(), friction.present
+        q, v, tau = self.states(times)
+        if rubs:
+            tau = tau - friction.torque(v)
+        by_q, by_v, inverse = np.empty((3, times.size, n, n))
+        for k in range(times.size):
+            pin.computeABADerivatives(model, data, robot.configuration(q[k]), v[k], tau[k])
+            by_q[k], by_v[k] = data.ddq_dq, data.ddq_dv
+            if rubs:
+                inverse[k] = data.Minv
+        if rubs:
+            by_v -= (np.triu(inverse) + np.triu(inverse, 1).swapaxes(1, 2)) * friction.slope(v)[:, None]
+        down = np.zeros((times.size, 2 * n, 2 * n))
+        down[:, :n, n:], down[:, n:, n:] = -by_q.swapaxes(1, 2), -by_v.swapaxes(1, 2)
+        down[:, n:, :n] = -np.eye(n)
         return down
 
-    def _slopes(self, time: float) -> tuple[Array, Array]:
-        """∂a/∂q and ∂a/∂v, friction included, each of shape (nv, nv)."""
-        robot, (q, v, tau) = self.along.robot, self._state(time)
-        friction = robot.friction
-        if not friction.present:
-            pin.computeABADerivatives(self._model, self._data, robot.configuration(q), v, tau)
-            return self._data.ddq_dq, self._data.ddq_dv
-        pin.computeABADerivatives(self._model, self._data, robot.configuration(q), v, tau - friction.torque(v))
-        inverse = np.triu(self._data.Minv) + np.triu(self._data.Minv, 1).T
-        return self._data.ddq_dq, self._data.ddq_dv - inverse * friction.slope(v)
+    def carried(self, edges: Array, precise: float) -> Array | None:
+        """What costates at the end of each stretch are at its start: matrices, shape (k, 2 nv, 2 nv).
 
-    def _state(self, time: float) -> tuple[Array, Array, Array]:
-        """Position, velocity and torque."""
-        t, tau = self.along.motion.t, self.along.motion.tau
-        k = min(max(int(np.searchsorted(t, time, side="right")) - 1, self.first), self.last - 1)
-        h = t[k + 1] - t[k]
-        s = (time - t[k]) / h
-        powers, quintic = s**_POWERS, self.along.quintics[k]
-        velocity = (_POWERS[1:] * powers[:-1]) @ quintic[1:] / h
-        return powers @ quintic, velocity, tau[k] + s * (tau[k + 1] - tau[k])
+        By the sixth order of Gauss in one step and in two: where these differ, each half once more.
+
+        Args:
+            edges: of the stretches, at samples or between them, shape (k + 1,) [s].
+            precise: by how much entries may differ where costates are measured by `size`.
+
+        Returns:
+            None: it takes too many stretches.
+        """
+        starts, ends = edges[:-1], edges[1:]
+        return self._halved(starts, ends, self._step(starts, ends), precise, _DEEPEST)
+
+    def _halved(self, starts: Array, ends: Array, whole: Array, precise: float, deepest: int) -> Array | None:
+        """The same by halves, which are halved as long as it makes a difference."""
+        t = self.motion.t
+        middles = (starts + ends) / 2
+        k = np.searchsorted(t, middles)
+        near = np.where(t[k] - middles < middles - t[k - 1], t[k], t[k - 1])
+        middles = np.where(np.abs(near - middles) < _MIDDLE * (ends - starts), near, middles)
+        steps = self._step(np.append(starts, middles), np.append(middles, ends))
+        first, second = steps[: starts.size], steps[starts.size :]
+        both: Array = first @ second
+        apart = np.max(np.abs(both - whole) * (self.size[:, None] / self.size), axis=(1, 2))
+        rough = np.flatnonzero(~(apart <= precise))
+        if not rough.size:
+            return both
+        if not deepest or rough.size > _MOST:
+            return None
+        first_half = self._halved(starts[rough], middles[rough], first[rough], precise, deepest - 1)
+        second_half = self._halved(middles[rough], ends[rough], second[rough], precise, deepest - 1)
+        if first_half is None or second_half is None:
+            return None
+        both[rough] = first_half @ second_half
+        return both
+
+    def _step(self, starts: Array, ends: Array) -> Array:
+        """The same in one step."""
+        s, own = GAUSS_3.c.size, self.size.size
+        h = (ends - starts)[:, None]
+        backwards = ends[:, None] - h * GAUSS_3.c
+        rates = self.slopes(backwards.ravel()).reshape(-1, s, own, own)
+        system = np.einsum("k,jl,kjab->kjalb", h[:, 0], GAUSS_3.A, rates).reshape(-1, s * own, s * own)
+        stages = np.linalg.solve(np.eye(s * own) + system, rates.reshape(-1, s * own, own))
+        moved = np.einsum("j,kjab->kab", GAUSS_3.b, stages.reshape(-1, s, own, own))
+        carried: Array = np.eye(own) - h[:, :, None] * moved
+        return carried
 
 
-def _backwards(along: _Along, phases: Phases) -> Array | None:
+def _backwards(along: Along, phases: Phases) -> Array | None:
     """The adjoint equations at the knots, from the costate at the goal; None if they cannot be followed.
 
     Returns:
@@ -155,39 +193,36 @@ def _backwards(along: _Along, phases: Phases) -> Array | None:
     """
     inner, knots, on_limit = _pulls(phases)
     K, own = phases.arc_of.size, phases.costate.shape[1]
+    stops = phases.t[:-1, None] + np.diff(phases.t)[:, None] * TABLEAU.c[:-1]  # where limits pull
+    breaks = np.unique(np.concatenate([phases.t, stops[on_limit].ravel()]))
+    edges = _edges(breaks, along.motion.t)
+    largest = float(np.max(np.abs(phases.costate * along.size)))
+    steps = along.carried(edges, _PRECISE / max(largest, 1.0))
+    if steps is None:
+        return None
+    place = np.searchsorted(edges, phases.t)
     found = np.empty((K + 1, own, own + 1))
     found[-1] = np.column_stack([phases.costate[-1], np.diag(1 / along.size)])
-    steps = 0
     for k in range(K - 1, -1, -1):
         here = found[k + 1].copy()
         if k < K - 1:
             here[:, 0] -= knots[k]
-        start, end = phases.t[k], phases.t[k + 1]
-        stretch = along.within(start, end)
-        stops = start + (end - start) * TABLEAU.c[-2::-1] if on_limit[k] else np.empty(0)
-        for j, stop in enumerate([*stops, start]):
-            reached, more = _integrated(stretch, end, stop, here)
-            steps += more
-            if reached is None or steps > _MOST_STEPS:
-                return None
-            here, end = reached, stop
-            if j < stops.size:
-                here[:, 0] -= inner[k, -1 - j]
+        pulls = dict(zip(np.searchsorted(edges, stops[k]).tolist(), inner[k], strict=True)) if on_limit[k] else {}
+        for step in range(place[k + 1] - 1, place[k] - 1, -1):
+            here = steps[step] @ here
+            if step in pulls:
+                here[:, 0] -= pulls[step]
         found[k] = here
     return found if np.all(np.isfinite(found)) else None
 
 
-def _integrated(stretch: _Stretch, start: float, end: float, matrix: Array) -> tuple[Array | None, int]:
-    """A matrix of costates carried from one time back to an earlier one, None if that fails; and the steps it took."""
-    if start <= end:
-        return matrix, 0
-    atol = np.repeat(0.1 * _RTOL / stretch.along.size, matrix.shape[1])
-    solver = DOP853(stretch.rate, start, matrix.ravel(), end, rtol=_RTOL, atol=atol, first_step=start - end)
-    steps = 0
-    while solver.status == "running" and steps <= _MOST_STEPS:
-        solver.step()
-        steps += 1
-    return (solver.y.reshape(matrix.shape).copy() if solver.status == "finished" else None), steps
+def _edges(breaks: Array, samples: Array) -> Array:
+    """Of stretches to integrate over: all breaks, and every second sample that is not too near one."""
+    others = samples[::2]
+    k = np.clip(np.searchsorted(breaks, others), 1, breaks.size - 1)
+    before, after = breaks[k - 1], breaks[k]
+    near = np.minimum(np.abs(others - before), np.abs(after - others))
+    return np.sort(np.concatenate([breaks, others[near > _NEAR * (after - before)]]))
 
 
 def _pulls(phases: Phases) -> tuple[Array, Array, NDArray[np.bool_]]:

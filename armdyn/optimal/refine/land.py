@@ -13,7 +13,7 @@ from armdyn.optimal.proof.certificate import certify
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.switching.costates import phases_of
-from armdyn.optimal.switching.extremal.descent import Extremal, ended
+from armdyn.optimal.switching.extremal.descent import Extremal, ended, finer
 from armdyn.optimal.task.ladder import Ladder
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -30,7 +30,7 @@ def land(task: Task, phases: Phases, remark: str = "", intervals: int | None = N
     """
     phases, replay, resisted = _finer(task, phases)
     if not resisted:
-        phases, replay, resisted = _on_goal(task, phases)
+        phases, replay, resisted = _on_goal(task, phases, replay)
     replay = replace(replay, name="minimum time")
     certificate = certify(task.problem, replay, phases, remark or resisted, adjoint=False)
     size = intervals or phases.arc_of.size
@@ -48,6 +48,10 @@ def land_extremal(task: Task, extremal: Extremal, intervals: int) -> Optimum:
     problem, policy, n, aim = task.problem, task.policy, task.problem.robot.nv, Aim()
     for _ in range(policy.refinement.aims):
         phases = phases_of(ended(extremal, aim.at_goal(n)), policy.arcs)
+        astray = float(np.max(np.abs(pontryagin(problem, phases)[0]))) > policy.refinement.stray
+        if astray and (more := finer(extremal, task.stop)) is not None:
+            extremal = more
+            continue
         replay = replay_of(task, phases.torques)
         missed = float(np.max(np.abs(problem.beside_goal(replay)[:n])))
         if missed <= policy.refinement.landed or replay.t[-1] != phases.duration or task.stop:
@@ -76,11 +80,11 @@ def _finer(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
     return phases, replay_of(task, phases.torques), ""
 
 
-def _on_goal(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
+def _on_goal(task: Task, phases: Phases, replay: Trajectory) -> tuple[Phases, Trajectory, str]:
     """Aimed beside the goal by the collocation's own error."""
     problem, numbers, n = task.problem, task.policy.refinement, task.problem.robot.nv
-    best, replay = phases, replay_of(task, phases.torques)
-    given, aim = Kept.of(phases.arcs, phases.torques) if phases.kept else None, Aim()
+    best, aim = phases, Aim()
+    given = Kept.of(phases.arcs, phases.torques) if phases.kept else None
     for _ in range(numbers.aims):
         if np.max(np.abs(problem.beside_goal(replay)[:n])) <= numbers.landed or task.stop:
             break

@@ -18,6 +18,8 @@ from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.arcs.structure import with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
+from armdyn.optimal.proof.adjoint import adjoint_error
+from armdyn.optimal.proof.certificate import ADJOINT_TOLERANCE
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land
 from armdyn.optimal.refine.optimum import Optimum
@@ -29,6 +31,9 @@ from armdyn.optimal.task.ladder import Ladder
 from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
+
+_LAST = 1e3
+"""Times its J is what a lead promises that is taken up after all others."""
 
 
 def time_energy(task: Task) -> tuple[list[Optimum], Found]:
@@ -50,12 +55,36 @@ def time_energy(task: Task) -> tuple[list[Optimum], Found]:
     for phases in settling.optima():
         paid = cost(task.problem, phases)
         task.tell(f"replaying an optimum of J = {paid:.4f} s")
-        landed.append(replace(land(task, phases), cost=paid))
+        landed.append(replace(_landed(task, phases), cost=paid))
         if landed[-1].landed(options.replay_tolerance) or task.stop:
             break
     failed = attempts if landed else _none_of(task, attempts, settling.failed)
     iterations = sum(attempt.iterations for attempt in attempts)
     return landed, Found((), failed=tuple(failed), listed=settling.durations, iterations=iterations)
+
+
+def _landed(task: Task, phases: Phases) -> Optimum:
+    """Replayed, and its costates held against the adjoint equations along the replay.
+
+    Torques of the replay are lines between samples. Where motions diverge fast that is another motion soon: finer
+    intervals and more samples bring it near.
+    """
+    optimum = _with_costates(task, land(task, phases))
+    if (optimum.certificate.adjoint_error or 0.0) > ADJOINT_TOLERANCE and not task.stop:
+        finely = replace(task, policy=task.policy.changed("arcs", samples=task.policy.smooth.samples))
+        finer = _solved(finely, phases.arcs, 2 * phases.arc_of.size, phases, 0.0)
+        if isinstance(finer, Phases):
+            again = _with_costates(finely, land(finely, finer))
+            return min(again, optimum, key=lambda one: not one.certificate.ok)
+    return optimum
+
+
+def _with_costates(task: Task, optimum: Optimum) -> Optimum:
+    """With the adjoint equations in its certificate, where they may yet spoil it."""
+    if optimum.phases is None or not optimum.certificate.extremal:
+        return optimum
+    error = adjoint_error(task.problem.robot, optimum.trajectory, optimum.phases)
+    return replace(optimum, certificate=replace(optimum.certificate, adjoint_error=error))
 
 
 def smooth_optima(task: Task, starts: int, most: int) -> tuple[tuple[Phases, ...], tuple[Attempt, ...]]:
@@ -174,10 +203,11 @@ class _Settling:
         for _ in range(numbers.steps + len(self._waiting)):
             if not self._waiting or self._task.stop:
                 break
-            best = min(self._waiting, key=lambda lead: lead.promise).motion
-            self._waiting = [lead for lead in self._waiting if lead.motion is not best]
+            lead = min(self._waiting, key=lambda lead: lead.promise)
+            self._waiting = [other for other in self._waiting if other is not lead]
+            best = lead.motion
             if isinstance(best, Trajectory):
-                self._resolve(best)
+                self._resolve(best, lead.promise)
             elif (stray := _stray(self._task.problem, best)) <= numbers.settled:
                 yield best
             else:
@@ -188,16 +218,17 @@ class _Settling:
     def _sorted(self, optima: Sequence[Phases]) -> list[Phases]:
         return sorted(optima, key=lambda phases: cost(self._task.problem, phases))
 
-    def _resolve(self, motion: Trajectory) -> None:
+    def _resolve(self, motion: Trajectory, promise: float) -> None:
         """A lead by the high order, unless it comes to an optimum that is known."""
-        found, problem = resolved_near(self._task, motion), self._task.problem
+        found, problem, numbers = resolved_near(self._task, motion), self._task.problem, self._task.policy.smooth
         if isinstance(found, Unresolved):
             self.failed.append(_failed(self._task, found))
             return
         known, own = [cost(problem, phases) for phases in self._resolved], cost(problem, found)
         if all(abs(own / other - 1) > self._task.policy.same.resolved_cost for other in known):
             self._resolved.append(found)
-            self._waiting.append(_Lead(own, found))
+            doubtful = promise > 0 and own > numbers.doubted * promise / numbers.optimism
+            self._waiting.append(_Lead(own * (_LAST if doubtful else 1.0), found))
 
     def _improve(self, best: Phases, stray: float) -> None:
         """Another structure, or a finer mesh; where neither converges, or is to be had, what is rough is let go."""

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import armdyn as ad
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.optimal.landing.rollout import dense
-from armdyn.optimal.proof.adjoint import _Along, adjoint_error
+from armdyn.optimal.proof.adjoint import Along, adjoint_error
 from armdyn.optimal.proof.certificate import ADJOINT_TOLERANCE
 from problems import cart, luus_problem, paper_problem, solve, solved
 
@@ -118,10 +119,9 @@ def test_the_rates_are_those_of_differences(friction):
     solution = solved("rr")
     robot = solution.problem.robot.with_friction(damping=friction, friction=friction, width=0.5)
     replay = ad.replay_torques(robot, solution.trajectory)
-    along, acceleration, n = _Along.of(robot, replay), forward_dynamics(robot), robot.nv
-    stretch = along.within(replay.t[0], replay.t[-1])
-    at = float(replay.t[3] + 0.4 * (replay.t[4] - replay.t[3]))
-    q, v, tau = stretch._state(at)
+    along, acceleration, n = Along.of(robot, replay), forward_dynamics(robot), robot.nv
+    at = np.array([replay.t[3] + 0.4 * (replay.t[4] - replay.t[3])])
+    q, v, tau = (each[0] for each in along.states(at))
     step = 1e-6  # differences: rounding 1e-16/1e-6 of accelerations of 1e3, their third derivatives 1e-12
 
     def rate(x):
@@ -129,21 +129,38 @@ def test_the_rates_are_those_of_differences(friction):
 
     x = np.concatenate([q, v])
     slope = np.column_stack([(rate(x + d) - rate(x - d)) / (2 * step) for d in step * np.eye(2 * n)])
-    columns = np.eye(2 * n, 2 * n + 1)
-    found = stretch.rate(at, columns.ravel()).reshape(2 * n, 2 * n + 1)
-    np.testing.assert_allclose(found, -slope.T @ columns, rtol=1e-5, atol=1e-5 * np.abs(slope).max())
+    np.testing.assert_allclose(along.slopes(at)[0], -slope.T, rtol=1e-5, atol=1e-5 * np.abs(slope).max())
+
+
+def test_stretches_are_followed_as_an_adaptive_integrator_does():
+    """Through the turn of a joint with dry friction, too, where the rates change within a hundredth of the motion."""
+    solution = solved("rr")
+    robot = solution.problem.robot.with_friction(damping=0.05, friction=0.1, width=1e-2)
+    along = Along.of(robot, ad.replay_torques(robot, dense(solution.trajectory, 400)))
+    own, ends = along.size.size, solution.phases.t[[0, 1]]
+    carried = along.carried(ends, 1e-9)
+
+    def rate(time, flat):
+        return (along.slopes(np.array([time]))[0] @ flat.reshape(own, own)).ravel()
+
+    expected = solve_ivp(rate, ends[::-1], np.eye(own).ravel(), "DOP853", rtol=1e-10, atol=1e-14, max_step=1e-4)
+    np.testing.assert_allclose(
+        carried[0] * along.size[:, None] / along.size,
+        expected.y[:, -1].reshape(own, own) * along.size[:, None] / along.size,
+        atol=1e-8,
+    )  # ten times what was asked for
+    assert along.carried(ends, 0.0) is None  # what cannot be had ends
 
 
 def test_states_between_samples_are_those_of_a_finer_replay():
     solution = solved("rr")
     robot, motion = solution.problem.robot, solution.trajectory
     coarse, fine = (ad.replay_torques(robot, dense(motion, count)) for count in (100, 1600))
-    along = _Along.of(robot, coarse)
-    stretch = along.within(coarse.t[0], coarse.t[-1])
+    along = Along.of(robot, coarse)
     inner = np.flatnonzero(~np.isclose(fine.t[:, None], coarse.t, rtol=0, atol=1e-9).any(axis=1))[::40]
     assert inner.size > 20
     for k in inner:
-        q, v, tau = stretch._state(fine.t[k])
+        q, v, tau = (each[0] for each in along.states(fine.t[k : k + 1]))
         # Quintics over a hundredth of the motion: (1/100)⁶ of its higher derivatives.
         np.testing.assert_allclose(q, fine.q[k], atol=1e-8)
         np.testing.assert_allclose(v, fine.v[k], atol=1e-5)

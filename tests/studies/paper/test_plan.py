@@ -65,9 +65,15 @@ def test_neighbours_lead_from_the_payload_that_is_shown_outwards():
         for case in cases
         if case.arm == "rrr" and case.kind == "time_energy" and (near := neighbour(case, cases, PAYLOAD))
     }
-    # 500 g and 1 kg are far from what is lighter, and 100.6 g is where it begins.
-    known = {21.2: 31.2, 31.2: 51.8, 51.8: 100.6, 121.9: 100.6, 130.7: 121.9, 150.5: 130.7, 200.0: 150.5}
+    # 500 g is far from what is lighter, and 100.6 g is where it begins.
+    known = {21.2: 31.2, 31.2: 51.8, 51.8: 100.6, 121.9: 100.6, 130.7: 121.9, 150.5: 130.7, 200.0: 150.5, 1000.0: 500.0}
     assert led == known
+
+
+def test_of_minimum_time_1_kg_is_searched_alone():
+    cases = Plan().cases()
+    heavy = next(case for case in cases if (case.arm, case.kind, case.payload) == ("rrr", "minimum_time", 1.0))
+    assert neighbour(heavy, cases, PAYLOAD) is None
 
 
 def test_a_neighbour_is_the_same_case_but_for_the_payload():

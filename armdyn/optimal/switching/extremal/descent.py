@@ -199,6 +199,18 @@ def ended(extremal: Extremal, offset: Array | float = 0.0) -> Extremal:
     return extremal if linear is None else Extremal(linear)
 
 
+def finer(extremal: Extremal, stop: Stop) -> Extremal | None:
+    """The same structure in twice the steps; None: it has the most, or nothing comes of it.
+
+    Args:
+        extremal: whose steps are too long.
+        stop: asked before every step along a tangent.
+    """
+    setting = extremal.march.setting.finer
+    found = fastest(setting, extremal.schedule, stop) if setting else None
+    return found if isinstance(found, Extremal) else None
+
+
 def landed(
     setting: Setting, schedule: Schedule, rounds: int = _ROUNDS, joined: NDArray[np.bool_] | None = None
 ) -> Linear | None:
@@ -266,7 +278,7 @@ def _least_change(equations: Array, right: Array, changes: Array, moved: Array) 
     free = null_space(equations)
     if not len(free):
         return some
-    return some - np.linalg.lstsq(changes @ free.T, changes @ some + moved, rcond=_RANK)[0] @ free
+    return np.asarray(some - np.linalg.lstsq(changes @ free.T, changes @ some + moved, rcond=_RANK)[0] @ free)
 
 
 def _moved(linear: Linear, by: Array, part: float) -> tuple[Schedule, NDArray[np.bool_]]:

@@ -22,6 +22,9 @@ _SWAY = 0.2
 _LEAST = 3
 """Steps of an arc, in the mean: fewer see nothing of what happens between."""
 
+_FINEST = 4 * STEPS
+"""Steps of a march, at most."""
+
 
 @dataclass(frozen=True, eq=False)
 class Setting:
@@ -47,6 +50,11 @@ class Setting:
     def most_arcs(self) -> int:
         """That a march may have."""
         return self.steps // _LEAST
+
+    @property
+    def finer(self) -> Self | None:
+        """With twice the steps; None: with the most already."""
+        return replace(self, steps=2 * self.steps) if self.steps < _FINEST else None
 
     @classmethod
     def of(cls, problem: MinimumTimeProblem, flow: Flow, body: Array, duration: float) -> Self:

@@ -99,6 +99,18 @@ class SmoothPolicy:
     worth: float = tuned(
         1.5, "of the least J", "coarse optima beyond are let go; some of the best are artefacts", PAPER
     )
+    doubted: float = tuned(
+        1.5,
+        "of a coarse J",
+        "where the high order makes it more, what the coarse mesh showed is most likely none: it waits for all others",
+        "RR, RRR, 500 g and 1 kg: good ones came to 1.34 at the most, artefacts to 1.6 to 4",
+    )
+    samples: int = tuned(
+        1920,
+        "samples",
+        "of the torques where lines between fewer lead the costates astray; on twice the intervals",
+        "RRR, 500 g and 1 kg",
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

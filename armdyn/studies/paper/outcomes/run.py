@@ -24,6 +24,9 @@ from armdyn.studies.paper.printed.loop import DURATION
 
 SOLVE_LIMIT, INDIRECT_LIMIT = 120.0, 20.0
 """Wall time of a direct and of an indirect solve [s]: several times what the slowest case takes."""
+ALIKE = 2.0
+"""Payloads that differ by a smaller factor have so like optima that one leads to the other, and few guesses are enough
+beside."""
 
 
 def run_case(
@@ -38,8 +41,8 @@ def run_case(
         case: what.
         progress: told in words what is being tried.
         workers: processes of the search for minimum time; None: one per core.
-        near: of the same case with nearly the same payload: where the search begins. It has few other guesses if
-            that is certified.
+        near: of the same case with another payload: where the search begins. It has few other guesses if that is
+            certified, and the payloads are `ALIKE`.
 
     Returns:
         An outcome. Its facts are, for every open-loop case, `certified`, `goal_error` [rad], `objective` J,
@@ -55,7 +58,8 @@ def run_case(
     problem = case.problem()
     options = MinimumTimeOptions(time_limit=SOLVE_LIMIT, workers=workers)
     if near is not None and near.success and near.trajectory is not None:
-        few = Policy.of(problem).search.neighbour_starts if near.facts["certified"] else None
+        alike = 1 / ALIKE < near.case.payload / case.payload < ALIKE
+        few = Policy.of(problem).search.neighbour_starts if near.facts["certified"] and alike else None
         options = replace(options, guesses=(near.trajectory,), starts=few)
     return _open_loop(case, solve_minimum_time(problem, options, progress))
 
