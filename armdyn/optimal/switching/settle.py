@@ -83,8 +83,9 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
     refused = set[int]()
     for _ in range(_ROUNDS):
         found = fastest(setting, schedule, stop)
-        if isinstance(found, Extremal) and found.drift > _DRIFT and (finer := setting.finer) is not None:
-            setting, schedule = finer, found.schedule
+        finer = setting.finer
+        if found.linear is not None and found.linear.drift > _DRIFT and finer is not None and not stop:
+            setting, schedule = finer, found.linear.march.schedule
             continue
         if isinstance(found, Resisted):
             if chattering is None or stop:
