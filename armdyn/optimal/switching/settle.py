@@ -96,17 +96,19 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
         if limited := with_limits(found.march) or without_unwanted(found) or with_contacts(found):
             schedule, best = limited, replace(best, why="limits of position are not settled")
             continue
-        wrong, longer = wrong_signs(found, _LEAST), with_stays(found, _LEAST) or with_longer_course(found, _LEAST)
-        idle = max([0.0, *(idle_fall(found, k) for k in found.schedule.places)])
+        wrong, idle = wrong_signs(found, _LEAST), max([0.0, *(idle_fall(found, k) for k in found.schedule.courses)])
         worst = max([idle, *(one.value for one in wrong[:1])])
         stale = 0 if worst < _BETTER * best.wrong else stale + 1
         if worst < best.wrong:
-            best = Settled(found, worst, "the switching structure did not settle" if wrong or longer else "")
-        if not (wrong or longer) or stale > _PATIENCE:
+            best = Settled(found, worst, "the switching structure did not settle" if worst > _LEAST else "")
+        if worst <= _LEAST or stale > _PATIENCE:
             return best
+        longer = with_stays(found, _LEAST) or with_longer_course(found, _LEAST)
         if longer is not None:  # what a course that is too short leaves wrong beside it goes with it
             schedule = with_signs(found, [one for one in wrong if one.value > idle], longer)
             continue
+        if not wrong:
+            return best
         chattering = None
         schedule = with_signs(found, wrong)
         left = [one for one in wrong if one.joint not in refused]

@@ -278,7 +278,7 @@ def _least_change(equations: Array, right: Array, changes: Array, moved: Array) 
     free = null_space(equations)
     if not len(free):
         return some
-    return some - np.linalg.lstsq(changes @ free.T, changes @ some + moved, rcond=_RANK)[0] @ free
+    return np.asarray(some - np.linalg.lstsq(changes @ free.T, changes @ some + moved, rcond=_RANK)[0] @ free)
 
 
 def _moved(linear: Linear, by: Array, part: float) -> tuple[Schedule, NDArray[np.bool_]]:
