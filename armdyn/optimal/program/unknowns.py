@@ -77,16 +77,17 @@ def to_unknowns(guess: Trajectory, layout: Layout, fractions: Array, scales: Sca
     tableau, scheme, N = layout.scheme.tableau, layout.scheme, fractions.size
     duration = guess.duration
     knots = guess.t[0] + duration * np.concatenate([[0], np.cumsum(fractions)])
-    at_knots = guess(knots)
-    knot = [_states(at_knots.q, at_knots.v, scales), np.full((N + 1, 1), duration / scales.time)]
-    if layout.linear:
-        knot.append(at_knots.tau / scales.effort)
     stage_times = knots[:-1, None] + duration * fractions[:, None] * tableau.c
     inner_times = stage_times[:, tableau.inner.start : tableau.inner.stop]
-    at_inner = guess(inner_times)
-    inner = [_states(at_inner.q, at_inner.v, scales).reshape(N, -1)]
+    middles = (knots[:-1] + knots[1:]) / 2
+    at = guess(np.concatenate([knots, middles, inner_times.ravel()]))  # at once: a call costs more than what it does
+    states = _states(at.q, at.v, scales)
+    knot = [states[: N + 1], np.full((N + 1, 1), duration / scales.time)]
+    if layout.linear:
+        knot.append(at.tau[: N + 1] / scales.effort)
+    inner = [states[2 * N + 1 :].reshape(N, -1)]
     if scheme.control == "constant":
-        inner.append(guess((knots[:-1] + knots[1:]) / 2).tau / scales.effort)
+        inner.append(at.tau[N + 1 : 2 * N + 1] / scales.effort)
     if scheme.control == "stage":
         inner.append((guess(stage_times).tau / scales.effort).reshape(N, -1))
     if scheme.dynamics == "inverse":

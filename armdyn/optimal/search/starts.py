@@ -1,5 +1,7 @@
 """Guesses from which a solve may start: a `Trajectory`, as a coarse solution is, or a `Curve`."""
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BPoly
@@ -18,8 +20,8 @@ from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_SAMPLES = 101
-"""Of a guess."""
+_SAMPLES = 51
+"""Of a guess: on the search's meshes twice as many lead to the same optima, and take twice as long."""
 
 
 def detours(
@@ -65,28 +67,35 @@ def _through(problem: MinimumTimeProblem, pose: Array, leg: int) -> list[Array]:
 def _clearest(problem: MinimumTimeProblem, ways: list[list[Array]], count: int, stop: Stop) -> list[list[Array]]:
     """Ways round what is forbidden: those that touch nothing, the quickest first; then those that touch least."""
     forbidding = [condition for condition in conditions_of(problem) if condition.goes_round]
-    s = np.linspace(0, 1, SearchPolicy.looks)
     ranked = []
     for k, way in enumerate(ways):
         if stop:
             break
-        path = _path(problem, way)
-        depth = min(condition.depth(problem, q) for q in path(s) for condition in forbidding)
-        hurry = np.max(
-            np.abs(path.derivative()(s)) / np.minimum(problem.limits.velocity, SearchPolicy.brisk), axis=None
-        )
+        path = _path(problem, way, SearchPolicy.looks)
+        depth = min(condition.depth(problem, q) for q in path.q for condition in forbidding)
+        hurry = np.max(np.abs(path.dq) / np.minimum(problem.limits.velocity, SearchPolicy.brisk), axis=None)
         ranked.append((-min(depth, problem.clearance), float(hurry), k))
     return [ways[k] for *_, k in sorted(ranked)[:count]]
 
 
-def _path(problem: MinimumTimeProblem, way: list[Array]) -> BPoly:
-    """A smooth path from start to goal through poses, over s from 0 to 1."""
+def _path(problem: MinimumTimeProblem, way: list[Array], samples: int) -> Path:
+    """Samples of a smooth path from start to goal through poses, at equal parts of it."""
     poses = np.array([problem.q_start, *way, problem.q_goal])
-    fraction = np.linspace(0, 1, len(poses))
-    slopes = np.gradient(poses, fraction, axis=0) if way else np.zeros_like(poses)
+    return Path(*(blend @ poses for blend in _blends(len(poses), samples)))
+
+
+@cache
+def _blends(poses: int, samples: int) -> tuple[Array, Array, Array]:
+    """What poses weigh in a path's samples, in their slopes and in their curvatures, each of shape (samples, poses).
+
+    Between poses the path is of fifth degree; it has no curvature in them, at the ends no slope.
+    """
+    fraction, one = np.linspace(0, 1, poses), np.eye(poses)
+    slopes = np.gradient(one, fraction, axis=0) if poses > 2 else np.zeros_like(one)
     slopes[0] = slopes[-1] = 0
-    curvature = np.zeros_like(poses)
-    return BPoly.from_derivatives(fraction, np.stack([poses, slopes, curvature], axis=1))
+    path = BPoly.from_derivatives(fraction, np.stack([one, slopes, np.zeros_like(one)], axis=1))
+    s = np.linspace(0, 1, samples)
+    return path(s), path.derivative()(s), path.derivative(2)(s)
 
 
 def spline(problem: MinimumTimeProblem, via: list[Array]) -> Trajectory:
@@ -97,21 +106,20 @@ def spline(problem: MinimumTimeProblem, via: list[Array]) -> Trajectory:
         via: poses in between [rad or m], each of shape (nv,), at equal fractions of the time; none: the
             problem's own.
     """
-    path = _path(problem, via or [np.asarray(q) for q in problem.via])
-    s = np.linspace(0, 1, _SAMPLES)
-    q, dq, ddq = path(s), path.derivative()(s), path.derivative(2)(s)
+    path = _path(problem, via or [np.asarray(q) for q in problem.via], _SAMPLES)
+    q, dq, ddq = path.q, path.dq, path.ddq
     # Torque along a path is static + inertial / T² + friction.
     friction, rest = problem.robot.friction, np.zeros_like(q)
     static = _torques(problem, q, rest, rest)
     inertial = _torques(problem, q, dq, ddq) - friction.torque(dq) - static
-    duration = _fitting_duration(problem, Path(q, dq, ddq), inertial)
+    duration = _fitting_duration(problem, path, inertial)
     if len(via) != 1:  # through one random pose nothing swings
         duration = max(duration, swinging_time(problem, static, inertial))
     v = dq / duration
     tau = static + inertial / duration**2 + friction.torque(v)
     tau = np.clip(tau, problem.limits.effort_lower, problem.limits.effort_upper)
     v[0], v[-1] = problem.v_start, problem.v_goal
-    return Trajectory(s * duration, q, v, tau, problem.robot.joint_names, "start")
+    return Trajectory(np.linspace(0, duration, _SAMPLES), q, v, tau, problem.robot.joint_names, "start")
 
 
 def straight_curve(task: Task, intervals: int) -> Curve:

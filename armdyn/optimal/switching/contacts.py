@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from armdyn.optimal.arcs.arc import OPPOSITE, POSITION, Mode, outward, stretches
 from armdyn.optimal.switching.costates import NODES, Whole
 from armdyn.optimal.switching.extremal.descent import Extremal
+from armdyn.optimal.switching.extremal.limits import state_at
 from armdyn.optimal.switching.extremal.schedule import Change, Schedule, Segment
-from armdyn.optimal.switching.signs import state_at
 
 Array = NDArray[np.float64]
 

@@ -10,9 +10,10 @@ from armdyn.optimal.solve.ipopt import in_time
 from armdyn.optimal.switching.contacts import with_contacts
 from armdyn.optimal.switching.extremal.descent import Extremal, Resisted, fastest
 from armdyn.optimal.switching.extremal.flow import STEPS, Flow, flow_of
+from armdyn.optimal.switching.extremal.limits import with_limits
 from armdyn.optimal.switching.extremal.march import Setting
 from armdyn.optimal.switching.extremal.schedule import Schedule
-from armdyn.optimal.switching.signs import with_limits, with_signs, without_unwanted, wrong_signs
+from armdyn.optimal.switching.signs import with_signs, without_unwanted, wrong_signs
 from armdyn.optimal.switching.singular import idle_fall, with_longer_course, with_singular, with_stays
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -20,9 +21,7 @@ from armdyn.trajectory import Trajectory
 _ROUNDS = 12
 """Of mending."""
 _LEAST = 5e-5
-"""By how much H must fall for another stay: half of what is certified."""
-_ZERO = 1e-5
-"""The same on a singular arc, whose torque gets a longer course."""
+"""By how much H must fall for another stay, or a longer course: half of what is certified."""
 _DRIFT = 1e-5
 """Of H along an arc: a tenth of what is certified; beyond it the steps are too long."""
 _PATIENCE, _BETTER = 3, 0.7
@@ -95,18 +94,19 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
             (schedule, hovering), chattering = chattering, None
             refused.add(hovering)
             continue
-        if limited := with_limits(found) or without_unwanted(found) or with_contacts(found):
+        if limited := with_limits(found.march) or without_unwanted(found) or with_contacts(found):
             schedule, best = limited, replace(best, why="limits of position are not settled")
             continue
-        wrong, longer = wrong_signs(found, _LEAST), with_stays(found) or with_longer_course(found, _ZERO)
-        worst = max([0.0] + [one.value for one in wrong[:1]] + [idle_fall(found, k) for k in found.schedule.places])
+        wrong, longer = wrong_signs(found, _LEAST), with_stays(found, _LEAST) or with_longer_course(found, _LEAST)
+        idle = max([0.0, *(idle_fall(found, k) for k in found.schedule.places)])
+        worst = max([idle, *(one.value for one in wrong[:1])])
         stale = 0 if worst < _BETTER * best.wrong else stale + 1
         if worst < best.wrong:
             best = Settled(found, worst, "the switching structure did not settle" if wrong or longer else "")
         if not (wrong or longer) or stale > _PATIENCE:
             return best
-        if longer is not None:
-            schedule = longer
+        if longer is not None:  # what a course that is too short leaves wrong beside it goes with it
+            schedule = with_signs(found, [one for one in wrong if one.value > idle], longer)
             continue
         chattering = None
         schedule = with_signs(found, wrong)

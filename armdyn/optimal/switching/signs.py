@@ -7,13 +7,11 @@ from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, Mode, outward, stretches
 from armdyn.optimal.switching.extremal.descent import Extremal
-from armdyn.optimal.switching.extremal.march import March
+from armdyn.optimal.switching.extremal.limits import state_at
 from armdyn.optimal.switching.extremal.schedule import Change, Schedule
 
 Array = NDArray[np.float64]
 
-_BEYOND = 1e-6
-"""What a position limit may be exceeded by before it counts as overlooked [rad or m]."""
 _WORSE = 0.05
 """Of the worst: stretches that fall short of that wait for another round."""
 
@@ -63,12 +61,13 @@ def wrong_signs(extremal: Extremal, least: float) -> list[Wrong]:
     return sorted(found, key=lambda wrong: -wrong.value)
 
 
-def with_signs(extremal: Extremal, wrong: list[Wrong]) -> Schedule:
-    """The schedule with a short stay on the other limit where it is asked for.
+def with_signs(extremal: Extremal, wrong: list[Wrong], schedule: Schedule | None = None) -> Schedule:
+    """A schedule with a short stay on the other limit where it is asked for.
 
     Args:
         extremal: what lacks it.
         wrong: the worst first.
+        schedule: the extremal's with other things mended; None: its own.
     """
     more: list[tuple[float, Change, Array]] = []
     for one in wrong:
@@ -78,25 +77,7 @@ def with_signs(extremal: Extremal, wrong: list[Wrong]) -> Schedule:
         middle = min(max(one.worst, one.begin + half), one.end - half)
         for time, mode in ((middle - half, OPPOSITE[one.mode]), (middle + half, one.mode)):
             more.append((time, Change(one.joint, mode), state_at(extremal.march, time)))
-    return extremal.schedule.with_changes(more)
-
-
-def with_limits(extremal: Extremal) -> Schedule | None:
-    """The schedule with touches of the position limits that it exceeds; None: it exceeds none."""
-    march, limits, n = extremal.march, extremal.march.setting.problem.limits, len(extremal.schedule.first)
-    more: list[tuple[float, Change, Array]] = []
-    for i in range(n):
-        q = march.end[:, i]
-        for mode, beyond, bound in (
-            (Mode.POSITION_UPPER, q - limits.position_upper[i], limits.position_upper[i]),
-            (Mode.POSITION_LOWER, limits.position_lower[i] - q, limits.position_lower[i]),
-        ):
-            for run in stretches(np.flatnonzero(beyond > _BEYOND)):
-                time = float(march.times[1 + run[np.argmax(beyond[run])]])
-                state = state_at(march, time)
-                state[i], state[n + i] = bound, 0.0
-                more.append((time, Change(i, mode, touch=True), state))
-    return extremal.schedule.with_changes(more) if more else None
+    return (schedule or extremal.schedule).with_changes(more)
 
 
 def without_unwanted(extremal: Extremal) -> Schedule | None:
@@ -108,13 +89,3 @@ def without_unwanted(extremal: Extremal) -> Schedule | None:
         if change.touch and change.mode in POSITION and j < size // 2 and outward(change.mode) * multiplier < 0:
             gone.add(k)
     return extremal.schedule.without_changes(gone) if gone else None
-
-
-def state_at(march: March, time: float) -> Array:
-    """(q, v) at a time [s], between steps about: Hermite's cubic, and a line."""
-    k = int(np.clip(np.searchsorted(march.times, time, side="right") - 1, 0, march.h.size - 1))
-    h, n = march.h[k], march.start.shape[1] // 2
-    s = float(np.clip((time - march.times[k]) / h, 0, 1)) if h > 0 else 0.0
-    a, b = march.start[k], march.end[k]
-    q = a[:n] + s**2 * (3 - 2 * s) * (b[:n] - a[:n]) + h * s * (1 - s) * ((1 - s) * a[n:] - s * b[n:])
-    return np.concatenate([q, (1 - s) * a[n:] + s * b[n:]])

@@ -1,16 +1,18 @@
 """Singular arcs: where a switching function hovers about zero, a torque of a smooth course takes the place of stays."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import Mode, stretches
-from armdyn.optimal.switching.extremal.course import Course
 from armdyn.optimal.switching.extremal.descent import Extremal
+from armdyn.optimal.switching.extremal.limits import state_at
 from armdyn.optimal.switching.extremal.march import Setting
 from armdyn.optimal.switching.extremal.schedule import Change, Schedule
-from armdyn.optimal.switching.signs import Wrong, state_at
+from armdyn.optimal.switching.extremal.torques.course import Course
+from armdyn.optimal.switching.signs import Wrong
 
 Array = NDArray[np.float64]
 
@@ -26,8 +28,10 @@ _ON_LIMIT = 0.9
 """Of the way to a limit: a torque of a mesh or of stays that has gone so far is meant to be on it."""
 _REACHED = 1e-4
 """Of a torque's range: so near a limit it has reached it."""
-_HELD = 5e-5
-"""By how much H must rise off a limit for a stay there: half of what is certified."""
+_FROM = 0.2
+"""Of that by which H must rise off a limit for a stay there: where the stay begins and ends."""
+_BEND = 0.05
+"""Of a segment: half a stay where the switching function bends."""
 _SHORT = 0.05
 """Of a segment: a course that would be shorter beside a stay is left to the stay."""
 _SAMPLES = 200
@@ -74,36 +78,81 @@ def with_longer_course(extremal: Extremal, least: float) -> Schedule | None:
     return replace(schedule, changes=tuple(changes)) if tuple(changes) != schedule.changes else None
 
 
-def with_stays(extremal: Extremal) -> Schedule | None:
-    """The schedule with stays on the limits that free torques reach and are held on; None: none is."""
+def with_stays(extremal: Extremal, least: float) -> Schedule | None:
+    """The schedule with stays on limits where free torques are held on them, or meet a jump; None: none is.
+
+    Args:
+        extremal: with free torques.
+        least: by how much H must rise off a limit.
+    """
     schedule, now = extremal.schedule, extremal.schedule
     for k, change in reversed(list(enumerate(schedule.changes))):
-        stays = _held_stretches(extremal, k) if change.course else []
+        if not change.course:
+            continue
+        along = _Along.of(extremal, k)
+        stays = along.kinked(extremal, least) or along.held(max(least, idle_fall(extremal, k)))
         if stays:
             pieces = _pieces(extremal, k, stays)
             now = now.without_changes([k]).with_changes((t, one, state_at(extremal.march, t)) for t, one in pieces)
     return None if now is schedule else now.without(())
 
 
-def _held_stretches(extremal: Extremal, k: int) -> list[tuple[float, float, Mode]]:
-    """Where the free torque that a change begins is to stay on a limit: begin, end [s], and which."""
-    march, joint = extremal.march, extremal.schedule.changes[k].joint
-    limits, end = march.setting.problem.limits, extremal.schedule.end_of(k)
-    own = np.flatnonzero((march.arc > k) & (march.arc <= end))
-    range_ = limits.effort_upper[joint] - limits.effort_lower[joint]
-    # Starts and ends of the steps in turn.
-    fall = np.column_stack([each[own, joint] for each in np.split(extremal.switching, 2)]).ravel() * range_
-    tau = np.column_stack([each[own, joint] for each in march.torques.tau]).ravel()
-    t = np.column_stack([march.times[own], march.times[own + 1]]).ravel()
-    out: list[tuple[float, float, Mode]] = []
-    for mode, sign, room in (
-        (Mode.UPPER, -1, limits.effort_upper[joint] - tau),
-        (Mode.LOWER, 1, tau - limits.effort_lower[joint]),
-    ):
-        for run in stretches(np.flatnonzero(sign * fall > _HELD)):
-            if np.min(room[run]) <= _REACHED * range_:
-                out.append((float(t[run[0]]), float(t[run[-1]]), mode))
-    return sorted(out)
+@dataclass(frozen=True, eq=False)
+class _Along:
+    """A free torque at the starts and ends of its steps in turn.
+
+    Attributes:
+        joint: its number.
+        t: [s], shape (samples,).
+        fall: its switching function times its range: by how much H falls from limit to limit, likewise.
+        room: what it is from its upper and its lower limit, as parts of its range, shape (2, samples).
+    """
+
+    joint: int
+    t: Array
+    fall: Array
+    room: Array
+
+    @classmethod
+    def of(cls, extremal: Extremal, k: int) -> Self:
+        """The one that a change begins."""
+        march, joint = extremal.march, extremal.schedule.changes[k].joint
+        limits = march.setting.problem.limits
+        own = np.flatnonzero((march.arc > k) & (march.arc <= extremal.schedule.end_of(k)))
+        low, high = limits.effort_lower[joint], limits.effort_upper[joint]
+        switching = np.column_stack([each[own, joint] for each in np.split(extremal.switching, 2)]).ravel()
+        tau = np.column_stack([each[own, joint] for each in march.torques.tau]).ravel()
+        t = np.column_stack([march.times[own], march.times[own + 1]]).ravel()
+        return cls(joint, t, switching * (high - low), np.array([high - tau, tau - low]) / (high - low))
+
+    def held(self, least: float) -> list[tuple[float, float, Mode]]:
+        """Where it is to stay on a limit that it has reached: begin, end [s], and which.
+
+        Args:
+            least: by how much H rises off the limit at most.
+        """
+        out: list[tuple[float, float, Mode]] = []
+        for mode, sign, room in ((Mode.UPPER, -1, self.room[0]), (Mode.LOWER, 1, self.room[1])):
+            runs = stretches(np.flatnonzero(sign * self.fall > _FROM * least))
+            held = [r for r in runs if np.max(sign * self.fall[r]) > least and np.min(room[r]) <= _REACHED]
+            out += [(float(self.t[run[0]]), float(self.t[run[-1]]), mode) for run in held]
+        return sorted(out)
+
+    def kinked(self, extremal: Extremal, least: float) -> list[tuple[float, float, Mode]]:
+        """Where another joint meets a limit of the state, whose pull bends the switching function; likewise.
+
+        No torque takes the bend away: the arc ends before it, or begins after it.
+        """
+        begin, end = self.t[0], self.t[-1]
+        half = _BEND * (end - begin)
+        out: list[tuple[float, float, Mode]] = []
+        for k in sorted({k for k, _, _ in extremal.march.held_states}):
+            time = float(extremal.schedule.times[k])
+            fall = self.fall[np.argmin(np.abs(self.t - time))]
+            if begin < time < end and abs(fall) > least:
+                mode = Mode.LOWER if fall > 0 else Mode.UPPER
+                out.append((max(begin, time - half), min(end, time + half), mode))
+        return out
 
 
 def _pieces(extremal: Extremal, k: int, stays: list[tuple[float, float, Mode]]) -> list[tuple[float, Change]]:
@@ -178,7 +227,7 @@ def course_near(setting: Setting, joint: int, tau: Array, leaping: frozenset[int
     limits, unit = setting.problem.limits, setting.course[joint]
     s = np.linspace(0, 1, len(tau) + 2)[1:-1]
     middle, half = (limits.effort_upper + limits.effort_lower) / 2, limits.effort_size
-    signs = (tau > middle + _ON_LIMIT * half) * 1.0 - (tau < middle - _ON_LIMIT * half)
+    signs: Array = np.sign(tau - middle) * (np.abs(tau - middle) > _ON_LIMIT * half)
     course = Course((0.0,) * _FEW, tuple((other, (0.0,)) for other in sorted(leaping)))
     terms = course.terms(s, signs)
     fitted = np.linalg.lstsq(terms, (tau[:, joint] - middle[joint]) / unit, rcond=None)[0]

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.switching.extremal.limits import BEYOND, excess, with_limits
 from armdyn.optimal.switching.extremal.march import March, Setting
 from armdyn.optimal.switching.extremal.model import Linear, Model, lengths_of
 from armdyn.optimal.switching.extremal.schedule import Schedule
@@ -31,6 +32,16 @@ _KEPT = 0.2
 """Part of a segment that one correction leaves at least."""
 _VANISHED = 1e-8
 """Of the duration: a segment that is none."""
+_HALVES = 12
+"""Of a step that goes beyond a limit of position, at most."""
+_NEAR = 1e-3
+"""Beyond a limit of position by so much it is near enough for a touch [rad or m]."""
+_FAR_BEYOND = 0.3
+"""The same for a motion as it lands first."""
+_DEAR = 0.05
+"""Of the duration: what touches may take at most."""
+_TOUCHES = 3
+"""Times that touches are put in: one may bring about another."""
 _RADIUS = 0.03
 """Of the duration: how far the model is trusted at first."""
 _STEPS = 30
@@ -115,6 +126,7 @@ def fastest(setting: Setting, schedule: Schedule, stop: Stop) -> Extremal | Resi
     linear = landed(setting, schedule)
     if linear is None:
         return Resisted("no motion near the mesh's ends in the goal")
+    linear = _touching(setting, linear)
     radius = _RADIUS * schedule.duration
     for _ in range(_STEPS):
         if stop:
@@ -139,8 +151,42 @@ def fastest(setting: Setting, schedule: Schedule, stop: Stop) -> Extremal | Resi
         if gained > 0.7 * step.promised and step.bound:
             radius *= 2.5
         assert after is not None  # noqa: S101 - else nothing is gained
-        linear = _without_vanished(setting, after)
+        linear = _without_vanished(setting, _within_limits(setting, linear, step.by, after))
     return Resisted(f"{_STEPS} steps did not reach an extremal", linear)
+
+
+def _within_limits(setting: Setting, linear: Linear, by: Array, after: Linear) -> Linear:
+    """The motion after a step or, if that exceeds limits of position, as far as it takes to touch them.
+
+    Args:
+        setting: what is marched.
+        linear: before the step.
+        by: what the unknowns change by in it.
+        after: after it.
+    """
+    there, low, high = after, 0.0, 1.0
+    for _ in range(_HALVES):
+        beyond = excess(there.march)
+        if BEYOND < beyond <= _NEAR or (high == 1.0 and beyond <= BEYOND):
+            break
+        part = (low + high) / 2
+        halved = _stepped(setting, linear, part * by)
+        if halved is None:
+            return after
+        low, high = (part, high) if excess(halved.march) <= BEYOND else (low, part)
+        there = halved
+    return _touching(setting, there)
+
+
+def _touching(setting: Setting, linear: Linear) -> Linear:
+    """The motion with touches of the limits of position that it exceeds, if one with them is near."""
+    for _ in range(_TOUCHES):
+        schedule = with_limits(linear.march) if excess(linear.march) <= _FAR_BEYOND else None
+        touching = landed(setting, schedule) if schedule else None
+        if touching is None or touching.march.schedule.duration > (1 + _DEAR) * linear.march.schedule.duration:
+            return linear
+        linear = touching
+    return linear
 
 
 def ended(extremal: Extremal, offset: Array | float = 0.0) -> Extremal:
@@ -193,21 +239,18 @@ def landed(
 
 def _correction(linear: Linear) -> tuple[Array, float]:
     """What closes gaps and misses, to first order, and leaves a part of every segment; and how much of it may be."""
-    march, equations = linear.march, linear.jacobian
-    (room, by_room), lengths = march.room, lengths_of(march.schedule)
-    rows = np.vstack([lengths, by_room])
-    now = np.concatenate([lengths @ march.schedule.unknowns, room])
-    least = np.where(np.arange(now.size) < len(lengths), _KEPT * now, 0.0)
+    equations, planes, now = linear.jacobian, linear.planes, linear.planes.now
+    least = np.where(planes.lengths, _KEPT * now, 0.0)
     held: list[int] = []
     while True:
         right = np.concatenate([-linear.residual, (least - now)[held]])
-        by = np.linalg.lstsq(np.vstack([equations, rows[held]]), right, rcond=1e-9)[0]
-        after = now + rows @ by
+        by = np.linalg.lstsq(np.vstack([equations, planes.rows[held]]), right, rcond=1e-9)[0]
+        after = now + planes.rows @ by
         short = [k for k in np.flatnonzero(after < least - 1e-12).tolist() if k not in held]
         if not short or len(equations) + len(held) >= by.size:
             break
         held.append(min(short, key=lambda k: after[k] - least[k]))
-    shares = [(now[k] - least[k]) / (now[k] - after[k]) for k in short if k < len(lengths)]
+    shares = [(now[k] - least[k]) / (now[k] - after[k]) for k in short if planes.lengths[k]]
     return by, float(max(0.0, min([1.0, *shares])))
 
 

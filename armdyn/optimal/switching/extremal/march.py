@@ -11,7 +11,7 @@ from armdyn.optimal.arcs.arc import POSITION, VELOCITY, Mode, outward
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.switching.extremal.flow import STEPS, Flow
 from armdyn.optimal.switching.extremal.schedule import Schedule
-from armdyn.optimal.switching.extremal.torques import Torques
+from armdyn.optimal.switching.extremal.torques.steps import Torques
 
 Array = NDArray[np.float64]
 
@@ -118,10 +118,10 @@ class March:
             begins[first[joined]] = False
         body = np.tile(setting.body, (arc.size, 1))
         columns = own, begins.astype(float), h, *torques.tau
-        answer = 0.0
+        answer = np.zeros((arc.size, own.shape[1], 2, torques.felt.shape[1]))
         for felt in torques.layers:
             end, through, along, rate = setting.flow.marched(*columns, felt, torques.held, body)
-            answer = answer + along[:, :, :, None] * felt[:, None, None]
+            answer += along[:, :, :, None] * felt[:, None, None]
         start = np.where(begins[:, None], own, np.vstack([states[:1], end[:-1]]))
         if joined is not None and np.any(joined):
             at = np.flatnonzero(np.diff(arc)) + 1

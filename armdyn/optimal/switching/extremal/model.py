@@ -67,23 +67,29 @@ class Linear:
         return max(self.open, float(np.max(np.abs(self.residual))))
 
     @cached_property
+    def planes(self) -> "Planes":
+        """What must not become negative."""
+        lengths, (room, by_room) = lengths_of(self.march.schedule), self.march.room
+        now = np.concatenate([lengths @ self.march.schedule.unknowns, room])
+        return Planes(now, np.vstack([lengths, by_room]), np.arange(now.size) < len(lengths))
+
+    @cached_property
     def tangents(self) -> Array:
         """Changes of the unknowns, orthonormal, that no equation feels, shape (k, width)."""
         return null_space(self.jacobian)
 
     @cached_property
     def _answer(self) -> tuple[float, Array]:
-        """What the duration answers along the tangents beside what free torques on their limits hold back; multipliers."""
+        """What the duration answers along the tangents beside what planes hold back; and multipliers."""
         gradient = np.zeros(self.jacobian.shape[1])
         gradient[self.march.schedule.size] = 1.0
-        room, by_room = self.march.room
-        tight = by_room[room <= TIGHT]
+        tight = self.planes.rows[self.planes.now <= TIGHT]
         pull, slope = held_back(self.tangents @ gradient, tight @ self.tangents.T)
         return slope, np.asarray(np.linalg.lstsq(self.jacobian.T, pull @ tight - gradient, rcond=_RANK)[0], float)
 
     @property
     def slope(self) -> float:
-        """Of the duration along the tangents, beside what free torques on their limits hold back."""
+        """Of the duration along the tangents, beside what free torques on limits and empty segments hold back."""
         return self._answer[0]
 
     @property
@@ -146,6 +152,21 @@ def lengths_of(schedule: Schedule) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
+class Planes:
+    """Numbers that must not become negative.
+
+    Attributes:
+        now: lengths of segments [s], and what free torques are from their limits, in parts of `Setting.course`; (n,).
+        rows: by the unknowns, shape (n, width).
+        lengths: which are lengths, shape (n,).
+    """
+
+    now: Array
+    rows: Array
+    lengths: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
 class Step:
     """Along the tangent.
 
@@ -180,13 +201,8 @@ class Model:
 
     def step(self, radius: float) -> Step:
         """The best step within a radius [s] that leaves no segment negative."""
-        march = self.linear.march
-        schedule, (room, by_room) = march.schedule, march.room
-        lengths = lengths_of(schedule)
-        now = np.concatenate([lengths @ schedule.unknowns, room])
-        long = np.arange(now.size) < len(lengths)
-        long &= now >= _SHORT * schedule.duration
-        tangents = self.linear.tangents
-        rows = np.vstack([lengths, by_room]) @ tangents.T
-        y, rim = self.parabola.within(rows, np.where(long, 0.9 * now, now), radius)
+        planes, tangents = self.linear.planes, self.linear.tangents
+        long = planes.lengths & (planes.now >= _SHORT * self.linear.march.schedule.duration)
+        room = np.where(long, 0.9 * planes.now, planes.now)
+        y, rim = self.parabola.within(planes.rows @ tangents.T, room, radius)
         return Step(y @ tangents, -self.parabola.at(y), rim)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import BANG, OPPOSITE, Arc, Mode, merged
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.switching.extremal.course import Course
+from armdyn.optimal.switching.extremal.torques.course import Course
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -94,25 +94,28 @@ class Schedule:
         return len(self.changes)
 
     @property
+    def courses(self) -> dict[int, Course]:
+        """Of free torques, by the number of the change that begins them."""
+        return {k: change.course for k, change in enumerate(self.changes) if change.course}
+
+    @property
     def unknowns(self) -> Array:
         """Times of the changes, the duration [s], and the courses of free torques, shape (width,)."""
-        courses = [change.course.values for change in self.changes if change.course]
-        return np.concatenate([self.times, [self.duration], *courses])
+        return np.concatenate([self.times, [self.duration], *(course.values for course in self.courses.values())])
 
     @property
     def width(self) -> int:
         """How many unknowns there are: m + 1, and those of the courses."""
-        return self.size + 1 + sum(change.course.size for change in self.changes if change.course)
+        return self.size + 1 + sum(course.size for course in self.courses.values())
 
     @property
     def places(self) -> dict[int, slice]:
         """Where the courses stand in the unknowns, by the number of the change that begins them."""
         out: dict[int, slice] = {}
         first = self.size + 1
-        for k, change in enumerate(self.changes):
-            if change.course:
-                out[k] = slice(first, first + change.course.size)
-                first += change.course.size
+        for k, course in self.courses.items():
+            out[k] = slice(first, first + course.size)
+            first += course.size
         return out
 
     def modes(self) -> list[tuple[Mode, ...]]:
@@ -132,14 +135,10 @@ class Schedule:
             states: at the changes, shape (m, 2 nv).
             in_order: back in the order of the times.
         """
-        m, places = self.size, self.places
+        m, changes, places = self.size, list(self.changes), self.places
         times = self.times + by[:m]
-        changes = [
-            replace(change, course=change.course.with_values(change.course.values + by[places[k]]))
-            if change.course
-            else change
-            for k, change in enumerate(self.changes)
-        ]
+        for k, course in self.courses.items():
+            changes[k] = replace(changes[k], course=course.with_values(course.values + by[places[k]]))
         order = np.argsort(times, kind="stable") if in_order else np.arange(m)
         duration = self.duration + float(by[m])
         return replace(

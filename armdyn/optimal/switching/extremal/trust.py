@@ -74,7 +74,7 @@ class Parabola:
         return best, rim_there
 
     def _along(self, y: Array, kept: Array, radius: float) -> tuple[Array, float, bool]:
-        """The least in the ball that is as far from some planes as y is; the ball's multiplier; whether its rim is met."""
+        """The least in the ball as far from some planes as y is; the ball's multiplier; whether its rim is met."""
         free = null_space(kept) if len(kept) else np.eye(y.size)
         if not len(free):
             return y, 0.0, False

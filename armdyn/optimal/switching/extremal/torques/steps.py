@@ -48,8 +48,9 @@ class Torques:
         held = np.array([[mode in POSITION or mode in VELOCITY for mode in each] for each in modes])[arc]
         tau = bang.copy(), bang.copy()
         by = tuple(np.zeros((*bang.shape, schedule.width)) for _ in tau)
-        for k, place in schedule.places.items():
-            joint, course = schedule.changes[k].joint, schedule.changes[k].course
+        places = schedule.places
+        for k, course in schedule.courses.items():
+            joint, place = schedule.changes[k].joint, places[k]
             end = schedule.end_of(k)
             own = np.flatnonzero((arc > k) & (arc <= end))
             for side, (torque, answer) in enumerate(zip(tau, by, strict=True)):

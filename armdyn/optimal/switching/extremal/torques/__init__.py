@@ -1,0 +1,1 @@
+"""Torques of a march: constant on limits, along a course where they are free."""

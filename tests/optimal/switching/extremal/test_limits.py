@@ -1,0 +1,57 @@
+"""Limits of position on the way down: what exceeds them touches them."""
+
+import numpy as np
+import pytest
+
+import armdyn as ad
+from armdyn.optimal.arcs.arc import Arc, Mode
+from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.switching.extremal.descent import Extremal, fastest
+from armdyn.optimal.switching.extremal.limits import BEYOND, excess, state_at, with_limits
+from armdyn.optimal.switching.extremal.march import March
+from armdyn.optimal.switching.extremal.schedule import Schedule
+from armdyn.optimal.switching.settle import setting_of
+from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.optimal.task.task import Task
+from problems import cart, random_problem
+
+U, L = Mode.UPPER, Mode.LOWER
+
+
+def test_a_motion_that_goes_too_far_is_told_where():
+    # 1 kg, 1 N, from rest at 0: accelerates for 1 s, brakes for 2 s, and turns round at 1 m, after 2 s.
+    problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[0.5], position_limit=(-1.0, 0.9))
+    setting = setting_of(Task.of(problem, MinimumTimeOptions(compile=False)), 3.0)
+    t = np.linspace(0, 3, 31)
+    q = np.where(t < 1, t**2 / 2, 0.5 + (t - 1) - (t - 1) ** 2 / 2)
+    v = np.where(t < 1, t, 2 - t)
+    tau = np.where(t < 1, 1.0, -1.0)
+    guess = ad.Trajectory(t, q[:, None], v[:, None], tau[:, None])
+    march = March.of(setting, Schedule.of([Arc(1.0, (U,)), Arc(2.0, (L,))], guess))
+    assert excess(march) == pytest.approx(0.1, abs=1e-3)  # at the ends of steps, of which there are 96
+    touching = with_limits(march)
+    assert touching is not None
+    touch = next(k for k, change in enumerate(touching.changes) if change.touch)
+    assert touching.changes[touch].mode is Mode.POSITION_UPPER
+    assert touching.times[touch] == pytest.approx(2.0, abs=0.04)
+    np.testing.assert_allclose(touching.states[touch], [0.9, 0.0])
+    # Between steps the state is that of the closed form.
+    np.testing.assert_allclose(state_at(march, 1.77), [0.5 + 0.77 - 0.77**2 / 2, 0.23], atol=1e-9)
+
+
+@pytest.mark.slow
+def test_touches_are_found_on_the_way():
+    # Two touches, of the first and the second joint: a descent that forgets limits ends 0.4 rad beyond them, from where
+    # no motion with touches is near.
+    problem = random_problem(5)
+    solution = ad.solve_minimum_time(problem)
+    assert solution.certified
+    setting = setting_of(Task.of(problem, MinimumTimeOptions(compile=False)), solution.duration)
+    given = Schedule.of(solution.phases.arcs, solution.phases.torques)
+    touches = [k for k, change in enumerate(given.changes) if change.touch]
+    assert len(touches) == 2
+    found = fastest(setting, given.without_changes(touches), Stop())
+    assert isinstance(found, Extremal)
+    assert excess(found.march) <= BEYOND
+    assert sum(change.touch for change in found.schedule.changes) == 2
+    assert found.schedule.duration == pytest.approx(solution.duration, rel=1e-7)

@@ -1,0 +1,53 @@
+"""Contacts that cannot be held, or would rather not be: what becomes of them."""
+
+import pytest
+
+import armdyn as ad
+from armdyn.optimal.arcs.arc import POSITION, Mode
+from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.switching.contacts import with_contacts
+from armdyn.optimal.switching.extremal.descent import Extremal, fastest
+from armdyn.optimal.switching.extremal.schedule import Schedule
+from armdyn.optimal.switching.settle import setting_of
+from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.optimal.task.task import Task
+from problems import paper_problem, random_problem
+
+
+@pytest.mark.slow
+def test_a_contact_that_takes_more_torque_than_there_is_becomes_a_touch():
+    # The second joint meets its lower limit so hard that holding it there would take 7.5 of 3 N m.
+    solution = ad.solve_minimum_time(random_problem(68))
+    assert solution.certified
+    assert not any(mode in POSITION for arc in solution.arcs for mode in arc.modes)
+    assert any(joint == 1 and mode is Mode.POSITION_LOWER for arc in solution.arcs for joint, mode in arc.touches)
+
+
+@pytest.mark.slow
+def test_a_contact_that_the_limit_would_have_to_pull_at_is_a_bounce():
+    solution = ad.solve_minimum_time(paper_problem("rrr", 0.1505))
+    assert solution.certified
+    assert not any(mode in POSITION for arc in solution.arcs for mode in arc.modes)
+    touches = [(joint, mode) for arc in solution.arcs for joint, mode in arc.touches]
+    assert len(touches) > len(set(touches))  # the same limit twice
+
+
+@pytest.mark.slow
+def test_a_contact_that_is_pushed_all_along_stays():
+    problem = random_problem(53)
+    solution = ad.solve_minimum_time(problem)
+    setting = setting_of(Task.of(problem, MinimumTimeOptions(compile=False)), solution.duration)
+    found = fastest(setting, Schedule.of(solution.phases.arcs, solution.phases.torques), Stop())
+    assert isinstance(found, Extremal)
+    assert any(mode in POSITION for modes in found.schedule.modes() for mode in modes)
+    assert with_contacts(found) is None
+    assert found.schedule.duration == pytest.approx(solution.duration, rel=1e-8)
+
+
+def test_arcs_without_contacts_have_none_to_mend():
+    problem = paper_problem("rr", 0.1006)
+    solution = ad.solve_minimum_time(problem)
+    setting = setting_of(Task.of(problem, MinimumTimeOptions(compile=False)), solution.duration)
+    found = fastest(setting, Schedule.of(solution.phases.arcs, solution.phases.torques), Stop())
+    assert isinstance(found, Extremal)
+    assert with_contacts(found) is None
