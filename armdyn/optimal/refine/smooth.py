@@ -25,7 +25,7 @@ from armdyn.optimal.refine.land import land
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
-from armdyn.optimal.search.multistart import search
+from armdyn.optimal.search.multistart import Grounds, search
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.task.ladder import Ladder
 from armdyn.optimal.task.options import DirectOptions
@@ -124,7 +124,7 @@ def _searched(task: Task, starts: int) -> list[Attempt]:
     numbers = task.policy.smooth
     linear = replace(task, scheme=replace(task.scheme, method="lobatto3", control="linear"))
     coarse = [DirectOptions(task.policy.program.coarse_tolerance, numbers.iterations)]
-    return search(linear, [numbers.coarse], starts, coarse)
+    return search(linear, starts, Grounds([numbers.coarse], coarse))
 
 
 def _none_of(task: Task, attempts: Sequence[Attempt], resisted: Sequence[Attempt]) -> list[Attempt]:

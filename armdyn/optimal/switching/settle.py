@@ -9,7 +9,7 @@ from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.solve.ipopt import in_time
 from armdyn.optimal.switching.contacts import with_contacts
 from armdyn.optimal.switching.extremal.descent import Extremal, Resisted, fastest
-from armdyn.optimal.switching.extremal.flow import STEPS, Flow, flow_of
+from armdyn.optimal.switching.extremal.flow import Flow, flow_of
 from armdyn.optimal.switching.extremal.limits import with_limits
 from armdyn.optimal.switching.extremal.march import Setting
 from armdyn.optimal.switching.extremal.schedule import Schedule
@@ -26,8 +26,6 @@ _DRIFT = 1e-5
 """Of H along an arc: a tenth of what is certified; beyond it the steps are too long."""
 _PATIENCE, _BETTER = 3, 0.7
 """Rounds in a row that come no nearer than by so much: more go in circles."""
-_FINEST = 4 * STEPS
-"""Steps of a march, at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +83,9 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
     refused = set[int]()
     for _ in range(_ROUNDS):
         found = fastest(setting, schedule, stop)
-        if isinstance(found, Extremal) and found.drift > _DRIFT and setting.steps < _FINEST:
-            setting, schedule = replace(setting, steps=2 * setting.steps), found.schedule
+        finer = setting.finer
+        if found.linear is not None and found.linear.drift > _DRIFT and finer is not None and not stop:
+            setting, schedule = finer, found.linear.march.schedule
             continue
         if isinstance(found, Resisted):
             if chattering is None or stop:

@@ -64,6 +64,12 @@ class ArcsPolicy:
     tolerance: float = tuned(1e-10, "scaled", "of IPOPT: durations then hold to about as much", PAPER)
     held_iterations: int = tuned(60, "iterations", "where all torques are held", PAPER)
     free_iterations: int = tuned(100, "iterations", "where some are free", PAPER)
+    near_iterations: int = tuned(
+        40,
+        "iterations",
+        "where the guess solves nearly the same: what takes more comes to nothing",
+        "RRR, random pairs",
+    )
     smooth_iterations: int = tuned(150, "iterations", "where they are to be smooth", PAPER)
     tie: float = tuned(1e-5, "of 1 for time", "cost of full torques that time leaves free: it makes them unique", "RRR")
     samples: int = tuned(480, "samples", "of torques that are not constant, 4 to 16 on an interval", "RRR time-energy")
