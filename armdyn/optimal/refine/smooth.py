@@ -47,8 +47,8 @@ def time_energy(task: Task) -> tuple[list[Optimum], Found]:
     """
     numbers, options, weight = task.policy.smooth, task.options, task.problem.effort_weight
     given = [_Lead(0.0, guess) for guess in _given(task)]
-    attempts = _searched(task, options.starts or numbers.starts)
-    coarse = _distinct(task, attempts)[: options.refinements or numbers.refined]
+    attempts = _searched(task, task.policy.search.guesses(options, numbers.starts))
+    coarse = _distinct(task, attempts)[: task.policy.search.refinements(options, numbers.refined)]
     found = [_Lead(numbers.optimism * trajectory_cost(motion, weight), motion) for motion in coarse]
     settling = _Settling(task, [*given, *found])
     landed: list[Optimum] = []
