@@ -25,7 +25,7 @@ from armdyn.optimal.refine.land import land
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
-from armdyn.optimal.search.multistart import search
+from armdyn.optimal.search.multistart import Grounds, search
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.task.ladder import Ladder
 from armdyn.optimal.task.options import DirectOptions
@@ -47,8 +47,8 @@ def time_energy(task: Task) -> tuple[list[Optimum], Found]:
     """
     numbers, options, weight = task.policy.smooth, task.options, task.problem.effort_weight
     given = [_Lead(0.0, guess) for guess in _given(task)]
-    attempts = _searched(task, options.starts or numbers.starts)
-    coarse = _distinct(task, attempts)[: options.refinements or numbers.refined]
+    attempts = _searched(task, task.policy.search.guesses(options, numbers.starts))
+    coarse = _distinct(task, attempts)[: task.policy.search.refinements(options, numbers.refined)]
     found = [_Lead(numbers.optimism * trajectory_cost(motion, weight), motion) for motion in coarse]
     settling = _Settling(task, [*given, *found])
     landed: list[Optimum] = []
@@ -124,7 +124,7 @@ def _searched(task: Task, starts: int) -> list[Attempt]:
     numbers = task.policy.smooth
     linear = replace(task, scheme=replace(task.scheme, method="lobatto3", control="linear"))
     coarse = [DirectOptions(task.policy.program.coarse_tolerance, numbers.iterations)]
-    return search(linear, [numbers.coarse], starts, coarse)
+    return search(linear, starts, Grounds([numbers.coarse], coarse))
 
 
 def _none_of(task: Task, attempts: Sequence[Attempt], resisted: Sequence[Attempt]) -> list[Attempt]:

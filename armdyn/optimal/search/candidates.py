@@ -9,7 +9,8 @@ import numpy as np
 from armdyn.errors import ProblemError
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.search.distinct import distinct, ranked
-from armdyn.optimal.search.multistart import Job, search
+from armdyn.optimal.search.multistart import Grounds, Job, search
+from armdyn.optimal.search.offspring import offspring
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
@@ -63,7 +64,7 @@ def find(task: Task) -> Found:
     count = numbers.guesses(options)
     beside = _beside(task)
     task.tell(f"search: {count} guesses" + (f", and {len(beside)} on {options.intervals} intervals" if beside else ""))
-    attempts = search(task, task.meshes, count, task.coarse(), beside)
+    attempts = _searched(task, count, Grounds(task.meshes, task.coarse()), beside)
     fine, coarse = (distinct(some, same) for some in (attempts[: len(beside)], attempts[len(beside) :]))
     found = ranked([*fine, *coarse])  # what is on the finer mesh already hides none of the others: it costs no more
     if not found:
@@ -76,13 +77,26 @@ def find(task: Task) -> Found:
     iterations += settled.iterations
     if finer := _too_coarse(task, found, settled):
         mesh, meshes, share = finer
-        near = replace(task, policy=task.policy.changed("search", spread=1.0))  # what coarse meshes get wrong is heavy
-        again = search(near, meshes, min(count, max(count // share, numbers.again_at_least)), task.coarse())
+        near = replace(
+            task, policy=task.policy.changed("search", spread=1.0, turn=0.0)
+        )  # those that meshes err on: heavy
+        several = min(count, max(count // share, numbers.again_at_least))
+        again = _searched(near, several, Grounds(meshes, task.coarse()))
         kept = settled.attempts if mesh == options.intervals else []
         found = distinct([*kept, *again], same) or settled.attempts
         settled = _settled(task.with_options(intervals=mesh), found)
         iterations += settled.iterations + sum(attempt.iterations for attempt in again)
     return Found(tuple(settled.attempts), mesh=mesh, listed=tuple(settled.listed), iterations=iterations)
+
+
+def _searched(task: Task, count: int, grounds: Grounds, beside: Sequence[Job] = ()) -> list[Attempt]:
+    """Attempts from guesses through random poses, and from changes of what these have led to."""
+    changes = round(task.policy.search.changes * count)
+    attempts = search(task, count - changes, grounds, beside)
+    if len(attempts) < len(beside) + count - changes:  # enough, or no more time
+        return attempts
+    nearby = replace(grounds, settings=grounds.settings[:1])  # the smallest barrier keeps most of a guess
+    return [*attempts, *offspring(task, attempts[len(beside) :], changes, nearby)]
 
 
 def _beside(task: Task) -> list[Job]:

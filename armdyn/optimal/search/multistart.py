@@ -1,6 +1,7 @@
 """Global search: many guesses solved coarsely, on all cores."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 from armdyn.optimal.search.distinct import distinct
@@ -14,29 +15,42 @@ from armdyn.processes import in_processes
 Job = Callable[[], Attempt]
 
 
-def search(
-    task: Task, meshes: Sequence[int], count: int, settings: Sequence[DirectOptions], beside: Sequence[Job] = ()
-) -> list[Attempt]:
+@dataclass(frozen=True)
+class Grounds:
+    """What guesses are solved on in turn: what one hides another may show.
+
+    Attributes:
+        meshes: intervals of each; guesses take turns on them.
+        settings: of IPOPT; guesses take turns on them at the meshes' pace.
+    """
+
+    meshes: Sequence[int]
+    settings: Sequence[DirectOptions]
+
+    def of(self, k: int) -> tuple[int, DirectOptions]:
+        """Those of a guess."""
+        return self.meshes[k % len(self.meshes)], self.settings[k // len(self.meshes) % len(self.settings)]
+
+
+def search(task: Task, count: int, grounds: Grounds, beside: Sequence[Job] = ()) -> list[Attempt]:
     """Attempts from guesses, in the order of the guesses; the first is the straight one.
 
-    Guesses take turns on the meshes and, at half that pace, on the settings: what one hides another may show.
     The same seed gives the same attempts, on however many cores.
 
     Args:
         task: what is to be solved.
-        meshes: intervals of each.
         count: guesses; fewer are solved where they have led to few optima again and again.
-        settings: of IPOPT.
+        grounds: on which they are solved in turn.
         beside: other solves, which come first and are begun first.
     """
-    ways = detours(task.problem, task.options.seed, count, task.stop, task.policy.search.spread)
-    for intervals in meshes:  # before the fork, so that every worker has them
-        for setting in settings:
+    numbers = task.policy.search
+    ways = detours(task.problem, task.options.seed, count, task.stop, (numbers.spread, numbers.turn))
+    for intervals in grounds.meshes:  # before the fork, so that every worker has them
+        for setting in grounds.settings:
             prepare_quickly(task, intervals, setting)
 
     def job(k: int) -> Attempt:
-        mesh, setting = meshes[k % len(meshes)], settings[k // len(meshes) % len(settings)]
-        return solve_quickly(task, spline(task.problem, ways[k]), mesh, setting, between=False)
+        return solve_quickly(task, spline(task.problem, ways[k], numbers.haste), *grounds.of(k), between=False)
 
     attempts: list[Attempt] = []
     jobs: list[Job] = [*beside, *(partial(job, k) for k in range(count))]

@@ -25,7 +25,11 @@ _SAMPLES = 51
 
 
 def detours(
-    problem: MinimumTimeProblem, seed: int, count: int, stop: Stop | None = None, spread: float = 1.0
+    problem: MinimumTimeProblem,
+    seed: int,
+    count: int,
+    stop: Stop | None = None,
+    wide: tuple[float, float] = (1.0, 0.0),
 ) -> list[list[Array]]:
     """What `spline` makes guesses of: first the straight way, then ways through random poses.
 
@@ -34,7 +38,8 @@ def detours(
         seed: the same seed gives the same detours.
         count: how many.
         stop: asked while ways round what is forbidden are looked for; then there are fewer.
-        spread: of the random poses, in parts of the way.
+        wide: how far random poses are from the middle of the way: standard deviation, in parts of the way, and how far
+            at most beside that, any distance being as likely [rad or m].
 
     Returns:
         For each guess the poses in between [rad or m], each of shape (nv,).
@@ -45,7 +50,11 @@ def detours(
     lower, upper = problem.limits.position_lower, problem.limits.position_upper
     round_it = any(condition.goes_round for condition in conditions_of(problem))
     tries = SearchPolicy.tries if round_it else count - 1
-    vias = np.clip(middle + spread * random.normal(size=(tries, reach.size)) * reach, lower, upper)
+    (spread, turn), size = wide, (tries, reach.size)
+    vias = middle + spread * random.normal(size=size) * reach
+    if turn:
+        vias += random.uniform(-turn, turn, size)
+    vias = np.clip(vias, lower, upper)
     ways = (
         [_through(problem, via, int(random.integers(len(problem.via) + 1))) for via in vias]
         if problem.via
@@ -91,20 +100,22 @@ def _blends(poses: int, samples: int) -> tuple[Array, Array, Array]:
     Between poses the path is of fifth degree; it has no curvature in them, at the ends no slope.
     """
     fraction, one = np.linspace(0, 1, poses), np.eye(poses)
-    slopes = np.gradient(one, fraction, axis=0) if poses > 2 else np.zeros_like(one)
-    slopes[0] = slopes[-1] = 0
+    slopes = np.zeros_like(one)
+    if poses > 2:
+        slopes[1:-1] = np.asarray(np.gradient(one, fraction, axis=0))[1:-1]
     path = BPoly.from_derivatives(fraction, np.stack([one, slopes, np.zeros_like(one)], axis=1))
     s = np.linspace(0, 1, samples)
     return path(s), path.derivative()(s), path.derivative(2)(s)
 
 
-def spline(problem: MinimumTimeProblem, via: list[Array]) -> Trajectory:
+def spline(problem: MinimumTimeProblem, via: list[Array], haste: float = 1.0) -> Trajectory:
     """A smooth path from start to goal through poses, timed so that the torques about fit their limits.
 
     Args:
         problem: its start, goal and limits.
         via: poses in between [rad or m], each of shape (nv,), at equal fractions of the time; none: the
             problem's own.
+        haste: the guess takes so many times the duration at which its torques fit.
     """
     path = _path(problem, via or [np.asarray(q) for q in problem.via], _SAMPLES)
     q, dq, ddq = path.q, path.dq, path.ddq
@@ -119,7 +130,9 @@ def spline(problem: MinimumTimeProblem, via: list[Array]) -> Trajectory:
     tau = static + inertial / duration**2 + friction.torque(v)
     tau = np.clip(tau, problem.limits.effort_lower, problem.limits.effort_upper)
     v[0], v[-1] = problem.v_start, problem.v_goal
-    return Trajectory(np.linspace(0, duration, _SAMPLES), q, v, tau, problem.robot.joint_names, "start")
+    haste = max(haste, problem.duration_bound() / duration)
+    v[1:-1] /= haste
+    return Trajectory(np.linspace(0, haste * duration, _SAMPLES), q, v, tau, problem.robot.joint_names, "start")
 
 
 def straight_curve(task: Task, intervals: int) -> Curve:

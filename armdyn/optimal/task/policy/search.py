@@ -26,11 +26,11 @@ class ProgramPolicy:
         1e-3, "of travel or limit", "a guess so near a limit is likely to exceed it between knots", UNRECORDED
     )
     coarse_tolerance: float = tuned(1e-5, "scaled", "of IPOPT in the search: with 1e-4 durations blur", PAPER)
-    coarse_barriers: tuple[float, ...] = tuned(
-        (1e-3, 1e-2),
+    coarse_barriers: tuple[float, ...] = by_kind(
         "scaled",
-        "IPOPT's mu_init in turn: small ones keep more of the guess, and find more optima",
-        PAPER,
+        "IPOPT's mu_init in turn: small ones keep more of the guess; with three joints ten times as large ones miss "
+        "fewer best optima",
+        "the paper's arms; RRR, random",
     )
     fine_tolerance: float = tuned(1e-6, "scaled", "of IPOPT from a solution on another mesh", PAPER)
     fine_barrier: float = tuned(
@@ -95,24 +95,52 @@ class SearchPolicy:
         "cart-pole, acrobot, pendubot, Furuta pendulum, their own and weaker motors",
     )
     unlike: float = tuned(0.3, "of the way, rad or m", "by which such guesses differ from each other", "the same")
-    spread: float = by_kind(
-        "times the way",
-        "of random poses: with three joints wider ones miss one best optimum in seven, not in five; heavy arms, whose "
-        "search is done again, move less",
-        "RRR, random pairs 15 to 39 (seed 1); 1 kg within ±π",
+    spread: float = by_kind("times the way", "standard deviation of random poses", PAPER)
+    turn: float = by_kind(
+        "rad",
+        "by which random poses are off beside that, any distance as likely; 0: not. With three joints, within a turn "
+        "and a quarter, a hundred guesses miss one best optimum in three where within 1.5 times the way it is one in "
+        "two; heavy arms, whose search is done again, move less",
+        "RRR, random: the twelve hardest of a hundred pairs",
     )
+    haste: float = by_kind(
+        "-",
+        "of the duration at which a guess's torques fit: from 0.4 three joints take a tenth fewer iterations, to more "
+        "optima",
+        "RRR, random",
+    )
+    changes: float = by_kind(
+        "of the guesses",
+        "are changes of optima that the others have led to; where hundreds of random guesses meet an optimum once, one "
+        "change in ten does",
+        "RRR, random: the twelve hardest of a hundred pairs",
+    )
+    round: int = tuned(20, "guesses", "changed at once, before the optima are ranked again", "RRR, random")
+    parents: int = tuned(6, "optima", "are changed", "RRR, random")
+    favoured: float = tuned(3.0, "optima", "about so many of the first are chosen again and again", "RRR, random")
+    bend: float = tuned(
+        0.3, "times the way", "standard deviation of what is added halfway to all joints", "RRR, random"
+    )
+    led: float = tuned(6.0, "rad or m", "the most by which one joint is led elsewhere", "RRR, random")
+    slack: float = tuned(1.2, "of an optimum's duration", "changes of it begin with", "RRR, random")
     tries: int = tuned(300, "ways", "looked at before a few that go round the obstacles are taken", "RR, Panda: a post")
     looks: int = tuned(25, "poses", "of a way that are held against the obstacles", UNRECORDED)
     brisk: float = tuned(10.0, "rad/s", "stands for a missing velocity limit where ways are compared", UNRECORDED)
 
-    def guesses(self, options: MinimumTimeOptions) -> int:
-        """How many the options ask for."""
-        factor = {"quick": self.quick, "normal": 1.0, "thorough": self.thorough}[options.effort]
-        return options.starts or max(1, math.ceil(factor * self.starts))
+    def guesses(self, options: MinimumTimeOptions, normal: int | None = None) -> int:
+        """How many the options ask for.
 
-    def refinements(self, options: MinimumTimeOptions) -> int:
-        """How many optima the options ask for."""
-        return options.refinements or self.refined * (self.more_refined if options.effort == "thorough" else 1)
+        Args:
+            options: starts, or effort.
+            normal: so many where effort is normal; None: those of this search.
+        """
+        factor = {"quick": self.quick, "normal": 1.0, "thorough": self.thorough}[options.effort]
+        return options.starts or max(1, math.ceil(factor * (self.starts if normal is None else normal)))
+
+    def refinements(self, options: MinimumTimeOptions, normal: int | None = None) -> int:
+        """How many optima the options ask for. Arguments as of `guesses`."""
+        own = self.refined if normal is None else normal
+        return options.refinements or own * (self.more_refined if options.effort == "thorough" else 1)
 
 
 @dataclass(frozen=True, kw_only=True)

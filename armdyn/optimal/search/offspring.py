@@ -1,0 +1,89 @@
+"""More guesses, made of the optima that guesses have led to: good optima lie near each other.
+
+What random poses meet once in hundreds of guesses, changes of the best optima meet once in ten. A change bends the
+motion of all joints a little, leads one joint another way, or takes the motions of some joints from another optimum.
+(Leary, Global optimization on funneling landscapes, 2000; of trajectories Vasile, Minisci and Locatelli, 2011.)
+"""
+
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.search.distinct import distinct
+from armdyn.optimal.search.multistart import Grounds
+from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.solve.condensed import solve_quickly
+from armdyn.optimal.task.policy.search import SearchPolicy
+from armdyn.optimal.task.task import Task
+from armdyn.processes import in_processes
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_SAMPLES = 51
+"""Of a guess, as of those through random poses."""
+
+
+def offspring(task: Task, attempts: list[Attempt], count: int, grounds: Grounds) -> list[Attempt]:
+    """Attempts from changes of the best among others, and among themselves: round by round, from the best so far.
+
+    The same attempts and the same seed give the same, on however many cores.
+
+    Args:
+        task: what is to be solved.
+        attempts: what guesses have led to.
+        count: of changes.
+        grounds: on which they are solved in turn.
+    """
+    numbers, born = task.policy.search, list[Attempt]()
+    while len(born) < count and not task.stop:
+        best = distinct([*attempts, *born], task.policy.same.coarse)[: numbers.parents]
+        if not best:
+            break
+        parents = [attempt.trajectory for attempt in best]
+        task.tell(f"search: change {len(born)} of {count} of the best optima, about {parents[0].duration:.4f} s")
+
+        def job(k: int, parents: list[Trajectory]) -> Attempt:
+            guess = child(task.problem, parents, np.random.default_rng([task.options.seed, k]), k)
+            return solve_quickly(task, guess, *grounds.of(k), between=False)
+
+        several = range(len(born), min(count, len(born) + numbers.round))
+        born += in_processes([partial(job, k, parents) for k in several], task.workers)
+    return born
+
+
+def child(
+    problem: MinimumTimeProblem, parents: list[Trajectory], random: np.random.Generator, number: int
+) -> Trajectory:
+    """A change of one of some motions, most often of one of the first, in a little more time.
+
+    Args:
+        problem: whose limits of position it keeps.
+        parents: motions, best first.
+        random: decides what is changed, and how far.
+        number: of the child: kinds of change take turns.
+    """
+    s = np.linspace(0, 1, _SAMPLES)
+    chosen, other = random.exponential(SearchPolicy.favoured, 2).astype(int) % len(parents)
+    duration = parents[chosen].duration
+    q, v, tau = (np.array(part) for part in parents[chosen](parents[chosen].t[0] + s * duration))
+    bent = np.zeros(q.shape[1])
+    if number % 3 == 0:
+        way = np.abs(np.asarray(problem.q_goal) - np.asarray(problem.q_start))
+        bent = SearchPolicy.bend * random.normal(size=bent.size) * np.maximum(way, SearchPolicy.bow)
+    elif number % 3 == 1 and len(parents) > 1 and bent.size > 1:
+        mate = parents[other if other != chosen else (chosen + 1) % len(parents)]
+        taken = random.permutation(bent.size) < random.integers(1, bent.size)
+        at = mate(mate.t[0] + s * mate.duration)
+        q[:, taken], tau[:, taken] = at.q[:, taken], at.tau[:, taken]
+        v[:, taken] = at.v[:, taken] * mate.duration / duration
+    else:
+        bent[random.integers(bent.size)] = SearchPolicy.led * random.uniform(-1, 1)
+    bow = 4 * s * (1 - s)
+    q += (bow**3)[:, None] * bent
+    v += (12 * bow**2 * (1 - 2 * s))[:, None] * bent / duration
+    q[1:-1] = np.clip(q[1:-1], problem.limits.position_lower, problem.limits.position_upper)
+    duration, v = SearchPolicy.slack * duration, v / SearchPolicy.slack
+    return Trajectory(s * duration, q, v, tau, parents[chosen].joint_names, "start")
