@@ -95,7 +95,12 @@ class SmoothPolicy:
         0.02, "-", "|H| below which the next solve stays where it is: 4 to 10 iterations, not 50", PAPER
     )
     rough: float = tuned(0.05, "-", "|H| beyond which a mesh is too coarse to tell limits by", PAPER)
-    artefact: float = tuned(1.0, "-", "|H| beyond which it says nothing of where to look, either", PAPER)
+    artefact: float = tuned(
+        1.0,
+        "-",
+        "|H| beyond which it says nothing of where to look, either; what begins so waits for all others",
+        PAPER,
+    )
     worth: float = tuned(
         1.5, "of the least J", "coarse optima beyond are let go; some of the best are artefacts", PAPER
     )
