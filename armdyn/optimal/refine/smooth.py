@@ -228,7 +228,7 @@ class _Settling:
         if all(abs(own / other - 1) > self._task.policy.same.resolved_cost for other in known):
             self._resolved.append(found)
             worse = own > numbers.doubted * promise / numbers.optimism
-            doubtful = promise > 0 and (worse or _stray(problem, found) >= numbers.artefact)
+            doubtful = promise > 0 and (worse or _stray(problem, found) >= numbers.unlikely)
             self._waiting.append(_Lead(own * (_LAST if doubtful else 1.0), found))
 
     def _improve(self, best: Phases, stray: float) -> None:
