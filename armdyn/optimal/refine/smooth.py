@@ -227,7 +227,8 @@ class _Settling:
         known, own = [cost(problem, phases) for phases in self._resolved], cost(problem, found)
         if all(abs(own / other - 1) > self._task.policy.same.resolved_cost for other in known):
             self._resolved.append(found)
-            doubtful = promise > 0 and own > numbers.doubted * promise / numbers.optimism
+            worse = own > numbers.doubted * promise / numbers.optimism
+            doubtful = promise > 0 and (worse or _stray(problem, found) >= numbers.unlikely)
             self._waiting.append(_Lead(own * (_LAST if doubtful else 1.0), found))
 
     def _improve(self, best: Phases, stray: float) -> None:

@@ -1,6 +1,7 @@
 """Structures mended until their costates agree."""
 
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -10,8 +11,9 @@ from armdyn.optimal.solve.ipopt import in_time
 from armdyn.optimal.switching.contacts import with_contacts
 from armdyn.optimal.switching.extremal.descent import Extremal, Resisted, fastest
 from armdyn.optimal.switching.extremal.flow import Flow, flow_of
-from armdyn.optimal.switching.extremal.limits import with_limits
+from armdyn.optimal.switching.extremal.limits import BEYOND, excess, with_limits
 from armdyn.optimal.switching.extremal.march import Setting
+from armdyn.optimal.switching.extremal.model import Linear
 from armdyn.optimal.switching.extremal.schedule import Schedule
 from armdyn.optimal.switching.signs import with_signs, without_unwanted, wrong_signs
 from armdyn.optimal.switching.singular import idle_fall, with_longer_course, with_singular, with_stays
@@ -35,14 +37,25 @@ class Settled:
     """What a schedule has come to.
 
     Attributes:
-        extremal: the last; None: there was none.
-        wrong: by how much H would fall at worst on the other limit.
+        extremal: the best; at the worst a motion that lands within its limits; None: there was none.
+        wrong: by how much H would fall at worst on the other limit; infinite: it is no extremal.
         why: what it lacks, for people; "": nothing.
     """
 
     extremal: Extremal | None
     wrong: float
     why: str
+
+    def or_else(self, linear: Linear | None, why: str) -> Self:
+        """This or, where nothing better is known, a motion that lands within its limits but is no extremal.
+
+        Args:
+            linear: the motion, if there is one.
+            why: it is not.
+        """
+        if self.extremal is not None or linear is None or excess(linear.march) > BEYOND:
+            return self if self.extremal else replace(self, why=why)
+        return replace(self, extremal=Extremal(linear), why=why)
 
     @property
     def arcs(self) -> list[Arc]:
@@ -91,12 +104,12 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
             continue
         if isinstance(found, Resisted):
             if chattering is None or stop:
-                return best if best.extremal else replace(best, why=found.why)
+                return best.or_else(found.linear, found.why)
             (schedule, hovering), chattering = chattering, None
             refused.add(hovering)
             continue
         if limited := with_limits(found.march) or without_unwanted(found) or with_contacts(found):
-            schedule, best = limited, replace(best, why="limits of position are not settled")
+            schedule, best = limited, best.or_else(found.linear, "limits of position are not settled")
             continue
         wrong, idle = wrong_signs(found, _LEAST), max([0.0, *(idle_fall(found, k) for k in found.schedule.courses)])
         worst = max([idle, *(one.value for one in wrong[:1])])

@@ -96,6 +96,12 @@ class SmoothPolicy:
     )
     rough: float = tuned(0.05, "-", "|H| beyond which a mesh is too coarse to tell limits by", PAPER)
     artefact: float = tuned(1.0, "-", "|H| beyond which it says nothing of where to look, either", PAPER)
+    unlikely: float = tuned(
+        2.0,
+        "-",
+        "|H| of a first solution that most likely is none: it waits for all others",
+        "RR, RRR, 500 g and 1 kg: good ones began with 1.1 at the most, artefacts with 1 to 60",
+    )
     worth: float = tuned(
         1.5, "of the least J", "coarse optima beyond are let go; some of the best are artefacts", PAPER
     )
