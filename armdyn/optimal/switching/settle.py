@@ -26,6 +26,8 @@ _LEAST = 5e-5
 """By how much H must fall for another stay, or a longer course: half of what is certified."""
 _DRIFT = 1e-5
 """Of H along an arc: a tenth of what is certified; beyond it the steps are too long."""
+_ASTRAY = 1e-3
+"""The same where no extremal was found: then that may be why."""
 _PATIENCE, _BETTER = 3, 0.7
 """Rounds in a row that come no nearer than by so much: more go in circles."""
 
@@ -96,8 +98,8 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
     refused = set[int]()
     for _ in range(_ROUNDS):
         found = fastest(setting, schedule, stop)
-        finer = setting.finer
-        if found.linear is not None and found.linear.drift > _DRIFT and finer is not None and not stop:
+        finer, enough = setting.finer, _DRIFT if isinstance(found, Extremal) else _ASTRAY
+        if found.linear is not None and found.linear.drift > enough and finer is not None and not stop:
             setting, schedule = finer, found.linear.march.schedule
             continue
         if isinstance(found, Resisted):
