@@ -1,11 +1,11 @@
-"""Minimum times between random poses, of every arm that goes by a name and of the paper's: docs/arms.md.
+"""Minimum times between random poses, of every arm that goes by a name: docs/arms.md.
 
 Poses are drawn from the middle 80 % of the position limits (an endless joint's from ±π), the same for a seed, and
-drawn again where the arm cannot be held still. Where the URDF has no torque limits, 10 N m serve. The paper's arms
-move within ±2.5 rad with 100.6 g. Nothing is tuned on these poses but pair 1 of Panda and UR5.
+drawn again where the arm cannot be held still. Where the URDF has no torque limits, 10 N m serve. Nothing is tuned on
+these poses but pair 1 of Panda and UR5.
 
     scripts/library_motions.py --out docs/arms.md
-    scripts/library_motions.py --only panda ur5 --random 0
+    scripts/library_motions.py --only panda ur5
 """
 
 import argparse
@@ -26,10 +26,6 @@ from armdyn.optimal.flat.equations import torque_equations
 
 EFFORT = 10.0
 """Where a URDF has no torque limit [N m or N]."""
-REACH = 2.5
-"""Of the paper's arms [rad]."""
-PAYLOAD = 0.1006
-"""That they carry [kg]."""
 
 
 @dataclass(frozen=True)
@@ -85,18 +81,6 @@ def library(name: str, pairs: int, time_limit: float) -> Iterator[Row]:
             yield Row(name, robot.nv, seed, failure=f"{type(error).__name__}: {error}")
 
 
-def random_pairs(name: str, count: int, time_limit: float) -> list[ad.Solution]:
-    """The paper's arm between random poses."""
-    robot = ad.Robot.from_spec(ad.ArmSpec.paper(name), ad.Payload(mass=PAYLOAD))
-    random, found = np.random.default_rng(13), []
-    for k in range(count):
-        start, goal = random.uniform(-REACH, REACH, (2, robot.nv))
-        problem = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal)
-        found.append(ad.solve_minimum_time(problem, ad.MinimumTimeOptions(time_limit=time_limit)))
-        print(f"{name} {k}: {found[-1].message}", file=sys.stderr, flush=True)
-    return found
-
-
 def summary(rows: list[Row]) -> str:
     """One sentence for the library's arms."""
     found = [row.solution for row in rows if row.solution is not None]
@@ -121,7 +105,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", nargs="+", default=list(LIBRARY_ARMS), metavar="NAME")
     parser.add_argument("--pairs", type=int, default=3, help="of poses of every arm")
-    parser.add_argument("--random", type=int, default=100, help="pairs of poses of r, rr and rrr each; 0: none")
     parser.add_argument("--time-limit", type=float, default=60.0, metavar="S")
     parser.add_argument("--out", type=Path, metavar="FILE")
     given = parser.parse_args()
@@ -135,15 +118,6 @@ def main() -> None:
     said = (__doc__ or "").split("\n\n")[1]
     text = ["# Every arm that goes by a name\n", f"Written by `scripts/library_motions.py`.\n\n{said}\n"]
     text += [f"{summary(rows)}\n", table(head, [row.cells() for row in rows]), ""]
-    if given.random:
-        lines = []
-        for name in ("r", "rr", "rrr"):
-            found = random_pairs(name, given.random, given.time_limit)
-            times = [one.solve_time for one in found]
-            counts = [str(sum(getattr(one, what) for one in found)) for what in ("usable", "certified")]
-            lines.append([name, str(len(found)), *counts, f"{statistics.median(times):.2f}", f"{max(times):.1f}"])
-        text += ["\n## The paper's arms between random poses\n"]
-        text += [table(["arm", "pairs", "usable", "certified", "median [s]", "longest [s]"], lines), ""]
     page = "\n".join(text)
     if given.out:
         given.out.write_text(page)

@@ -21,6 +21,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 import armdyn as ad
+from armdyn.optimal.task.effort import EFFORTS
 from armdyn.optimal.task.policy import Policy
 
 REACH = 2.5
@@ -131,7 +132,7 @@ def main() -> None:
     parser.add_argument("--links", choices=("paper", "other"), default="paper", help="the paper's or random ones")
     parser.add_argument("--limits", choices=("position", "none", "velocity"), default="position")
     parser.add_argument("--payload", type=float, default=0.3, metavar="KG", help="the largest")
-    parser.add_argument("--effort", choices=("quick", "normal", "thorough"), default="normal")
+    parser.add_argument("--effort", choices=EFFORTS, default="normal")
     parser.add_argument("--pairs", type=int, default=100)
     parser.add_argument("--first", type=int, default=0, help="number of the first pair")
     parser.add_argument("--seed", type=int, default=1, help="1 is what was tuned on")

@@ -10,7 +10,7 @@ import numpy as np
 from armdyn.arguments import expect, function
 from armdyn.optimal.answer.assembly import assembled, failed
 from armdyn.optimal.answer.solution import Solution
-from armdyn.optimal.bound.lower_bound import lower_bound
+from armdyn.optimal.bound.lower_bound import lower_bound, soonest
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop, stopping
@@ -137,16 +137,22 @@ def _fastest_goal(problem: MinimumTimeProblem, options: MinimumTimeOptions, tell
 
 
 def _least(problem: MinimumTimeProblem, branches: list[MinimumTimeProblem], solutions: list[Solution]) -> float | None:
-    """A duration that no motion to any of the goals beats [s]; None: none is known."""
-    bounds = [solution.lower_bound for solution in solutions]
-    if not bounds or None in bounds:
+    """A duration that no motion to any of the goals beats [s]; None: none is known.
+
+    Args:
+        problem: with several goals.
+        branches: with the most promising of them alone.
+        solutions: of the first of these.
+    """
+    if not solutions or any(solution.lower_bound is None for solution in solutions):
         return None
-    least = min(bound for bound in bounds if bound is not None)
-    solved = {np.asarray(branch.q_goal).tobytes() for branch in branches[: len(solutions)]}
-    for q in problem.goals:
-        other = problem.variant(q_goal=q, goal_pose=None, wrap=False)
-        if q.tobytes() in solved or other.duration_bound() >= least:
-            continue
-        bound = lower_bound(other)
-        least = min(least, 0.0 if bound is None else bound.duration)
-    return least or None
+    solved = {np.asarray(branch.q_goal).tobytes(): one for branch, one in zip(branches, solutions, strict=False)}
+
+    def known(one: MinimumTimeProblem) -> float | None:
+        solution = solved.get(np.asarray(one.q_goal).tobytes())
+        if solution is not None:
+            return solution.lower_bound
+        bound = lower_bound(one)
+        return None if bound is None else bound.duration
+
+    return soonest(problem, known, float)

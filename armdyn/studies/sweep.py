@@ -42,7 +42,8 @@ def sweep(
         if own != names[0]:
             raise ProblemError(f"problems[{k}] moves {', '.join(own)}; the first moves {', '.join(names[0])}")
     found: list[Solution] = []
-    few = options.starts or Policy.of(problems[0]).search.neighbour_starts if problems else None
+    search = Policy.of(problems[0]).search if problems else None
+    few = search.guesses(options, search.neighbour_starts) if search else None
 
     def solve(k: int, neighbour: Solution | None, starts: int | None) -> Solution:
         given = options

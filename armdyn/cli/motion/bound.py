@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
+
 import armdyn as ad
 from armdyn.cli.console import answering, console, facts_table, working
 from armdyn.cli.options.course import CourseOptions
@@ -29,20 +31,15 @@ def bound(
     armdyn bound r --velocity-limit 5 --payload 0.1006[/]
     """
     with answering(json) as answer:
+        from armdyn.optimal.bound.lower_bound import soonest
+
         arm = joints.fit(robot.read(payload.carried()))
         problem = ad.MinimumTimeProblem(arm, **goal.asked(arm, robot.robot), **course.asked())
         with working(f"lower bound of {arm.name}", json):
-            found = _least(problem)
+            found = soonest(problem, ad.lower_bound, attrgetter("duration"))
         answer.facts |= {"robot": arm.name, **friction_facts(arm), **_facts(found)}
         if not json:
             console.print(facts_table(f"{arm.name}: lower bound", friction_words(arm) | _words(found)))
-
-
-def _least(problem: ad.MinimumTimeProblem) -> ad.LowerBound | None:
-    """The bound of the goal that may be reached soonest; None if one has none."""
-    each = [ad.lower_bound(problem.variant(q_goal=q, goal_pose=None, wrap=False)) for q in problem.goals]
-    bounds = [found for found in each if found is not None]
-    return min(bounds, key=lambda found: found.duration) if len(bounds) == len(each) else None
 
 
 def _facts(found: ad.LowerBound | None) -> dict[str, object]:

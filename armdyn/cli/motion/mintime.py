@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar
 
 import typer
 
@@ -16,6 +16,7 @@ from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction
 from armdyn.cli.options.poses import GoalOptions
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+from armdyn.optimal.task.effort import Effort
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +26,7 @@ class SearchOptions:
     panel: ClassVar[str] = "Search"
 
     effort: Annotated[
-        Literal["quick", "normal", "thorough"],
+        Effort,
         typer.Option(
             help="How much is searched: quick is a third of normal; thorough takes five times as long and misses less."
         ),

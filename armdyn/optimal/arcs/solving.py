@@ -61,6 +61,8 @@ def solve_phases(
     aim, numbers, singular = aim or PhaseAim(), task.policy.arcs, any(arc.singular for arc in arcs)
     free = numbers.smooth_iterations if task.problem.effort_weight else numbers.free_iterations
     iterations = free if singular else numbers.held_iterations
+    if aim.near and not task.problem.effort_weight:
+        iterations = min(iterations, numbers.near_iterations)
     build = _with_lines if singular and not task.problem.effort_weight else build_nlp
     solver = _solver(task, build, intervals, aim.near or not singular, iterations)
     posed = pose(task, arcs, guess, solver.program.layout, intervals, aim)

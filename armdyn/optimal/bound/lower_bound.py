@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from armdyn.optimal.bound.reach import reached
 from armdyn.optimal.bound.relaxation import relaxed
 from armdyn.optimal.bound.terms import terms_over
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
+
+T = TypeVar("T")
 
 _PASSES, _GRIDS = 8, 16
 """Of nested boxes on one grid, and grids, at most; usually it is four and one."""
@@ -88,6 +91,32 @@ def lower_bound(problem: MinimumTimeProblem, stop: Callable[[], bool] | None = N
         joint=problem.robot.joint_names[joint],
         kinematic=kinematic,
     )
+
+
+def soonest(
+    problem: MinimumTimeProblem, bound: Callable[[MinimumTimeProblem], T | None], seconds: Callable[[T], float]
+) -> T | None:
+    """The bound of that of all goals which may be reached soonest: no motion to any of them beats it.
+
+    Args:
+        problem: with one goal or several.
+        bound: of the same problem with one of the goals alone, as `lower_bound`; it is asked no more than there is to
+            ask, the goals that are nearest by velocity limits first.
+        seconds: what a bound says [s].
+
+    Returns:
+        None: some goal that may be the soonest has none.
+    """
+    least: T | None = None
+    alone = [problem.variant(q_goal=q, goal_pose=None, wrap=False) for q in problem.goals]
+    for one in sorted(alone, key=lambda one: one.duration_bound()):
+        if least is not None and one.duration_bound() >= seconds(least):
+            break
+        found = bound(one)
+        if found is None:
+            return None
+        least = found if least is None else min(least, found, key=seconds)
+    return least
 
 
 def _sum_down(durations: list[float]) -> float:

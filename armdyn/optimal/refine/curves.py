@@ -57,7 +57,7 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
     try:
         found, clear = _without_obstacles(task)
         if not (clear or (found and _enough(task, found[0]))):
-            found += _settled(task, _guesses(task, task.options.starts or numbers.starts))
+            found += _settled(task, _guesses(task, task.policy.search.guesses(task.options, numbers.starts)))
         if len(found) == 1 and not (clear or task.stop) and _trouble(found[0]):
             found += _settled(task, _guesses(task, numbers.more_starts)[1:])
     except LateError:

@@ -13,7 +13,7 @@ from armdyn.optimal.proof.certificate import certify
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.switching.costates import phases_of
-from armdyn.optimal.switching.extremal.descent import Extremal, ended
+from armdyn.optimal.switching.extremal.descent import Extremal, ended, finer
 from armdyn.optimal.task.ladder import Ladder
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -48,6 +48,10 @@ def land_extremal(task: Task, extremal: Extremal, intervals: int) -> Optimum:
     problem, policy, n, aim = task.problem, task.policy, task.problem.robot.nv, Aim()
     for _ in range(policy.refinement.aims):
         phases = phases_of(ended(extremal, aim.at_goal(n)), policy.arcs)
+        astray = float(np.max(np.abs(pontryagin(problem, phases)[0]))) > policy.refinement.stray
+        if astray and (more := finer(extremal, task.stop)) is not None:
+            extremal = more
+            continue
         replay = replay_of(task, phases.torques)
         missed = float(np.max(np.abs(problem.beside_goal(replay)[:n])))
         if missed <= policy.refinement.landed or replay.t[-1] != phases.duration or task.stop:

@@ -1,5 +1,7 @@
 """From a mesh's solution to its arcs: the structure whose switching functions agree with its modes."""
 
+import numpy as np
+
 from armdyn.optimal.arcs.arc import Arc, Mode, merged
 from armdyn.optimal.arcs.detection import detect
 from armdyn.optimal.arcs.phases import Phases, Unresolved
@@ -15,7 +17,7 @@ from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.reading import schedules_of
-from armdyn.optimal.switching.settle import has_switching, leaves_idle, prepare_switching, setting_of, settled
+from armdyn.optimal.switching.settle import Settled, has_switching, leaves_idle, prepare_switching, setting_of, settled
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -34,7 +36,7 @@ def resolve(task: Task, attempt: Attempt) -> Optimum:
         arcs = _arcs_of(task, attempt)
         if has_switching(task) and (extremal := _by_switching(task, arcs, motion)) is not None:
             known.append(land_extremal(task, extremal, attempt.intervals))
-        if not (known and known[0].certificate.ok):
+        if not known or (not known[0].certificate.ok and np.any(np.isfinite(task.problem.limits.velocity))):
             phases, remark = _structure(task, arcs, motion)
             if phases is not None:
                 known.append(land(task, phases, remark, attempt.intervals))
@@ -105,15 +107,16 @@ def _structure(task: Task, arcs: list[Arc], motion: Trajectory) -> tuple[Phases 
 
 
 def _by_switching(task: Task, arcs: list[Arc], motion: Trajectory) -> Extremal | None:
-    """The extremal whose switching functions agree, if the structure can be mended until they do."""
+    """The extremal that a structure comes to when it is mended, or what is nearest to one; None: nothing lands."""
     setting = setting_of(task, motion.duration)
+    best: Settled | None = None
     for schedule in schedules_of(setting, arcs, motion):
         found = settled(setting, schedule, task.stop)
-        if found.extremal is not None and found.wrong <= SWITCHING_TOLERANCE:
-            return None if leaves_idle(found.extremal, SWITCHING_TOLERANCE) else found.extremal
-        if task.stop:
+        if found.extremal is not None and (best is None or found.wrong < best.wrong):
+            best = found
+        if (best is not None and best.wrong <= SWITCHING_TOLERANCE) or task.stop:
             break
-    return None
+    return best.extremal if best and best.extremal and not leaves_idle(best.extremal, SWITCHING_TOLERANCE) else None
 
 
 def _named(arcs: tuple[Arc, ...] | list[Arc]) -> Structure:

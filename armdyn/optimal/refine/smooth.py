@@ -47,8 +47,8 @@ def time_energy(task: Task) -> tuple[list[Optimum], Found]:
     """
     numbers, options, weight = task.policy.smooth, task.options, task.problem.effort_weight
     given = [_Lead(0.0, guess) for guess in _given(task)]
-    attempts = _searched(task, options.starts or numbers.starts)
-    coarse = _distinct(task, attempts)[: options.refinements or numbers.refined]
+    attempts = _searched(task, task.policy.search.guesses(options, numbers.starts))
+    coarse = _distinct(task, attempts)[: task.policy.search.refinements(options, numbers.refined)]
     found = [_Lead(numbers.optimism * trajectory_cost(motion, weight), motion) for motion in coarse]
     settling = _Settling(task, [*given, *found])
     landed: list[Optimum] = []
@@ -227,7 +227,8 @@ class _Settling:
         known, own = [cost(problem, phases) for phases in self._resolved], cost(problem, found)
         if all(abs(own / other - 1) > self._task.policy.same.resolved_cost for other in known):
             self._resolved.append(found)
-            doubtful = promise > 0 and own > numbers.doubted * promise / numbers.optimism
+            worse = own > numbers.doubted * promise / numbers.optimism
+            doubtful = promise > 0 and (worse or _stray(problem, found) >= numbers.unlikely)
             self._waiting.append(_Lead(own * (_LAST if doubtful else 1.0), found))
 
     def _improve(self, best: Phases, stray: float) -> None:

@@ -19,6 +19,10 @@ _INWARD = 1e-4
 """Of a contact's largest pull: as is certified."""
 _WHOLE = 0.02
 """Of a contact: what is left of it at an end is not worth another contact."""
+_LEAST = 0.1
+"""The least part of a contact that is let go at first."""
+_END = 0.25
+"""The part that is let go where its beginning or its end would rather be."""
 _TOWARDS = {Mode.POSITION_UPPER: Mode.UPPER, Mode.POSITION_LOWER: Mode.LOWER}
 """The torque that presses a joint against its limit."""
 
@@ -62,14 +66,14 @@ class _Contact:
     Attributes:
         s: where they are in it, from 0 to 1, shape (m,).
         torque: from −1 at the lower limit to 1 at the upper, shape (m,).
-        pull: of the limit [1/(rad s)], outward, shape (m,).
-        ends: at its beginning and its end [1/rad].
+        pull: of the limit in the time of the contact [s/rad], outward, shape (m,).
+        blows: the same at once, at the knots, both ends included, shape (knots,).
     """
 
     s: Array
     torque: Array
     pull: Array
-    ends: tuple[float, float]
+    blows: Array
 
     @classmethod
     def of(cls, extremal: Extremal, whole: Whole, segment: Segment) -> "_Contact | None":
@@ -86,14 +90,14 @@ class _Contact:
         t = whole.t[own][:, None] + lengths[own][:, None] * NODES
         upper, lower = limits.effort_upper[i], limits.effort_lower[i]
         torque = (2 * whole.tau[own, :, i] - upper - lower) / (upper - lower)
-        costate, k, last = whole.costate[:, :, i], int(own[0]), int(own[-1])
-        first = 0.0 if k == 0 else costate[k - 1, -1] - costate[k, 0]
-        final = 0.0 if last == lengths.size - 1 else costate[last, -1] - costate[last + 1, 0]
+        costate, K = whole.costate[:, :, i], lengths.size
+        knots = range(int(own[0]), int(own[-1]) + 2)
+        blows = [costate[k - 1, -1] - costate[k, 0] if 0 < k < K else 0.0 for k in knots]
         return cls(
             ((t - begin) / (end - begin)).ravel(),
             torque.ravel(),
             -sign * whole.pulls[own, :, i].ravel() * (end - begin),
-            (sign * float(first), sign * float(final)),
+            sign * np.array(blows),
         )
 
     @property
@@ -109,13 +113,17 @@ class _Contact:
     @property
     def unwilling(self) -> tuple[float, float] | None:
         """The first part in which the limit would have to pull the joint; None: it never has to."""
-        least = -_INWARD * max(float(np.max(np.abs(self.pull))), *map(abs, self.ends))
-        inward = np.flatnonzero(self.pull < least)
-        if inward.size:
-            return self._part(stretches(inward)[0])
-        if self.ends[0] < least:
-            return 0.0, 0.25
-        return (0.75, 1.0) if self.ends[1] < least else None
+        least = -_INWARD * max(float(np.max(np.abs(self.pull))), float(np.max(np.abs(self.blows))))
+        inward = self.pull < least
+        for k in np.flatnonzero(self.blows[1:-1] < least) + 1:  # another joint's touch is felt here, too
+            inward[k * NODES.size - 1 : k * NODES.size + 1] = True
+        if np.any(inward):
+            begin, end = self._part(stretches(np.flatnonzero(inward))[0])
+            lacking = max(0.0, _LEAST - (end - begin)) / 2
+            return max(0.0, begin - lacking), min(1.0, end + lacking)
+        if self.blows[0] < least:
+            return 0.0, _END
+        return (1 - _END, 1.0) if self.blows[-1] < least else None
 
     def _part(self, run: NDArray[np.int_]) -> tuple[float, float]:
         before, after = self.s[max(run[0] - 1, 0)], self.s[min(run[-1] + 1, self.s.size - 1)]

@@ -1,6 +1,7 @@
 """Structures mended until their costates agree."""
 
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -9,9 +10,10 @@ from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.solve.ipopt import in_time
 from armdyn.optimal.switching.contacts import with_contacts
 from armdyn.optimal.switching.extremal.descent import Extremal, Resisted, fastest
-from armdyn.optimal.switching.extremal.flow import STEPS, Flow, flow_of
-from armdyn.optimal.switching.extremal.limits import with_limits
+from armdyn.optimal.switching.extremal.flow import Flow, flow_of
+from armdyn.optimal.switching.extremal.limits import BEYOND, excess, with_limits
 from armdyn.optimal.switching.extremal.march import Setting
+from armdyn.optimal.switching.extremal.model import Linear
 from armdyn.optimal.switching.extremal.schedule import Schedule
 from armdyn.optimal.switching.signs import with_signs, without_unwanted, wrong_signs
 from armdyn.optimal.switching.singular import idle_fall, with_longer_course, with_singular, with_stays
@@ -26,8 +28,6 @@ _DRIFT = 1e-5
 """Of H along an arc: a tenth of what is certified; beyond it the steps are too long."""
 _PATIENCE, _BETTER = 3, 0.7
 """Rounds in a row that come no nearer than by so much: more go in circles."""
-_FINEST = 4 * STEPS
-"""Steps of a march, at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,14 +35,25 @@ class Settled:
     """What a schedule has come to.
 
     Attributes:
-        extremal: the last; None: there was none.
-        wrong: by how much H would fall at worst on the other limit.
+        extremal: the best; at the worst a motion that lands within its limits; None: there was none.
+        wrong: by how much H would fall at worst on the other limit; infinite: it is no extremal.
         why: what it lacks, for people; "": nothing.
     """
 
     extremal: Extremal | None
     wrong: float
     why: str
+
+    def or_else(self, linear: Linear | None, why: str) -> Self:
+        """This or, where nothing better is known, a motion that lands within its limits but is no extremal.
+
+        Args:
+            linear: the motion, if there is one.
+            why: it is not.
+        """
+        if self.extremal is not None or linear is None or excess(linear.march) > BEYOND:
+            return self if self.extremal else replace(self, why=why)
+        return replace(self, extremal=Extremal(linear), why=why)
 
     @property
     def arcs(self) -> list[Arc]:
@@ -85,29 +96,32 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
     refused = set[int]()
     for _ in range(_ROUNDS):
         found = fastest(setting, schedule, stop)
-        if isinstance(found, Extremal) and found.drift > _DRIFT and setting.steps < _FINEST:
-            setting, schedule = replace(setting, steps=2 * setting.steps), found.schedule
+        finer = setting.finer
+        if found.linear is not None and found.linear.drift > _DRIFT and finer is not None and not stop:
+            setting, schedule = finer, found.linear.march.schedule
             continue
         if isinstance(found, Resisted):
             if chattering is None or stop:
-                return best if best.extremal else replace(best, why=found.why)
+                return best.or_else(found.linear, found.why)
             (schedule, hovering), chattering = chattering, None
             refused.add(hovering)
             continue
         if limited := with_limits(found.march) or without_unwanted(found) or with_contacts(found):
-            schedule, best = limited, replace(best, why="limits of position are not settled")
+            schedule, best = limited, best.or_else(found.linear, "limits of position are not settled")
             continue
-        wrong, longer = wrong_signs(found, _LEAST), with_stays(found, _LEAST) or with_longer_course(found, _LEAST)
-        idle = max([0.0, *(idle_fall(found, k) for k in found.schedule.places)])
+        wrong, idle = wrong_signs(found, _LEAST), max([0.0, *(idle_fall(found, k) for k in found.schedule.courses)])
         worst = max([idle, *(one.value for one in wrong[:1])])
         stale = 0 if worst < _BETTER * best.wrong else stale + 1
         if worst < best.wrong:
-            best = Settled(found, worst, "the switching structure did not settle" if wrong or longer else "")
-        if not (wrong or longer) or stale > _PATIENCE:
+            best = Settled(found, worst, "the switching structure did not settle" if worst > _LEAST else "")
+        if worst <= _LEAST or stale > _PATIENCE:
             return best
+        longer = with_stays(found, _LEAST) or with_longer_course(found, _LEAST)
         if longer is not None:  # what a course that is too short leaves wrong beside it goes with it
             schedule = with_signs(found, [one for one in wrong if one.value > idle], longer)
             continue
+        if not wrong:
+            return best
         chattering = None
         schedule = with_signs(found, wrong)
         left = [one for one in wrong if one.joint not in refused]

@@ -55,7 +55,7 @@ def with_singular(extremal: Extremal, wrong: list[Wrong]) -> Schedule | None:
     begin = max(min(begin, *schedule.times[inside]), near)
     end = max(end, *schedule.times[inside])
     after = schedule.modes()[inside[-1] + 1][worst.joint]
-    more = [(begin, Change(worst.joint, Mode.FREE, course=_course(extremal, worst.joint, begin, end)))]
+    more = [(begin, Change(worst.joint, Mode.FREE, course=_course(extremal, worst.joint, (begin, end), _FEW)))]
     if end < schedule.duration - near:
         more.append((end, Change(worst.joint, after)))
     left = schedule.without_changes(inside)
@@ -159,10 +159,11 @@ def _pieces(extremal: Extremal, k: int, stays: list[tuple[float, float, Mode]]) 
     """A segment of a free torque in pieces: stays on limits, and courses between them; with their times."""
     schedule, joint = extremal.schedule, extremal.schedule.changes[k].joint
     now, stop = (float(each) for each in np.append(schedule.times, schedule.duration)[[k, schedule.end_of(k)]])
+    few = min(len(schedule.courses[k].smooth), _MANY - _MORE)
     shortest, out = _SHORT * (stop - now), list[tuple[float, Change]]()
     for begin, end, mode in [*stays, (stop, stop, Mode.FREE)]:
         if begin - now > shortest:
-            out.append((now, Change(joint, Mode.FREE, course=_course(extremal, joint, now, begin))))
+            out.append((now, Change(joint, Mode.FREE, course=_course(extremal, joint, (now, begin), few))))
         else:
             begin = now
         if end > begin:
@@ -205,17 +206,25 @@ def _stretch(wrong: list[Wrong], apart: float) -> tuple[float, float]:
     return begin, end
 
 
-def _course(extremal: Extremal, joint: int, begin: float, end: float) -> Course:
-    """What comes nearest to a joint's torque between two times [s]."""
+def _course(extremal: Extremal, joint: int, ends: tuple[float, float], few: int) -> Course:
+    """What comes nearest to a joint's torque between two times [s], with some freedom more.
+
+    Args:
+        extremal: its torques.
+        joint: its number.
+        ends: the two times.
+        few: coefficients of the fit.
+    """
     march = extremal.march
-    t = np.linspace(begin, end, _SAMPLES + 2)[1:-1]
+    t = np.linspace(*ends, _SAMPLES + 2)[1:-1]
     own = np.clip(np.searchsorted(march.times, t, side="right") - 1, 0, march.h.size - 1)
-    leaping = leaping_within(extremal.schedule, joint, begin, end)
-    course = course_near(march.setting, joint, march.torques.tau[0][own], leaping)
-    return course.longer(_MORE, leaping)
+    part = ((t - march.times[own]) / np.where(march.h[own] > 0, march.h[own], 1.0))[:, None]
+    first, last = (tau[own] for tau in march.torques.tau)
+    leaping = leaping_within(extremal.schedule, joint, *ends)
+    return course_near(march.setting, joint, first + part * (last - first), leaping, few).longer(_MORE, leaping)
 
 
-def course_near(setting: Setting, joint: int, tau: Array, leaping: frozenset[int]) -> Course:
+def course_near(setting: Setting, joint: int, tau: Array, leaping: frozenset[int], few: int = _FEW) -> Course:
     """A short course near a joint's torque, within its limits.
 
     Args:
@@ -223,12 +232,13 @@ def course_near(setting: Setting, joint: int, tau: Array, leaping: frozenset[int
         joint: its number.
         tau: of all joints at even places of the segment [N m], shape (samples, nv).
         leaping: others that change within it.
+        few: coefficients of its polynomial.
     """
     limits, unit = setting.problem.limits, setting.course[joint]
     s = np.linspace(0, 1, len(tau) + 2)[1:-1]
     middle, half = (limits.effort_upper + limits.effort_lower) / 2, limits.effort_size
     signs: Array = np.sign(tau - middle) * (np.abs(tau - middle) > _ON_LIMIT * half)
-    course = Course((0.0,) * _FEW, tuple((other, (0.0,)) for other in sorted(leaping)))
+    course = Course((0.0,) * few, tuple((other, (0.0,)) for other in sorted(leaping)))
     terms = course.terms(s, signs)
     fitted = np.linalg.lstsq(terms, (tau[:, joint] - middle[joint]) / unit, rcond=None)[0]
     fitted *= min(1.0, _INSIDE * half[joint] / unit / max(float(np.max(np.abs(terms @ fitted))), 1e-300))

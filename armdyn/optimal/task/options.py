@@ -1,17 +1,13 @@
 """How `solve_minimum_time` goes about it."""
 
 from dataclasses import dataclass
-from typing import Literal
 
 from armdyn.arguments import expect, flag, number, one_of, several, whole
 from armdyn.errors import ProblemError
+from armdyn.optimal.task.effort import EFFORTS, Effort
 from armdyn.optimal.task.scheme import Control, DynamicsForm
 from armdyn.optimal.task.tableau import TABLEAUS
 from armdyn.trajectory import Trajectory
-
-Effort = Literal["quick", "normal", "thorough"]
-EFFORTS: tuple[Effort, ...] = ("quick", "normal", "thorough")
-"""How much is searched."""
 
 REPLAY_TOLERANCE = 1e-3
 """Default of `MinimumTimeOptions.replay_tolerance` [rad or m]: about a millimetre at the tip, which a controller makes
@@ -46,8 +42,8 @@ class MinimumTimeOptions:
     Attributes:
         guesses: motions of the same joints to begin with, beside the search's own: optima of similar problems.
         effort: how much is searched: "quick" solves a third of the guesses, "thorough" five times as many and all of
-            them, and refines three times as many optima (docs/search.md). Curves, and what pays for effort, have their
-            own number.
+            them, and refines three times as many optima (docs/search.md); likewise of curves, and where effort is paid
+            for, which have numbers of their own.
         starts: guesses of the global search, whatever the effort.
         seed: of the guesses after the first; the same seed gives the same answer.
         refinements: so many of the optima found are refined, slower ones than a certified one, too; None: these are

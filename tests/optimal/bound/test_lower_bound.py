@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 
 import armdyn as ad
 from armdyn.errors import ProblemError
+from armdyn.optimal.bound.lower_bound import soonest
 from optimal.bound.arms import ARMS, random_problem
 from problems import cart, paper_arm, paper_problem
 
@@ -193,3 +194,18 @@ def test_limits_out_of_all_proportion_do_no_harm(limit):
     problem = random_problem(ARMS["ur5"](), 0, velocity_limit=np.full(6, limit))
     found = ad.lower_bound(problem)
     assert found.kinematic <= found.duration < np.inf
+
+
+def test_the_soonest_of_goals_is_asked_no_more_than_there_is_to_ask():
+    problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[1.0], effort_limit=[10.0], velocity_limit=2.0)
+    object.__setattr__(problem, "goals", (np.array([3.0]), np.array([1.0]), np.array([1.1])))
+    asked = []
+
+    def bound(one):
+        asked.append(float(one.q_goal[0]))
+        return asked[-1] / 2 + 0.2  # what velocity says, and so much more
+
+    # Three metres take 1.5 s at least, and one takes 0.7 s by what was found.
+    assert soonest(problem, bound, float) == pytest.approx(0.7)
+    assert asked == [1.0, 1.1]
+    assert soonest(problem, lambda one: None, float) is None

@@ -81,3 +81,27 @@ def test_as_many_as_asked_and_none_once_stopped():
     problem = paper_problem("rr", effort_weight=1.0)
     assert len(search(problem, 1)) == 1
     assert search(problem, 6, Stop(deadline=0.0)) == ()
+
+
+@pytest.mark.parametrize(("effort", "count"), [("quick", 6), ("normal", 16), ("thorough", 80)])
+def test_effort_says_how_many_guesses_there_are(monkeypatch, effort, count):
+    counts = []
+
+    def searched(task, starts):
+        counts.append(starts)
+        return []
+
+    monkeypatch.setattr("armdyn.optimal.refine.smooth._searched", searched)
+    assert time_energy(Task.of(paper_problem("rr", effort_weight=1.0), ad.MinimumTimeOptions(effort=effort)))[0] == []
+    assert counts == [count]
+
+
+def test_where_costates_stray_from_the_adjoint_equations_the_replay_is_finer(monkeypatch):
+    task = Task.of(paper_problem("rr", effort_weight=1.0, effort_limit=30.0))
+    (plain,), _ = time_energy(task)
+    strays = plain.certificate.adjoint_error
+    monkeypatch.setattr("armdyn.optimal.refine.smooth.ADJOINT_TOLERANCE", strays / 2)
+    (finer,), _ = time_energy(task)
+    assert finer.intervals == 2 * plain.intervals and finer.trajectory.t.size >= 2 * plain.trajectory.t.size
+    assert finer.certificate.adjoint_error < strays / 2
+    assert finer.cost == pytest.approx(plain.cost, rel=1e-8)

@@ -36,7 +36,7 @@ _FLAGS = ("-O1", "-fPIC", "-shared", "-ffp-contract=off")
 """Level 1 has nearly all of the speed at half of level 2's build time; no contraction: the same numbers everywhere."""
 _TIMEOUT = 300.0
 """For the compiler [s]."""
-_WORTH_IT = 25_000
+_WORTH_IT = 30_000
 """Instructions up to which a library is built unasked: about three seconds, once."""
 _LARGEST = 2**28
 """A library that is read [bytes]: hundreds of times what an arm's takes."""

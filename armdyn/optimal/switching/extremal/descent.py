@@ -17,17 +17,24 @@ from armdyn.optimal.switching.extremal.limits import BEYOND, excess, with_limits
 from armdyn.optimal.switching.extremal.march import March, Setting
 from armdyn.optimal.switching.extremal.model import Linear, Model, lengths_of
 from armdyn.optimal.switching.extremal.schedule import Schedule
+from armdyn.optimal.switching.extremal.trust import null_space
 
 Array = NDArray[np.float64]
 
 _CLOSED = 1e-9
 """Gaps and misses that are none, in parts of `March.unit`: the integrator's own."""
-_ROUNDS = 16
-"""Of Newton's method from a mesh's states."""
+_ROUNDS = 30
+"""Of Newton's method from a mesh's states, that of a heavy arm with singular arcs."""
 _AGAIN = 4
 """The same from a motion beside."""
 _FAR = 0.5
 """A correction of a time by more than this part of the duration says that there is nothing near."""
+_STATES = 0.1
+"""What a state that is moved by `March.unit` counts, beside a time that is moved by the duration."""
+_SWING = 0.3
+"""Of `March.unit`: states are moved by no more at once."""
+_RANK = 1e-12
+"""Of the largest singular value: rounding, of equations that an arm in the open answers to a millionfold."""
 _KEPT = 0.2
 """Part of a segment that one correction leaves at least."""
 _VANISHED = 1e-8
@@ -83,18 +90,6 @@ class Extremal:
     def march(self) -> March:
         """The motion."""
         return self.linear.march
-
-    @property
-    def drift(self) -> float:
-        """By how much H drifts at most on an arc on which no torque is free: the integrator's error.
-
-        Where one is free it drifts, too, as long as its switching function is not zero.
-        """
-        march = self.march
-        hamiltonian = 1 + np.sum(self.costates[1] * march.rate, axis=1)
-        full = ~np.any(march.torques.felt, axis=1)
-        arcs = (hamiltonian[full & (march.arc == arc)] for arc in np.unique(march.arc[full]))
-        return max((float(np.ptp(own)) for own in arcs), default=0.0)
 
     @property
     def schedule(self) -> Schedule:
@@ -204,6 +199,18 @@ def ended(extremal: Extremal, offset: Array | float = 0.0) -> Extremal:
     return extremal if linear is None else Extremal(linear)
 
 
+def finer(extremal: Extremal, stop: Stop) -> Extremal | None:
+    """The same structure in twice the steps; None: it has the most, or nothing comes of it.
+
+    Args:
+        extremal: whose steps are too long.
+        stop: asked before every step along a tangent.
+    """
+    setting = extremal.march.setting.finer
+    found = fastest(setting, extremal.schedule, stop) if setting else None
+    return found if isinstance(found, Extremal) else None
+
+
 def landed(
     setting: Setting, schedule: Schedule, rounds: int = _ROUNDS, joined: NDArray[np.bool_] | None = None
 ) -> Linear | None:
@@ -238,20 +245,40 @@ def landed(
 
 
 def _correction(linear: Linear) -> tuple[Array, float]:
-    """What closes gaps and misses, to first order, and leaves a part of every segment; and how much of it may be."""
-    equations, planes, now = linear.jacobian, linear.planes, linear.planes.now
+    """What closes gaps and misses, to first order, and leaves a part of every segment; and how much of it may be.
+
+    The least change, of the times as parts of the duration and of the states: an arm in the open answers to a time a
+    millionfold, and a least change of the times alone would throw it about.
+    """
+    schedule, planes, now = linear.march.schedule, linear.planes, linear.planes.now
+    unit, width = linear.march.unit, schedule.width
+    changes = np.vstack(
+        [np.eye(width) / schedule.duration, _STATES * (linear.reach[:-1] / unit[:, None]).reshape(-1, width)]
+    )
+    moved = np.concatenate([np.zeros(width), _STATES * (linear.gap[:-1] / unit).ravel()])
     least = np.where(planes.lengths, _KEPT * now, 0.0)
     held: list[int] = []
     while True:
-        right = np.concatenate([-linear.residual, (least - now)[held]])
-        by = np.linalg.lstsq(np.vstack([equations, planes.rows[held]]), right, rcond=1e-9)[0]
+        equations = np.vstack([linear.jacobian, planes.rows[held]])
+        by = _least_change(equations, np.concatenate([-linear.residual, (least - now)[held]]), changes, moved)
         after = now + planes.rows @ by
         short = [k for k in np.flatnonzero(after < least - 1e-12).tolist() if k not in held]
-        if not short or len(equations) + len(held) >= by.size:
+        if not short or len(equations) >= by.size:
             break
         held.append(min(short, key=lambda k: after[k] - least[k]))
     shares = [(now[k] - least[k]) / (now[k] - after[k]) for k in short if planes.lengths[k]]
+    states = (linear.reach[:-1] @ by + linear.gap[:-1]) / unit
+    shares.append(_SWING / max(float(np.max(np.abs(states), initial=0.0)), 1e-300))
     return by, float(max(0.0, min([1.0, *shares])))
+
+
+def _least_change(equations: Array, right: Array, changes: Array, moved: Array) -> Array:
+    """The least |changes y + moved| of all y that equations let be."""
+    some = np.asarray(np.linalg.lstsq(equations, right, rcond=_RANK)[0], float)
+    free = null_space(equations)
+    if not len(free):
+        return some
+    return np.asarray(some - np.linalg.lstsq(changes @ free.T, changes @ some + moved, rcond=_RANK)[0] @ free)
 
 
 def _moved(linear: Linear, by: Array, part: float) -> tuple[Schedule, NDArray[np.bool_]]:

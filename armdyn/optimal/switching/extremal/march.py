@@ -22,6 +22,9 @@ _SWAY = 0.2
 _LEAST = 3
 """Steps of an arc, in the mean: fewer see nothing of what happens between."""
 
+_FINEST = 4 * STEPS
+"""Steps of a march, at most."""
+
 
 @dataclass(frozen=True, eq=False)
 class Setting:
@@ -47,6 +50,11 @@ class Setting:
     def most_arcs(self) -> int:
         """That a march may have."""
         return self.steps // _LEAST
+
+    @property
+    def finer(self) -> Self | None:
+        """With twice the steps; None: with the most already."""
+        return replace(self, steps=2 * self.steps) if self.steps < _FINEST else None
 
     @classmethod
     def of(cls, problem: MinimumTimeProblem, flow: Flow, body: Array, duration: float) -> Self:
@@ -223,7 +231,11 @@ class March:
 
 
 def _dealt(lengths: Array, curved: NDArray[np.bool_], steps: int) -> NDArray[np.int_]:
-    """Which arc each step is in: some for every arc, more where a torque is free, and most for the longest."""
+    """Which arc each step is in: some for every arc, more where a torque is free, and most for the longest.
+
+    Twice as many steps where more than one arc is curved: else the others would not be followed.
+    """
+    steps *= 2 if curved.sum() > 1 else 1
     own = max(2, min(_CURVED, (steps - 2 * lengths.size) // max(int(curved.sum()), 1)))
     counts, parts = np.where(curved, own, 2), np.maximum(lengths, 0.0)
     for _ in range(steps - counts.sum()):

@@ -113,6 +113,18 @@ class Linear:
                 p = p + jumps[march.arc[k] - 1]
         return start, end
 
+    @property
+    def drift(self) -> float:
+        """By how much H drifts at most on an arc on which no torque is free: the integrator's error.
+
+        Where one is free it drifts, too, as long as its switching function is not zero.
+        """
+        march = self.march
+        hamiltonian = np.sum(self.costates[1] * march.rate, axis=1)
+        full = ~np.any(march.torques.felt, axis=1)
+        arcs = (hamiltonian[full & (march.arc == arc)] for arc in np.unique(march.arc[full]))
+        return max((float(np.ptp(own)) for own in arcs), default=0.0)
+
     def bend(self, tangents: Array) -> Array:
         """The Lagrangian's second derivatives along tangents, shape (k, k).
 

@@ -64,6 +64,12 @@ class ArcsPolicy:
     tolerance: float = tuned(1e-10, "scaled", "of IPOPT: durations then hold to about as much", PAPER)
     held_iterations: int = tuned(60, "iterations", "where all torques are held", PAPER)
     free_iterations: int = tuned(100, "iterations", "where some are free", PAPER)
+    near_iterations: int = tuned(
+        40,
+        "iterations",
+        "where the guess solves nearly the same: what takes more comes to nothing",
+        "RRR, random pairs",
+    )
     smooth_iterations: int = tuned(150, "iterations", "where they are to be smooth", PAPER)
     tie: float = tuned(1e-5, "of 1 for time", "cost of full torques that time leaves free: it makes them unique", "RRR")
     samples: int = tuned(480, "samples", "of torques that are not constant, 4 to 16 on an interval", "RRR time-energy")
@@ -90,6 +96,12 @@ class SmoothPolicy:
     )
     rough: float = tuned(0.05, "-", "|H| beyond which a mesh is too coarse to tell limits by", PAPER)
     artefact: float = tuned(1.0, "-", "|H| beyond which it says nothing of where to look, either", PAPER)
+    unlikely: float = tuned(
+        2.0,
+        "-",
+        "|H| of a first solution that most likely is none: it waits for all others",
+        "RR, RRR, 500 g and 1 kg: good ones began with 1.1 at the most, artefacts with 1 to 60",
+    )
     worth: float = tuned(
         1.5, "of the least J", "coarse optima beyond are let go; some of the best are artefacts", PAPER
     )

@@ -127,14 +127,20 @@ class SearchPolicy:
     looks: int = tuned(25, "poses", "of a way that are held against the obstacles", UNRECORDED)
     brisk: float = tuned(10.0, "rad/s", "stands for a missing velocity limit where ways are compared", UNRECORDED)
 
-    def guesses(self, options: MinimumTimeOptions) -> int:
-        """How many the options ask for."""
-        factor = {"quick": self.quick, "normal": 1.0, "thorough": self.thorough}[options.effort]
-        return options.starts or max(1, math.ceil(factor * self.starts))
+    def guesses(self, options: MinimumTimeOptions, normal: int | None = None) -> int:
+        """How many the options ask for.
 
-    def refinements(self, options: MinimumTimeOptions) -> int:
-        """How many optima the options ask for."""
-        return options.refinements or self.refined * (self.more_refined if options.effort == "thorough" else 1)
+        Args:
+            options: starts, or effort.
+            normal: so many where effort is normal; None: those of this search.
+        """
+        factor = {"quick": self.quick, "normal": 1.0, "thorough": self.thorough}[options.effort]
+        return options.starts or max(1, math.ceil(factor * (self.starts if normal is None else normal)))
+
+    def refinements(self, options: MinimumTimeOptions, normal: int | None = None) -> int:
+        """How many optima the options ask for. Arguments as of `guesses`."""
+        own = self.refined if normal is None else normal
+        return options.refinements or own * (self.more_refined if options.effort == "thorough" else 1)
 
 
 @dataclass(frozen=True, kw_only=True)
