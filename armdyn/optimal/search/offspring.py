@@ -37,9 +37,9 @@ def offspring(task: Task, attempts: list[Attempt], count: int, grounds: Grounds)
         count: of changes.
         grounds: on which they are solved in turn.
     """
-    numbers, born = task.policy.search, list[Attempt]()
+    numbers, same, born = task.policy.search, task.policy.same, list[Attempt]()
     while len(born) < count and not task.stop:
-        best = distinct([*attempts, *born], task.policy.same.coarse)[: numbers.parents]
+        best = distinct([*attempts, *born], same.coarse, same.apart)[: numbers.parents]
         if not best:
             break
         parents = [attempt.trajectory for attempt in best]
