@@ -60,16 +60,17 @@ def find(task: Task) -> Found:
     Raises:
         ProblemError: a guess in the options moves other joints.
     """
-    options, numbers, same = task.options, task.policy.search, task.policy.same.coarse
+    options, numbers = task.options, task.policy.search
+    same = task.policy.same.coarse, task.policy.same.apart
     count = numbers.guesses(options)
     beside = _beside(task)
     task.tell(f"search: {count} guesses" + (f", and {len(beside)} on {options.intervals} intervals" if beside else ""))
     attempts = _searched(task, count, Grounds(task.meshes, task.coarse()), beside)
-    fine, coarse = (distinct(some, same) for some in (attempts[: len(beside)], attempts[len(beside) :]))
+    fine, coarse = (distinct(some, *same) for some in (attempts[: len(beside)], attempts[len(beside) :]))
     found = ranked([*fine, *coarse])  # what is on the finer mesh already hides none of the others: it costs no more
     if not found:
         attempts = _without_search(task, ranked(attempts))
-        found = distinct(attempts, same)
+        found = distinct(attempts, *same)
     iterations = sum(attempt.iterations for attempt in attempts)
     if not found:
         return Found((), failed=tuple(attempts), iterations=iterations)
@@ -81,22 +82,23 @@ def find(task: Task) -> Found:
             task, policy=task.policy.changed("search", spread=1.0, turn=0.0)
         )  # those that meshes err on: heavy
         several = min(count, max(count // share, numbers.again_at_least))
-        again = _searched(near, several, Grounds(meshes, task.coarse()))
-        kept = settled.attempts if mesh == options.intervals else []
-        found = distinct([*kept, *again], same) or settled.attempts
+        again = _searched(near, several, Grounds(meshes, task.coarse()), known=settled.attempts)
+        found = distinct([*settled.attempts, *again], *same)
         settled = _settled(task.with_options(intervals=mesh), found)
         iterations += settled.iterations + sum(attempt.iterations for attempt in again)
     return Found(tuple(settled.attempts), mesh=mesh, listed=tuple(settled.listed), iterations=iterations)
 
 
-def _searched(task: Task, count: int, grounds: Grounds, beside: Sequence[Job] = ()) -> list[Attempt]:
-    """Attempts from guesses through random poses, and from changes of what these have led to."""
+def _searched(
+    task: Task, count: int, grounds: Grounds, beside: Sequence[Job] = (), known: Sequence[Attempt] = ()
+) -> list[Attempt]:
+    """Attempts from guesses through random poses, and from changes of what these have led to, and of what is known."""
     changes = round(task.policy.search.changes * count)
     attempts = search(task, count - changes, grounds, beside)
     if len(attempts) < len(beside) + count - changes:  # enough, or no more time
         return attempts
     nearby = replace(grounds, settings=grounds.settings[:1])  # the smallest barrier keeps most of a guess
-    return [*attempts, *offspring(task, attempts[len(beside) :], changes, nearby)]
+    return [*attempts, *offspring(task, [*known, *attempts[len(beside) :]], changes, nearby)]
 
 
 def _beside(task: Task) -> list[Job]:
@@ -135,7 +137,7 @@ def _settled(task: Task, found: Sequence[Attempt]) -> _Settled:
     for k, (attempt, fine) in enumerate(zip(found, in_processes(jobs, task.workers), strict=True)):
         iterations += fine.iterations if attempt.intervals != options.intervals else 0
         # Coarse durations may be far too good to be true; those on the mesh are to be beaten.
-        candidates = distinct([*candidates, fine], task.policy.same.mesh)
+        candidates = distinct([*candidates, fine], task.policy.same.mesh, task.policy.same.apart)
         worth = task.policy.search.worth * candidates[0].trajectory.duration if candidates else np.inf
         later = found[k + 1 :]
         if k + 1 == looked or task.stop or (later and later[0].trajectory.duration >= worth):

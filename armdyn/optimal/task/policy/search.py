@@ -148,6 +148,12 @@ class SamePolicy:
     """When two durations are one optimum's, as parts of them: by how well each kind of answer is known."""
 
     coarse: float = tuned(2e-3, "-", "on coarse meshes", PAPER)
+    apart: float = tuned(
+        0.3,
+        "rad or m",
+        "motions of the same duration that are this far from each other, on the same mesh or another, are two optima's",
+        "RRR, random",
+    )
     near_known: float = tuned(
         8e-3, "-", "a coarse one beside a better known one: it may be off by a few of those", PAPER
     )
