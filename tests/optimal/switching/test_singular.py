@@ -8,7 +8,8 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.switching.extremal.descent import Extremal, fastest, landed
+from armdyn.optimal.switching.extremal.descent import Extremal, fastest
+from armdyn.optimal.switching.extremal.landing import landed
 from armdyn.optimal.switching.reading import schedules_of
 from armdyn.optimal.switching.settle import setting_of, settled
 from armdyn.optimal.switching.singular import course_near, idle_fall, with_longer_course, with_stays
