@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.search.distinct import distinct
 from armdyn.optimal.search.multistart import Grounds
+from armdyn.optimal.search.starts import SAMPLES
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import solve_quickly
 from armdyn.optimal.task.policy.search import SearchPolicy
@@ -21,9 +22,6 @@ from armdyn.processes import in_processes
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
-
-_SAMPLES = 51
-"""Of a guess, as of those through random poses."""
 
 
 def offspring(task: Task, attempts: list[Attempt], count: int, grounds: Grounds) -> list[Attempt]:
@@ -65,7 +63,7 @@ def child(
         random: decides what is changed, and how far.
         number: of the child: kinds of change take turns.
     """
-    s = np.linspace(0, 1, _SAMPLES)
+    s = np.linspace(0, 1, SAMPLES)
     chosen, other = random.exponential(SearchPolicy.favoured, 2).astype(int) % len(parents)
     duration = parents[chosen].duration
     q, v, tau = (np.array(part) for part in parents[chosen](parents[chosen].t[0] + s * duration))

@@ -20,7 +20,7 @@ from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_SAMPLES = 51
+SAMPLES = 51
 """Of a guess: on the search's meshes twice as many lead to the same optima, and take twice as long."""
 
 
@@ -117,7 +117,7 @@ def spline(problem: MinimumTimeProblem, via: list[Array], haste: float = 1.0) ->
             problem's own.
         haste: the guess takes so many times the duration at which its torques fit.
     """
-    path = _path(problem, via or [np.asarray(q) for q in problem.via], _SAMPLES)
+    path = _path(problem, via or [np.asarray(q) for q in problem.via], SAMPLES)
     q, dq, ddq = path.q, path.dq, path.ddq
     # Torque along a path is static + inertial / T² + friction.
     friction, rest = problem.robot.friction, np.zeros_like(q)
@@ -132,7 +132,7 @@ def spline(problem: MinimumTimeProblem, via: list[Array], haste: float = 1.0) ->
     v[0], v[-1] = problem.v_start, problem.v_goal
     haste = max(haste, problem.duration_bound() / duration)
     v[1:-1] /= haste
-    return Trajectory(np.linspace(0, haste * duration, _SAMPLES), q, v, tau, problem.robot.joint_names, "start")
+    return Trajectory(np.linspace(0, haste * duration, SAMPLES), q, v, tau, problem.robot.joint_names, "start")
 
 
 def straight_curve(task: Task, intervals: int) -> Curve:

@@ -103,6 +103,10 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
             setting, schedule = finer, found.linear.march.schedule
             continue
         if isinstance(found, Resisted):
+            weak = with_contacts(Extremal(found.linear), settled=False) if found.linear and not stop else None
+            if weak is not None:
+                schedule = weak
+                continue
             if chattering is None or stop:
                 return best.or_else(found.linear, found.why)
             (schedule, hovering), chattering = chattering, None

@@ -13,8 +13,8 @@ from armdyn.optimal.solve.attempt import Attempt
 STATUSES = st.sampled_from([ad.Status.SOLVED, ad.Status.SOLVED, ad.Status.FAILED, ad.Status.ITERATION_LIMIT])
 
 
-def attempt(duration, status=ad.Status.SOLVED, intervals=15):
-    motion = ad.Trajectory([0, duration], np.zeros((2, 1)), np.zeros((2, 1)), np.zeros((2, 1)))
+def attempt(duration, status=ad.Status.SOLVED, intervals=15, q=0.0):
+    motion = ad.Trajectory([0, duration], np.full((2, 1), q), np.zeros((2, 1)), np.zeros((2, 1)))
     return Attempt(status, "", motion, intervals, 1, None)
 
 
@@ -66,3 +66,14 @@ def test_distinct_keeps_the_best_of_each():
 def test_the_finer_mesh_speaks_for_an_optimum():
     found = distinct([attempt(1.0), attempt(1.001, intervals=25), attempt(1.1)], 2e-3)
     assert [a.intervals for a in found] == [25, 15]
+
+
+@given(ATTEMPTS)
+def test_motions_that_are_alike_are_told_apart_by_their_durations_alone(attempts):
+    assert distinct(attempts, 0.01, apart=0.3) == distinct(attempts, 0.01)
+
+
+def test_of_one_duration_motions_far_apart_are_two_optima():
+    attempts = [attempt(1.0), attempt(1.0005, q=0.5), attempt(1.001, q=0.4)]
+    assert durations(distinct(attempts, 2e-3)) == [1.0]
+    assert durations(distinct(attempts, 2e-3, apart=0.3)) == [1.0, 1.0005]

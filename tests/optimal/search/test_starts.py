@@ -26,7 +26,7 @@ def test_a_guess_goes_through_its_poses_at_equal_parts_of_the_time(arm, data):
     guess = spline(problem, via)
     poses = [problem.q_start, *via, problem.q_goal]
     at = guess(guess.duration * np.linspace(0, 1, len(poses)))
-    # Poses that fall between two of its 101 samples are met by the cubic between these.
+    # Poses that fall between two of its samples are met by the cubic between these.
     np.testing.assert_allclose(at.q, poses, atol=2e-3)
     np.testing.assert_allclose(guess.q[[0, -1]], [problem.q_start, problem.q_goal], atol=1e-14)
     assert np.all(guess.tau >= problem.limits.effort_lower) and np.all(guess.tau <= problem.limits.effort_upper)
@@ -44,8 +44,33 @@ def test_an_inertial_torque_meets_its_limit():
     """Without gravity and friction, the straight way is as fast as its torques allow."""
     problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0])
     guess = spline(problem, [])
-    # s³ (10 - 15 s + 6 s²) has |s''| <= 10/√3; 101 samples miss its peak by 1e-4 of it.
+    # s³ (10 - 15 s + 6 s²) has |s''| <= 10/√3; 51 samples miss its peak by 5e-4 of it.
     assert guess.duration == pytest.approx(np.sqrt(2.0 * 10 / np.sqrt(3)), rel=1e-3)
+
+
+@pytest.mark.parametrize(("haste", "takes"), [(0.5, 0.5), (2.0, 2.0)])
+def test_a_hasty_guess_goes_the_same_way_in_a_part_of_the_time(haste, takes):
+    problem, via = paper_problem("rr"), [np.array([0.5, -1.0])]
+    plain, hasty = spline(problem, via), spline(problem, via, haste)
+    assert hasty.duration == pytest.approx(takes * plain.duration, rel=1e-12)
+    np.testing.assert_array_equal(hasty.q, plain.q)
+    np.testing.assert_allclose(hasty.v * takes, plain.v, atol=1e-12)
+    np.testing.assert_array_equal(hasty.tau, plain.tau)
+
+
+def test_no_guess_is_hastier_than_velocity_limits_allow():
+    problem = paper_problem("rr", velocity_limit=2.0)
+    assert spline(problem, [], 0.01).duration == pytest.approx(problem.duration_bound(), rel=1e-12)
+
+
+def test_random_poses_within_a_turn_are_as_likely_everywhere():
+    problem = paper_problem("rr", position_limit=(-np.inf, np.inf))
+    poses = np.array([way[0] for way in detours(problem, 0, 2001, wide=(0.0, 8.0))[1:]])
+    off = poses - (np.asarray(problem.q_goal) + np.asarray(problem.q_start)) / 2
+    assert np.all(np.abs(off) <= 8)
+    # 2000 draws of two joints: a quarter of them in each quarter, to five standard deviations of 1 %.
+    shares = [np.mean((off >= low) & (off < low + 4), axis=0) for low in (-8, -4, 0, 4)]
+    np.testing.assert_allclose(shares, 0.25, atol=0.05)
 
 
 def test_torques_of_a_slow_guess_are_those_of_its_path():
