@@ -8,13 +8,14 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.switching.extremal.descent import Extremal, fastest, landed
+from armdyn.optimal.switching.extremal.descent import Extremal, fastest
+from armdyn.optimal.switching.extremal.landing import landed
 from armdyn.optimal.switching.reading import schedules_of
 from armdyn.optimal.switching.settle import setting_of, settled
 from armdyn.optimal.switching.singular import course_near, idle_fall, with_longer_course, with_stays
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task
-from problems import paper_problem, random_problem, solved
+from problems import both_sides, paper_problem, random_problem, solved
 
 U, L, F = Mode.UPPER, Mode.LOWER, Mode.FREE
 
@@ -98,30 +99,54 @@ def test_a_course_grows_while_its_switching_function_is_not_zero():
     assert with_longer_course(found, 2 * fall) is None
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("pair", "duration", "singular"),
-    [
-        (0, 0.270189425, True),  # a course meets a limit: planes that were only ever added stopped the descent
-        (5, 0.269573462, False),  # read from the mesh, where full torques do not land; in the end all are stays
-    ],
-)
-def test_singular_structures_settle(pair, duration, singular):
-    problem = random_problem(pair, position_limit=(-np.inf, np.inf))
-    solution = ad.solve_minimum_time(problem)
-    assert solution.certified
-    assert any(arc.singular for arc in solution.phases.arcs) is singular
-    # What the descent, the replay and the certificate agree on to 1e-8; no oracle of the best.
-    assert solution.duration == pytest.approx(duration, rel=1e-6)
+MODES = {"+": U, "-": L, "0": F}
+LEVELS = {"+": 1.0, "-": -1.0, "0": 0.0}
 
 
-@pytest.mark.slow
+def structure(problem, text):
+    """Arcs such as "+0-:5.1", with durations [ms], and what such torques do when free ones are zero."""
+    pieces = [piece.split(":") for piece in text.split()]
+    arcs = [Arc(float(length) / 1e3, tuple(MODES[sign] for sign in signs)) for signs, length in pieces]
+    ends = np.cumsum([0.0, *(arc.duration for arc in arcs)])
+    level = np.repeat([[LEVELS[sign] for sign in signs] for signs, _ in pieces], 2, axis=0)
+    rest = np.zeros_like(level)
+    torques = problem.limits.effort_upper * level
+    given = ad.Trajectory(both_sides(ends), rest + problem.q_start, rest, torques, problem.robot.joint_names, "given")
+    return arcs, ad.replay_torques(problem.robot, given)
+
+
+def test_a_course_that_meets_a_limit_on_its_way_settles():
+    # Planes that were only ever added stopped the descent where the course came to its upper limit.
+    problem = random_problem(0, position_limit=(-np.inf, np.inf))
+    arcs, motion = structure(
+        problem,
+        "--+:3.34 +-+:0.74 --+:37.51 ---:0.59 --+:27.11 ---:5.68 -+-:37.72 ++-:30.0 +--:17.09 +-+:35.41 +++:15.59 "
+        "+0+:56.12 +++:3.3",
+    )
+    own = setting(problem, motion.duration)
+    *_, free = schedules_of(own, arcs, motion)
+    end = settled(own, free, Stop())
+    assert end.why == ""
+    assert [change.mode for change in end.extremal.schedule.changes].count(F) == 1
+    # What descent, replay and certificate agree on to 1e-8; no oracle of the best.
+    assert end.extremal.schedule.duration == pytest.approx(0.270189425, rel=1e-7)
+
+
 def test_a_singular_torque_jumps_where_another_joint_switches():
-    solution = ad.solve_minimum_time(random_problem(27))
-    assert solution.certified
-    modes = [arc.modes for arc in solution.phases.arcs]
+    problem = random_problem(27)
+    arcs, motion = structure(
+        problem,
+        "+-+:27.47 +--:37.31 ++-:31.31 -+-:7.58 ---:13.04 -+-:12.5 ---:32.01 +--:12.8 ---:6.16 +--:41.91 +0-:8.77 "
+        "-0-:15.81 -+-:10.76",
+    )
+    own = setting(problem, motion.duration)
+    *_, free = schedules_of(own, arcs, motion)
+    end = settled(own, free, Stop())
+    assert end.why == ""
+    assert end.extremal.schedule.duration == pytest.approx(0.257435630, rel=1e-7)
+    march = end.extremal.march
+    modes = march.schedule.modes()
     k = next(k for k, (a, b) in enumerate(pairwise(modes)) if a[1] is F and b[1] is F)
     assert modes[k][0] is not modes[k + 1][0]
-    knot = np.flatnonzero(np.diff(solution.phases.arc_of))[k]
-    before, after = solution.phases.tau[knot, -1, 1], solution.phases.tau[knot + 1, 0, 1]
+    before, after = march.torques.tau[1][march.last[k], 1], march.torques.tau[0][march.last[k] + 1, 1]
     assert abs(after - before) > 0.1  # of a range of 6 N m
