@@ -9,6 +9,7 @@ from armdyn.optimal.arcs.posing import Kept, PhaseAim
 from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.aim import Aim
+from armdyn.optimal.proof.adjoint import adjoint_error
 from armdyn.optimal.proof.certificate import certify
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.optimum import Optimum
@@ -35,6 +36,20 @@ def land(task: Task, phases: Phases, remark: str = "", intervals: int | None = N
     certificate = certify(task.problem, replay, phases, remark or resisted, adjoint=False)
     size = intervals or phases.arc_of.size
     return Optimum(replay, certificate, replay.duration, size, phases, iterations=phases.iterations)
+
+
+def with_costates(task: Task, optimum: Optimum) -> Optimum:
+    """With the adjoint equations in its certificate, where they may yet spoil it.
+
+    Args:
+        task: what is solved.
+        optimum: landed.
+    """
+    known = optimum.certificate.adjoint_error is not None
+    if optimum.phases is None or known or not optimum.certificate.extremal:
+        return optimum
+    error = adjoint_error(task.problem.robot, optimum.trajectory, optimum.phases)
+    return replace(optimum, certificate=replace(optimum.certificate, adjoint_error=error))
 
 
 def land_extremal(task: Task, extremal: Extremal, intervals: int) -> Optimum:
