@@ -67,11 +67,9 @@ def _finer(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
     numbers = task.policy.refinement
     ladder = Ladder(max(numbers.most_intervals, numbers.most_per_arc * len(phases.arcs)))
     while (size := ladder.above(phases.arc_of.size)) and not task.stop:
-        if not phases.kept and np.max(np.abs(pontryagin(task.problem, phases)[0])) <= numbers.stray:
+        if np.max(np.abs(pontryagin(task.problem, phases)[0])) <= numbers.stray:
             break
-        aim = PhaseAim(
-            near=True, density=phases.density, keep=Kept.of(phases.arcs, phases.torques) if phases.kept else None
-        )
+        aim = PhaseAim(near=True, density=phases.density)
         tried = solve_phases(task, phases.arcs, phases.torques, size, aim)
         if isinstance(tried, Unresolved):
             remark = f"the arcs did not converge on {size} intervals ({tried.message})"
@@ -84,14 +82,13 @@ def _on_goal(task: Task, phases: Phases, replay: Trajectory) -> tuple[Phases, Tr
     """Aimed beside the goal by the collocation's own error."""
     problem, numbers, n = task.problem, task.policy.refinement, task.problem.robot.nv
     best, aim = phases, Aim()
-    given = Kept.of(phases.arcs, phases.torques) if phases.kept else None
     for _ in range(numbers.aims):
         if np.max(np.abs(problem.beside_goal(replay)[:n])) <= numbers.landed or task.stop:
             break
         aim = aim.corrected(problem, replay)
         # Where time leaves torques free another solution has others, and the error is not the same again.
         undetermined = problem.effort_weight == 0 and len(best.arcs) > 2 * n
-        keep = given or (Kept.of(best.arcs, best.torques) if undetermined else None)
+        keep = Kept.of(best.arcs, best.torques) if undetermined else None
         there = PhaseAim(aim.at_goal(n), near=True, density=best.laid, keep=keep)
         tried = solve_phases(task, best.arcs, best.torques, best.arc_of.size, there)
         if isinstance(tried, Unresolved):

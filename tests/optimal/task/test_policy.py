@@ -32,7 +32,7 @@ TABLE = {
     # kind: starts, condensed, flat, linear, again, curves alone, their starts, neighbour_starts
     "r": (1, True, None, False, False, False, 4, 1),
     "rr": (16, True, None, False, True, False, 4, 8),
-    "rrr": (100, True, None, False, True, False, 4, 12),
+    "rrr": (160, True, None, False, True, False, 4, 12),
     "rr ball": (12, False, 1e-4, False, False, False, 6, 8),
     "rr jerk": (16, False, 1e-4, True, True, False, 4, 8),
     "rr via": (16, False, None, False, True, False, 4, 8),
@@ -50,6 +50,15 @@ def test_what_depends_on_the_kind_of_problem(kind):
         curves.alone, curves.starts, search.neighbour_starts,
     )  # fmt: skip
     assert found == TABLE[kind]
+
+
+@pytest.mark.parametrize(
+    ("kind", "changed"), [("rr", 0.0), ("rrr", 0.4), ("rrr ball", 0.0), ("rrr effort", 0.0), ("ur5", 0.0)]
+)
+def test_optima_are_changed_where_there_are_hundreds(kind, changed):
+    numbers = Policy.of(problem(kind)).search
+    assert numbers.changes == changed
+    assert (numbers.turn > 0) == (numbers.haste < 1) == (changed > 0)
 
 
 def test_every_number_says_its_unit_its_reason_and_its_cases():

@@ -57,22 +57,23 @@ class Policy:
         speedy = speed_shapes(problem)
         joints, asked = problem.robot.nv, bool(problem.along_the_way)
         crowded = bool(problem.obstacles) or problem.self_collision
-        manifold = joints == 3 and motors and not asked and not problem.pays_effort
+        many = joints == 3 and motors and not asked and not problem.pays_effort  # optima, hundreds
+        starts = _by_joints(joints, 1, 16 if motors else 40, 160 if many else 100)
         return cls(
             program=ProgramPolicy(
                 linear=problem.continuous_torque,
                 condensed=not asked,
-                coarse_barriers=(1e-2, 1e-1) if manifold else (1e-3, 1e-2),
+                coarse_barriers=(1e-2, 1e-1) if many else (1e-3, 1e-2),
                 flat=1e-4 if _has_rows(problem) else None,
             ),
             search=SearchPolicy(
-                starts=_by_joints(joints, 1, 12, 16) if crowded else _by_joints(joints, 1, 16 if motors else 40, 100),
+                starts=_by_joints(joints, 1, 12, 16) if crowded else starts,
                 meshes=(15, 25) if motors else (25, 35),
                 neighbour_starts=_by_joints(joints, *((1, 4, 6, 1) if problem.pays_effort else (1, 8, 12, 1))),
-                spread=0.0 if manifold else 1.5 if joints == 3 else 1.0,
-                turn=8.0 if manifold else 0.0,
-                haste=0.4 if manifold else 1.0,
-                changes=0.4 if manifold else 0.0,
+                spread=0.0 if many else 1.5 if joints == 3 else 1.0,
+                turn=8.0 if many else 0.0,
+                haste=0.4 if many else 1.0,
+                changes=0.4 if many else 0.0,
                 side_by_side=joints > 2 or (joints > 1 and (asked or problem.pays_effort)),
                 again=joints > 1 and not crowded,
             ),

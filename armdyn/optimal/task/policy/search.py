@@ -48,8 +48,8 @@ class SearchPolicy:
 
     starts: int = by_kind(
         "guesses",
-        "16 for two joints met the best optimum within six over eight seeds; 100 for three, 40 where one of two has no "
-        "motor; around obstacles ways are chosen among many",
+        "16 for two joints met the best optimum within six over eight seeds; 160 for three, changes of optima among "
+        "them; 40 where one of two has no motor; around obstacles ways are chosen among many",
         "the paper's arms; RRR, random pairs (seed 1)",
     )
     meshes: tuple[int, ...] = by_kind(
