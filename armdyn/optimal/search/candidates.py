@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -92,13 +93,22 @@ def find(task: Task) -> Found:
 def _searched(
     task: Task, count: int, grounds: Grounds, beside: Sequence[Job] = (), known: Sequence[Attempt] = ()
 ) -> list[Attempt]:
-    """Attempts from guesses through random poses, and from changes of what these have led to, and of what is known."""
+    """Attempts from guesses through random poses, and from changes of what these have led to, and of what is known.
+
+    Many guesses are several lineages, each of as many as a search has by default: one alone forgets what is not among
+    its best.
+    """
     changes = round(task.policy.search.changes * count)
     attempts = search(task, count - changes, grounds, beside)
-    if len(attempts) < len(beside) + count - changes:  # enough, or no more time
+    if not changes or len(attempts) < len(beside) + count - changes:  # enough, or no more time
         return attempts
     nearby = replace(grounds, settings=grounds.settings[:1])  # the smallest barrier keeps most of a guess
-    return [*attempts, *offspring(task, [*known, *attempts[len(beside) :]], changes, nearby)]
+    lineages = max(1, round(count / task.policy.search.starts))
+    ends = [changes * k // lineages for k in range(lineages + 1)]
+    for k, (first, end) in enumerate(pairwise(ends)):
+        ancestors = [*known, *attempts[len(beside) : len(beside) + count - changes][k::lineages]]
+        attempts = [*attempts, *offspring(task, ancestors, end - first, nearby, first)]
+    return attempts
 
 
 def _beside(task: Task) -> list[Job]:

@@ -5,6 +5,7 @@ motion of all joints a little, leads one joint another way, or takes the motions
 (Leary, Global optimization on funneling landscapes, 2000; of trajectories Vasile, Minisci and Locatelli, 2011.)
 """
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -24,7 +25,7 @@ from armdyn.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 
-def offspring(task: Task, attempts: list[Attempt], count: int, grounds: Grounds) -> list[Attempt]:
+def offspring(task: Task, attempts: Sequence[Attempt], count: int, grounds: Grounds, first: int = 0) -> list[Attempt]:
     """Attempts from changes of the best among others, and among themselves: round by round, from the best so far.
 
     The same attempts and the same seed give the same, on however many cores.
@@ -34,6 +35,7 @@ def offspring(task: Task, attempts: list[Attempt], count: int, grounds: Grounds)
         attempts: what guesses have led to.
         count: of changes.
         grounds: on which they are solved in turn.
+        first: number of the first: others' changes are others.
     """
     numbers, same, born = task.policy.search, task.policy.same, list[Attempt]()
     while len(born) < count and not task.stop:
@@ -47,7 +49,7 @@ def offspring(task: Task, attempts: list[Attempt], count: int, grounds: Grounds)
             guess = child(task.problem, parents, np.random.default_rng([task.options.seed, k]), k)
             return solve_quickly(task, guess, *grounds.of(k), between=False)
 
-        several = range(len(born), min(count, len(born) + numbers.round))
+        several = range(first + len(born), first + min(count, len(born) + numbers.round))
         born += in_processes([partial(job, k, parents) for k in several], task.workers)
     return born
 

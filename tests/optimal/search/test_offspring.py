@@ -75,3 +75,13 @@ def test_there_are_no_changes_of_nothing():
     first = search(task, 1, Grounds(task.meshes, task.coarse()))
     failed = [replace(attempt, status=type(attempt.status).FAILED) for attempt in first]
     assert offspring(task, failed, 6, Grounds(task.meshes, task.coarse())) == []
+
+
+def test_a_later_lineage_has_other_changes_of_the_same():
+    task = Task.of(PROBLEM, MinimumTimeOptions(workers=1))
+    grounds = Grounds(task.meshes, task.coarse())
+    ancestors = search(task, 4, grounds)
+    both, later = offspring(task, ancestors, 4, grounds), offspring(task, ancestors, 2, grounds, first=2)
+    # Changes of one round depend on their numbers and their ancestors alone.
+    assert [a.trajectory.duration for a in later] == [a.trajectory.duration for a in both[2:]]
+    assert len({a.trajectory.duration for a in both}) == 4
