@@ -7,9 +7,9 @@ import numpy as np
 
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.problem.status import Status, Violation
-from armdyn.optimal.proof.adjoint import adjoint_error
 from armdyn.optimal.proof.certificate import Certificate
 from armdyn.optimal.proof.deciding import deciding
+from armdyn.optimal.refine.land import with_costates
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
@@ -81,12 +81,9 @@ def failed(task: Task, found: Found, elapsed: float) -> Solution:
 
 def _judged(task: Task, optimum: Optimum, bound: float | None) -> Optimum:
     """With all that its certificate is to know: when it has landed, the bound, the adjoint equations of an extremal."""
-    motion, phases, problem = optimum.trajectory, optimum.phases, task.problem
     certificate = replace(optimum.certificate, landing=task.options.replay_tolerance)
-    certificate = certificate.bounded(None if problem.pays_effort else bound, motion.duration)
-    if phases is not None and certificate.extremal and certificate.adjoint_error is None:
-        certificate = replace(certificate, adjoint_error=adjoint_error(problem.robot, motion, phases))
-    return replace(optimum, certificate=certificate)
+    certificate = certificate.bounded(None if task.problem.pays_effort else bound, optimum.trajectory.duration)
+    return with_costates(task, replace(optimum, certificate=certificate))
 
 
 def _rank(task: Task, optimum: Optimum) -> tuple[bool, bool, bool]:

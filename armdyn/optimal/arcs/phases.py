@@ -40,7 +40,6 @@ class Phases:
         knot_pull: the same at the inner knots, shape (K - 1, 2, nv).
         torques: the motion over time by the collocation's polynomials, for `replay_torques` and as a guess.
         iterations: of IPOPT.
-        kept: torques off all limits were given.
     """
 
     arcs: tuple[Arc, ...]
@@ -60,7 +59,6 @@ class Phases:
     knot_pull: Array
     torques: Trajectory
     iterations: int
-    kept: bool = False
 
     @property
     def duration(self) -> float:

@@ -73,7 +73,7 @@ def solve_phases(
         )
     else:
         outcome = solver.solve(posed.x, posed.parameters, posed.x_bounds, posed.g_bounds, task.stop)
-    phases = replace(_read(task, solver.program, posed, outcome), kept=aim.keep is not None)
+    phases = _read(task, solver.program, posed, outcome)
     if outcome.status is Status.SOLVED:
         return phases
     return Unresolved(outcome.message, outcome.status, outcome.iterations, phases)

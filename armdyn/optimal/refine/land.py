@@ -9,6 +9,7 @@ from armdyn.optimal.arcs.posing import Kept, PhaseAim
 from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.aim import Aim
+from armdyn.optimal.proof.adjoint import adjoint_error
 from armdyn.optimal.proof.certificate import certify
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.optimum import Optimum
@@ -35,6 +36,20 @@ def land(task: Task, phases: Phases, remark: str = "", intervals: int | None = N
     certificate = certify(task.problem, replay, phases, remark or resisted, adjoint=False)
     size = intervals or phases.arc_of.size
     return Optimum(replay, certificate, replay.duration, size, phases, iterations=phases.iterations)
+
+
+def with_costates(task: Task, optimum: Optimum) -> Optimum:
+    """With the adjoint equations in its certificate, where they may yet spoil it.
+
+    Args:
+        task: what is solved.
+        optimum: landed.
+    """
+    known = optimum.certificate.adjoint_error is not None
+    if optimum.phases is None or known or not optimum.certificate.extremal:
+        return optimum
+    error = adjoint_error(task.problem.robot, optimum.trajectory, optimum.phases)
+    return replace(optimum, certificate=replace(optimum.certificate, adjoint_error=error))
 
 
 def land_extremal(task: Task, extremal: Extremal, intervals: int) -> Optimum:
@@ -67,11 +82,9 @@ def _finer(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
     numbers = task.policy.refinement
     ladder = Ladder(max(numbers.most_intervals, numbers.most_per_arc * len(phases.arcs)))
     while (size := ladder.above(phases.arc_of.size)) and not task.stop:
-        if not phases.kept and np.max(np.abs(pontryagin(task.problem, phases)[0])) <= numbers.stray:
+        if np.max(np.abs(pontryagin(task.problem, phases)[0])) <= numbers.stray:
             break
-        aim = PhaseAim(
-            near=True, density=phases.density, keep=Kept.of(phases.arcs, phases.torques) if phases.kept else None
-        )
+        aim = PhaseAim(near=True, density=phases.density)
         tried = solve_phases(task, phases.arcs, phases.torques, size, aim)
         if isinstance(tried, Unresolved):
             remark = f"the arcs did not converge on {size} intervals ({tried.message})"
@@ -84,14 +97,13 @@ def _on_goal(task: Task, phases: Phases, replay: Trajectory) -> tuple[Phases, Tr
     """Aimed beside the goal by the collocation's own error."""
     problem, numbers, n = task.problem, task.policy.refinement, task.problem.robot.nv
     best, aim = phases, Aim()
-    given = Kept.of(phases.arcs, phases.torques) if phases.kept else None
     for _ in range(numbers.aims):
         if np.max(np.abs(problem.beside_goal(replay)[:n])) <= numbers.landed or task.stop:
             break
         aim = aim.corrected(problem, replay)
         # Where time leaves torques free another solution has others, and the error is not the same again.
         undetermined = problem.effort_weight == 0 and len(best.arcs) > 2 * n
-        keep = given or (Kept.of(best.arcs, best.torques) if undetermined else None)
+        keep = Kept.of(best.arcs, best.torques) if undetermined else None
         there = PhaseAim(aim.at_goal(n), near=True, density=best.laid, keep=keep)
         tried = solve_phases(task, best.arcs, best.torques, best.arc_of.size, there)
         if isinstance(tried, Unresolved):

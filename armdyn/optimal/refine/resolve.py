@@ -59,7 +59,9 @@ def _rank(optimum: Optimum) -> tuple[bool, float]:
 
 def prepare_resolving(task: Task) -> None:
     """Build, if it is not there, what `resolve` is most likely to need."""
-    prepare_switching(task)
+    if has_switching(task):
+        prepare_switching(task)
+        return
     for finer in (1, 2):
         prepare_phases(task, finer * task.policy.refinement.intervals)
 

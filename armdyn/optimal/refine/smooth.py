@@ -18,10 +18,9 @@ from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.arcs.structure import with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.proof.adjoint import adjoint_error
 from armdyn.optimal.proof.certificate import ADJOINT_TOLERANCE
 from armdyn.optimal.proof.pontryagin import pontryagin
-from armdyn.optimal.refine.land import land
+from armdyn.optimal.refine.land import land, with_costates
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
@@ -69,22 +68,14 @@ def _landed(task: Task, phases: Phases) -> Optimum:
     Torques of the replay are lines between samples. Where motions diverge fast that is another motion soon: finer
     intervals and more samples bring it near.
     """
-    optimum = _with_costates(task, land(task, phases))
+    optimum = with_costates(task, land(task, phases))
     if (optimum.certificate.adjoint_error or 0.0) > ADJOINT_TOLERANCE and not task.stop:
         finely = replace(task, policy=task.policy.changed("arcs", samples=task.policy.smooth.samples))
         finer = _solved(finely, phases.arcs, 2 * phases.arc_of.size, phases, 0.0)
         if isinstance(finer, Phases):
-            again = _with_costates(finely, land(finely, finer))
+            again = with_costates(finely, land(finely, finer))
             return min(again, optimum, key=lambda one: not one.certificate.ok)
     return optimum
-
-
-def _with_costates(task: Task, optimum: Optimum) -> Optimum:
-    """With the adjoint equations in its certificate, where they may yet spoil it."""
-    if optimum.phases is None or not optimum.certificate.extremal:
-        return optimum
-    error = adjoint_error(task.problem.robot, optimum.trajectory, optimum.phases)
-    return replace(optimum, certificate=replace(optimum.certificate, adjoint_error=error))
 
 
 def smooth_optima(task: Task, starts: int, most: int) -> tuple[tuple[Phases, ...], tuple[Attempt, ...]]:

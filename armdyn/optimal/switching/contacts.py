@@ -27,7 +27,7 @@ _TOWARDS = {Mode.POSITION_UPPER: Mode.UPPER, Mode.POSITION_LOWER: Mode.LOWER}
 """The torque that presses a joint against its limit."""
 
 
-def with_contacts(extremal: Extremal) -> Schedule | None:
+def with_contacts(extremal: Extremal, settled: bool = True) -> Schedule | None:
     """The schedule without parts of contacts that cannot be held or would rather be let go; None: there are none.
 
     A joint that takes more torque than it has is given all of it, and touches at most. One that a limit would have to
@@ -35,6 +35,7 @@ def with_contacts(extremal: Extremal) -> Schedule | None:
 
     Args:
         extremal: whose contacts are looked at, one at a time.
+        settled: it is one, so that its costates say what would rather be let go.
     """
     schedule, whole = extremal.schedule, None
     for segment in schedule.segments():
@@ -46,7 +47,7 @@ def with_contacts(extremal: Extremal) -> Schedule | None:
             continue
         if (weak := contact.weak) is not None:
             return _let_go(extremal, segment, weak.part, [(0.0, weak.mode)])
-        if (part := contact.unwilling) is not None:
+        if settled and (part := contact.unwilling) is not None:
             towards = _TOWARDS[schedule.changes[segment.begin].mode]
             away = OPPOSITE[towards]
             return _let_go(extremal, segment, part, [(0.0, away), (0.25, towards), (0.75, away)])

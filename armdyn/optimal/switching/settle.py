@@ -18,7 +18,6 @@ from armdyn.optimal.switching.extremal.schedule import Schedule
 from armdyn.optimal.switching.signs import with_signs, without_unwanted, wrong_signs
 from armdyn.optimal.switching.singular import idle_fall, with_longer_course, with_singular, with_stays
 from armdyn.optimal.task.task import Task
-from armdyn.trajectory import Trajectory
 
 _ROUNDS = 12
 """Of mending."""
@@ -26,6 +25,8 @@ _LEAST = 5e-5
 """By how much H must fall for another stay, or a longer course: half of what is certified."""
 _DRIFT = 1e-5
 """Of H along an arc: a tenth of what is certified; beyond it the steps are too long."""
+_ASTRAY = 1e-3
+"""The same where no extremal was found: then that may be why."""
 _PATIENCE, _BETTER = 3, 0.7
 """Rounds in a row that come no nearer than by so much: more go in circles."""
 
@@ -96,11 +97,15 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
     refused = set[int]()
     for _ in range(_ROUNDS):
         found = fastest(setting, schedule, stop)
-        finer = setting.finer
-        if found.linear is not None and found.linear.drift > _DRIFT and finer is not None and not stop:
+        finer, enough = setting.finer, _DRIFT if isinstance(found, Extremal) else _ASTRAY
+        if found.linear is not None and found.linear.drift > enough and finer is not None and not stop:
             setting, schedule = finer, found.linear.march.schedule
             continue
         if isinstance(found, Resisted):
+            weak = with_contacts(Extremal(found.linear), settled=False) if found.linear and not stop else None
+            if weak is not None:
+                schedule = weak
+                continue
             if chattering is None or stop:
                 return best.or_else(found.linear, found.why)
             (schedule, hovering), chattering = chattering, None
@@ -145,14 +150,3 @@ def leaves_idle(extremal: Extremal, tolerance: float) -> bool:
     idle = (np.abs(extremal.switching) * ranges <= tolerance) & (ranges > 0)
     shares = np.tile(march.h, 2) @ (idle & ~np.tile(march.torques.felt > 0, (2, 1))) / 2
     return bool(np.any(shares > extremal.schedule.duration / 2))
-
-
-def motion_of(extremal: Extremal) -> Trajectory:
-    """An extremal's states and torques at the starts and ends of its steps, so that torques jump where they do."""
-    march, robot = extremal.march, extremal.march.setting.problem.robot
-    kept = np.flatnonzero(march.h > 1e-9 * extremal.schedule.duration)
-    starts = np.append(0.0, np.nextafter(march.times[1:-1], np.inf))  # a jump takes one ulp of the time
-    t = np.column_stack([starts, march.times[1:]])[kept].ravel()
-    x = np.stack([march.start, march.end], axis=1)[kept].reshape(t.size, -1)
-    tau = np.stack(march.torques.tau, axis=1)[kept].reshape(t.size, -1)
-    return Trajectory(t, x[:, : robot.nv], x[:, robot.nv :], tau, robot.joint_names, "extremal")

@@ -95,5 +95,5 @@ def test_legs_share_the_mesh_by_time():
     guess = spline(problem, [])
     legs = legs_of(problem, guess, 40)
     assert sum(legs.intervals) == 40 and min(legs.intervals) >= 4
-    # The guess is at the via points at thirds of its time; it is sampled at hundredths.
-    np.testing.assert_allclose(legs.durations, guess.duration / 3, rtol=0.03)
+    # The guess is at the via points at thirds of its time; it is sampled at fiftieths.
+    np.testing.assert_allclose(legs.durations, guess.duration / 3, rtol=0.06)

@@ -1,7 +1,7 @@
 """Times of a schedule that are fastest: down the manifold of motions that end in the goal.
 
 Every step goes along the tangent, as far as a quadratic model of the Lagrangian is trusted, and is brought back by
-Newton's method with the least change of the times (Absil, Mahony and Sepulchre, Optimization Algorithms on Matrix
+Newton's method with the least change (Absil, Mahony and Sepulchre, Optimization Algorithms on Matrix
 Manifolds, 2008, chapter 7). The duration falls from one motion to the next. Changes of different joints pass each
 other freely: torques that act on different joints commute, so that nothing jumps where they do.
 """
@@ -13,30 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.switching.extremal.landing import landed, moved_by
 from armdyn.optimal.switching.extremal.limits import BEYOND, excess, with_limits
 from armdyn.optimal.switching.extremal.march import March, Setting
 from armdyn.optimal.switching.extremal.model import Linear, Model, lengths_of
 from armdyn.optimal.switching.extremal.schedule import Schedule
-from armdyn.optimal.switching.extremal.trust import null_space
 
 Array = NDArray[np.float64]
 
-_CLOSED = 1e-9
-"""Gaps and misses that are none, in parts of `March.unit`: the integrator's own."""
-_ROUNDS = 30
-"""Of Newton's method from a mesh's states, that of a heavy arm with singular arcs."""
 _AGAIN = 4
-"""The same from a motion beside."""
-_FAR = 0.5
-"""A correction of a time by more than this part of the duration says that there is nothing near."""
-_STATES = 0.1
-"""What a state that is moved by `March.unit` counts, beside a time that is moved by the duration."""
-_SWING = 0.3
-"""Of `March.unit`: states are moved by no more at once."""
-_RANK = 1e-12
-"""Of the largest singular value: rounding, of equations that an arm in the open answers to a millionfold."""
-_KEPT = 0.2
-"""Part of a segment that one correction leaves at least."""
+"""Rounds of Newton's method from a motion beside."""
 _VANISHED = 1e-8
 """Of the duration: a segment that is none."""
 _HALVES = 12
@@ -51,8 +37,10 @@ _TOUCHES = 3
 """Times that touches are put in: one may bring about another."""
 _RADIUS = 0.03
 """Of the duration: how far the model is trusted at first."""
-_STEPS = 30
-"""Along tangents, at most; from a mesh ten do."""
+_STEPS = 20
+"""Along tangents, at most: of random pairs of RRR those that came to an extremal took 13 at most."""
+_NARROW = 1e-6
+"""Of the duration: a model that is not to be trusted so far is none."""
 _FLAT = 1e-6
 """∂t_f/∂(time of a change), beside 1 for time, that is none: a hundredth of what is certified."""
 _NEARLY_FLAT = 1e-4
@@ -133,7 +121,7 @@ def fastest(setting: Setting, schedule: Schedule, stop: Stop) -> Extremal | Resi
             return Extremal(linear)
         step = model.step(radius)
         while True:
-            if step.promised < _WORTH * schedule.duration:
+            if step.promised < _WORTH * schedule.duration or radius < _NARROW * schedule.duration:
                 if linear.slope <= _NEARLY_FLAT:
                     return Extremal(linear)
                 return Resisted("no step shortens the motion any more", linear)
@@ -211,95 +199,9 @@ def finer(extremal: Extremal, stop: Stop) -> Extremal | None:
     return found if isinstance(found, Extremal) else None
 
 
-def landed(
-    setting: Setting, schedule: Schedule, rounds: int = _ROUNDS, joined: NDArray[np.bool_] | None = None
-) -> Linear | None:
-    """A motion that ends in the goal and keeps what is held, by the least change of the times; None: none is near.
-
-    Args:
-        setting: what is marched.
-        schedule: to begin with.
-        rounds: of Newton's method.
-        joined: its changes whose states are not theirs, see `March.of`; where all are, the motion stays in one piece.
-    """
-    in_one = joined is not None and bool(np.all(joined))
-    for k in range(rounds + 1):
-        if schedule.size + 1 > setting.most_arcs:
-            return None
-        march = March.of(setting, schedule, joined)
-        if not march.finite:
-            return None
-        linear, schedule = Linear.of(march), march.schedule
-        if not np.all(np.isfinite(linear.jacobian)):  # a chain of many arcs may overflow where each does not
-            return None
-        if linear.infeasible <= _CLOSED:
-            return linear
-        by, whole = _correction(linear)
-        most = float(np.max(np.abs(by[: schedule.size + 1]))) / schedule.duration
-        if k == rounds or most > _FAR:
-            return None
-        part = min(1.0, whole, 0.1 / max(most, 1e-300))
-        schedule, moved = _moved(linear, part * by, part)
-        joined = np.ones(schedule.size, bool) if in_one else moved
-    return None
-
-
-def _correction(linear: Linear) -> tuple[Array, float]:
-    """What closes gaps and misses, to first order, and leaves a part of every segment; and how much of it may be.
-
-    The least change, of the times as parts of the duration and of the states: an arm in the open answers to a time a
-    millionfold, and a least change of the times alone would throw it about.
-    """
-    schedule, planes, now = linear.march.schedule, linear.planes, linear.planes.now
-    unit, width = linear.march.unit, schedule.width
-    changes = np.vstack(
-        [np.eye(width) / schedule.duration, _STATES * (linear.reach[:-1] / unit[:, None]).reshape(-1, width)]
-    )
-    moved = np.concatenate([np.zeros(width), _STATES * (linear.gap[:-1] / unit).ravel()])
-    least = np.where(planes.lengths, _KEPT * now, 0.0)
-    held: list[int] = []
-    while True:
-        equations = np.vstack([linear.jacobian, planes.rows[held]])
-        by = _least_change(equations, np.concatenate([-linear.residual, (least - now)[held]]), changes, moved)
-        after = now + planes.rows @ by
-        short = [k for k in np.flatnonzero(after < least - 1e-12).tolist() if k not in held]
-        if not short or len(equations) >= by.size:
-            break
-        held.append(min(short, key=lambda k: after[k] - least[k]))
-    shares = [(now[k] - least[k]) / (now[k] - after[k]) for k in short if planes.lengths[k]]
-    states = (linear.reach[:-1] @ by + linear.gap[:-1]) / unit
-    shares.append(_SWING / max(float(np.max(np.abs(states), initial=0.0)), 1e-300))
-    return by, float(max(0.0, min([1.0, *shares])))
-
-
-def _least_change(equations: Array, right: Array, changes: Array, moved: Array) -> Array:
-    """The least |changes y + moved| of all y that equations let be."""
-    some = np.asarray(np.linalg.lstsq(equations, right, rcond=_RANK)[0], float)
-    free = null_space(equations)
-    if not len(free):
-        return some
-    return np.asarray(some - np.linalg.lstsq(changes @ free.T, changes @ some + moved, rcond=_RANK)[0] @ free)
-
-
-def _moved(linear: Linear, by: Array, part: float) -> tuple[Schedule, NDArray[np.bool_]]:
-    """The schedule with other times and the states that fit them; and which changes are at other places now.
-
-    Args:
-        linear: where it stands.
-        by: what the unknowns change by.
-        part: of the gaps that is closed.
-    """
-    schedule = linear.march.schedule
-    states = schedule.states + (linear.reach[:-1] @ by + part * linear.gap[:-1])
-    by, m = by.copy(), schedule.size
-    by[:m] = np.clip(schedule.times + by[:m], 0.0, schedule.duration + by[m]) - schedule.times
-    order = np.argsort(schedule.times + by[:m], kind="stable")
-    return schedule.moved(by, states), order != np.arange(schedule.size)
-
-
 def _stepped(setting: Setting, linear: Linear, by: Array) -> Linear | None:
     """The motion after a step along the tangent."""
-    schedule, joined = _moved(linear, by, 1.0)
+    schedule, joined = moved_by(linear, by, 1.0)
     return landed(setting, schedule, _AGAIN, joined)
 
 

@@ -75,11 +75,10 @@ class Flow:
             columns: the other inputs of `march` but the first, a row for each step.
         """
         size, previous = own.shape[1], np.zeros(own.shape[1])
-        parts: list[tuple[Array, ...]] = []
+        parts: list[list[Array]] = []
         for first in range(0, len(own), STEPS):
             part = slice(first, first + STEPS)
-            outputs = self.march(previous, own[part].T, begins[part], *(each[part].T for each in columns))
-            parts.append(tuple(np.array(output).T for output in outputs))
+            parts.append(_called(self.march, previous, own[part], begins[part], *(each[part] for each in columns)))
             previous = parts[-1][0][-1]
         ends, slopes, answers, rates = (np.concatenate(each) for each in zip(*parts, strict=True))
         through = slopes.reshape(-1, size, size).transpose(0, 2, 1)
@@ -88,8 +87,21 @@ class Flow:
     def switchings(self, *columns: Array) -> Array:
         """S of any multiple of 2 `STEPS` rows of what `switching` takes, likewise."""
         starts = range(0, len(columns[0]), 2 * STEPS)
-        parts = [self.switching(*(each[first : first + 2 * STEPS].T for each in columns)) for first in starts]
-        return np.concatenate([np.array(part).T for part in parts])
+        parts = [_called(self.switching, *(each[first : first + 2 * STEPS] for each in columns)) for first in starts]
+        return np.concatenate([part for (part,) in parts])
+
+
+def _called(function: ca.Function, *rows: Array) -> list[Array]:
+    """What a Function of dense matrices gives, rows for columns, without a copy that is not needed."""
+    buffer, evaluate = function.buffer()
+    given = [np.ascontiguousarray(each, float) for each in rows]
+    found = [np.empty(function.size_out(i)[::-1]) for i in range(function.n_out())]
+    for i, each in enumerate(given):
+        buffer.set_arg(i, each.reshape(-1).data)  # type: ignore[call-arg]  # the stubs know C++'s alone
+    for i, each in enumerate(found):
+        buffer.set_res(i, each.reshape(-1).data)  # type: ignore[call-arg]
+    evaluate()
+    return found
 
 
 @built_once(maxsize=64)
@@ -128,7 +140,8 @@ def flow_of(dynamics: Dynamics, asked: bool | None) -> Flow:
         for at, every in ((start, rates), (identity, slopes), (ca.MX.zeros(2 * n, 2), answers))
     )
     inputs = [previous, own, begins, h, first, last, *rest]
-    step = ca.Function("step", inputs, [end, through, answer, rate(end, last, *rest)[0]])
+    outputs = [end, through, answer, rate(end, last, *rest)[0]]
+    step = ca.Function("step", inputs, [ca.densify(each) for each in outputs])
     many = switching.map(2 * STEPS)
     columns = many.mx_in()
     march, many = compiled(
@@ -151,7 +164,7 @@ def _functions(dynamics: Dynamics) -> tuple[ca.Function, ca.Function]:
     switching = free * _solved(inertia, free * p[n:])
     return (
         ca.Function("rate", [x, tau, felt, held, numbers], [f, slope, answer], {"cse": True}),
-        ca.Function("switching", [q, p, held, numbers], [switching], {"cse": True}),
+        ca.Function("switching", [q, p, held, numbers], [ca.densify(switching)], {"cse": True}),
     )
 
 

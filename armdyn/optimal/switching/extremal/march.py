@@ -233,9 +233,9 @@ class March:
 def _dealt(lengths: Array, curved: NDArray[np.bool_], steps: int) -> NDArray[np.int_]:
     """Which arc each step is in: some for every arc, more where a torque is free, and most for the longest.
 
-    Twice as many steps where more than one arc is curved: else the others would not be followed.
+    Twice as many steps where curved arcs would take more than half of them: else the others would not be followed.
     """
-    steps *= 2 if curved.sum() > 1 else 1
+    steps *= 2 if 2 * _CURVED * curved.sum() > steps else 1
     own = max(2, min(_CURVED, (steps - 2 * lengths.size) // max(int(curved.sum()), 1)))
     counts, parts = np.where(curved, own, 2), np.maximum(lengths, 0.0)
     for _ in range(steps - counts.sum()):

@@ -6,7 +6,8 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.switching.extremal.descent import Extremal, Resisted, fastest, landed
+from armdyn.optimal.switching.extremal.descent import Extremal, Resisted, fastest
+from armdyn.optimal.switching.extremal.landing import landed
 from armdyn.optimal.switching.extremal.model import Linear, Model
 from armdyn.optimal.switching.extremal.schedule import Schedule
 from armdyn.optimal.switching.settle import setting_of

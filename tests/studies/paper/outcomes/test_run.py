@@ -33,11 +33,21 @@ def test_time_energy_of_one_link(payload, reading):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("payload", "reading"), [(0.0212, "tip"), (0.1006, "tip"), (0.5, "tip"), (0.1006, "mM"), (1.0, "mM")]
+    ("payload", "reading"), [(0.0212, "tip"), (0.1006, "tip"), (0.5, "tip"), (0.1006, "mM"), (0.5, "mM")]
 )
 def test_time_energy_of_two_links(payload, reading):
     outcome = run_case(Case(2, "rr", "time_energy", payload, reading))
     _check_time_energy(outcome, reference_time("rr", reading, payload))
+
+
+@pytest.mark.slow
+def test_two_links_with_1_kg_cost_less_than_the_references():
+    """The reference is another local optimum: J = 1.2197794 in 0.408996 s."""
+    outcome = run_case(Case(2, "rr", "time_energy", 1.0, "mM"))
+    assert outcome.facts["certified"]
+    assert outcome.facts["objective"] < 0.97 * 1.2197794
+    # J is flat in the time there: the two methods, of 1e-10, hold it to 1e-9.
+    assert outcome.facts["indirect_time_s"] == pytest.approx(outcome.time, abs=1e-7)
 
 
 def test_a_neighbour_is_where_the_search_begins(monkeypatch):

@@ -1,0 +1,152 @@
+"""Singular arcs: where they come in, what splits them, and what is read of them from a mesh."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import armdyn as ad
+from armdyn.optimal.arcs.arc import Arc, Mode
+from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.switching.extremal.descent import Extremal, fastest
+from armdyn.optimal.switching.extremal.landing import landed
+from armdyn.optimal.switching.reading import schedules_of
+from armdyn.optimal.switching.settle import setting_of, settled
+from armdyn.optimal.switching.singular import course_near, idle_fall, with_longer_course, with_stays
+from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.optimal.task.task import Task
+from problems import both_sides, paper_problem, random_problem, solved
+
+U, L, F = Mode.UPPER, Mode.LOWER, Mode.FREE
+
+
+def setting(problem, duration):
+    return setting_of(Task.of(problem, MinimumTimeOptions(compile=False)), duration)
+
+
+def freed(solution, begin=0.3, end=0.5):
+    """The arcs of RR's optimum, and its first joint's torque said to be free from one part of it to another."""
+    given = solution.phases.arcs
+    ends = np.cumsum([arc.duration for arc in given])
+    cuts, out = np.unique(np.concatenate([[0.0], ends, np.array([begin, end]) * ends[-1]])), []
+    for a, b in pairwise(cuts):
+        modes = list(given[int(np.searchsorted(ends, (a + b) / 2))].modes)
+        if begin * ends[-1] < (a + b) / 2 < end * ends[-1]:
+            modes[0] = F
+        out.append(Arc(b - a, tuple(modes)))
+    return out
+
+
+def test_a_free_torque_that_time_wants_on_its_limit_gets_a_stay_there():
+    # RR's optimum is bang-bang: what is called free goes to the limit that it was on, and the stay is put back.
+    solution = solved("rr")
+    own = setting(solution.problem, solution.duration)
+    full, free = schedules_of(own, freed(solution), solution.phases.torques)
+    assert not full.courses
+    assert len(free.courses) == 1
+    found = fastest(own, free, Stop())
+    assert isinstance(found, Extremal)
+    (k,) = found.schedule.courses
+    assert with_stays(found, 5e-5) is not None or idle_fall(found, k) <= 5e-5
+    end = settled(own, free, Stop())
+    assert end.why == ""
+    assert end.extremal.schedule.duration == pytest.approx(solution.duration, rel=1e-7)
+
+
+def test_short_stretches_off_all_limits_are_full_torques():
+    solution = solved("rr")
+    own = setting(solution.problem, solution.duration)
+    (only,) = schedules_of(own, freed(solution, 0.3, 0.33), solution.phases.torques)
+    assert not only.courses
+
+
+def test_a_course_at_the_start_begins_after_a_stay():
+    solution = solved("rr")
+    own = setting(solution.problem, solution.duration)
+    _, free = schedules_of(own, freed(solution, 0.0, 0.3), solution.phases.torques)
+    assert F not in free.first
+    (k,) = free.courses
+    assert free.times[k] == pytest.approx(1e-3 * free.duration)
+
+
+def test_a_course_knows_the_jump_of_another_torque():
+    own = setting(paper_problem("rr"), 0.2)
+    s = np.linspace(0, 1, 102)[1:-1]
+    tau = np.column_stack([np.where(s < 0.4, 3.0, -3.0), 1 + s**2 - 0.5 * np.sign(s - 0.4)])
+    course = course_near(own, 1, tau, frozenset({0}))
+    assert [joint for joint, _ in course.leaps] == [0]
+    signs = np.column_stack([np.sign(tau[:, 0]), np.zeros(s.size)])
+    np.testing.assert_allclose(own.course[1] * course.terms(s, signs) @ course.values, tau[:, 1], atol=1e-9)
+
+
+def test_a_course_keeps_within_its_limits():
+    own = setting(paper_problem("rr"), 0.2)
+    tau = np.column_stack([np.zeros(50), np.full(50, 3.0)])
+    course = course_near(own, 1, tau, frozenset())
+    np.testing.assert_allclose(own.course[1] * course.values, [0.95 * 3.0, 0, 0], atol=1e-9)
+
+
+def test_a_course_grows_while_its_switching_function_is_not_zero():
+    solution = solved("rr")
+    own = setting(solution.problem, solution.duration)
+    _, free = schedules_of(own, freed(solution), solution.phases.torques)
+    found = Extremal(landed(own, free))  # any motion has costates, if none that are wanted
+    (k,) = found.schedule.courses
+    fall = idle_fall(found, k)
+    assert fall > 1e-4
+    longer = with_longer_course(found, 0.5 * fall)
+    assert len(longer.courses[k].smooth) == len(found.schedule.courses[k].smooth) + 2
+    assert with_longer_course(found, 2 * fall) is None
+
+
+MODES = {"+": U, "-": L, "0": F}
+LEVELS = {"+": 1.0, "-": -1.0, "0": 0.0}
+
+
+def structure(problem, text):
+    """Arcs such as "+0-:5.1", with durations [ms], and what such torques do when free ones are zero."""
+    pieces = [piece.split(":") for piece in text.split()]
+    arcs = [Arc(float(length) / 1e3, tuple(MODES[sign] for sign in signs)) for signs, length in pieces]
+    ends = np.cumsum([0.0, *(arc.duration for arc in arcs)])
+    level = np.repeat([[LEVELS[sign] for sign in signs] for signs, _ in pieces], 2, axis=0)
+    rest = np.zeros_like(level)
+    torques = problem.limits.effort_upper * level
+    given = ad.Trajectory(both_sides(ends), rest + problem.q_start, rest, torques, problem.robot.joint_names, "given")
+    return arcs, ad.replay_torques(problem.robot, given)
+
+
+def test_a_course_that_meets_a_limit_on_its_way_settles():
+    # Planes that were only ever added stopped the descent where the course came to its upper limit.
+    problem = random_problem(0, position_limit=(-np.inf, np.inf))
+    arcs, motion = structure(
+        problem,
+        "--+:3.34 +-+:0.74 --+:37.51 ---:0.59 --+:27.11 ---:5.68 -+-:37.72 ++-:30.0 +--:17.09 +-+:35.41 +++:15.59 "
+        "+0+:56.12 +++:3.3",
+    )
+    own = setting(problem, motion.duration)
+    *_, free = schedules_of(own, arcs, motion)
+    end = settled(own, free, Stop())
+    assert end.why == ""
+    assert [change.mode for change in end.extremal.schedule.changes].count(F) == 1
+    # What descent, replay and certificate agree on to 1e-8; no oracle of the best.
+    assert end.extremal.schedule.duration == pytest.approx(0.270189425, rel=1e-7)
+
+
+def test_a_singular_torque_jumps_where_another_joint_switches():
+    problem = random_problem(27)
+    arcs, motion = structure(
+        problem,
+        "+-+:27.47 +--:37.31 ++-:31.31 -+-:7.58 ---:13.04 -+-:12.5 ---:32.01 +--:12.8 ---:6.16 +--:41.91 +0-:8.77 "
+        "-0-:15.81 -+-:10.76",
+    )
+    own = setting(problem, motion.duration)
+    *_, free = schedules_of(own, arcs, motion)
+    end = settled(own, free, Stop())
+    assert end.why == ""
+    assert end.extremal.schedule.duration == pytest.approx(0.257435630, rel=1e-7)
+    march = end.extremal.march
+    modes = march.schedule.modes()
+    k = next(k for k, (a, b) in enumerate(pairwise(modes)) if a[1] is F and b[1] is F)
+    assert modes[k][0] is not modes[k + 1][0]
+    before, after = march.torques.tau[1][march.last[k], 1], march.torques.tau[0][march.last[k] + 1, 1]
+    assert abs(after - before) > 0.1  # of a range of 6 N m
