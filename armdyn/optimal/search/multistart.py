@@ -1,6 +1,6 @@
 """Global search: many guesses solved coarsely, on all cores."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -13,6 +13,11 @@ from armdyn.optimal.task.task import Task
 from armdyn.processes import in_processes
 
 Job = Callable[[], Attempt]
+
+_BUNCH = 4
+"""Jobs that a worker gets at once."""
+_LOOKS = 24
+"""Times that a search asks whether it has seen enough: telling optima apart takes its time, too."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +59,7 @@ def search(task: Task, count: int, grounds: Grounds, beside: Sequence[Job] = ())
 
     attempts: list[Attempt] = []
     jobs: list[Job] = [*beside, *(partial(job, k) for k in range(count))]
-    for attempt in in_processes(jobs[:1] if task.stop else jobs, task.workers):
+    for attempt in in_bunches(jobs[:1] if task.stop else jobs, task.workers):
         attempts.append(attempt)
         own = attempts[len(beside) :]
         if not own:
@@ -63,10 +68,21 @@ def search(task: Task, count: int, grounds: Grounds, beside: Sequence[Job] = ())
         best = f", best {min(solved):.4f} s" if solved else ""
         task.tell(f"search: guess {len(own)} of {count}{best}")
         # An optimum has another duration on another mesh, and counts on each: safer than to match them.
-        met = task.options.effort != "thorough" and enough(len(solved), len(distinct(own, task.policy.same.coarse)))
-        if task.stop or met:
+        asked = task.options.effort != "thorough" and len(own) % max(1, count // _LOOKS) == 0
+        if task.stop or (asked and enough(len(solved), len(distinct(own, task.policy.same.coarse)))):
             break
     return attempts
+
+
+def in_bunches(jobs: Sequence[Job], workers: int | None) -> Iterator[Attempt]:
+    """The jobs' attempts in their order: several go to a worker at once, as one takes hardly longer than its result."""
+    bunches = [jobs[k : k + _BUNCH] for k in range(0, len(jobs), _BUNCH)]
+    for attempts in in_processes([partial(_done, bunch) for bunch in bunches], workers):
+        yield from attempts
+
+
+def _done(jobs: Sequence[Job]) -> list[Attempt]:
+    return [job() for job in jobs]
 
 
 def enough(solved: int, optima: int) -> bool:

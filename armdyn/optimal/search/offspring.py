@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.search.distinct import distinct
-from armdyn.optimal.search.multistart import Grounds
+from armdyn.optimal.search.multistart import Grounds, in_bunches
 from armdyn.optimal.search.starts import SAMPLES
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import solve_quickly
 from armdyn.optimal.task.policy.search import SearchPolicy
 from armdyn.optimal.task.task import Task
-from armdyn.processes import in_processes
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -50,7 +49,7 @@ def offspring(task: Task, attempts: Sequence[Attempt], count: int, grounds: Grou
             return solve_quickly(task, guess, *grounds.of(k), between=False)
 
         several = range(first + len(born), first + min(count, len(born) + numbers.round))
-        born += in_processes([partial(job, k, parents) for k in several], task.workers)
+        born += in_bunches([partial(job, k, parents) for k in several], task.workers)
     return born
 
 

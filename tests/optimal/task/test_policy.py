@@ -32,7 +32,7 @@ TABLE = {
     # kind: starts, condensed, flat, linear, again, curves alone, their starts, neighbour_starts
     "r": (1, True, None, False, False, False, 4, 1),
     "rr": (16, True, None, False, True, False, 4, 8),
-    "rrr": (160, True, None, False, True, False, 4, 12),
+    "rrr": (140, True, None, False, True, False, 4, 12),
     "rr ball": (12, False, 1e-4, False, False, False, 6, 8),
     "rr jerk": (16, False, 1e-4, True, True, False, 4, 8),
     "rr via": (16, False, None, False, True, False, 4, 8),

@@ -58,7 +58,7 @@ class Policy:
         joints, asked = problem.robot.nv, bool(problem.along_the_way)
         crowded = bool(problem.obstacles) or problem.self_collision
         many = joints == 3 and motors and not asked and not problem.pays_effort  # optima, hundreds
-        starts = _by_joints(joints, 1, 16 if motors else 40, 160 if many else 100)
+        starts = _by_joints(joints, 1, 16 if motors else 40, 140 if many else 100)
         return cls(
             program=ProgramPolicy(
                 linear=problem.continuous_torque,

@@ -48,7 +48,7 @@ class SearchPolicy:
 
     starts: int = by_kind(
         "guesses",
-        "16 for two joints met the best optimum within six over eight seeds; 160 for three, changes of optima among "
+        "16 for two joints met the best optimum within six over eight seeds; 140 for three, changes of optima among "
         "them; 40 where one of two has no motor; around obstacles ways are chosen among many",
         "the paper's arms; RRR, random pairs (seed 1)",
     )
@@ -115,7 +115,7 @@ class SearchPolicy:
         "change in ten does",
         "RRR, random: the twelve hardest of a hundred pairs",
     )
-    round: int = tuned(20, "guesses", "changed at once, before the optima are ranked again", "RRR, random")
+    round: int = tuned(32, "guesses", "changed at once: each round forks anew", "RRR, random")
     parents: int = tuned(6, "optima", "are changed", "RRR, random")
     favoured: float = tuned(3.0, "optima", "about so many of the first are chosen again and again", "RRR, random")
     bend: float = tuned(
