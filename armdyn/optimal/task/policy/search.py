@@ -115,7 +115,7 @@ class SearchPolicy:
         "change in ten does",
         "RRR, random: the twelve hardest of a hundred pairs",
     )
-    round: int = tuned(20, "guesses", "changed at once, before the optima are ranked again", "RRR, random")
+    round: int = tuned(32, "guesses", "changed at once: each round forks anew", "RRR, random")
     parents: int = tuned(6, "optima", "are changed", "RRR, random")
     favoured: float = tuned(3.0, "optima", "about so many of the first are chosen again and again", "RRR, random")
     bend: float = tuned(
