@@ -21,6 +21,16 @@ NODES = np.append(_C[:_STAGES], 1.0)[:, None]
 _BEFORE = tuple(_A[s, :s] for s in range(_STAGES))
 
 
+def at_nodes(tau: Array) -> Array:
+    """Torques where a step asks for them, from those at its start and its end, shape (2, nv).
+
+    At the end they are those given, to the bit, so that a step begun there anew is the same as one that goes on.
+    """
+    torques: Array = tau[0] + NODES * (tau[1] - tau[0])
+    torques[-1] = tau[1]
+    return torques
+
+
 def one_step(
     acceleration: StateFunction, torques: Array, h: float, x: Array, slope: Array, rtol: float
 ) -> tuple[Array, Array] | None:
@@ -28,7 +38,7 @@ def one_step(
 
     Args:
         acceleration: of q, v and tau.
-        torques: at `NODES` of the stretch, shape (EVALUATIONS + 1, nv).
+        torques: see `at_nodes`, shape (EVALUATIONS + 1, nv).
         h: its length [s].
         x: (q, v) where it begins, shape (2 nv,).
         slope: its rate there, shape (2 nv,).

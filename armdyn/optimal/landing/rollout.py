@@ -12,7 +12,7 @@ from armdyn.arguments import expect, number
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.errors import TrajectoryError
 from armdyn.models.robots.robot import Robot, expect_robot
-from armdyn.optimal.landing.one_step import EVALUATIONS, NODES, one_step
+from armdyn.optimal.landing.one_step import EVALUATIONS, at_nodes, one_step
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -84,7 +84,7 @@ def _followed(robot: Robot, trajectory: Trajectory, rtol: float, stop: Callable[
         here = partial(rate, start=t[k], tau=torque[k], slope=change[k] / steps[k])
         if end == k + 1 and not enough(0):
             going = here(t[k], states[-1]) if going is None else going
-            step = one_step(acceleration, torque[k] + NODES * change[k], steps[k], states[-1], going, rtol)
+            step = one_step(acceleration, at_nodes(torque[k : end + 1]), steps[k], states[-1], going, rtol)
             spent += EVALUATIONS
             if step is not None:
                 state, going = step
@@ -126,6 +126,10 @@ def under_linear_torque(robot: Robot) -> Callable[[Array, Array, Array], Array]:
     acceleration, n = forward_dynamics(robot), robot.nv
 
     def reached(t: Array, x: Array, tau: Array) -> Array:
+        start = np.concatenate([x[n:], acceleration(x[:n], x[n:], tau[0])])
+        step = one_step(acceleration, at_nodes(tau), t[1] - t[0], x, start, RTOL)
+        if step is not None:
+            return step[0]
         slope = (tau[1] - tau[0]) / (t[1] - t[0])
 
         def rate(at: float, state: Array) -> Array:

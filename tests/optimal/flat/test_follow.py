@@ -36,9 +36,9 @@ def test_states_and_torques_fit_and_land(kind, jumps):
     limits = posed.limits
     assert np.all(motion.tau <= limits.effort_upper) and np.all(motion.tau >= limits.effort_lower)
     replay = replay_torques(posed.robot, motion)
-    # The very same integration, sample by sample, but for what rounds off where torques are interpolated.
-    np.testing.assert_allclose(replay.q, motion.q, rtol=0, atol=1e-13)
-    np.testing.assert_allclose(replay.v, motion.v, rtol=0, atol=1e-12)
+    # The very same integration, sample by sample: bit for bit.
+    np.testing.assert_array_equal(replay.q, motion.q)
+    np.testing.assert_array_equal(replay.v, motion.v)
     # Feedback is a sample late, and fades in the last interval where torques may not jump. That interval is 1/12 of the
     # motion here, 3e-4 where velocities are limited: there they, too, are within 1e-6.
     assert np.max(np.abs(posed.beside_goal(motion)[:2])) < 1e-6 and np.max(np.abs(posed.beside_goal(motion))) < 2e-5

@@ -183,7 +183,7 @@ def ended(extremal: Extremal, offset: Array | float = 0.0) -> Extremal:
         It; as it was, if nothing in one piece is near.
     """
     setting = replace(extremal.march.setting, offset=offset)
-    linear = landed(setting, extremal.schedule, _AGAIN, np.ones(extremal.schedule.size, bool))
+    linear = landed(setting, extremal.schedule, _AGAIN, in_one=True)
     return extremal if linear is None else Extremal(linear)
 
 

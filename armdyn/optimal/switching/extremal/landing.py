@@ -27,7 +27,11 @@ _KEPT = 0.2
 
 
 def landed(
-    setting: Setting, schedule: Schedule, rounds: int = _ROUNDS, joined: NDArray[np.bool_] | None = None
+    setting: Setting,
+    schedule: Schedule,
+    rounds: int = _ROUNDS,
+    joined: NDArray[np.bool_] | None = None,
+    in_one: bool = False,
 ) -> Linear | None:
     """A motion that ends in the goal and keeps what is held, by the least change; None: none is near.
 
@@ -35,9 +39,10 @@ def landed(
         setting: what is marched.
         schedule: to begin with.
         rounds: of Newton's method.
-        joined: its changes whose states are not theirs, see `March.of`; where all are, the motion stays in one piece.
+        joined: its changes whose states are not theirs, see `March.of`.
+        in_one: none are, now and later: the motion stays in one piece.
     """
-    in_one = joined is not None and bool(np.all(joined))
+    joined = np.ones(schedule.size, bool) if in_one else joined
     for k in range(rounds + 1):
         if schedule.size + 1 > setting.most_arcs:
             return None
