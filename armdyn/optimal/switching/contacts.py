@@ -56,6 +56,13 @@ def with_contacts(extremal: Extremal, settled: bool = True) -> Schedule | None:
 
 @dataclass(frozen=True)
 class _Weak:
+    """A part of a contact that takes more torque than there is.
+
+    Attributes:
+        part: from where to where, from 0 to 1.
+        mode: the limit that the torque is beyond.
+    """
+
     part: tuple[float, float]
     mode: Mode
 

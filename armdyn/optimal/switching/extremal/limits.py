@@ -25,32 +25,62 @@ def with_limits(march: March) -> Schedule | None:
 
     Where it is exceeded beside a touch of the same limit the joint does not leave: the touch becomes a contact.
     """
-    limits, schedule = march.setting.problem.limits, march.schedule
-    gone, more = set[int](), list[tuple[float, Change, Array]]()
-    for i in range(len(schedule.first)):
-        q = march.end[:, i]
-        for mode, beyond, bound in (
-            (Mode.POSITION_UPPER, q - limits.position_upper[i], limits.position_upper[i]),
-            (Mode.POSITION_LOWER, limits.position_lower[i] - q, limits.position_lower[i]),
-        ):
-            for run in stretches(np.flatnonzero(beyond > BEYOND)):
-                begin, end = march.times[run[0]], march.times[min(run[-1] + 2, march.times.size - 1)]
-                near = [
-                    k
-                    for k, change in enumerate(schedule.changes)
-                    if change.touch and change.joint == i and change.mode is mode
-                    and begin <= schedule.times[k] <= end and k not in gone
-                ]  # fmt: skip
-                worst = float(march.times[1 + run[np.argmax(beyond[run])]])
-                times = [worst, *(float(schedule.times[k]) for k in near)]
-                gone.update(near)
-                if near and max(times) > min(times):
-                    after = _mode_after(schedule, i, max(times))
-                    more.append((min(times), Change(i, mode), _on(march, min(times), i, bound)))
-                    more.append((max(times), Change(i, after), _on(march, max(times), i, bound)))
-                else:
-                    more.append((worst, Change(i, mode, touch=True), _on(march, worst, i, bound)))
+    schedule, gone, more = march.schedule, set[int](), list[tuple[float, Change, Array]]()
+    for over in _overlooked(march):
+        near = [k for k in over.touched(schedule) if k not in gone]
+        times = [over.worst, *(float(schedule.times[k]) for k in near)]
+        begin, end, i = min(times), max(times), over.joint
+        gone.update(near)
+        if end > begin:
+            after = _mode_after(schedule, i, end)
+            more.append((begin, Change(i, over.mode), _on(march, begin, i, over.bound)))
+            more.append((end, Change(i, after), _on(march, end, i, over.bound)))
+        else:
+            more.append((begin, Change(i, over.mode, touch=True), _on(march, begin, i, over.bound)))
     return schedule.without_changes(gone).with_changes(more) if more else None
+
+
+@dataclass(frozen=True)
+class _Overlooked:
+    """A stretch beyond a limit of position.
+
+    Attributes:
+        joint: its number.
+        mode: the limit.
+        bound: its value [rad or m].
+        begin: a step before it [s].
+        end: a step after it [s].
+        worst: when it is farthest beyond [s].
+    """
+
+    joint: int
+    mode: Mode
+    bound: float
+    begin: float
+    end: float
+    worst: float
+
+    def touched(self, schedule: Schedule) -> list[int]:
+        """Touches of the same limit in that time, by their numbers."""
+        return [
+            k
+            for k, (change, time) in enumerate(zip(schedule.changes, schedule.times, strict=True))
+            if change.touch
+            and (change.joint, change.mode) == (self.joint, self.mode)
+            and self.begin <= time <= self.end
+        ]
+
+
+def _overlooked(march: March) -> Iterator[_Overlooked]:
+    """Where a march is beyond limits of position, joint by joint."""
+    limits, t = march.setting.problem.limits, march.times
+    for i in range(len(march.schedule.first)):
+        q, upper, lower = march.end[:, i], float(limits.position_upper[i]), float(limits.position_lower[i])
+        sides = (Mode.POSITION_UPPER, upper, q - upper), (Mode.POSITION_LOWER, lower, lower - q)
+        for mode, bound, beyond in sides:
+            for run in stretches(np.flatnonzero(beyond > BEYOND)):
+                worst = float(t[1 + run[np.argmax(beyond[run])]])
+                yield _Overlooked(i, mode, bound, float(t[run[0]]), float(t[min(run[-1] + 2, t.size - 1)]), worst)
 
 
 def _mode_after(schedule: Schedule, joint: int, time: float) -> Mode:

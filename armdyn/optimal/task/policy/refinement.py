@@ -30,7 +30,9 @@ class RefinementPolicy:
     )
     rounds: int = tuned(12, "rounds", "of structures corrected by multipliers", PAPER)
     aims: int = tuned(8, "rounds", "of aiming arcs beside the goal", PAPER)
-    landed: float = tuned(1e-8, "rad or m", "goal error at which a replay has landed: a hundredth of what is certified", PAPER)
+    landed: float = tuned(
+        1e-8, "rad or m", "goal error at which a replay has landed: a hundredth of what is certified", PAPER
+    )
     stray: float = tuned(1e-6, "-", "|H| that is as good as it can be: a hundredth of what is certified", PAPER)
     slowing: int = tuned(3, "rounds", "of slowing a motion down until its velocity limits hold", LARGE)
     slow_samples: int = tuned(1000, "samples", "of a motion of arcs that is slowed down", "RR")
