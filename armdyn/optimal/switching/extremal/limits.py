@@ -1,5 +1,8 @@
 """Limits of position that a march exceeds, and touches of them."""
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
