@@ -14,7 +14,7 @@ from armdyn.processes import in_processes
 
 Job = Callable[[], Attempt]
 
-_BUNCH = 4
+_BUNCH = 7
 """Jobs that a worker gets at once."""
 _LOOKS = 24
 """Times that a search asks whether it has seen enough: telling optima apart takes its time, too."""
