@@ -35,6 +35,20 @@ def forward_dynamics(robot: Robot) -> StateFunction:
     return rubbing if friction.present else free
 
 
+def joint_inertia(robot: Robot) -> Callable[[Array], Array]:
+    """Q ↦ M(q) [kg m², kg m or kg], shape (nv, nv), by `pin.crba`, which fills but the upper half.
+
+    For one thread, like `forward_dynamics`.
+    """
+    model, data, configuration = robot.model, robot.model.createData(), robot.configuration
+
+    def inertia(q: Array) -> Array:
+        upper: Array = np.triu(pin.crba(model, data, configuration(q)))
+        return upper + np.triu(upper, 1).T
+
+    return inertia
+
+
 def inverse_dynamics(robot: Robot) -> StateFunction:
     """(q, v, a) ↦ tau: torque [N m or N] of acceleration [rad/s² or m/s²], by `pin.rnea` and the joints' friction.
 

@@ -8,9 +8,9 @@ sample by sample, by the very integration that replays the motion.
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
+from armdyn.dynamics.numeric import joint_inertia
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.landing.rollout import under_linear_torque
 from armdyn.optimal.task.task import Task
@@ -36,7 +36,7 @@ def follow(task: Task, curve: Curve) -> Trajectory:
     t, jumps, tau = wanted.t, wanted.jumps, wanted.tau.copy() if problem.continuous_torque else _lines(wanted)
     tau = np.clip(tau, limits.effort_lower, limits.effort_upper)
     reached, bandwidth = under_linear_torque(robot), numbers.bandwidth / curve.duration
-    model, data = robot.model, robot.model.createData()
+    inertia = joint_inertia(robot)
     x = np.empty((t.size, 2 * n))
     x[0] = np.concatenate([problem.q_start, problem.v_start])
     last = 1
@@ -44,11 +44,11 @@ def follow(task: Task, curve: Curve) -> Trajectory:
         if jumps[k]:  # no time passes
             x[k + 1] = x[k]
         else:
-            inertia = np.triu(pin.crba(model, data, robot.configuration(x[k, :n])))
-            inertia += np.triu(inertia, 1).T
             beside = 2 * bandwidth * (x[k, n:] - wanted.v[k]) + bandwidth**2 * (x[k, :n] - wanted.q[k])
             fade = min((t.size - 2 - k) / numbers.samples, 1.0) if problem.continuous_torque else 1.0
-            led = tau[k + 1] - fade * inertia @ beside  # torques that may not jump end with what holds the arm
+            led = (
+                tau[k + 1] - fade * inertia(x[k, :n]) @ beside
+            )  # torques that may not jump end with what holds the arm
             tau[k + 1] = np.clip(led, limits.effort_lower, limits.effort_upper)
             x[k + 1] = reached(t[k : k + 2], x[k], tau[k : k + 2])
         if not np.all(np.isfinite(x[k + 1])):

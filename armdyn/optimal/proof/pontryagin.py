@@ -1,10 +1,9 @@
 """Pontryagin's conditions at the knots of a solution whose arcs are known."""
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
-from armdyn.dynamics.numeric import forward_dynamics
+from armdyn.dynamics.numeric import forward_dynamics, joint_inertia
 from armdyn.optimal.arcs.arc import HELD, POSITION, VELOCITY, Mode, outward
 from armdyn.optimal.arcs.phases import TABLEAU, Phases
 from armdyn.optimal.arcs.sampling import lagrange
@@ -16,15 +15,13 @@ Array = NDArray[np.float64]
 def pontryagin(problem: MinimumTimeProblem, phases: Phases) -> tuple[Array, Array, float]:
     """H, shape (K + 1,), and S, shape (K + 1, nv), at the knots; the worst sign."""
     robot, n, w = problem.robot, problem.robot.nv, problem.effort_weight
-    model, data, acceleration = robot.model, robot.model.createData(), forward_dynamics(robot)
+    acceleration, inertia = forward_dynamics(robot), joint_inertia(robot)
     tau = _at_knots(phases)
     hamiltonian, switching = np.empty(phases.t.size), np.empty((phases.t.size, n))
     for k in range(phases.t.size):
         v = phases.v[k]
         a = acceleration(phases.q[k], v, tau[k])
-        inertia = np.triu(pin.crba(model, data, robot.configuration(phases.q[k])))
-        inertia = inertia + np.triu(inertia, 1).T
-        switching[k] = np.linalg.solve(inertia, phases.costate[k, n:]) + w * tau[k]
+        switching[k] = np.linalg.solve(inertia(phases.q[k]), phases.costate[k, n:]) + w * tau[k]
         hamiltonian[k] = 1 + w / 2 * tau[k] @ tau[k] + phases.costate[k, :n] @ v + phases.costate[k, n:] @ a
     up, down = problem.limits.effort_upper - tau, tau - problem.limits.effort_lower
     fall = np.maximum(switching, 0) * down + np.maximum(-switching, 0) * up

@@ -79,9 +79,8 @@ def find(task: Task) -> Found:
     iterations += settled.iterations
     if finer := _too_coarse(task, found, settled):
         mesh, meshes, share = finer
-        near = replace(
-            task, policy=task.policy.changed("search", spread=1.0, turn=0.0)
-        )  # those that meshes err on: heavy
+        # Those that meshes err on are heavy: their optima are near the way.
+        near = replace(task, policy=task.policy.changed("search", spread=1.0, turn=0.0))
         several = min(count, max(count // share, numbers.again_at_least))
         again = _searched(near, several, Grounds(meshes, task.coarse()), known=settled.attempts)
         found = distinct([*settled.attempts, *again], *same)

@@ -76,7 +76,8 @@ def search(task: Task, count: int, grounds: Grounds, beside: Sequence[Job] = ())
 
 def in_bunches(jobs: Sequence[Job], workers: int | None) -> Iterator[Attempt]:
     """The jobs' attempts in their order: several go to a worker at once, as one takes hardly longer than its result."""
-    bunches = [jobs[k : k + _BUNCH] for k in range(0, len(jobs), _BUNCH)]
+    size = 1 if workers == 1 else _BUNCH
+    bunches = [jobs[k : k + size] for k in range(0, len(jobs), size)]
     for attempts in in_processes([partial(_done, bunch) for bunch in bunches], workers):
         yield from attempts
 

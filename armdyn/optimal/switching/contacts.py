@@ -88,8 +88,7 @@ class _Contact:
         """Of a segment; None: it takes no time."""
         schedule, limits = extremal.schedule, extremal.march.setting.problem.limits
         change = schedule.changes[segment.begin]
-        edges = np.append(schedule.times, schedule.duration)
-        begin, end = float(edges[segment.begin]), float(edges[segment.end])
+        begin, end = schedule.span(segment)
         middle = (whole.t[:-1] + whole.t[1:]) / 2
         own = np.flatnonzero((middle > begin) & (middle < end) & whole.position[:, change.joint])
         if not own.size:
@@ -152,8 +151,7 @@ def _let_go(
     """
     schedule = extremal.schedule
     contact = schedule.changes[segment.begin]
-    edges = np.append(schedule.times, schedule.duration)
-    begin, end = float(edges[segment.begin]), float(edges[segment.end])
+    begin, end = schedule.span(segment)
     a, b = (begin + each * (end - begin) for each in part)
     touch = Change(contact.joint, contact.mode, touch=True)
     more = [(a + s * (b - a), Change(contact.joint, mode)) for s, mode in steps]

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
+from armdyn.dynamics.numeric import inverse_dynamics, joint_inertia
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.arcs.arc import POSITION, VELOCITY
 from armdyn.optimal.arcs.grid import density_of
@@ -175,9 +175,7 @@ class _At:
         p = np.linalg.solve(through.transpose(0, 2, 1), extremal.costates[0][step][:, :, None])[..., 0]
         first, last = (tau[step] for tau in march.torques.tau)
         tau = first + part[:, None] * (last - first)
-        data = robot.model.createData()
-        inertia = np.array([pin.crba(robot.model, data, robot.configuration(q)) for q in x[:, :n]])
-        inertia = np.triu(inertia) + np.triu(inertia, 1).transpose(0, 2, 1)
+        inertia = np.array([*map(joint_inertia(robot), x[:, :n])])
         modes = extremal.schedule.modes()
         own = [modes[a] for a in march.arc[grid.step[:, 0]]]
         shape = grid.step.shape
@@ -223,10 +221,9 @@ def _adjoined(at: _At, lengths: Array, n: int) -> tuple[Array, Array]:
 
 def _torques(at: _At, robot: Robot) -> Array:
     """With those that hold a joint."""
-    n, tau, data = robot.nv, at.tau.copy(), robot.model.createData()
+    n, tau, needed = robot.nv, at.tau.copy(), inverse_dynamics(robot)
     for k in np.flatnonzero(np.any(at.position | at.velocity, axis=1)):
         held = at.position[k] | at.velocity[k]
         for x, rate, own in zip(at.x[k], at.rate[k], tau[k], strict=True):
-            asked = pin.rnea(robot.model, data, robot.configuration(x[:n]), x[n:], rate[n:])
-            own[held] = asked[held]
+            own[held] = needed(x[:n], x[n:], rate[n:])[held]
     return tau

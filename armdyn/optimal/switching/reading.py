@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import Arc, Mode, stretches
 from armdyn.optimal.switching.extremal.march import Setting
-from armdyn.optimal.switching.extremal.schedule import Change, Schedule, banged, shares_of
+from armdyn.optimal.switching.extremal.schedule import Change, Schedule, Segment, banged, shares_of
 from armdyn.optimal.switching.singular import course_near, leaping_within
 from armdyn.trajectory import Trajectory
 
@@ -57,11 +57,11 @@ def _with_courses(setting: Setting, schedule: Schedule, motion: Trajectory) -> S
         state = np.concatenate([at.q[0], at.v[0]])
         schedule = replace(schedule, first=tuple(first))
         schedule = schedule.with_changes((begin, Change(i, Mode.FREE), state) for i in starting)
-    edges, changes = np.append(schedule.times, schedule.duration), list(schedule.changes)
+    changes = list(schedule.changes)
     for k, change in enumerate(changes):
         if change.mode is not Mode.FREE:
             continue
-        begin, end = edges[[k, schedule.end_of(k)]]
+        begin, end = schedule.span(Segment(k, schedule.end_of(k)))
         t = np.linspace(begin, end, _SAMPLES + 2)[1:-1] * (motion.duration / schedule.duration)
         leaping = leaping_within(schedule, change.joint, begin, end)
         changes[k] = replace(change, course=course_near(setting, change.joint, motion(t).tau, leaping))

@@ -5,7 +5,6 @@ from typing import Self
 
 import numpy as np
 
-from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.solve.ipopt import in_time
 from armdyn.optimal.switching.contacts import with_contacts
@@ -56,11 +55,6 @@ class Settled:
             return self if self.extremal else replace(self, why=why)
         return replace(self, extremal=Extremal(linear), why=why)
 
-    @property
-    def arcs(self) -> list[Arc]:
-        """Its structure."""
-        return self.extremal.schedule.arcs() if self.extremal else []
-
 
 def has_switching(task: Task) -> bool:
     """Whether arcs can be marched: time alone counts, friction has no sharp turns, and every joint has a motor."""
@@ -76,7 +70,7 @@ def setting_of(task: Task, duration: float) -> Setting:
 
 def prepare_switching(task: Task) -> None:
     """Build, if it is not there, what schedules are marched by: before a fork, so that every worker has it."""
-    if has_switching(task) and not task.stop:
+    if not task.stop:
         _flow(task)
 
 

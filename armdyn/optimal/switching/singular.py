@@ -10,7 +10,7 @@ from armdyn.optimal.arcs.arc import Mode, stretches
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.limits import state_at
 from armdyn.optimal.switching.extremal.march import Setting
-from armdyn.optimal.switching.extremal.schedule import Change, Schedule
+from armdyn.optimal.switching.extremal.schedule import Change, Schedule, Segment
 from armdyn.optimal.switching.extremal.torques.course import Course
 from armdyn.optimal.switching.signs import Wrong
 
@@ -70,10 +70,10 @@ def with_longer_course(extremal: Extremal, least: float) -> Schedule | None:
         least: by how much H may fall.
     """
     schedule = extremal.schedule
-    changes, edges = list(schedule.changes), np.append(schedule.times, schedule.duration)
+    changes = list(schedule.changes)
     for k, change in enumerate(schedule.changes):
         if change.course and len(change.course.smooth) < _MANY and idle_fall(extremal, k) > least:
-            leaping = leaping_within(schedule, change.joint, *edges[[k, schedule.end_of(k)]])
+            leaping = leaping_within(schedule, change.joint, *schedule.span(Segment(k, schedule.end_of(k))))
             changes[k] = replace(change, course=change.course.longer(_MORE, leaping))
     return replace(schedule, changes=tuple(changes)) if tuple(changes) != schedule.changes else None
 
@@ -158,7 +158,7 @@ class _Along:
 def _pieces(extremal: Extremal, k: int, stays: list[tuple[float, float, Mode]]) -> list[tuple[float, Change]]:
     """A segment of a free torque in pieces: stays on limits, and courses between them; with their times."""
     schedule, joint = extremal.schedule, extremal.schedule.changes[k].joint
-    now, stop = (float(each) for each in np.append(schedule.times, schedule.duration)[[k, schedule.end_of(k)]])
+    now, stop = schedule.span(Segment(k, schedule.end_of(k)))
     few = min(len(schedule.courses[k].smooth), _MANY - _MORE)
     shortest, out = _SHORT * (stop - now), list[tuple[float, Change]]()
     for begin, end, mode in [*stays, (stop, stop, Mode.FREE)]:

@@ -28,7 +28,7 @@ def test_changes_that_are_missing_are_put_in():
     assert lacking.size == given.size - 2
     found = settled(own, lacking, Stop())
     assert found.why == ""
-    assert [arc.modes for arc in found.arcs] == [arc.modes for arc in solution.phases.arcs]
+    assert [arc.modes for arc in found.extremal.schedule.arcs()] == [arc.modes for arc in solution.phases.arcs]
     assert found.extremal.schedule.duration == pytest.approx(solution.phases.duration, rel=1e-7)
 
 

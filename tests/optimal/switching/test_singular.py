@@ -115,17 +115,22 @@ def structure(problem, text):
     return arcs, ad.replay_torques(problem.robot, given)
 
 
+def settled_from(problem, text):
+    """What arcs with free torques, as `structure` reads them, come to."""
+    arcs, motion = structure(problem, text)
+    own = setting(problem, motion.duration)
+    *_, free = schedules_of(own, arcs, motion)
+    return settled(own, free, Stop())
+
+
 def test_a_course_that_meets_a_limit_on_its_way_settles():
     # Planes that were only ever added stopped the descent where the course came to its upper limit.
     problem = random_problem(0, position_limit=(-np.inf, np.inf))
-    arcs, motion = structure(
+    end = settled_from(
         problem,
         "--+:3.34 +-+:0.74 --+:37.51 ---:0.59 --+:27.11 ---:5.68 -+-:37.72 ++-:30.0 +--:17.09 +-+:35.41 +++:15.59 "
         "+0+:56.12 +++:3.3",
     )
-    own = setting(problem, motion.duration)
-    *_, free = schedules_of(own, arcs, motion)
-    end = settled(own, free, Stop())
     assert end.why == ""
     assert [change.mode for change in end.extremal.schedule.changes].count(F) == 1
     # What descent, replay and certificate agree on to 1e-8; no oracle of the best.
@@ -134,14 +139,11 @@ def test_a_course_that_meets_a_limit_on_its_way_settles():
 
 def test_a_singular_torque_jumps_where_another_joint_switches():
     problem = random_problem(27)
-    arcs, motion = structure(
+    end = settled_from(
         problem,
         "+-+:27.47 +--:37.31 ++-:31.31 -+-:7.58 ---:13.04 -+-:12.5 ---:32.01 +--:12.8 ---:6.16 +--:41.91 +0-:8.77 "
         "-0-:15.81 -+-:10.76",
     )
-    own = setting(problem, motion.duration)
-    *_, free = schedules_of(own, arcs, motion)
-    end = settled(own, free, Stop())
     assert end.why == ""
     assert end.extremal.schedule.duration == pytest.approx(0.257435630, rel=1e-7)
     march = end.extremal.march

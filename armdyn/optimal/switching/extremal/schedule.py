@@ -156,6 +156,11 @@ class Schedule:
             if own:
                 yield from (Segment(a, b) for a, b in pairwise([-1, *own, self.size]))
 
+    def span(self, segment: Segment) -> tuple[float, float]:
+        """When a segment begins and ends [s]."""
+        edges = [*self.times.tolist(), self.duration, 0.0]  # the start is at −1
+        return edges[segment.begin], edges[segment.end]
+
     def end_of(self, begin: int) -> int:
         """The change that ends the segment which a change begins, by their numbers; m: the goal."""
         return next(segment.end for segment in self.segments() if segment.begin == begin)
