@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from armdyn.errors import ArmdynWarning
-from armdyn.optimal.program.machine.compiled import compiled
+from armdyn.machine.compiled import compiled
 
 SLICE, TIME = 500, 20  # how many in one process, and [s] that one may take
 

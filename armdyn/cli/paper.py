@@ -12,7 +12,7 @@ from armdyn.arguments import one_of
 from armdyn.cli.console import INTERRUPTED, NOT_USABLE, answering, console, errors, escape
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.text import numbers
-from armdyn.control.arrival import ARRIVAL_RULES
+from armdyn.control.pid.arrival import ARRIVAL_RULES
 from armdyn.files import probe_folder, write_whole
 
 if TYPE_CHECKING:

@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING
 from armdyn.lazy import facade
 
 if TYPE_CHECKING:
-    from armdyn.control.closed_loop import PidRun, simulate_pid
-    from armdyn.control.pid import PidGains
-    from armdyn.control.stability import closed_loop_eigenvalues
+    from armdyn.control.pid.closed_loop import PidRun, simulate_pid
+    from armdyn.control.pid.gains import PidGains
+    from armdyn.control.pid.poles import closed_loop_eigenvalues
 else:
     __getattr__, __dir__ = facade(
         __name__,
         {
-            "closed_loop": "PidRun simulate_pid",
-            "pid": "PidGains",
-            "stability": "closed_loop_eigenvalues",
+            "pid.closed_loop": "PidRun simulate_pid",
+            "pid.gains": "PidGains",
+            "pid.poles": "closed_loop_eigenvalues",
         },
     )
 

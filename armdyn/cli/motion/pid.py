@@ -15,7 +15,7 @@ from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
 from armdyn.cli.options.text import numbers
-from armdyn.control.arrival import ARRIVAL_RULES, ArrivalRule
+from armdyn.control.pid.arrival import ARRIVAL_RULES, ArrivalRule
 from armdyn.errors import ProblemError
 
 
@@ -85,7 +85,7 @@ def pid(
     """
     json = results.output.json
     with answering(json) as answer:
-        from armdyn.control.closed_loop import pid_summary
+        from armdyn.control.pid.closed_loop import pid_summary
         from armdyn.studies.paper.printed.loop import PAPER_RULE
 
         arm = joints.fit(robot.read(payload.carried()))

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.exclusive import built_once
+from armdyn.machine.compiled import compiled
 from armdyn.optimal.program.assembly import (
     Nlp,
     hessian_function,
@@ -22,7 +23,6 @@ from armdyn.optimal.program.assembly import (
 )
 from armdyn.optimal.program.interval import Collocated, Place, nonzeros_of
 from armdyn.optimal.program.layout import Parameters
-from armdyn.optimal.program.machine.compiled import compiled
 
 Array = NDArray[np.float64]
 Where = Literal["every", "first", "last"]

@@ -8,9 +8,9 @@ import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.exclusive import built_once
+from armdyn.machine.compiled import compiled
 from armdyn.optimal.flat.basis import DEGREE
 from armdyn.optimal.program.interval import IntervalFunctions, Stages, differentiated, nonzeros_of
-from armdyn.optimal.program.machine.compiled import compiled
 
 WINDOW = DEGREE + 1
 """Control points that an interval of a curve depends on."""

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.exclusive import built_once
+from armdyn.machine.compiled import compiled
 from armdyn.optimal.program.layout import Layout, Parameters
-from armdyn.optimal.program.machine.compiled import compiled
 from armdyn.optimal.task.scheme import Scheme
 
 Array = NDArray[np.float64]

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.errors import ProblemError
+from armdyn.machine.background import awaited
+from armdyn.machine.deadline import LateError
 from armdyn.optimal.conditions.demands import Checked, Demands
 from armdyn.optimal.conditions.registry import conditions_of
 from armdyn.optimal.flat.curve import Curve
@@ -18,8 +20,6 @@ from armdyn.optimal.flat.solve import prepare_curve
 from armdyn.optimal.landing.limits import limit_violation, worst_violation
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.program.machine.background import awaited
-from armdyn.optimal.program.machine.deadline import LateError
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE, certify
 from armdyn.optimal.proof.deciding import Share
 from armdyn.optimal.refine.optimum import Optimum

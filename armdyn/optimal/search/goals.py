@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.machine.deadline import LateError
 from armdyn.optimal.conditions.demands import Demands
 from armdyn.optimal.flat.posing import Wanted
 from armdyn.optimal.flat.solve import solve_curve
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import stopping
-from armdyn.optimal.program.machine.deadline import LateError
 from armdyn.optimal.search.starts import spline, straight_curve
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.options import MinimumTimeOptions

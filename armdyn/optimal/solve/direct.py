@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.machine.deadline import LateError
 from armdyn.optimal.conditions.condition import Knots
 from armdyn.optimal.conditions.demands import Demands, numbers_of, row_bounds
 from armdyn.optimal.conditions.legs import Legs, legs_of
@@ -16,7 +17,6 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Nlp, build_nlp
 from armdyn.optimal.program.interval import Collocated
 from armdyn.optimal.program.layout import Layout
-from armdyn.optimal.program.machine.deadline import LateError
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, in_time

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.exclusive import built_once, one_at_a_time
+from armdyn.machine.deadline import NoTimeError, until
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.assembly import Program
-from armdyn.optimal.program.machine.deadline import NoTimeError, until
 from armdyn.optimal.solve.monitor import Monitor
 from armdyn.optimal.solve.silence import silence
 from armdyn.optimal.task.options import DirectOptions

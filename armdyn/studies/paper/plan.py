@@ -3,7 +3,7 @@
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
-from armdyn.control.arrival import ArrivalRule
+from armdyn.control.pid.arrival import ArrivalRule
 from armdyn.errors import ProblemError
 from armdyn.models.values.spec import PAPER_PAYLOADS
 from armdyn.studies.paper.outcomes.case import READINGS, Case

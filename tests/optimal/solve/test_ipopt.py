@@ -7,10 +7,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from armdyn.machine.deadline import NoTimeError
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.assembly import Program
-from armdyn.optimal.program.machine.deadline import NoTimeError
 from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, in_time
 from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.task import Task

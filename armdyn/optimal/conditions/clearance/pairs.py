@@ -7,12 +7,12 @@ import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.exclusive import built_once
+from armdyn.machine.compiled import compiled
+from armdyn.machine.deadline import ask
 from armdyn.models.scene.obstacles import Capsule, Obstacle
 from armdyn.optimal.conditions.clearance.distance import SIZES, Solid, from_segment, least_over_segment, solid
 from armdyn.optimal.conditions.rows import RowFunctions, Where
 from armdyn.optimal.program.interval import Place, nonzeros_of
-from armdyn.optimal.program.machine.compiled import compiled
-from armdyn.optimal.program.machine.deadline import ask
 
 Kinds = tuple[type[Obstacle], ...]
 

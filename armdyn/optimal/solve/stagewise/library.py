@@ -5,9 +5,9 @@ from importlib.resources import files
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.exclusive import built_once
+from armdyn.machine.compiled import compiled_library
+from armdyn.machine.lanes import UnwrittenError, in_lanes, prelude, table
 from armdyn.optimal.program.layout import Parameters
-from armdyn.optimal.program.machine.compiled import compiled_library
-from armdyn.optimal.program.machine.lanes import UnwrittenError, in_lanes, prelude, table
 from armdyn.optimal.program.stages import StageFunctions
 
 _PARTS = ("interval.c", "dense.c", "riccati.c", "line_search.c", "interior_point.c")

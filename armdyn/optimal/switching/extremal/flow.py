@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.exclusive import built_once
+from armdyn.machine.compiled import compiled
 from armdyn.optimal.program.interval import only_present
-from armdyn.optimal.program.machine.compiled import compiled
 
 Array = NDArray[np.float64]
 

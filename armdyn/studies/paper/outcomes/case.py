@@ -5,9 +5,9 @@ from functools import lru_cache
 from typing import Literal
 
 from armdyn.arguments import one_of
-from armdyn.control.arrival import ArrivalRule
-from armdyn.control.motion import EquationsOfMotion
-from armdyn.control.pid import Controller
+from armdyn.control.pid.arrival import ArrivalRule
+from armdyn.control.pid.gains import ContinuousPid
+from armdyn.control.pid.motion import EquationsOfMotion
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.spec import ArmSpec, PaperArm, Payload
@@ -118,9 +118,9 @@ class Case:
         """The printed ones; None: the robot's own."""
         return PrintedArm.from_spec(ArmSpec.paper(self.arm), self.payload) if self.variant == "printed" else None
 
-    def controller(self) -> Controller:
+    def controller(self) -> ContinuousPid:
         """The paper's, an acceleration by its gains, with the sign of k_D that is asked for."""
-        return Controller(PAPER_GAINS, "acceleration", error_rate=ERROR_RATES[self.derivative_sign])
+        return ContinuousPid(PAPER_GAINS, "acceleration", error_rate=ERROR_RATES[self.derivative_sign])
 
     def problem(self) -> MinimumTimeProblem:
         """Of an open-loop case: torques within ±3 N m for minimum time, unbounded for time-energy (w = 1).

@@ -5,8 +5,8 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from armdyn.control.arrival import Arrival
-from armdyn.control.closed_loop import Move, pid_summary, simulate
+from armdyn.control.pid.arrival import Arrival
+from armdyn.control.pid.closed_loop import Move, pid_summary, simulate
 from armdyn.optimal import (
     IndirectOptions,
     MinimumTimeOptions,

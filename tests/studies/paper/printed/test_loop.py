@@ -1,7 +1,7 @@
 """Section 4's loop as data."""
 
 import armdyn as ad
-from armdyn.control.pid import Controller
+from armdyn.control.pid.gains import ContinuousPid
 from armdyn.studies.paper.printed.loop import ERROR_RATES, PAPER_GAINS
 
 
@@ -11,6 +11,6 @@ def test_the_papers_gains_are_equations_32_to_34():
 
 
 def test_the_printed_sign_is_the_other_one():
-    brake, push = (Controller(PAPER_GAINS, error_rate=ERROR_RATES[sign]) for sign in ("corrected", "printed"))
-    assert brake == Controller(PAPER_GAINS)
+    brake, push = (ContinuousPid(PAPER_GAINS, error_rate=ERROR_RATES[sign]) for sign in ("corrected", "printed"))
+    assert brake == ContinuousPid(PAPER_GAINS)
     assert brake.coefficients(1)[2] == 10 and push.coefficients(1)[2] == -10

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.integrate import OdeSolution
 from scipy.optimize import brentq
 
-from armdyn.control.arrival import Arrival
+from armdyn.control.pid.arrival import Arrival
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from armdyn.errors import SettingError
-from armdyn.optimal.program.machine.cache import cache_directory, private_folder, protected
+from armdyn.machine.cache import cache_directory, private_folder, protected
 
 
 def test_folder_is_made_for_this_user_alone(tmp_path):

@@ -8,12 +8,12 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import OdeSolution
 
 from armdyn.arguments import number, whole
-from armdyn.control.approach import Approach
-from armdyn.control.arrival import Arrival, ArrivalRule
-from armdyn.control.loop import Loop, Status, integrate
-from armdyn.control.motion import EquationsOfMotion, motion_of
-from armdyn.control.pid import DEFAULT_GAINS, Controller, Form, PidGains
-from armdyn.control.stability import closed_loop_matrix, eigenvalues
+from armdyn.control.pid.approach import Approach
+from armdyn.control.pid.arrival import Arrival, ArrivalRule
+from armdyn.control.pid.equations import PidLoop, Status, integrate
+from armdyn.control.pid.gains import DEFAULT_GAINS, ContinuousPid, Form, PidGains
+from armdyn.control.pid.motion import EquationsOfMotion, motion_of
+from armdyn.control.pid.poles import closed_loop_matrix, eigenvalues
 from armdyn.errors import ProblemError
 from armdyn.models import Robot
 from armdyn.models.robots.robot import expect_robot
@@ -119,7 +119,7 @@ def simulate_pid(
         gains: see `PidGains`; by default `DEFAULT_GAINS`, which suit "computed_torque" and may not suit other forms.
         duration: how long to simulate [s].
         form: see `Form`.
-        saturate: see `Controller`.
+        saturate: see `ContinuousPid`.
         arrival_tolerance: of a joint's error [rad or m].
         arrival_rule: see `ArrivalRule`; by default all joints have to come and stay, as `PidRun.settled` asks, too.
         samples: how many the trajectory has, both ends included.
@@ -131,12 +131,12 @@ def simulate_pid(
     """
     move = Move.of(robot, q_start, q_goal, v_start, duration)
     arrival = Arrival(arrival_rule, arrival_tolerance)
-    return simulate(robot, Controller(gains, form, saturate), move, arrival, samples=samples, dynamics=dynamics)
+    return simulate(robot, ContinuousPid(gains, form, saturate), move, arrival, samples=samples, dynamics=dynamics)
 
 
 def simulate(
     robot: Robot,
-    controller: Controller,
+    controller: ContinuousPid,
     move: Move,
     arrival: Arrival,
     *,
@@ -158,7 +158,7 @@ def simulate(
     """
     samples = whole(samples, "samples", least=2)
     motion = motion_of(robot, dynamics)
-    loop = Loop.of(robot, motion, controller, move.goal)
+    loop = PidLoop.of(robot, motion, controller, move.goal)
     growth = float(eigenvalues(closed_loop_matrix(motion, move.goal, controller))[0].real)
     followed = integrate(loop, np.concatenate([np.zeros(robot.nv), move.start, move.velocity]), move.duration)
     approach = Approach(followed.solution, move.goal)
@@ -177,7 +177,7 @@ def simulate(
     )
 
 
-def _sampled(robot: Robot, loop: Loop, solution: OdeSolution, samples: int) -> Trajectory:
+def _sampled(robot: Robot, loop: PidLoop, solution: OdeSolution, samples: int) -> Trajectory:
     """A motion at even times, with the torque that the arm gets."""
     t = np.linspace(0.0, solution.t_max, samples)
     x = solution(t)

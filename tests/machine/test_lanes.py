@@ -7,8 +7,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from armdyn.optimal.program.machine.compiled import compiled_library
-from armdyn.optimal.program.machine.lanes import LANES, UnwrittenError, in_lanes, prelude, table
+from armdyn.machine.compiled import compiled_library
+from armdyn.machine.lanes import LANES, UnwrittenError, in_lanes, prelude, table
 
 needs_compiler = pytest.mark.skipif(not shutil.which("cc"), reason="there is no C compiler")
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import LSODA, OdeSolution
 
-from armdyn.control.motion import Motion
-from armdyn.control.pid import Controller, Form
+from armdyn.control.pid.gains import ContinuousPid, Form
+from armdyn.control.pid.motion import Motion
 from armdyn.errors import ProblemError
 from armdyn.models import Robot
 
@@ -30,8 +30,8 @@ _CLAMP_BAND = 0.01
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Loop:
-    """Controller and arm as one differential equation in x = (∫e, q, v), shape (3 nv,).
+class PidLoop:
+    """ContinuousPid and arm as one differential equation in x = (∫e, q, v), shape (3 nv,).
 
     Attributes:
         motion: the arm's equations of motion.
@@ -51,7 +51,7 @@ class Loop:
     upper: Array
 
     @classmethod
-    def of(cls, robot: Robot, motion: Motion, controller: Controller, goal: Array) -> Self:
+    def of(cls, robot: Robot, motion: Motion, controller: ContinuousPid, goal: Array) -> Self:
         """A controller around an arm.
 
         Args:
@@ -127,7 +127,7 @@ class Followed(NamedTuple):
     """What broke it off before its time, and in words; None if nothing did."""
 
 
-def integrate(loop: Loop, x0: Array, duration: float) -> Followed:
+def integrate(loop: PidLoop, x0: Array, duration: float) -> Followed:
     """Follow a loop from a state.
 
     Args:

@@ -72,7 +72,7 @@ paper has the same numbers for its arms, (32) to (34)."""
 
 
 @dataclass(frozen=True)
-class Controller:
+class ContinuousPid:
     """u = kp e + ki ∫e dt + kd ė, eq. (27), and what becomes of u.
 
     Attributes:

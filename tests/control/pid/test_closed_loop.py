@@ -10,13 +10,13 @@ from scipy.linalg import expm
 
 import armdyn as ad
 from armdyn.control import PidGains, simulate_pid
-from armdyn.control.arrival import Arrival
-from armdyn.control.closed_loop import Move, pid_summary, simulate
-from armdyn.control.pid import Controller
+from armdyn.control.pid.arrival import Arrival
+from armdyn.control.pid.closed_loop import Move, pid_summary, simulate
+from armdyn.control.pid.gains import ContinuousPid
 from armdyn.dynamics.closed_form import PlanarArm
 from armdyn.errors import ProblemError
 from armdyn.studies.paper.printed.equations import PrintedArm
-from control.loops import example, loaded_arm
+from control.pid.loops import example, loaded_arm
 
 # Last entry of |e1| into 0.005 rad [s], by payload reading and mass [g]: R Example 4, RR Example 5.
 ARRIVALS = {
@@ -217,7 +217,7 @@ def test_unstable_loop_of_three_joints_returns():
 def wrong_sign(robot, poses, rule="last_entry_all_joints"):
     """Eqs (28) to (30) as printed, + k_D θ̇."""
     move = Move.of(robot, poses["q_start"], poses["q_goal"], None, 10.0)
-    return simulate(robot, Controller(error_rate=1.0), move, Arrival(rule))
+    return simulate(robot, ContinuousPid(error_rate=1.0), move, Arrival(rule))
 
 
 @pytest.mark.parametrize("name", ["R Ex4", "RR Ex5", "RRR Ex6"])

@@ -45,7 +45,7 @@ def build_later(library: Path, compiler: str, source: str) -> None:
         file.seek(0)
         # armdyn's own module, no shell; a session of its own hears no Ctrl-C.
         subprocess.Popen(
-            [sys.executable, "-m", "armdyn.optimal.program.machine.builder"],
+            [sys.executable, "-m", "armdyn.machine.builder"],
             stdin=file,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armdyn.control import PidGains
-from armdyn.control.pid import DEFAULT_GAINS, Controller
+from armdyn.control.pid.gains import DEFAULT_GAINS, ContinuousPid
 from armdyn.errors import ProblemError
 
 
@@ -47,18 +47,18 @@ def test_gains_of_another_robot():
 
 
 def test_what_saturates():
-    assert Controller(form="torque").saturates and not Controller(form="torque", saturate=False).saturates
-    assert not Controller().saturates and Controller(saturate=True).saturates
+    assert ContinuousPid(form="torque").saturates and not ContinuousPid(form="torque", saturate=False).saturates
+    assert not ContinuousPid().saturates and ContinuousPid(saturate=True).saturates
 
 
 def test_the_error_falls_as_fast_as_the_joint_moves():
     """ė = -v of a goal at rest, so that the derivative term brakes; `error_rate` says otherwise."""
     gains = PidGains(1, 2, [3, 4])
-    np.testing.assert_array_equal(Controller(gains).coefficients(2), [[1, 1], [2, 2], [3, 4]])
-    np.testing.assert_array_equal(Controller(gains, error_rate=1.0).coefficients(2), [[1, 1], [2, 2], [-3, -4]])
+    np.testing.assert_array_equal(ContinuousPid(gains).coefficients(2), [[1, 1], [2, 2], [3, 4]])
+    np.testing.assert_array_equal(ContinuousPid(gains, error_rate=1.0).coefficients(2), [[1, 1], [2, 2], [-3, -4]])
 
 
 @pytest.mark.parametrize(("change", "match"), [({"form": "volt"}, "form"), ({"error_rate": np.nan}, "error_rate")])
 def test_bad_controllers(change, match):
     with pytest.raises(ProblemError, match=match):
-        Controller(**change)
+        ContinuousPid(**change)

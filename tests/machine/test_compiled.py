@@ -15,9 +15,9 @@ import pytest
 from armdyn.dynamics import Dynamics
 from armdyn.errors import ArmdynWarning
 from armdyn.files import write_sealed
+from armdyn.machine.compiled import compiled
+from armdyn.machine.deadline import NoTimeError, until
 from armdyn.optimal.program.assembly import build_nlp
-from armdyn.optimal.program.machine.compiled import compiled
-from armdyn.optimal.program.machine.deadline import NoTimeError, until
 from armdyn.optimal.task.scheme import Scheme
 from damaged_cache import DAMAGES, fuzz_cache, planted
 from problems import paper_arm
@@ -29,7 +29,7 @@ as_root = pytest.mark.skipif(os.geteuid() != 0, reason="gives a file or folder a
 @pytest.fixture(autouse=True)
 def own_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("ARMDYN_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr("armdyn.optimal.program.machine.compiled._told", set())
+    monkeypatch.setattr("armdyn.machine.compiled._told", set())
     return tmp_path / "cache"
 
 
@@ -76,7 +76,7 @@ def test_compiler_that_fails_is_done_without(own_cache, monkeypatch):
 
 @needs_compiler
 def test_large_functions_are_not_built_unasked(own_cache, monkeypatch):
-    monkeypatch.setattr("armdyn.optimal.program.machine.compiled._WORTH_IT", 5)
+    monkeypatch.setattr("armdyn.machine.compiled._WORTH_IT", 5)
     plain = function()
     assert compiled([plain]) == [plain]
     (built,) = compiled([plain], True)
@@ -123,7 +123,7 @@ def test_damaged_library_is_built_again(damage, own_cache):
 TRUNCATED = """
 import os
 import casadi as ca
-from armdyn.optimal.program.machine.compiled import cache_directory, compiled
+from armdyn.machine.compiled import cache_directory, compiled
 
 x = ca.SX.sym("x", 500)
 plain = ca.Function("f", [x], [ca.sin(x) * ca.sumsqr(x)])
@@ -160,7 +160,7 @@ def test_library_of_other_functions_is_not_taken_for_these(own_cache):
 @needs_compiler
 def test_large_damaged_library_is_built_again_unasked(own_cache, monkeypatch):
     compiled([function()], True)
-    monkeypatch.setattr("armdyn.optimal.program.machine.compiled._WORTH_IT", 5)
+    monkeypatch.setattr("armdyn.machine.compiled._WORTH_IT", 5)
     library, _ = library_in(own_cache)
     library.write_bytes(b"")
     assert compiled([function()])[0].class_name() == "External"
@@ -227,7 +227,7 @@ def test_full_disk_is_done_without(failing, own_cache, monkeypatch):
     def fail(*_, **__):
         raise OSError(28, "No space left on device", f"/somewhere/{np.random.default_rng().integers(1e9)}")
 
-    monkeypatch.setattr(f"armdyn.optimal.program.machine.compiled.{failing}", fail)
+    monkeypatch.setattr(f"armdyn.machine.compiled.{failing}", fail)
     plain = function()
     with pytest.warns(ArmdynWarning) as said:
         assert compiled([plain], True) == [plain]
@@ -256,7 +256,7 @@ def script(path, text):
 def test_any_compiler_that_fails_is_done_without(does, said, tmp_path, own_cache, monkeypatch):
     monkeypatch.setenv("CC", script(tmp_path / "compiler", does))
     if "0.2" in said:
-        monkeypatch.setattr("armdyn.optimal.program.machine.compiled._TIMEOUT", 0.2)
+        monkeypatch.setattr("armdyn.machine.compiled._TIMEOUT", 0.2)
     plain = function()
     with pytest.warns(ArmdynWarning) as warned:
         assert compiled([plain], True) == [plain]
@@ -267,7 +267,7 @@ def test_any_compiler_that_fails_is_done_without(does, said, tmp_path, own_cache
 def test_compiler_that_hung_is_not_asked_again(tmp_path, monkeypatch):
     asked = tmp_path / "asked"
     monkeypatch.setenv("CC", script(tmp_path / "compiler", f"echo >> {asked}; sleep 10"))
-    monkeypatch.setattr("armdyn.optimal.program.machine.compiled._TIMEOUT", 1.0)
+    monkeypatch.setattr("armdyn.machine.compiled._TIMEOUT", 1.0)
     with pytest.warns(ArmdynWarning, match="took longer than 1 s"):
         for _ in range(2):
             compiled([function()], True)
@@ -298,7 +298,7 @@ def test_a_compiler_that_takes_too_long_is_left(own_cache, monkeypatch, tmp_path
     slow.write_text("#!/bin/sh\nexec sleep 60\n")
     slow.chmod(0o755)
     monkeypatch.setenv("CC", str(slow))
-    monkeypatch.setattr("armdyn.optimal.program.machine.compiled._EACH", 0.0)
+    monkeypatch.setattr("armdyn.machine.compiled._EACH", 0.0)
     with until(time.perf_counter() + 0.2), pytest.raises(NoTimeError):
         compiled([function()], True)
     assert not any(own_cache.iterdir())

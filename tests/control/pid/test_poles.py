@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 
 from armdyn.control import PidGains, closed_loop_eigenvalues
-from armdyn.control.motion import motion_of
-from armdyn.control.pid import DEFAULT_GAINS, Controller
-from armdyn.control.stability import closed_loop_matrix, eigenvalues
+from armdyn.control.pid.gains import DEFAULT_GAINS, ContinuousPid
+from armdyn.control.pid.motion import motion_of
+from armdyn.control.pid.poles import closed_loop_matrix, eigenvalues
 from armdyn.dynamics import Dynamics
 from armdyn.dynamics.closed_form import PlanarArm
 from armdyn.errors import ProblemError
 from armdyn.models import ArmSpec, Payload
 from armdyn.studies.paper.printed.equations import PrintedArm
-from control.loops import POSES, example
+from control.pid.loops import POSES, example
 from oracles import PinDynamics, robot_named
 
 # Largest real parts [1/s] of an independent Lagrangian model, by payload reading and mass [g].
@@ -68,7 +68,7 @@ def test_matrix_is_the_jacobian_of_the_loop(name, form):
     rest = np.concatenate([held / ki, goal, np.zeros(n)])
     assert np.abs(np.array(ca.Function("f", [x], [rate])(rest))).max() < 1e-9
     expected = np.array(ca.Function("A", [x], [ca.jacobian(rate, x)])(rest))
-    got = closed_loop_matrix(motion_of(robot, None), goal, Controller(PidGains(kp, ki, kd), form))
+    got = closed_loop_matrix(motion_of(robot, None), goal, ContinuousPid(PidGains(kp, ki, kd), form))
     # Two exact derivatives: what is left is rounding, times the condition of D.
     np.testing.assert_allclose(got, expected, atol=1e-10 * np.abs(expected).max())
 
@@ -86,7 +86,7 @@ def test_a_derivative_of_the_wrong_sign_is_unstable():
     robot, poses = example("R Ex4", "mM", 100.6)
     motion, goal = motion_of(robot, None), np.array(poses["q_goal"])
     for form in ("acceleration", "computed_torque"):
-        largest = eigenvalues(closed_loop_matrix(motion, goal, Controller(form=form, error_rate=1.0)))[0].real
+        largest = eigenvalues(closed_loop_matrix(motion, goal, ContinuousPid(form=form, error_rate=1.0)))[0].real
         assert largest > 5
     np.testing.assert_allclose(largest, np.roots([1, -10, 30, 50]).real.max(), atol=1e-9)
 
@@ -109,7 +109,7 @@ def test_given_equations_of_motion(form):
     """The five-point stencil on hand-derived equations against Pinocchio's analytic derivatives."""
     robot, poses = example("RRR Ex6", grams=100.6)
     arm = PlanarArm.from_spec(ArmSpec.paper("rrr"), Payload(mass=0.1006))
-    goal, controller = np.array(poses["q_goal"]), Controller(form=form)
+    goal, controller = np.array(poses["q_goal"]), ContinuousPid(form=form)
     own, given = (closed_loop_matrix(motion_of(robot, d), goal, controller) for d in (None, arm))
     # The stencil's rounding, times the condition of D: 4e-10 of the largest entry measured.
     np.testing.assert_allclose(given, own, rtol=0, atol=5e-9 * np.abs(own).max())

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.control.motion import EquationsOfMotion, Motion, motion_of
-from armdyn.control.pid import DEFAULT_GAINS, Controller, Form, PidGains
+from armdyn.control.pid.gains import DEFAULT_GAINS, ContinuousPid, Form, PidGains
+from armdyn.control.pid.motion import EquationsOfMotion, Motion, motion_of
 from armdyn.errors import ProblemError
 from armdyn.models import Robot
 from armdyn.models.robots.robot import expect_robot
@@ -13,7 +13,7 @@ from armdyn.models.values.per_joint import per_joint
 Array = NDArray[np.float64]
 
 
-def closed_loop_matrix(motion: Motion, goal: Array, controller: Controller) -> Array:
+def closed_loop_matrix(motion: Motion, goal: Array, controller: ContinuousPid) -> Array:
     """Matrix A of the loop linearised at its goal, ẋ = A x, with x = (∫e, q - goal, v).
 
         ⎡ 0      -I       0    ⎤      B = I      for the forms whose output is an acceleration,
@@ -103,5 +103,5 @@ def closed_loop_eigenvalues(
     """
     joints = expect_robot(robot).joint_names
     goal = per_joint(q_goal, joints, "q_goal", unit="rad or m", error=ProblemError, scalar=False)
-    controller = Controller(gains, form)
+    controller = ContinuousPid(gains, form)
     return eigenvalues(closed_loop_matrix(motion_of(robot, dynamics), goal, controller))

@@ -26,9 +26,9 @@ import casadi as ca
 
 from armdyn.errors import ArmdynWarning
 from armdyn.files import read_sealed, write_sealed
-from armdyn.optimal.program.machine.background import build_later
-from armdyn.optimal.program.machine.cache import cache_directory, private_folder, protected
-from armdyn.optimal.program.machine.deadline import NoTimeError, left
+from armdyn.machine.background import build_later
+from armdyn.machine.cache import cache_directory, private_folder, protected
+from armdyn.machine.deadline import NoTimeError, left
 
 T = TypeVar("T")
 

@@ -1,0 +1,51 @@
+"""What every controller is to a loop: one law of what it reads, and the numbers that it reads beside."""
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.control.loop.loop import Loop
+from armdyn.control.loop.ticks import Ticks
+from armdyn.models.robots.robot import Robot
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """tau = function(q, v, integral, pending, row), before it is clipped.
+
+    Attributes:
+        function: a casadi Function of these five columns, the output [N m or N] of shape (nv,): the readings q, v; the
+            integral of the error q_reference - q [rad s or m s]; the torques [N m or N] that are decided but not yet
+            felt, the next first, shape (delay nv,); and this tick's row.
+        rows: what it reads at each tick, shape (n, m); the last for good. A row's gains depend on the reference; so do
+            its torques, which are those of `delay` ticks later.
+        integral_gain: about what tau gains per integral [N m/(rad s)], shape (nv,); 0: that joint's integral is unused.
+        integrate_from: when the integrals begin to run [s].
+    """
+
+    function: ca.Function
+    rows: Array
+    integral_gain: Array
+    integrate_from: float = 0.0
+
+
+@runtime_checkable
+class Controller(Protocol):
+    """A controller: numbers, and the law that they make for a robot, a reference and a loop."""
+
+    def law(self, robot: Robot, ticks: Ticks, loop: Loop) -> Law:
+        """The law along a reference.
+
+        Args:
+            robot: the controller's model of the arm.
+            ticks: the reference, at the loop's rate.
+            loop: what it is joined by.
+
+        Raises:
+            ProblemError: it does not fit the robot, or the loop.
+        """

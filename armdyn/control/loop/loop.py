@@ -1,0 +1,109 @@
+"""How a controller is joined to an arm: sampling, delay, encoders, the velocity that it sees."""
+
+from dataclasses import dataclass
+from typing import Literal, Self
+
+import numpy as np
+
+from armdyn.arguments import number, one_of, whole
+from armdyn.errors import ProblemError
+
+Velocity = Literal["filtered", "observer", "exact"]
+"""Where the controller's velocity comes from:
+
+- "filtered": differences of the encoder's readings through a first-order low-pass.
+- "observer": a Luenberger observer on the controller's model of the arm, both poles of every joint at `Loop.pole`.
+- "exact": the joint's own, which no arm gives away.
+"""
+VELOCITIES: tuple[Velocity, ...] = ("filtered", "observer", "exact")
+
+Antiwindup = Literal["conditional", "back_calculation", "none"]
+"""What becomes of the integral while a torque is clipped:
+
+- "conditional": it halts for a joint whose error asks for more (conditional integration).
+- "back_calculation": it is led back in 10 ms to where the torque is at its limit (Åström and Murray, Feedback
+  Systems, 2nd ed., section 11.4).
+- "none": it goes on.
+"""
+ANTIWINDUPS: tuple[Antiwindup, ...] = ("conditional", "back_calculation", "none")
+
+Hold = Literal["zoh", "continuous"]
+"""Between two ticks the torque stays ("zoh"), or the controller is a differential equation ("continuous")."""
+HOLDS: tuple[Hold, ...] = ("zoh", "continuous")
+
+_MOST_DELAY = 100
+_RATES = (1.0, 1e6)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Loop:
+    """A sampled loop: what it reads at t = k / rate decides the torque from `delay` ticks later on, for one tick.
+
+    Attributes:
+        rate: samples per second [Hz].
+        delay: ticks from a reading to its torque.
+        encoder: step of the encoders [rad or m]; 0: none.
+        velocity: see `Velocity`.
+        cutoff: of the velocity's filter, or of the observer [Hz].
+        noise: standard deviation of what is added to each reading before it is rounded [rad or m].
+        seed: of the noise.
+        antiwindup: see `Antiwindup`.
+        hold: see `Hold`; a continuous loop has no other imperfections.
+
+    Raises:
+        ProblemError: something is not finite, out of range or unknown; a continuous loop with imperfections.
+    """
+
+    rate: float = 1000.0
+    delay: int = 1
+    encoder: float = 1e-4
+    velocity: Velocity = "filtered"
+    cutoff: float = 80.0
+    noise: float = 0.0
+    seed: int = 0
+    antiwindup: Antiwindup = "conditional"
+    hold: Hold = "zoh"
+
+    def __post_init__(self) -> None:
+        for name, unit in (("rate", "Hz"), ("cutoff", "Hz")):
+            object.__setattr__(self, name, number(getattr(self, name), name, unit=unit, sign="positive"))
+        for name in ("encoder", "noise"):
+            object.__setattr__(self, name, number(getattr(self, name), name, unit="rad", sign="not negative"))
+        object.__setattr__(self, "delay", whole(self.delay, "delay", least=0))
+        object.__setattr__(self, "seed", whole(self.seed, "seed", least=0))
+        one_of(self.velocity, VELOCITIES, "velocity")
+        one_of(self.antiwindup, ANTIWINDUPS, "antiwindup")
+        one_of(self.hold, HOLDS, "hold")
+        if not _RATES[0] <= self.rate <= _RATES[1]:
+            raise ProblemError(f"rate is {self.rate:g} Hz; expected {_RATES[0]:g} to {_RATES[1]:g} Hz")
+        if self.delay > _MOST_DELAY:
+            raise ProblemError(f"delay is {self.delay} ticks; expected at most {_MOST_DELAY}")
+        if self.hold == "continuous" and (self.delay or self.encoder or self.noise or self.velocity != "exact"):
+            raise ProblemError(
+                'a loop with hold="continuous" has no imperfections: delay=0, encoder=0, noise=0, velocity="exact", '
+                "as Loop.ideal() has"
+            )
+
+    @classmethod
+    def ideal(cls, antiwindup: Antiwindup = "conditional") -> Self:
+        """The paper's: continuous, all imperfections off."""
+        return cls(delay=0, encoder=0.0, velocity="exact", antiwindup=antiwindup, hold="continuous")
+
+    @property
+    def period(self) -> float:
+        """One tick [s]."""
+        return 1.0 / self.rate
+
+    @property
+    def pole(self) -> float:
+        """Of the velocity's filter, and twice of the observer, in the plane of z: exp(-2π cutoff / rate)."""
+        return float(np.exp(-2 * np.pi * self.cutoff / self.rate))
+
+    @property
+    def observer_gains(self) -> tuple[float, float]:
+        """What an innovation adds to position [-] and velocity [1/s], so that both poles are at `pole`.
+
+        The error of a double integrator under (1 - l₁, …) has the characteristic polynomial
+        z² - (2 - l₁ - h l₂) z + 1 - l₁ = (z - pole)².
+        """
+        return 1 - self.pole**2, (1 - self.pole) ** 2 * self.rate
