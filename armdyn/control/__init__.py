@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from armdyn.lazy import facade
 
 if TYPE_CHECKING:
+    from armdyn.control.laws.lqr import Lqr
     from armdyn.control.laws.pid import Pid
     from armdyn.control.loop.loop import Loop
     from armdyn.control.pid.closed_loop import PidRun, simulate_pid
@@ -14,6 +15,7 @@ else:
     __getattr__, __dir__ = facade(
         __name__,
         {
+            "laws.lqr": "Lqr",
             "laws.pid": "Pid",
             "loop.loop": "Loop",
             "pid.closed_loop": "PidRun simulate_pid",
@@ -22,4 +24,4 @@ else:
         },
     )
 
-__all__ = ["Loop", "Pid", "PidGains", "PidRun", "closed_loop_eigenvalues", "simulate_pid"]
+__all__ = ["Loop", "Lqr", "Pid", "PidGains", "PidRun", "closed_loop_eigenvalues", "simulate_pid"]
