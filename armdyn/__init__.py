@@ -7,6 +7,7 @@ TYPE_CHECKING = False  # as typing has it, which takes longer to import than all
 if TYPE_CHECKING:
     from armdyn.control import (
         Loop,
+        Lqr,
         Pid,
         PidGains,
         PidRun,
@@ -55,7 +56,7 @@ else:
     __getattr__, __dir__ = facade(
         __name__,
         {
-            "control": "Loop Pid PidGains PidRun Run closed_loop_eigenvalues ramp set_point simulate_pid track",
+            "control": "Loop Lqr Pid PidGains PidRun Run closed_loop_eigenvalues ramp set_point simulate_pid track",
             "dynamics": "Dynamics",
             "models": "PAPER_PAYLOADS ArmSpec Box Capsule GoalPose "
             "JointLimits LinkSpec Payload Robot Sphere urdf_from_spec",
@@ -86,6 +87,7 @@ __all__ = [
     "LinkSpec",
     "Loop",
     "LowerBound",
+    "Lqr",
     "MinimumTimeOptions",
     "MinimumTimeProblem",
     "Payload",

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from armdyn.lazy import facade
 
 if TYPE_CHECKING:
+    from armdyn.control.laws.lqr import Lqr
     from armdyn.control.laws.pid import Pid
     from armdyn.control.loop.loop import Loop
     from armdyn.control.loop.references import ramp, set_point
@@ -17,6 +18,7 @@ else:
     __getattr__, __dir__ = facade(
         __name__,
         {
+            "laws.lqr": "Lqr",
             "laws.pid": "Pid",
             "loop.loop": "Loop",
             "loop.references": "ramp set_point",
@@ -30,6 +32,7 @@ else:
 
 __all__ = [
     "Loop",
+    "Lqr",
     "Pid",
     "PidGains",
     "PidRun",
