@@ -5,7 +5,7 @@ from armdyn.lazy import facade
 
 TYPE_CHECKING = False  # as typing has it, which takes longer to import than all of this
 if TYPE_CHECKING:
-    from armdyn.control import PidGains, PidRun, closed_loop_eigenvalues, simulate_pid
+    from armdyn.control import Loop, Lqr, Pid, PidGains, PidRun, closed_loop_eigenvalues, simulate_pid
     from armdyn.dynamics import Dynamics
     from armdyn.models import (
         PAPER_PAYLOADS,
@@ -44,7 +44,7 @@ else:
     __getattr__, __dir__ = facade(
         __name__,
         {
-            "control": "PidGains PidRun closed_loop_eigenvalues simulate_pid",
+            "control": "Loop Lqr Pid PidGains PidRun closed_loop_eigenvalues simulate_pid",
             "dynamics": "Dynamics",
             "models": "PAPER_PAYLOADS ArmSpec Box Capsule GoalPose "
             "JointLimits LinkSpec Payload Robot Sphere urdf_from_spec",
@@ -73,10 +73,13 @@ __all__ = [
     "GoalPose",
     "JointLimits",
     "LinkSpec",
+    "Loop",
     "LowerBound",
+    "Lqr",
     "MinimumTimeOptions",
     "MinimumTimeProblem",
     "Payload",
+    "Pid",
     "PidGains",
     "PidRun",
     "Robot",

@@ -1,10 +1,13 @@
-"""PID control of an arm: gains, closed-loop simulation, stability at the goal."""
+"""Control of an arm: loops as they are built, controllers, the paper's PID loop and its stability at the goal."""
 
 from typing import TYPE_CHECKING
 
 from armdyn.lazy import facade
 
 if TYPE_CHECKING:
+    from armdyn.control.laws.lqr import Lqr
+    from armdyn.control.laws.pid import Pid
+    from armdyn.control.loop.loop import Loop
     from armdyn.control.pid.closed_loop import PidRun, simulate_pid
     from armdyn.control.pid.gains import PidGains
     from armdyn.control.pid.poles import closed_loop_eigenvalues
@@ -12,10 +15,13 @@ else:
     __getattr__, __dir__ = facade(
         __name__,
         {
+            "laws.lqr": "Lqr",
+            "laws.pid": "Pid",
+            "loop.loop": "Loop",
             "pid.closed_loop": "PidRun simulate_pid",
             "pid.gains": "PidGains",
             "pid.poles": "closed_loop_eigenvalues",
         },
     )
 
-__all__ = ["PidGains", "PidRun", "closed_loop_eigenvalues", "simulate_pid"]
+__all__ = ["Loop", "Lqr", "Pid", "PidGains", "PidRun", "closed_loop_eigenvalues", "simulate_pid"]

@@ -72,7 +72,7 @@ class Ticks:
 
 
 def _means(reference: Trajectory, t: Array, holding: Array) -> Array:
-    """Integral of the torque over each tick [N m s], shape (n, nv): exact for torques that are linear between samples."""
+    """Integral of the torque over each tick [N m s], shape (n, nv): exact for torques linear between samples."""
     own = reference.t - reference.t[0]
     pieces = np.diff(own)[:, None] * (reference.tau[1:] + reference.tau[:-1]) / 2
     impulse = np.vstack([np.zeros(pieces.shape[1]), np.cumsum(pieces, axis=0)])
