@@ -208,7 +208,7 @@ class Sensors {
 // The integral of a sampled controller after a tick.
 void integrate(const LoopProblem& problem, double time, const double* q_reference, const Numbers& q,
                const Numbers& wanted, const Numbers& clipped, Numbers& integral) {
-  if (time < problem.integrate_from) return;
+  if (time < problem.integrate_from - kUnwind * 1e-9) return;  // ticks are sums that were rounded
   for (std::size_t i = 0; i < q.size(); ++i) {
     const double error = q_reference[i] - q[i], excess = wanted[i] - clipped[i];
     if (problem.antiwindup == Antiwindup::conditional && excess * error > 0) continue;
