@@ -1,12 +1,13 @@
 """What came of a controller's motion along a reference."""
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.control.loop.ticks import Ticks
+from armdyn.control.stability.rate import SampledStability
 from armdyn.dynamics.driven import Driven
 from armdyn.models.robots.robot import Robot
 from armdyn.trajectory import Trajectory
@@ -35,9 +36,11 @@ class Run:
             broke off before.
         peak_error: largest distance of a joint from the reference [rad or m].
         peak_velocity: largest speed of a joint as a part of its limit [-]; 0 without limits.
-        saturated: part of the reference's time in which some torque was clipped [-].
-        went_wrong: when a joint first was 20 tolerances from the reference, or when the run broke off [s]; None: never.
+        saturated: part of the time in which some torque was clipped [-]: until it settled, or the reference ended.
+        went_wrong: when a joint first was 20 tolerances from the reference, and farther than at the start, or when
+            the run broke off [s]; None: never.
         overshoot: how far each joint went past its goal, seen from the start [rad or m], shape (nv,).
+        stability: of the loop at rest at the goal, where the run did not settle and it was asked for; else None.
     """
 
     trajectory: Trajectory
@@ -50,11 +53,35 @@ class Run:
     saturated: float
     went_wrong: float | None
     overshoot: Array
+    stability: SampledStability | None = None
 
     @property
     def settled(self) -> bool:
         """All joints came within the tolerance of the goal and stayed."""
         return self.status == "settled"
+
+    def with_stability(self, stability: SampledStability) -> Self:
+        """The same with what its goal's stability has to do with it."""
+        if stability.stable:
+            return replace(self, stability=stability)
+        return replace(
+            self, stability=stability, message=f"{self.message}; at the goal the loop is {stability.message}"
+        )
+
+    def summary(self) -> dict[str, object]:
+        """A run as JSON says it: success is that it settled; units as above."""
+        numbers = {
+            name: float(value) if value is not None and np.isfinite(value) else None
+            for name, value in vars(self).items()
+            if name in ("settled_time", "error_at_end", "peak_error", "peak_velocity", "saturated", "went_wrong")
+        }
+        facts: dict[str, object] = {"success": self.settled, "status": str(self.status), "message": self.message}
+        facts |= numbers
+        facts["overshoot"] = [float(x) for x in self.overshoot]
+        if self.stability is not None:
+            kept = vars(self.stability)
+            facts["stability"] = {k: v if not isinstance(v, float) or np.isfinite(v) else None for k, v in kept.items()}
+        return facts
 
 
 def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: str = "") -> Run:
@@ -70,10 +97,11 @@ def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: s
     t = np.arange(len(driven.q)) / ticks.rate
     beside = np.abs(driven.q - ticks.goal)
     settled = settled_time(t, beside.max(axis=1), tolerance) if driven.ended == "whole" else None
-    off = np.abs(driven.q - ticks.q[np.minimum(np.arange(len(t)), len(ticks.q) - 1)])
-    lost = np.flatnonzero(off.max(axis=1) > _LOST * tolerance)
+    off = np.abs(driven.q - ticks.q[np.minimum(np.arange(len(t)), len(ticks.q) - 1)]).max(axis=1)
+    lost = np.flatnonzero(off > max(_LOST * tolerance, float(off[0])))
     broke = float(t[-1]) if driven.ended != "whole" else None
-    during = driven.clipped[: max(int(np.ceil(ticks.duration * ticks.rate)), 1)]
+    moving = float(t[-1]) if settled is None else max(ticks.duration, settled)
+    during = driven.clipped[: max(int(np.ceil(moving * ticks.rate)), 1)]
     status, message = _told(robot, driven, settled, beside[-1], tolerance, float(t[-1]))
     return Run(
         trajectory=_trajectory(robot, driven, t, name),

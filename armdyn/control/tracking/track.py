@@ -2,16 +2,17 @@
 
 from numpy.typing import ArrayLike
 
-from armdyn.control.laws.pid import Pid
+from armdyn.control.laws.lqr import Lqr
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop
+from armdyn.control.stability.rate import sampled_stability
 from armdyn.control.tracking.run import Run
 from armdyn.control.tracking.setup import Setup
 from armdyn.models.robots.robot import Robot
 from armdyn.trajectory import Trajectory
 
 _LOOP = Loop()
-_CONTROLLER = Pid()
+_CONTROLLER = Lqr()
 
 
 def track(
@@ -37,8 +38,16 @@ def track(
         tolerance: of a joint's distance from the goal, to be settled [rad or m].
         q_start: where the arm stands at the beginning [rad or m], shape (nv,); None: where the reference begins.
 
+    Returns:
+        What came of it. The message of a run that did not settle says whether the loop is stable at its goal, and
+        whether its sampling is to blame.
+
     Raises:
         ProblemError: robot, plant, reference or controller do not fit each other; not finite; too many samples.
     """
     setup = Setup.of(robot, reference, controller, loop, duration=duration, tolerance=tolerance, q_start=q_start)
-    return setup.run(robot if plant is None else plant, name=type(controller).__name__)
+    plant = robot if plant is None else plant
+    run = setup.run(plant, name=type(controller).__name__)
+    if run.settled:
+        return run
+    return run.with_stability(sampled_stability(robot, setup.ticks.goal, controller, loop, plant))
