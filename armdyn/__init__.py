@@ -5,7 +5,7 @@ from armdyn.lazy import facade
 
 TYPE_CHECKING = False  # as typing has it, which takes longer to import than all of this
 if TYPE_CHECKING:
-    from armdyn.control import Loop, Lqr, Pid, PidGains, PidRun, closed_loop_eigenvalues, simulate_pid
+    from armdyn.control import ComputedTorque, Loop, Lqr, Pid, PidGains, PidRun, closed_loop_eigenvalues, simulate_pid
     from armdyn.dynamics import Dynamics
     from armdyn.models import (
         PAPER_PAYLOADS,
@@ -44,7 +44,7 @@ else:
     __getattr__, __dir__ = facade(
         __name__,
         {
-            "control": "Loop Lqr Pid PidGains PidRun closed_loop_eigenvalues simulate_pid",
+            "control": "ComputedTorque Loop Lqr Pid PidGains PidRun closed_loop_eigenvalues simulate_pid",
             "dynamics": "Dynamics",
             "models": "PAPER_PAYLOADS ArmSpec Box Capsule GoalPose "
             "JointLimits LinkSpec Payload Robot Sphere urdf_from_spec",
@@ -68,6 +68,7 @@ __all__ = [
     "Box",
     "Capsule",
     "Certificate",
+    "ComputedTorque",
     "Dynamics",
     "FrameSpeedLimit",
     "GoalPose",

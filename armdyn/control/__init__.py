@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from armdyn.lazy import facade
 
 if TYPE_CHECKING:
+    from armdyn.control.laws.computed_torque import ComputedTorque
     from armdyn.control.laws.lqr import Lqr
     from armdyn.control.laws.pid import Pid
     from armdyn.control.loop.loop import Loop
@@ -15,6 +16,7 @@ else:
     __getattr__, __dir__ = facade(
         __name__,
         {
+            "laws.computed_torque": "ComputedTorque",
             "laws.lqr": "Lqr",
             "laws.pid": "Pid",
             "loop.loop": "Loop",
@@ -24,4 +26,4 @@ else:
         },
     )
 
-__all__ = ["Loop", "Lqr", "Pid", "PidGains", "PidRun", "closed_loop_eigenvalues", "simulate_pid"]
+__all__ = ["ComputedTorque", "Loop", "Lqr", "Pid", "PidGains", "PidRun", "closed_loop_eigenvalues", "simulate_pid"]
