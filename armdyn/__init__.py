@@ -6,6 +6,7 @@ from armdyn.lazy import facade
 TYPE_CHECKING = False  # as typing has it, which takes longer to import than all of this
 if TYPE_CHECKING:
     from armdyn.control import (
+        ComputedTorque,
         Loop,
         Lqr,
         Pid,
@@ -56,7 +57,8 @@ else:
     __getattr__, __dir__ = facade(
         __name__,
         {
-            "control": "Loop Lqr Pid PidGains PidRun Run closed_loop_eigenvalues ramp set_point simulate_pid track",
+            "control": "ComputedTorque Loop Lqr Pid PidGains PidRun Run closed_loop_eigenvalues ramp "
+            "set_point simulate_pid track",
             "dynamics": "Dynamics",
             "models": "PAPER_PAYLOADS ArmSpec Box Capsule GoalPose "
             "JointLimits LinkSpec Payload Robot Sphere urdf_from_spec",
@@ -80,6 +82,7 @@ __all__ = [
     "Box",
     "Capsule",
     "Certificate",
+    "ComputedTorque",
     "Dynamics",
     "FrameSpeedLimit",
     "GoalPose",

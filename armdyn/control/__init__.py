@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from armdyn.lazy import facade
 
 if TYPE_CHECKING:
+    from armdyn.control.laws.computed_torque import ComputedTorque
     from armdyn.control.laws.lqr import Lqr
     from armdyn.control.laws.pid import Pid
     from armdyn.control.loop.loop import Loop
@@ -18,6 +19,7 @@ else:
     __getattr__, __dir__ = facade(
         __name__,
         {
+            "laws.computed_torque": "ComputedTorque",
             "laws.lqr": "Lqr",
             "laws.pid": "Pid",
             "loop.loop": "Loop",
@@ -31,6 +33,7 @@ else:
     )
 
 __all__ = [
+    "ComputedTorque",
     "Loop",
     "Lqr",
     "Pid",
