@@ -5,7 +5,24 @@ from armdyn.lazy import facade
 
 TYPE_CHECKING = False  # as typing has it, which takes longer to import than all of this
 if TYPE_CHECKING:
-    from armdyn.control import Loop, Lqr, Pid, PidGains, PidRun, closed_loop_eigenvalues, simulate_pid
+    from armdyn.control import (
+        GainRegion,
+        Loop,
+        Lqr,
+        Pid,
+        PidGains,
+        PidRun,
+        SampledStability,
+        closed_loop_eigenvalues,
+        gain_plane,
+        least_stable_factor,
+        loop_margins,
+        routh_table,
+        sampled_loop,
+        sampled_stability,
+        simulate_pid,
+        slowest_stable_rate,
+    )
     from armdyn.dynamics import Dynamics
     from armdyn.models import (
         PAPER_PAYLOADS,
@@ -44,7 +61,9 @@ else:
     __getattr__, __dir__ = facade(
         __name__,
         {
-            "control": "Loop Lqr Pid PidGains PidRun closed_loop_eigenvalues simulate_pid",
+            "control": "Loop Lqr Pid PidGains PidRun closed_loop_eigenvalues simulate_pid GainRegion "
+            "SampledStability gain_plane least_stable_factor loop_margins routh_table sampled_loop "
+            "sampled_stability slowest_stable_rate",
             "dynamics": "Dynamics",
             "models": "PAPER_PAYLOADS ArmSpec Box Capsule GoalPose "
             "JointLimits LinkSpec Payload Robot Sphere urdf_from_spec",
@@ -70,6 +89,7 @@ __all__ = [
     "Certificate",
     "Dynamics",
     "FrameSpeedLimit",
+    "GainRegion",
     "GoalPose",
     "JointLimits",
     "LinkSpec",
@@ -84,6 +104,7 @@ __all__ = [
     "PidRun",
     "Robot",
     "Sample",
+    "SampledStability",
     "Sensitivities",
     "Solution",
     "Sphere",
@@ -93,9 +114,16 @@ __all__ = [
     "Trajectory",
     "__version__",
     "closed_loop_eigenvalues",
+    "gain_plane",
+    "least_stable_factor",
+    "loop_margins",
     "lower_bound",
     "replay_torques",
+    "routh_table",
+    "sampled_loop",
+    "sampled_stability",
     "simulate_pid",
+    "slowest_stable_rate",
     "solve_minimum_time",
     "time_optimality",
     "trajectory_from_path",

@@ -11,6 +11,12 @@ if TYPE_CHECKING:
     from armdyn.control.pid.closed_loop import PidRun, simulate_pid
     from armdyn.control.pid.gains import PidGains
     from armdyn.control.pid.poles import closed_loop_eigenvalues
+    from armdyn.control.stability.margins import Margins, loop_margins, multiloop_disk
+    from armdyn.control.stability.plane import GainPlane, gain_plane
+    from armdyn.control.stability.rate import SampledStability, sampled_stability, slowest_stable_rate
+    from armdyn.control.stability.region import GainRegion, least_stable_factor
+    from armdyn.control.stability.routh import RouthTable, characteristic_polynomial, routh_table
+    from armdyn.control.stability.sampled import SampledLoop, sampled_loop
 else:
     __getattr__, __dir__ = facade(
         __name__,
@@ -21,7 +27,36 @@ else:
             "pid.closed_loop": "PidRun simulate_pid",
             "pid.gains": "PidGains",
             "pid.poles": "closed_loop_eigenvalues",
+            "stability.margins": "Margins loop_margins multiloop_disk",
+            "stability.plane": "GainPlane gain_plane",
+            "stability.rate": "SampledStability sampled_stability slowest_stable_rate",
+            "stability.region": "GainRegion least_stable_factor",
+            "stability.routh": "RouthTable characteristic_polynomial routh_table",
+            "stability.sampled": "SampledLoop sampled_loop",
         },
     )
 
-__all__ = ["Loop", "Lqr", "Pid", "PidGains", "PidRun", "closed_loop_eigenvalues", "simulate_pid"]
+__all__ = [
+    "GainPlane",
+    "GainRegion",
+    "Loop",
+    "Lqr",
+    "Margins",
+    "Pid",
+    "PidGains",
+    "PidRun",
+    "RouthTable",
+    "SampledLoop",
+    "SampledStability",
+    "characteristic_polynomial",
+    "closed_loop_eigenvalues",
+    "gain_plane",
+    "least_stable_factor",
+    "loop_margins",
+    "multiloop_disk",
+    "routh_table",
+    "sampled_loop",
+    "sampled_stability",
+    "simulate_pid",
+    "slowest_stable_rate",
+]
