@@ -5,7 +5,20 @@ from armdyn.lazy import facade
 
 TYPE_CHECKING = False  # as typing has it, which takes longer to import than all of this
 if TYPE_CHECKING:
-    from armdyn.control import ComputedTorque, Loop, Lqr, Pid, PidGains, PidRun, closed_loop_eigenvalues, simulate_pid
+    from armdyn.control import (
+        ComputedTorque,
+        Loop,
+        Lqr,
+        Pid,
+        PidGains,
+        PidRun,
+        Run,
+        closed_loop_eigenvalues,
+        ramp,
+        set_point,
+        simulate_pid,
+        track,
+    )
     from armdyn.dynamics import Dynamics
     from armdyn.models import (
         PAPER_PAYLOADS,
@@ -44,7 +57,8 @@ else:
     __getattr__, __dir__ = facade(
         __name__,
         {
-            "control": "ComputedTorque Loop Lqr Pid PidGains PidRun closed_loop_eigenvalues simulate_pid",
+            "control": "ComputedTorque Loop Lqr Pid PidGains PidRun Run closed_loop_eigenvalues ramp set_point "
+            "simulate_pid track",
             "dynamics": "Dynamics",
             "models": "PAPER_PAYLOADS ArmSpec Box Capsule GoalPose "
             "JointLimits LinkSpec Payload Robot Sphere urdf_from_spec",
@@ -84,6 +98,7 @@ __all__ = [
     "PidGains",
     "PidRun",
     "Robot",
+    "Run",
     "Sample",
     "Sensitivities",
     "Solution",
@@ -95,10 +110,13 @@ __all__ = [
     "__version__",
     "closed_loop_eigenvalues",
     "lower_bound",
+    "ramp",
     "replay_torques",
+    "set_point",
     "simulate_pid",
     "solve_minimum_time",
     "time_optimality",
+    "track",
     "trajectory_from_path",
     "urdf_from_spec",
 ]

@@ -9,9 +9,12 @@ if TYPE_CHECKING:
     from armdyn.control.laws.lqr import Lqr
     from armdyn.control.laws.pid import Pid
     from armdyn.control.loop.loop import Loop
+    from armdyn.control.loop.references import ramp, set_point
     from armdyn.control.pid.closed_loop import PidRun, simulate_pid
     from armdyn.control.pid.gains import PidGains
     from armdyn.control.pid.poles import closed_loop_eigenvalues
+    from armdyn.control.tracking.run import Run
+    from armdyn.control.tracking.track import track
 else:
     __getattr__, __dir__ = facade(
         __name__,
@@ -20,10 +23,26 @@ else:
             "laws.lqr": "Lqr",
             "laws.pid": "Pid",
             "loop.loop": "Loop",
+            "loop.references": "ramp set_point",
             "pid.closed_loop": "PidRun simulate_pid",
             "pid.gains": "PidGains",
             "pid.poles": "closed_loop_eigenvalues",
+            "tracking.run": "Run",
+            "tracking.track": "track",
         },
     )
 
-__all__ = ["ComputedTorque", "Loop", "Lqr", "Pid", "PidGains", "PidRun", "closed_loop_eigenvalues", "simulate_pid"]
+__all__ = [
+    "ComputedTorque",
+    "Loop",
+    "Lqr",
+    "Pid",
+    "PidGains",
+    "PidRun",
+    "Run",
+    "closed_loop_eigenvalues",
+    "ramp",
+    "set_point",
+    "simulate_pid",
+    "track",
+]
