@@ -100,8 +100,8 @@ def loop_steps(plant: Steps, delay: int, period: float) -> Steps:
     return Steps(A, B)
 
 
-def best_gains(steps: Steps, Q: Array, R: Array) -> Array:
-    """K of u[k] = -K[k] x[k], which makes Σ xᵀ Q x + uᵀ R u least.
+def best_gains(steps: Steps, Q: Array, R: Array, share: Array) -> Array:
+    """K of u[k] = -K[k] x[k], which makes Σ share[k] xᵀ Q x + uᵀ R u least.
 
     Riccati's recursion backwards from the steady state at the goal, the solution of the discrete algebraic equation
     (Anderson and Moore, Optimal Control: Linear Quadratic Methods, sections 2.4 and 3.3).
@@ -110,6 +110,7 @@ def best_gains(steps: Steps, Q: Array, R: Array) -> Array:
         steps: along the reference, rest at the goal last.
         Q: weight of x, shape (m, m).
         R: weight of u, shape (nv, nv).
+        share: of Q at each tick, shape (n,); at the goal it is 1.
 
     Returns:
         Shape (n, nv, m).
@@ -129,6 +130,6 @@ def best_gains(steps: Steps, Q: Array, R: Array) -> Array:
         A, B = steps.A[k], steps.B[k]
         BP = B.T @ P
         gains[k] = np.linalg.solve(R + BP @ B, BP @ A)
-        P = Q + A.T @ P @ (A - B @ gains[k])
+        P = share[k] * Q + A.T @ P @ (A - B @ gains[k])
         P = (P + P.T) / 2
     return gains
