@@ -57,8 +57,8 @@ else:
     __getattr__, __dir__ = facade(
         __name__,
         {
-            "control": "ComputedTorque Loop Lqr Pid PidGains PidRun Run closed_loop_eigenvalues ramp set_point "
-            "simulate_pid track",
+            "control": "ComputedTorque Loop Lqr Pid PidGains PidRun Run closed_loop_eigenvalues ramp "
+            "set_point simulate_pid track",
             "dynamics": "Dynamics",
             "models": "PAPER_PAYLOADS ArmSpec Box Capsule GoalPose "
             "JointLimits LinkSpec Payload Robot Sphere urdf_from_spec",

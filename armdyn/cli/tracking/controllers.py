@@ -33,8 +33,8 @@ class ControllerOptions:
         str | None,
         typer.Option(
             metavar="E,T,I",
-            help="Of lqr: error worth half the torque range \\[rad], what a velocity error counts beside it \\[s], what "
-            "its integral counts \\[1/s].",
+            help="Of lqr: error worth half the torque range \\[rad], what a velocity error counts beside it \\[s], and "
+            "its integral \\[1/s].",
         ),
     ] = None
     bandwidth: Annotated[
