@@ -72,7 +72,7 @@ def plant_steps(robot: Robot, ticks: Ticks) -> Steps:
     return Steps(over[:, : 2 * nv, : 2 * nv], over[:, : 2 * nv, 2 * nv :])
 
 
-def loop_steps(plant: Steps, delay: int, period: float) -> Steps:
+def loop_steps(plant: Steps, delay: int, gathered: Array) -> Steps:
     """The same with what a loop adds: x = (e, ė, ∫e dt, torques decided and not yet felt), the next first.
 
     All are reference less actual. u is what is decided at a tick, and felt `delay` ticks later.
@@ -80,7 +80,7 @@ def loop_steps(plant: Steps, delay: int, period: float) -> Steps:
     Args:
         plant: (e, ė) from tick to tick, as `plant_steps` has it.
         delay: ticks from a reading to its torque.
-        period: of a tick [s].
+        gathered: what an integral gains of an error at each tick [s], shape (n,): the period where it runs, else 0.
 
     Returns:
         Steps of shape (n, (3 + delay) nv, (3 + delay) nv) and (n, (3 + delay) nv, nv).
@@ -89,7 +89,7 @@ def loop_steps(plant: Steps, delay: int, period: float) -> Steps:
     size = (3 + delay) * nv
     A, B = np.zeros((count, size, size)), np.zeros((count, size, nv))
     A[:, : 2 * nv, : 2 * nv] = plant.A
-    A[:, 2 * nv : 3 * nv, :nv] = period * np.eye(nv)
+    A[:, 2 * nv : 3 * nv, :nv] = gathered[:, None, None] * np.eye(nv)
     A[:, 2 * nv : 3 * nv, 2 * nv : 3 * nv] = np.eye(nv)
     if not delay:
         B[:, : 2 * nv] = plant.B

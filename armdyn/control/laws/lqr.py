@@ -76,9 +76,9 @@ class Lqr:
         expect_motors(expect_robot(robot), "a linear-quadratic regulator")
         nv, delay, reference = robot.nv, loop.delay, reference_of(robot, ticks, loop)
         weights, effort = self._weights(robot, delay)
-        steps = loop_steps(plant_steps(robot, ticks), delay, loop.period)
-        moving = np.arange(len(steps.A)) / ticks.rate < ticks.duration
+        moving = np.arange(len(ticks.q)) / ticks.rate < ticks.duration
         moving[-1] = False
+        steps = loop_steps(plant_steps(robot, ticks), delay, np.where(moving, 0.0, loop.period))
         gains = _along(steps, weights, effort, np.where(moving, self.on_the_way**2, 1.0))
         more = len(reference.q) - len(gains)
         columns = {
