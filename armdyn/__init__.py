@@ -6,22 +6,33 @@ from armdyn.lazy import facade
 TYPE_CHECKING = False  # as typing has it, which takes longer to import than all of this
 if TYPE_CHECKING:
     from armdyn.control import (
+        ComputedTorque,
+        GainPlane,
         GainRegion,
         Loop,
         Lqr,
+        Margins,
         Pid,
         PidGains,
         PidRun,
+        RouthTable,
+        Run,
+        SampledLoop,
         SampledStability,
+        characteristic_polynomial,
         closed_loop_eigenvalues,
         gain_plane,
         least_stable_factor,
         loop_margins,
+        multiloop_disk,
+        ramp,
         routh_table,
         sampled_loop,
         sampled_stability,
+        set_point,
         simulate_pid,
         slowest_stable_rate,
+        track,
     )
     from armdyn.dynamics import Dynamics
     from armdyn.models import (
@@ -61,9 +72,10 @@ else:
     __getattr__, __dir__ = facade(
         __name__,
         {
-            "control": "Loop Lqr Pid PidGains PidRun closed_loop_eigenvalues simulate_pid GainRegion "
-            "SampledStability gain_plane least_stable_factor loop_margins routh_table sampled_loop "
-            "sampled_stability slowest_stable_rate",
+            "control": "ComputedTorque GainPlane GainRegion Loop Lqr Margins Pid PidGains PidRun RouthTable "
+            "Run SampledLoop SampledStability characteristic_polynomial closed_loop_eigenvalues "
+            "gain_plane least_stable_factor loop_margins multiloop_disk ramp routh_table "
+            "sampled_loop sampled_stability set_point simulate_pid slowest_stable_rate track",
             "dynamics": "Dynamics",
             "models": "PAPER_PAYLOADS ArmSpec Box Capsule GoalPose "
             "JointLimits LinkSpec Payload Robot Sphere urdf_from_spec",
@@ -87,8 +99,10 @@ __all__ = [
     "Box",
     "Capsule",
     "Certificate",
+    "ComputedTorque",
     "Dynamics",
     "FrameSpeedLimit",
+    "GainPlane",
     "GainRegion",
     "GoalPose",
     "JointLimits",
@@ -96,6 +110,7 @@ __all__ = [
     "Loop",
     "LowerBound",
     "Lqr",
+    "Margins",
     "MinimumTimeOptions",
     "MinimumTimeProblem",
     "Payload",
@@ -103,7 +118,10 @@ __all__ = [
     "PidGains",
     "PidRun",
     "Robot",
+    "RouthTable",
+    "Run",
     "Sample",
+    "SampledLoop",
     "SampledStability",
     "Sensitivities",
     "Solution",
@@ -113,19 +131,24 @@ __all__ = [
     "TorqueRateLimit",
     "Trajectory",
     "__version__",
+    "characteristic_polynomial",
     "closed_loop_eigenvalues",
     "gain_plane",
     "least_stable_factor",
     "loop_margins",
     "lower_bound",
+    "multiloop_disk",
+    "ramp",
     "replay_torques",
     "routh_table",
     "sampled_loop",
     "sampled_stability",
+    "set_point",
     "simulate_pid",
     "slowest_stable_rate",
     "solve_minimum_time",
     "time_optimality",
+    "track",
     "trajectory_from_path",
     "urdf_from_spec",
 ]

@@ -5,9 +5,11 @@ from typing import TYPE_CHECKING
 from armdyn.lazy import facade
 
 if TYPE_CHECKING:
+    from armdyn.control.laws.computed_torque import ComputedTorque
     from armdyn.control.laws.lqr import Lqr
     from armdyn.control.laws.pid import Pid
     from armdyn.control.loop.loop import Loop
+    from armdyn.control.loop.references import ramp, set_point
     from armdyn.control.pid.closed_loop import PidRun, simulate_pid
     from armdyn.control.pid.gains import PidGains
     from armdyn.control.pid.poles import closed_loop_eigenvalues
@@ -17,13 +19,17 @@ if TYPE_CHECKING:
     from armdyn.control.stability.region import GainRegion, least_stable_factor
     from armdyn.control.stability.routh import RouthTable, characteristic_polynomial, routh_table
     from armdyn.control.stability.sampled import SampledLoop, sampled_loop
+    from armdyn.control.tracking.run import Run
+    from armdyn.control.tracking.track import track
 else:
     __getattr__, __dir__ = facade(
         __name__,
         {
+            "laws.computed_torque": "ComputedTorque",
             "laws.lqr": "Lqr",
             "laws.pid": "Pid",
             "loop.loop": "Loop",
+            "loop.references": "ramp set_point",
             "pid.closed_loop": "PidRun simulate_pid",
             "pid.gains": "PidGains",
             "pid.poles": "closed_loop_eigenvalues",
@@ -33,10 +39,13 @@ else:
             "stability.region": "GainRegion least_stable_factor",
             "stability.routh": "RouthTable characteristic_polynomial routh_table",
             "stability.sampled": "SampledLoop sampled_loop",
+            "tracking.run": "Run",
+            "tracking.track": "track",
         },
     )
 
 __all__ = [
+    "ComputedTorque",
     "GainPlane",
     "GainRegion",
     "Loop",
@@ -46,6 +55,7 @@ __all__ = [
     "PidGains",
     "PidRun",
     "RouthTable",
+    "Run",
     "SampledLoop",
     "SampledStability",
     "characteristic_polynomial",
@@ -54,9 +64,12 @@ __all__ = [
     "least_stable_factor",
     "loop_margins",
     "multiloop_disk",
+    "ramp",
     "routh_table",
     "sampled_loop",
     "sampled_stability",
+    "set_point",
     "simulate_pid",
     "slowest_stable_rate",
+    "track",
 ]

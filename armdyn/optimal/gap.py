@@ -96,7 +96,14 @@ class TimeOptimality:
         return f"{head}\n{limits}\nreplay error: {self.replay_error:.2g}\nidle: {idle}"
 
 
-def time_optimality(robot: Robot, trajectory: Trajectory, options: MinimumTimeOptions | None = None) -> TimeOptimality:
+def time_optimality(
+    robot: Robot,
+    trajectory: Trajectory,
+    options: MinimumTimeOptions | None = None,
+    *,
+    reserve: ArrayLike = 0.0,
+    velocity_reserve: ArrayLike = 0.0,
+) -> TimeOptimality:
     """Compare a motion with the fastest one between its end states.
 
     Args:
@@ -104,6 +111,9 @@ def time_optimality(robot: Robot, trajectory: Trajectory, options: MinimumTimeOp
         trajectory: any planner's motion. If its torques are all zero they are taken to be missing, and
             recomputed from its positions and velocities.
         options: of `solve_minimum_time`.
+        reserve: part of every torque limit that the motion was to keep for feedback, and so does the fastest one
+            that it is compared with: see `MinimumTimeProblem`.
+        velocity_reserve: likewise of every velocity limit.
 
     Raises:
         TrajectoryError: the trajectory is one of another robot.
@@ -113,8 +123,9 @@ def time_optimality(robot: Robot, trajectory: Trajectory, options: MinimumTimeOp
     if not np.any(trajectory.tau):  # in truly free fall inverse dynamics gives zero again
         trajectory = trajectory_from_path(robot, trajectory.t, trajectory.q, trajectory.v, name=trajectory.name)
     problem = MinimumTimeProblem(
-        robot, q_start=trajectory.q[0], q_goal=trajectory.q[-1], v_start=trajectory.v[0], v_goal=trajectory.v[-1]
-    )
+        robot, q_start=trajectory.q[0], q_goal=trajectory.q[-1], v_start=trajectory.v[0], v_goal=trajectory.v[-1],
+        reserve=reserve, velocity_reserve=velocity_reserve,
+    )  # fmt: skip
     violation = worst_violation(problem.limits, trajectory, robot.joint_names, dense=2)
     replay = replay_torques(robot, trajectory)
     arrived = replay.t[-1] == trajectory.t[-1]

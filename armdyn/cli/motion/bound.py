@@ -7,7 +7,7 @@ from operator import attrgetter
 import armdyn as ad
 from armdyn.cli.console import answering, console, facts_table, working
 from armdyn.cli.options.course import CourseOptions
-from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words
+from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.poses import GoalOptions
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
@@ -31,15 +31,17 @@ def bound(
     armdyn bound r --velocity-limit 5 --payload 0.1006[/]
     """
     with answering(json) as answer:
+        from armdyn.optimal.answer.summary import reserve_summary
         from armdyn.optimal.bound.lower_bound import soonest
 
         arm = joints.fit(robot.read(payload.carried()))
-        problem = ad.MinimumTimeProblem(arm, **goal.asked(arm, robot.robot), **course.asked())
+        problem = ad.MinimumTimeProblem(arm, **goal.asked(arm, robot.robot), **joints.kept(), **course.asked())
         with working(f"lower bound of {arm.name}", json):
             found = soonest(problem, ad.lower_bound, attrgetter("duration"))
-        answer.facts |= {"robot": arm.name, **friction_facts(arm), **_facts(found)}
+        answer.facts |= {"robot": arm.name, **friction_facts(arm), "reserve": reserve_summary(problem), **_facts(found)}
         if not json:
-            console.print(facts_table(f"{arm.name}: lower bound", friction_words(arm) | _words(found)))
+            words = friction_words(arm) | reserve_words(problem) | _words(found)
+            console.print(facts_table(f"{arm.name}: lower bound", words))
 
 
 def _facts(found: ad.LowerBound | None) -> dict[str, object]:

@@ -12,7 +12,7 @@ from armdyn.cli.console import INTERRUPTED, NOT_AS_REQUIRED, NOT_USABLE, answeri
 from armdyn.cli.motion.requirements import Require, missing_of, requirements_of
 from armdyn.cli.motion.words import missing_words, solution_words, title_words
 from armdyn.cli.options.course import CourseOptions
-from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words
+from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.poses import GoalOptions
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
@@ -88,6 +88,7 @@ def mintime(
 
     [dim]armdyn mintime rr --payload 0.1006
     armdyn mintime rr --obstacle sphere:0.05@0.3,0,-0.1
+    armdyn mintime rr --reserve 0.1 --velocity-reserve 0.03
     armdyn mintime rr --limit tip-speed=2 --limit torque-rate=50
     armdyn mintime rr --goal-pose tip:0.35,0,0.1
     armdyn mintime panda --q-start 0,-0.785,0,-2.356,0,1.571,0.785 --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5[/]
@@ -98,7 +99,7 @@ def mintime(
         from armdyn.optimal.answer.summary import minimum_time_summary
 
         arm = joints.fit(robot.read(payload.carried()))
-        problem = ad.MinimumTimeProblem(arm, **goal.asked(arm, robot.robot), **course.asked())
+        problem = ad.MinimumTimeProblem(arm, **goal.asked(arm, robot.robot), **joints.kept(), **course.asked())
         folder = results.folder("mintime", robot.robot)
         with working(f"minimum time of {arm.name}", json) as progress:
             solution = ad.solve_minimum_time(problem, search.options(), progress)
@@ -106,7 +107,9 @@ def mintime(
             carried = f", {1000 * payload.payload:g} g" if payload.payload else ""
             title = f"{arm.name}{carried}: {title_words(solution)}"
             motion = solution.trajectory
-            written = results.write(folder, arm, motion, summary, title, problem.obstacles, tell=progress)
+            written = results.write(
+                folder, arm, {"trajectory": motion}, summary, title, problem.obstacles, tell=progress
+            )
         missing = missing_of(required, solution)
         answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, "missing": missing, **written.facts}
         if solution.status is ad.Status.INTERRUPTED:
@@ -116,5 +119,6 @@ def mintime(
         elif missing:
             answer.code = NOT_AS_REQUIRED
         if not json:
-            words = friction_words(arm) | solution_words(solution, goal.wrap) | missing_words(missing) | written.words
+            words = friction_words(arm) | reserve_words(problem) | solution_words(solution, goal.wrap)
+            words |= missing_words(missing) | written.words
             console.print(facts_table(f"{arm.name}: minimum time", words))

@@ -22,7 +22,7 @@ from armdyn.cli.console import (
 )
 from armdyn.cli.motion.requirements import Require, missing_of, requirements_of
 from armdyn.cli.motion.words import options_of
-from armdyn.cli.options.joints import FastJointOptions
+from armdyn.cli.options.joints import FastJointOptions, reserve_words
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import NoFigure, OutputOptions
 from armdyn.cli.options.robot import PayloadPlace, RobotOptions
@@ -116,12 +116,13 @@ def sweep(
     """
     with answering(output.json) as answer:
         required = requirements_of(require or ())
+        from armdyn.optimal.answer.summary import reserve_summary
         from armdyn.show.sweeps import motion_name, sweep_row, table_names, write_motion, write_sweep
 
         masses = payloads.masses(robot.robot)
         arms = [joints.fit(robot.read(payloads.place.carried(mass))) for mass in masses]
         start, goal = (read(arms[0], robot.robot, "minimum_time") for read in (poses.start, poses.goal))
-        problems = [ad.MinimumTimeProblem(arm, q_start=start, q_goal=goal) for arm in arms]
+        problems = [ad.MinimumTimeProblem(arm, q_start=start, q_goal=goal, **joints.kept()) for arm in arms]
         folder = output.folder("sweep", robot.robot, [*map(motion_name, masses), *table_names(figure=not no_figure)])
         folder.mkdir(parents=True, exist_ok=True)
         motions: dict[int, Path] = {}
@@ -143,6 +144,7 @@ def sweep(
             "success": status == "done",
             "status": status,
             "robot": arms[0].name,
+            "reserve": reserve_summary(problems[0]),
             "rows": rows,
             "missing": missing,
             "files": [str(file) for file in files],
@@ -152,6 +154,8 @@ def sweep(
             answer.facts["message"] = f"interrupted; what was solved is in {folder}"
         if not output.json:
             console.print(_table(arms[0].name, rows))
+            for what, parts in reserve_words(problems[0]).items():
+                console.print(f"{what}: {parts}")
             console.print(f"results in {escape(str(folder))}")
             _complain(status, missing)
 

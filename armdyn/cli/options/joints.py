@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import typer
 
@@ -12,6 +12,7 @@ from armdyn.cli.options.text import number, one_or_more
 if TYPE_CHECKING:
     from armdyn.models import Robot
     from armdyn.models.values.friction import FrictionValue
+    from armdyn.optimal import MinimumTimeProblem
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +71,7 @@ class JointOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class FastJointOptions:
-    """The same with velocity limits and joints without a motor, for motions that keep them."""
+    """The same with velocity limits, reserves and joints without a motor, for motions that keep them."""
 
     panel: ClassVar[str] = JointOptions.panel
 
@@ -78,6 +79,16 @@ class FastJointOptions:
         str | None,
         typer.Option(metavar="V[,V…]", help="Velocity limits instead of the URDF's \\[rad/s]; inf for none."),
     ] = None
+    reserve: Annotated[
+        str,
+        typer.Option(
+            metavar="R[,R…]",
+            help="Part of the torque limits that is kept for feedback: with 0.1 the motion takes 90 % at most.",
+        ),
+    ] = "0"
+    velocity_reserve: Annotated[
+        str, typer.Option(metavar="R[,R…]", help="Part of the velocity limits that is kept, likewise.")
+    ] = "0"
     passive: Annotated[
         list[str] | None,
         typer.Option(
@@ -93,6 +104,28 @@ class FastJointOptions:
         """A robot with these joints; see `JointOptions.fit`."""
         fast = robot.with_limits(None, one_or_more(self.velocity_limit, "--velocity-limit"))
         return self.joints.fit(fast).with_passive(self.passive or ())
+
+    def kept(self) -> dict[str, Any]:
+        """The arguments of a `MinimumTimeProblem` that say what is kept for feedback.
+
+        Raises:
+            ProblemError: a text is not what its option takes.
+        """
+        return {
+            "reserve": one_or_more(self.reserve, "--reserve"),
+            "velocity_reserve": one_or_more(self.velocity_reserve, "--velocity-reserve"),
+        }
+
+
+def reserve_words(problem: MinimumTimeProblem) -> dict[str, str]:
+    """What is kept for feedback, for people; empty if nothing is."""
+    kept = problem.reserves
+    told = [
+        f"{words[0] if len(set(words)) == 1 else ', '.join(words)} of the {limit} limits"
+        for parts, limit in ((kept.effort, "torque"), (kept.velocity, "velocity"))
+        if any(parts) and (words := [f"{100 * part:.3g} %" for part in parts])
+    ]
+    return {"kept for feedback": "; ".join(told)} if told else {}
 
 
 def _friction(text: str | None, what: str) -> FrictionValue | None:

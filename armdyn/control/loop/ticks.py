@@ -58,7 +58,7 @@ class Ticks:
         v = np.where(t[:, None] <= duration, state.v, 0.0)
         rest = np.zeros(robot.nv)
         holding = inverse_dynamics(robot)(reference.q[-1], rest, rest)
-        a = np.diff(v, axis=0, append=v[-1:]) * rate
+        a = np.diff(state.v, axis=0, append=state.v[-1:]) * rate  # a motion that ends moving is not braked in one tick
         return cls(rate, duration, state.q, v, a, _means(reference, t, holding) * rate)
 
     @property

@@ -3,6 +3,7 @@
 import numpy as np
 
 from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.proof.certificate import Certificate
 
 
@@ -49,6 +50,7 @@ def minimum_time_summary(solution: Solution) -> dict[str, object]:
             {"name": kept.name, "share": kept.share, "said": kept.said, "reasons": list(kept.reasons)}
             for kept in solution.kept
         ],
+        "reserve": reserve_summary(solution.problem),
         "q_goal": np.asarray(solution.problem.q_goal).tolist(),
         "via_times": list(solution.via_times),
         "goals": [{"q": goal.q.tolist(), "duration": _finite(goal.duration)} for goal in solution.goals],
@@ -57,6 +59,12 @@ def minimum_time_summary(solution: Solution) -> dict[str, object]:
         "solve_time": round(solution.solve_time, 3),
         "worst_violation": None if worst is None else str(worst),
     }
+
+
+def reserve_summary(problem: MinimumTimeProblem) -> dict[str, list[float]] | None:
+    """What is kept for feedback, parts of every joint's limits [-]; None if nothing is."""
+    kept = problem.reserves
+    return {"effort": kept.effort.tolist(), "velocity": kept.velocity.tolist()} if kept.any else None
 
 
 def _checks(certificate: Certificate) -> dict[str, object]:

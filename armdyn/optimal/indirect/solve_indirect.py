@@ -191,7 +191,7 @@ def _seeds(question: _Question, seed: Solution | None) -> list[_Seed]:
     numbers, weight = question.numbers, question.seed_weight
     wider, limits = 1.0 if options.bounded else numbers.wider, problem.limits
     bound = wider * limits.effort_lower, wider * limits.effort_upper
-    smooth = problem.variant(effort_weight=weight, effort_limit=bound)
+    smooth = problem.variant(effort_weight=weight, effort_limit=bound, reserve=0.0)  # the bound is less it already
     task = Task.of(smooth, MinimumTimeOptions(seed=options.seed, workers=1), stop)
     if seed is not None:
         near = resolved_near(task, seed.trajectory)

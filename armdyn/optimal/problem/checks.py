@@ -13,6 +13,7 @@ from armdyn.models.scene.collision import CollisionModel
 from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.values.limits import JointLimits
 from armdyn.optimal.problem.asked import Asked
+from armdyn.optimal.problem.limits import kept_words
 
 Array = NDArray[np.float64]
 
@@ -26,8 +27,8 @@ SLOWEST = 1e-9
 """Velocity limits below it are refused [rad/s or m/s]: a turn in two hundred years."""
 
 
-def check_state(robot: Robot, limits: JointLimits, q: Array, v: Array, name: str) -> None:
-    """Refuse a state outside the limits."""
+def check_state(robot: Robot, limits: JointLimits, q: Array, v: Array, name: str, reserve: Array) -> None:
+    """Refuse a state outside the limits; reserve: parts of the velocity limits that these are less by, shape (nv,)."""
     for i, joint in enumerate(robot.joint_names):
         if not limits.position_lower[i] - _TYPED <= q[i] <= limits.position_upper[i] + _TYPED:
             raise ProblemError(
@@ -37,7 +38,7 @@ def check_state(robot: Robot, limits: JointLimits, q: Array, v: Array, name: str
         if abs(v[i]) > limits.velocity[i] + _TYPED:
             raise ProblemError(
                 f"{name} velocity of joint {joint!r} (index {i}) is {v[i]:.6g} rad/s, beyond its limit "
-                f"{limits.velocity[i]:.6g} rad/s"
+                f"{limits.velocity[i]:.6g} rad/s{kept_words(reserve[i], limits.velocity[i], 'rad/s')}"
             )
 
 
@@ -123,15 +124,26 @@ def clear_goals(model: CollisionModel, goals: Sequence[Array], clearance: float)
     return clear
 
 
-def warn_if_not_held(robot: Robot, limits: JointLimits, torque: Array) -> None:
-    """Warn of a goal that the actuators cannot hold; torque: what would hold it [N m or N], shape (nv,)."""
+def warn_if_not_held(robot: Robot, limits: JointLimits, torque: Array, reserve: Array) -> None:
+    """Warn of a goal that cannot be held within the limits.
+
+    Args:
+        robot: the arm.
+        limits: that hold for the motion.
+        torque: what would hold the goal [N m or N], shape (nv,).
+        reserve: parts of the torque limits that these are less by, shape (nv,).
+    """
     for i, joint in enumerate(robot.joint_names):
         bound = limits.effort_upper[i] if torque[i] > 0 else limits.effort_lower[i]
-        if abs(torque[i]) > abs(bound) + _ROUNDING * limits.effort_size[i]:
-            most = "it has no motor" if limits.passive[i] else f"its limit is {bound:.4g} N m"
+        room = _ROUNDING * limits.effort_size[i]
+        if abs(torque[i]) > abs(bound) + room:
+            kept = "" if limits.passive[i] else kept_words(reserve[i], bound, "N m")
+            most = "it has no motor" if limits.passive[i] else f"its limit is {bound:.4g} N m{kept}"
+            held = kept and abs(torque[i]) <= abs(bound) / (1 - reserve[i]) + room
+            then = "staying there takes of the reserve" if held else "staying there is beyond this actuator"
             warnings.warn(
                 f"joint {joint!r} needs {torque[i]:.4g} N m to hold the goal but {most}: "
-                "a motion to the goal may exist, staying there is beyond this actuator",
+                f"a motion to the goal may exist, {then}",
                 ArmdynWarning,
                 stacklevel=4,
             )

@@ -29,6 +29,7 @@ from armdyn.optimal.problem.checks import (
     clear_goals,
     warn_if_not_held,
 )
+from armdyn.optimal.problem.limits import Reserve, resolved_limits
 from armdyn.optimal.problem.turns import endless, ways_round
 from armdyn.trajectory import Trajectory
 
@@ -53,6 +54,9 @@ class MinimumTimeProblem:
             Zero is a joint without a motor.
         velocity_limit: [rad/s or m/s]: one number or one per joint, inf for none; None: the robot's.
         position_limit: (lower, upper) [rad or m], each one number or one per joint; None: the robot's.
+        reserve: part of every torque limit that is kept for feedback [-]: one number or one per joint, at least 0 and
+            below 1. The motion is planned with (1 - reserve) of the lower and of the upper limit.
+        velocity_reserve: likewise of every velocity limit.
         passive: names of joints without a motor, such as a cart's pole, besides those that effort_limit or the robot
             says are; their torque limits are zero.
         effort_weight: w [1/(N m)²].
@@ -69,7 +73,8 @@ class MinimumTimeProblem:
         acceleration_limit: [rad/s² or m/s²]: one number or one per joint; None: none.
         jerk_limit: likewise [rad/s³ or m/s³]; with one, the acceleration is zero at both ends.
         conditions: what else is asked along the way, such as `FrameSpeedLimit(0.25)` or `TorqueRateLimit(50.0)`.
-        limits: the limits that hold, each of shape (nv,).
+        limits: the limits that hold for the motion, less the reserves, each of shape (nv,). Certificate, lower bound,
+            sensitivities and all else that is said of the motion speak of these.
         goals: all joint positions that are tried as goals, each of shape (nv,); the first is q_goal.
 
     Raises:
@@ -89,6 +94,8 @@ class MinimumTimeProblem:
     effort_limit: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None
     velocity_limit: ArrayLike | None = None
     position_limit: tuple[ArrayLike, ArrayLike] | None = None
+    reserve: ArrayLike = 0.0
+    velocity_reserve: ArrayLike = 0.0
     passive: Sequence[str] = ()
     effort_weight: float = 0.0
     relative_effort_weight: float = 0.0
@@ -123,13 +130,18 @@ class MinimumTimeProblem:
             object.__setattr__(self, "q_goal", goals[0])
         object.__setattr__(self, "goals", tuple(goals))
         for q, v, name in ((self.q_start, self.v_start, "start"), (self.q_goal, self.v_goal, "goal")):
-            check_state(self.robot, self.limits, np.asarray(q), np.asarray(v), name)
+            check_state(self.robot, self.limits, np.asarray(q), np.asarray(v), name, self.reserves.velocity)
         if np.array_equal(self.x_start, self.x_goal):
             raise ProblemError(
                 f"start and goal are the same state, q = {self.x_start[: self.robot.nv]}: nothing is to be moved"
             )
         self._resolve_course()
-        warn_if_not_held(self.robot, self.limits, self.holding_torque())
+        warn_if_not_held(self.robot, self.limits, self.holding_torque(), self.reserves.effort)
+
+    @property
+    def reserves(self) -> Reserve:
+        """What is kept for feedback."""
+        return Reserve(np.asarray(self.reserve), np.asarray(self.velocity_reserve))
 
     @property
     def along_the_way(self) -> tuple[str, ...]:
@@ -206,9 +218,6 @@ class MinimumTimeProblem:
     def _joints(self, value: Any, name: str) -> Array:
         return per_joint(value, self.robot.joint_names, name, error=ProblemError, scalar=False)
 
-    def _limit(self, value: Any, name: str) -> Array:
-        return per_joint(value, self.robot.joint_names, name, error=ProblemError, finite=False)
-
     def _resolve_ends(self) -> None:
         """Check the states at both ends, and keep them as arrays; no velocity is rest, no pose is none."""
         for name in ("q_start", "q_goal", "v_start", "v_goal"):
@@ -225,7 +234,7 @@ class MinimumTimeProblem:
         """Check what is asked along the way, and keep it as tuples and arrays."""
         via = [self._joints(q, f"via[{i}]") for i, q in enumerate(several(self.via, "via"))]
         for i, q in enumerate(via):
-            check_state(self.robot, self.limits, q, np.zeros_like(q), f"via[{i}]")
+            check_state(self.robot, self.limits, q, np.zeros_like(q), f"via[{i}]", self.reserves.velocity)
             q.setflags(write=False)
         object.__setattr__(self, "via", tuple(via))
         check_poses(self.poses)
@@ -258,33 +267,18 @@ class MinimumTimeProblem:
             object.__setattr__(self, "q_goal", clear[0])
 
     def _resolve_limits(self) -> JointLimits:
-        own = self.robot.limits
-        effort_lower, effort_upper = own.effort_lower, own.effort_upper
-        if isinstance(self.effort_limit, tuple) and len(self.effort_limit) == 2:
-            effort_lower, effort_upper = (self._limit(x, "effort_limit") for x in self.effort_limit)
-        elif self.effort_limit is not None:
-            effort_upper = self._limit(self.effort_limit, "effort_limit")
-            if np.ndim(self.effort_limit) == 0:  # of all joints that have a motor
-                effort_upper = np.where(own.passive, 0.0, effort_upper)
-            effort_lower = -effort_upper
-        velocity = own.velocity
-        if self.velocity_limit is not None:
-            velocity = self._limit(self.velocity_limit, "velocity_limit")
-        lower, upper = own.position_lower, own.position_upper
-        if self.position_limit is not None:
-            pair = several(self.position_limit, "position_limit")
-            if len(pair) != 2:
-                raise ProblemError("position_limit must be a pair (lower, upper) [rad or m]")
-            lower, upper = (self._limit(x, "position_limit") for x in pair)
-        limits = JointLimits(
-            position_lower=lower, position_upper=upper, velocity=velocity,
-            effort_lower=effort_lower, effort_upper=effort_upper,
-        )  # fmt: skip
+        robot, kept = self.robot, Reserve.of(self.reserve, self.velocity_reserve, self.robot.joint_names)
+        object.__setattr__(self, "reserve", kept.effort)
+        object.__setattr__(self, "velocity_reserve", kept.velocity)
+        limits = resolved_limits(robot, self.effort_limit, self.velocity_limit, self.position_limit)
         object.__setattr__(self, "passive", several(self.passive, "passive"))
-        limits = limits.without_motors(self.passive, self.robot.joint_names, ProblemError)
-        check_motors(self.robot, limits, self.relative_effort_weight)
-        check_limits(self.robot, limits)
-        return limits
+        limits = limits.without_motors(self.passive, robot.joint_names, ProblemError)
+        check_motors(robot, limits, self.relative_effort_weight)
+        check_limits(robot, limits)
+        left = kept.left(limits, robot.joint_names)
+        if kept.any:  # which may leave no velocity worth its name
+            check_limits(robot, left)
+        return left
 
 
 def expect_problem(problem: object) -> MinimumTimeProblem:

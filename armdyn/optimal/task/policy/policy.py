@@ -6,11 +6,11 @@ from typing import Self
 
 import numpy as np
 
-from armdyn.optimal.problem.nature import speed_shapes
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.curves import CurvePolicy
 from armdyn.optimal.task.policy.landing import ConditionsPolicy, LandingPolicy
+from armdyn.optimal.task.policy.nature import speed_shapes
 from armdyn.optimal.task.policy.refinement import (
     ArcsPolicy,
     IndirectPolicy,

@@ -1,0 +1,39 @@
+"""What is kept for feedback, from the command line."""
+
+import pytest
+
+from cli.command import answer, run_here
+
+
+def test_mintime_keeps_and_tells_it(tmp_path):
+    leave_out = ("--no-figure", "--no-replay", "--out", tmp_path)
+    kept = answer(run_here("mintime", "r", "--reserve", "0.1", "--velocity-reserve", "0.03", *leave_out, "--json"))
+    assert kept["reserve"] == {"effort": [0.1], "velocity": [0.03]}
+    lesser = answer(run_here("mintime", "r", "--effort-limit", "2.7", *leave_out, "--json"))
+    assert lesser["reserve"] is None
+    assert kept["duration"] == pytest.approx(lesser["duration"], rel=1e-7)  # of two solves
+    told = run_here("mintime", "r", "--reserve", "0.1", *leave_out).stdout
+    assert "kept for feedback" in told and "10 % of the torque limits" in " ".join(told.split())
+
+
+def test_joint_by_joint(tmp_path):
+    leave_out = ("--no-figure", "--no-replay", "--out", tmp_path, "--json")
+    kept = answer(run_here("mintime", "rr", "--reserve", "0.1,0.3", *leave_out))
+    assert kept["reserve"] == {"effort": [0.1, 0.3], "velocity": [0.0, 0.0]}
+
+
+def test_bound_and_sweep_keep_it(tmp_path):
+    bound = ("bound", "r", "--json", "--velocity-limit")
+    kept = answer(run_here(*bound, "5", "--velocity-reserve", "0.2"))
+    assert kept["bound"] == pytest.approx(answer(run_here(*bound, "4"))["bound"], rel=1e-12)  # limits but for roundings
+    swept = ("sweep", "r", "--payload", "0.1", "--no-figure", "--out", tmp_path, "--json")
+    kept, lesser = (answer(run_here(*swept, *limit)) for limit in (("--reserve", "0.1"), ("--effort-limit", "2.7")))
+    assert kept["reserve"]["effort"] == [0.1]
+    assert kept["rows"][0]["duration_s"] == pytest.approx(lesser["rows"][0]["duration_s"], rel=1e-7)
+
+
+@pytest.mark.parametrize("value", ["1.1", "-0.1", "nan", "0.1,0.1,0.1", "a tenth"])
+def test_what_is_no_part_is_bad_input(value, tmp_path):
+    for option in ("--reserve", "--velocity-reserve"):
+        refused = answer(run_here("mintime", "rr", f"{option}={value}", "--out", tmp_path, "--json"), 2)
+        assert option.strip("-").replace("-", "_") in refused["message"].replace("-", "_")
