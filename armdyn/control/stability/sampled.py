@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop
-from armdyn.control.stability.linear import Rest
+from armdyn.control.stability.linear import BeyondNumbersError, Rest
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 
@@ -53,7 +53,8 @@ class SampledLoop:
             loop: with hold "zoh".
 
         Raises:
-            ProblemError: a continuous loop; gains, friction or period leave what numbers can hold.
+            ProblemError: a continuous loop.
+            BeyondNumbersError: gains or period are too large.
         """
         if loop.hold != "zoh":
             raise ProblemError('a loop with hold="continuous" has no ticks; `continuous_matrix` says what it does')
@@ -77,7 +78,9 @@ class SampledLoop:
             )
             closed = cls(carried, np.vstack([driven, np.zeros((n - 2 * nv, nv))]), felt, h)
             if not np.all(np.isfinite(closed.matrix)):
-                raise ProblemError("the sampled loop leaves what numbers can hold: its gains or period are too large")
+                raise BeyondNumbersError(
+                    "the sampled loop leaves what numbers can hold: its gains or period are too large"
+                )
         return closed
 
     @property
