@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+import plain_loop
 from armdyn.control.laws.lqr import Lqr
 from armdyn.control.laws.pid import Pid
 from armdyn.control.loop.law import Controller, Law
@@ -17,6 +18,7 @@ from armdyn.control.stability.linear import Rest, continuous_matrix, ticks_at_re
 from armdyn.control.stability.sampled import sampled_loop
 from armdyn.dynamics import forward_dynamics, inverse_dynamics
 from armdyn.errors import ProblemError
+from armdyn.trajectory import Trajectory
 from oracles import robot_named
 from pid_loops import example, loaded_arm
 from problems import cart
@@ -254,6 +256,47 @@ def test_fast_sampling_is_the_continuous_loop():
         loop = sampled_loop(robot, poses["q_goal"], controller, Loop(rate=rate, delay=0, velocity="exact"))
         errors.append(abs(np.log(loop.radius) * rate - growth))
     assert errors[1] < 0.12 * errors[0] < 0.012 * abs(growth)  # of first order in the tick
+
+
+@pytest.mark.parametrize(
+    ("name", "loop"),
+    [
+        ("RR Ex5", Loop(encoder=0.0)),
+        ("RR Ex5", Loop(encoder=0.0, delay=2, velocity="observer")),
+        ("RRR Ex6", Loop(encoder=0.0, delay=0)),
+    ],
+)
+def test_a_simulation_grows_as_the_matrix_says(name, loop):
+    """The loop in plain Python, pushed off its goal by half a milligram of payload, until that has grown 1e4 times."""
+    robot, poses = example(name, grams=100.6)
+    goal, controller = np.array(poses["q_goal"]), Pid(PidGains(30, 50, 10), "torque")
+    plant = loaded_arm(name.split()[0].lower(), "tip", 100.6005)
+    rest = np.zeros(robot.nv)
+    holding = inverse_dynamics(robot)(goal, rest, rest)
+    still = Trajectory(np.array([0.0, 0.1]), *(np.array([x, x]) for x in (goal, rest, holding)))
+    linear = sampled_loop(robot, goal, controller, loop, plant)
+    count = int(np.log(1e4) / np.log(linear.radius))
+    run = plain_loop.simulate(plant, robot, still, controller, loop, count * loop.period)
+    # In units of what holds the plant: the torques that are on their way miss it, and so does the feedforward.
+    missing = holding - inverse_dynamics(plant)(goal, rest, rest)
+    x, expected = np.zeros(len(linear.matrix)), [np.zeros(robot.nv)]
+    pending = slice(x.size - loop.delay * robot.nv, x.size)
+    x[pending] = np.tile(missing, loop.delay)
+    push = np.zeros(x.size)  # what the law's own miss adds to each tick
+    if loop.delay:
+        push[-robot.nv :] = missing
+    else:
+        push = linear.torque @ missing
+    if loop.velocity == "observer":  # its model is held by another torque than the one that holds the arm
+        a, h = -np.linalg.solve(motion_of(robot, None).inertia(goal), missing), loop.period
+        push[2 * robot.nv : 4 * robot.nv] = np.r_[h**2 / 2 * a, h * a]
+    for _ in range(count):
+        x = linear.matrix @ x + push
+        expected.append(x[: robot.nv])
+    moved = run.q - goal
+    assert np.abs(moved[-1]).max() < 1e-3
+    # Of second order in the deviation, 1e-3 rad at most, and the payload's change of the slopes, 5e-6 of them.
+    np.testing.assert_allclose(moved, expected, rtol=0, atol=5e-3 * np.abs(moved).max())
 
 
 def test_bad_input():
