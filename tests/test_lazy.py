@@ -20,6 +20,7 @@ HEAVY = (
     "casadi",
     "pinocchio",
     "matplotlib",
+    "control",
     "meshcat",
     "yourdfpy",
     "trimesh",
