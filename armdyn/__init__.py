@@ -39,7 +39,7 @@ if TYPE_CHECKING:
         trajectory_from_path,
     )
     from armdyn.studies.paper.printed.loop import PAPER_GAINS
-    from armdyn.trajectory import Sample, Trajectory
+    from armdyn.trajectory import Sample, Samples, Trajectory
 else:
     __getattr__, __dir__ = facade(
         __name__,
@@ -52,7 +52,7 @@ else:
             "Solution Status TimeOptimality TorqueRateLimit "
             "lower_bound replay_torques solve_minimum_time time_optimality trajectory_from_path",
             "studies.paper.printed.loop": "PAPER_GAINS",
-            "trajectory": "Sample Trajectory",
+            "trajectory": "Sample Samples Trajectory",
         },
     )
 
@@ -81,6 +81,7 @@ __all__ = [
     "PidRun",
     "Robot",
     "Sample",
+    "Samples",
     "Sensitivities",
     "Solution",
     "Sphere",

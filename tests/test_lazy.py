@@ -20,6 +20,8 @@ HEAVY = (
     "casadi",
     "pinocchio",
     "matplotlib",
+    "mujoco",
+    "pandas",
     "meshcat",
     "yourdfpy",
     "trimesh",

@@ -398,7 +398,7 @@ def test_a_member_twice_is_refused(tmp_path):
 
 
 def test_too_large_is_not_saved(tmp_path, monkeypatch, motion):
-    monkeypatch.setattr("armdyn.trajectory.MAX_BYTES", 100)
+    monkeypatch.setattr("armdyn.trajectory.npz.MAX_BYTES", 100)
     with pytest.raises(TrajectoryError, match="4 samples are more than 100 bytes"):
         motion.save(tmp_path / "x.npz")
     assert not list(tmp_path.iterdir())
