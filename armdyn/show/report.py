@@ -5,7 +5,7 @@ A figure takes matplotlib and a replay meshcat: each is loaded when it is drawn.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -22,16 +22,17 @@ PARTS: tuple[Part, ...] = ("figure", "replay")
 """What is drawn of a motion."""
 
 
-def file_names(parts: Collection[Part] = PARTS) -> list[str]:
+def file_names(parts: Collection[Part] = PARTS, motions: Iterable[str] = ("trajectory",)) -> list[str]:
     """The files that `write_run` writes."""
     drawn = {"figure": ["figure.png", "figure.pdf"], "replay": ["replay.html"]}
-    return ["trajectory.npz", *(name for part in PARTS if part in parts for name in drawn[part]), "result.json"]
+    saved = [f"{name}.npz" for name in motions]
+    return [*saved, *(name for part in PARTS if part in parts for name in drawn[part]), "result.json"]
 
 
 def write_run(
     folder: Path,
     robot: Robot,
-    trajectory: Trajectory,
+    motions: Mapping[str, Trajectory],
     summary: dict[str, object],
     title: str,
     obstacles: Sequence[Obstacle] = (),
@@ -39,12 +40,12 @@ def write_run(
     parts: Collection[Part] = PARTS,
     tell: Callable[[str], None] | None = None,
 ) -> list[Path]:
-    """Write trajectory.npz, figure.png, figure.pdf, replay.html and result.json.
+    """Write trajectory.npz or what else the motions are called, figure.png, figure.pdf, replay.html and result.json.
 
     Args:
         folder: made if it is not there.
         robot: that moved.
-        trajectory: its motion.
+        motions: its motions by the names of their files; drawn together.
         summary: what result.json says, besides the files.
         title: of the figure.
         obstacles: drawn in the replay.
@@ -59,19 +60,19 @@ def write_run(
     """
     tell = tell or (lambda text: None)
     folder.mkdir(parents=True, exist_ok=True)
-    trajectory = replace(trajectory, model_hash=robot.model_hash)
-    files = [trajectory.save(folder / "trajectory.npz")]
+    own = {name: replace(motion, model_hash=robot.model_hash) for name, motion in motions.items()}
+    files = [motion.save(folder / f"{name}.npz") for name, motion in own.items()]
     if "figure" in parts:
         tell("drawing the figure")
         from armdyn.show.plots import plot_trajectories, save_figure
 
-        figure = plot_trajectories([trajectory], limits=robot.limits, title=title)
+        figure = plot_trajectories(list(own.values()), limits=robot.limits, title=title)
         files += [save_figure(figure, folder / f"figure.{suffix}") for suffix in ("png", "pdf")]
     if "replay" in parts:
         tell("writing the replay")
         from armdyn.show.replay import write_html
 
-        files.append(write_html(robot, [trajectory], folder / "replay.html", obstacles=obstacles))
+        files.append(write_html(robot, list(own.values()), folder / "replay.html", obstacles=obstacles))
     result = folder / "result.json"
     names = [path.name for path in [*files, result]]
     return [*files, save_result(result, robot, {**summary, "files": names})]

@@ -25,7 +25,9 @@ ALWAYS = ["trajectory.npz", "result.json"]
 def test_what_is_asked_for_is_written_told_and_listed(parts, drawn, told, tmp_path):
     robot, heard = paper_arm("r"), []
     motion = quintic(robot, HANGING["r"], RAISED["r"], 0.5)
-    files = write_run(tmp_path, robot, motion, {"success": True}, "title", parts=parts, tell=heard.append)
+    files = write_run(
+        tmp_path, robot, {"trajectory": motion}, {"success": True}, "title", parts=parts, tell=heard.append
+    )
     assert [file.name for file in files] == [ALWAYS[0], *drawn, ALWAYS[1]]
     assert sorted(file.name for file in tmp_path.iterdir()) == sorted([*ALWAYS, *drawn])
     assert json.loads((tmp_path / "result.json").read_text())["files"] == [file.name for file in files]

@@ -107,7 +107,9 @@ def mintime(
             carried = f", {1000 * payload.payload:g} g" if payload.payload else ""
             title = f"{arm.name}{carried}: {title_words(solution)}"
             motion = solution.trajectory
-            written = results.write(folder, arm, motion, summary, title, problem.obstacles, tell=progress)
+            written = results.write(
+                folder, arm, {"trajectory": motion}, summary, title, problem.obstacles, tell=progress
+            )
         missing = missing_of(required, solution)
         answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, "missing": missing, **written.facts}
         if solution.status is ad.Status.INTERRUPTED:

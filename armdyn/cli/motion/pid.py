@@ -95,7 +95,7 @@ def pid(
             run = loop.run(arm, start, goal, PAPER_RULE if robot.robot in models.PAPER_ARMS else ARRIVAL_RULES[0])
             summary = pid_summary(run)
             title = f"{arm.name}, {1000 * payload.payload:g} g: PID loop"
-            written = results.write(folder, arm, run.trajectory, summary, title, tell=progress)
+            written = results.write(folder, arm, {"trajectory": run.trajectory}, summary, title, tell=progress)
         answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, **written.facts}
         answer.code = 0 if run.arrival_time is not None else NOT_USABLE
         if not json:

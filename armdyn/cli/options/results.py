@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -82,11 +82,11 @@ class ResultOptions:
     no_figure: NoFigure = False
     no_replay: NoReplay = False
 
-    def folder(self, command: str, name: str) -> Path:
+    def folder(self, command: str, name: str, motions: Iterable[str] = ("trajectory",)) -> Path:
         """Where it goes; see `OutputOptions.folder`."""
         from armdyn.show.report import file_names
 
-        return self.output.folder(command, name, file_names(self._parts))
+        return self.output.folder(command, name, file_names(self._parts, motions))
 
     @property
     def _parts(self) -> list[Part]:
@@ -100,16 +100,16 @@ class ResultOptions:
         self,
         folder: Path,
         robot: Robot,
-        motion: Trajectory,
+        motions: Mapping[str, Trajectory],
         summary: dict[str, object],
         title: str,
         obstacles: Sequence[Obstacle] = (),
         *,
         tell: Callable[[str], None],
     ) -> Written:
-        """Write what was asked for of a motion; see `write_run`."""
+        """Write what was asked for of motions; see `write_run`."""
         from armdyn.show.report import write_run
 
         begun = time.perf_counter()
-        files = write_run(folder, robot, motion, summary, title, obstacles, parts=self._parts, tell=tell)
+        files = write_run(folder, robot, motions, summary, title, obstacles, parts=self._parts, tell=tell)
         return Written(files=files, seconds=time.perf_counter() - begun)

@@ -5,7 +5,7 @@ from typing import Literal, Self
 
 import numpy as np
 
-from armdyn.arguments import number, one_of, whole
+from armdyn.arguments import flag, number, one_of, whole
 from armdyn.errors import ProblemError
 
 Velocity = Literal["filtered", "observer", "exact"]
@@ -47,6 +47,7 @@ class Loop:
         cutoff: of the velocity's filter, or of the observer [Hz].
         noise: standard deviation of what is added to each reading before it is rounded [rad or m].
         seed: of the noise.
+        saturate: clip torques at the effort limits.
         antiwindup: see `Antiwindup`.
         hold: see `Hold`; a continuous loop has no other imperfections.
 
@@ -61,6 +62,7 @@ class Loop:
     cutoff: float = 80.0
     noise: float = 0.0
     seed: int = 0
+    saturate: bool = True
     antiwindup: Antiwindup = "conditional"
     hold: Hold = "zoh"
 
@@ -71,6 +73,7 @@ class Loop:
             object.__setattr__(self, name, number(getattr(self, name), name, unit="rad", sign="not negative"))
         object.__setattr__(self, "delay", whole(self.delay, "delay", least=0))
         object.__setattr__(self, "seed", whole(self.seed, "seed", least=0))
+        flag(self.saturate, "saturate")
         one_of(self.velocity, VELOCITIES, "velocity")
         one_of(self.antiwindup, ANTIWINDUPS, "antiwindup")
         one_of(self.hold, HOLDS, "hold")
@@ -85,9 +88,9 @@ class Loop:
             )
 
     @classmethod
-    def ideal(cls, antiwindup: Antiwindup = "conditional") -> Self:
-        """The paper's: continuous, all imperfections off."""
-        return cls(delay=0, encoder=0.0, velocity="exact", antiwindup=antiwindup, hold="continuous")
+    def ideal(cls, saturate: bool = False) -> Self:
+        """The paper's: continuous, all imperfections off; torques beyond the limits, unless saturate."""
+        return cls(delay=0, encoder=0.0, velocity="exact", saturate=saturate, hold="continuous")
 
     @property
     def period(self) -> float:

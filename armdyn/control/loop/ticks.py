@@ -58,7 +58,7 @@ class Ticks:
         v = np.where(t[:, None] <= duration, state.v, 0.0)
         rest = np.zeros(robot.nv)
         holding = inverse_dynamics(robot)(reference.q[-1], rest, rest)
-        a = np.diff(v, axis=0, append=v[-1:]) * rate
+        a = np.diff(state.v, axis=0, append=state.v[-1:]) * rate  # a motion that ends moving is not braked in one tick
         return cls(rate, duration, state.q, v, a, _means(reference, t, holding) * rate)
 
     @property
@@ -72,7 +72,7 @@ class Ticks:
 
 
 def _means(reference: Trajectory, t: Array, holding: Array) -> Array:
-    """Integral of the torque over each tick [N m s], shape (n, nv): exact for torques that are linear between samples."""
+    """Integral of the torque over each tick [N m s], shape (n, nv): exact for torques linear between samples."""
     own = reference.t - reference.t[0]
     pieces = np.diff(own)[:, None] * (reference.tau[1:] + reference.tau[:-1]) / 2
     impulse = np.vstack([np.zeros(pieces.shape[1]), np.cumsum(pieces, axis=0)])

@@ -8,6 +8,8 @@
 
 namespace nb = nanobind;
 
+void add_loop(nb::module_& m);  // loop_module.cpp
+
 namespace {
 
 armdyn::Functions build(std::vector<int> parent, std::vector<bool> prismatic, std::vector<double> axis,
@@ -25,7 +27,8 @@ armdyn::Functions build(std::vector<int> parent, std::vector<bool> prismatic, st
 }  // namespace
 
 NB_MODULE(_armdyn_bridge, m) {
-  m.doc() = "Pinocchio's algorithms on casadi::SX.";
+  add_loop(m);
+  m.doc() = "Pinocchio's algorithms on casadi::SX, and a controller around an arm.";
   m.attr("casadi_version") = casadi::CasadiMeta::version();
   m.attr("pinocchio_version") = PINOCCHIO_VERSION;
   m.def("build", &build, nb::kw_only(), nb::arg("parent"), nb::arg("prismatic"), nb::arg("axis"),

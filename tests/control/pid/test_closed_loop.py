@@ -16,7 +16,7 @@ from armdyn.control.pid.gains import ContinuousPid
 from armdyn.dynamics.closed_form import PlanarArm
 from armdyn.errors import ProblemError
 from armdyn.studies.paper.printed.equations import PrintedArm
-from control.pid.loops import example, loaded_arm
+from pid_loops import example, loaded_arm
 
 # Last entry of |e1| into 0.005 rad [s], by payload reading and mass [g]: R Example 4, RR Example 5.
 ARRIVALS = {

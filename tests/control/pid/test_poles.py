@@ -13,8 +13,8 @@ from armdyn.dynamics.closed_form import PlanarArm
 from armdyn.errors import ProblemError
 from armdyn.models import ArmSpec, Payload
 from armdyn.studies.paper.printed.equations import PrintedArm
-from control.pid.loops import POSES, example
 from oracles import PinDynamics, robot_named
+from pid_loops import POSES, example
 
 # Largest real parts [1/s] of an independent Lagrangian model, by payload reading and mass [g].
 REFERENCE = {

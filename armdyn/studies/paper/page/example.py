@@ -25,4 +25,4 @@ def write_example(folder: Path, outcome: Outcome) -> list[Path]:
     what = "minimum time" if case.kind == "minimum_time" else "PID"
     example = f"Example {case.example} (Figure {case.paper_example.figure})"
     title = f"{example}: {case.arm.upper()}, {1000 * case.payload:g} g, {what}"
-    return write_run(folder, case.robot(), outcome.trajectory, outcome.summary, title)
+    return write_run(folder, case.robot(), {"trajectory": outcome.trajectory}, outcome.summary, title)

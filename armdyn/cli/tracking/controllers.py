@@ -1,0 +1,142 @@
+"""Options of a closed loop: the controller, how it is joined to the arm, and the arm that moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+import typer
+
+import armdyn as ad
+from armdyn.arguments import one_of
+from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+from armdyn.cli.options.text import number, numbers, one_or_more
+from armdyn.errors import ProblemError
+
+if TYPE_CHECKING:
+    from armdyn.cli.options.joints import FastJointOptions
+    from armdyn.control.loop.law import Controller
+
+CONTROLLERS = ("lqr", "computed-torque", "pid")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControllerOptions:
+    """Which controller; see `Lqr`, `ComputedTorque` and `Pid`."""
+
+    panel: ClassVar[str] = "Controller"
+
+    controller: Annotated[
+        str, typer.Option(metavar="NAME", help="lqr (linear-quadratic along the motion), computed-torque or pid.")
+    ] = "lqr"
+    weights: Annotated[
+        str | None,
+        typer.Option(
+            metavar="E,T,I",
+            help="Of lqr: error worth half the torque range \\[rad], what a velocity error counts beside it \\[s], and "
+            "its integral \\[1/s].",
+        ),
+    ] = None
+    bandwidth: Annotated[
+        str | None, typer.Option(metavar="W", help="Of computed-torque: its natural frequency \\[rad/s].")
+    ] = None
+    gains: Annotated[
+        str | None, typer.Option(metavar="KP,KI,KD", help="Of pid, the same for every joint \\[N m/rad and so on].")
+    ] = None
+
+    def chosen(self) -> Controller:
+        """It.
+
+        Raises:
+            ProblemError: unknown; an option is another controller's, or is not what it takes.
+        """
+        one_of(self.controller, CONTROLLERS, "--controller")
+        for option, of in (("weights", "lqr"), ("bandwidth", "computed-torque"), ("gains", "pid")):
+            if getattr(self, option) is not None and of != self.controller:
+                raise ProblemError(f"--{option} is an option of --controller {of}, not of {self.controller}")
+        if self.controller == "lqr":
+            return ad.Lqr() if self.weights is None else ad.Lqr(*_three(self.weights, "--weights"))
+        if self.controller == "pid":
+            if self.gains is None:
+                raise ProblemError("--controller pid needs --gains KP,KI,KD, such as 30,50,1 [N m/rad, N m/(rad s), …]")
+            return ad.Pid(ad.PidGains(*_three(self.gains, "--gains")))
+        if self.bandwidth is None:
+            return ad.ComputedTorque()
+        return ad.ComputedTorque(number(self.bandwidth, "--bandwidth"))
+
+
+def _three(text: str, option: str) -> tuple[float, float, float]:
+    values = numbers(text, option)
+    if len(values) != 3:
+        raise ProblemError(f"{option}: {text!r} has {len(values)} numbers; give three")
+    return values[0], values[1], values[2]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoopOptions:
+    """How controller and arm are joined; see `Loop`."""
+
+    panel: ClassVar[str] = "Loop"
+
+    rate: Annotated[float, typer.Option(metavar="HZ", help="Samples per second \\[Hz].")] = 1000.0
+    delay: Annotated[int, typer.Option(metavar="TICKS", help="From a reading to its torque \\[ticks].")] = 1
+    encoder: Annotated[float, typer.Option(metavar="RAD", help="Step of the encoders \\[rad]; 0: none.")] = 1e-4
+    velocity: Annotated[
+        str, typer.Option(metavar="HOW", help="filtered (differences of readings), observer (Luenberger) or exact.")
+    ] = "filtered"
+    cutoff: Annotated[float, typer.Option(metavar="HZ", help="Of the filter or the observer \\[Hz].")] = 80.0
+    noise: Annotated[float, typer.Option(metavar="RAD", help="Standard deviation of each reading \\[rad].")] = 0.0
+    seed: Annotated[int, typer.Option(help="Of the noise.")] = 0
+    antiwindup: Annotated[
+        str, typer.Option(metavar="HOW", help="conditional, back_calculation or none: the integral at a torque limit.")
+    ] = "conditional"
+    ideal: Annotated[
+        bool, typer.Option("--ideal", help="A continuous loop without any of these, saturated all the same.")
+    ] = False
+
+    def joined(self) -> ad.Loop:
+        """The loop.
+
+        Raises:
+            ProblemError: something is out of range or unknown.
+        """
+        if self.ideal:
+            return ad.Loop.ideal(saturate=True)
+        given: dict[str, Any] = {name: value for name, value in vars(self).items() if name != "ideal"}
+        return ad.Loop(**given)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlantOptions:
+    """How the arm that moves differs from the controller's model."""
+
+    panel: ClassVar[str] = "The arm that moves, where it differs from the model"
+
+    plant_payload: Annotated[
+        float | None, typer.Option(metavar="KG", help="What it carries in truth \\[kg], where --payload is.")
+    ] = None
+    plant_damping: Annotated[
+        str | None, typer.Option(metavar="D[,D…]", help="Viscous friction of its joints \\[N m s/rad].")
+    ] = None
+    plant_friction: Annotated[
+        str | None, typer.Option(metavar="F[,F…]", help="Coulomb friction of its joints \\[N m].")
+    ] = None
+
+    def real(self, robot: RobotOptions, payload: PayloadOptions, joints: FastJointOptions) -> ad.Robot:
+        """The arm that moves.
+
+        Args:
+            robot: as it was named.
+            payload: what the model carries, and where.
+            joints: of the model.
+
+        Raises:
+            ArmdynError: something does not fit the robot.
+        """
+        mass = payload.payload if self.plant_payload is None else self.plant_payload
+        arm = joints.fit(robot.read(payload.place.carried(mass)))
+        damping, friction = (
+            one_or_more(text, f"--plant-{name}")
+            for text, name in ((self.plant_damping, "damping"), (self.plant_friction, "friction"))
+        )
+        return arm.with_friction(damping, friction, None)

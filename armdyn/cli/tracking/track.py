@@ -1,0 +1,148 @@
+"""The command that has a controller move an arm along a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+import typer
+
+import armdyn as ad
+from armdyn.cli.console import INTERRUPTED, NOT_USABLE, answering, console, errors, escape, facts_table, working
+from armdyn.cli.options.joints import FastJointOptions, friction_words
+from armdyn.cli.options.poses import PoseOptions
+from armdyn.cli.options.results import ResultOptions
+from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions, PlantOptions
+from armdyn.errors import ProblemError
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReferenceOptions:
+    """What the arm is to follow, and how long it is watched."""
+
+    panel: ClassVar[str] = "Reference"
+
+    reference: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.npz", help="A motion that was saved; by default the fastest one is searched."),
+    ] = None
+    ramp: Annotated[
+        float | None,
+        typer.Option(metavar="S", help="Instead of the fastest motion a quintic ramp that takes so long \\[s]."),
+    ] = None
+    duration: Annotated[float, typer.Option(metavar="S", help="How long the arm is watched \\[s].")] = 2.0
+    tolerance: Annotated[float, typer.Option(metavar="RAD", help="From the goal, to be settled \\[rad].")] = 0.005
+
+    def motion(
+        self,
+        arm: ad.Robot,
+        ends: Callable[[], tuple[list[float], list[float]]],
+        kept: Mapping[str, Any],
+        tell: Callable[[str], None],
+    ) -> ad.Trajectory | ad.Solution:
+        """What is to be followed; a solution that is not usable says why there is none.
+
+        Args:
+            arm: the controller's model.
+            ends: gives start and goal [rad or m], where they are needed.
+            kept: what the search keeps for feedback.
+            tell: told in words what is being done.
+
+        Raises:
+            ArmdynError: a file is no trajectory, or two references are asked for.
+        """
+        if self.reference is not None and self.ramp is not None:
+            raise ProblemError("--reference and --ramp both say what to follow: give one of them")
+        if self.reference is not None:
+            return ad.Trajectory.load(self.reference)
+        start, goal = ends()
+        if self.ramp is not None:
+            return ad.ramp(arm, start, goal, self.ramp)
+        solution = ad.solve_minimum_time(
+            ad.MinimumTimeProblem(arm, q_start=start, q_goal=goal, **kept), ad.MinimumTimeOptions(), tell
+        )
+        return solution.trajectory if solution.usable else solution
+
+
+def track(
+    poses: PoseOptions,
+    payload: PayloadOptions,
+    robot: RobotOptions,
+    joints: FastJointOptions,
+    reference: ReferenceOptions,
+    controller: ControllerOptions,
+    loop: LoopOptions,
+    plant: PlantOptions,
+    results: ResultOptions,
+) -> None:
+    """What a controller makes of a motion on a real arm: sampled, delayed, saturated, with the wrong payload.
+
+    The fastest motion leaves feedback no torque; --reserve 0.1 keeps some for it. The controller knows the arm with
+    --payload; the one that moves may carry --plant-payload and rub. Exit code 0: it settled at the goal; 3: it did
+    not, and the output says why, also where the loop is unstable for its sampling.
+
+    [dim]armdyn track rrr --payload 0.1006 --reserve 0.1 --plant-payload 0.12
+    armdyn track rr --ramp 0.4 --controller pid --gains 30,50,1
+    armdyn track ur5 --reference results/mintime-ur5/trajectory.npz --controller computed-torque[/]
+    """
+    json = results.output.json
+    with answering(json) as answer:
+        arm = joints.fit(robot.read(payload.carried()))
+        law, joined, real = controller.chosen(), loop.joined(), plant.real(robot, payload, joints)
+        folder = results.folder("track", robot.robot, ("trajectory", "reference"))
+
+        def ends() -> tuple[list[float], list[float]]:
+            return tuple(read(arm, robot.robot, "minimum_time") for read in (poses.start, poses.goal))  # type: ignore[return-value]
+
+        with working(f"tracking with {arm.name}", json) as progress:
+            asked = reference.motion(arm, ends, joints.kept(), progress)
+            if isinstance(asked, ad.Solution):
+                answer.facts |= {"success": False, "status": str(asked.status), "message": asked.message}
+                answer.code = INTERRUPTED if asked.status is ad.Status.INTERRUPTED else NOT_USABLE
+                errors.print(f"no motion to follow: {escape(asked.message)}")
+                return
+            progress("the loop")
+            run = ad.track(arm, asked, law, real, joined, reference.duration, tolerance=reference.tolerance)
+            summary = {"robot": arm.name, "reference_duration": asked.duration, **run.summary()}
+            title = f"{arm.name}: {controller.controller}, {_outcome(run)}"
+            motions = {"trajectory": _until(run.trajectory, run, asked), "reference": replace(asked, name="reference")}
+            written = results.write(folder, real, motions, summary, title, tell=progress)
+        answer.facts |= {**summary, **written.facts}
+        answer.code = 0 if run.settled else NOT_USABLE
+        if not json:
+            words = friction_words(real) | _words(run, asked) | written.words
+            console.print(facts_table(f"{arm.name}: tracking with {controller.controller}", words))
+
+
+def _outcome(run: ad.Run) -> str:
+    return str(run.status).replace("_", " ") if run.settled_time is None else f"settled at {run.settled_time:.4f} s"
+
+
+def _words(run: ad.Run, reference: ad.Trajectory) -> dict[str, str]:
+    """A run in words."""
+    settled = run.settled_time
+    later = "" if settled is None else f", {1e3 * (settled - reference.duration):+.1f} ms beside the reference's end"
+    told = {
+        "reference": f"{reference.duration:.4f} s",
+        "status": run.message,
+        "settled": "-" if settled is None else f"{settled:.4f} s{later}",
+        "error at the reference's end": f"{run.error_at_end:.4f} rad",
+        "largest error on the way": f"{run.peak_error:.4f} rad",
+        "overshoot": ", ".join(f"{x:.4f}" for x in run.overshoot) + " rad",
+        "largest speed": f"{100 * run.peak_velocity:.1f} % of its limit",
+        "torque on its limit": f"{100 * run.saturated:.0f} % of the time",
+    }
+    if run.went_wrong is not None:
+        told["went wrong"] = f"at {run.went_wrong:.3f} s"
+    return told
+
+
+def _until(motion: ad.Trajectory, run: ad.Run, reference: ad.Trajectory) -> ad.Trajectory:
+    """A motion as far as it is worth looking at: a fifth longer than reference and settling took."""
+    if run.settled_time is None:
+        return motion
+    rows = motion.t <= 1.2 * max(run.settled_time, reference.duration)
+    return replace(motion, t=motion.t[rows], q=motion.q[rows], v=motion.v[rows], tau=motion.tau[rows])

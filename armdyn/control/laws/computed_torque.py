@@ -1,0 +1,69 @@
+"""Computed-torque control along a reference."""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from armdyn.arguments import number
+from armdyn.control.laws.readings import Readings, law_function, table
+from armdyn.control.laws.reference import expect_motors, reference_of
+from armdyn.control.loop.law import Law
+from armdyn.control.loop.loop import Loop
+from armdyn.control.loop.ticks import Ticks
+from armdyn.dynamics import Dynamics
+from armdyn.models.robots.robot import Robot, expect_robot
+
+
+@dataclass(frozen=True)
+class ComputedTorque:
+    """tau = rnea(q, v, a_ref + ω² e + 2 ζ ω (v_ref - v) + ki ∫e dt) + what keeps an exact arm exact, e = q_ref - q.
+
+    Every joint of the nominal arm then is an oscillator of its own about the reference (Siciliano, Sciavicco, Villani,
+    Oriolo, Robotics: Modelling, Planning and Control, section 8.5.2). The integral runs from the reference's end on:
+    what it gathers along a fast motion, where torque is short, it has to lose again at the goal.
+
+    What is added, tau_ref - rnea(q_ref, v_ref, a_ref), is small: a loop has it as its torque is felt later than q and v
+    are read, and its velocity lags. Without it there would be errors along the motion that no error of the arm made.
+
+    Attributes:
+        bandwidth: ω [rad/s].
+        damping: ζ; 1: no overshoot, without the integral.
+        integral: ki [1/s³]; 0: none. Without delay the loop is stable below 2 ζ ω³.
+
+    Raises:
+        ProblemError: bandwidth or damping not positive, integral negative.
+    """
+
+    bandwidth: float = 100.0
+    damping: float = 1.0
+    integral: float = 0.0
+
+    def __post_init__(self) -> None:
+        set_own = object.__setattr__
+        set_own(self, "bandwidth", number(self.bandwidth, "bandwidth", unit="rad/s", sign="positive"))
+        set_own(self, "damping", number(self.damping, "damping", sign="positive"))
+        set_own(self, "integral", number(self.integral, "integral", unit="1/s³", sign="not negative"))
+
+    def law(self, robot: Robot, ticks: Ticks, loop: Loop) -> Law:
+        """The law along a reference; see `Controller`.
+
+        Raises:
+            ProblemError: the reference is for another number of joints; a joint has no motor.
+        """
+        expect_motors(expect_robot(robot), "computed torque")
+        nv, dynamics, reference = robot.nv, Dynamics(robot), reference_of(robot, ticks, loop)
+        gains = (self.bandwidth**2, 2 * self.damping * self.bandwidth, self.integral)
+        rigid = [dynamics.rnea(*state) for state in zip(reference.q, reference.v, reference.a, strict=True)]
+        columns = {"q": reference.q, "v": reference.v, "a": reference.a, "gains": np.array(gains)}
+        columns["rest"] = reference.tau - np.array(rigid)
+
+        def torque(given: Readings) -> ca.SX:
+            row = given.row
+            stiff, damped, slow = ca.vertsplit(row["gains"])
+            u = stiff * (row["q"] - given.q) + damped * (row["v"] - given.v) + slow * given.integral
+            tau: ca.SX = dynamics.rnea(given.q, given.v, row["a"] + u)
+            return tau + row["rest"]
+
+        gain = self.integral * np.diag(dynamics.crba(ticks.goal))
+        return Law(law_function(nv, loop.delay, columns, torque), table(columns), gain, ticks.duration)

@@ -1,0 +1,134 @@
+"""An arm about its reference as linear difference equations, and the gains that are best for them."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, expm, solve_discrete_are
+
+from armdyn.control.loop.ticks import Ticks
+from armdyn.dynamics import inverse_dynamics
+from armdyn.errors import ProblemError
+from armdyn.models.robots.robot import Robot
+
+Array = NDArray[np.float64]
+
+
+class Steps(NamedTuple):
+    """x[k + 1] = A[k] x[k] + B[k] u[k] of small deviations; the last pair holds for good."""
+
+    A: Array
+    """Shape (n, m, m)."""
+    B: Array
+    """Shape (n, m, nv)."""
+
+
+def slopes(robot: Robot, q: Array, v: Array, tau: Array) -> tuple[Array, Array]:
+    """d/dt (δq, δv) = A (δq, δv) + B δtau at one state, with Pinocchio's derivatives of the articulated-body algorithm.
+
+    J. Carpentier, N. Mansard: Analytical Derivatives of Rigid Body Dynamics Algorithms, RSS 2018. The joints'
+    friction acts as a torque -tau_f(v).
+
+    Args:
+        robot: the arm.
+        q: position [rad or m], shape (nv,).
+        v: velocity [rad/s or m/s], shape (nv,).
+        tau: torque [N m or N], shape (nv,).
+
+    Returns:
+        A [1/s, 1/s²], shape (2 nv, 2 nv), and B, with D⁻¹ [1/(kg m²) or 1/kg] in its lower half, shape (2 nv, nv).
+    """
+    nv, data = robot.nv, robot.model.createData()
+    pin.computeABADerivatives(robot.model, data, robot.configuration(q), v, tau - robot.friction.torque(v))
+    upper: Array = np.triu(np.array(data.Minv))
+    inverse = upper + np.triu(upper, 1).T
+    drag = inverse * robot.friction.slope(v)
+    A = np.block([[np.zeros((nv, nv)), np.eye(nv)], [np.array(data.ddq_dq), np.array(data.ddq_dv) - drag]])
+    return A, np.vstack([np.zeros((nv, nv)), inverse])
+
+
+def plant_steps(robot: Robot, ticks: Ticks) -> Steps:
+    """(δq, δv) of an arm from tick to tick along a reference, of a torque that stays over each tick.
+
+    The exponential of the slopes in the middle of each tick, under its mean torque (the midpoint rule of Magnus:
+    Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., section IV.7): its error is of third order in
+    the tick. The last pair is of rest at the goal.
+
+    Args:
+        robot: the controller's model of the arm.
+        ticks: the reference.
+    """
+    q, v, h, nv = ticks.q, ticks.v, 1 / ticks.rate, robot.nv
+    middle_q = (q[:-1] + q[1:]) / 2 - h / 8 * np.diff(v, axis=0)
+    middle_v = (v[:-1] + v[1:]) / 2
+    rest = np.zeros(nv)
+    holding = inverse_dynamics(robot)(ticks.goal, rest, rest)
+    states = [*zip(middle_q, middle_v, ticks.tau[:-1], strict=True), (ticks.goal, rest, holding)]
+    block = np.zeros((len(states), 3 * nv, 3 * nv))
+    for each, state in zip(block, states, strict=True):
+        each[: 2 * nv, : 2 * nv], each[: 2 * nv, 2 * nv :] = slopes(robot, *state)
+    over = expm(h * block)
+    return Steps(over[:, : 2 * nv, : 2 * nv], over[:, : 2 * nv, 2 * nv :])
+
+
+def loop_steps(plant: Steps, delay: int, period: float) -> Steps:
+    """The same with what a loop adds: x = (e, ė, ∫e dt, torques decided and not yet felt), the next first.
+
+    All are reference less actual. u is what is decided at a tick, and felt `delay` ticks later.
+
+    Args:
+        plant: (e, ė) from tick to tick, as `plant_steps` has it.
+        delay: ticks from a reading to its torque.
+        period: of a tick [s].
+
+    Returns:
+        Steps of shape (n, (3 + delay) nv, (3 + delay) nv) and (n, (3 + delay) nv, nv).
+    """
+    count, nv = len(plant.A), plant.B.shape[-1]
+    size = (3 + delay) * nv
+    A, B = np.zeros((count, size, size)), np.zeros((count, size, nv))
+    A[:, : 2 * nv, : 2 * nv] = plant.A
+    A[:, 2 * nv : 3 * nv, :nv] = period * np.eye(nv)
+    A[:, 2 * nv : 3 * nv, 2 * nv : 3 * nv] = np.eye(nv)
+    if not delay:
+        B[:, : 2 * nv] = plant.B
+        return Steps(A, B)
+    A[:, : 2 * nv, 3 * nv : 4 * nv] = plant.B
+    A[:, 3 * nv : -nv, 4 * nv :] = np.eye((delay - 1) * nv)
+    B[:, -nv:] = np.eye(nv)
+    return Steps(A, B)
+
+
+def best_gains(steps: Steps, Q: Array, R: Array) -> Array:
+    """K of u[k] = -K[k] x[k], which makes Σ xᵀ Q x + uᵀ R u least.
+
+    Riccati's recursion backwards from the steady state at the goal, the solution of the discrete algebraic equation
+    (Anderson and Moore, Optimal Control: Linear Quadratic Methods, sections 2.4 and 3.3).
+
+    Args:
+        steps: along the reference, rest at the goal last.
+        Q: weight of x, shape (m, m).
+        R: weight of u, shape (nv, nv).
+
+    Returns:
+        Shape (n, nv, m).
+
+    Raises:
+        ProblemError: at the goal there is no such K, or numbers cannot hold it.
+    """
+    try:
+        P = solve_discrete_are(steps.A[-1], steps.B[-1], Q, R)
+    except (LinAlgError, ValueError) as error:
+        raise ProblemError(
+            f"there is no linear-quadratic regulator at the goal ({error}); other weights, another rate, or limits of "
+            "torque that fit the arm may help"
+        ) from None
+    gains = np.empty((len(steps.A), R.shape[0], Q.shape[0]))
+    for k in reversed(range(len(gains))):
+        A, B = steps.A[k], steps.B[k]
+        BP = B.T @ P
+        gains[k] = np.linalg.solve(R + BP @ B, BP @ A)
+        P = Q + A.T @ P @ (A - B @ gains[k])
+        P = (P + P.T) / 2
+    return gains

@@ -1,0 +1,70 @@
+"""What a law reads, as symbols, and the table of its rows: named columns instead of places in a vector."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Self
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Readings:
+    """The arguments of a law as casadi columns.
+
+    Attributes:
+        q: readings of position [rad or m], shape (nv, 1).
+        v: readings of velocity [rad/s or m/s], shape (nv, 1).
+        integral: of the error [rad s or m s], shape (nv, 1).
+        pending: torques decided and not yet felt, the next first [N m or N], shape (delay nv, 1).
+        row: what a row has, by name.
+    """
+
+    q: ca.SX
+    v: ca.SX
+    integral: ca.SX
+    pending: ca.SX
+    row: Mapping[str, ca.SX]
+
+    @classmethod
+    def of(cls, nv: int, delay: int, widths: Mapping[str, int]) -> Self:
+        """Symbols.
+
+        Args:
+            nv: number of joints.
+            delay: ticks from a reading to its torque.
+            widths: how many numbers a row has under each name.
+        """
+        q, v, integral = (ca.SX.sym(name, nv) for name in ("q", "v", "integral"))
+        row = {name: ca.SX.sym(name, width) for name, width in widths.items()}
+        return cls(q, v, integral, ca.SX.sym("pending", delay * nv), row)
+
+
+def law_function(nv: int, delay: int, columns: Mapping[str, Array], torque: Callable[[Readings], ca.SX]) -> ca.Function:
+    """A law's Function of (q, v, integral, pending, row).
+
+    Numbers of the rows are not in it, so that others need no new machine code.
+
+    Args:
+        nv: number of joints.
+        delay: ticks from a reading to its torque.
+        columns: see `table`.
+        torque: what is asked for [N m or N], shape (nv, 1).
+    """
+    given = Readings.of(nv, delay, {name: np.shape(column)[-1] for name, column in columns.items()})
+    row = ca.vertcat(*given.row.values())
+    arguments = [given.q, given.v, given.integral, given.pending, row]
+    return ca.Function("law", arguments, [torque(given)], ["q", "v", "integral", "pending", "row"], ["tau"])
+
+
+def table(columns: Mapping[str, Array]) -> Array:
+    """Rows of named columns side by side, shape (n, m).
+
+    Args:
+        columns: each of shape (n, width), or (width,) where it is the same in all rows; one at least of the former.
+    """
+    count = max(len(column) for column in columns.values() if column.ndim == 2)
+    return np.hstack([np.broadcast_to(column, (count, column.shape[-1])) for column in columns.values()])

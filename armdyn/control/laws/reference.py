@@ -1,0 +1,101 @@
+"""A reference as the law of one loop reads it: the velocity that the loop shows, and the torques of a delay later."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from armdyn.control.loop.loop import Loop
+from armdyn.control.loop.ticks import Ticks
+from armdyn.errors import ProblemError
+from armdyn.models.robots.robot import Robot
+
+Array = NDArray[np.float64]
+
+_LEFT = 1e-6
+"""Part of a filtered velocity that is left when the rows end."""
+_MOST_MORE = 20_000
+"""Rows that a slow filter may add."""
+
+
+class Reference(NamedTuple):
+    """Rows of a law; the last for good."""
+
+    q: Array
+    """Positions at the tick of reading [rad or m], shape (n, nv)."""
+    v: Array
+    """What the loop would show as velocity of an arm that follows exactly [rad/s or m/s], shape (n, nv)."""
+    true_v: Array
+    """Velocities [rad/s or m/s], shape (n, nv)."""
+    a: Array
+    """Mean acceleration over the tick on which the torque is felt [rad/s² or m/s²], shape (n, nv)."""
+    tau: Array
+    """Mean torque over that tick [N m or N], shape (n, nv)."""
+
+
+def reference_of(robot: Robot, ticks: Ticks, loop: Loop) -> Reference:
+    """What a law reads along a reference.
+
+    A filtered velocity lags by some ticks. An arm that follows exactly is to have no velocity error, so the
+    reference's velocity is led through the same filter, and rows are added until it has come to rest.
+
+    Args:
+        robot: that is to make the motion.
+        ticks: the motion.
+        loop: what shows it.
+
+    Raises:
+        ProblemError: another number of joints; another rate than the loop's.
+    """
+    if ticks.q.shape[1] != robot.nv:
+        raise ProblemError(f"the reference has {ticks.q.shape[1]} joints; {robot.name} has {robot.nv}")
+    if ticks.rate != loop.rate:
+        raise ProblemError(f"the reference has {ticks.rate:g} ticks a second; the loop has {loop.rate:g}")
+    more = _rows_to_rest(loop) if loop.velocity == "filtered" else 0
+    q, v, a, tau = (_held(rows, more) for rows in (ticks.q, ticks.v, ticks.a, ticks.tau))
+    seen = _filtered(q, v[0], loop) if loop.velocity == "filtered" else v
+    return Reference(q, seen, v, _felt(a, loop), _felt(tau, loop))
+
+
+def expect_motors(robot: Robot, what: str) -> None:
+    """Raise unless every joint has a motor.
+
+    Raises:
+        ProblemError: some have none.
+    """
+    if robot.passive:
+        raise ProblemError(
+            f"{what} needs a motor at every joint of {robot.name}; there is none at {', '.join(robot.passive)}: "
+            "minimum time moves such arms"
+        )
+
+
+def _held(rows: Array, more: int) -> Array:
+    """The last row as often again."""
+    return np.vstack([rows, np.repeat(rows[-1:], more, axis=0)])
+
+
+def _rows_to_rest(loop: Loop) -> int:
+    """Until a filter has forgotten all but a millionth."""
+    if loop.pole <= 0:
+        return 0
+    return int(min(np.ceil(np.log(_LEFT) / np.log(min(loop.pole, 1 - 1e-9))), _MOST_MORE))
+
+
+def _filtered(q: Array, start: Array, loop: Loop) -> Array:
+    """The filtered difference of positions, begun as the loop begins it: with the start's velocity."""
+    rate, pole = loop.rate, loop.pole
+    differences = np.diff(q, axis=0, prepend=(q[0] - start / rate)[None]) * rate
+    filtered, _ = lfilter([1 - pole], [1, -pole], differences, axis=0, zi=pole * start[None])
+    return np.asarray(filtered)
+
+
+def _felt(means: Array, loop: Loop) -> Array:
+    """Means over each tick, of the tick that the torque decided at a row acts on.
+
+    A continuous loop takes rows between ticks on a line: a row is then the mean about its own time.
+    """
+    if loop.hold == "continuous":
+        return np.vstack([means[:1], (means[1:] + means[:-1]) / 2])
+    return np.asarray(means[np.minimum(np.arange(len(means)) + loop.delay, len(means) - 1)])

@@ -1,0 +1,76 @@
+"""References that need no solver: rest at a pose, and a smooth ramp from one to another."""
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import ArrayLike, NDArray
+
+from armdyn.arguments import number
+from armdyn.dynamics import inverse_dynamics
+from armdyn.errors import ProblemError
+from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.values.per_joint import per_joint
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_QUINTIC = Polynomial([0, 0, 0, 10, -15, 6])
+"""From 0 to 1 with velocity and acceleration zero at both ends."""
+_PER_SECOND, _LEAST = 1000, 101
+"""Samples of a ramp: its cubics are then within 1e-9 of the quintic's travel."""
+_MOST = 100.0
+"""Of a ramp's duration [s]."""
+_INSTANT = 1e-3
+"""That a set point lasts [s]: it holds for good."""
+
+
+def ramp(robot: Robot, q_start: ArrayLike, q_goal: ArrayLike, duration: float) -> Trajectory:
+    """A reference along a quintic polynomial, from rest to rest, all joints in step.
+
+    Args:
+        robot: whose torques it has, by `pin.rnea` and the joints' friction.
+        q_start: [rad or m], shape (nv,).
+        q_goal: [rad or m], shape (nv,).
+        duration: [s].
+
+    Raises:
+        ProblemError: wrong length or not finite; duration not positive or beyond 100 s.
+    """
+    start, goal = _pose(robot, q_start, "q_start"), _pose(robot, q_goal, "q_goal")
+    T = number(duration, "duration", unit="s", sign="positive")
+    if T > _MOST:
+        raise ProblemError(f"duration is {T:g} s; expected at most {_MOST:g} s")
+    s = np.linspace(0.0, 1.0, max(_LEAST, int(np.ceil(T * _PER_SECOND)) + 1))[:, None]
+    q, v, a = (
+        part * (goal - start) + offset
+        for part, offset in (
+            (_QUINTIC(s), start),
+            (_QUINTIC.deriv()(s) / T, 0.0),
+            (_QUINTIC.deriv(2)(s) / T**2, 0.0),
+        )
+    )
+    return _motion(robot, T * s[:, 0], q, v, a, "ramp")
+
+
+def set_point(robot: Robot, q_goal: ArrayLike) -> Trajectory:
+    """A reference that rests at a pose: `track` goes there at once from its `q_start`.
+
+    Args:
+        robot: that is held there.
+        q_goal: [rad or m], shape (nv,).
+
+    Raises:
+        ProblemError: wrong length or not finite.
+    """
+    q = np.array([_pose(robot, q_goal, "q_goal")] * 2)
+    return _motion(robot, np.array([0.0, _INSTANT]), q, np.zeros_like(q), np.zeros_like(q), "set point")
+
+
+def _pose(robot: Robot, q: ArrayLike, name: str) -> Array:
+    joints = expect_robot(robot).joint_names
+    return per_joint(q, joints, name, unit="rad or m", error=ProblemError, scalar=False)
+
+
+def _motion(robot: Robot, t: Array, q: Array, v: Array, a: Array, name: str) -> Trajectory:
+    torque = inverse_dynamics(robot)
+    tau = np.array([torque(*state) for state in zip(q, v, a, strict=True)])
+    return Trajectory(t, q, v, tau, joint_names=robot.joint_names, name=name, model_hash=robot.model_hash)

@@ -1,0 +1,192 @@
+"""An arm and a controller's law at rest at a goal: what each answers to small deviations."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armdyn.control.laws.linear import slopes
+from armdyn.control.loop.law import Controller, Law
+from armdyn.control.loop.loop import Loop
+from armdyn.control.loop.ticks import Ticks
+from armdyn.dynamics import inverse_dynamics
+from armdyn.errors import ProblemError
+from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.values.per_joint import per_joint
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_NEWTON_STEPS = 20
+_NEAR = 1e-12
+"""Newton's method for the integrals at rest ends when a step is so small a part of them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """An arm near rest: d/dt (δq, δv) = A (δq, δv) + B δtau.
+
+    Attributes:
+        A: shape (2 nv, 2 nv): gravity's slope and that of the joints' friction; Coriolis torques are quadratic in v.
+        B: shape (2 nv, nv), D⁻¹ [1/(kg m²)] in its lower half.
+    """
+
+    A: Array
+    B: Array
+
+    @classmethod
+    def of(cls, robot: Robot, goal: Array, holding: Array) -> Self:
+        """By Pinocchio's analytic derivatives of the articulated-body algorithm.
+
+        Args:
+            robot: the arm.
+            goal: where it rests [rad or m], shape (nv,).
+            holding: torque that acts there [N m or N], shape (nv,).
+        """
+        return cls(*slopes(robot, goal, np.zeros(robot.nv), holding))
+
+    def held(self, period: float) -> tuple[Array, Array]:
+        """One tick of (q, v) under a torque that stays, exactly: shapes (2 nv, 2 nv) and (2 nv, nv).
+
+        Both are parts of one matrix exponential (Åström and Wittenmark, Computer-Controlled Systems, 3rd ed., (2.6)).
+        """
+        from scipy.linalg import expm
+
+        m, nv = self.B.shape
+        step = np.asarray(expm(period * np.block([[self.A, self.B], [np.zeros((nv, m + nv))]])))
+        return step[:m, :m], step[:m, m:]
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """A law near rest: δtau = q δq + v δv + integral δz + pending δp, of what it reads.
+
+    Attributes:
+        q: [N m/rad], shape (nv, nv).
+        v: [N m s/rad], shape (nv, nv).
+        integral: [N m/(rad s)], shape (nv, k), of the k joints whose integral the law uses.
+        pending: [-], shape (nv, delay nv).
+        used: which joints those k are, shape (k,).
+    """
+
+    q: Array
+    v: Array
+    integral: Array
+    pending: Array
+    used: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, law: Law, goal: Array, holding: Array, delay: int) -> Self:
+        """By casadi's derivatives, in the law's last row, with the integrals that hold the arm.
+
+        Where no integral can, as without integral gains, the torque is another than the holding one and the arm would
+        rest beside the goal; the slopes are those at the goal all the same.
+
+        Args:
+            law: of a reference that rests at the goal.
+            goal: [rad or m], shape (nv,).
+            holding: torque that holds the arm there [N m or N], shape (nv,).
+            delay: ticks.
+
+        Raises:
+            ProblemError: a slope is not finite.
+        """
+        nv, row = goal.size, law.rows[-1]
+        pending, jacobian = np.tile(holding, delay), law.function.jacobian()
+        z, old = np.zeros(nv), np.zeros(nv)
+        for _ in range(_NEWTON_STEPS):
+            readings = (goal, old, z, pending, row)
+            blocks = [np.array(block) for block in jacobian(*readings, np.zeros(nv))]
+            rest = holding - np.array(law.function(*readings)).ravel()
+            step = np.linalg.lstsq(blocks[2], rest, rcond=None)[0]
+            if not all(np.all(np.isfinite(part)) for part in (*blocks[:4], step)):
+                raise ProblemError("the law's slopes at the goal leave what numbers can hold; its gains are too large")
+            if np.abs(step).max() <= _NEAR * max(1.0, np.abs(z).max()):
+                break
+            z = z + step
+        used = np.flatnonzero(np.any(blocks[2] != 0, axis=0))
+        return cls(blocks[0], blocks[1], blocks[2][:, used], blocks[3].reshape(nv, delay * nv), used)
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """A loop at rest at a goal: the arm, the controller's model of it, and the law.
+
+    Attributes:
+        plant: the arm.
+        model: what the controller takes it for.
+        law: its slopes.
+    """
+
+    plant: Plant
+    model: Plant
+    law: Slopes
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        q_goal: ArrayLike,
+        controller: Controller,
+        loop: Loop,
+        plant: Robot | None = None,
+    ) -> Self:
+        """A controller's.
+
+        Args:
+            robot: the controller's model of the arm.
+            q_goal: [rad or m], shape (nv,).
+            controller: of the loop.
+            loop: what joins it to the arm.
+            plant: the arm; None: the model is right.
+
+        Raises:
+            ProblemError: the goal, the controller or the plant does not fit the robot, or the controller the loop.
+        """
+        names = expect_robot(robot).joint_names
+        arm = robot if plant is None else expect_robot(plant)
+        if arm.nv != robot.nv:
+            raise ProblemError(f"the plant {arm.name} has {arm.nv} joints; the controller's model has {robot.nv}")
+        goal = per_joint(q_goal, names, "q_goal", unit="rad or m", error=ProblemError, scalar=False)
+        rest = np.zeros(robot.nv)
+        holding = inverse_dynamics(arm)(goal, rest, rest)
+        law = controller.law(robot, ticks_at_rest(robot, goal, loop.rate), loop)
+        return cls(
+            Plant.of(arm, goal, holding),
+            Plant.of(robot, goal, holding),
+            Slopes.of(law, goal, holding, loop.delay),
+        )
+
+
+def ticks_at_rest(robot: Robot, goal: Array, rate: float) -> Ticks:
+    """A reference that rests at a goal.
+
+    Args:
+        robot: that rests.
+        goal: [rad or m], shape (nv,).
+        rate: of the loop [Hz].
+    """
+    rest = np.zeros(robot.nv)
+    holding = inverse_dynamics(robot)(goal, rest, rest)
+    twice = [np.array([x, x]) for x in (goal, rest, holding)]
+    still = Trajectory(np.array([0.0, 1.0 / rate]), twice[0], twice[1], twice[2])
+    return Ticks.of(robot, still, rate)
+
+
+def continuous_matrix(rest: Rest) -> Array:
+    """The same law as a differential equation: ẋ = A x, x = (∫e, q, v), with nothing sampled and no delay.
+
+    Args:
+        rest: of a loop without delay, such as `Loop.ideal()`.
+
+    Returns:
+        Shape (k + 2 nv, k + 2 nv), k the number of joints whose integral the law uses.
+    """
+    plant, law = rest.plant, rest.law
+    nv, k = plant.B.shape[1], law.used.size
+    A = np.zeros((k + 2 * nv, k + 2 * nv))
+    A[np.arange(k), k + law.used] = -1.0
+    A[k:, k:] = plant.A
+    A[k:] += plant.B @ np.hstack([law.integral, law.q, law.v])
+    return A

@@ -1,0 +1,177 @@
+"""How often a loop must sample to be stable at its goal, and what is said of one that does not."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armdyn.arguments import number, whole
+from armdyn.control.loop.law import Controller
+from armdyn.control.loop.loop import Loop
+from armdyn.control.stability.linear import Rest, continuous_matrix
+from armdyn.control.stability.sampled import sampled_loop
+from armdyn.errors import ProblemError
+from armdyn.models.robots.robot import Robot, expect_robot
+
+Array = NDArray[np.float64]
+
+RATES = (10.0, 2e5)
+"""Rates that are looked at [Hz]."""
+_PER_DECADE = 12
+_EXACT = 1e-4
+"""How near to the boundary a rate is brought, as a part of it."""
+
+
+@dataclass(frozen=True)
+class SampledStability:
+    """Whether a loop holds its arm still at a goal, small deviations given.
+
+    Coulomb friction acts on a joint near rest like strong damping, and not at all on one that moves faster than the
+    friction's width. A loop that needs it to be stable swings on once it is pushed. So an arm that has some is looked
+    at with its slope at rest and without it, and the worse of both counts.
+
+    Attributes:
+        radius: what a deviation is multiplied by from tick to tick in the end.
+        stable: whether that is below 1.
+        continuous_growth: largest real part [1/s] of the eigenvalues of the same law without sampling, delay or filter;
+            None: the controller has no law for a loop without them.
+        slowest_stable_rate: from which rate on the loop is stable [Hz]; None if it is stable as it is, unstable as a
+            continuous loop, too, or unstable at every rate looked at.
+        message: the same in a sentence.
+    """
+
+    radius: float
+    stable: bool
+    continuous_growth: float | None
+    slowest_stable_rate: float | None
+    message: str
+
+
+def sampled_stability(
+    robot: Robot, q_goal: ArrayLike, controller: Controller, loop: Loop, plant: Robot | None = None
+) -> SampledStability:
+    """Whether a loop is stable at rest at a goal, and if not whether its sampling is the cause.
+
+    Other rates are looked at only where it is unstable as sampled, and stable as a continuous loop.
+
+    Args:
+        robot: the controller's model of the arm.
+        q_goal: [rad or m], shape (nv,).
+        controller: of the loop.
+        loop: what joins it to the arm.
+        plant: the arm; None: the model is right.
+
+    Raises:
+        ProblemError: something does not fit the robot, or the controller the loop.
+    """
+    if loop.hold == "continuous":
+        growth = _continuous_growth(robot, q_goal, controller, loop, plant)
+        radius = float(np.exp(growth * loop.period))
+        stable = growth < 0
+        verdict = "stable" if stable else "unstable"
+        return SampledStability(radius, stable, growth, None, f"{verdict} as a continuous loop ({_growth(growth)})")
+    radius = _radius(robot, q_goal, controller, loop, plant)
+    how = f"spectral radius {radius:.4g} at {loop.rate:g} Hz with {_ticks(loop.delay)} of delay"
+    try:
+        without = replace(Loop.ideal(), rate=loop.rate)
+        continuous: float | None = _continuous_growth(robot, q_goal, controller, without, plant)
+    except ProblemError:  # a law that was made for samples alone
+        continuous = None
+    if radius < 1:
+        return SampledStability(radius, True, continuous, None, f"stable as sampled: {how}")
+    if continuous is None:
+        return SampledStability(radius, False, None, None, f"unstable as sampled: {how}")
+    if continuous >= 0:
+        message = f"unstable even as a continuous loop ({_growth(continuous)}); {how}"
+        return SampledStability(radius, False, continuous, None, message)
+    rate = slowest_stable_rate(robot, q_goal, controller, loop.delay, plant, loop=loop)
+    found = f"stable from {rate:.0f} Hz on" if rate else f"not stable up to {RATES[1]:g} Hz with this delay and filter"
+    message = f"unstable for its sampling: stable as a continuous loop ({_growth(continuous)}), {how}; {found}"
+    return SampledStability(radius, False, continuous, rate, message)
+
+
+def slowest_stable_rate(
+    robot: Robot,
+    q_goal: ArrayLike,
+    controller: Controller,
+    delay: int = 1,
+    plant: Robot | None = None,
+    *,
+    loop: Loop | None = None,
+    rates: tuple[float, float] = RATES,
+) -> float | None:
+    """From which rate on a loop is stable at rest at a goal [Hz].
+
+    Stability need not be monotone in the rate. The answer is the one above which all rates of a scan are stable, twelve
+    per decade; below it there may be others at which the loop is stable. The delay stays the same number of ticks, the
+    cutoff of the velocity's filter or observer the same frequency, and a controller whose law depends on the rate is
+    made anew for each.
+
+    Args:
+        robot: the controller's model of the arm.
+        q_goal: [rad or m], shape (nv,).
+        controller: of the loop.
+        delay: ticks from a reading to its torque.
+        plant: the arm; None: the model is right.
+        loop: what else joins it to the arm; None: `Loop()`.
+        rates: the least and the greatest that are looked at [Hz].
+
+    Returns:
+        The rate, exact to 1e-4 of it; the least looked at if all are stable; None if the greatest is not.
+
+    Raises:
+        ProblemError: something does not fit the robot; a continuous loop; rates out of order.
+    """
+    base = replace(Loop() if loop is None else loop, delay=whole(delay, "delay", least=0))
+    low, high = (number(rate, "rates", unit="Hz", sign="positive") for rate in rates)
+    if low >= high:
+        raise ProblemError(f"rates are {low:g} to {high:g} Hz; the first must be the less")
+
+    def stable(rate: float) -> bool:
+        return _radius(robot, q_goal, controller, replace(base, rate=rate), plant) < 1
+
+    count = int(np.ceil(_PER_DECADE * np.log10(high / low))) + 1
+    above = high
+    if not stable(high):
+        return None
+    for rate in np.geomspace(high, low, count)[1:].tolist():
+        if not stable(rate):
+            return _boundary(stable, rate, above)
+        above = rate
+    return low
+
+
+def _boundary(stable: Callable[[float], bool], low: float, high: float) -> float:
+    """Between an unstable rate and a stable one [Hz], the stable side of the boundary."""
+    while high > low * (1 + _EXACT):
+        middle = float(np.sqrt(low * high))
+        low, high = (low, middle) if stable(middle) else (middle, high)
+    return high
+
+
+def _radius(robot: Robot, q_goal: ArrayLike, controller: Controller, loop: Loop, plant: Robot | None) -> float:
+    arms = _sticking_and_sliding(robot if plant is None else plant)
+    return max(sampled_loop(robot, q_goal, controller, loop, arm).radius for arm in arms)
+
+
+def _continuous_growth(
+    robot: Robot, q_goal: ArrayLike, controller: Controller, loop: Loop, plant: Robot | None
+) -> float:
+    arms = _sticking_and_sliding(robot if plant is None else plant)
+    matrices = [continuous_matrix(Rest.of(robot, q_goal, controller, loop, arm)) for arm in arms]
+    return max(float(np.linalg.eigvals(matrix).real.max()) for matrix in matrices)
+
+
+def _sticking_and_sliding(plant: Robot) -> list[Robot]:
+    """The arm, and where it has Coulomb friction also the arm without it."""
+    arm = expect_robot(plant)
+    return [arm, arm.with_friction(friction=0.0)] if np.any(arm.friction.coulomb) else [arm]
+
+
+def _growth(growth: float) -> str:
+    return f"max Re λ = {growth:+.4g} 1/s"
+
+
+def _ticks(delay: int) -> str:
+    return f"{delay} tick{'s' * (delay != 1)}" if delay else "no tick"

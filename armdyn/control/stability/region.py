@@ -1,0 +1,149 @@
+"""The gains with which a continuous PID loop is stable at its goal."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armdyn.arguments import number, numbers, one_of
+from armdyn.control.pid.gains import DEFAULT_GAINS, FORMS, ContinuousPid, Form, PidGains
+from armdyn.control.pid.motion import EquationsOfMotion, motion_of
+from armdyn.control.pid.poles import closed_loop_matrix, eigenvalues
+from armdyn.errors import ProblemError
+from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.values.per_joint import per_joint
+
+Array = NDArray[np.float64]
+
+_PER_DECADE = 60
+"""Factors that are looked at, of which all above the answer are stable."""
+_EXACT = 1e-12
+"""How near to the boundary a factor is brought, as a part of it."""
+
+
+@dataclass(frozen=True)
+class GainRegion:
+    """One joint under PID control at its goal: m s³ + (kd + c) s² + (kp + k) s + ki = 0.
+
+    By Routh's table it is stable if and only if kd + c > 0, kp + k > 0, ki ≥ 0 and (kd + c) (kp + k) > m ki. Without ki
+    the integral is left out, as in `closed_loop_matrix`, and m s² + (kd + c) s + (kp + k) = 0.
+
+    Attributes:
+        inertia: m. Form "torque": D [kg m²]. Else 1 [-].
+        stiffness: k. "torque": G' = ∂g/∂q [N m/rad]. "acceleration": G'/D [1/s²], D being constant for one joint.
+            "computed_torque": 0. It is negative where the arm stands upright, and falls.
+        damping: c, the slope of the joint's friction at rest. "torque": ∂tau_f/∂v [N m s/rad]. "acceleration": that
+            over D [1/s]. "computed_torque": 0.
+
+    Raises:
+        ProblemError: something is not finite, or the inertia not positive.
+    """
+
+    inertia: float
+    stiffness: float
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        number(self.inertia, "inertia", unit="kg m²", sign="positive")
+        number(self.stiffness, "stiffness", unit="N m/rad")
+        number(self.damping, "damping", unit="N m s/rad")
+
+    @classmethod
+    def of(cls, robot: Robot, q_goal: ArrayLike, form: Form = "acceleration") -> Self:
+        """That of an arm of one joint.
+
+        Args:
+            robot: the arm.
+            q_goal: [rad], shape (1,).
+            form: what the controller's output is, see `Form`.
+
+        Raises:
+            ProblemError: more than one joint, a goal that does not fit it, or an unknown form.
+        """
+        if expect_robot(robot).nv != 1:
+            raise ProblemError(f"{robot.name} has {robot.nv} joints; a gain region in closed form is for one joint")
+        one_of(form, FORMS, "form")
+        goal = per_joint(q_goal, robot.joint_names, "q_goal", unit="rad or m", error=ProblemError, scalar=False)
+        if form == "computed_torque":
+            return cls(1.0, 0.0)
+        motion, rest = motion_of(robot, None), np.zeros(1)
+        inertia = float(motion.inertia(goal)[0, 0])
+        drag = float(motion.drag(goal)[0])
+        if form == "torque":
+            return cls(inertia, -inertia * float(motion.stiffness(goal, motion.bias(goal, rest))[0, 0]), drag)
+        return cls(1.0, -float(motion.stiffness(goal, rest)[0, 0]), drag / inertia)
+
+    def polynomial(self, kp: float, ki: float, kd: float) -> tuple[float, ...]:
+        """Its characteristic polynomial, highest power first; of degree 2 without ki."""
+        cubic = (self.inertia, kd + self.damping, kp + self.stiffness, ki)
+        return cubic if ki else cubic[:3]
+
+    def stable(self, kp: ArrayLike, ki: ArrayLike, kd: ArrayLike) -> NDArray[np.bool_]:
+        """Whether it is stable with such gains, of one shape or shapes that broadcast."""
+        p, i, d = (numbers(gain, name) for gain, name in ((kp, "kp"), (ki, "ki"), (kd, "kd")))
+        damping, stiffness = d + self.damping, p + self.stiffness
+        return np.asarray((i >= 0) & (damping > 0) & (stiffness > 0) & (damping * stiffness > self.inertia * i))
+
+    def least_kd(self, kp: ArrayLike, ki: ArrayLike) -> Array:
+        """The kd above which it is stable; infinite where none is enough."""
+        p, i = np.broadcast_arrays(numbers(kp, "kp"), numbers(ki, "ki"))
+        stiffness = p + self.stiffness
+        enough = (stiffness > 0) & (i >= 0)
+        least = self.inertia * i / np.where(enough, stiffness, 1.0) - self.damping
+        return np.asarray(np.where(enough, least, np.inf))
+
+
+def least_stable_factor(
+    robot: Robot,
+    q_goal: ArrayLike,
+    gains: PidGains = DEFAULT_GAINS,
+    form: Form = "acceleration",
+    *,
+    dynamics: EquationsOfMotion | None = None,
+    factors: tuple[float, float] = (1e-3, 1e3),
+) -> float | None:
+    """By what kp, ki and kd must all be multiplied at least for the continuous loop to be stable at its goal.
+
+    Stability need not be monotone in the factor. The answer is the one from which on all factors of a scan are stable,
+    60 per decade up to the greatest; eigenvalues decide.
+
+    Args:
+        robot: an arm.
+        q_goal: [rad or m], shape (nv,).
+        gains: that are multiplied.
+        form: what the controller's output is, see `Form`.
+        dynamics: other equations of motion than the robot's own.
+        factors: the least and the greatest that are looked at.
+
+    Returns:
+        The factor, exact to 1e-12 of it: above 1 the gains are too small. The least looked at if all are stable; None
+        if the greatest is not.
+
+    Raises:
+        ProblemError: the goal or the gains do not fit the robot; unknown form; factors not positive, or out of order.
+    """
+    from scipy.optimize import brentq
+
+    joints = expect_robot(robot).joint_names
+    goal = per_joint(q_goal, joints, "q_goal", unit="rad or m", error=ProblemError, scalar=False)
+    low, high = (number(factor, "factors", sign="positive") for factor in factors)
+    if low >= high:
+        raise ProblemError(f"factors are {low:g} to {high:g}; the first must be the less")
+    motion = motion_of(robot, dynamics)
+    kp, ki, kd = gains.per_joint(robot.nv)
+
+    def growth(log_factor: float) -> float:
+        factor = float(np.exp(log_factor))
+        controller = ContinuousPid(PidGains(*(tuple(factor * gain) for gain in (kp, ki, kd))), form)
+        return float(eigenvalues(closed_loop_matrix(motion, goal, controller))[0].real)
+
+    count = int(np.ceil(_PER_DECADE * np.log10(high / low))) + 1
+    scan = np.linspace(np.log(low), np.log(high), count)
+    unstable = [k for k, x in enumerate(scan) if growth(x) >= 0]
+    if not unstable:
+        return low
+    if unstable[-1] == count - 1:
+        return None
+    last = unstable[-1]
+    return float(np.exp(brentq(growth, scan[last], scan[last + 1], xtol=_EXACT)))

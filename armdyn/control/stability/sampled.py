@@ -1,0 +1,141 @@
+"""The sampled loop at rest at a goal, as one matrix from tick to tick."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armdyn.control.loop.law import Controller
+from armdyn.control.loop.loop import Loop
+from armdyn.control.stability.linear import Rest
+from armdyn.errors import ProblemError
+from armdyn.models.robots.robot import Robot
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SampledLoop:
+    """x(k+1) = carried x(k) + torque f(k), f(k) = felt x(k): what is left of small deviations after one tick.
+
+    x holds, joint by joint in each block, at the tick and before its reading:
+
+    - q [rad or m] and v [rad/s or m/s], the deviations from rest at the goal;
+    - with velocity "filtered" the filter's memory pole v̂(k-1) - (1 - pole) rate q(k-1) [rad/s];
+      with "observer" the predicted q̂⁻ [rad] and v̂⁻ [rad/s]; with "exact" nothing;
+    - the integrals that the law uses [rad s];
+    - the torques that are decided and not yet felt, the next first [N m or N].
+
+    f is the torque that the arm feels over the tick. Nothing is clipped, rounded or noisy.
+
+    Attributes:
+        carried: shape (n, n). It has no torque that the arm feels.
+        torque: shape (n, nv): what that does within one tick, the reading's memory aside.
+        felt: shape (nv, n).
+        period: one tick [s].
+    """
+
+    carried: Array
+    torque: Array
+    felt: Array
+    period: float
+
+    @classmethod
+    def of(cls, rest: Rest, loop: Loop) -> Self:
+        """A loop's, by the order of one tick.
+
+        Reading, estimate of the velocity, law with the integral as it stands, torque of `delay` ticks before on the
+        arm, and then the integral: z + period (q_goal - q_read).
+
+        Args:
+            rest: arm, model and law at the goal.
+            loop: with hold "zoh".
+
+        Raises:
+            ProblemError: a continuous loop.
+        """
+        if loop.hold != "zoh":
+            raise ProblemError('a loop with hold="continuous" has no ticks; `continuous_matrix` says what it does')
+        law, h, nv = rest.law, loop.period, rest.plant.B.shape[1]
+        memory = {"exact": 0, "filtered": nv, "observer": 2 * nv}[loop.velocity]
+        ends = np.cumsum([nv, nv, memory, law.used.size, loop.delay * nv])
+        n = int(ends[-1])
+        q, v, m, z, p = (rows for rows in np.split(np.eye(n), ends[:-1]))  # each picks its part of x
+        q_read, v_read = _readings(loop, q, v, m)
+        wanted = law.q @ q_read + law.v @ v_read + law.integral @ z + law.pending @ p
+        felt = p[:nv] if loop.delay else wanted
+        moved, driven = rest.plant.held(h)
+        carried = np.vstack(
+            [
+                moved @ np.vstack([q, v]),
+                _remembered(loop, rest, q, q_read, v_read, felt),
+                z - h * q_read[law.used],
+                *([p[nv:], wanted] if loop.delay else []),
+            ]
+        )
+        return cls(carried, np.vstack([driven, np.zeros((n - 2 * nv, nv))]), felt, h)
+
+    @property
+    def matrix(self) -> Array:
+        """Of the closed loop, shape (n, n)."""
+        return np.asarray(self.carried + self.torque @ self.felt)
+
+    @property
+    def radius(self) -> float:
+        """Largest |eigenvalue|: what a deviation is multiplied by from tick to tick in the end; stable below 1."""
+        return spectral_radius(self.matrix)
+
+
+def sampled_loop(
+    robot: Robot, q_goal: ArrayLike, controller: Controller, loop: Loop, plant: Robot | None = None
+) -> SampledLoop:
+    """The sampled loop at rest at a goal.
+
+    Encoder steps, noise and limits of torque are left out; Coulomb friction counts with its slope at rest. A plant that
+    is not the controller's model rests where its own torque holds it; the offset that an observer then has is left out.
+
+    Args:
+        robot: the controller's model of the arm.
+        q_goal: [rad or m], shape (nv,).
+        controller: whose law it is.
+        loop: what joins it to the arm, with hold "zoh".
+        plant: the arm; None: the model is right.
+
+    Raises:
+        ProblemError: something does not fit the robot, or the loop is continuous.
+    """
+    return SampledLoop.of(Rest.of(robot, q_goal, controller, loop, plant), loop)
+
+
+def spectral_radius(matrix: Array) -> float:
+    """Largest |eigenvalue| of a matrix of shape (n, n).
+
+    Raises:
+        ProblemError: it is not finite.
+    """
+    if not np.all(np.isfinite(matrix)):
+        raise ProblemError("the sampled loop leaves what numbers can hold: gains, friction or period are too large")
+    return float(np.abs(np.linalg.eigvals(matrix)).max())
+
+
+def _readings(loop: Loop, q: Array, v: Array, memory: Array) -> tuple[Array, Array]:
+    """What the law reads as position and velocity, each of shape (nv, n), by rows that pick the state's parts."""
+    if loop.velocity == "exact":
+        return q, v
+    if loop.velocity == "filtered":
+        return q, memory + (1 - loop.pole) * loop.rate * q
+    of_position, of_velocity = loop.observer_gains
+    predicted, rate = memory[: len(q)], memory[len(q) :]
+    return predicted + of_position * (q - predicted), rate + of_velocity * (q - predicted)
+
+
+def _remembered(loop: Loop, rest: Rest, q: Array, q_read: Array, v_read: Array, felt: Array) -> Array:
+    """The filter's or the observer's memory one tick later, shape (0, nv or 2 nv; n)."""
+    if loop.velocity == "exact":
+        return q[:0]
+    if loop.velocity == "filtered":
+        return np.asarray(loop.pole * v_read - (1 - loop.pole) * loop.rate * q)
+    h, model = loop.period, rest.model
+    a = (model.A @ np.vstack([q_read, v_read]) + model.B @ felt)[len(q) :]
+    return np.vstack([q_read + h * v_read + h**2 / 2 * a, v_read + h * a])

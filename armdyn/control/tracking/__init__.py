@@ -1,0 +1,1 @@
+"""What a controller makes of a reference on a real arm."""

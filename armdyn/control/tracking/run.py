@@ -1,0 +1,184 @@
+"""What came of a controller's motion along a reference."""
+
+from dataclasses import dataclass, replace
+from typing import Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.control.loop.ticks import Ticks
+from armdyn.control.stability.rate import SampledStability
+from armdyn.dynamics.driven import Driven
+from armdyn.models.robots.robot import Robot
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+Status = Literal["settled", "not_settled", "diverged", "failed"]
+"""What became of a run, see `Run`."""
+
+_LOST = 20.0
+"""So many tolerances beside its reference an arm is lost: 0.1 rad by default."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A motion under a controller, and what came of it.
+
+    Attributes:
+        trajectory: of the arm, one sample per tick; tau acts from its sample to the next.
+        status: "settled": all joints came within the tolerance of the goal and stayed; "not_settled": the run is whole
+            but they did not; "diverged": stopped 100 rad from the goal or at 1000 rad/s; "failed": no step of the
+            integrator was short enough.
+        message: the status in a sentence, with its numbers and the joint.
+        settled_time: from when on all joints stay within the tolerance of the goal [s]; None if they do not.
+        error_at_end: largest distance of a joint from the goal when the reference ends [rad or m]; inf where the run
+            broke off before.
+        peak_error: largest distance of a joint from the reference [rad or m].
+        peak_velocity: largest speed of a joint as a part of its limit [-]; 0 without limits.
+        saturated: part of the time in which some torque was clipped [-]: until it settled, or the reference ended.
+        went_wrong: when a joint first was 20 tolerances from the reference, and farther than at the start, or when
+            the run broke off [s]; None: never.
+        overshoot: how far each joint went past its goal, seen from the start [rad or m], shape (nv,).
+        stability: of the loop at rest at the goal, where the run did not settle and it was asked for; else None.
+    """
+
+    trajectory: Trajectory
+    status: Status
+    message: str
+    settled_time: float | None
+    error_at_end: float
+    peak_error: float
+    peak_velocity: float
+    saturated: float
+    went_wrong: float | None
+    overshoot: Array
+    stability: SampledStability | None = None
+
+    @property
+    def settled(self) -> bool:
+        """All joints came within the tolerance of the goal and stayed."""
+        return self.status == "settled"
+
+    def with_stability(self, stability: SampledStability) -> Self:
+        """The same with what its goal's stability has to do with it."""
+        if stability.stable:
+            return replace(self, stability=stability)
+        return replace(
+            self, stability=stability, message=f"{self.message}; at the goal the loop is {stability.message}"
+        )
+
+    def summary(self) -> dict[str, object]:
+        """A run as JSON says it: success is that it settled; units as above."""
+        numbers = {
+            name: float(value) if value is not None and np.isfinite(value) else None
+            for name, value in vars(self).items()
+            if name in ("settled_time", "error_at_end", "peak_error", "peak_velocity", "saturated", "went_wrong")
+        }
+        facts: dict[str, object] = {"success": self.settled, "status": str(self.status), "message": self.message}
+        facts |= numbers
+        facts["overshoot"] = [float(x) for x in self.overshoot]
+        if self.stability is not None:
+            kept = vars(self.stability)
+            facts["stability"] = {k: v if not isinstance(v, float) or np.isfinite(v) else None for k, v in kept.items()}
+        return facts
+
+
+def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: str = "") -> Run:
+    """Judge what a loop did.
+
+    Args:
+        robot: the arm that moved.
+        driven: what it did.
+        ticks: the reference.
+        tolerance: of a joint's distance from the goal [rad or m].
+        name: of the trajectory.
+    """
+    t = np.arange(len(driven.q)) / ticks.rate
+    beside = np.abs(driven.q - ticks.goal)
+    settled = settled_time(t, beside.max(axis=1), tolerance) if driven.ended == "whole" else None
+    off = np.abs(driven.q - ticks.q[np.minimum(np.arange(len(t)), len(ticks.q) - 1)]).max(axis=1)
+    lost = np.flatnonzero(off > max(_LOST * tolerance, float(off[0])))
+    broke = float(t[-1]) if driven.ended != "whole" else None
+    moving = float(t[-1]) if settled is None else max(ticks.duration, settled)
+    during = driven.clipped[: max(int(np.ceil(moving * ticks.rate)), 1)]
+    status, message = _told(robot, driven, settled, beside[-1], tolerance, float(t[-1]))
+    return Run(
+        trajectory=_trajectory(robot, driven, t, name),
+        status=status,
+        message=message,
+        settled_time=settled,
+        error_at_end=_error_at(t, driven.q - ticks.goal, ticks.duration),
+        peak_error=float(off.max()),
+        peak_velocity=float((np.abs(driven.v) / robot.limits.velocity).max()),
+        saturated=float(during.any(axis=1).mean()) if len(during) else 0.0,
+        went_wrong=float(t[lost[0]]) if lost.size else broke,
+        overshoot=overshoot(driven.q, ticks.goal),
+    )
+
+
+def settled_time(t: Array, error: Array, tolerance: float) -> float | None:
+    """When a distance comes within a tolerance to stay [s], linear between samples; None: it does not.
+
+    Args:
+        t: times [s], shape (n,).
+        error: distances [rad or m], shape (n,).
+        tolerance: in their unit.
+    """
+    outside = np.flatnonzero(~(error <= tolerance))
+    if not outside.size:
+        return float(t[0])
+    k = int(outside[-1])
+    if k == t.size - 1:
+        return None
+    part = (error[k] - tolerance) / (error[k] - error[k + 1])
+    return float(t[k] + part * (t[k + 1] - t[k]))
+
+
+def overshoot(q: Array, goal: Array) -> Array:
+    """How far each joint goes past its goal, seen from the start [rad or m], shape (nv,).
+
+    Of a joint that starts at its goal, how far it strays.
+
+    Args:
+        q: positions [rad or m], shape (n, nv).
+        goal: [rad or m], shape (nv,).
+    """
+    way = np.sign(goal - q[0])
+    past = np.where(way == 0, np.abs(q - goal), way * (q - goal))
+    return np.asarray(np.maximum(past.max(axis=0), 0.0))
+
+
+def _error_at(t: Array, beside: Array, time: float) -> float:
+    if time > t[-1] + 1e-12:
+        return float("inf")
+    return max(abs(float(np.interp(time, t, column))) for column in beside.T)
+
+
+def _trajectory(robot: Robot, driven: Driven, t: Array, name: str) -> Trajectory:
+    """A run that broke off at once has two samples all the same."""
+    rows = slice(None) if t.size > 1 else [0, 0]
+    times = t if t.size > 1 else np.array([0.0, 1e-9])
+    return Trajectory(
+        t=times, q=driven.q[rows], v=driven.v[rows], tau=np.nan_to_num(driven.tau[rows]),
+        joint_names=robot.joint_names, name=name, model_hash=robot.model_hash,
+    )  # fmt: skip
+
+
+def _told(
+    robot: Robot, driven: Driven, settled: float | None, last: Array, tolerance: float, end: float
+) -> tuple[Status, str]:
+    """Status, and the same in words."""
+    worst = int(np.argmax(last))
+    where = f"{robot.joint_names[worst]} is {last[worst]:.4g} from the goal"
+    if driven.ended == "diverged":
+        speed = np.abs(driven.v[-1]).max()
+        return "diverged", f"diverged at t = {end:.6g} s: {where}, the fastest joint's speed is {speed:.4g}"
+    if driven.ended == "failed":
+        return "failed", f"the integrator gave up at t = {end:.6g} s, where no step is short enough: {where}"
+    if settled is not None:
+        return "settled", f"all joints within {tolerance:g} of the goal from t = {settled:.6g} s on"
+    clipped: NDArray[np.bool_] = np.any(driven.clipped[-max(len(driven.clipped) // 10, 1) :], axis=0)
+    held = [robot.joint_names[i] for i in np.flatnonzero(clipped)]
+    tail = f"; the torque of {', '.join(held)} is on its limit to the end" if held else ""
+    return "not_settled", f"not settled: {where} at t = {end:.6g} s{tail}"

@@ -1,0 +1,158 @@
+"""A controller that is ready for a reference, whatever arm it then meets."""
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armdyn.arguments import expect, number
+from armdyn.control.loop.law import Controller, Law
+from armdyn.control.loop.loop import Loop
+from armdyn.control.loop.ticks import Ticks
+from armdyn.control.tracking.run import Run, run_of
+from armdyn.dynamics.driven import Driven, Tables, drive, plant_of
+from armdyn.errors import ProblemError
+from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.values.per_joint import per_joint
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_AWAY, _FAST = 100.0, 1000.0
+"""Distance from the goal [rad or m] and speed [rad/s or m/s] beyond which a run has diverged: sixteen turns, and ten
+times the fastest robot. A start beyond a tenth of them moves them out."""
+_TOLERANCE = 1e-8
+"""That a tick's positions may change by when its steps are halved [rad or m]; its velocities a hundred times that."""
+_LONGER = 1.0
+"""A reference that takes longer than it is watched is watched for so long afterwards [s]."""
+_MOST = 5_000_000
+"""Ticks of a run times joints: 160 MB."""
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """A controller's law along a reference, and how it is joined to an arm.
+
+    Attributes:
+        robot: the controller's model of the arm.
+        ticks: the reference.
+        law: the controller's.
+        loop: how they are joined.
+        start: of the arm, (q, v), shape (2 nv,).
+        duration: how long the arm is watched [s].
+        tolerance: of a joint's distance from the goal [rad or m].
+    """
+
+    robot: Robot
+    ticks: Ticks
+    law: Law
+    loop: Loop
+    start: Array
+    duration: float
+    tolerance: float
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        reference: Trajectory,
+        controller: Controller,
+        loop: Loop,
+        *,
+        duration: float,
+        tolerance: float,
+        q_start: ArrayLike | None = None,
+    ) -> Self:
+        """What is asked, checked; see `track`."""
+        joints = expect_robot(robot).joint_names
+        if robot.passive:
+            raise ProblemError(
+                f"a controller needs a motor at every joint of {robot.name}; there is none at "
+                f"{', '.join(robot.passive)}"
+            )
+        expect(reference, Trajectory, "reference", "a Trajectory, such as solution.trajectory or ramp(…)")
+        expect(controller, Controller, "controller", "Lqr(), ComputedTorque() or Pid(gains)")  # type: ignore[type-abstract]
+        expect(loop, Loop, "loop", "Loop(rate=1000.0, delay=1)")
+        ticks = Ticks.of(robot, reference, loop.rate)
+        start = np.concatenate([reference.q[0], reference.v[0]])
+        if q_start is not None:
+            q = per_joint(q_start, joints, "q_start", unit="rad or m", error=ProblemError, scalar=False)
+            start = np.concatenate([q, np.zeros(robot.nv)])
+        duration = number(duration, "duration", unit="s", sign="positive")
+        duration = duration if duration >= ticks.duration else ticks.duration + _LONGER
+        if duration * loop.rate * robot.nv > _MOST:
+            raise ProblemError(
+                f"{duration:g} s at {loop.rate:g} Hz are too many samples of {robot.nv} joints; expected at most "
+                f"{_MOST / robot.nv:.0f} ticks"
+            )
+        tolerance = number(tolerance, "tolerance", unit="rad", sign="positive")
+        return cls(robot, ticks, controller.law(robot, ticks, loop), loop, start, duration, tolerance)
+
+    def run(self, plant: Robot, seed: int | None = None, name: str = "") -> Run:
+        """What comes of it on an arm; threads may call it side by side.
+
+        Args:
+            plant: the arm that moves.
+            seed: of the readings' noise; None: the loop's own.
+            name: of the trajectory.
+        """
+        return run_of(plant, self.drive(plant, seed), self.ticks, self.tolerance, name)
+
+    def drive(self, plant: Robot, seed: int | None = None) -> Driven:
+        """The motion alone.
+
+        Raises:
+            ProblemError: the arm has another number of joints.
+        """
+        nv, loop = self.robot.nv, self.loop
+        if expect_robot(plant).nv != nv:
+            raise ProblemError(f"the plant, {plant.name}, has {plant.nv} joints; {self.robot.name} has {nv}")
+        body = plant_of(plant)
+        model = plant_of(self.robot) if loop.velocity == "observer" else None
+        lower, upper = self._limits(plant)
+        count = max(int(np.ceil(self.duration * loop.rate - 1e-9)), 1)
+        noise: Array = np.empty(0)
+        if loop.noise:
+            noise = np.random.default_rng(loop.seed if seed is None else seed).normal(0.0, loop.noise, (count, nv))
+        first = np.clip(self.ticks.ahead(0)[np.minimum(np.arange(loop.delay), len(self.ticks.tau) - 1)], lower, upper)
+        tables = Tables(
+            plant_parameters=body.parameters,
+            model_parameters=np.empty(0) if model is None else model.parameters,
+            rows=self.law.rows,
+            q_reference=self.ticks.q,
+            start=np.concatenate([self.start, np.zeros(nv)]) if loop.hold == "continuous" else self.start,
+            first=first,
+            lower=lower,
+            upper=upper,
+            integral_gain=self.law.integral_gain,
+            noise=noise,
+        )
+        observer = None if model is None else model.function
+        return drive(body.function, self.law.function, observer, tables, self._scalars(count))
+
+    def _limits(self, plant: Robot) -> tuple[Array, Array]:
+        """Torques between which are clipped [N m or N]: what the drives are told, and what the arm has."""
+        if not self.loop.saturate:
+            return np.full(plant.nv, -np.inf), np.full(plant.nv, np.inf)
+        own, its = self.robot.limits, plant.limits
+        return np.maximum(own.effort_lower, its.effort_lower), np.minimum(own.effort_upper, its.effort_upper)
+
+    def _scalars(self, count: int) -> dict[str, Any]:
+        loop, nv = self.loop, self.robot.nv
+        far = 10 * float(np.abs(self.start - np.concatenate([self.ticks.goal, np.zeros(nv)])).max())
+        return {
+            "period": loop.period,
+            "encoder": loop.encoder,
+            "pole": loop.pole,
+            "integrate_from": self.law.integrate_from,
+            "away": max(_AWAY, far),
+            "fast": max(_FAST, far),
+            "tolerance": _TOLERANCE,
+            "ticks": count,
+            "row_size": self.law.rows.shape[1],
+            "delay": loop.delay,
+            "continuous": loop.hold == "continuous",
+            "velocity": loop.velocity,
+            "antiwindup": loop.antiwindup,
+        }

@@ -1,0 +1,53 @@
+"""One motion of a real arm under a controller."""
+
+from numpy.typing import ArrayLike
+
+from armdyn.control.laws.lqr import Lqr
+from armdyn.control.loop.law import Controller
+from armdyn.control.loop.loop import Loop
+from armdyn.control.stability.rate import sampled_stability
+from armdyn.control.tracking.run import Run
+from armdyn.control.tracking.setup import Setup
+from armdyn.models.robots.robot import Robot
+from armdyn.trajectory import Trajectory
+
+_LOOP = Loop()
+_CONTROLLER = Lqr()
+
+
+def track(
+    robot: Robot,
+    reference: Trajectory,
+    controller: Controller = _CONTROLLER,
+    plant: Robot | None = None,
+    loop: Loop = _LOOP,
+    duration: float = 2.0,
+    *,
+    tolerance: float = 0.005,
+    q_start: ArrayLike | None = None,
+) -> Run:
+    """Have a controller move an arm along a reference, and hold it at its end.
+
+    Args:
+        robot: the controller's model of the arm.
+        reference: the motion that is asked for, such as a minimum-time solution's trajectory.
+        controller: `Lqr`, `ComputedTorque` or `Pid`.
+        plant: the arm that moves: another payload, friction; None: the model itself.
+        loop: how controller and arm are joined.
+        duration: how long the arm is watched [s]; where the reference takes longer, for a second more than it.
+        tolerance: of a joint's distance from the goal, to be settled [rad or m].
+        q_start: where the arm stands at the beginning [rad or m], shape (nv,); None: where the reference begins.
+
+    Returns:
+        What came of it. The message of a run that did not settle says whether the loop is stable at its goal, and
+        whether its sampling is to blame.
+
+    Raises:
+        ProblemError: robot, plant, reference or controller do not fit each other; not finite; too many samples.
+    """
+    setup = Setup.of(robot, reference, controller, loop, duration=duration, tolerance=tolerance, q_start=q_start)
+    plant = robot if plant is None else plant
+    run = setup.run(plant, name=type(controller).__name__)
+    if run.settled:
+        return run
+    return run.with_stability(sampled_stability(robot, setup.ticks.goal, controller, loop, plant))

@@ -1,0 +1,129 @@
+"""A controller around an arm, tick by tick, by the bridge's loop: the arm and the law in C, one thread each run."""
+
+import ctypes
+from collections.abc import Mapping
+from functools import cache
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.dynamics.symbolic import Dynamics
+from armdyn.exclusive import built_once
+from armdyn.machine.compiled import compiled_library
+from armdyn.models.robots.robot import Robot
+
+Array = NDArray[np.float64]
+
+
+class Plant(NamedTuple):
+    """An arm whose last body and friction are numbers, so that all its payloads share one function."""
+
+    function: ca.Function
+    """a(q, v, tau, p)."""
+    parameters: Array
+    """p: ten dynamic parameters of the last joint's body; with friction also damping and Coulomb friction of every
+    joint, and the width of its jump."""
+
+
+def plant_of(robot: Robot) -> Plant:
+    """A robot's."""
+    friction = robot.friction
+    smooth = Dynamics(robot.with_friction(0.0, 0.0) if friction.present else robot, free_last_body=True)
+    if not friction.present:
+        return Plant(smooth.functions["aba"], smooth.last_body)
+    numbers = (smooth.last_body, *friction.per_joint(robot.nv), [friction.width])
+    return Plant(_rubbing(smooth), np.concatenate(numbers))
+
+
+@built_once(maxsize=64)
+def _rubbing(dynamics: Dynamics) -> ca.Function:
+    nv = dynamics.nv
+    q, v, tau, p = (ca.SX.sym(name, size) for name, size in (("q", nv), ("v", nv), ("tau", nv), ("p", 11 + 2 * nv)))
+    body, damping, coulomb, width = ca.vertsplit(p, [0, 10, 10 + nv, 10 + 2 * nv, 11 + 2 * nv])
+    lost = damping * v + coulomb * ca.tanh(v / width)
+    return ca.Function("rubbing", [q, v, tau, p], [dynamics.functions["aba"](q, v, tau - lost, body)])
+
+
+class Tables(NamedTuple):
+    """What a loop reads: see `_bridge/loop.hpp`."""
+
+    plant_parameters: Array
+    model_parameters: Array
+    rows: Array
+    q_reference: Array
+    start: Array
+    first: Array
+    lower: Array
+    upper: Array
+    integral_gain: Array
+    noise: Array
+
+
+class Driven(NamedTuple):
+    """What a loop did, tick by tick."""
+
+    q: Array
+    """Positions [rad or m], shape (ticks + 1, nv)."""
+    v: Array
+    """Velocities [rad/s or m/s], likewise."""
+    tau: Array
+    """Torques that act from there on [N m or N], likewise; the last row is the one before."""
+    estimate: Array
+    """Velocities as the controller sees them, likewise."""
+    clipped: NDArray[np.bool_]
+    """Whether the torque decided at a tick was clipped, shape (ticks, nv)."""
+    shortest: float
+    """Step of Runge and Kutta's method, as a part of a tick."""
+    ended: str
+    """One of "whole"; "diverged": a bound of the state was exceeded; "failed": no step was short enough."""
+
+
+def drive(
+    plant: ca.Function, law: ca.Function, model: ca.Function | None, tables: Tables, scalars: Mapping[str, object]
+) -> Driven:
+    """Run a loop; other threads go on meanwhile.
+
+    Args:
+        plant: the arm that moves, a(q, v, tau, p).
+        law: the controller's, tau(q, v, integral, pending, row).
+        model: the observer's arm, like plant; None: there is no observer.
+        tables: what is read.
+        scalars: the single numbers of `_bridge/loop.hpp`, by name.
+    """
+    import _armdyn_bridge as bridge
+
+    found = bridge.simulate(
+        _callable(plant),
+        _callable(law),
+        None if model is None else _callable(model),
+        {name: np.ascontiguousarray(table, dtype=float) for name, table in tables._asdict().items()},
+        dict(scalars),
+    )
+    nv, ticks = tables.lower.size, found["ticks"]
+    q, v, tau, estimate = (
+        np.frombuffer(found[name]).reshape(-1, nv)[: ticks + 1] for name in ("q", "v", "tau", "estimate")
+    )
+    clipped = np.frombuffer(found["clipped"], dtype=bool).reshape(-1, nv)[:ticks]
+    return Driven(q, v, tau, estimate, clipped, found["shortest"], found["ended"])
+
+
+@built_once(maxsize=256)
+def _callable(function: ca.Function) -> Any:
+    """A Function for the bridge: in machine code where there is a compiler."""
+    import _armdyn_bridge as bridge
+
+    generator = ca.CodeGenerator("armdyn.c", {"with_header": False})
+    generator.add(function)
+    library = _library(generator.dump(), function.n_instructions())
+    if library is None:
+        return bridge.Callable(0, [0, 0, 0, 0], function.serialize())
+    address = ctypes.cast(getattr(library, function.name()), ctypes.c_void_p).value
+    return bridge.Callable(address, [function.sz_arg(), function.sz_res(), function.sz_iw(), function.sz_w()], "")
+
+
+@cache
+def _library(source: str, instructions: int) -> ctypes.CDLL | None:
+    """Never forgotten: its addresses were given away. Another Function of the same source shares it."""
+    return compiled_library(source, instructions)

@@ -1,0 +1,158 @@
+"""The compiled loop against independent ones: the paper's differential equation, plain Python, MuJoCo."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import armdyn as ad
+from armdyn.errors import ProblemError
+from armdyn.studies.paper import example
+from control import plain_loop
+from problems import paper_arm
+
+
+@pytest.fixture(scope="module")
+def references():
+    """Minimum-time motions that keep a tenth of the torque."""
+    return {arm: plain_loop.paper_reference(arm, 0.1) for arm in ("rr", "rrr")}
+
+
+@pytest.mark.parametrize("form", ["acceleration", "torque", "computed_torque"])
+@pytest.mark.parametrize("arm", ["r", "rr", "rrr"])
+def test_the_ideal_loop_is_the_papers(arm, form):
+    # Both integrate to 1e-8 or better; the third arm's "acceleration" loop is unstable, and multiplies what is left by e^6.
+    paper, robot = example(arm, "pid"), paper_arm(arm)
+    asked = {"q_start": paper.q_start, "duration": 10.0}
+    run = ad.simulate_pid(robot, q_goal=paper.q_goal, gains=ad.PAPER_GAINS, form=form, samples=10001, **asked)
+    controller = ad.Pid(ad.PAPER_GAINS, form, feedforward=False)
+    goal = ad.set_point(robot, paper.q_goal)
+    ours = ad.track(robot, goal, controller, loop=ad.Loop.ideal(saturate=form == "torque"), **asked)
+    assert ours.trajectory.t.size == 10001
+    assert np.abs(ours.trajectory.q - run.trajectory.q).max() < 1e-6
+    assert ours.settled == run.settled
+    if run.settled:
+        assert ours.settled_time == pytest.approx(run.settling_time, abs=1e-5)  # it is linear between ticks
+
+
+LOOPS = {
+    "as it is built": ad.Loop(),
+    "with perfect encoders": ad.Loop(encoder=0.0),
+    "observer, two ticks late": ad.Loop(velocity="observer", delay=2, cutoff=150.0),
+    "exact, at once": ad.Loop(velocity="exact", delay=0, encoder=0.0),
+    "noise, back calculation": ad.Loop(noise=1e-4, seed=3, antiwindup="back_calculation"),
+    "never unwound": ad.Loop(antiwindup="none", rate=800.0),
+}
+
+
+@pytest.mark.parametrize("name", LOOPS)
+@pytest.mark.parametrize("controller", [ad.Lqr(), ad.ComputedTorque(), ad.Pid(ad.PidGains(20.0, 20.0, 0.5))])
+def test_the_compiled_loop_is_the_one_in_plain_python(references, name, controller):
+    loop, robot, plant = LOOPS[name], paper_arm("rr"), paper_arm("rr", 0.11).with_friction(0.003, 0.06, 0.05)
+    plain = plain_loop.simulate(plant, robot, references["rr"], controller, loop, 0.25, substeps=8)
+    ours = ad.track(robot, references["rr"], controller, plant, loop, 0.25)
+    # Until a reading falls on the other side of an encoder's step, which 1e-9 rad may decide, they are the same but
+    # for plain Python's steps, which friction makes coarse; then they differ by some steps, more under a lively law.
+    n = min(len(plain.q), ours.trajectory.t.size)
+    apart = np.abs(plain.q[:n] - ours.trajectory.q[:n]).max(axis=1)
+    assert apart.max() < (30 * loop.encoder if loop.encoder else 1e-5)
+    assert apart[:20].max() < 1e-6
+
+
+def test_ticks_of_a_long_run_take_no_other_steps_than_they_need(references):
+    # The torques of the sampled loop, replayed by an integrator of another kind, make the same motion.
+    robot = paper_arm("rrr")
+    run = ad.track(robot, references["rrr"], duration=0.3)
+    q, v = run.trajectory.q[0], run.trajectory.v[0]
+    for k, tau in enumerate(run.trajectory.tau[:-1]):
+        q, v = _dop853(robot, q, v, tau)
+        assert np.abs(q - run.trajectory.q[k + 1]).max() < 1e-8  # that a tick may be wrong by
+        q, v = run.trajectory.q[k + 1], run.trajectory.v[k + 1]
+
+
+def _dop853(robot, q, v, tau):
+    from scipy.integrate import solve_ivp
+
+    aba, nv = ad.dynamics.forward_dynamics(robot), robot.nv
+    done = solve_ivp(
+        lambda _, x: np.concatenate([x[nv:], aba(x[:nv], x[nv:], tau)]),
+        (0, 1e-3), np.concatenate([q, v]), method="DOP853", rtol=1e-11, atol=1e-12,
+    )  # fmt: skip
+    return np.split(done.y[:, -1], 2)
+
+
+@pytest.mark.parametrize("arm", ["rr", "rrr"])
+def test_a_delayed_loop_lands_where_it_knows_the_arm(references, arm):
+    run = ad.track(paper_arm(arm), references[arm])
+    assert run.settled and run.settled_time < references[arm].duration + 0.005
+    assert run.error_at_end < 0.01 and run.saturated < 0.05 and run.went_wrong is None
+
+
+def test_the_same_noise_twice_and_other_noise(references):
+    robot, loop = paper_arm("rr"), ad.Loop(noise=3e-4)
+    one, same = (ad.track(robot, references["rr"], loop=loop) for _ in range(2))
+    other = ad.track(robot, references["rr"], loop=replace(loop, seed=1))
+    assert np.array_equal(one.trajectory.q, same.trajectory.q)
+    assert not np.array_equal(one.trajectory.q, other.trajectory.q)
+
+
+def test_the_papers_gains_at_1_khz_name_their_sampling():
+    for arm in ("rr", "rrr"):
+        paper, robot = example(arm, "pid"), paper_arm(arm)
+        controller = ad.Pid(ad.PAPER_GAINS, "torque", feedforward=False)
+        run = ad.track(robot, ad.set_point(robot, paper.q_goal), controller, q_start=paper.q_start)
+        assert run.status == "not_settled" and run.settled_time is None
+        assert "unstable for its sampling" in run.message and "1000 Hz" in run.message
+        assert run.stability.slowest_stable_rate > 1000.0
+
+
+def test_unstable_gains_are_told():
+    robot = paper_arm("rr")
+    goal, loop = ad.set_point(robot, [0.1, 0.1]), replace(ad.Loop.ideal(), rate=1000.0)
+    wrong = ad.Pid(ad.PidGains(0.0, 500.0, 0.0), "acceleration", feedforward=False)
+    run = ad.track(robot, goal, wrong, loop=loop, duration=20.0, q_start=[0.0, 0.0])
+    assert run.status == "diverged" and "unstable as a continuous loop" in run.message
+    assert run.went_wrong is not None and run.settled_time is None
+    assert np.all(np.isfinite(run.trajectory.q))
+
+
+def test_a_motor_that_does_not_hold_the_arm_is_told():
+    robot = paper_arm("rr")
+    weak = robot.with_limits(0.2, None)
+    run = ad.track(robot, ad.set_point(robot, [0.0, 0.0]), ad.Lqr(), weak, q_start=[0.0, 0.0])
+    assert run.status == "not_settled" and "on its limit to the end" in run.message
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"plant": paper_arm("rrr")}, "has 3 joints"),
+        ({"reference": "motion.npz"}, "reference"),
+        ({"controller": ad.PidGains(1.0, 1.0, 1.0)}, "controller"),
+        ({"loop": 1000.0}, "loop"),
+        ({"duration": np.inf}, "duration"),
+        ({"duration": 1e7}, "at most"),
+        ({"q_start": [0.0]}, "q_start"),
+        ({"tolerance": 0.0}, "tolerance"),
+    ],
+)
+def test_what_does_not_fit_is_refused(references, change, words):
+    given = {"robot": paper_arm("rr"), "reference": references["rr"]} | change
+    with pytest.raises(ProblemError, match=words):
+        ad.track(**given)
+
+
+def test_without_a_compiler_it_is_the_same(references, monkeypatch):
+    from armdyn.dynamics import driven
+
+    robot, reference = paper_arm("rr"), references["rr"]
+    fast = ad.track(robot, reference, duration=0.3)
+    monkeypatch.setattr(driven, "_library", lambda source, instructions: None)
+    driven._callable.__wrapped__.cache_clear()
+    try:
+        slow = ad.track(robot, reference, duration=0.3)
+    finally:
+        driven._callable.__wrapped__.cache_clear()
+    # The same operations, but the compiler may order a sum otherwise; a reading may then fall beside its step.
+    assert np.abs(fast.trajectory.q - slow.trajectory.q).max() < 1e-3
+    assert np.abs(fast.trajectory.q - slow.trajectory.q)[:20].max() < 1e-9
