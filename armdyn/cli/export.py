@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from armdyn.arguments import one_of
 from armdyn.cli.console import answering, console, escape
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.text import number
@@ -15,17 +16,16 @@ from armdyn.files import probe_folder, write_whole
 if TYPE_CHECKING:
     from armdyn.trajectory import Samples
 
-Format = Literal["csv", "ros2", "mujoco"]
-
-_SUFFIXES: dict[Format, str] = {"csv": ".csv", "ros2": ".json", "mujoco": ".xml"}
+_SUFFIXES = {"csv": ".csv", "ros2": ".json", "mujoco": ".xml"}
 
 
 def export(
     file: Annotated[Path, typer.Argument(metavar="FILE.npz", help="A trajectory.npz that mintime or pid wrote.")],
     format: Annotated[  # noqa: A002  # the option's name
-        Format,
+        str,
         typer.Option(
-            help="csv: a table. ros2: a JointTrajectory message. mujoco: keyframes and motors, to include in a model."
+            metavar="csv|ros2|mujoco",
+            help="csv: a table. ros2: a JointTrajectory message. mujoco: keyframes and motors, to include in a model.",
         ),
     ] = "csv",
     rate: Annotated[
@@ -64,6 +64,7 @@ def export(
     with answering(json) as answer:
         from armdyn.trajectory import Trajectory
 
+        one_of(format, tuple(_SUFFIXES), "--format")
         ticks = None if rate.strip() == "own" else number(rate, "--rate")
         motion = Trajectory.load(file)
         name = file.with_suffix(_SUFFIXES[format]).name
@@ -86,7 +87,7 @@ def export(
             console.print(f"{escape(str(target))}  ({samples.t.size} rows at {even}, {motion.duration:.6f} s)")
 
 
-def _content(samples: Samples, format: Format, motors: bool) -> str:  # noqa: A002  # the option's name
+def _content(samples: Samples, format: str, motors: bool) -> str:  # noqa: A002  # the option's name
     """The file's text."""
     from armdyn.trajectory.formats import csv_text, joint_trajectory_text
 
