@@ -7,7 +7,6 @@ import io
 import json
 import re
 from typing import TYPE_CHECKING, Any
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -138,4 +137,6 @@ def _names(samples: Samples) -> list[str]:
 def _attribute(name: str) -> str:
     if _NO_XML.search(name):
         raise TrajectoryError(f"the name {name[:80]!r} has characters that XML cannot say")
+    from xml.sax.saxutils import quoteattr  # it loads urllib, which nobody else needs
+
     return quoteattr(name)
