@@ -3,7 +3,7 @@
 import numpy as np
 from hypothesis import strategies as st
 
-from armdyn.trajectory import Trajectory
+from armdyn.trajectory import LEAST_STEP, Trajectory
 
 NUMBER = st.floats(-50, 50)
 
@@ -15,7 +15,7 @@ def trajectories(draw):
     times = [start]
     for step in draw(st.lists(st.sampled_from(["ulp", 1e-12, 1e-9, 1e-8, 3e-7, 1e-3, 0.0101, 0.5]), max_size=10)):
         last = times[-1]
-        times.append(np.nextafter(last, np.inf) + (1e-29 if last == 0 else 0) if step == "ulp" else last + step)
+        times.append(max(np.nextafter(last, np.inf), last + LEAST_STEP * 2) if step == "ulp" else last + step)
     times.append(max(times) + draw(st.floats(1e-6, 1.5)))
     t = np.unique(times)
     joints = draw(st.integers(1, 3))
