@@ -67,6 +67,7 @@ if TYPE_CHECKING:
         trajectory_from_path,
     )
     from armdyn.studies.paper.printed.loop import PAPER_GAINS
+    from armdyn.studies.reserve import ReserveCurve, likely_plants, reserve_curve
     from armdyn.trajectory import Sample, Samples, Trajectory
 else:
     __getattr__, __dir__ = facade(
@@ -83,6 +84,7 @@ else:
             "Solution Status TimeOptimality TorqueRateLimit "
             "lower_bound replay_torques solve_minimum_time time_optimality trajectory_from_path",
             "studies.paper.printed.loop": "PAPER_GAINS",
+            "studies.reserve": "ReserveCurve likely_plants reserve_curve",
             "trajectory": "Sample Samples Trajectory",
         },
     )
@@ -117,6 +119,7 @@ __all__ = [
     "Pid",
     "PidGains",
     "PidRun",
+    "ReserveCurve",
     "Robot",
     "RouthTable",
     "Run",
@@ -136,11 +139,13 @@ __all__ = [
     "closed_loop_eigenvalues",
     "gain_plane",
     "least_stable_factor",
+    "likely_plants",
     "loop_margins",
     "lower_bound",
     "multiloop_disk",
     "ramp",
     "replay_torques",
+    "reserve_curve",
     "routh_table",
     "sampled_loop",
     "sampled_stability",

@@ -104,7 +104,7 @@ class Trajectory:
 
         `jumps[k]` is of samples k and k + 1: they are one ulp of time apart, or two where a sum of times was rounded.
         """
-        return np.asarray(np.diff(self.t) <= 2 * np.spacing(self.t[1:]))
+        return np.asarray(np.diff(self.t) <= 2 * np.spacing(np.abs(self.t[1:])))
 
     @property
     def switch_times(self) -> tuple[tuple[float, ...], ...]:
