@@ -68,7 +68,7 @@ if TYPE_CHECKING:
     )
     from armdyn.studies.paper.printed.loop import PAPER_GAINS
     from armdyn.studies.reserve import ReserveCurve, likely_plants, reserve_curve
-    from armdyn.trajectory import Sample, Trajectory
+    from armdyn.trajectory import Sample, Samples, Trajectory
 else:
     __getattr__, __dir__ = facade(
         __name__,
@@ -85,7 +85,7 @@ else:
             "lower_bound replay_torques solve_minimum_time time_optimality trajectory_from_path",
             "studies.paper.printed.loop": "PAPER_GAINS",
             "studies.reserve": "ReserveCurve likely_plants reserve_curve",
-            "trajectory": "Sample Trajectory",
+            "trajectory": "Sample Samples Trajectory",
         },
     )
 
@@ -126,6 +126,7 @@ __all__ = [
     "Sample",
     "SampledLoop",
     "SampledStability",
+    "Samples",
     "Sensitivities",
     "Solution",
     "Sphere",
