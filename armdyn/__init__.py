@@ -52,6 +52,12 @@ if TYPE_CHECKING:
         trajectory_from_path,
     )
     from armdyn.studies.paper.printed.loop import PAPER_GAINS
+    from armdyn.studies.plants.monte_carlo import monte_carlo
+    from armdyn.studies.plants.plants import Plants
+    from armdyn.studies.plants.question import MonteCarloOptions
+    from armdyn.studies.plants.result import MonteCarlo
+    from armdyn.studies.tuning.families import ControllerFamily, Parameter, Ramps
+    from armdyn.studies.tuning.tune import Tuned, TuneOptions, tune
     from armdyn.trajectory import Sample, Trajectory
 else:
     __getattr__, __dir__ = facade(
@@ -66,6 +72,12 @@ else:
             "Solution Status TimeOptimality TorqueRateLimit "
             "lower_bound replay_torques solve_minimum_time time_optimality trajectory_from_path",
             "studies.paper.printed.loop": "PAPER_GAINS",
+            "studies.plants.monte_carlo": "monte_carlo",
+            "studies.plants.plants": "Plants",
+            "studies.plants.question": "MonteCarloOptions",
+            "studies.plants.result": "MonteCarlo",
+            "studies.tuning.families": "ControllerFamily Parameter Ramps",
+            "studies.tuning.tune": "TuneOptions Tuned tune",
             "trajectory": "Sample Trajectory",
         },
     )
@@ -83,6 +95,7 @@ __all__ = [
     "Capsule",
     "Certificate",
     "ComputedTorque",
+    "ControllerFamily",
     "Dynamics",
     "FrameSpeedLimit",
     "GoalPose",
@@ -93,10 +106,15 @@ __all__ = [
     "Lqr",
     "MinimumTimeOptions",
     "MinimumTimeProblem",
+    "MonteCarlo",
+    "MonteCarloOptions",
+    "Parameter",
     "Payload",
     "Pid",
     "PidGains",
     "PidRun",
+    "Plants",
+    "Ramps",
     "Robot",
     "Run",
     "Sample",
@@ -107,9 +125,12 @@ __all__ = [
     "TimeOptimality",
     "TorqueRateLimit",
     "Trajectory",
+    "TuneOptions",
+    "Tuned",
     "__version__",
     "closed_loop_eigenvalues",
     "lower_bound",
+    "monte_carlo",
     "ramp",
     "replay_torques",
     "set_point",
@@ -118,5 +139,6 @@ __all__ = [
     "time_optimality",
     "track",
     "trajectory_from_path",
+    "tune",
     "urdf_from_spec",
 ]
