@@ -90,7 +90,7 @@ class ControllerFamily:
         form: Form = "computed_torque",
         feedforward: bool = True,
         gravity: bool = False,
-        shared: bool = False,
+        shared: bool = True,
     ) -> "ControllerFamily":
         """PID controllers, see `Pid`.
 
@@ -103,7 +103,8 @@ class ControllerFamily:
             form: see `Pid`.
             feedforward: see `Pid`.
             gravity: see `Pid`.
-            shared: all joints have the same gains, those of the form "torque" times each one's inertia.
+            shared: all joints have the same gains, those of the form "torque" times each one's inertia. Gains of
+                each joint take a longer search.
 
         Raises:
             ProblemError: something does not fit the robot, or each other.

@@ -256,10 +256,8 @@ _ENDS: dict[TuningStatus, str] = {
 }
 
 
-def _message(
-    status: TuningStatus, family: ControllerFamily, own: Worth, others: Worth | None, options: TuneOptions
-) -> str:
+def _message(status: TuningStatus, own: Worth, others: Worth | None, most: float) -> str:
     """How it ended, in words."""
     held = "" if others is None else f"; held out: {others}"
-    over = f"; none keeps to {100 * options.overshoot:g} %" if own.overshoot > options.overshoot else ""
-    return f"{_ENDS[status]}: {family.name}: {own}{over}{held}"
+    over = f"; none keeps to {100 * most:g} %" if own.overshoot > most else ""
+    return f"{_ENDS[status]}: {own}{over}{held}"
