@@ -7,16 +7,31 @@ TYPE_CHECKING = False  # as typing has it, which takes longer to import than all
 if TYPE_CHECKING:
     from armdyn.control import (
         ComputedTorque,
+        GainPlane,
+        GainRegion,
         Loop,
         Lqr,
+        Margins,
         Pid,
         PidGains,
         PidRun,
+        RouthTable,
         Run,
+        SampledLoop,
+        SampledStability,
+        characteristic_polynomial,
         closed_loop_eigenvalues,
+        gain_plane,
+        least_stable_factor,
+        loop_margins,
+        multiloop_disk,
         ramp,
+        routh_table,
+        sampled_loop,
+        sampled_stability,
         set_point,
         simulate_pid,
+        slowest_stable_rate,
         track,
     )
     from armdyn.dynamics import Dynamics
@@ -56,6 +71,7 @@ if TYPE_CHECKING:
     from armdyn.studies.plants.plants import Plants
     from armdyn.studies.plants.question import MonteCarloOptions
     from armdyn.studies.plants.result import MonteCarlo
+    from armdyn.studies.reserve import ReserveCurve, likely_plants, reserve_curve
     from armdyn.studies.tuning.families import ControllerFamily, Parameter, Ramps
     from armdyn.studies.tuning.tune import Tuned, TuneOptions, tune
     from armdyn.trajectory import Sample, Trajectory
@@ -63,8 +79,10 @@ else:
     __getattr__, __dir__ = facade(
         __name__,
         {
-            "control": "ComputedTorque Loop Lqr Pid PidGains PidRun Run closed_loop_eigenvalues ramp "
-            "set_point simulate_pid track",
+            "control": "ComputedTorque GainPlane GainRegion Loop Lqr Margins Pid PidGains PidRun RouthTable "
+            "Run SampledLoop SampledStability characteristic_polynomial closed_loop_eigenvalues "
+            "gain_plane least_stable_factor loop_margins multiloop_disk ramp routh_table "
+            "sampled_loop sampled_stability set_point simulate_pid slowest_stable_rate track",
             "dynamics": "Dynamics",
             "models": "PAPER_PAYLOADS ArmSpec Box Capsule GoalPose "
             "JointLimits LinkSpec Payload Robot Sphere urdf_from_spec",
@@ -78,6 +96,7 @@ else:
             "studies.plants.result": "MonteCarlo",
             "studies.tuning.families": "ControllerFamily Parameter Ramps",
             "studies.tuning.tune": "TuneOptions Tuned tune",
+            "studies.reserve": "ReserveCurve likely_plants reserve_curve",
             "trajectory": "Sample Trajectory",
         },
     )
@@ -98,12 +117,15 @@ __all__ = [
     "ControllerFamily",
     "Dynamics",
     "FrameSpeedLimit",
+    "GainPlane",
+    "GainRegion",
     "GoalPose",
     "JointLimits",
     "LinkSpec",
     "Loop",
     "LowerBound",
     "Lqr",
+    "Margins",
     "MinimumTimeOptions",
     "MinimumTimeProblem",
     "MonteCarlo",
@@ -115,9 +137,13 @@ __all__ = [
     "PidRun",
     "Plants",
     "Ramps",
+    "ReserveCurve",
     "Robot",
+    "RouthTable",
     "Run",
     "Sample",
+    "SampledLoop",
+    "SampledStability",
     "Sensitivities",
     "Solution",
     "Sphere",
@@ -128,13 +154,24 @@ __all__ = [
     "TuneOptions",
     "Tuned",
     "__version__",
+    "characteristic_polynomial",
     "closed_loop_eigenvalues",
+    "gain_plane",
+    "least_stable_factor",
+    "likely_plants",
+    "loop_margins",
     "lower_bound",
     "monte_carlo",
+    "multiloop_disk",
     "ramp",
     "replay_torques",
+    "reserve_curve",
+    "routh_table",
+    "sampled_loop",
+    "sampled_stability",
     "set_point",
     "simulate_pid",
+    "slowest_stable_rate",
     "solve_minimum_time",
     "time_optimality",
     "track",

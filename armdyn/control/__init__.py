@@ -13,6 +13,12 @@ if TYPE_CHECKING:
     from armdyn.control.pid.closed_loop import PidRun, simulate_pid
     from armdyn.control.pid.gains import PidGains
     from armdyn.control.pid.poles import closed_loop_eigenvalues
+    from armdyn.control.stability.margins import Margins, loop_margins, multiloop_disk
+    from armdyn.control.stability.plane import GainPlane, gain_plane
+    from armdyn.control.stability.rate import SampledStability, sampled_stability, slowest_stable_rate
+    from armdyn.control.stability.region import GainRegion, least_stable_factor
+    from armdyn.control.stability.routh import RouthTable, characteristic_polynomial, routh_table
+    from armdyn.control.stability.sampled import SampledLoop, sampled_loop
     from armdyn.control.tracking.run import Run
     from armdyn.control.tracking.track import track
 else:
@@ -27,6 +33,12 @@ else:
             "pid.closed_loop": "PidRun simulate_pid",
             "pid.gains": "PidGains",
             "pid.poles": "closed_loop_eigenvalues",
+            "stability.margins": "Margins loop_margins multiloop_disk",
+            "stability.plane": "GainPlane gain_plane",
+            "stability.rate": "SampledStability sampled_stability slowest_stable_rate",
+            "stability.region": "GainRegion least_stable_factor",
+            "stability.routh": "RouthTable characteristic_polynomial routh_table",
+            "stability.sampled": "SampledLoop sampled_loop",
             "tracking.run": "Run",
             "tracking.track": "track",
         },
@@ -34,15 +46,30 @@ else:
 
 __all__ = [
     "ComputedTorque",
+    "GainPlane",
+    "GainRegion",
     "Loop",
     "Lqr",
+    "Margins",
     "Pid",
     "PidGains",
     "PidRun",
+    "RouthTable",
     "Run",
+    "SampledLoop",
+    "SampledStability",
+    "characteristic_polynomial",
     "closed_loop_eigenvalues",
+    "gain_plane",
+    "least_stable_factor",
+    "loop_margins",
+    "multiloop_disk",
     "ramp",
+    "routh_table",
+    "sampled_loop",
+    "sampled_stability",
     "set_point",
     "simulate_pid",
+    "slowest_stable_rate",
     "track",
 ]

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from armdyn.control.laws.linear import slopes
 from armdyn.control.loop.law import Controller, Law
 from armdyn.control.loop.loop import Loop
 from armdyn.control.loop.ticks import Ticks
@@ -25,35 +25,26 @@ _NEAR = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """An arm near rest: δa = stiffness δq + damping δv + mobility δtau.
+    """An arm near rest: d/dt (δq, δv) = A (δq, δv) + B δtau.
 
     Attributes:
-        stiffness: ∂a/∂q [1/s²], shape (nv, nv), at a constant torque.
-        damping: ∂a/∂v [1/s], shape (nv, nv): of the joints' friction alone, since Coriolis torques are quadratic in v.
-        mobility: D⁻¹ [1/(kg m²)], shape (nv, nv).
+        A: shape (2 nv, 2 nv): gravity's slope and that of the joints' friction; Coriolis torques are quadratic in v.
+        B: shape (2 nv, nv), D⁻¹ [1/(kg m²)] in its lower half.
     """
 
-    stiffness: Array
-    damping: Array
-    mobility: Array
+    A: Array
+    B: Array
 
     @classmethod
-    def of(cls, robot: Robot, goal: Array, holding: Array, *, sliding: bool = False) -> Self:
+    def of(cls, robot: Robot, goal: Array, holding: Array) -> Self:
         """By Pinocchio's analytic derivatives of the articulated-body algorithm.
 
         Args:
             robot: the arm.
             goal: where it rests [rad or m], shape (nv,).
             holding: torque that acts there [N m or N], shape (nv,).
-            sliding: leave out the slope that Coulomb friction has near v = 0: a joint that moves faster than the
-                friction's width does not feel it.
         """
-        model, data, rest = robot.model, robot.model.createData(), np.zeros(robot.nv)
-        pin.computeABADerivatives(model, data, robot.configuration(goal), rest, holding)
-        upper = np.triu(data.Minv)
-        mobility = upper + np.triu(upper, 1).T
-        slope = robot.friction.per_joint(robot.nv)[0] if sliding else robot.friction.slope(rest)
-        return cls(np.array(data.ddq_dq), -mobility * slope, mobility)
+        return cls(*slopes(robot, goal, np.zeros(robot.nv), holding))
 
     def held(self, period: float) -> tuple[Array, Array]:
         """One tick of (q, v) under a torque that stays, exactly: shapes (2 nv, 2 nv) and (2 nv, nv).
@@ -62,12 +53,9 @@ class Plant:
         """
         from scipy.linalg import expm
 
-        nv = len(self.mobility)
-        rates = np.zeros((3 * nv, 3 * nv))
-        rates[:nv, nv : 2 * nv] = np.eye(nv)
-        rates[nv : 2 * nv] = np.hstack([self.stiffness, self.damping, self.mobility])
-        step = np.asarray(expm(rates * period))
-        return step[: 2 * nv, : 2 * nv], step[: 2 * nv, 2 * nv :]
+        m, nv = self.B.shape
+        step = np.asarray(expm(period * np.block([[self.A, self.B], [np.zeros((nv, m + nv))]])))
+        return step[:m, :m], step[:m, m:]
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,8 +131,6 @@ class Rest:
         controller: Controller,
         loop: Loop,
         plant: Robot | None = None,
-        *,
-        sliding: bool = False,
     ) -> Self:
         """A controller's.
 
@@ -154,7 +140,6 @@ class Rest:
             controller: of the loop.
             loop: what joins it to the arm.
             plant: the arm; None: the model is right.
-            sliding: see `Plant.of`.
 
         Raises:
             ProblemError: the goal, the controller or the plant does not fit the robot, or the controller the loop.
@@ -168,8 +153,8 @@ class Rest:
         holding = inverse_dynamics(arm)(goal, rest, rest)
         law = controller.law(robot, ticks_at_rest(robot, goal, loop.rate), loop)
         return cls(
-            Plant.of(arm, goal, holding, sliding=sliding),
-            Plant.of(robot, goal, holding, sliding=sliding),
+            Plant.of(arm, goal, holding),
+            Plant.of(robot, goal, holding),
             Slopes.of(law, goal, holding, loop.delay),
         )
 
@@ -199,15 +184,9 @@ def continuous_matrix(rest: Rest) -> Array:
         Shape (k + 2 nv, k + 2 nv), k the number of joints whose integral the law uses.
     """
     plant, law = rest.plant, rest.law
-    nv, k = len(plant.mobility), law.used.size
+    nv, k = plant.B.shape[1], law.used.size
     A = np.zeros((k + 2 * nv, k + 2 * nv))
     A[np.arange(k), k + law.used] = -1.0
-    A[k : k + nv, k + nv :] = np.eye(nv)
-    A[k + nv :] = np.hstack(
-        [
-            plant.mobility @ law.integral,
-            plant.stiffness + plant.mobility @ law.q,
-            plant.damping + plant.mobility @ law.v,
-        ]
-    )
+    A[k:, k:] = plant.A
+    A[k:] += plant.B @ np.hstack([law.integral, law.q, law.v])
     return A

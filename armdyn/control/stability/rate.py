@@ -12,7 +12,7 @@ from armdyn.control.loop.loop import Loop
 from armdyn.control.stability.linear import Rest, continuous_matrix
 from armdyn.control.stability.sampled import sampled_loop
 from armdyn.errors import ProblemError
-from armdyn.models.robots.robot import Robot
+from armdyn.models.robots.robot import Robot, expect_robot
 
 Array = NDArray[np.float64]
 
@@ -26,6 +26,10 @@ _EXACT = 1e-4
 @dataclass(frozen=True)
 class SampledStability:
     """Whether a loop holds its arm still at a goal, small deviations given.
+
+    Coulomb friction acts on a joint near rest like strong damping, and not at all on one that moves faster than the
+    friction's width. A loop that needs it to be stable swings on once it is pushed. So an arm that has some is looked
+    at with its slope at rest and without it, and the worse of both counts.
 
     Attributes:
         radius: what a deviation is multiplied by from tick to tick in the end.
@@ -67,7 +71,7 @@ def sampled_stability(
         stable = growth < 0
         verdict = "stable" if stable else "unstable"
         return SampledStability(radius, stable, growth, None, f"{verdict} as a continuous loop ({_growth(growth)})")
-    radius = sampled_loop(robot, q_goal, controller, loop, plant).radius
+    radius = _radius(robot, q_goal, controller, loop, plant)
     how = f"spectral radius {radius:.4g} at {loop.rate:g} Hz with {_ticks(loop.delay)} of delay"
     try:
         without = replace(Loop.ideal(), rate=loop.rate)
@@ -82,7 +86,7 @@ def sampled_stability(
         message = f"unstable even as a continuous loop ({_growth(continuous)}); {how}"
         return SampledStability(radius, False, continuous, None, message)
     rate = slowest_stable_rate(robot, q_goal, controller, loop.delay, plant, loop=loop)
-    found = f"stable from {rate:.4g} Hz on" if rate else f"not stable up to {RATES[1]:g} Hz with this delay and filter"
+    found = f"stable from {rate:.0f} Hz on" if rate else f"not stable up to {RATES[1]:g} Hz with this delay and filter"
     message = f"unstable for its sampling: stable as a continuous loop ({_growth(continuous)}), {how}; {found}"
     return SampledStability(radius, False, continuous, rate, message)
 
@@ -125,7 +129,7 @@ def slowest_stable_rate(
         raise ProblemError(f"rates are {low:g} to {high:g} Hz; the first must be the less")
 
     def stable(rate: float) -> bool:
-        return sampled_loop(robot, q_goal, controller, replace(base, rate=rate), plant).radius < 1
+        return _radius(robot, q_goal, controller, replace(base, rate=rate), plant) < 1
 
     count = int(np.ceil(_PER_DECADE * np.log10(high / low))) + 1
     above = high
@@ -146,11 +150,23 @@ def _boundary(stable: Callable[[float], bool], low: float, high: float) -> float
     return high
 
 
+def _radius(robot: Robot, q_goal: ArrayLike, controller: Controller, loop: Loop, plant: Robot | None) -> float:
+    arms = _sticking_and_sliding(robot if plant is None else plant)
+    return max(sampled_loop(robot, q_goal, controller, loop, arm).radius for arm in arms)
+
+
 def _continuous_growth(
     robot: Robot, q_goal: ArrayLike, controller: Controller, loop: Loop, plant: Robot | None
 ) -> float:
-    matrix = continuous_matrix(Rest.of(robot, q_goal, controller, loop, plant))
-    return float(np.linalg.eigvals(matrix).real.max())
+    arms = _sticking_and_sliding(robot if plant is None else plant)
+    matrices = [continuous_matrix(Rest.of(robot, q_goal, controller, loop, arm)) for arm in arms]
+    return max(float(np.linalg.eigvals(matrix).real.max()) for matrix in matrices)
+
+
+def _sticking_and_sliding(plant: Robot) -> list[Robot]:
+    """The arm, and where it has Coulomb friction also the arm without it."""
+    arm = expect_robot(plant)
+    return [arm, arm.with_friction(friction=0.0)] if np.any(arm.friction.coulomb) else [arm]
 
 
 def _growth(growth: float) -> str:

@@ -57,7 +57,7 @@ class SampledLoop:
         """
         if loop.hold != "zoh":
             raise ProblemError('a loop with hold="continuous" has no ticks; `continuous_matrix` says what it does')
-        law, h, nv = rest.law, loop.period, len(rest.plant.mobility)
+        law, h, nv = rest.law, loop.period, rest.plant.B.shape[1]
         memory = {"exact": 0, "filtered": nv, "observer": 2 * nv}[loop.velocity]
         ends = np.cumsum([nv, nv, memory, law.used.size, loop.delay * nv])
         n = int(ends[-1])
@@ -137,5 +137,5 @@ def _remembered(loop: Loop, rest: Rest, q: Array, q_read: Array, v_read: Array, 
     if loop.velocity == "filtered":
         return np.asarray(loop.pole * v_read - (1 - loop.pole) * loop.rate * q)
     h, model = loop.period, rest.model
-    a = model.stiffness @ q_read + model.damping @ v_read + model.mobility @ felt
+    a = (model.A @ np.vstack([q_read, v_read]) + model.B @ felt)[len(q) :]
     return np.vstack([q_read + h * v_read + h**2 / 2 * a, v_read + h * a])

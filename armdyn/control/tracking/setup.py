@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 _AWAY, _FAST = 100.0, 1000.0
 """Distance from the goal [rad or m] and speed [rad/s or m/s] beyond which a run has diverged: sixteen turns, and ten
 times the fastest robot. A start beyond a tenth of them moves them out."""
-_TOLERANCE = 1e-9
+_TOLERANCE = 1e-8
 """That a tick's positions may change by when its steps are halved [rad or m]; its velocities a hundred times that."""
 _LONGER = 1.0
 """A reference that takes longer than it is watched is watched for so long afterwards [s]."""

@@ -21,7 +21,8 @@ def references():
 @pytest.mark.parametrize("form", ["acceleration", "torque", "computed_torque"])
 @pytest.mark.parametrize("arm", ["r", "rr", "rrr"])
 def test_the_ideal_loop_is_the_papers(arm, form):
-    # Both integrate to 1e-9; the third arm's "acceleration" loop is unstable, and multiplies what is left by e^6.
+    # Both integrate to 1e-8 or better; the third arm's "acceleration" loop is unstable, and makes an error e^6 times as
+    # large.
     paper, robot = example(arm, "pid"), paper_arm(arm)
     asked = {"q_start": paper.q_start, "duration": 10.0}
     run = ad.simulate_pid(robot, q_goal=paper.q_goal, gains=ad.PAPER_GAINS, form=form, samples=10001, **asked)
@@ -52,10 +53,10 @@ def test_the_compiled_loop_is_the_one_in_plain_python(references, name, controll
     plain = plain_loop.simulate(plant, robot, references["rr"], controller, loop, 0.25, substeps=8)
     ours = ad.track(robot, references["rr"], controller, plant, loop, 0.25)
     # Until a reading falls on the other side of an encoder's step, which 1e-9 rad may decide, they are the same but
-    # for plain Python's steps; then they differ by some steps, more under a lively law.
+    # for plain Python's steps, which friction makes coarse; then they differ by some steps, more under a lively law.
     n = min(len(plain.q), ours.trajectory.t.size)
     apart = np.abs(plain.q[:n] - ours.trajectory.q[:n]).max(axis=1)
-    assert apart.max() < (30 * loop.encoder if loop.encoder else 1e-6)
+    assert apart.max() < (30 * loop.encoder if loop.encoder else 1e-5)
     assert apart[:20].max() < 1e-6
 
 
@@ -66,7 +67,7 @@ def test_ticks_of_a_long_run_take_no_other_steps_than_they_need(references):
     q, v = run.trajectory.q[0], run.trajectory.v[0]
     for k, tau in enumerate(run.trajectory.tau[:-1]):
         q, v = _dop853(robot, q, v, tau)
-        assert np.abs(q - run.trajectory.q[k + 1]).max() < 1e-8  # 1e-9 a tick, and what it grows to
+        assert np.abs(q - run.trajectory.q[k + 1]).max() < 1e-8  # that a tick may be wrong by
         q, v = run.trajectory.q[k + 1], run.trajectory.v[k + 1]
 
 

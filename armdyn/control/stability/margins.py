@@ -1,0 +1,132 @@
+"""How much gain, phase and delay each torque of a sampled loop bears before the loop is unstable."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.control.stability.sampled import SampledLoop
+from armdyn.errors import ProblemError
+
+Array = NDArray[np.float64]
+
+_FREQUENCIES = 4000
+"""At which the loop is looked at, evenly in the logarithm, from a millionth of Nyquist's frequency up to it."""
+_DECADES = 6
+_SINGULAR = 1e13
+"""Condition of z I - A from which on z is a pole. Torques and angles in one state have up to 1e8 without one."""
+
+
+@dataclass(frozen=True)
+class Margins:
+    """What the torque of one joint bears, between what is commanded and what the arm feels; the other loops are closed.
+
+    Attributes:
+        joint: which, from 0.
+        gain: factors of the torque (least, greatest) between which the loop is stable. The least is above 0 where
+            feedback is what keeps the arm up, 0 where the joint's loop may be opened; the greatest may be infinite.
+        phase: least angle [rad] by which the torque may lag or lead at all its crossovers; infinite: no crossover.
+        delay: least additional delay [s] that makes the loop unstable; infinite: none does.
+        disk: α of the disk margin: gain and phase may change together within the disk about 1 with the diameter from
+            (2 - α)/(2 + α) to (2 + α)/(2 - α) (Seiler, Packard, Gahinet, An Introduction to Disk Margins, IEEE Control
+            Systems Magazine 40(5), 2020).
+    """
+
+    joint: int
+    gain: tuple[float, float]
+    phase: float
+    delay: float
+    disk: float
+
+
+def loop_margins(loop: SampledLoop) -> tuple[Margins, ...]:
+    """The margins of a stable sampled loop, joint by joint, by python-control.
+
+    The loop is broken where the arm feels one joint's torque. Crossings are found on 4,000 frequencies and between them
+    by interpolation, good to about 1e-4.
+
+    Args:
+        loop: see `sampled_loop`.
+
+    Returns:
+        One per joint.
+
+    Raises:
+        ProblemError: the loop is unstable, and has no margins.
+    """
+    if loop.radius >= 1:
+        raise ProblemError(f"the loop is unstable, with a spectral radius of {loop.radius:.4g}: it has no margins")
+    return tuple(_margins(loop, joint) for joint in range(loop.torque.shape[1]))
+
+
+def multiloop_disk(loop: SampledLoop) -> float:
+    """A disk margin that holds for all torques at once, each changed by its own gain and phase.
+
+    1 / max σ(S - I/2) over the frequencies, σ the greatest singular value, S the sensitivity at the torques. The
+    largest α takes the structured singular value, which is at most σ: what is returned is on the safe side. For one
+    joint it is that joint's own.
+
+    Args:
+        loop: see `sampled_loop`.
+
+    Raises:
+        ProblemError: the loop is unstable.
+    """
+    if loop.radius >= 1:
+        raise ProblemError(f"the loop is unstable, with a spectral radius of {loop.radius:.4g}: it has no margins")
+    one = np.eye(loop.torque.shape[1])
+    z = np.exp(1j * _frequencies(loop) * loop.period)
+    response = loop.felt @ np.linalg.solve(z[:, None, None] * np.eye(len(loop.carried)) - loop.carried, loop.torque)
+    sensitivity = np.linalg.inv(one - response)
+    return float(1 / np.linalg.norm(sensitivity - one / 2, ord=2, axis=(1, 2)).max())
+
+
+def broken(loop: SampledLoop, joint: int) -> tuple[Array, Array, Array]:
+    """A, B, C of the loop broken at the torque that the arm feels at one joint: L(z) = C (z I - A)⁻¹ B, 1 + L = 0.
+
+    Args:
+        loop: see `sampled_loop`.
+        joint: which, from 0.
+
+    Returns:
+        Shapes (n, n), (n, 1), (1, n).
+    """
+    others = np.arange(loop.torque.shape[1]) != joint
+    A = loop.carried + loop.torque[:, others] @ loop.felt[others]
+    return A, loop.torque[:, [joint]], -loop.felt[[joint]]
+
+
+def _margins(loop: SampledLoop, joint: int) -> Margins:
+    import control
+
+    omega = _frequencies(loop)
+    response = control.ss(*broken(loop, joint), 0.0, loop.period)(np.exp(1j * omega * loop.period))
+    data = control.FrequencyResponseData(response, omega, smooth=True)
+    gains, phases, _, _, crossovers, _ = control.stability_margins(data, returnall=True)
+    gains = np.append(gains, _at_ends(loop, joint))
+    lags = np.deg2rad(np.mod(phases, 360.0))
+    return Margins(
+        joint=joint,
+        gain=(float(max(gains[gains < 1], default=0.0)), float(min(gains[gains > 1], default=np.inf))),
+        phase=float(np.abs(np.deg2rad(phases)).min(initial=np.inf)),
+        delay=float((lags / crossovers).min(initial=np.inf)) if crossovers.size else np.inf,
+        disk=float(1 / np.abs(1 / (1 + response) - 0.5).max()),
+    )
+
+
+def _frequencies(loop: SampledLoop) -> Array:
+    """From far below the loop's slowest mode to Nyquist's frequency [rad/s]."""
+    nyquist = np.pi / loop.period
+    return np.geomspace(nyquist * 10.0**-_DECADES, nyquist, _FREQUENCIES)
+
+
+def _at_ends(loop: SampledLoop, joint: int) -> Array:
+    """Factors that bring L to -1 at z = 1 and z = -1, where it is real and crosses nothing, shape (0, 1 or 2)."""
+    A, B, C = broken(loop, joint)
+    factors = []
+    for z in (1.0, -1.0):
+        away = z * np.eye(len(A)) - A
+        if np.linalg.cond(away) < _SINGULAR:  # an integral has its pole there
+            value = float((C @ np.linalg.solve(away, B)).item())
+            factors += [-1 / value] if value < 0 else []
+    return np.array(factors)

@@ -1,0 +1,93 @@
+"""Stability over the plane of kp and kd: of the continuous loop, and of the same loop as it is sampled."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armdyn.arguments import number, numbers
+from armdyn.control.laws.pid import Pid
+from armdyn.control.loop.loop import Loop
+from armdyn.control.pid.gains import ContinuousPid, Form, PidGains
+from armdyn.control.pid.motion import motion_of
+from armdyn.control.pid.poles import closed_loop_matrix, eigenvalues
+from armdyn.control.stability.linear import Rest
+from armdyn.control.stability.sampled import SampledLoop
+from armdyn.errors import ProblemError
+from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.values.per_joint import per_joint
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class GainPlane:
+    """A PID loop at a goal, with one kp, ki and kd for all joints, over a grid of kp and kd.
+
+    Attributes:
+        kp: shape (n,); units as in `PidGains`, and increasing; likewise the others.
+        kd: shape (m,).
+        ki: of all points.
+        growth: largest real part [1/s] of the continuous loop's eigenvalues, shape (m, n).
+        radius: spectral radius [-] of the sampled loop, shape (m, n).
+    """
+
+    kp: Array
+    kd: Array
+    ki: float
+    growth: Array
+    radius: Array
+
+
+def gain_plane(
+    robot: Robot,
+    q_goal: ArrayLike,
+    *,
+    kp: ArrayLike,
+    kd: ArrayLike,
+    ki: float,
+    form: Form = "torque",
+    loop: Loop | None = None,
+) -> GainPlane:
+    """Growth and spectral radius over a grid; a point takes about half a millisecond.
+
+    Args:
+        robot: an arm, which the controller knows.
+        q_goal: [rad or m], shape (nv,).
+        kp: shape (n,), increasing.
+        kd: shape (m,), increasing.
+        ki: one number.
+        form: what the controller's output is, see `Form`.
+        loop: how it is sampled; None: `Loop()`.
+
+    Raises:
+        ProblemError: the goal does not fit the robot; gains that are negative or do not increase; a continuous loop.
+    """
+    joints = expect_robot(robot).joint_names
+    goal = per_joint(q_goal, joints, "q_goal", unit="rad or m", error=ProblemError, scalar=False)
+    p, d = _increasing(kp, "kp"), _increasing(kd, "kd")
+    i, motion, how = number(ki, "ki", sign="not negative"), motion_of(robot, None), Loop() if loop is None else loop
+    growth, radius = np.empty((d.size, p.size)), np.empty((d.size, p.size))
+    one, two = (Rest.of(robot, goal, Pid(PidGains(x, i, x), form, feedforward=False), how) for x in (1.0, 2.0))
+    for place in np.ndindex(growth.shape):
+        kp_here, kd_here = float(p[place[1]]), float(d[place[0]])
+        controller = ContinuousPid(PidGains(kp_here, i, kd_here), form)
+        growth[place] = eigenvalues(closed_loop_matrix(motion, goal, controller))[0].real
+        radius[place] = SampledLoop.of(_between(one, two, kp_here, kd_here), how).radius
+    return GainPlane(p, d, i, growth, radius)
+
+
+def _between(one: Rest, two: Rest, kp: float, kd: float) -> Rest:
+    """The loop of such gains: in every form the torque is affine in kp, which multiplies e, and in kd, which ė."""
+    low, high = one.law, two.law
+    law = replace(low, q=low.q + (kp - 1) * (high.q - low.q), v=low.v + (kd - 1) * (high.v - low.v))
+    return replace(one, law=law)
+
+
+def _increasing(value: ArrayLike, name: str) -> Array:
+    gains = numbers(value, name, "increasing numbers")
+    if gains.ndim != 1 or gains.size < 2 or not np.all(np.diff(gains) > 0) or not 0 <= gains[0] < np.inf:
+        raise ProblemError(
+            f"{name} has shape {gains.shape}; expected two or more increasing gains that are not negative"
+        )
+    return gains
