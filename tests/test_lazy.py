@@ -21,6 +21,8 @@ HEAVY = (
     "pinocchio",
     "matplotlib",
     "control",
+    "mujoco",
+    "pandas",
     "meshcat",
     "yourdfpy",
     "trimesh",
