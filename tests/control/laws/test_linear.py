@@ -110,7 +110,7 @@ def test_a_long_recursion_comes_to_the_algebraic_equations_solution():
         K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
         P = Q + A.T @ P @ (A - B @ K)
     steps = Steps(np.repeat(one.A, 50, axis=0), np.repeat(one.B, 50, axis=0))
-    gains = best_gains(steps, Q, R, np.ones(50))
+    gains = best_gains(steps, np.broadcast_to(Q, (50, *Q.shape)), R)
     assert gains[-1] == pytest.approx(K, rel=1e-9, abs=1e-10)  # both converge to rounding times P's condition
     assert gains[0] == pytest.approx(K, rel=1e-9, abs=1e-10)
 
@@ -120,7 +120,7 @@ def test_no_other_torques_cost_less():
     count = 6
     steps, Q, R = random_problem(count + 1)
     share = np.append(np.linspace(0.1, 0.6, count), 1.0)
-    gains = best_gains(steps, Q, R, share)
+    gains = best_gains(steps, share[:, None, None] * Q, R)
     end = np.linalg.cholesky(solve_discrete_are(steps.A[-1], steps.B[-1], Q, R)).T
     m, nv = steps.B.shape[1:]
     x0 = np.array([1.0, -0.5, 0.2, 0.7, -1.0])
@@ -144,4 +144,4 @@ def test_no_other_torques_cost_less():
 def test_an_arm_that_cannot_be_led_is_refused():
     steps = Steps(np.array([np.diag([1.1, 0.5])]), np.array([[[0.0], [1.0]]]))
     with pytest.raises(ad.ArmdynError, match="no linear-quadratic regulator"):
-        best_gains(steps, np.eye(2), np.eye(1), np.ones(1))
+        best_gains(steps, np.eye(2)[None], np.eye(1))
