@@ -67,7 +67,8 @@ if TYPE_CHECKING:
         trajectory_from_path,
     )
     from armdyn.studies.paper.printed.loop import PAPER_GAINS
-    from armdyn.trajectory import Sample, Trajectory
+    from armdyn.studies.reserve import ReserveCurve, likely_plants, reserve_curve
+    from armdyn.trajectory import Sample, Samples, Trajectory
 else:
     __getattr__, __dir__ = facade(
         __name__,
@@ -83,7 +84,8 @@ else:
             "Solution Status TimeOptimality TorqueRateLimit "
             "lower_bound replay_torques solve_minimum_time time_optimality trajectory_from_path",
             "studies.paper.printed.loop": "PAPER_GAINS",
-            "trajectory": "Sample Trajectory",
+            "studies.reserve": "ReserveCurve likely_plants reserve_curve",
+            "trajectory": "Sample Samples Trajectory",
         },
     )
 
@@ -117,12 +119,14 @@ __all__ = [
     "Pid",
     "PidGains",
     "PidRun",
+    "ReserveCurve",
     "Robot",
     "RouthTable",
     "Run",
     "Sample",
     "SampledLoop",
     "SampledStability",
+    "Samples",
     "Sensitivities",
     "Solution",
     "Sphere",
@@ -135,11 +139,13 @@ __all__ = [
     "closed_loop_eigenvalues",
     "gain_plane",
     "least_stable_factor",
+    "likely_plants",
     "loop_margins",
     "lower_bound",
     "multiloop_disk",
     "ramp",
     "replay_torques",
+    "reserve_curve",
     "routh_table",
     "sampled_loop",
     "sampled_stability",

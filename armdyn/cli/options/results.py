@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Self
 
 import typer
 
@@ -61,6 +61,10 @@ class Written:
 
     files: Sequence[Path]
     seconds: float
+
+    def with_files(self, more: Sequence[Path]) -> Self:
+        """The same with others that were written beside."""
+        return replace(self, files=[*self.files, *more])
 
     @property
     def facts(self) -> dict[str, object]:

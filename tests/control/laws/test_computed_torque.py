@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 import armdyn as ad
+import plain_loop
 from armdyn.control.loop.ticks import Ticks
-from control import plain_loop
 from oracles import PinDynamics, random_states
 from problems import paper_arm
 

@@ -6,8 +6,8 @@ import armdyn as ad
 from armdyn.control.laws.linear import Steps, best_gains, loop_steps, plant_steps, slopes
 from armdyn.control.loop.ticks import Ticks
 from armdyn.dynamics import forward_dynamics
-from control.plain_loop import stepped
 from oracles import random_states, robot_named
+from plain_loop import stepped
 from problems import GANTRY, paper_arm
 
 ROBOTS = {

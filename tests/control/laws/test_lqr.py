@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import armdyn as ad
+import plain_loop
 from armdyn.control.laws.linear import loop_steps, plant_steps
 from armdyn.control.loop.ticks import Ticks
-from control import plain_loop
 from problems import GANTRY, paper_arm
 
 ROBOT = paper_arm("rrr")

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 
 import armdyn as ad
+import plain_loop
 from armdyn.control.loop.ticks import Ticks
 from armdyn.control.pid.equations import PidLoop
 from armdyn.control.pid.gains import FORMS, ContinuousPid
 from armdyn.control.pid.motion import motion_of
-from control import plain_loop
 from oracles import PinDynamics, random_states
 from problems import paper_arm
 

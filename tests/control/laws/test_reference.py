@@ -4,7 +4,7 @@ import pytest
 import armdyn as ad
 from armdyn.control.laws.reference import reference_of
 from armdyn.control.loop.ticks import Ticks
-from control.plain_loop import Filtered
+from plain_loop import Filtered
 from problems import paper_arm
 
 ROBOT = paper_arm("rr")

@@ -25,7 +25,7 @@ def test_a_field_out_of_range_is_named(name, value):
 @pytest.mark.parametrize("flaw", [{"delay": 1}, {"encoder": 1e-4}, {"noise": 1e-5}, {"velocity": "filtered"}])
 def test_a_continuous_loop_has_no_flaw(flaw):
     ideal = {"hold": "continuous", "delay": 0, "encoder": 0.0, "velocity": "exact"}
-    assert ad.Loop(**ideal) == ad.Loop.ideal()
+    assert ad.Loop(**ideal) == ad.Loop.ideal(saturate=True)
     with pytest.raises(ad.ArmdynError, match=r"Loop\.ideal"):
         ad.Loop(**{**ideal, **flaw})
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import armdyn as ad
+import plain_loop
 from armdyn.errors import ProblemError
 from armdyn.studies.paper import example
-from control import plain_loop
 from problems import paper_arm
 
 
@@ -21,7 +21,8 @@ def references():
 @pytest.mark.parametrize("form", ["acceleration", "torque", "computed_torque"])
 @pytest.mark.parametrize("arm", ["r", "rr", "rrr"])
 def test_the_ideal_loop_is_the_papers(arm, form):
-    # Both integrate to 1e-8 or better; the third arm's "acceleration" loop is unstable, and multiplies what is left by e^6.
+    # Both integrate to 1e-8 or better; the third arm's "acceleration" loop is unstable, and makes an error e^6 times as
+    # large.
     paper, robot = example(arm, "pid"), paper_arm(arm)
     asked = {"q_start": paper.q_start, "duration": 10.0}
     run = ad.simulate_pid(robot, q_goal=paper.q_goal, gains=ad.PAPER_GAINS, form=form, samples=10001, **asked)

@@ -1,0 +1,180 @@
+"""How much torque a minimum-time motion should leave to feedback, for the least time until an arm has settled."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from armdyn.arguments import expect, number, several
+from armdyn.control import Loop, Lqr, Run
+from armdyn.control.loop.law import Controller
+from armdyn.control.tracking.setup import Setup
+from armdyn.errors import ProblemError
+from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Solution, Status
+from armdyn.optimal.problem.problem import expect_problem
+from armdyn.studies.plants.plants import with_payload_times
+from armdyn.studies.sweep import sweep
+
+RESERVES = (0.0, 0.05, 0.08, 0.1, 0.12, 0.15, 0.2, 0.3)
+"""That are tried where none are given."""
+
+_LOADS = (0.8, 1.0, 1.2)
+_DRY, _VISCOUS = 0.02, 0.001
+"""Coulomb friction, and viscous friction per rad/s, of the likely arms that rub, as parts of the torque limits."""
+_WATCHED = 2.5
+"""Longer than a motion that settles takes; a reference may last longer, see `track` [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Settling:
+    """What one controller makes of one reserve, on all plants.
+
+    Attributes:
+        reserve: part of the torque limits that the motion leaves.
+        controller: which.
+        duration: of the motion [s].
+        settled: when each plant has settled [s]; None: it has not.
+        runs: what came of each.
+    """
+
+    reserve: float
+    controller: Controller
+    duration: float
+    settled: tuple[float | None, ...]
+    runs: tuple[Run, ...]
+
+    @property
+    def worst(self) -> float:
+        """Of all plants [s]; inf: one has not settled."""
+        return max(np.inf if t is None else t for t in self.settled)
+
+    @property
+    def mean(self) -> float:
+        """Of all plants [s]; inf: one has not settled."""
+        return float(np.mean([np.inf if t is None else t for t in self.settled]))
+
+    @property
+    def count(self) -> int:
+        """Plants that have settled."""
+        return sum(t is not None for t in self.settled)
+
+    def facts(self) -> dict[str, Any]:
+        """As JSON says it, and a figure draws it; None: not every plant settles."""
+        return {
+            "controller": type(self.controller).__name__,
+            "reserve": self.reserve,
+            "duration": self.duration,
+            "settled": self.count,
+            "arms": len(self.settled),
+            "mean": self.mean if self.count == len(self.settled) else None,
+            "worst": self.worst if self.count == len(self.settled) else None,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class ReserveCurve:
+    """Settled time against reserve.
+
+    Attributes:
+        rows: of every controller and every reserve that has a usable motion, in their orders.
+        solutions: the motions, by reserve.
+        plants: the arms that moved.
+    """
+
+    rows: tuple[Settling, ...]
+    solutions: dict[float, Solution]
+    plants: tuple[Robot, ...]
+
+    @property
+    def best(self) -> Settling | None:
+        """With which most plants settle, and then the last of them soonest; None: there is no row."""
+        return min(self.rows, key=lambda row: (-row.count, row.worst, row.mean, row.reserve), default=None)
+
+    def of(self, controller: Controller) -> tuple[Settling, ...]:
+        """The rows of one controller."""
+        return tuple(row for row in self.rows if row.controller is controller)
+
+
+def likely_plants(robot: Robot) -> tuple[Robot, ...]:
+    """Arms that a controller must expect: payload 20 % less, as it is and 20 % more, without and with friction.
+
+    Those that rub lose, beside what the model loses, 2 % of their torque limits, and 0.1 % for each rad/s.
+
+    Args:
+        robot: the controller's model.
+
+    Returns:
+        Six, or two of a robot without a payload.
+    """
+    damping, coulomb = expect_robot(robot).friction.per_joint(robot.nv)
+    size = np.minimum(np.abs(robot.limits.effort_lower), np.abs(robot.limits.effort_upper))
+    size = np.where(np.isfinite(size), size, 0.0)
+    carries = robot.payload is not None and robot.payload.mass > 0
+    loaded = [with_payload_times(robot, factor) for factor in _LOADS] if carries else [robot]
+    rubbing = [arm.with_friction(damping + _VISCOUS * size, coulomb + _DRY * size) for arm in loaded]
+    return (*loaded, *rubbing)
+
+
+def reserve_curve(
+    problem: MinimumTimeProblem,
+    controllers: Sequence[Controller] | None = None,
+    plants: Sequence[Robot] | None = None,
+    reserves: Sequence[float] = RESERVES,
+    *,
+    loop: Loop | None = None,
+    duration: float = _WATCHED,
+    options: MinimumTimeOptions | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> ReserveCurve:
+    """Settled time of minimum-time motions that leave more and more torque to feedback.
+
+    A motion with a larger reserve takes longer, and is followed better: between lies the least settled time.
+
+    Args:
+        problem: the motion; its own reserve is not looked at.
+        controllers: that follow it; None: `Lqr()`.
+        plants: the arms that move; None: `likely_plants`.
+        reserves: that are tried, each at least 0 and below 1.
+        loop: how controllers are joined to the arms; None: `Loop()`.
+        duration: how long each arm is watched [s]; see `track`.
+        options: of the searches.
+        progress: told in words what is being done.
+
+    Returns:
+        What there is after Ctrl-C, too.
+
+    Raises:
+        ProblemError: no problem; no reserve; something does not fit the robot.
+    """
+    expect_problem(problem)
+    tell = progress or (lambda text: None)
+    levels = sorted({number(r, f"reserves[{i}]") for i, r in enumerate(several(reserves, "reserves"))})
+    if not levels or not 0 <= levels[0] <= levels[-1] < 1:
+        raise ProblemError(f"reserves are {tuple(levels)}; expected one or more, each at least 0 and below 1")
+    whole = problem.variant(reserve=0.0, velocity_reserve=0.0)
+    robot = replace(problem.robot, limits=whole.limits)  # feedback has all of what the problem has
+    arms = likely_plants(robot) if plants is None else tuple(expect_robot(plant) for plant in plants)
+    laws = (Lqr(),) if controllers is None else tuple(controllers)
+    found = sweep([problem.variant(reserve=r) for r in levels], options, tell)
+    solutions = {r: s for r, s in zip(levels, found, strict=False) if s.usable and s.status is not Status.INTERRUPTED}
+    rows = []
+    for controller in laws:
+        for r, solution in solutions.items():
+            tell(f"{type(controller).__name__}, reserve {r:g}")
+            setup = Setup.of(
+                robot, solution.trajectory, expect_law(controller), loop or Loop(), duration=duration, tolerance=0.005
+            )
+            runs = tuple(setup.run(arm) for arm in arms)
+            rows.append(Settling(r, controller, solution.duration, tuple(run.settled_time for run in runs), runs))
+    return ReserveCurve(tuple(rows), solutions, arms)
+
+
+def expect_law(controller: object) -> Controller:
+    """The controller.
+
+    Raises:
+        ProblemError: it is none.
+    """
+    return expect(controller, Controller, "controllers", "Lqr(), ComputedTorque() or Pid(gains)")  # type: ignore[type-abstract]
