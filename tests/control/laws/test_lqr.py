@@ -145,7 +145,7 @@ def test_weights_are_values():
 
 @pytest.mark.parametrize("arm", ["rr", "rrr"])
 def test_it_settles_six_arms_that_it_does_not_know(arm):
-    # Payload by ±20 %, with and without friction: 0.258 and 0.286 s here, of motions of 0.221 and 0.237 s; with gains as
+    # Payload by ±20 %, with and without friction: 0.258 and 0.286 s, of motions of 0.221 and 0.237 s; with gains as
     # high on the way as at the goal 0.42 and 0.35 s.
     robot, motion = paper_arm(arm), plain_loop.paper_reference(arm, 0.1)
     for plant in plain_loop.paper_plants(arm):
