@@ -67,7 +67,13 @@ if TYPE_CHECKING:
         trajectory_from_path,
     )
     from armdyn.studies.paper.printed.loop import PAPER_GAINS
+    from armdyn.studies.plants.monte_carlo import monte_carlo
+    from armdyn.studies.plants.plants import Plants
+    from armdyn.studies.plants.question import MonteCarloOptions
+    from armdyn.studies.plants.result import MonteCarlo
     from armdyn.studies.reserve import ReserveCurve, likely_plants, reserve_curve
+    from armdyn.studies.tuning.families import ControllerFamily, Parameter, Ramps
+    from armdyn.studies.tuning.tune import Tuned, TuneOptions, tune
     from armdyn.trajectory import Sample, Samples, Trajectory
 else:
     __getattr__, __dir__ = facade(
@@ -84,6 +90,12 @@ else:
             "Solution Status TimeOptimality TorqueRateLimit "
             "lower_bound replay_torques solve_minimum_time time_optimality trajectory_from_path",
             "studies.paper.printed.loop": "PAPER_GAINS",
+            "studies.plants.monte_carlo": "monte_carlo",
+            "studies.plants.plants": "Plants",
+            "studies.plants.question": "MonteCarloOptions",
+            "studies.plants.result": "MonteCarlo",
+            "studies.tuning.families": "ControllerFamily Parameter Ramps",
+            "studies.tuning.tune": "TuneOptions Tuned tune",
             "studies.reserve": "ReserveCurve likely_plants reserve_curve",
             "trajectory": "Sample Samples Trajectory",
         },
@@ -102,6 +114,7 @@ __all__ = [
     "Capsule",
     "Certificate",
     "ComputedTorque",
+    "ControllerFamily",
     "Dynamics",
     "FrameSpeedLimit",
     "GainPlane",
@@ -115,10 +128,15 @@ __all__ = [
     "Margins",
     "MinimumTimeOptions",
     "MinimumTimeProblem",
+    "MonteCarlo",
+    "MonteCarloOptions",
+    "Parameter",
     "Payload",
     "Pid",
     "PidGains",
     "PidRun",
+    "Plants",
+    "Ramps",
     "ReserveCurve",
     "Robot",
     "RouthTable",
@@ -134,6 +152,8 @@ __all__ = [
     "TimeOptimality",
     "TorqueRateLimit",
     "Trajectory",
+    "TuneOptions",
+    "Tuned",
     "__version__",
     "characteristic_polynomial",
     "closed_loop_eigenvalues",
@@ -142,6 +162,7 @@ __all__ = [
     "likely_plants",
     "loop_margins",
     "lower_bound",
+    "monte_carlo",
     "multiloop_disk",
     "ramp",
     "replay_torques",
@@ -156,5 +177,6 @@ __all__ = [
     "time_optimality",
     "track",
     "trajectory_from_path",
+    "tune",
     "urdf_from_spec",
 ]

@@ -177,7 +177,7 @@ def _draw_limits(panels: list[Axes], limits: JointLimits, joints: int) -> bool:
 def _add_legends(figure: Figure, trajectories: Sequence[Trajectory], joints: int, limits: bool) -> None:
     names = trajectories[0].joint_names or tuple(f"joint {i + 1}" for i in range(joints))
     handles = [
-        Line2D([], [], color=color, linewidth=1.7, label=_literal(name))
+        Line2D([], [], color=color, linewidth=1.7, label=literal(name))
         for name, color in zip(names, _colors(joints), strict=True)
     ]
     if limits:
@@ -187,12 +187,12 @@ def _add_legends(figure: Figure, trajectories: Sequence[Trajectory], joints: int
         runs = []
         for i, (trajectory, style) in enumerate(zip(trajectories, _styles(len(trajectories)), strict=True)):
             caption = f"{trajectory.name or f'trajectory {i + 1}'}, {trajectory.duration:.4g} s"
-            runs.append(Line2D([], [], color=INK, linestyle=style, linewidth=1.4, label=_literal(caption)))
+            runs.append(Line2D([], [], color=INK, linestyle=style, linewidth=1.4, label=literal(caption)))
         figure.axes[0].legend(
             handles=runs, loc="lower left", bbox_to_anchor=(0, 1), ncols=min(len(runs), 3), borderaxespad=0.2
         )
 
 
-def _literal(text: str) -> str:
+def literal(text: str) -> str:
     """The text as it is: matplotlib hides labels that start with _, and reads $...$ as mathematics."""
     return text.replace("$", r"\$").lstrip("_") or "-"

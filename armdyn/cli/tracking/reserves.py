@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 if TYPE_CHECKING:
     from armdyn.studies.reserve import ReserveCurve, Settling
@@ -38,13 +37,13 @@ def write_reserves(curve: ReserveCurve | None, folder: Path, title: str) -> list
     """The curve's figure, reserve.png; none without a row."""
     if curve is None or not curve.rows:
         return []
+    from armdyn.show.loops.reserves import plot_reserves
     from armdyn.show.plots import save_figure
-    from armdyn.show.reserves import plot_reserves
 
     return [save_figure(plot_reserves([row.facts() for row in curve.rows], title), folder / "reserve.png")]
 
 
 def _settled(row: Settling) -> str:
-    if np.isfinite(row.worst):
+    if math.isfinite(row.worst):
         return f"settled {row.mean:.3f} s (mean), {row.worst:.3f} s (worst)"
     return f"{row.count} of {len(row.settled)} arms settle"

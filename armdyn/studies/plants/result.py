@@ -1,0 +1,186 @@
+"""What came of one controller on many arms."""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.arguments import number
+from armdyn.control.tracking.envelope import Envelope
+from armdyn.control.tracking.run import Run
+from armdyn.errors import ProblemError
+from armdyn.models.robots.robot import Robot
+from armdyn.studies.plants.question import Question
+from armdyn.studies.plants.rows import Row
+
+Array = NDArray[np.float64]
+
+_CONFIDENCE = 0.95
+_SAMPLES = 2000
+"""Times at most that an envelope has."""
+
+
+@dataclass(frozen=True)
+class SuccessRate:
+    """How many of some arms settled in time, and what that says of all others of their kind.
+
+    Attributes:
+        settled: so many did.
+        count: of so many arms.
+        rate: settled / count [-].
+        low: lower end of Wilson's interval of 95 % [-].
+        high: upper end [-].
+    """
+
+    settled: int
+    count: int
+    rate: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        """In words."""
+        return (
+            f"{self.settled} of {self.count} ({100 * self.rate:.4g} %; 95 % interval {100 * self.low:.4g} to "
+            f"{100 * self.high:.4g} %)"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class MonteCarlo:
+    """What came of one controller on many arms.
+
+    Attributes:
+        question: what was asked.
+        rows: one for each arm, by their numbers.
+        file: where they are kept; None: nowhere.
+    """
+
+    question: Question
+    rows: tuple[Row, ...]
+    file: Path | None = None
+
+    @property
+    def interrupted(self) -> bool:
+        """Some arms are missing: Ctrl-C was pressed."""
+        return len(self.rows) < self.question.options.count
+
+    @property
+    def settled_times(self) -> Array:
+        """Of each row [s], shape (n,); inf where it did not settle."""
+        times = [np.inf if row.settled_time is None else row.settled_time for row in self.rows]
+        return np.array(times, dtype=float)
+
+    def success(self, within: float = np.inf) -> SuccessRate:
+        """How many arms settled within a time.
+
+        Wilson's score interval of 95 % (E. B. Wilson, J. Am. Stat. Assoc. 22, 1927).
+
+        Args:
+            within: the time [s]; inf: within the time that they were watched.
+
+        Raises:
+            ProblemError: it is negative or NaN; there are no rows.
+        """
+        from scipy.stats import binomtest
+
+        within = number(within, "within", unit="s", sign="not negative", finite=False)
+        count = len(self._some())
+        settled = int(np.sum(np.minimum(self.settled_times, np.finfo(float).max) <= min(within, 1e300)))
+        interval = binomtest(settled, count).proportion_ci(_CONFIDENCE, method="wilson")
+        return SuccessRate(settled, count, settled / count, float(interval.low), float(interval.high))
+
+    def quantiles(self, parts: Sequence[float] = (0.5, 0.9, 0.99, 1.0)) -> Array:
+        """Settled times that so many parts of the arms do not exceed [s]; inf where so many did not settle.
+
+        Each is that of an arm, none lies between two.
+
+        Args:
+            parts: each in 0 to 1.
+
+        Raises:
+            ProblemError: one is not; there are no rows.
+        """
+        self._some()
+        for part in parts:
+            if not 0 <= number(part, "parts") <= 1:
+                raise ProblemError(f"parts has {part:g}; expected 0 to 1")
+        return np.asarray(np.quantile(self.settled_times, parts, method="inverted_cdf"))
+
+    @property
+    def worst(self) -> Row:
+        """That settled last; of those that did not settle the one that was farthest from its reference.
+
+        Raises:
+            ProblemError: there are no rows.
+        """
+
+        def badness(row: Row) -> tuple[float, float]:
+            farthest = np.inf if row.peak_error is None else row.peak_error
+            return (np.inf, farthest) if row.settled_time is None else (row.settled_time, 0.0)
+
+        return max(self._some(), key=badness)
+
+    def plant(self, k: int) -> Robot:
+        """Arm number k, such as `worst.k`."""
+        return self.question.plant(k)
+
+    def run(self, k: int) -> Run:
+        """What arm number k does, with its motion."""
+        return self.question.run(k)
+
+    def envelope(self, parts: Sequence[float] = (0.05, 0.5, 0.95)) -> Envelope:
+        """Distance from the reference over time, of all arms at once; each is run again.
+
+        Args:
+            parts: of the arms, whose distances are given besides the least and the greatest.
+
+        Raises:
+            ProblemError: a part is not in 0 to 1; there are no rows.
+        """
+        setup, options = self.question.setup, self.question.options
+        numbers = [row.k for row in self._some()]
+        ticks = max(int(np.ceil(setup.duration * setup.loop.rate - 1e-9)), 1)
+        kept = np.arange(0, ticks + 1, max(-(-ticks // _SAMPLES), 1))
+        reference = setup.ticks.q[np.minimum(kept, len(setup.ticks.q) - 1)]
+        errors = np.full((len(numbers), kept.size, self.question.robot.nv), np.inf, dtype=np.float32)
+
+        def put(i: int) -> None:
+            q = self.question.run(numbers[i]).trajectory.q
+            whole = kept[kept < len(q)].size  # a run that broke off is at no distance that can be told
+            errors[i, :whole] = np.abs(q[kept[:whole]] - reference[:whole])
+
+        with ThreadPoolExecutor(options.workers) as pool:
+            list(pool.map(put, range(len(numbers))))
+        t = kept / setup.loop.rate
+        return Envelope.of(t, errors, parts, self.question.robot.joint_names, setup.ticks.duration, options.tolerance)
+
+    def summary(self, within: float = np.inf) -> dict[str, object]:
+        """As JSON says it; what is not known or infinite is None.
+
+        Args:
+            within: see `success`.
+        """
+        success, worst, times = self.success(within), self.worst, self.quantiles()
+        return {
+            "count": success.count,
+            "settled": success.settled,
+            "within": within if np.isfinite(within) else None,
+            "success_rate": success.rate,
+            "success_rate_low": success.low,
+            "success_rate_high": success.high,
+            "settled_time": {
+                name: float(time) if np.isfinite(time) else None
+                for name, time in zip(("median", "90 %", "99 %", "worst"), times, strict=True)
+            },
+            "worst": {"k": worst.k, "status": worst.status, "payload": worst.draw.payload},
+            "interrupted": self.interrupted,
+        }
+
+    def _some(self) -> tuple[Row, ...]:
+        if not self.rows:
+            raise ProblemError("there are no rows: the study was interrupted before the first arm ended")
+        return self.rows

@@ -1,0 +1,188 @@
+"""Controllers to choose from: numbers within bounds, and the controller that they make."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armdyn.arguments import expect, flag, number, one_of, several, text
+from armdyn.control.laws.computed_torque import ComputedTorque
+from armdyn.control.laws.lqr import Lqr
+from armdyn.control.laws.pid import Pid
+from armdyn.control.loop.law import Controller
+from armdyn.control.loop.references import ramp
+from armdyn.control.pid.gains import FORMS, Form, PidGains
+from armdyn.dynamics import Dynamics
+from armdyn.errors import ProblemError
+from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+Values = Mapping[str, float]
+"""Parameters by their names."""
+
+_PID = {"kp": (100.0, 50_000.0), "ki": (1.0, 100_000.0), "kd": (10.0, 600.0)}
+"""Bounds for a joint of inertia one: 10 to 220 rad/s, beyond what 1 kHz and a tick of delay can do; an integral from
+slow to unstable."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number to choose; its logarithm is searched.
+
+    Attributes:
+        name: of it.
+        low: the least.
+        high: the greatest.
+
+    Raises:
+        ProblemError: not positive, or not in order.
+    """
+
+    name: str
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        text(self.name, "name of a parameter")
+        for end in ("low", "high"):
+            object.__setattr__(self, end, number(getattr(self, end), f"{end} of {self.name}", sign="positive"))
+        if self.low >= self.high:
+            raise ProblemError(f"{self.name} goes from {self.low:g} to {self.high:g}; the least comes first")
+
+
+@dataclass(frozen=True, eq=False)
+class ControllerFamily:
+    """Controllers that differ in some numbers.
+
+    Attributes:
+        name: in messages.
+        parameters: what is chosen.
+        controller: of the values that are chosen, by name. It may take others, too: all that a search chooses.
+
+    Raises:
+        ProblemError: no parameters, or two of one name.
+    """
+
+    name: str
+    parameters: tuple[Parameter, ...]
+    controller: Callable[[Values], Controller]
+
+    def __post_init__(self) -> None:
+        text(self.name, "name of a family")
+        parameters = tuple(
+            expect(one, Parameter, f"parameters[{i}]", 'such as Parameter("kp", 1.0, 100.0)')
+            for i, one in enumerate(several(self.parameters, "parameters"))
+        )
+        object.__setattr__(self, "parameters", parameters)
+        names = [one.name for one in parameters]
+        if not names or len(set(names)) < len(names):
+            raise ProblemError(f"parameters are {', '.join(names) or 'none'}; expected one or more, of different names")
+
+    @classmethod
+    def pid(
+        cls,
+        robot: Robot,
+        q_goal: ArrayLike,
+        *,
+        form: Form = "computed_torque",
+        feedforward: bool = True,
+        gravity: bool = False,
+        shared: bool = True,
+    ) -> "ControllerFamily":
+        """PID controllers, see `Pid`.
+
+        Bounds of the gains are those of a joint of inertia one; with the form "torque" they are multiplied by each
+        joint's inertia at the goal.
+
+        Args:
+            robot: the controller's model.
+            q_goal: where it ends [rad or m], shape (nv,).
+            form: see `Pid`.
+            feedforward: see `Pid`.
+            gravity: see `Pid`.
+            shared: all joints have the same gains, those of the form "torque" times each one's inertia. Gains of
+                each joint take a longer search.
+
+        Raises:
+            ProblemError: something does not fit the robot, or each other.
+        """
+        one_of(form, FORMS, "form")
+        nv = expect_robot(robot).nv
+        inertia = np.diag(Dynamics(robot).crba(np.asarray(q_goal, dtype=float)))
+        scale = inertia if form == "torque" else np.ones(nv)
+        Pid(PidGains(1.0, 1.0, 1.0), form, feedforward, gravity)  # which refuses what does not go together
+        if flag(shared, "shared"):
+            chosen = tuple(Parameter(name, *ends) for name, ends in _PID.items())
+        else:
+            chosen = tuple(
+                Parameter(f"{name}{i + 1}", *(scale[i] * np.array(ends)))
+                for name, ends in _PID.items()
+                for i in range(nv)
+            )
+
+        def controller(values: Values) -> Pid:
+            gains = {
+                name: tuple(values[name] * scale) if shared else tuple(values[f"{name}{i + 1}"] for i in range(nv))
+                for name in _PID
+            }
+            return Pid(PidGains(**gains), form, feedforward, gravity)
+
+        return cls(f"PID, {form}", chosen, controller)
+
+    @classmethod
+    def computed_torque(cls) -> "ControllerFamily":
+        """Computed-torque controllers with an integral, see `ComputedTorque`."""
+        chosen = (Parameter("bandwidth", 10.0, 200.0), Parameter("damping", 0.3, 3.0), Parameter("integral", 1.0, 1e6))
+        return cls("computed torque", chosen, lambda x: ComputedTorque(x["bandwidth"], x["damping"], x["integral"]))
+
+    @classmethod
+    def lqr(cls) -> "ControllerFamily":
+        """Linear-quadratic regulators, the same weights for all joints, see `Lqr`."""
+        chosen = (Parameter("position", 0.002, 0.5), Parameter("velocity", 1e-4, 0.1), Parameter("integral", 0.1, 50.0))
+        return cls("linear-quadratic", chosen, lambda x: Lqr(x["position"], x["velocity"], x["integral"]))
+
+
+@dataclass(frozen=True, eq=False)
+class Ramps:
+    """References along `ramp`, whose duration is chosen, too, as the parameter "ramp".
+
+    Attributes:
+        q_start: [rad or m], shape (nv,).
+        q_goal: [rad or m], shape (nv,).
+        duration: least and greatest [s].
+
+    Raises:
+        ProblemError: durations not positive, or not in order.
+    """
+
+    q_start: ArrayLike
+    q_goal: ArrayLike
+    duration: tuple[float, float] = (0.1, 1.0)
+
+    def __post_init__(self) -> None:
+        ends = several(self.duration, "duration")
+        if len(ends) != 2:
+            raise ProblemError(f"duration is {self.duration!r}; expected the least and the greatest [s]")
+        object.__setattr__(self, "duration", (self.parameter.low, self.parameter.high))
+
+    @property
+    def parameter(self) -> Parameter:
+        """The duration [s]."""
+        return Parameter("ramp", *self.duration)
+
+    def reference(self, robot: Robot, values: Values) -> Trajectory:
+        """The one of a duration."""
+        return ramp(robot, self.q_start, self.q_goal, values["ramp"])
+
+
+def chosen(family: ControllerFamily, reference: Trajectory | Ramps) -> tuple[Parameter, ...]:
+    """All that a search chooses."""
+    return (*family.parameters, *([reference.parameter] if isinstance(reference, Ramps) else []))
+
+
+def by_name(parameters: Sequence[Parameter], logarithms: Array) -> dict[str, float]:
+    """Values of a point of the search, shape (n,)."""
+    return {one.name: float(np.exp(x)) for one, x in zip(parameters, logarithms, strict=True)}

@@ -1,0 +1,106 @@
+"""What a controller is worth on a set of arms."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.control.tracking.run import Run
+from armdyn.control.tracking.setup import Setup
+from armdyn.models.robots.robot import Robot
+
+Array = NDArray[np.float64]
+
+Index = Literal["settled", "itae", "ise"]
+"""What is made small, of the worst arm; e is the distance from the goal:
+
+- "settled": the settled time [s]. Of a run that does not settle, the time that it was watched and more the farther it
+  is from its goal in the end.
+- "itae": ∫ t Σ|e| dt [rad s²].
+- "ise": ∫ Σ e² dt [rad² s].
+"""
+INDICES: tuple[Index, ...] = ("settled", "itae", "ise")
+
+_LAST = 0.1
+"""Part of the time at whose end a run that has not settled is judged."""
+
+
+@dataclass(frozen=True)
+class Worth:
+    """What a controller is worth on a set of arms.
+
+    Attributes:
+        index: of the worst arm, see `Index`.
+        settled: how many arms settle.
+        count: of arms.
+        settled_time: of the worst arm [s]; inf if one does not settle.
+        overshoot: of the worst arm's worst joint, as a part of the largest travel of a joint [-].
+    """
+
+    index: float
+    settled: int
+    count: int
+    settled_time: float
+    overshoot: float
+
+    def cost(self, most: float) -> float:
+        """What the search makes small: the index, more beyond an overshoot.
+
+        It is in proportion, so that it means the same to each index, and grows without a jump, so that the search
+        finds its way back.
+
+        Args:
+            most: overshoot that costs nothing [-].
+        """
+        return self.index * (1 + max(self.overshoot / most - 1, 0.0))
+
+    def __str__(self) -> str:
+        """In words."""
+        time = f"worst settled time {self.settled_time:.4f} s" if self.settled == self.count else "not all settle"
+        return f"{self.settled} of {self.count} settle, {time}, overshoot {100 * self.overshoot:.2f} % of the travel"
+
+
+def worth(setup: Setup, plants: Sequence[Robot], index: Index) -> Worth:
+    """What a controller is worth.
+
+    Args:
+        setup: the controller along its reference.
+        plants: the arms, one at least.
+        index: see `Index`.
+    """
+    runs = [setup.run(plant) for plant in plants]
+    times = [np.inf if run.settled_time is None else run.settled_time for run in runs]
+    travel = float(np.abs(setup.ticks.goal - setup.start[: setup.robot.nv]).max())
+    over = max(float(run.overshoot.max()) for run in runs)
+    return Worth(
+        index=max(index_of(run, setup, index) for run in runs),
+        settled=sum(run.settled for run in runs),
+        count=len(runs),
+        settled_time=max(times),
+        overshoot=over / travel if travel else (np.inf if over else 0.0),
+    )
+
+
+def index_of(run: Run, setup: Setup, index: Index) -> float:
+    """One run's, see `Index`; a run that broke off stays where it was to the end.
+
+    Args:
+        run: of the setup.
+        setup: see `worth`.
+        index: see `Index`.
+    """
+    motion, end = run.trajectory, setup.duration
+    away = np.abs(motion.q - setup.ticks.goal)
+    if index == "settled":
+        if run.settled_time is not None:
+            return run.settled_time
+        late = away[motion.t >= (1 - _LAST) * motion.t[-1]].max()
+        return float(end * (1 + np.log1p(late / setup.tolerance)) + max(end - motion.t[-1], 0.0))
+    total = away.sum(axis=1) if index == "itae" else np.sum(away**2, axis=1)
+    left = max(end - motion.t[-1], 0.0)
+    if index == "itae":
+        rest = total[-1] * left * (end + motion.t[-1]) / 2
+        return float(np.trapezoid(motion.t * total, motion.t) + rest)
+    return float(np.trapezoid(total, motion.t) + total[-1] * left)
