@@ -36,7 +36,7 @@ class Lqr:
 
     The defaults are for least settled time, and one rule for every arm: tuned on random motions of two and three
     joints. An error on the way costs nothing by itself, and a fast motion leaves little torque to mend it: gains that
-    are as high there as at the goal clip the torque, and what one joint then lacks throws the others off. Where speed is
+    are as high there as at the goal clip the torque, and what one joint lacks throws the others off. Where speed is
     limited rather than torque, friction that the model does not know is made up for late: a Panda is then up to 14 %
     faster than its limit, and 3 % with both shares at 1.
 
