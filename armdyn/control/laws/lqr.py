@@ -121,7 +121,7 @@ def _along(steps: Steps, weights: Array, effort: Array) -> Array:
     used = np.setdiff1d(np.arange(m), unused)
     part = Steps(steps.A[:, used[:, None], used], steps.B[:, used])
     gains = np.zeros((len(steps.A), nv, m))
-    gains[:, :, used] = best_gains(part, weights[:, used, None] * np.eye(used.size), np.diag(effort))
+    gains[:, :, used] = best_gains(part, weights[:, used], effort)
     return gains
 
 
