@@ -112,7 +112,7 @@ def test_a_sampled_pid_controller_is_tuned_over_payloads_and_friction(arm, longe
         assert each.settled_time <= most
         assert each.overshoot <= 0.05
     paper = ad.track(
-        robot, ad.set_point(robot, ends[1]), ad.Pid(ad.PAPER_GAINS, "acceleration", False), q_start=ends[0]
+        robot, ad.set_point(robot, ends[1]), ad.Pid(ad.PAPER_GAINS, "torque", False), q_start=ends[0]
     )
     assert not paper.settled
     assert "unstable for its sampling" in paper.message
