@@ -74,7 +74,7 @@ if TYPE_CHECKING:
     from armdyn.studies.reserve import ReserveCurve, likely_plants, reserve_curve
     from armdyn.studies.tuning.families import ControllerFamily, Parameter, Ramps
     from armdyn.studies.tuning.tune import Tuned, TuneOptions, tune
-    from armdyn.trajectory import Sample, Trajectory
+    from armdyn.trajectory import Sample, Samples, Trajectory
 else:
     __getattr__, __dir__ = facade(
         __name__,
@@ -97,7 +97,7 @@ else:
             "studies.tuning.families": "ControllerFamily Parameter Ramps",
             "studies.tuning.tune": "TuneOptions Tuned tune",
             "studies.reserve": "ReserveCurve likely_plants reserve_curve",
-            "trajectory": "Sample Trajectory",
+            "trajectory": "Sample Samples Trajectory",
         },
     )
 
@@ -144,6 +144,7 @@ __all__ = [
     "Sample",
     "SampledLoop",
     "SampledStability",
+    "Samples",
     "Sensitivities",
     "Solution",
     "Sphere",

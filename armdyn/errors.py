@@ -132,6 +132,26 @@ class BridgeError(ArmdynError, RuntimeError):
     """The compiled bridge does not fit the installed casadi."""
 
 
+class MissingPackageError(ArmdynError, ImportError):
+    """A package that armdyn can do without is needed for what was asked, and not installed.
+
+    Attributes:
+        package: its name, as pip knows it.
+        what: was asked.
+        instead: what does without; empty: nothing.
+    """
+
+    def __init__(self, package: str, what: str, instead: str = ""):
+        self.package = package
+        self.what = what
+        self.instead = instead
+        super().__init__(f"{what} needs {package}: pip install {package}{f'; {instead}' if instead else ''}")
+
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        """What makes it again in another process."""
+        return type(self), (self.package, self.what, self.instead)
+
+
 class SettingError(ArmdynError, ValueError):
     """An environment variable is set to what it cannot be.
 

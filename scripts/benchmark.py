@@ -1,5 +1,6 @@
 """Time armdyn beside a plain CasADi script, rockit's and Drake's DirectCollocation, in one run.
 
+With --loops its closed loop stands beside MuJoCo and Drake's Simulator, ten seconds of three joints at 1 kHz.
 Times are wall times of a solve, the median of --repeats runs after one that is dropped (unless that one alone
 takes more than 10 s); "ratio" is to armdyn's one solve. Building functions is not in them, but in its own column [s].
 Every answer has its torques replayed through pin.aba: "replay" is the largest position error at the goal [rad].
@@ -58,6 +59,23 @@ def measure(case: str, row: tuple[str, str, str, str], repeats: int, timeout: fl
     return blank | told | numbers | {"replay": landed, "excess": limit_violation(asked.limits, found)}
 
 
+def measure_loops(repeats: int, timeout: float) -> None:
+    """Print the median time of ten seconds of a closed loop, its ratio to armdyn's, and where it ends [rad]."""
+    ends, base = None, None
+    print("loop, 10 s at 1 kHz    time [s]   ratio  apart [rad]")
+    for peer, package in (("armdyn", "armdyn"), ("mujoco", "mujoco"), ("drake", "pydrake")):
+        if importlib.util.find_spec(package) is None:
+            print(f"{peer:20} {package} is not installed")
+            continue
+        command = [sys.executable, str(PEERS / "loops.py"), "--peer", peer, "--repeats", str(repeats)]
+        run = subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=True)  # noqa: S603
+        told = json.loads(run.stdout.strip().splitlines()[-1])
+        median = statistics.median(told["times"])
+        base, ends = base or median, told["end"] if ends is None else ends
+        apart = np.abs(np.subtract(told["end"], ends)).max()
+        print(f"{peer:20} {median:10.4f} {median / base:7.1f}  {apart:10.1e}", flush=True)
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
@@ -65,7 +83,11 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--timeout", type=float, default=180.0, help="of a peer, all repeats and building together [s]")
     parser.add_argument("--json", action="store_true", help="one JSON object per row")
+    parser.add_argument("--loops", action="store_true", help="closed loops instead: armdyn, MuJoCo, Drake")
     told = parser.parse_args()
+    if told.loops:
+        measure_loops(told.repeats, told.timeout)
+        return
     if not told.json:
         print(f"{'case':6} {'method':30}   t_f [s]  time [s]   ratio  building   replay   excess  status")
     for case in told.only:

@@ -1,13 +1,11 @@
-"""Make docs/stability.png, and print the numbers of docs/stability.md.
-
-python scripts/stability.py
-"""
+"""Make docs/stability.png, and print the numbers of docs/stability.md: python scripts/stability.py."""
 
 from pathlib import Path
 
 import numpy as np
 
 import armdyn as ad
+from armdyn.control.loop.loop import VELOCITIES
 from armdyn.control.stability.plane import gain_plane
 from armdyn.show.plots import save_figure
 from armdyn.show.regions import plot_regions
@@ -16,37 +14,46 @@ from armdyn.studies.paper.printed.examples import example
 DOCS = Path(__file__).parents[1] / "docs"
 ARMS, PAYLOADS, FORMS = ("r", "rr", "rrr"), (0.0, 0.1006, 0.5, 1.0), ("torque", "acceleration")
 POINTS = 90
+PAPER = (ad.PAPER_GAINS.kp, ad.PAPER_GAINS.ki, ad.PAPER_GAINS.kd)
 
 
-def arm(name, mass):
+def arm(name, mass=0.1006):
     """A paper arm and the goal of its PID example."""
     robot = ad.Robot.from_spec(ad.ArmSpec.paper(name), ad.Payload(mass=mass) if mass else None)
     return robot, example(name, "pid").q_goal
 
 
-def tables():
-    """Routh's table of R, factors, rates and margins."""
-    robot, goal = arm("r", 0.1006)
-    region = ad.GainRegion.of(robot, goal, "torque")
-    print(f"R, 100.6 g, torque: {region}")
-    print(ad.routh_table(region.polynomial(ad.PAPER_GAINS.kp, ad.PAPER_GAINS.ki, ad.PAPER_GAINS.kd)).markdown())
+def continuous():
+    """Routh's table of R, its condition against eigenvalues, and factors."""
+    one_link = arm("r")
+    region = ad.GainRegion.of(*one_link, "torque")
+    print(f"R, 100.6 g, torque: {region}\n{ad.routh_table(region.polynomial(*PAPER)).markdown()}")
+    random, wrong, stable = np.random.default_rng(0), 0, 0
+    for gains in 10 ** random.uniform(-3, 3, (10_000, 3)):
+        values = ad.closed_loop_eigenvalues(*one_link, ad.PidGains(*gains), "torque")
+        wrong += bool(region.stable(*gains)) != (values[0].real < 0)
+        stable += bool(region.stable(*gains))
+    print(f"10000 random gains: {stable} stable, {wrong} disagreements with eigenvalues")
     for name in ARMS:
         factors = [ad.least_stable_factor(*arm(name, mass), ad.PAPER_GAINS, "acceleration") for mass in PAYLOADS]
         print(f"{name}: least stable factor, acceleration: {', '.join(f'{factor:.3f}' for factor in factors)}")
+
+
+def sampled():
+    """Verdicts at 1 kHz, slowest rates and margins."""
     for name in ARMS:
-        robot, goal = arm(name, 0.1006)
         for controller in (ad.Pid(ad.PAPER_GAINS, "torque"), ad.Lqr()):
-            kind = type(controller).__name__
-            print(f"{name}, {kind}: {ad.sampled_stability(robot, goal, controller, ad.Loop()).message}")
-            for velocity in ("exact", "filtered"):
-                rates = [
-                    ad.slowest_stable_rate(robot, goal, controller, delay, loop=ad.Loop(velocity=velocity))
-                    for delay in (0, 1)
-                ]
-                print(f"  {velocity}: slowest rate, 0 and 1 tick: {', '.join(f'{rate:.0f} Hz' for rate in rates)}")
-            loop = ad.sampled_loop(robot, goal, controller, ad.Loop())
+            both = (*arm(name), controller)
+            print(f"{name}, {type(controller).__name__}: {ad.sampled_stability(*both, ad.Loop()).message}")
+            for velocity in VELOCITIES:
+                rates = [ad.slowest_stable_rate(*both, delay, loop=ad.Loop(velocity=velocity)) for delay in (0, 1)]
+                print(f"  {velocity}: from {rates[0]:.0f} Hz on without delay, {rates[1]:.0f} Hz with a tick")
+            loop = ad.sampled_loop(*both, ad.Loop())
             for one in ad.loop_margins(loop) if loop.radius < 1 else ():
-                print(f"  {one}")
+                (low, high), phase, delay = one.gain, np.rad2deg(one.phase), 1e3 * one.delay
+                print(
+                    f"  joint {one.joint + 1}: gain {low:.3f} to {high:.2f}, phase {phase:.1f}°, delay {delay:.2f} ms"
+                )
 
 
 def planes(name, form):
@@ -57,12 +64,9 @@ def planes(name, form):
 
 
 if __name__ == "__main__":
-    tables()
+    continuous()
+    sampled()
     panels = {f"{name.upper()}, {form}": planes(name, form) for form in FORMS for name in ARMS}
-    figure = plot_regions(
-        panels,
-        mark=(30.0, 10.0),
-        marked="the paper's gains",
-        title="Stable PID gains at the goal, ki = 50; sampled at 1 kHz",
-    )
+    title = "Stable PID gains at the goal, ki = 50; sampled at 1 kHz"
+    figure = plot_regions(panels, mark=(30.0, 10.0), marked="the paper's gains", title=title)
     print(save_figure(figure, DOCS / "stability.png"))

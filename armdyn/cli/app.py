@@ -11,6 +11,7 @@ import typer
 from armdyn import __version__
 from armdyn.cli.console import EXIT_CODES
 from armdyn.cli.doctor import doctor
+from armdyn.cli.export import export
 from armdyn.cli.motion.bound import bound
 from armdyn.cli.motion.mintime import mintime
 from armdyn.cli.motion.pid import pid
@@ -28,7 +29,7 @@ app = typer.Typer(
     help="Time-optimal and closed-loop motion of robot arms, from a URDF.",
     epilog=f"Exit codes: {EXIT_CODES}",
 )
-for command in (mintime, bound, track, pid, reproduce, sweep, replay, urdf, robots, doctor):
+for command in (mintime, bound, track, pid, reproduce, sweep, replay, export, urdf, robots, doctor):
     app.command()(with_options(command))
 
 

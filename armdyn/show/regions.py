@@ -77,7 +77,7 @@ def plot_regions(
             axes.set_ylabel("kd")
         handles: list[Line2D | Patch] = [Patch(color=colors[name], alpha=0.6, label=name) for name in names]
         handles += [
-            Line2D([], [], color=INK, linestyle=(0, (4, 2)), label="continuous: stable above"),
+            Line2D([], [], color=INK, linestyle=(0, (4, 2)), label="continuous: stable above and to the right"),
             Line2D([], [], color=INK, label="sampled: stable where filled"),
         ]
         if mark is not None:

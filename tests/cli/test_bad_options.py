@@ -8,15 +8,26 @@ import armdyn as ad
 from armdyn.cli.app import app
 
 POSES = ["--q-start", "--q-goal", "--via"]
+RESERVES = ["--reserve", "--velocity-reserve"]
 MORE = ["--lock", "--arm", "--goal-pose", "--obstacle", "--limit", "--clearance", "--starts", "--time-limit", "--seed"]
 JOINTS = ["--effort-limit", "--damping", "--friction", "--friction-width", "--armature"]
 WRONG = ("nan", "x", ",", "½")
 """No option of numbers takes one of these."""
 OPTIONS = {
-    "mintime rr": [*POSES, *JOINTS, "--payload", "--velocity-limit", "--acceleration-limit", "--jerk-limit", *MORE],
+    "mintime rr": [
+        *POSES,
+        *JOINTS,
+        *RESERVES,
+        "--payload",
+        "--velocity-limit",
+        "--acceleration-limit",
+        "--jerk-limit",
+        *MORE,
+    ],
     "pid rr": [*JOINTS, "--q-start", "--q-goal", "--payload", "--gains", "--form", "--duration", "--arrival-rule"],
-    "sweep rr": ["--q-start", "--q-goal", "--payload", "--velocity-limit", "--starts", "--time-limit"],
+    "sweep rr": [*RESERVES, "--q-start", "--q-goal", "--payload", "--velocity-limit", "--starts", "--time-limit"],
     "replay rr m.npz": ["--payload", "--slow-motion", "--lock", "--arm"],
+    "export m.npz": ["--rate", "--format"],
     "reproduce": ["--only", "--payload", "--arrival-rule"],
     "urdf rr": ["--payload"],
 }
@@ -39,6 +50,11 @@ EXTREME = [
     ["replay", "rr", "m.npz", "--slow-motion", "1e-320"],
     ["replay", "rr", "m.npz", "--slow-motion", "1e300"],
     ["replay", "rr", "far.npz"],
+    ["export", "m.npz", "--rate", "0"],
+    ["export", "m.npz", "--rate", "-5"],
+    ["export", "m.npz", "--rate", "inf"],
+    ["export", "m.npz", "--rate", "1e300"],
+    ["export", "wild.npz"],
     ["doctor", "9" * 5000],
     ["doctor", "<robot/>"],
     ["doctor", "\0"],
@@ -47,11 +63,12 @@ EXTREME = [
 
 @pytest.fixture
 def run(tmp_path, monkeypatch):
-    """A command, in a folder with two motions of RR: one that can be shown, one that cannot."""
+    """A command, in a folder with motions of RR: one that can be shown, one that cannot, one beyond floats."""
     monkeypatch.chdir(tmp_path)
     rest = np.zeros((2, 2))
     ad.Trajectory([0.0, 1.0], rest, rest, rest).save("m.npz")
     ad.Trajectory([0.0, 1.0], rest + 1e300, rest, rest).save("far.npz")
+    ad.Trajectory([0.0, 1.0], rest, rest + 1e308, rest).save("wild.npz")
     return lambda *arguments: CliRunner().invoke(app, arguments)
 
 

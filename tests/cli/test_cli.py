@@ -172,6 +172,8 @@ def test_doctor(tmp_path):
         (["pid", "rr", "--form", "magic"], "magic"),
         (["pid", "rr", "--arrival-rule", "soon"], "soon"),
         (["replay", "rr", "missing.npz"], "missing.npz: no such file"),
+        (["export", "missing.npz"], "missing.npz: no such file"),
+        (["export", "missing.npz", "--format", "xlsx"], "xlsx"),
         (["urdf", "rrrr"], "no arm 'rrrr'"),
     ],
 )
@@ -224,7 +226,7 @@ def test_interrupt_is_exit_130_with_partial_results(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "command", ["", "mintime", "bound", "pid", "sweep", "reproduce", "replay", "urdf", "robots", "doctor"]
+    "command", ["", "mintime", "bound", "pid", "sweep", "reproduce", "replay", "export", "urdf", "robots", "doctor"]
 )
 def test_help_teaches(command):
     done = run_here(*command.split(), "--help")

@@ -22,6 +22,7 @@ COMMANDS = {
     "pid": ["pid", "r"],
     "sweep": ["sweep", "r", "--payload", "0.1"],
     "replay": ["replay", "r", "motion.npz"],
+    "export": ["export", "motion.npz"],
     "reproduce": ["reproduce", "--only", "example4", "--payload", "0.1006"],
     "urdf": ["urdf", "rr"],
 }
@@ -30,6 +31,7 @@ WORK = {
     "pid": "armdyn.simulate_pid",
     "sweep": "armdyn.studies.sweep.sweep",
     "replay": "armdyn.show.replay.write_html",
+    "export": "armdyn.cli.export.write_whole",
     "reproduce": "armdyn.studies.paper.reproduce.run_case",
     "urdf": "armdyn.cli.paper.write_whole",
 }
@@ -94,6 +96,7 @@ def test_an_out_without_permission_is_refused_before_the_work(command, here, idl
         ("sweep", "100g.npz"),
         ("sweep", "sweep.csv"),
         ("replay", "replay.html"),
+        ("export", "motion.csv"),
         ("reproduce", "index.html"),
         ("urdf", "planar_rr.urdf"),
     ],

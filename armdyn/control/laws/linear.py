@@ -72,7 +72,7 @@ def plant_steps(robot: Robot, ticks: Ticks) -> Steps:
     return Steps(over[:, : 2 * nv, : 2 * nv], over[:, : 2 * nv, 2 * nv :])
 
 
-def loop_steps(plant: Steps, delay: int, period: float) -> Steps:
+def loop_steps(plant: Steps, delay: int, gathered: Array) -> Steps:
     """The same with what a loop adds: x = (e, ė, ∫e dt, torques decided and not yet felt), the next first.
 
     All are reference less actual. u is what is decided at a tick, and felt `delay` ticks later.
@@ -80,7 +80,7 @@ def loop_steps(plant: Steps, delay: int, period: float) -> Steps:
     Args:
         plant: (e, ė) from tick to tick, as `plant_steps` has it.
         delay: ticks from a reading to its torque.
-        period: of a tick [s].
+        gathered: what an integral gains of an error at each tick [s], shape (n,): the period where it runs, else 0.
 
     Returns:
         Steps of shape (n, (3 + delay) nv, (3 + delay) nv) and (n, (3 + delay) nv, nv).
@@ -89,7 +89,7 @@ def loop_steps(plant: Steps, delay: int, period: float) -> Steps:
     size = (3 + delay) * nv
     A, B = np.zeros((count, size, size)), np.zeros((count, size, nv))
     A[:, : 2 * nv, : 2 * nv] = plant.A
-    A[:, 2 * nv : 3 * nv, :nv] = period * np.eye(nv)
+    A[:, 2 * nv : 3 * nv, :nv] = gathered[:, None, None] * np.eye(nv)
     A[:, 2 * nv : 3 * nv, 2 * nv : 3 * nv] = np.eye(nv)
     if not delay:
         B[:, : 2 * nv] = plant.B
@@ -100,8 +100,8 @@ def loop_steps(plant: Steps, delay: int, period: float) -> Steps:
     return Steps(A, B)
 
 
-def best_gains(steps: Steps, Q: Array, R: Array) -> Array:
-    """K of u[k] = -K[k] x[k], which makes Σ xᵀ Q x + uᵀ R u least.
+def best_gains(steps: Steps, Q: Array, R: Array, share: Array) -> Array:
+    """K of u[k] = -K[k] x[k], which makes Σ share[k] xᵀ Q x + uᵀ R u least.
 
     Riccati's recursion backwards from the steady state at the goal, the solution of the discrete algebraic equation
     (Anderson and Moore, Optimal Control: Linear Quadratic Methods, sections 2.4 and 3.3).
@@ -110,6 +110,7 @@ def best_gains(steps: Steps, Q: Array, R: Array) -> Array:
         steps: along the reference, rest at the goal last.
         Q: weight of x, shape (m, m).
         R: weight of u, shape (nv, nv).
+        share: of Q at each tick, shape (n,); at the goal it is 1.
 
     Returns:
         Shape (n, nv, m).
@@ -129,6 +130,6 @@ def best_gains(steps: Steps, Q: Array, R: Array) -> Array:
         A, B = steps.A[k], steps.B[k]
         BP = B.T @ P
         gains[k] = np.linalg.solve(R + BP @ B, BP @ A)
-        P = Q + A.T @ P @ (A - B @ gains[k])
+        P = share[k] * Q + A.T @ P @ (A - B @ gains[k])
         P = (P + P.T) / 2
     return gains

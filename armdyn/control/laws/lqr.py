@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.arguments import Sign
+from armdyn.arguments import Sign, number
 from armdyn.control.laws.linear import Steps, best_gains, loop_steps, plant_steps
 from armdyn.control.laws.readings import Readings, law_function, table
 from armdyn.control.laws.reference import expect_motors, reference_of
@@ -22,34 +22,46 @@ Array = NDArray[np.float64]
 PerJoint = float | tuple[float, ...]
 """One number for all joints, or one per joint."""
 
+_WEIGHTS = ("position", "velocity", "integral")
+
 
 @dataclass(frozen=True)
 class Lqr:
     """tau = tau_ref + K (e, ė, ∫e dt, tau_ref - tau of what is decided and not yet felt), with K of each tick.
 
-    K makes least Σ |e/position|² + |velocity ė/position|² + |integral ∫e dt/position|² + |u/half the torque range|²
-    over the ticks, of an arm that is linear about the reference and of a loop with its delay; at the goal, for
-    good. So an error of `position` is as bad as half the torque range.
+    K makes least Σ s² (|e|² + |velocity ė|² + |integral ∫e dt|²)/position² + |u|²/(half the torque range)² over the
+    ticks, of an arm that is linear about the reference and of a loop with its delay; s is `on_the_way` until the
+    reference ends, and then 1 for good. The integral runs from there on, too.
+
+    The defaults are for least settled time, and one rule for every arm. An error on the way costs nothing by itself,
+    and a fast motion leaves little torque to mend it: gains that are as high there as at the goal clip the torque, and
+    what one joint then lacks throws the others off.
 
     Attributes:
-        position: error [rad or m] that is worth half of a joint's torque range: one number, or one per joint.
+        position: error that is worth half of a joint's torque range, [rad] of a revolute joint and [m] of a prismatic
+            one: one number, or one per joint.
         velocity: what a velocity error counts beside a position error [s], likewise.
         integral: likewise, of the error's integral [1/s]; 0: the integral is not used.
+        on_the_way: what errors count before the reference ends, beside what they count at its end.
 
     Raises:
-        ProblemError: not positive or not finite; counts that do not agree.
+        ProblemError: position not positive, others negative, something not finite; counts that do not agree.
     """
 
-    position: PerJoint = 0.05
-    velocity: PerJoint = 0.007
-    integral: PerJoint = 2.0
+    position: PerJoint = 0.04
+    velocity: PerJoint = 0.008
+    integral: PerJoint = 0.5
+    on_the_way: float = 0.15
 
     def __post_init__(self) -> None:
+        set_own = object.__setattr__
+        set_own(self, "on_the_way", number(self.on_the_way, "on_the_way", sign="not negative"))
         counts = set()
-        for name, value in vars(self).items():
+        for name in _WEIGHTS:
+            value = getattr(self, name)
             sign: Sign = "positive" if name == "position" else "not negative"
             array = per_joint(value, None, name, error=ProblemError, sign=sign)
-            object.__setattr__(self, name, float(array) if array.ndim == 0 else tuple(map(float, array)))
+            set_own(self, name, float(array) if array.ndim == 0 else tuple(map(float, array)))
             counts |= {array.size} if array.ndim else set()
         if len(counts) > 1:
             raise ProblemError(f"weights are for {' and '.join(map(str, sorted(counts)))} joints at once")
@@ -64,13 +76,10 @@ class Lqr:
         expect_motors(expect_robot(robot), "a linear-quadratic regulator")
         nv, delay, reference = robot.nv, loop.delay, reference_of(robot, ticks, loop)
         weights, effort = self._weights(robot, delay)
-        steps = loop_steps(plant_steps(robot, ticks), delay, loop.period)
-        gains = _along(
-            steps,
-            weights,
-            effort,
-            used=np.r_[: 2 * nv, 2 * nv + np.flatnonzero(weights[2 * nv : 3 * nv]), 3 * nv : (3 + delay) * nv],
-        )
+        moving = np.arange(len(ticks.q)) / ticks.rate < ticks.duration
+        moving[-1] = False
+        steps = loop_steps(plant_steps(robot, ticks), delay, np.where(moving, 0.0, loop.period))
+        gains = _along(steps, weights, effort, np.where(moving, self.on_the_way**2, 1.0))
         more = len(reference.q) - len(gains)
         columns = {
             "q": reference.q,
@@ -86,7 +95,7 @@ class Lqr:
             return row["tau"] + ca.reshape(row["K"], x.numel(), nv).T @ x
 
         at_goal = np.diag(gains[-1][:, 2 * nv : 3 * nv]).clip(min=0.0)
-        return Law(law_function(nv, delay, columns, torque), table(columns), at_goal)
+        return Law(law_function(nv, delay, columns, torque), table(columns), at_goal, ticks.duration)
 
     def _weights(self, robot: Robot, delay: int) -> tuple[Array, Array]:
         """Diagonals of Q and R."""
@@ -98,17 +107,20 @@ class Lqr:
                 f"{', '.join(np.array(joints)[~np.isfinite(half)])}: give effort_limit"
             )
         position, velocity, integral = (
-            per_joint(value, joints, name, error=ProblemError) for name, value in vars(self).items()
+            per_joint(getattr(self, name), joints, name, error=ProblemError) for name in _WEIGHTS
         )
         x = np.concatenate([1 / position, velocity / position, integral / position, np.zeros(delay * robot.nv)])
         return x**2, 1 / half**2
 
 
-def _along(steps: Steps, weights: Array, effort: Array, used: NDArray[np.intp]) -> Array:
-    """Gains of the states that are used, zero of the others, shape (n, nv, m)."""
-    gains = np.zeros((len(steps.A), effort.size, weights.size))
+def _along(steps: Steps, weights: Array, effort: Array, share: Array) -> Array:
+    """Gains, shape (n, nv, m); zero of integrals that do not count, which nothing could lead to rest."""
+    nv, m = effort.size, weights.size
+    unused = 2 * nv + np.flatnonzero(weights[2 * nv : 3 * nv] == 0)
+    used = np.setdiff1d(np.arange(m), unused)
     part = Steps(steps.A[:, used[:, None], used], steps.B[:, used])
-    gains[:, :, used] = best_gains(part, np.diag(weights[used]), np.diag(effort))
+    gains = np.zeros((len(steps.A), nv, m))
+    gains[:, :, used] = best_gains(part, np.diag(weights[used]), np.diag(effort), share)
     return gains
 
 

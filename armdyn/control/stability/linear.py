@@ -23,6 +23,10 @@ _NEAR = 1e-12
 """Newton's method for the integrals at rest ends when a step is so small a part of them."""
 
 
+class BeyondNumbersError(ProblemError):
+    """A loop leaves what numbers can hold: its gains, friction or period are too large."""
+
+
 @dataclass(frozen=True, eq=False)
 class Plant:
     """An arm near rest: d/dt (δq, δv) = A (δq, δv) + B δtau.
@@ -90,7 +94,7 @@ class Slopes:
             delay: ticks.
 
         Raises:
-            ProblemError: a slope is not finite.
+            BeyondNumbersError: a slope is not finite.
         """
         nv, row = goal.size, law.rows[-1]
         pending, jacobian = np.tile(holding, delay), law.function.jacobian()
@@ -101,7 +105,9 @@ class Slopes:
             rest = holding - np.array(law.function(*readings)).ravel()
             step = np.linalg.lstsq(blocks[2], rest, rcond=None)[0]
             if not all(np.all(np.isfinite(part)) for part in (*blocks[:4], step)):
-                raise ProblemError("the law's slopes at the goal leave what numbers can hold; its gains are too large")
+                raise BeyondNumbersError(
+                    "the law's slopes at the goal leave what numbers can hold; its gains are too large"
+                )
             if np.abs(step).max() <= _NEAR * max(1.0, np.abs(z).max()):
                 break
             z = z + step
@@ -182,11 +188,17 @@ def continuous_matrix(rest: Rest) -> Array:
 
     Returns:
         Shape (k + 2 nv, k + 2 nv), k the number of joints whose integral the law uses.
+
+    Raises:
+        BeyondNumbersError: it is not finite.
     """
     plant, law = rest.plant, rest.law
     nv, k = plant.B.shape[1], law.used.size
     A = np.zeros((k + 2 * nv, k + 2 * nv))
     A[np.arange(k), k + law.used] = -1.0
     A[k:, k:] = plant.A
-    A[k:] += plant.B @ np.hstack([law.integral, law.q, law.v])
+    with np.errstate(over="ignore", invalid="ignore"):
+        A[k:] += plant.B @ np.hstack([law.integral, law.q, law.v])
+    if not np.all(np.isfinite(A)):
+        raise BeyondNumbersError("the continuous loop leaves what numbers can hold; its gains are too large")
     return A

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from armdyn.arguments import number, whole
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop
-from armdyn.control.stability.linear import Rest, continuous_matrix
+from armdyn.control.stability.linear import BeyondNumbersError, Rest, continuous_matrix
 from armdyn.control.stability.sampled import sampled_loop
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot, expect_robot
@@ -32,7 +32,7 @@ class SampledStability:
     at with its slope at rest and without it, and the worse of both counts.
 
     Attributes:
-        radius: what a deviation is multiplied by from tick to tick in the end.
+        radius: what a deviation is multiplied by from tick to tick in the end; infinite: more than numbers can hold.
         stable: whether that is below 1.
         continuous_growth: largest real part [1/s] of the eigenvalues of the same law without sampling, delay or filter;
             None: the controller has no law for a loop without them.
@@ -65,9 +65,19 @@ def sampled_stability(
     Raises:
         ProblemError: something does not fit the robot, or the controller the loop.
     """
+    try:
+        return _stability(robot, q_goal, controller, loop, plant)
+    except BeyondNumbersError as error:
+        return SampledStability(float("inf"), False, None, None, f"unstable: {error}")
+
+
+def _stability(
+    robot: Robot, q_goal: ArrayLike, controller: Controller, loop: Loop, plant: Robot | None
+) -> SampledStability:
     if loop.hold == "continuous":
         growth = _continuous_growth(robot, q_goal, controller, loop, plant)
-        radius = float(np.exp(growth * loop.period))
+        with np.errstate(over="ignore"):
+            radius = float(np.exp(growth * loop.period))
         stable = growth < 0
         verdict = "stable" if stable else "unstable"
         return SampledStability(radius, stable, growth, None, f"{verdict} as a continuous loop ({_growth(growth)})")

@@ -86,11 +86,11 @@ class GainRegion:
         return np.asarray((i >= 0) & (damping > 0) & (stiffness > 0) & (damping * stiffness > self.inertia * i))
 
     def least_kd(self, kp: ArrayLike, ki: ArrayLike) -> Array:
-        """The kd above which it is stable; infinite where none is enough."""
+        """The kd above which it is stable; 0 where friction alone is enough, infinite where no kd is."""
         p, i = np.broadcast_arrays(numbers(kp, "kp"), numbers(ki, "ki"))
         stiffness = p + self.stiffness
         enough = (stiffness > 0) & (i >= 0)
-        least = self.inertia * i / np.where(enough, stiffness, 1.0) - self.damping
+        least = np.maximum(self.inertia * i / np.where(enough, stiffness, 1.0) - self.damping, 0.0)
         return np.asarray(np.where(enough, least, np.inf))
 
 

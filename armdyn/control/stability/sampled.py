@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop
-from armdyn.control.stability.linear import Rest
+from armdyn.control.stability.linear import BeyondNumbersError, Rest
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 
@@ -54,6 +54,7 @@ class SampledLoop:
 
         Raises:
             ProblemError: a continuous loop.
+            BeyondNumbersError: gains or period are too large.
         """
         if loop.hold != "zoh":
             raise ProblemError('a loop with hold="continuous" has no ticks; `continuous_matrix` says what it does')
@@ -62,19 +63,25 @@ class SampledLoop:
         ends = np.cumsum([nv, nv, memory, law.used.size, loop.delay * nv])
         n = int(ends[-1])
         q, v, m, z, p = (rows for rows in np.split(np.eye(n), ends[:-1]))  # each picks its part of x
-        q_read, v_read = _readings(loop, q, v, m)
-        wanted = law.q @ q_read + law.v @ v_read + law.integral @ z + law.pending @ p
-        felt = p[:nv] if loop.delay else wanted
-        moved, driven = rest.plant.held(h)
-        carried = np.vstack(
-            [
-                moved @ np.vstack([q, v]),
-                _remembered(loop, rest, q, q_read, v_read, felt),
-                z - h * q_read[law.used],
-                *([p[nv:], wanted] if loop.delay else []),
-            ]
-        )
-        return cls(carried, np.vstack([driven, np.zeros((n - 2 * nv, nv))]), felt, h)
+        with np.errstate(over="ignore", invalid="ignore"):
+            q_read, v_read = _readings(loop, q, v, m)
+            wanted = law.q @ q_read + law.v @ v_read + law.integral @ z + law.pending @ p
+            felt = p[:nv] if loop.delay else wanted
+            moved, driven = rest.plant.held(h)
+            carried = np.vstack(
+                [
+                    moved @ np.vstack([q, v]),
+                    _remembered(loop, rest, q, q_read, v_read, felt),
+                    z - h * q_read[law.used],
+                    *([p[nv:], wanted] if loop.delay else []),
+                ]
+            )
+            closed = cls(carried, np.vstack([driven, np.zeros((n - 2 * nv, nv))]), felt, h)
+            if not np.all(np.isfinite(closed.matrix)):
+                raise BeyondNumbersError(
+                    "the sampled loop leaves what numbers can hold: its gains or period are too large"
+                )
+        return closed
 
     @property
     def matrix(self) -> Array:
@@ -84,7 +91,7 @@ class SampledLoop:
     @property
     def radius(self) -> float:
         """Largest |eigenvalue|: what a deviation is multiplied by from tick to tick in the end; stable below 1."""
-        return spectral_radius(self.matrix)
+        return float(np.abs(np.linalg.eigvals(self.matrix)).max())
 
 
 def sampled_loop(
@@ -106,17 +113,6 @@ def sampled_loop(
         ProblemError: something does not fit the robot, or the loop is continuous.
     """
     return SampledLoop.of(Rest.of(robot, q_goal, controller, loop, plant), loop)
-
-
-def spectral_radius(matrix: Array) -> float:
-    """Largest |eigenvalue| of a matrix of shape (n, n).
-
-    Raises:
-        ProblemError: it is not finite.
-    """
-    if not np.all(np.isfinite(matrix)):
-        raise ProblemError("the sampled loop leaves what numbers can hold: gains, friction or period are too large")
-    return float(np.abs(np.linalg.eigvals(matrix)).max())
 
 
 def _readings(loop: Loop, q: Array, v: Array, memory: Array) -> tuple[Array, Array]:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import armdyn as ad
+import plain_loop
 from armdyn.errors import ProblemError
 from armdyn.studies.paper import example
-from control import plain_loop
 from problems import paper_arm
 
 

@@ -1,36 +1,25 @@
 """The one value that leaves every solver and every simulation."""
 
-import io
 import os
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import numbers, several, text
-from armdyn.arguments import path as path_of
-from armdyn.errors import FileError, TrajectoryError
-from armdyn.files import read_bounded, write_whole
+from armdyn.errors import TrajectoryError
+from armdyn.trajectory import npz
+from armdyn.trajectory.samples import Samples
+from armdyn.trajectory.sampling import samples_of
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 Array = NDArray[np.float64]
 
-_FORMAT = "armdyn-trajectory-2"
-_OLD_FORMAT = "armdyn-trajectory-1"  # without model_hash, its units not checked
-_UNITS = "t s; q rad or m; v rad/s or m/s; tau N m or N"
 _ARRAYS = ("t", "q", "v", "tau")
-_TEXTS = ("format", "units", "name", "model_hash")
-
-MAX_BYTES = 256 * 2**20
-"""A trajectory whose arrays are larger is neither saved nor loaded [bytes]: 1.5 million samples of seven joints."""
-
-_HEADS = 2**20
-"""That its file may have beside the arrays [bytes]."""
-
-_LONGEST = 500
-"""Characters of a message about a file: numpy quotes what it finds there."""
 
 LEAST_STEP = 1e-30
 """Times nearer than that are refused [s]: rates over them, and squares of rates, leave what numbers can hold. An ulp of
@@ -115,7 +104,7 @@ class Trajectory:
 
         `jumps[k]` is of samples k and k + 1: they are one ulp of time apart, or two where a sum of times was rounded.
         """
-        return np.asarray(np.diff(self.t) <= 2 * np.spacing(self.t[1:]))
+        return np.asarray(np.diff(self.t) <= 2 * np.spacing(np.abs(self.t[1:])))
 
     @property
     def switch_times(self) -> tuple[tuple[float, ...], ...]:
@@ -156,20 +145,8 @@ class Trajectory:
             OSError: the folder cannot be written.
             TrajectoryError: it is larger than `MAX_BYTES`.
         """
-        arrays = {field: getattr(self, field) for field in _ARRAYS}
-        if sum(array.nbytes for array in arrays.values()) > MAX_BYTES:
-            raise TrajectoryError(f"{path}: {self.t.size} samples are more than {MAX_BYTES} bytes")
-        content = io.BytesIO()
-        np.savez_compressed(
-            content,
-            format=np.array(_FORMAT),
-            units=np.array(_UNITS),
-            name=np.array(self.name),
-            model_hash=np.array(self.model_hash),
-            joint_names=np.array(self.joint_names, dtype=str),
-            **arrays,
-        )
-        return write_whole(path, content.getvalue())
+        texts = {"name": self.name, "model_hash": self.model_hash}
+        return npz.write(path, {field: getattr(self, field) for field in _ARRAYS}, texts, self.joint_names)
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> "Trajectory":
@@ -179,75 +156,34 @@ class Trajectory:
             TrajectoryError: the file is missing, no regular file, no trajectory, of an unknown version or in other
                 units, or has arrays that do not fit or are larger than `MAX_BYTES`.
         """
-        path = path_of(path, "path of a trajectory", error=TrajectoryError)
-        try:
-            with zipfile.ZipFile(io.BytesIO(read_bounded(path, MAX_BYTES + _HEADS))) as file:
-                return _read(file)
-        except FileError as error:
-            raise TrajectoryError(str(error)) from None
-        except TrajectoryError as error:
-            raise TrajectoryError(f"{path}: {str(error)[:_LONGEST]}") from None
-        except Exception as error:  # a damaged file sets off all that zipfile, zlib and numpy can raise
-            raise TrajectoryError(f"{path}: not a readable npz trajectory ({str(error)[:_LONGEST]})") from None
+        return npz.read(path, Trajectory)
 
+    def resample(self, rate: float | None = None) -> Samples:
+        """What a controller is given, at even times: state, and what is held until the next time.
 
-def _read(file: zipfile.ZipFile) -> Trajectory:
-    """A trajectory from its npz file."""
-    found = file.namelist()
-    if "format.npy" not in found:
-        raise TrajectoryError(f"not a trajectory of format {_FORMAT}")
-    if sum(info.file_size for info in file.infolist()) > MAX_BYTES + _HEADS:
-        raise TrajectoryError(f"larger than {MAX_BYTES} bytes")
-    form = str(_member(file, "format", text=True))
-    if form not in (_FORMAT, _OLD_FORMAT):
-        raise TrajectoryError(f"not a trajectory of format {_FORMAT} but {form[:80]!r}; a newer armdyn may read it")
-    new = form == _FORMAT
-    known = [f"{name}.npy" for name in (*_TEXTS, "joint_names", *_ARRAYS)]
-    optional = () if new else ("model_hash.npy", "units.npy")
-    if len(found) != len(set(found)) or not {*known} - {*optional} <= {*found} <= {*known}:
-        raise TrajectoryError(f"not a readable npz trajectory: it holds {', '.join(map(repr, found[:12]))}")
-    if new and (units := str(_member(file, "units", text=True))) != _UNITS:
-        raise TrajectoryError(f"in units {units[:200]!r}; armdyn writes {_UNITS!r}")
-    names = _member(file, "joint_names", text=True)
-    if names.ndim != 1:
-        raise TrajectoryError(f"joint_names has shape {names.shape}; expected (joints,)")
-    if sum(_count(file, field) for field in _ARRAYS) * np.dtype(float).itemsize > MAX_BYTES:  # bytes become floats
-        raise TrajectoryError(f"larger than {MAX_BYTES} bytes")
-    return Trajectory(
-        **{field: _member(file, field) for field in _ARRAYS},  # type: ignore[arg-type]  # refuses what is no number
-        joint_names=tuple(map(str, names)),
-        name=str(_member(file, "name", text=True)),
-        model_hash=str(_member(file, "model_hash", text=True)) if new else "",
-    )
+        Stamps are k / rate from the start, and the end itself. The last step is as short as it must be for that; of a
+        tick less than a thousandth of a tick before the end there is no stamp. Torques and accelerations are
+        means over the step that begins at their stamp: what a controller that holds its output for a tick plays, and
+        v[k + 1] = v[k] + (t[k + 1] - t[k]) a[k].
 
+        Args:
+            rate: samples per second [Hz], at most `MOST_RATE`; None: the motion's own samples, of those nearer to each
+                other than `LEAST_STAMP`, as the two sides of a jump, only the first.
 
-def _count(file: zipfile.ZipFile, name: str, text: bool = False) -> int:
-    """How many numbers or texts an array has, which are no more than fit into what the file says that it has."""
-    info = file.getinfo(f"{name}.npy")
-    if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):  # others may ask for gigabytes
-        raise TrajectoryError(f"not a readable npz trajectory: {name} is compressed by another method than deflate")
-    with file.open(info) as stream:
-        version = np.lib.format.read_magic(stream)
-        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, _, dtype = read(stream)
-    count = int(np.prod(shape, dtype=object)) if shape else 1
-    if count * max(dtype.itemsize, 1) > info.file_size:  # numpy would make room for it before it reads
-        raise TrajectoryError(f"not a readable npz trajectory: {name} of shape {shape} is cut off")
-    if dtype.kind != ("U" if text else dtype.kind) or dtype.hasobject:
-        raise TrajectoryError(f"not a readable npz trajectory: {name} is of type {dtype}")
-    if text and info.file_size > _HEADS:
-        raise TrajectoryError(f"not a readable npz trajectory: {name} is larger than {_HEADS} bytes")
-    if text and name != "joint_names" and shape != ():
-        raise TrajectoryError(f"not a readable npz trajectory: {name} has shape {shape}")
-    return count
+        Raises:
+            TrajectoryError: the rate is none, the samples are more than `MOST_SAMPLES`, the motion is shorter than
+                `LEAST_STAMP`, or q has not one column per joint.
+        """
+        return samples_of(self, rate)
 
+    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Its own samples as a table; see `resample` and `Samples.to_csv`."""
+        return self.resample().to_csv(path)
 
-def _member(file: zipfile.ZipFile, name: str, text: bool = False) -> NDArray[np.generic]:
-    """One array of an npz file: numbers or text, no larger than the file says that it is."""
-    _count(file, name, text)
-    with file.open(f"{name}.npy") as stream:
-        array: NDArray[np.generic] = np.lib.format.read_array(stream, allow_pickle=False)
-        stream.read()  # zipfile checks the checksum at the member's end
-    if text:
-        "".join(map(str, array.flat)).encode()  # half a surrogate pair could not be shown or written
-    return array
+    def to_dataframe(self) -> "DataFrame":
+        """Its own samples as a table of pandas; see `resample` and `Samples.to_dataframe`."""
+        return self.resample().to_dataframe()
+
+    def to_joint_trajectory(self) -> dict[str, Any]:
+        """Its own samples as ROS 2 says a motion; see `resample` and `Samples.to_joint_trajectory`."""
+        return self.resample().to_joint_trajectory()

@@ -31,6 +31,16 @@ def torque(t):
     return np.stack([1.0 - 2.0 * np.asarray(t), 3.0 * np.asarray(t)], axis=-1)
 
 
+@pytest.mark.parametrize("switch", [-3.5, -1e9, 2e-8, 1e9])
+def test_a_jump_is_one_before_zero_too(switch):
+    t = [switch - 1, switch, np.nextafter(switch, np.inf), switch + 1]
+    rest = np.zeros((4, 1))
+    motion = Trajectory(t, rest, rest, [[1.0], [1.0], [-1.0], [-1.0]])
+    assert motion.jumps.tolist() == [False, True, False]
+    assert motion.switch_times == ((switch,),)
+    assert motion.resample().t.size == 3
+
+
 @pytest.fixture
 def motion():
     return Trajectory(
@@ -398,7 +408,7 @@ def test_a_member_twice_is_refused(tmp_path):
 
 
 def test_too_large_is_not_saved(tmp_path, monkeypatch, motion):
-    monkeypatch.setattr("armdyn.trajectory.MAX_BYTES", 100)
+    monkeypatch.setattr("armdyn.trajectory.npz.MAX_BYTES", 100)
     with pytest.raises(TrajectoryError, match="4 samples are more than 100 bytes"):
         motion.save(tmp_path / "x.npz")
     assert not list(tmp_path.iterdir())

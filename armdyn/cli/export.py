@@ -1,0 +1,96 @@
+"""The command that writes a motion as robots and simulators read it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armdyn.arguments import one_of
+from armdyn.cli.console import answering, console, escape
+from armdyn.cli.options.results import Json
+from armdyn.cli.options.text import number
+from armdyn.files import probe_folder, write_whole
+
+if TYPE_CHECKING:
+    from armdyn.trajectory import Samples
+
+_SUFFIXES = {"csv": ".csv", "ros2": ".json", "mujoco": ".xml"}
+
+
+def export(
+    file: Annotated[Path, typer.Argument(metavar="FILE.npz", help="A trajectory.npz that mintime or pid wrote.")],
+    format: Annotated[  # noqa: A002  # the option's name
+        str,
+        typer.Option(
+            metavar="csv|ros2|mujoco",
+            help="csv: a table. ros2: a JointTrajectory message. mujoco: keyframes and motors, to include in a model.",
+        ),
+    ] = "csv",
+    rate: Annotated[
+        str, typer.Option(metavar="HZ", help="Rows per second; own: at the motion's own samples instead.")
+    ] = "1000",
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder for what is written. By default that of FILE.")
+    ] = None,
+    motors: Annotated[
+        bool,
+        typer.Option(
+            "--motors/--no-motors",
+            help="mujoco: write a motor per joint, too; --no-motors for a model that has its own.",
+        ),
+    ] = True,
+    json: Json = False,
+) -> None:
+    """A motion as a table, as ROS 2's message, or as MuJoCo's keyframes.
+
+    Each row has a time, q, v, a and tau. Rows are 1 / rate apart and strictly increasing, the first at 0, the last at
+    the motion's end. Torques and accelerations are means over the step that begins there: what a controller holds until
+    the next row.
+
+    ROS 2's message (trajectory_msgs/msg/JointTrajectory) is JSON, which is YAML, too; joints have the URDF's names.
+
+    MuJoCo's file goes into a model of the same joints in the same order, by <include file="trajectory.xml"/>. Set time,
+    qpos and qvel of the first keyframe; then hold each keyframe's ctrl until the next one's time.
+
+    [dim]armdyn mintime rr --payload 0.1006 --reserve 0.1 --out results
+    armdyn export results/trajectory.npz --rate 1000
+    armdyn export results/trajectory.npz --format ros2 --rate 250
+    ros2 topic pub --once /joint_trajectory_controller/joint_trajectory trajectory_msgs/msg/JointTrajectory \
+--yaml-file results/trajectory.json
+    armdyn export results/trajectory.npz --format mujoco --rate 1000[/]
+    """
+    with answering(json) as answer:
+        from armdyn.trajectory import Trajectory
+
+        one_of(format, tuple(_SUFFIXES), "--format")
+        ticks = None if rate.strip() == "own" else number(rate, "--rate")
+        motion = Trajectory.load(file)
+        name = file.with_suffix(_SUFFIXES[format]).name
+        target = probe_folder(out or file.parent, name) / name
+        samples = motion.resample(ticks)
+        content = _content(samples, format, motors)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(target, content.encode())
+        answer.facts |= {
+            "success": True,
+            "status": "written",
+            "format": format,
+            "rate": ticks,
+            "samples": samples.t.size,
+            "duration": motion.duration,
+            "files": [str(target)],
+        }
+        if not json:
+            even = "its own samples" if ticks is None else f"{ticks:g} Hz"
+            console.print(f"{escape(str(target))}  ({samples.t.size} rows at {even}, {motion.duration:.6f} s)")
+
+
+def _content(samples: Samples, format: str, motors: bool) -> str:  # noqa: A002  # the option's name
+    """The file's text."""
+    from armdyn.trajectory.formats import csv_text, joint_trajectory_text
+
+    if format == "csv":
+        return csv_text(samples)
+    return joint_trajectory_text(samples) if format == "ros2" else samples.to_mjcf(motors=motors)

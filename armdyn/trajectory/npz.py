@@ -1,0 +1,129 @@
+"""The file of a trajectory: an npz of its arrays and texts. Nothing in it is executed, and nothing is trusted."""
+
+import io
+import os
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.arguments import path as path_of
+from armdyn.errors import FileError, TrajectoryError
+from armdyn.files import read_bounded, write_whole
+
+Made = TypeVar("Made")
+
+_FORMAT = "armdyn-trajectory-2"
+_OLD_FORMAT = "armdyn-trajectory-1"  # without model_hash, its units not checked
+_UNITS = "t s; q rad or m; v rad/s or m/s; tau N m or N"
+_ARRAYS = ("t", "q", "v", "tau")
+_TEXTS = ("format", "units", "name", "model_hash")
+
+MAX_BYTES = 256 * 2**20
+"""A trajectory whose arrays are larger is neither saved nor loaded [bytes]: 1.5 million samples of seven joints."""
+
+_HEADS = 2**20
+"""That its file may have beside the arrays [bytes]."""
+
+_LONGEST = 500
+"""Characters of a message about a file: numpy quotes what it finds there."""
+
+
+def write(
+    path: str | os.PathLike[str],
+    arrays: Mapping[str, NDArray[np.float64]],
+    texts: Mapping[str, str],
+    joint_names: Sequence[str],
+) -> Path:
+    """Write a trajectory's arrays and texts; see `Trajectory.save`."""
+    if sum(array.nbytes for array in arrays.values()) > MAX_BYTES:
+        raise TrajectoryError(f"{path}: {arrays['t'].size} samples are more than {MAX_BYTES} bytes")
+    said = {"format": _FORMAT, "units": _UNITS, **texts}
+    members: dict[str, Any] = {name: np.array(text) for name, text in said.items()}
+    content = io.BytesIO()
+    np.savez_compressed(content, joint_names=np.array(joint_names, dtype=str), **members, **dict[str, Any](arrays))
+    return write_whole(path, content.getvalue())
+
+
+def read(path: str | os.PathLike[str], make: Callable[..., Made]) -> Made:
+    """Read what `write` wrote; see `Trajectory.load`.
+
+    Args:
+        path: the file.
+        make: a trajectory, of its fields.
+    """
+    path = path_of(path, "path of a trajectory", error=TrajectoryError)
+    try:
+        with zipfile.ZipFile(io.BytesIO(read_bounded(path, MAX_BYTES + _HEADS))) as file:
+            return _read(file, make)
+    except FileError as error:
+        raise TrajectoryError(str(error)) from None
+    except TrajectoryError as error:
+        raise TrajectoryError(f"{path}: {str(error)[:_LONGEST]}") from None
+    except Exception as error:  # a damaged file sets off all that zipfile, zlib and numpy can raise
+        raise TrajectoryError(f"{path}: not a readable npz trajectory ({str(error)[:_LONGEST]})") from None
+
+
+def _read(file: zipfile.ZipFile, make: Callable[..., Made]) -> Made:
+    """What an npz file holds."""
+    found = file.namelist()
+    if "format.npy" not in found:
+        raise TrajectoryError(f"not a trajectory of format {_FORMAT}")
+    if sum(info.file_size for info in file.infolist()) > MAX_BYTES + _HEADS:
+        raise TrajectoryError(f"larger than {MAX_BYTES} bytes")
+    form = str(_member(file, "format", text=True))
+    if form not in (_FORMAT, _OLD_FORMAT):
+        raise TrajectoryError(f"not a trajectory of format {_FORMAT} but {form[:80]!r}; a newer armdyn may read it")
+    new = form == _FORMAT
+    known = [f"{name}.npy" for name in (*_TEXTS, "joint_names", *_ARRAYS)]
+    optional = () if new else ("model_hash.npy", "units.npy")
+    if len(found) != len(set(found)) or not {*known} - {*optional} <= {*found} <= {*known}:
+        raise TrajectoryError(f"not a readable npz trajectory: it holds {', '.join(map(repr, found[:12]))}")
+    if new and (units := str(_member(file, "units", text=True))) != _UNITS:
+        raise TrajectoryError(f"in units {units[:200]!r}; armdyn writes {_UNITS!r}")
+    names = _member(file, "joint_names", text=True)
+    if names.ndim != 1:
+        raise TrajectoryError(f"joint_names has shape {names.shape}; expected (joints,)")
+    if sum(_count(file, field) for field in _ARRAYS) * np.dtype(float).itemsize > MAX_BYTES:  # bytes become floats
+        raise TrajectoryError(f"larger than {MAX_BYTES} bytes")
+    return make(
+        **{field: _member(file, field) for field in _ARRAYS},
+        joint_names=tuple(map(str, names)),
+        name=str(_member(file, "name", text=True)),
+        model_hash=str(_member(file, "model_hash", text=True)) if new else "",
+    )
+
+
+def _count(file: zipfile.ZipFile, name: str, text: bool = False) -> int:
+    """How many numbers or texts an array has, which are no more than fit into what the file says that it has."""
+    info = file.getinfo(f"{name}.npy")
+    if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):  # others may ask for gigabytes
+        raise TrajectoryError(f"not a readable npz trajectory: {name} is compressed by another method than deflate")
+    with file.open(info) as stream:
+        version = np.lib.format.read_magic(stream)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, dtype = read(stream)
+    count = int(np.prod(shape, dtype=object)) if shape else 1
+    if count * max(dtype.itemsize, 1) > info.file_size:  # numpy would make room for it before it reads
+        raise TrajectoryError(f"not a readable npz trajectory: {name} of shape {shape} is cut off")
+    if dtype.kind != ("U" if text else dtype.kind) or dtype.hasobject:
+        raise TrajectoryError(f"not a readable npz trajectory: {name} is of type {dtype}")
+    if text and info.file_size > _HEADS:
+        raise TrajectoryError(f"not a readable npz trajectory: {name} is larger than {_HEADS} bytes")
+    if text and name != "joint_names" and shape != ():
+        raise TrajectoryError(f"not a readable npz trajectory: {name} has shape {shape}")
+    return count
+
+
+def _member(file: zipfile.ZipFile, name: str, text: bool = False) -> NDArray[np.generic]:
+    """One array of an npz file: numbers or text, no larger than the file says that it is."""
+    _count(file, name, text)
+    with file.open(f"{name}.npy") as stream:
+        array: NDArray[np.generic] = np.lib.format.read_array(stream, allow_pickle=False)
+        stream.read()  # zipfile checks the checksum at the member's end
+    if text:
+        "".join(map(str, array.flat)).encode()  # half a surrogate pair could not be shown or written
+    return array

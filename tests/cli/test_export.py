@@ -1,0 +1,78 @@
+"""`armdyn export`: what a motion becomes on disk."""
+
+import json
+
+import mujoco
+import numpy as np
+import pandas
+import pytest
+import yaml
+
+from armdyn.trajectory import Trajectory
+from cli.command import answer, run, run_here
+from problems import solved
+
+
+@pytest.fixture
+def here(tmp_path):
+    """A folder with the motion of RR."""
+    solved("rr").trajectory.save(tmp_path / "trajectory.npz")
+    return tmp_path
+
+
+def test_a_table_beside_the_file(here):
+    told = answer(run("export", "trajectory.npz", "--json", cwd=here))
+    assert told["success"] and told["status"] == "written" and told["files"] == ["trajectory.csv"]
+    table = pandas.read_csv(here / "trajectory.csv")
+    samples = solved("rr").trajectory.resample(1000)
+    assert len(table) == told["samples"] == samples.t.size
+    np.testing.assert_array_equal(table["tau_joint2 [N m or N]"], samples.tau[:, 1])
+
+
+def test_ros_reads_it(here):
+    file = "deeper/still/trajectory.json"
+    told = answer(
+        run_here(
+            "export", "trajectory.npz", "--format", "ros2", "--rate", "250", "--out", "deeper/still", "--json", cwd=here
+        )
+    )
+    assert told["rate"] == 250 and told["files"] == [file]
+    text = (here / file).read_text()
+    assert yaml.safe_load(text) == json.loads(text) == solved("rr").trajectory.resample(250).to_joint_trajectory()
+
+
+def test_mujoco_reads_it(here):
+    run_here("export", "trajectory.npz", "--format", "mujoco", cwd=here)
+    (here / "arm.xml").write_text(mujoco.MjSpec.from_string(solved("rr").problem.robot.urdf).to_xml())
+    (here / "both.xml").write_text('<mujoco><include file="arm.xml"/><include file="trajectory.xml"/></mujoco>')
+    model = mujoco.MjModel.from_xml_path(str(here / "both.xml"))
+    assert (model.nu, model.nkey) == (2, solved("rr").trajectory.resample(1000).t.size)
+    run_here("export", "trajectory.npz", "--format", "mujoco", "--no-motors", cwd=here)
+    assert "<motor" not in (here / "trajectory.xml").read_text()
+
+
+def test_its_own_samples(here):
+    told = answer(run_here("export", "trajectory.npz", "--rate", "own", "--json", cwd=here))
+    assert told["rate"] is None and told["samples"] == solved("rr").trajectory.resample().t.size
+
+
+def test_words(here):
+    done = run_here("export", "trajectory.npz", cwd=here)
+    assert done.returncode == 0
+    assert " ".join(done.stdout.split()) == "trajectory.csv (212 rows at 1000 Hz, 0.210672 s)"
+
+
+def test_too_many_rows_are_bad_input(here):
+    long = Trajectory([0.0, 1e4], np.zeros((2, 1)), np.zeros((2, 1)), np.zeros((2, 1)))
+    long.save(here / "long.npz")
+    told = answer(run_here("export", "long.npz", "--json", cwd=here), 2)
+    assert "give a lower rate" in told["message"]
+    told = answer(run_here("export", "long.npz", "--format", "ros2", "--rate", "1", "--json", cwd=here), 2)
+    assert "joint_names is empty" in told["message"]
+    assert sorted(path.name for path in here.iterdir()) == ["long.npz", "trajectory.npz"]
+
+
+def test_a_folder_in_the_files_place(here):
+    (here / "trajectory.csv").mkdir()
+    told = answer(run_here("export", "trajectory.npz", "--json", cwd=here), 2)
+    assert "trajectory.csv: cannot be written (it is a folder" in told["message"]

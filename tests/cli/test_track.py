@@ -1,0 +1,81 @@
+"""What a controller makes of a motion, from the command line."""
+
+import json
+
+import pytest
+
+import armdyn as ad
+from cli.command import answer, run_here
+
+BARE = ("--no-figure", "--no-replay")
+
+
+def test_the_fastest_motion_with_the_wrong_payload(tmp_path):
+    done = run_here("track", "rr", "--payload", "0.1", "--reserve", "0.2", "--plant-payload", "0.12",
+                    "--plant-friction", "0.06", "--json", "--out", tmp_path)  # fmt: skip
+    told = answer(done)
+    assert told["success"] and told["status"] == "settled"
+    assert 0.9 * told["reference_duration"] < told["settled_time"] < 0.5
+    motion, reference = (ad.Trajectory.load(tmp_path / f"{name}.npz") for name in ("trajectory", "reference"))
+    assert reference.duration == told["reference_duration"]
+    assert motion.duration < 1.3 * told["settled_time"]  # what is worth looking at
+    assert {"figure.png", "replay.html", "result.json"} <= {path.name for path in tmp_path.iterdir()}
+    assert json.loads((tmp_path / "result.json").read_text())["settled_time"] == told["settled_time"]
+
+
+def test_the_same_in_words(tmp_path):
+    done = run_here("track", "rr", "--ramp", "0.5", "--controller", "computed-torque", *BARE, "--out", tmp_path)
+    assert done.returncode == 0
+    words = " ".join(done.stdout.split())
+    assert "tracking with computed-torque" in words and "ms beside the reference's end" in words
+
+
+def test_sampling_that_makes_it_unstable_is_named(tmp_path):
+    pid = ("track", "rr", "--ramp", "0.4", "--controller", "pid", "--gains", "30,50,10", *BARE)
+    told = answer(run_here(*pid, "--json", "--out", tmp_path), 3)
+    assert told["status"] == "not_settled" and "unstable for its sampling" in told["message"]
+    assert told["stability"]["slowest_stable_rate"] > 1000
+    told = answer(run_here(*pid, "--ideal", "--json", "--out", tmp_path))
+    assert told["success"] and "stability" not in told
+
+
+def test_a_saved_motion(tmp_path):
+    robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
+    saved = ad.ramp(robot, [0.0, 0.0], [0.3, 0.2], 0.3).save(tmp_path / "ramp.npz")
+    told = answer(run_here("track", "rr", "--reference", saved, *BARE, "--json", "--out", tmp_path / "out"))
+    assert told["reference_duration"] == 0.3
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (("--controller", "lqg"), "--controller"),
+        (("--bandwidth", "50"), "--bandwidth"),
+        (("--controller", "pid"), "--gains"),
+        (("--controller", "pid", "--gains", "1,2"), "three"),
+        (("--ramp", "0.3", "--reference", "x.npz"), "--reference and --ramp"),
+        (("--reference", "none.npz"), "none.npz"),
+        (("--rate", "0"), "rate"),
+        (("--delay", "-1"), "delay"),
+        (("--velocity", "guessed"), "velocity"),
+        (("--antiwindup", "some"), "antiwindup"),
+        (("--noise", "nan"), "noise"),
+        (("--ramp", "-1"), "duration"),
+        (("--tolerance", "0"), "tolerance"),
+        (("--plant-friction", "-1"), "friction"),
+    ],
+)
+def test_bad_options(given, words, tmp_path):
+    told = answer(run_here("track", "rr", *given, *BARE, "--json", "--out", tmp_path), 2)
+    assert words in told["message"]
+
+
+def test_mintime_chooses_its_reserve(tmp_path):
+    told = answer(run_here("mintime", "rr", "--payload", "0.1", "--for-tracking", "--no-replay", "--json",
+                           "--out", tmp_path))  # fmt: skip
+    best = told["for_tracking"]["best"]
+    assert told["reserve"]["effort"] == [best["reserve"]] * 2
+    assert told["duration"] == best["duration"] and best["worst"] < told["for_tracking"]["rows"][0]["worst"]
+    assert (tmp_path / "reserve.png").stat().st_size > 10_000
+    both = answer(run_here("mintime", "rr", "--for-tracking", "--reserve", "0.1", "--json", "--out", tmp_path), 2)
+    assert "--reserve" in both["message"]
