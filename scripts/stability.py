@@ -7,8 +7,8 @@ import numpy as np
 import armdyn as ad
 from armdyn.control.loop.loop import VELOCITIES
 from armdyn.control.stability.plane import gain_plane
+from armdyn.show.loops.regions import plot_regions
 from armdyn.show.plots import save_figure
-from armdyn.show.regions import plot_regions
 from armdyn.studies.paper.printed.examples import example
 
 DOCS = Path(__file__).parents[1] / "docs"

@@ -116,7 +116,7 @@ def slowest_stable_rate(
     Stability need not be monotone in the rate. The answer is the one above which all rates of a scan are stable, twelve
     per decade; below it there may be others at which the loop is stable. The delay stays the same number of ticks, the
     cutoff of the velocity's filter or observer the same frequency, and a controller whose law depends on the rate is
-    made anew for each.
+    made anew for each; a rate at which it has none counts as unstable.
 
     Args:
         robot: the controller's model of the arm.
@@ -139,8 +139,12 @@ def slowest_stable_rate(
         raise ProblemError(f"rates are {low:g} to {high:g} Hz; the first must be the less")
 
     def stable(rate: float) -> bool:
-        return _radius(robot, q_goal, controller, replace(base, rate=rate), plant) < 1
+        try:
+            return _radius(robot, q_goal, controller, replace(base, rate=rate), plant) < 1
+        except ProblemError:  # no law at this rate, where there is one at the loop's own
+            return False
 
+    sampled_loop(robot, q_goal, controller, base, plant)  # what does not fit at all is said
     count = int(np.ceil(_PER_DECADE * np.log10(high / low))) + 1
     above = high
     if not stable(high):

@@ -1,6 +1,6 @@
 """The slowest stable rate, and what is said of loops that are unstable as they are sampled."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -57,6 +57,27 @@ def test_ends_of_the_scan():
     exact = Loop(velocity="exact")
     assert slowest_stable_rate(robot, poses["q_goal"], Lqr(), loop=exact, rates=(100.0, 1e4)) == 100.0
     assert slowest_stable_rate(robot, poses["q_goal"], TORQUE, loop=exact, rates=(10.0, 100.0)) is None
+
+
+@dataclass(frozen=True)
+class OnlyBelow:
+    """A controller without a law for fast loops."""
+
+    rate: float
+
+    def law(self, robot, ticks, loop):
+        if loop.rate > self.rate:
+            raise ProblemError("too fast")
+        return TORQUE.law(robot, ticks, loop)
+
+
+def test_a_rate_without_a_law_is_not_stable():
+    robot, poses = example("R Ex4", grams=100.6)
+    assert slowest_stable_rate(robot, poses["q_goal"], OnlyBelow(2e3), rates=(500.0, 3e3)) is None
+    whole = slowest_stable_rate(robot, poses["q_goal"], OnlyBelow(2e3), rates=(500.0, 2e3))
+    assert whole == pytest.approx(923.0, rel=1e-3)
+    with pytest.raises(ProblemError, match="too fast"):
+        slowest_stable_rate(robot, poses["q_goal"], OnlyBelow(500.0))
 
 
 def test_unstable_for_its_sampling():

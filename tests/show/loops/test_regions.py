@@ -13,7 +13,7 @@ from armdyn.control.stability.plane import gain_plane
 from armdyn.control.stability.region import GainRegion
 from armdyn.control.stability.sampled import sampled_loop
 from armdyn.errors import ProblemError
-from armdyn.show.regions import plot_regions
+from armdyn.show.loops.regions import plot_regions
 from pid_loops import example
 
 KP, KD = np.geomspace(1, 300, 40), np.geomspace(0.01, 50, 40)
