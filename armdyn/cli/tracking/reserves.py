@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 if TYPE_CHECKING:
     from armdyn.studies.reserve import ReserveCurve, Settling
@@ -45,6 +44,6 @@ def write_reserves(curve: ReserveCurve | None, folder: Path, title: str) -> list
 
 
 def _settled(row: Settling) -> str:
-    if np.isfinite(row.worst):
+    if math.isfinite(row.worst):
         return f"settled {row.mean:.3f} s (mean), {row.worst:.3f} s (worst)"
     return f"{row.count} of {len(row.settled)} arms settle"
