@@ -23,8 +23,8 @@ Array = NDArray[np.float64]
 Values = Mapping[str, float]
 """Parameters by their names."""
 
-_PID = {"kp": (100.0, 50_000.0), "ki": (1.0, 100_000.0), "kd": (10.0, 600.0)}
-"""Bounds for a joint of inertia one: 10 to 220 rad/s, beyond what 1 kHz and a tick of delay can do; an integral from
+_PID = {"kp": (100.0, 30_000.0), "ki": (1.0, 100_000.0), "kd": (10.0, 400.0)}
+"""Bounds for a joint of inertia one: 10 to 170 rad/s, about what 1 kHz and a tick of delay can do; an integral from
 slow to unstable."""
 
 
