@@ -96,7 +96,7 @@ def test_another_question_is_refused(tmp_path):
 
     ask()
     for other, message in (
-        ({"controller": ad.Lqr(position=0.1)}, "controller.position is 0.04 there and 0.1 here"),
+        ({"controller": ad.Lqr(position=0.1)}, "controller.position is 0.03 there and 0.1 here"),
         ({"controller": ad.Pid()}, 'controller.class is "Lqr" there and "Pid" here'),
         ({"plants": replace(PLANTS, seed=12)}, "plants.seed is 11 there and 12 here"),
         (
