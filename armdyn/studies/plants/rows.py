@@ -57,7 +57,9 @@ class Row:
         """A run's."""
         facts: dict[str, Any] = run.summary()
         numbers = {name: facts[name] for name in _RUN}
-        overshoot = np.nan_to_num(run.overshoot, nan=_MOST, posinf=_MOST).tolist()  # JSON has no infinity: the largest number
+        overshoot = np.nan_to_num(
+            run.overshoot, nan=_MOST, posinf=_MOST
+        ).tolist()  # JSON has no infinity: the largest number
         return cls(k=k, draw=draw, status=facts["status"], overshoot=tuple(overshoot), **numbers)
 
     def line(self) -> bytes:
