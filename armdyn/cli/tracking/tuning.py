@@ -11,7 +11,7 @@ import typer
 import armdyn as ad
 from armdyn.arguments import one_of
 from armdyn.cli.console import INTERRUPTED, NOT_USABLE, answering, console, facts_table, working
-from armdyn.cli.options.joints import FastJointOptions
+from armdyn.cli.options.joints import JointOptions
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
@@ -84,7 +84,7 @@ def tune(
     poses: PoseOptions,
     payload: PayloadOptions,
     robot: RobotOptions,
-    joints: FastJointOptions,
+    joints: JointOptions,
     family: FamilyOptions,
     search: SearchOptions,
     loop: LoopOptions,

@@ -123,6 +123,21 @@ def test_a_row_that_was_changed_is_refused(tmp_path):
         study(file=file)
 
 
+def test_what_does_not_fit_is_refused_before_there_is_a_file(tmp_path):
+    robot, reference = ramped()
+    file = tmp_path / "rows.jsonl"
+    for given, message in (
+        ({"plants": 3}, "plants is 3; it must be a Plants"),
+        ({"options": 3}, "options is 3; it must be a MonteCarloOptions"),
+        ({"controller": 3}, "controller is 3"),
+        ({"robot": paper_arm("rr")}, "the reference has 1 joints; rr has 2"),
+        ({"robot": ad.Robot.from_spec(ad.ArmSpec.paper("r"))}, "the payload of r, which has none"),
+    ):
+        with pytest.raises(ProblemError, match=message):
+            ad.monte_carlo(**{"robot": robot, "reference": reference, "file": file, **given})
+    assert not file.exists()
+
+
 KILLED = """
 import sys
 sys.path[:0] = {path!r}
