@@ -92,11 +92,11 @@ def test_another_question_is_refused(tmp_path):
     few = replace(SHORT, count=1)
 
     def ask(controller=None, plants=PLANTS, loop=NOISY, options=few, reference=reference, robot=robot):
-        return ad.monte_carlo(robot, reference, controller or ad.Lqr(), plants, loop, options, file)
+        return ad.monte_carlo(robot, reference, controller or ad.Lqr(position=0.05), plants, loop, options, file)
 
     ask()
     for other, message in (
-        ({"controller": ad.Lqr(position=0.1)}, "controller.position is 0.04 there and 0.1 here"),
+        ({"controller": ad.Lqr(position=0.1)}, "controller.position is 0.05 there and 0.1 here"),
         ({"controller": ad.Pid()}, 'controller.class is "Lqr" there and "Pid" here'),
         ({"plants": replace(PLANTS, seed=12)}, "plants.seed is 11 there and 12 here"),
         (
