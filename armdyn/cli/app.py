@@ -20,7 +20,9 @@ from armdyn.cli.motion.sweep import sweep
 from armdyn.cli.options.groups import with_options
 from armdyn.cli.paper import reproduce, urdf
 from armdyn.cli.robots import robots
+from armdyn.cli.tracking.many import monte_carlo
 from armdyn.cli.tracking.track import track
+from armdyn.cli.tracking.tuning import tune
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -29,7 +31,7 @@ app = typer.Typer(
     help="Time-optimal and closed-loop motion of robot arms, from a URDF.",
     epilog=f"Exit codes: {EXIT_CODES}",
 )
-for command in (mintime, bound, track, pid, reproduce, sweep, replay, export, urdf, robots, doctor):
+for command in (mintime, bound, track, monte_carlo, tune, pid, reproduce, sweep, replay, export, urdf, robots, doctor):
     app.command()(with_options(command))
 
 

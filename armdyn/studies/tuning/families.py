@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -124,10 +125,11 @@ class ControllerFamily:
             )
 
         def controller(values: Values) -> Pid:
-            gains = {
-                name: tuple(values[name] * scale) if shared else tuple(values[f"{name}{i + 1}"] for i in range(nv))
-                for name in _PID
+            gains: dict[str, Any] = {
+                name: [values[f"{name}{i + 1}"] for i in range(nv)] if not shared else values[name] for name in _PID
             }
+            if shared and form == "torque":
+                gains = {name: tuple(gain * scale) for name, gain in gains.items()}
             return Pid(PidGains(**gains), form, feedforward, gravity)
 
         return cls(f"PID, {form}", chosen, controller)
