@@ -72,6 +72,10 @@ if TYPE_CHECKING:
     from armdyn.studies.plants.question import MonteCarloOptions
     from armdyn.studies.plants.result import MonteCarlo
     from armdyn.studies.reserve import ReserveCurve, likely_plants, reserve_curve
+    from armdyn.studies.sweeps.cluster import cluster_crew
+    from armdyn.studies.sweeps.export import study_table
+    from armdyn.studies.sweeps.reading import read_study
+    from armdyn.studies.sweeps.run import run_study
     from armdyn.studies.tuning.families import ControllerFamily, Parameter, Ramps
     from armdyn.studies.tuning.tune import Tuned, TuneOptions, tune
     from armdyn.trajectory import Sample, Samples, Trajectory
@@ -94,6 +98,10 @@ else:
             "studies.plants.plants": "Plants",
             "studies.plants.question": "MonteCarloOptions",
             "studies.plants.result": "MonteCarlo",
+            "studies.sweeps.cluster": "cluster_crew",
+            "studies.sweeps.export": "study_table",
+            "studies.sweeps.reading": "read_study",
+            "studies.sweeps.run": "run_study",
             "studies.tuning.families": "ControllerFamily Parameter Ramps",
             "studies.tuning.tune": "TuneOptions Tuned tune",
             "studies.reserve": "ReserveCurve likely_plants reserve_curve",
@@ -157,6 +165,7 @@ __all__ = [
     "__version__",
     "characteristic_polynomial",
     "closed_loop_eigenvalues",
+    "cluster_crew",
     "gain_plane",
     "least_stable_factor",
     "likely_plants",
@@ -165,15 +174,18 @@ __all__ = [
     "monte_carlo",
     "multiloop_disk",
     "ramp",
+    "read_study",
     "replay_torques",
     "reserve_curve",
     "routh_table",
+    "run_study",
     "sampled_loop",
     "sampled_stability",
     "set_point",
     "simulate_pid",
     "slowest_stable_rate",
     "solve_minimum_time",
+    "study_table",
     "time_optimality",
     "track",
     "trajectory_from_path",

@@ -152,6 +152,10 @@ class MissingPackageError(ArmdynError, ImportError):
         return type(self), (self.package, self.what, self.instead)
 
 
+class ClusterError(ArmdynError, ConnectionError):
+    """A Dask cluster cannot be reached, has no workers or other ones, or has gone. Rows that were written are there."""
+
+
 class SettingError(ArmdynError, ValueError):
     """An environment variable is set to what it cannot be.
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Generator, Iterable, Iterator,
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkProcess
-from typing import TypeVar
+from typing import Any, Generic, TypeVar
 
 from armdyn.exclusive import one_at_a_time
 
@@ -93,6 +93,93 @@ def beside(job: Callable[[], Result], workers: int | None) -> Iterator[Callable[
         yield result
 
 
+class Workers(Generic[Result]):
+    """Forks that do one kind of thing to whatever they are given; one that dies is replaced by another.
+
+    Attributes:
+        count: of them.
+    """
+
+    def __init__(self, do: Callable[[Any], Result], count: int):
+        self.count = count
+        self._do = do
+        self._crew: dict[Connection, ForkProcess] = {}
+        self._idle: list[Connection] = []
+        self._under_way: dict[Connection, int] = {}
+
+    @property
+    def idle(self) -> int:
+        """So many can be given something now."""
+        return self.count - len(self._under_way)
+
+    def give(self, number: int, what: object) -> None:
+        """Have one of those that are idle do it.
+
+        Args:
+            number: under which `ended` tells of it.
+            what: is pickled.
+        """
+        while True:
+            line = self._idle.pop() if self._idle else _hire(self._do, self._crew)
+            try:
+                line.send(what)
+            except OSError:  # it died while it was idle
+                self._dismiss(line)
+                continue
+            self._under_way[line] = number
+            return
+
+    def ended(self, seconds: float) -> list[tuple[int, int | None, tuple[Result] | None]]:
+        """Number, process and result of what has ended; instead of a result None where the worker died.
+
+        Args:
+            seconds: how long that is waited for at most [s].
+        """
+        found: list[tuple[int, int | None, tuple[Result] | None]] = []
+        for line in wait(list(self._under_way), seconds):
+            assert isinstance(line, Connection)  # noqa: S101  # nothing else was given
+            number, process = self._under_way.pop(line), self._crew[line].pid
+            try:
+                found.append((number, process, (line.recv(),)))
+                self._idle.append(line)
+            except (OSError, EOFError):
+                self._dismiss(line)
+                found.append((number, process, None))
+        return found
+
+    def close(self) -> None:
+        """Kill them, whatever they are at."""
+        for line in list(self._crew):
+            self._dismiss(line)
+
+    def _dismiss(self, line: Connection) -> None:
+        worker = self._crew.pop(line)
+        _ours.discard(line)
+        line.close()
+        worker.kill()
+        worker.join()
+
+
+@contextmanager
+def workers_of(do: Callable[[Any], Result], count: int | None) -> Iterator[Workers[Result]]:
+    """Workers for as long as they are wanted; afterwards they are killed. They end with this process, too.
+
+    Args:
+        do: what they do, also what this process has built; results are pickled. What it raises kills its worker.
+        count: of them; None: one per core.
+
+    Raises:
+        OSError: processes cannot be forked here.
+    """
+    if "fork" not in multiprocessing.get_all_start_methods():
+        raise OSError("processes cannot be forked on this system")
+    workers = Workers(do, count or os.cpu_count() or 1)
+    try:
+        yield workers
+    finally:
+        workers.close()
+
+
 def _ended(
     jobs: Sequence[Callable[[], Result]], crew: Crew, after: Mapping[int, Collection[int]] | None = None
 ) -> Iterator[tuple[int, tuple[Result] | None]]:
@@ -138,7 +225,7 @@ def _crew(
     crew: dict[Connection, ForkProcess] = {}
     try:
         while forks and len(crew) < count >= least:
-            _hire(jobs, crew)
+            _hire(lambda k: jobs[k](), crew)
         yield crew
     finally:
         _ours.difference_update(crew)
@@ -154,17 +241,18 @@ def _crew(
                 worker.kill()
 
 
-def _hire(jobs: Sequence[Callable[[], object]], crew: dict[Connection, ForkProcess]) -> None:
+def _hire(do: Callable[[Any], object], crew: dict[Connection, ForkProcess]) -> Connection:
     context = multiprocessing.get_context("fork")
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # until who is born is deaf to it
     try:
         with one_at_a_time:  # or another thread's worker might keep the other end
             ours, theirs = context.Pipe()
             _ours.add(ours)
-            worker = context.Process(target=_work, args=(jobs, theirs, os.getpid()), daemon=True)
+            worker = context.Process(target=_work, args=(do, theirs, os.getpid()), daemon=True)
             worker.start()
             theirs.close()
         crew[ours] = worker
+        return ours
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
@@ -179,7 +267,7 @@ def _interrupt(workers: Iterable[ForkProcess]) -> None:
             worker.join(max(0.0, until - time.monotonic()))
 
 
-def _work(jobs: Sequence[Callable[[], object]], line: Connection, owner: int) -> None:
+def _work(do: Callable[[Any], object], line: Connection, owner: int) -> None:
     try:
         _end_with(owner)
         signal.set_wakeup_fd(-1)  # an event loop's, of the owner
@@ -187,8 +275,8 @@ def _work(jobs: Sequence[Callable[[], object]], line: Connection, owner: int) ->
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         for other in _ours:
             other.close()
-        while (k := line.recv()) is not None:
-            line.send(jobs[k]())
+        while (what := line.recv()) is not None:
+            line.send(do(what))
     finally:  # whoever waits hears that the line is dead, and does the job himself
         os._exit(1)
 

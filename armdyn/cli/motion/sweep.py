@@ -21,10 +21,10 @@ from armdyn.cli.console import (
     working,
 )
 from armdyn.cli.motion.requirements import Require, missing_of, requirements_of
+from armdyn.cli.motion.study import StudyOptions, SweepResults, run_file
 from armdyn.cli.motion.words import options_of
 from armdyn.cli.options.joints import FastJointOptions, reserve_words
 from armdyn.cli.options.poses import PoseOptions
-from armdyn.cli.options.results import NoFigure, OutputOptions
 from armdyn.cli.options.robot import PayloadPlace, RobotOptions
 from armdyn.cli.options.text import numbers
 from armdyn.errors import ProblemError
@@ -95,29 +95,57 @@ class SweepOptions:
         )
 
 
+@dataclass(frozen=True, kw_only=True)
+class SweptOptions(RobotOptions):
+    """A robot, or a file that says of many cases what is done in each."""
+
+    robot: Annotated[
+        str,
+        typer.Argument(
+            metavar="ROBOT|STUDY.toml",
+            help="A robot as mintime takes it, or a study file, which says all of the motion itself "
+            "(docs/sweeps.md): payloads, limits, gains, poses, reserve, arms.",
+            show_default=False,
+        ),
+    ]
+
+
 def sweep(
     poses: PoseOptions,
     payloads: PayloadsOptions,
-    robot: RobotOptions,
+    robot: SweptOptions,
     joints: FastJointOptions,
     search: SweepOptions,
-    output: OutputOptions,
-    no_figure: NoFigure = False,
+    study: StudyOptions,
+    results: SweepResults,
     require: Require = None,
 ) -> None:
-    """Minimum time over payload: how much each gram costs, and which limit counts.
+    """Minimum time over payload: how much each gram costs, and which limit counts. Or a study file's many cases.
 
     Each optimum is where the search for the next payload's begins; what a heavier payload's search finds is
     tried on the lighter one, too. A payload that is solved is on disk at once. Exit code 0: all motions are
     usable; 3: some are not; 4: all are, but some are not what --require asks for.
 
+    A study file's cases are done side by side, on this machine or on a Dask cluster. Each row is on disk as soon as
+    it has ended; the same command goes on where it was stopped or killed. Exit code 3: some cases were refused, are
+    not usable, or ended in an error; their rows say why.
+
     [dim]armdyn sweep rr
+    armdyn sweep study.toml --parquet
+    armdyn sweep study.toml --scheduler node1:8786
     armdyn sweep panda --payload 0,1,2,3 --q-start 0,-0.785,0,-2.356,0,1.571,0.785 --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5[/]
     """
+    output, no_figure = results.output, results.no_figure
     with answering(output.json) as answer:
+        if robot.robot.endswith(".toml"):
+            _refuse_others(poses, payloads, robot, joints, search, require)
+            run_file(robot.robot, study, results, answer)
+            return
+        if study != StudyOptions():
+            raise ProblemError("--workers, --scheduler, --again, --sync and --parquet are for a study file, STUDY.toml")
         required = requirements_of(require or ())
         from armdyn.optimal.answer.summary import reserve_summary
-        from armdyn.show.sweeps import motion_name, sweep_row, table_names, write_motion, write_sweep
+        from armdyn.show.sweeps.payloads import motion_name, sweep_row, table_names, write_motion, write_sweep
 
         masses = payloads.masses(robot.robot)
         arms = [joints.fit(robot.read(payloads.place.carried(mass))) for mass in masses]
@@ -158,6 +186,32 @@ def sweep(
                 console.print(f"{what}: {parts}")
             console.print(f"results in {escape(str(folder))}")
             _complain(status, missing)
+
+
+def _refuse_others(
+    poses: PoseOptions,
+    payloads: PayloadsOptions,
+    robot: SweptOptions,
+    joints: FastJointOptions,
+    search: SweepOptions,
+    require: Sequence[str] | None,
+) -> None:
+    """Refuse what a study file says itself.
+
+    Raises:
+        ProblemError: it was given.
+    """
+    given = (
+        (poses, "--q-start and --q-goal"),
+        (payloads, "--payload and its place"),
+        (robot.part, "--lock and --arm"),
+        (joints, "limits, reserves and friction"),
+    )
+    for group, what in (*given, (search, "--starts and --time-limit")):
+        if group != type(group)():
+            raise ProblemError(f"a study file says all of its motions itself: leave out {what}, write them in it")
+    if require:
+        raise ProblemError("--require is for a robot's sweep; a study's rows say what is certified")
 
 
 def _complain(status: str, missing: Sequence[str]) -> None:

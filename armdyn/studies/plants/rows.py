@@ -168,7 +168,7 @@ def _rows(path: Path, content: bytes, asked: Mapping[str, object]) -> tuple[Row,
         raise ResultError(f"{path}: no file of rows: line 1 is not JSON ({error})") from None
     if not isinstance(there, dict) or there.get("format") != asked["format"]:
         raise ResultError(f"{path}: no file of rows of format {asked['format']}")
-    if different := list(_differences(there, json.loads(json.dumps(asked)))):
+    if different := list(differences(there, json.loads(json.dumps(asked)))):
         raise ResultError(
             f"{path}: its rows answer another question: {'; '.join(different)}. Ask the same, or give another file"
         )
@@ -184,12 +184,12 @@ def _rows(path: Path, content: bytes, asked: Mapping[str, object]) -> tuple[Row,
     return tuple(known[k] for k in sorted(known))
 
 
-def _differences(there: Mapping[str, Any], here: Mapping[str, Any], within: str = "") -> Iterable[str]:
-    """What two questions differ in, in words."""
+def differences(there: Mapping[str, Any], here: Mapping[str, Any], within: str = "") -> Iterable[str]:
+    """What two questions, as JSON says them, differ in, in words."""
     for name in dict.fromkeys([*there, *here]):
         old, new = there.get(name), here.get(name)
         if isinstance(old, dict) and isinstance(new, dict):
-            yield from _differences(old, new, f"{within}{name}.")
+            yield from differences(old, new, f"{within}{name}.")
         elif old != new:
             yield f"{within}{name} is {json.dumps(old)[:80]} there and {json.dumps(new)[:80]} here"
 

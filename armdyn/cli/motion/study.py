@@ -1,0 +1,202 @@
+"""What `armdyn sweep` does with a study file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+import typer
+
+from armdyn.cli.console import DONE, INTERRUPTED, NOT_USABLE, Answer, console, errors, escape, facts_table
+from armdyn.cli.options.results import NoFigure, OutputOptions
+
+if TYPE_CHECKING:
+    from armdyn.studies.sweeps.run import CrewOf, Progress, StudyRun
+    from armdyn.studies.sweeps.study import Study
+
+ROWS = "study.sqlite"
+FIGURES = ("curve", "map", "pareto")
+_OUTCOMES = {"minimum-time": ("duration_s", "torque_squared"), "track": ("settled_time_s", "peak_error")}
+"""Of each task the number that counts, and one that it is weighed against."""
+_ANSWERS = {"usable", "settled", "not_settled", "diverged", "failed"}
+"""Statuses of cases that were done: an arm that does not settle is an answer."""
+_MOST_DRAWN = 100_000
+"""Rows of a figure, at most."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyOptions:
+    """Who works on a study file's cases, and how its rows are kept."""
+
+    panel: ClassVar[str] = "Study file"
+
+    workers: Annotated[int | None, typer.Option(help="Processes on this machine; by default one per core.", min=1)] = (
+        None
+    )
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="HOST:PORT", help="A Dask cluster's scheduler: its workers do the cases instead."),
+    ] = None
+    again: Annotated[
+        bool, typer.Option("--again", help="Do cases once more whose workers died, or that ended in an error.")
+    ] = False
+    sync: Annotated[
+        Literal["full", "normal"],
+        typer.Option(help="full: a row survives a power cut, too; normal: only that armdyn is killed, but faster."),
+    ] = "full"
+    parquet: Annotated[bool, typer.Option("--parquet", help="Write rows.parquet, too (needs pyarrow).")] = False
+
+    def crew(self) -> CrewOf:
+        """Who works.
+
+        Raises:
+            ProblemError: the scheduler's address is none, or workers are given, too.
+        """
+        from functools import partial
+
+        from armdyn.errors import ProblemError
+        from armdyn.studies.sweeps.crew import local_crew
+
+        if self.scheduler is None:
+            return partial(local_crew, workers=self.workers)
+        if self.workers is not None:
+            raise ProblemError("--workers are processes of this machine; a --scheduler has its own")
+        from armdyn.studies.sweeps.cluster import cluster_crew
+
+        return cluster_crew(self.scheduler)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepResults:
+    """What is written of a sweep, and where."""
+
+    output: OutputOptions
+    no_figure: NoFigure = False
+
+
+def run_file(path: str, options: StudyOptions, results: SweepResults, answer: Answer) -> None:
+    """Do a study's cases, or those that are missing, and write tables and figures of all of them.
+
+    Args:
+        path: of the study.
+        options: who works.
+        results: what is written.
+        answer: filled in.
+
+    Raises:
+        ArmdynError: it is no study, or cannot be done.
+    """
+    from armdyn.studies.sweeps.database import reading
+    from armdyn.studies.sweeps.export import flat, write_csv, write_parquet
+    from armdyn.studies.sweeps.reading import read_study
+    from armdyn.studies.sweeps.run import run_study
+
+    study, crew = read_study(path), options.crew()
+    figures = [] if results.no_figure else [f"{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")]
+    names = ["rows.csv", *(["rows.parquet"] if options.parquet else []), *figures]
+    folder = results.output.folder("sweep", path, [ROWS, *names])
+    folder.mkdir(parents=True, exist_ok=True)
+    with _bar(Path(path).name, len(study), results.output.json) as tell:
+        run = run_study(study, folder / ROWS, crew, tell, again=options.again, sync=options.sync)
+    with reading(run.file) as rows:
+        files = [run.file, write_csv(rows, folder / "rows.csv")]
+        if options.parquet:
+            files.append(write_parquet(rows, folder / "rows.parquet"))
+        table = [flat(row) for row in rows.rows()] if sum(run.counts.values()) <= _MOST_DRAWN else []
+    if not results.no_figure and table:
+        files += _drawn(study, table, folder, Path(path).stem)
+    _answered(answer, study, run, files)
+    if not results.output.json:
+        console.print(facts_table(f"{Path(path).name}: {len(study)} cases", _words(study, run, table, files)))
+
+
+def _answered(answer: Answer, study: Study, run: StudyRun, files: Sequence[Path]) -> None:
+    there = sum(run.counts.values())
+    odd = there - sum(count for status, count in run.counts.items() if status in _ANSWERS)
+    answer.code = INTERRUPTED if run.interrupted else NOT_USABLE if odd else DONE
+    answer.facts |= {
+        "success": answer.code == DONE,
+        "status": {INTERRUPTED: "interrupted", NOT_USABLE: "not_usable", DONE: "done"}[answer.code],
+        "cases": run.cases,
+        "rows": there,
+        "statuses": run.counts,
+        "done_here": run.done_here,
+        "seconds": round(run.seconds, 3),
+        "files": [str(file) for file in files],
+    }
+    if run.interrupted:
+        answer.facts["message"] = (
+            f"interrupted with {there} of {run.cases} rows; the same command goes on with the others"
+        )
+
+
+def _drawn(study: Study, table: list[dict[str, Any]], folder: Path, title: str) -> list[Path]:
+    from armdyn.show.plots import save_figure
+    from armdyn.show.sweeps.figures import figures_of
+    from armdyn.studies.sweeps.tasks.settings import label
+
+    settings = {axis.name: axis.kind for axis in study.axes}
+    drawn = figures_of(table, settings, _OUTCOMES[str(study.task.asked()["task"])], named=label, title=title)
+    return [save_figure(figure, folder / f"{name}.{kind}") for name, figure in drawn.items() for kind in ("png", "pdf")]
+
+
+def _words(study: Study, run: StudyRun, table: Sequence[Mapping[str, Any]], files: Sequence[Path]) -> dict[str, str]:
+    """A study in words."""
+    from armdyn.studies.sweeps.tasks.settings import label
+
+    there = sum(run.counts.values())
+    told = {
+        "rows": f"{there} of {run.cases}: "
+        + ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in run.counts.items()),
+        "this run": f"{run.done_here} rows in {run.seconds:.1f} s",
+    }
+    main = _OUTCOMES[str(study.task.asked()["task"])][0]
+    numbers = [row for row in table if row.get(main) is not None]
+    if numbers:
+        for word, pick in (("least", min), ("most", max)):
+            row = pick(numbers, key=lambda one: one[main])
+            at = ", ".join(_said(axis.name, row[axis.name]) for axis in study.axes)
+            told[f"{word} {label(main).partition(' [')[0]}"] = f"{row[main]:.6g} s at {at} (case {row['k']})"
+    for row in [row for row in table if row["status"] not in _ANSWERS][:3]:
+        told[f"case {row['k']}"] = f"{row['status'].replace('_', ' ')}: {row['message']}"
+    return told | {"results": str(files[0].parent), "written": ", ".join(file.name for file in files)}
+
+
+def _said(name: str, value: float | str) -> str:
+    return f"{name} {value}" if isinstance(value, str) else f"{name} {value:g}"
+
+
+@contextmanager
+def _bar(name: str, cases: int, as_json: bool) -> Iterator[Callable[[Progress], None]]:
+    """A bar on standard error while someone watches."""
+    if as_json or not errors.is_terminal:
+        yield lambda told: None
+        return
+    from rich.progress import BarColumn, TextColumn
+    from rich.progress import Progress as Bar
+
+    with Bar(
+        TextColumn(escape(name)), BarColumn(), TextColumn("{task.completed} of {task.total}{task.fields[told]}"),
+        console=errors.rich, transient=True,
+    ) as bar:  # fmt: skip
+        task = bar.add_task("", total=cases, told="")
+        yield lambda told: bar.update(task, completed=told.done, told=_told(told))
+
+
+def _told(told: Progress) -> str:
+    """What stands behind the bar."""
+    bad = f", {told.bad} not as wanted" if told.bad else ""
+    return f"{bad}, {_left(told.left)}"
+
+
+def _left(left: tuple[float, float] | None) -> str:
+    """A time that is left, no more exactly than it is known."""
+    if left is None:
+        return "too early to say how long"
+    least, most = left
+    unit, size = next((u, s) for u, s in (("h", 3600.0), ("min", 60.0), ("s", 1.0)) if most >= 2 * s or u == "s")
+    words = [f"{time / size:.0f}" for time in (least, most)]
+    return f"{words[1]} {unit} left" if words[0] == words[1] else f"{words[0]} to {words[1]} {unit} left"

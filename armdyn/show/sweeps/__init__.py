@@ -1,0 +1,1 @@
+"""Figures of sweeps, and what is left of them on disk."""

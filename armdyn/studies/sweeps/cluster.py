@@ -1,0 +1,176 @@
+"""A study's cases on a Dask cluster that someone else has started."""
+
+from __future__ import annotations
+
+import queue
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from functools import partial
+from importlib.metadata import version
+from typing import TYPE_CHECKING
+
+from armdyn.arguments import text
+from armdyn.errors import ClusterError, MissingPackageError, ProblemError
+from armdyn.studies.sweeps.crew import Case, Crew, Ended
+from armdyn.studies.sweeps.tasks.settings import Value
+from armdyn.studies.sweeps.tasks.task import Outcome, Task, outcome_of
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+_PATIENCE = 10.0
+"""For a scheduler to answer, and for a first worker to join it [s]."""
+_AHEAD = 3
+"""Cases per thread that the cluster has at once: those under way, and others that begin as these end."""
+_GONE = 30.0
+"""A cluster without any worker for so long is given up [s]."""
+
+
+def cluster_crew(address: str) -> Callable[[Task], AbstractContextManager[Crew]]:
+    """Whoever works at a Dask scheduler, for `run_study`.
+
+    Its workers need armdyn of this version, and no file: arms are sent with the cases. One thread per worker is best.
+    A worker that dies is Dask's to notice: it has the case done elsewhere, as often as its setting
+    `distributed.scheduler.allowed-failures` says (3), and then gives up.
+
+    Args:
+        address: HOST:PORT.
+
+    Raises:
+        ProblemError: it is no address.
+    """
+    text(address, "scheduler")
+    host, colon, port = address.removeprefix("tcp://").rpartition(":")
+    if not (host and colon and port.isdigit() and int(port) < 2**16):
+        raise ProblemError(f"scheduler {address[:100]!r}: write HOST:PORT, such as node1:8786")
+    return partial(_crew, f"tcp://{host}:{port}")
+
+
+class ClusterCrew:
+    """Workers of a cluster."""
+
+    def __init__(self, client: Client, task: Task):
+        self._client, self._task = client, task
+        self._under_way: dict[str, tuple[int, Future]] = {}
+        self._done: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._size, self._given, self._empty = max(_threads(client), 1), 0, 0.0
+
+    @property
+    def size(self) -> int:
+        """Threads of all workers."""
+        return self._size
+
+    @property
+    def room(self) -> int:
+        """Cases that may be given now."""
+        return _AHEAD * self._size - len(self._under_way)
+
+    def give(self, case: Case) -> None:
+        """Have a case worked on."""
+        key = f"armdyn-{id(self)}-{case.k}-{self._given}"
+        self._given += 1
+        future = self._client.submit(_do, self._task, case.settings, case.guess, key=key, pure=False)
+        self._under_way[key] = case.k, future
+        future.add_done_callback(lambda done: self._done.put(done.key))
+
+    def ended(self, seconds: float) -> list[Ended]:
+        """What has come back.
+
+        Raises:
+            ClusterError: the scheduler has gone, or all workers.
+        """
+        found = []
+        try:
+            key = self._done.get(timeout=seconds)
+        except queue.Empty:
+            self._look(seconds)
+            return []
+        while True:
+            k, future = self._under_way.pop(key)
+            found.append(self._read(k, future))
+            future.release()
+            try:
+                key = self._done.get_nowait()
+            except queue.Empty:
+                return found
+
+    def _look(self, seconds: float) -> None:
+        """Nothing has come back for so long [s]: see who is there."""
+        if self._client.status != "running":
+            raise ClusterError(f"the Dask scheduler at {_address(self._client)} has gone; the rows so far are kept")
+        threads = _threads(self._client)
+        self._empty = 0.0 if threads else self._empty + seconds
+        if self._empty > _GONE:
+            raise ClusterError(f"the cluster at {_address(self._client)} has no workers any more; the rows are kept")
+        self._size = max(threads, 1)
+
+    def _read(self, k: int, future: Future) -> Ended:
+        from distributed import KilledWorker
+
+        try:
+            outcome, seconds, worker = future.result(timeout=_PATIENCE)
+        except KilledWorker as error:
+            return Ended(k=k, outcome=None, worker=str(error.last_worker.address), deaths=error.allowed_failures + 1)
+        except Exception as error:
+            if future.cancelled() or self._client.status != "running":
+                raise ClusterError(
+                    f"the Dask scheduler at {_address(self._client)} has gone; the rows so far are kept"
+                ) from None
+            told = f"{type(error).__name__}: {error}"[:1000]  # it could not be sent, or not be brought back
+            return Ended(k=k, outcome=Outcome(status="error", message=told))
+        return Ended(k=k, outcome=outcome, seconds=seconds, worker=worker)
+
+
+@contextmanager
+def _crew(address: str, task: Task) -> Iterator[Crew]:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise MissingPackageError(
+            "armdyn[cluster]", "--scheduler", "without it, processes of this machine work"
+        ) from None
+    try:
+        client = Client(address, timeout=_PATIENCE, set_as_default=False, name="armdyn")
+    except (OSError, TimeoutError) as error:
+        raise ClusterError(f"no Dask scheduler answers at {address} ({error})"[:300]) from None
+    try:
+        _check(client, address)
+        yield ClusterCrew(client, task)
+    finally:
+        client.close(timeout=_PATIENCE)  # what is under way is not begun again, and what ends is dropped
+
+
+def _check(client: Client, address: str) -> None:
+    """Whether there is a worker, and whether all have this armdyn.
+
+    Raises:
+        ClusterError: not so.
+    """
+    try:
+        client.wait_for_workers(1, timeout=_PATIENCE)
+    except TimeoutError:
+        raise ClusterError(f"the scheduler at {address} has no worker: start some, dask worker {address}") from None
+    own, versions = _version(), client.run(_version, on_error="return")
+    for worker, other in versions.items():
+        if other != own:
+            told = f"armdyn {other}" if isinstance(other, str) else f"no armdyn ({other})"
+            raise ClusterError(f"worker {worker} has {told}; this is armdyn {own}: install the same there")
+
+
+def _version() -> str:
+    return version("armdyn")
+
+
+def _do(task: Task, settings: Mapping[str, Value], guess: bytes) -> tuple[Outcome, float, str]:
+    """A case, on a worker."""
+    from distributed import get_worker
+
+    return *outcome_of(task, settings, guess), str(get_worker().address)
+
+
+def _threads(client: Client) -> int:
+    return sum(client.nthreads().values())
+
+
+def _address(client: Client) -> str:
+    return str(client.scheduler.address if client.scheduler else "?")

@@ -1,0 +1,238 @@
+"""A study's cases, done by a crew, each a row as soon as it has ended."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.arguments import expect
+from armdyn.optimal.problem.stop import Stop, stopping
+from armdyn.studies.sweeps.crew import Case, Crew, Ended, local_crew
+from armdyn.studies.sweeps.database import Database, Row, Sync, database
+from armdyn.studies.sweeps.pace import Pace
+from armdyn.studies.sweeps.study import Study
+from armdyn.studies.sweeps.tasks.settings import ARM
+from armdyn.studies.sweeps.tasks.task import INTERRUPTED, Outcome, Task
+
+ATTEMPTS = 3
+"""At a case whose workers die."""
+DIED, ERROR = "worker_died", "error"
+"""Statuses that say nothing of the case itself: `run_study` may try these again."""
+
+_LISTEN = 0.25
+"""How long is waited before Ctrl-C is looked for, and progress told [s]."""
+_NEAR = 12
+"""Neighbours of a case that are looked at, the nearest first."""
+
+CrewOf = Callable[[Task], AbstractContextManager[Crew]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """How far a study is.
+
+    Attributes:
+        cases: of it.
+        done: of them, with those of earlier runs.
+        bad: of those done in this run, how many are not what was wanted.
+        left: the least and the most time that is likely to be left [s]; None: too early to say.
+        workers: of the crew.
+    """
+
+    cases: int
+    done: int
+    bad: int
+    left: tuple[float, float] | None
+    workers: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyRun:
+    """What there is of a study.
+
+    Attributes:
+        file: with its rows.
+        cases: of the study.
+        counts: rows of each status.
+        done_here: rows that this run has added.
+        interrupted: some cases are missing, for Ctrl-C was pressed.
+        seconds: that this run took [s].
+    """
+
+    file: Path
+    cases: int
+    counts: dict[str, int]
+    done_here: int
+    interrupted: bool
+    seconds: float
+
+
+def run_study(
+    study: Study,
+    file: str | os.PathLike[str],
+    crew: CrewOf = local_crew,
+    progress: Callable[[Progress], None] | None = None,
+    *,
+    again: bool = False,
+    sync: Sync = "full",
+) -> StudyRun:
+    """Do a study's cases, or those that are missing of one that was stopped or killed.
+
+    A case whose worker dies is done by another, three times at most; then its row says so. Ctrl-C ends it with the
+    rows that there are.
+
+    Args:
+        study: with its task.
+        file: SQLite, for the rows.
+        crew: who works, for a task: `local_crew`, or `cluster_crew(address)`.
+        progress: told how far it is.
+        again: do cases once more whose workers died, or whose work raised what it should not.
+        sync: when a row is on the disk itself, see `database`.
+
+    Raises:
+        ResultError: the file is of another study, damaged, or another process is at it.
+        FileError: it cannot be read or written.
+        DiskFullError: there is no room for a row.
+    """
+    expect(study, Study, "study")
+    began = time.monotonic()
+    with database(file, study.asked(), sync) as rows:
+        if again:
+            rows.forget((DIED, ERROR))
+        before = rows.numbers()
+        with stopping(np.inf) as stop:
+            if len(before) < len(study):
+                with crew(study.task) as who:
+                    _Sweep(study, rows, who, stop, progress or (lambda told: None), before).run()
+        there = rows.counts()
+    done = sum(there.values())
+    return StudyRun(
+        file=Path(file), cases=len(study), counts=there, done_here=done - len(before),
+        interrupted=done < len(study), seconds=time.monotonic() - began,
+    )  # fmt: skip
+
+
+@dataclass
+class _Sweep:
+    """One run of a study."""
+
+    study: Study
+    rows: Database
+    crew: Crew
+    stop: Stop
+    tell: Callable[[Progress], None]
+    done: set[int]
+    deaths: dict[int, int] = field(default_factory=dict)
+    begun_from: dict[int, int | None] = field(default_factory=dict)
+    bad: int = 0
+
+    def run(self) -> None:
+        """Until all is done, or Ctrl-C."""
+        waiting = iter([k for k in range(len(self.study)) if k not in self.done])
+        again: deque[int] = deque()
+        near = _Neighbours(self.study, self.rows.moved()) if self.study.task.uses_neighbours else None
+        pace, under_way, left = Pace(), set[int](), len(self.study) - len(self.done)
+        while left and not self.stop:
+            while self.crew.room > 0 and (k := again.popleft() if again else next(waiting, None)) is not None:
+                self._give(k, near)
+                under_way.add(k)
+            ended = self.crew.ended(_LISTEN)
+            rows, motions = list[Row](), dict[int, bytes]()
+            for one in ended:
+                under_way.discard(one.k)
+                row = self._row(one)
+                if row is None:
+                    again.append(one.k)
+                    continue
+                rows.append(row)
+                pace.add(one.seconds)
+                if one.outcome and one.outcome.motion:
+                    motions[one.k] = one.outcome.motion
+            if rows:
+                self.rows.append(rows, motions)
+                self.bad += sum(not row.good for row in rows)
+                left -= len(rows)
+            if near:
+                near.moved.update(motions)
+            told = Progress(
+                cases=len(self.study),
+                done=len(self.study) - left,
+                bad=self.bad,
+                left=pace.left(left),
+                workers=self.crew.size,
+            )
+            self.tell(told)
+
+    def _give(self, k: int, near: _Neighbours | None) -> None:
+        neighbour = near.of(k) if near else None
+        self.begun_from[k] = neighbour
+        guess = b"" if neighbour is None else self.rows.motion(neighbour)
+        self.crew.give(Case(k=k, settings=self.study.parameters(k), guess=guess))
+
+    def _row(self, ended: Ended) -> Row | None:
+        """Of what came back; None: it is to be done again."""
+        k, outcome = ended.k, ended.outcome
+        self.deaths[k] = self.deaths.get(k, 0) + ended.deaths + (outcome is None and not ended.deaths)
+        if outcome is None:
+            if self.deaths[k] < ATTEMPTS:
+                return None
+            outcome = Outcome(
+                status=DIED, message=f"whoever worked on it died, {self.deaths[k]} times; last {ended.worker}"
+            )
+        if outcome.status == INTERRUPTED:
+            return None
+        deaths = self.deaths.pop(k)
+        return Row(
+            k=k, status=outcome.status, good=outcome.good, message=outcome.message, settings=self.study.parameters(k),
+            facts=outcome.facts, seconds=round(ended.seconds, 6), worker=ended.worker,
+            attempts=deaths + (outcome.status != DIED), begun_from=self.begun_from.pop(k),
+        )  # fmt: skip
+
+
+class _Neighbours:
+    """Of every case, those that are near and have a motion.
+
+    Attributes:
+        moved: cases that have one.
+    """
+
+    def __init__(self, study: Study, moved: set[int]):
+        from scipy.spatial import cKDTree
+
+        self.moved = moved
+        self._points = _apart(study)
+        self._tree = cKDTree(self._points)
+        self._near = min(_NEAR, len(study) - 1)
+
+    def of(self, k: int) -> int | None:
+        """The nearest; None: none of those that are looked at has a motion yet."""
+        if not self.moved or not self._near:
+            return None
+        distances, numbers = self._tree.query(self._points[k], k=self._near + 1)
+        return next(self._found(k, distances, numbers), None)
+
+    def _found(self, k: int, distances: NDArray[np.float64], numbers: NDArray[np.int64]) -> Iterator[int]:
+        for distance, number in zip(distances, numbers, strict=True):
+            if distance <= _SAME_ARM and int(number) != k and int(number) in self.moved:
+                yield int(number)
+
+
+_SAME_ARM = 10.0
+"""Cases farther than that from each other, in ranges, are of other arms."""
+
+
+def _apart(study: Study) -> NDArray[np.float64]:
+    """Where cases are, with arms so far from each other that none is another's neighbour, shape (cases, axes)."""
+    points = study.points.copy()
+    for column, axis in enumerate(study.axes):
+        if axis.name == ARM:
+            points[:, column] *= 100 * len(axis.values)
+    return points

@@ -1,0 +1,166 @@
+"""A study: what varies, from where to where, and which cases that makes."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.arguments import number, one_of, whole
+from armdyn.errors import ProblemError
+from armdyn.studies.sweeps.tasks.settings import Value
+from armdyn.studies.sweeps.tasks.task import Task
+
+Array = NDArray[np.float64]
+
+FORMAT = "armdyn-sweep-1"
+MAX_CASES = 10**6
+"""Cases of one study, at most: their places are kept in memory (docs/sweeps.md says what more would need)."""
+MAX_AXES = 32
+
+Method = Literal["grid", "random", "latin-hypercube"]
+METHODS: tuple[Method, ...] = ("grid", "random", "latin-hypercube")
+Scale = Literal["linear", "log"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Axis:
+    """What one setting may be: one of some values, or a number within a range.
+
+    Attributes:
+        name: of the setting.
+        values: that it may be; empty: it is a number within a range.
+        low: of the range, in the setting's unit.
+        high: of the range.
+        count: numbers of the range that a grid takes.
+        scale: of the range; "log": its numbers have even ratios.
+    """
+
+    name: str
+    values: tuple[Value, ...] = ()
+    low: float = 0.0
+    high: float = 0.0
+    count: int = 0
+    scale: Scale = "linear"
+
+    def __post_init__(self) -> None:
+        if self.values:
+            if len(set(self.values)) < len(self.values):
+                raise ProblemError(f"{self.name} has a value twice")
+            return
+        number(self.low, f"{self.name}: from")
+        number(self.high, f"{self.name}: to")
+        whole(self.count, f"{self.name}: count", least=0)
+        one_of(self.scale, ("linear", "log"), f"{self.name}: scale")
+        if not self.low < self.high:
+            raise ProblemError(f"{self.name} goes from {self.low:g} to {self.high:g}; it must go up")
+        if self.scale == "log" and self.low <= 0:
+            raise ProblemError(f"{self.name} goes from {self.low:g}; a log scale begins above 0")
+
+    @property
+    def levels(self) -> int:
+        """Values of it in a grid."""
+        return len(self.values) or self.count
+
+    @property
+    def kind(self) -> Literal["words", "linear", "log"]:
+        """Its values are words, or numbers on a scale."""
+        return "words" if any(isinstance(value, str) for value in self.values) else self.scale
+
+    def value(self, place: float) -> Value:
+        """The setting at a place from 0 to 1; of values that are named each has its share of that."""
+        if self.values:
+            return self.values[min(int(place * len(self.values)), len(self.values) - 1)]
+        ratio = self.high / self.low if self.scale == "log" else 0.0
+        value = self.low * ratio**place if ratio else self.low + (self.high - self.low) * place
+        return float(f"{value:.12g}")  # 0.08, not 0.08000000000000002
+
+    def places(self) -> Array:
+        """Of its values in a grid, shape (levels,) [-]."""
+        n = self.levels
+        return (np.arange(n) + 0.5) / n if self.values else np.linspace(0.0, 1.0, n)
+
+    def asked(self) -> dict[str, object]:
+        """As JSON says it."""
+        if self.values:
+            return {"values": list(self.values)}
+        return {"from": self.low, "to": self.high, "count": self.count, "scale": self.scale}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Study:
+    """Cases of a task.
+
+    Attributes:
+        task: what is done in each.
+        axes: what varies.
+        method: "grid": all values of each with all of the others, the last axis fastest; "random": each for itself;
+            "latin-hypercube": each axis's range in as many parts as there are cases, one case in each.
+        count: of cases, unless it is a grid.
+        seed: of what is drawn.
+    """
+
+    task: Task
+    axes: tuple[Axis, ...]
+    method: Method = "grid"
+    count: int = 0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        one_of(self.method, METHODS, "method")
+        if not self.axes:
+            raise ProblemError("nothing varies: give [vary] a setting")
+        names = [axis.name for axis in self.axes]
+        if len(names) > MAX_AXES or len(set(names)) < len(names):
+            raise ProblemError(f"{len(names)} settings vary; at most {MAX_AXES} do, each once")
+        whole(self.seed, "seed", least=0)
+        whole(self.count, "count", least=0)
+        if self.method == "grid":
+            if self.count:
+                raise ProblemError("count: a grid has as many cases as its values make; leave count out")
+            for axis in self.axes:
+                if not axis.levels:
+                    raise ProblemError(f"{axis.name} has a range without count; a grid needs how many values it takes")
+        if not 1 <= self._cases() <= MAX_CASES:
+            hint = "" if self.method == "grid" else f"; method {self.method!r} needs count"
+            raise ProblemError(f"{self._cases()} cases; a study has 1 to {MAX_CASES}{hint}")
+
+    def __len__(self) -> int:
+        return self._cases()
+
+    def _cases(self) -> int:
+        """Of any number: what is too long for `len` is yet to be refused."""
+        return math.prod(axis.levels for axis in self.axes) if self.method == "grid" else self.count
+
+    @cached_property
+    def points(self) -> Array:
+        """Where each case is, shape (cases, axes), each number from 0 to 1."""
+        if self.method == "grid":
+            meshes = np.meshgrid(*(axis.places() for axis in self.axes), indexing="ij")
+            return np.column_stack([mesh.ravel() for mesh in meshes])
+        draws = np.random.default_rng(self.seed)
+        if self.method == "random":
+            return draws.random((self.count, len(self.axes)))
+        from scipy.stats import qmc
+
+        return np.asarray(qmc.LatinHypercube(len(self.axes), seed=draws).random(self.count))
+
+    def parameters(self, k: int) -> dict[str, Value]:
+        """The settings of a case."""
+        return {axis.name: axis.value(place) for axis, place in zip(self.axes, self.points[k], strict=True)}
+
+    def asked(self) -> Mapping[str, object]:
+        """What the rows answer, as JSON says it; the places are said by a checksum."""
+        return {
+            "format": FORMAT,
+            "task": self.task.asked(),
+            "vary": {axis.name: axis.asked() for axis in self.axes},
+            "sample": {"method": self.method, "count": len(self), "seed": self.seed},
+            "places": hashlib.sha256(np.ascontiguousarray(self.points, dtype="<f8").tobytes()).hexdigest(),
+        }

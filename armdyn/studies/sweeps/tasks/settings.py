@@ -1,0 +1,172 @@
+"""The settings of a case that may vary, and an arm that has them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from armdyn.arguments import Sign, number
+from armdyn.errors import ProblemError, did_you_mean
+from armdyn.models.robots.robot import Robot
+from armdyn.models.values.spec import ArmSpec, Payload
+
+Value = float | str
+Source = Literal["paper", "library", "urdf", "mjcf"]
+
+ARM = "arm"
+"""The setting that says which arm it is."""
+POSES = ("q_start", "q_goal")
+
+SIGNS: dict[str, Sign] = {
+    "payload": "not negative", "effort_limit": "positive", "effort_scale": "positive", "velocity_limit": "positive",
+    "velocity_scale": "positive", "reserve": "not negative", "velocity_reserve": "not negative",
+    "damping": "not negative", "friction": "not negative",
+}  # fmt: skip
+"""Settings that every task has, and what their numbers must be."""
+
+UNITS = {
+    "payload": "kg", "effort_limit": "N m", "velocity_limit": "rad/s", "damping": "N m s/rad", "friction": "N m",
+    "acceleration_limit": "rad/s²", "q_start": "rad", "q_goal": "rad", "kp": "N m/rad", "ki": "N m/(rad s)",
+    "kd": "N m s/rad", "bandwidth": "rad/s", "ramp": "s", "rate": "Hz", "delay": "ticks", "position": "rad",
+    "velocity": "s", "integral": "1/s", "cutoff": "Hz", "noise": "rad", "plant_payload": "kg",
+    "plant_damping": "N m s/rad", "plant_friction": "N m",
+}  # fmt: skip
+"""Of the settings that have one."""
+OUTCOMES = {
+    "duration_s": "minimum time [s]", "torque_squared": "∫ τᵀτ dt [(N m)² s]", "settled_time_s": "settled time [s]",
+    "peak_error": "largest error on the way [rad]", "ms_saved_by_one_per_cent": "saved by 1 % of a limit [ms]",
+}  # fmt: skip
+"""What the axes of figures say of facts."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmRecipe:
+    """An arm and its poses, as they are sent to whoever works: no file is needed there.
+
+    Attributes:
+        name: what the study calls it.
+        source: what the text is.
+        text: the name of a paper's or a library's arm, or a whole URDF or MJCF.
+        q_start: joint positions at the start [rad or m].
+        q_goal: at the end.
+    """
+
+    name: str
+    source: Source
+    text: str
+    q_start: tuple[float, ...]
+    q_goal: tuple[float, ...]
+
+    def robot(self, payload: float = 0.0) -> Robot:
+        """The arm with a point mass [kg] at its tip.
+
+        Raises:
+            ArmdynError: there is no such arm, or it cannot carry that.
+        """
+        carried = Payload(mass=payload) if payload else None
+        if self.source == "paper":
+            return Robot.from_spec(ArmSpec.paper(self.text), carried)  # type: ignore[arg-type]  # it checks
+        if self.source == "library":
+            return Robot.from_library(self.text, carried)
+        if self.source == "mjcf":
+            return Robot.from_mjcf_string(self.text, carried, source=self.name)
+        return Robot.from_urdf_string(self.text, carried, source=self.name)
+
+    def fitted(self, settings: Mapping[str, Value]) -> Robot:
+        """The arm with a case's payload, limits and friction.
+
+        Raises:
+            ArmdynError: a setting does not fit it.
+        """
+        robot = self.robot(_number(settings, "payload") or 0.0)
+        robot = robot.with_limits(_number(settings, "effort_limit"), _number(settings, "velocity_limit"))
+        if (scale := _number(settings, "effort_scale")) is not None:
+            robot = robot.with_limits(scale * np.maximum(robot.limits.effort_upper, -robot.limits.effort_lower), None)
+        if (scale := _number(settings, "velocity_scale")) is not None:
+            robot = robot.with_limits(None, scale * robot.limits.velocity)
+        return robot.with_friction(_number(settings, "damping"), _number(settings, "friction"), None)
+
+    def poses(self, settings: Mapping[str, Value], joints: Sequence[str]) -> dict[str, Any]:
+        """Start and goal [rad or m], with the joints' positions that a case sets."""
+        found = {}
+        for pose in POSES:
+            q = list(getattr(self, pose))
+            for i, joint in enumerate(joints):
+                q[i] = _number(settings, f"{pose}.{joint}", q[i])
+            found[pose] = q
+        return found
+
+    def asked(self) -> dict[str, object]:
+        """As JSON says it; a file by its checksum."""
+        import hashlib
+
+        text = self.text
+        if self.source in ("urdf", "mjcf"):
+            text = hashlib.sha256(text.encode()).hexdigest()
+        return {"source": self.source, "robot": text, "q_start": list(self.q_start), "q_goal": list(self.q_goal)}
+
+
+def label(name: str) -> str:
+    """A column as the axes of figures say it, with its unit."""
+    unit = UNITS.get(name.partition(".")[0])
+    return OUTCOMES.get(name) or (f"{name} [{unit}]" if unit else f"{name} [-]")
+
+
+def kept(settings: Mapping[str, Value]) -> dict[str, Any]:
+    """The arguments of a `MinimumTimeProblem` that settings are, besides robot and poses."""
+    return {
+        name: _number(settings, name)
+        for name in ("reserve", "velocity_reserve", "acceleration_limit")
+        if name in settings
+    }
+
+
+def arm_of(arms: Sequence[ArmRecipe], settings: Mapping[str, Value]) -> ArmRecipe:
+    """The arm that a case is of."""
+    return next(arm for arm in arms if arm.name == settings.get(ARM, arm.name))
+
+
+def asked_of(task: str, arms: Sequence[ArmRecipe], fixed: Mapping[str, Value]) -> dict[str, object]:
+    """What every task's `asked` begins with."""
+    return {"task": task, "arms": {arm.name: arm.asked() for arm in arms}, "fixed": dict(sorted(fixed.items()))}
+
+
+def check_setting(name: str, value: object, signs: Mapping[str, Sign], arms: Sequence[ArmRecipe]) -> Value:
+    """A setting's value, if there is such a setting.
+
+    Args:
+        name: of it.
+        value: as given.
+        signs: of the settings that the task has.
+        arms: of the study.
+
+    Raises:
+        ProblemError: there is no such setting, or it cannot have that value.
+    """
+    if name == ARM:
+        if isinstance(value, str) and value in (names := [arm.name for arm in arms]):
+            return value
+        raise ProblemError(f"arm is {value!r}; the study's arms are {', '.join(names)}")
+    pose, dot, joint = name.partition(".")
+    if pose in POSES and dot:
+        for arm in arms:
+            if joint not in (joints := arm.robot().joint_names):
+                meant = did_you_mean(joint, joints) or f"; its joints: {', '.join(joints)}"
+                raise ProblemError(f"{name}: arm {arm.name} has no joint {joint!r}{meant}")
+        return number(value, name)
+    if name not in signs:
+        known = (ARM, *(f"{pose}.JOINT" for pose in POSES), *signs)
+        meant = did_you_mean(name, known) or f"; settings: {', '.join(known)}"
+        raise ProblemError(f"{name} is no setting{meant}")
+    found = number(value, name, unit=UNITS.get(name, ""), sign=signs[name])
+    if name in ("reserve", "velocity_reserve") and found >= 1:
+        raise ProblemError(f"{name} is {found:g}; it is a part of the limits, from 0 to below 1")
+    return found
+
+
+def _number(settings: Mapping[str, Value], name: str, default: Any = None) -> Any:
+    value = settings.get(name, default)
+    return default if value is None else float(value)

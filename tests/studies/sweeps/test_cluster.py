@@ -1,0 +1,69 @@
+"""Cases on a Dask cluster of separate processes."""
+
+import os
+import signal
+
+import pytest
+
+import armdyn as ad
+from armdyn.errors import ClusterError, ProblemError
+from armdyn.studies.sweeps import cluster as module
+from armdyn.studies.sweeps.cluster import cluster_crew
+from armdyn.studies.sweeps.database import reading
+from toys import squares
+
+
+@pytest.fixture
+def cluster():
+    from distributed import LocalCluster
+
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as running:
+        yield running
+
+
+@pytest.mark.slow
+def test_a_killed_worker_s_cases_are_done_by_another(cluster, tmp_path):
+    killed = []
+
+    def kill(told):
+        if told.done >= 5 and not killed:
+            killed.append(next(iter(cluster.workers.values())).pid)
+            os.kill(killed[0], signal.SIGKILL)
+
+    run = ad.run_study(squares(60, seconds=0.05), tmp_path / "s.sqlite", cluster_crew(cluster.scheduler_address), kill)
+    assert killed and run.counts == {"squared": 60}
+    with reading(run.file) as rows:
+        found = list(rows.rows())
+    assert [(row.k, row.facts["square"]) for row in found] == [(k, k * k) for k in range(60)]
+    assert len({row.worker for row in found}) >= 2
+
+
+@pytest.mark.slow
+def test_a_case_that_kills_every_worker_has_a_row_that_says_so(cluster, tmp_path):
+    study = squares(4, deadly=(1,), error=(2,))
+    run = ad.run_study(study, tmp_path / "s.sqlite", cluster_crew(cluster.scheduler_address))
+    with reading(run.file) as rows:
+        found = {row.k: row for row in rows.rows()}
+    assert found[1].status == "worker_died" and found[1].attempts == 4  # Dask's allowed-failures, and the first
+    assert found[2].status == "error" and found[2].message == "ZeroDivisionError: one over nothing"
+    assert found[0].status == "squared"  # 3 may have died with 1 each time: Dask counts that against it
+
+
+@pytest.mark.slow
+def test_what_cannot_be_reached(monkeypatch, tmp_path):
+    from distributed import LocalCluster
+
+    monkeypatch.setattr(module, "_PATIENCE", 1.0)
+    with pytest.raises(ClusterError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:1 "):
+        ad.run_study(squares(2), tmp_path / "s.sqlite", cluster_crew("127.0.0.1:1"))
+    with (
+        LocalCluster(n_workers=0, dashboard_address=None) as empty,
+        pytest.raises(ClusterError, match="has no worker: start some"),
+    ):
+        ad.run_study(squares(2), tmp_path / "s.sqlite", cluster_crew(empty.scheduler_address))
+
+
+@pytest.mark.parametrize("address", ["", "node1", "node1:", ":8786", "node1:port", "node1:99999999"])
+def test_an_address_is_host_and_port(address):
+    with pytest.raises(ProblemError, match="write HOST:PORT"):
+        cluster_crew(address)

@@ -1,0 +1,86 @@
+"""A case's work is what the same call does by itself."""
+
+import numpy as np
+import pytest
+
+import armdyn as ad
+from armdyn.studies.sweeps.tasks.minimum_time import MinimumTime
+from armdyn.studies.sweeps.tasks.settings import ArmRecipe
+from armdyn.studies.sweeps.tasks.task import motion_bytes, motion_from, outcome_of
+from armdyn.studies.sweeps.tasks.tracking import Tracking
+from problems import paper_problem
+
+R = ArmRecipe(name="r", source="paper", text="r", q_start=(-np.pi / 2,), q_goal=(np.pi / 20,))
+
+
+def test_the_fastest_motion():
+    problem = paper_problem("r", 0.1)
+    recipe = ArmRecipe(name="r", source="paper", text="r", q_start=tuple(problem.q_start), q_goal=tuple(problem.q_goal))
+    alone = ad.solve_minimum_time(problem)
+    for guess in (b"", motion_bytes(alone.trajectory)):
+        for neighbours in ("add", "lead"):
+            outcome = MinimumTime(arms=(recipe,), neighbours=neighbours).work({"payload": 0.1}, guess)
+            assert outcome.status == "usable" and outcome.good and outcome.facts["certified"]
+            # Both are certified, to 1e-9 relative.
+            assert outcome.facts["duration_s"] == pytest.approx(alone.duration, rel=1e-8)
+    kept = motion_from(outcome.motion, problem.robot)
+    assert kept.duration == outcome.facts["duration_s"]
+    # One joint, always on its limit of torque: ∫ τ² dt is that squared, times the duration.
+    full = float(problem.limits.effort_upper[0]) ** 2 * alone.duration
+    assert outcome.facts["torque_squared"] == pytest.approx(full, rel=1e-9)
+    assert not MinimumTime(arms=(recipe,), neighbours="off").work({"payload": 0.1}, b"").motion
+
+
+def test_a_motion_is_packed_whole_and_a_damaged_one_is_refused():
+    motion = ad.ramp(R.robot(), R.q_start, R.q_goal, 0.5)
+    data = motion_bytes(motion)
+    back = motion_from(data, R.robot())
+    for name in ("t", "q", "v", "tau"):
+        assert np.array_equal(getattr(back, name), getattr(motion, name))
+    for bad in (b"", b"nonsense", data[: len(data) // 2], motion_bytes(motion)[:-3]):
+        with pytest.raises(ad.ArmdynError):
+            motion_from(bad, ad.Robot.from_spec(ad.ArmSpec.paper("rr")))
+
+
+def test_a_controllers_run():
+    task = Tracking(arms=(R,), fixed={"payload": 0.1, "ramp": 0.5}, controller="pid", reference="ramp")
+    gains = {"kp": 30.0, "ki": 20.0, "kd": 1.0}
+    outcome = task.work({**gains, "plant_payload": 0.12, "rate": 500.0, "delay": 2.0}, b"")
+    robot, plant = R.robot(0.1), R.robot(0.12)
+    run = ad.track(
+        robot, ad.ramp(robot, R.q_start, R.q_goal, 0.5), ad.Pid(ad.PidGains(**gains)), plant,
+        ad.Loop(rate=500.0, delay=2),
+    )  # fmt: skip
+    assert outcome.status == run.status and outcome.facts["peak_error"] == run.peak_error
+    assert outcome.facts["settled_time_s"] == run.settled_time and outcome.good == run.settled
+
+
+def test_a_reference_is_solved_once_for_all_gains(monkeypatch):
+    from armdyn.studies.sweeps.tasks import tracking
+
+    solved = []
+    solve = tracking.solve_minimum_time
+    monkeypatch.setattr(tracking, "solve_minimum_time", lambda *given: solved.append(given) or solve(*given))
+    task = Tracking(arms=(R,), fixed={"reserve": 0.123}, controller="computed-torque")
+    first, second, third = (
+        task.work(settings, b"") for settings in ({"bandwidth": 50.0}, {"bandwidth": 90.0}, {"reserve": 0.2})
+    )
+    assert len(solved) == 2
+    assert first.facts["reference_s"] == second.facts["reference_s"] < third.facts["reference_s"]
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        ({"kp": 1.0}, "controller 'pid' needs ki, kd"),
+        ({"kp": 1.0, "ki": 1.0, "kd": 1.0}, "a ramp takes how long"),
+    ],
+)
+def test_what_does_not_fit_is_refused_in_a_row(settings, told):
+    outcome, seconds = outcome_of(Tracking(arms=(R,), controller="pid", reference="ramp"), settings, b"")
+    assert outcome.status == "refused" and told in outcome.message and not outcome.good and seconds >= 0
+
+
+def test_a_problem_that_is_none_is_refused_in_a_row():
+    outcome, _ = outcome_of(MinimumTime(arms=(R,)), {"q_goal.joint1": -np.pi / 2}, b"")
+    assert outcome.status == "refused" and "same state" in outcome.message
