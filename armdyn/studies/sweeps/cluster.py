@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import queue
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
@@ -22,8 +23,9 @@ _PATIENCE = 10.0
 """For a scheduler to answer, and for a first worker to join it [s]."""
 _AHEAD = 3
 """Cases per thread that the cluster has at once: those under way, and others that begin as these end."""
-_GONE = 30.0
-"""A cluster without any worker for so long is given up [s]."""
+_GONE = 180.0
+"""A cluster that brings nothing back, and has no worker whenever one looks, is given up after so long [s]: one whose
+workers a case kills at once, time and again, looks like that for half a minute."""
 
 
 def cluster_crew(address: str) -> Callable[[Task], AbstractContextManager[Crew]]:
@@ -31,7 +33,7 @@ def cluster_crew(address: str) -> Callable[[Task], AbstractContextManager[Crew]]
 
     Its workers need armdyn of this version, and no file: arms are sent with the cases. One thread per worker is best.
     A worker that dies is Dask's to notice: it has the case done elsewhere, as often as its setting
-    `distributed.scheduler.allowed-failures` says (3), and then gives up.
+    `distributed.scheduler.allowed-failures` says (3), and then gives up; then it is done once more, alone.
 
     Args:
         address: HOST:PORT.
@@ -47,11 +49,17 @@ def cluster_crew(address: str) -> Callable[[Task], AbstractContextManager[Crew]]
 
 
 class ClusterCrew:
-    """Workers of a cluster."""
+    """Workers of a cluster.
+
+    Dask counts a worker's death against all cases that it had been given, so that one that kills takes others with it.
+    Those that Dask gives up are therefore done once more at the end, one at a time, when nothing else can be to blame.
+    """
 
     def __init__(self, client: Client, task: Task):
         self._client, self._task = client, task
-        self._under_way: dict[str, tuple[int, Future]] = {}
+        self._under_way: dict[str, tuple[Case, Future]] = {}
+        self._suspects: deque[Case] = deque()
+        self._deaths: dict[int, int] = {}
         self._done: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._size, self._given, self._empty = max(_threads(client), 1), 0, 0.0
 
@@ -70,7 +78,7 @@ class ClusterCrew:
         key = f"armdyn-{id(self)}-{case.k}-{self._given}"
         self._given += 1
         future = self._client.submit(_do, self._task, case.settings, case.guess, key=key, pure=False)
-        self._under_way[key] = case.k, future
+        self._under_way[key] = case, future
         future.add_done_callback(lambda done: self._done.put(done.key))
 
     def ended(self, seconds: float) -> list[Ended]:
@@ -79,15 +87,19 @@ class ClusterCrew:
         Raises:
             ClusterError: the scheduler has gone, or all workers.
         """
-        found = []
+        found = list[Ended]()
+        if self._suspects and not self._under_way:
+            self.give(self._suspects.popleft())
         try:
             key = self._done.get(timeout=seconds)
         except queue.Empty:
             self._look(seconds)
             return []
+        self._empty = 0.0
         while True:
-            k, future = self._under_way.pop(key)
-            found.append(self._read(k, future))
+            case, future = self._under_way.pop(key)
+            if (one := self._read(case, future)) is not None:
+                found.append(one)
             future.release()
             try:
                 key = self._done.get_nowait()
@@ -104,13 +116,20 @@ class ClusterCrew:
             raise ClusterError(f"the cluster at {_address(self._client)} has no workers any more; the rows are kept")
         self._size = max(threads, 1)
 
-    def _read(self, k: int, future: Future) -> Ended:
+    def _read(self, case: Case, future: Future) -> Ended | None:
+        """What came of a case; None: it is suspected to kill, and is to be done alone."""
         from distributed import KilledWorker
+
+        k, before = case.k, self._deaths.get(case.k, 0)
 
         try:
             outcome, seconds, worker = future.result(timeout=_PATIENCE)
         except KilledWorker as error:
-            return Ended(k=k, outcome=None, worker=str(error.last_worker.address), deaths=error.allowed_failures + 1)
+            self._deaths[k] = before + error.allowed_failures + 1
+            if not before:
+                self._suspects.append(case)
+                return None
+            return Ended(k=k, outcome=None, worker=str(error.last_worker.address), deaths=self._deaths[k])
         except Exception as error:
             if future.cancelled() or self._client.status != "running":
                 raise ClusterError(
@@ -118,7 +137,7 @@ class ClusterCrew:
                 ) from None
             told = f"{type(error).__name__}: {error}"[:1000]  # it could not be sent, or not be brought back
             return Ended(k=k, outcome=Outcome(status="error", message=told))
-        return Ended(k=k, outcome=outcome, seconds=seconds, worker=worker)
+        return Ended(k=k, outcome=outcome, seconds=seconds, worker=worker, deaths=before)
 
 
 @contextmanager
