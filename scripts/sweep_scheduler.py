@@ -1,0 +1,83 @@
+"""What the scheduler of a sweep costs: cases that do nothing, or sleep, with rows written as those of real ones are.
+
+python scripts/sweep_scheduler.py --cases 100000
+python scripts/sweep_scheduler.py --cases 100000 --cluster
+"""
+
+import argparse
+import tempfile
+import time
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import armdyn as ad
+from armdyn.studies.sweeps.crew import local_crew
+from armdyn.studies.sweeps.study import Axis, Study
+from armdyn.studies.sweeps.tasks.task import Outcome
+
+
+@dataclass(frozen=True)
+class Sleep:
+    """A case that sleeps [s]; its row is as long as a fastest motion's."""
+
+    seconds: float
+    uses_neighbours: bool = False
+
+    def work(self, settings, guess):
+        """Sleep."""
+        if self.seconds:
+            time.sleep(self.seconds)
+        return Outcome(status="slept", good=True, message="x" * 70, facts={f"fact_{i}": 0.123456789 for i in range(8)})
+
+    def asked(self):
+        """What the rows say that they answer."""
+        return {"task": "sleep", "seconds": self.seconds}
+
+
+@contextmanager
+def crews(cluster, workers):
+    """Who works: processes of this machine, or a Dask cluster of as many."""
+    if not cluster:
+        yield partial(local_crew, workers=workers)
+        return
+    from distributed import LocalCluster
+
+    with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as running:
+        yield ad.cluster_crew(running.scheduler_address)
+
+
+def main():
+    """Print a table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cases", type=int, default=100_000)
+    parser.add_argument("--sleep", type=float, default=0.0, help="of each case [s]")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--sync", choices=("full", "normal"), default="full")
+    parser.add_argument("--cluster", action="store_true")
+    parser.add_argument("--folder", type=Path, help="of the database; a temporary one by default")
+    given = parser.parse_args()
+    axis = Axis(name="payload", low=0.0, high=1.0)
+    study = Study(task=Sleep(given.sleep), axes=(axis,), method="random", count=given.cases)
+    with tempfile.TemporaryDirectory(dir=given.folder) as folder, crews(given.cluster, given.workers) as crew:
+        file = Path(folder) / "s.sqlite"
+        run = ad.run_study(study, file, crew, sync=given.sync)
+        size, again = file.stat().st_size, time.perf_counter()
+        ad.run_study(study, file, crew, sync=given.sync)
+        resumed = time.perf_counter() - again
+    if run.counts != {"slept": given.cases}:
+        raise SystemExit(f"rows are missing: {run.counts}")
+    ideal = given.sleep * given.cases / given.workers
+    print(f"{'Dask cluster' if given.cluster else 'processes'}, {given.workers} workers, sync {given.sync}")
+    print(
+        f"{given.cases} cases of {given.sleep:g} s: {run.seconds:.1f} s, {1e3 * run.seconds / given.cases:.3f} ms each"
+    )
+    print(f"beside what they sleep: {1e3 * (run.seconds - ideal) / given.cases:.3f} ms each")
+    print(
+        f"database {size / 1e6:.1f} MB, {size / given.cases:.0f} bytes each; to find that all is done: {resumed:.2f} s"
+    )
+
+
+if __name__ == "__main__":
+    main()
