@@ -1,5 +1,8 @@
 """Study files: what they say, and what a stranger's may not."""
 
+import re
+from pathlib import Path
+
 import pytest
 
 import armdyn as ad
@@ -110,6 +113,12 @@ def test_no_file_beyond_the_studys_folder(study, tmp_path, place):
 def test_a_complaint_says_the_line_and_what_would_be_right(study, text, told):
     with pytest.raises(ProblemError, match=told):
         study(text)
+
+
+def test_the_studies_of_the_docs(study):
+    docs = (Path(__file__).parents[3] / "docs" / "sweeps.md").read_text()
+    found = [study(text) for text in re.findall(r"```toml\n(.*?)```", docs, flags=re.S)]
+    assert [len(one) for one in found] == [180, 150]
 
 
 def test_a_study_that_is_not_there(tmp_path):
