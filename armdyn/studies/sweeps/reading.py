@@ -17,7 +17,7 @@ from armdyn.studies.sweeps.study import MAX_AXES, METHODS, Axis, Study
 from armdyn.studies.sweeps.tasks.minimum_time import NEIGHBOURS, MinimumTime
 from armdyn.studies.sweeps.tasks.settings import ARM, POSES, ArmRecipe, Source, Value, check_setting
 from armdyn.studies.sweeps.tasks.task import Task
-from armdyn.studies.sweeps.tasks.tracking import Tracking, check_controller
+from armdyn.studies.sweeps.tasks.tracking import Tracking, check_settings
 from armdyn.toml import Table, read_toml
 
 MAX_ARMS = 64
@@ -88,7 +88,7 @@ def _tracking(table: Table, arms: tuple[ArmRecipe, ...], fixed: dict[str, Value]
     given: dict[str, Any] = dict(track.values)
     with table.at("track"):
         task = Tracking(arms=arms, fixed=fixed, **given)
-        check_controller(task.controller, [*fixed, *(axis.name for axis in axes)])
+        check_settings(task.controller, task.reference, [*fixed, *(axis.name for axis in axes)])
     return task
 
 

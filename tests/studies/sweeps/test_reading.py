@@ -106,6 +106,7 @@ def test_no_file_beyond_the_studys_folder(study, tmp_path, place):
         ),
         ("[arms.a]\nrobot = 'none.urdf'\nq_start = [0]\nq_goal = [1]\n" + VARY, "line 2: .*no such file"),
         ("task = 'track'\n" + ARM + "[vary]\nkp = [1]\n", "kp is a setting of controller 'pid', not of 'lqr'"),
+        ("task = 'track'\n" + ARM + "[vary]\nramp = [1]\n", "ramp says nothing of reference 'minimum-time'"),
         ("task = 'track'\n" + ARM + VARY + "[track]\ncontroller = 'fuzzy'\n", "line 7: controller is 'fuzzy'"),
         ("task = 'track'\n" + ARM + VARY + "[track]\nduration = -1\n", "line 7: duration is -1 s"),
     ],

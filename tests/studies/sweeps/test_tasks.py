@@ -1,12 +1,14 @@
 """A case's work is what the same call does by itself."""
 
+import json
+
 import numpy as np
 import pytest
 
 import armdyn as ad
 from armdyn.studies.sweeps.tasks.minimum_time import MinimumTime
 from armdyn.studies.sweeps.tasks.settings import ArmRecipe
-from armdyn.studies.sweeps.tasks.task import motion_bytes, motion_from, outcome_of
+from armdyn.studies.sweeps.tasks.task import Outcome, motion_bytes, motion_from, outcome_of
 from armdyn.studies.sweeps.tasks.tracking import Tracking
 from problems import paper_problem
 
@@ -79,6 +81,17 @@ def test_a_reference_is_solved_once_for_all_gains(monkeypatch):
 def test_what_does_not_fit_is_refused_in_a_row(settings, told):
     outcome, seconds = outcome_of(Tracking(arms=(R,), controller="pid", reference="ramp"), settings, b"")
     assert outcome.status == "refused" and told in outcome.message and not outcome.good and seconds >= 0
+
+
+def test_what_json_and_sqlite_cannot_say_is_made_sayable():
+    class Odd:
+        def work(self, settings, guess):
+            facts = {"a": float("nan"), "b": np.float64(2.0), "c": np.bool_(True), "d": float("inf"), "e": "f"}
+            return Outcome(status="odd", message="half a pair: \ud800", facts=facts)
+
+    outcome, _ = outcome_of(Odd(), {}, b"")
+    assert json.loads(json.dumps(outcome.facts, allow_nan=False)) == {"a": None, "b": 2, "c": True, "d": None, "e": "f"}
+    assert outcome.message == "half a pair: ?"
 
 
 def test_a_problem_that_is_none_is_refused_in_a_row():

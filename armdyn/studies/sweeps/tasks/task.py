@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -69,7 +69,14 @@ def outcome_of(task: Task, settings: Mapping[str, Value], guess: bytes) -> tuple
         outcome = Outcome(status="refused", message=str(error))
     except Exception as error:  # a row says so; the others go on
         outcome = Outcome(status="error", message=f"{type(error).__name__}: {error}"[:1000])
-    return outcome, time.perf_counter() - began
+    return _writable(outcome), time.perf_counter() - began
+
+
+def _writable(outcome: Outcome) -> Outcome:
+    """The same as a row bears it: one odd number or letter must not end the whole study."""
+    facts = {name: value.item() if isinstance(value, np.generic) else value for name, value in outcome.facts.items()}
+    finite_facts = {name: finite(value) if isinstance(value, float) else value for name, value in facts.items()}
+    return replace(outcome, facts=finite_facts, message=outcome.message.encode("utf-8", "replace").decode())
 
 
 def motion_bytes(motion: Trajectory) -> bytes:

@@ -31,6 +31,8 @@ _references: dict[tuple[tuple[str, Value], ...], Trajectory] = {}
 
 _OWN = {"pid": ("kp", "ki", "kd"), "computed-torque": ("bandwidth",), "lqr": ("position", "velocity", "integral")}
 """Settings of each controller."""
+_REFERENCES = {"ramp": ("reserve", "velocity_reserve"), "minimum-time": ("ramp",)}
+"""Settings that say nothing of a reference."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +74,7 @@ class Tracking:
     def work(self, settings: Mapping[str, Value], guess: bytes) -> Outcome:
         """Run it."""
         own = {**self.fixed, **settings}
-        _check_controllers_own(self.controller, own)
+        _check_own(self.controller, self.reference, own)
         recipe = arm_of(self.arms, own)
         robot = recipe.fitted(own)
         motion = self._reference(recipe, robot, own)
@@ -120,20 +122,23 @@ class Tracking:
         return asked_of("track", self.arms, self.fixed) | {name: getattr(self, name) for name in names}
 
 
-def check_controller(controller: str, names: Sequence[str]) -> None:
-    """Refuse a setting that is another controller's.
+def check_settings(controller: str, reference: str, names: Sequence[str]) -> None:
+    """Refuse a setting that says nothing: of another controller, or of another reference.
 
     Raises:
         ProblemError: one is.
     """
+    for name in _REFERENCES[reference]:
+        if name in names:
+            raise ProblemError(f"{name} says nothing of reference {reference!r}")
     for other, own in _OWN.items():
         for name in own:
             if name in names and other != controller:
                 raise ProblemError(f"{name} is a setting of controller {other!r}, not of {controller!r}")
 
 
-def _check_controllers_own(controller: str, own: Mapping[str, Value]) -> None:
-    check_controller(controller, list(own))
+def _check_own(controller: str, reference: str, own: Mapping[str, Value]) -> None:
+    check_settings(controller, reference, list(own))
     if controller == "pid" and (missing := [name for name in _OWN["pid"] if name not in own]):
         raise ProblemError(f"controller 'pid' needs {', '.join(missing)}: fix or vary them")
 
