@@ -1,5 +1,7 @@
 """What a robot arm is, once it is read: Pinocchio's model and the limits of its joints."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Self
@@ -9,7 +11,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, several, shown, text
+from armdyn.brief import brief, called
 from armdyn.errors import SpecError, did_you_mean
+from armdyn.lazy import drawn
 from armdyn.models.reading.urdf_arm import configuration
 from armdyn.models.reading.urdf_check import LARGEST
 from armdyn.models.robots.identity import model_hash
@@ -30,6 +34,7 @@ READERS = (
 """How to come by a robot."""
 
 
+@brief
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Arm:
     """An arm of revolute, continuous and prismatic joints.
@@ -87,6 +92,17 @@ class Arm:
             )
         if self.payload is not None:
             expect(self.payload, Payload, "payload", "Payload(mass=…)", error=SpecError)
+
+    def _words(self) -> list[str]:
+        """What `repr` says."""
+        told = [called(self.name), f"{self.nv} joint{'s' if self.nv > 1 else ''}", f"tip {called(self.tip)}"]
+        told += [f"payload {self.payload.mass:g} kg"] if self.payload is not None else []
+        told += ["with friction"] if self.friction.present else []
+        return told + ([f"{len(self.locked)} locked"] if self.locked else [])
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: a table and a picture."""
+        return drawn(self)
 
     @property
     def nv(self) -> int:
