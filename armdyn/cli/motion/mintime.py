@@ -18,6 +18,7 @@ from armdyn.cli.options.poses import GoalOptions
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
 from armdyn.cli.tracking.reserves import reserve_choice, reserve_facts, write_reserves
+from armdyn.cli.typed.panels import SOLVER
 from armdyn.errors import ProblemError
 from armdyn.optimal.task.effort import Effort
 
@@ -29,24 +30,29 @@ if TYPE_CHECKING:
 class SearchOptions:
     """How much is searched; see `MinimumTimeOptions`."""
 
-    panel: ClassVar[str] = "Search"
+    panel: ClassVar[str] = SOLVER
 
     effort: Annotated[
         Effort,
         typer.Option(
-            help="How much is searched: quick is a third of normal; thorough takes five times as long and misses less."
+            metavar="HOW",
+            help="How much is searched: normal, quick (a third of it), or thorough, which takes five times as long and "
+            "misses less.",
         ),
     ] = "normal"
     starts: Annotated[
         int | None,
         typer.Option(
+            metavar="N",
             help="Guesses of the global search, whatever the effort; by default as many as suit the robot "
-            "(armdyn doctor ROBOT --policy)."
+            "(armdyn doctor ROBOT --policy).",
         ),
     ] = None
     time_limit: Annotated[float, typer.Option(metavar="S", help="For the whole solve \\[s].")] = 300.0
-    max_intervals: Annotated[int, typer.Option(help="Of the finest mesh, where a coarser one is not enough.")] = 160
-    seed: Annotated[int, typer.Option(help="Of the guesses after the first.")] = 0
+    max_intervals: Annotated[
+        int, typer.Option(metavar="N", help="Of the finest mesh, where a coarser one is not enough.")
+    ] = 160
+    seed: Annotated[int, typer.Option(metavar="N", help="Of the guesses after the first.")] = 0
     smooth: Annotated[
         float,
         typer.Option(
@@ -126,7 +132,8 @@ def mintime(
     armdyn mintime rr --payload 0.1006 --for-tracking
     armdyn mintime rr --limit tip-speed=2 --limit torque-rate=50
     armdyn mintime rr --goal-pose tip:0.35,0,0.1
-    armdyn mintime panda --q-start 0,-0.785,0,-2.356,0,1.571,0.785 --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5[/]
+    armdyn mintime panda --q-start ready --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5
+    armdyn mintime ur5 --q-start home --q-goal 90deg,-45deg,60deg,-90deg,0,0[/]
     """
     json = results.output.json
     with answering(json) as answer:
@@ -134,7 +141,7 @@ def mintime(
         from armdyn.optimal.answer.summary import minimum_time_summary
 
         arm = joints.fit(robot.read(payload.carried()))
-        problem = ad.MinimumTimeProblem(arm, **goal.asked(arm, robot.robot), **joints.kept(), **course.asked())
+        problem = ad.MinimumTimeProblem(arm, **goal.asked(arm, robot.robot), **joints.kept(), **course.asked(arm))
         folder = results.folder("mintime", robot.robot)
         with working(f"minimum time of {arm.name}", json) as progress:
             solution, curve = search.solved(problem, progress)

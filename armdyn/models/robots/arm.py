@@ -17,6 +17,7 @@ from armdyn.lazy import drawn
 from armdyn.models.reading.urdf_arm import configuration
 from armdyn.models.reading.urdf_check import LARGEST
 from armdyn.models.robots.identity import model_hash
+from armdyn.models.robots.poses import named_poses, pose_named
 from armdyn.models.values.friction import FrictionValue, JointFriction
 from armdyn.models.values.limits import JointLimits
 from armdyn.models.values.per_joint import per_joint
@@ -108,6 +109,24 @@ class Arm:
     def nv(self) -> int:
         """Number of joints."""
         return int(self.model.nv)
+
+    @property
+    def slides(self) -> NDArray[np.bool_]:
+        """Whether each joint is prismatic, shape (nv,): its position is in metres."""
+        return np.array([joint.shortname().startswith("JointModelP") for joint in list(self.model.joints)[1:]])
+
+    @property
+    def poses(self) -> dict[str, Array]:
+        """Joint positions that have a name [rad or m], each of shape (nv,): from an SRDF by the URDF, or a table."""
+        return named_poses(self)
+
+    def pose(self, name: str) -> Array:
+        """The joint positions of a name [rad or m], shape (nv,).
+
+        Raises:
+            SpecError: there is none of that name; says which there are.
+        """
+        return pose_named(self, name)
 
     @property
     def passive(self) -> tuple[str, ...]:
