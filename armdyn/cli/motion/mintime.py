@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 import typer
 
@@ -19,6 +19,7 @@ from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
 from armdyn.cli.tracking.reserves import reserve_choice, reserve_facts, write_reserves
 from armdyn.cli.typed.panels import SOLVER
+from armdyn.cli.typed.problem_file import is_problem_file, problem_of, refuse_beside_a_file
 from armdyn.errors import ProblemError
 from armdyn.optimal.task.effort import Effort
 
@@ -90,6 +91,13 @@ class SearchOptions:
             return ad.solve_minimum_time(problem, self.options(), progress), curve
         return curve.solutions[curve.best.reserve], curve
 
+    def over(self, options: Mapping[str, Any]) -> Self:
+        """What a problem file asks for, but for what was asked for on the command line, too."""
+        usual = type(self)()
+        return replace(
+            self, **{key: value for key, value in options.items() if getattr(self, key) == getattr(usual, key)}
+        )
+
     def options(self) -> ad.MinimumTimeOptions:
         """The solver's options."""
         return ad.MinimumTimeOptions(
@@ -133,6 +141,7 @@ def mintime(
     armdyn mintime rr --limit tip-speed=2 --limit torque-rate=50
     armdyn mintime rr --goal-pose tip:0.35,0,0.1
     armdyn mintime panda --q-start ready --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5
+    armdyn mintime problem.toml
     armdyn mintime ur5 --q-start home --q-goal 90deg,-45deg,60deg,-90deg,0,0[/]
     """
     json = results.output.json
@@ -140,13 +149,19 @@ def mintime(
         required = requirements_of(require or ())
         from armdyn.optimal.answer.summary import minimum_time_summary
 
-        arm = joints.fit(robot.read(payload.carried()))
-        problem = ad.MinimumTimeProblem(arm, **goal.asked(arm, robot.robot), **joints.kept(), **course.asked(arm))
+        if is_problem_file(robot.robot):
+            refuse_beside_a_file(robot.robot, goal, payload, robot.part, joints, course)
+            posed = problem_of(robot.robot)
+            problem, search = posed.problem, search.over(posed.options)
+            arm = problem.robot
+        else:
+            arm = joints.fit(robot.read(payload.carried()))
+            problem = ad.MinimumTimeProblem(arm, **goal.asked(arm, robot.robot), **joints.kept(), **course.asked(arm))
         folder = results.folder("mintime", robot.robot)
         with working(f"minimum time of {arm.name}", json) as progress:
             solution, curve = search.solved(problem, progress)
             problem, summary = solution.problem, minimum_time_summary(solution) | reserve_facts(curve)
-            carried = f", {1000 * payload.payload:g} g" if payload.payload else ""
+            carried = f", {1000 * arm.payload.mass:g} g" if arm.payload is not None and arm.payload.mass else ""
             title = f"{arm.name}{carried}: {title_words(solution)}"
             motion = solution.trajectory
             written = results.write(
@@ -161,6 +176,6 @@ def mintime(
         elif missing:
             answer.code = NOT_AS_REQUIRED
         if not json:
-            words = friction_words(arm) | reserve_words(problem) | solution_words(solution, goal.wrap)
+            words = friction_words(arm) | reserve_words(problem) | solution_words(solution, problem.wrap)
             words |= reserve_choice(curve) | missing_words(missing) | written.words
             console.print(facts_table(f"{arm.name}: minimum time", words))

@@ -30,7 +30,8 @@ RobotName = Annotated[
     typer.Argument(
         metavar="ROBOT",
         help="r, rr or rrr (the paper's arms), a URDF or MJCF file, a name of example-robot-data such as panda or "
-        "ur5, a benchmark such as cart_pole, or a name of robot_descriptions such as panda_mj_description.",
+        "ur5, a benchmark such as cart_pole, or a name of robot_descriptions such as panda_mj_description. Of mintime "
+        "also a problem file, problem.toml (docs/problem_files.md).",
         show_default=False,
         autocompletion=known_names,
     ),

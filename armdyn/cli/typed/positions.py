@@ -31,6 +31,11 @@ def reading_degrees(wanted: bool) -> Iterator[None]:
         _DEGREES.reset(token)
 
 
+def degrees_are_on() -> bool:
+    """Whether --degrees was given."""
+    return _DEGREES.get()
+
+
 def position(text: str, what: str, slides: bool | None = False) -> float:
     """A joint's position [rad or m]: 1.2, pi/2, 90deg, 90°, 1.57rad, 0.1m.
 
