@@ -14,6 +14,7 @@ from armdyn.cli.doctor import doctor
 from armdyn.cli.export import export
 from armdyn.cli.motion.bound import bound
 from armdyn.cli.motion.mintime import mintime
+from armdyn.cli.motion.optimality import optimality
 from armdyn.cli.motion.pid import pid
 from armdyn.cli.motion.replay import replay
 from armdyn.cli.motion.sweep import sweep
@@ -32,6 +33,8 @@ _HELP = """Time-optimal and closed-loop motion of robot arms, from a URDF.
     armdyn mintime ur5 --q-start home --q-goal 90deg,-45deg,60deg,-90deg,0,0
 [dim]What a controller makes of it, sampled and with another payload than it thinks:[/]
     armdyn track rr --payload 0.1006 --reserve 0.1 --plant-payload 0.12
+[dim]How much time any planner's motion leaves:[/]
+    armdyn optimality panda planned.csv
 [dim]Which arms have a name, what armdyn reads from a URDF, what is wrong with it:[/]
     armdyn robots
     armdyn doctor my_arm.urdf
@@ -42,7 +45,7 @@ _HELP = """Time-optimal and closed-loop motion of robot arms, from a URDF.
 armdyn COMMAND --help says more, with examples."""
 
 _PANELS = {
-    "Motions": (mintime, bound, sweep),
+    "Motions": (mintime, bound, optimality, sweep),
     "Closed loops": (track, pid),
     "What a motion is for": (replay, export),
     "Robots": (robots, doctor),

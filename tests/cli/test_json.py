@@ -28,6 +28,7 @@ SHORT = {
 LONG = {
     "mintime": ["rr", "--effort", "quick", "--no-figure", "--no-replay", "--obstacle", "sphere:0.02@0.4,0,0.2"],
     "sweep": ["r", "--payload", "0,0.1", "--no-figure"],
+    "optimality": ["r", "ramp.npz", "--no-figure", "--no-replay", "--effort", "quick"],
     "reproduce": ["--only", "example4", "--payload", "0.1006"],
     "robots": [],
 }
@@ -69,6 +70,7 @@ def here(tmp_path, monkeypatch):
     ad.Trajectory(t=[0.0, 1.0], q=ends, v=[[0.0], [0.0]], tau=[[0.0], [0.0]], joint_names=("joint1",)).save(
         "motion.npz"
     )
+    ad.ramp(ad.Robot.from_spec(ad.ArmSpec.paper("r")), [0.0], [1.0], 1.0).save("ramp.npz")
 
 
 @pytest.mark.parametrize("command", SHORT)
@@ -86,9 +88,9 @@ def test_keys_of_longer_commands_are_documented(command, here):
     check(command, json.loads(done.stdout))
 
 
-@pytest.mark.parametrize("command", ["mintime", "bound", "track", "pid", "sweep", "replay", "robots", "doctor"])
+@pytest.mark.parametrize("command", sorted({*COMMANDS} - {"reproduce", "export", "urdf"}))
 def test_bad_input_has_the_same_head(command, here):
-    given = ["no_such_robot", *(["motion.npz"] if command == "replay" else [])]
+    given = ["no_such_robot", *(["motion.npz"] if command in ("replay", "optimality") else [])]
     facts = answer(run_here(command, *given, "--json"), 2)
     assert list(facts)[:2] == ["schema", "command"]
     assert (facts["success"], facts["status"], facts["command"]) == (False, "bad_input", command)

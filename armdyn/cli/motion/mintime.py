@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SearchOptions:
+class SolverOptions:
     """How much is searched; see `MinimumTimeOptions`."""
 
     panel: ClassVar[str] = SOLVER
@@ -63,6 +63,29 @@ class SearchOptions:
         ),
     ] = 1e-3
 
+    def over(self, options: Mapping[str, Any]) -> Self:
+        """What a problem file asks for, but for what was asked for on the command line, too."""
+        usual = type(self)()
+        return replace(
+            self, **{key: value for key, value in options.items() if getattr(self, key) == getattr(usual, key)}
+        )
+
+    def options(self) -> ad.MinimumTimeOptions:
+        """The solver's options."""
+        return ad.MinimumTimeOptions(
+            effort=self.effort,
+            starts=self.starts,
+            time_limit=self.time_limit,
+            max_intervals=self.max_intervals,
+            seed=self.seed,
+            smooth=self.smooth,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchOptions(SolverOptions):
+    """The same, and what is left to feedback."""
+
     for_tracking: Annotated[
         bool,
         typer.Option(
@@ -90,24 +113,6 @@ class SearchOptions:
         if curve.best is None:
             return ad.solve_minimum_time(problem, self.options(), progress), curve
         return curve.solutions[curve.best.reserve], curve
-
-    def over(self, options: Mapping[str, Any]) -> Self:
-        """What a problem file asks for, but for what was asked for on the command line, too."""
-        usual = type(self)()
-        return replace(
-            self, **{key: value for key, value in options.items() if getattr(self, key) == getattr(usual, key)}
-        )
-
-    def options(self) -> ad.MinimumTimeOptions:
-        """The solver's options."""
-        return ad.MinimumTimeOptions(
-            effort=self.effort,
-            starts=self.starts,
-            time_limit=self.time_limit,
-            max_intervals=self.max_intervals,
-            seed=self.seed,
-            smooth=self.smooth,
-        )
 
 
 def mintime(
