@@ -13,11 +13,13 @@ from cli.command import answer, run_here
 
 DOCS = (Path(__file__).parents[2] / "docs" / "json.md").read_text()
 SECTIONS = {part.partition("\n")[0]: part for part in DOCS.split("\n## ")[1:]}
-COMMANDS = [command.callback.__name__ for command in app.registered_commands]
+COMMANDS = [command.callback.__name__.replace("_", "-") for command in app.registered_commands]
 
 SHORT = {
     "bound": ["panda", "--q-start", "ready", "--q-goal", "0,0,0,-1,0,1,0", "--damping", "0.1"],
     "track": ["rr", "--ramp", "0.4", "--duration", "0.5", "--no-figure", "--no-replay"],
+    "monte-carlo": ["rr", "--payload", "0.1", "--ramp", "0.4", "--count", "4", "--no-figure"],
+    "tune": ["r", "--payload", "0.1", "--generations", "1", "--members", "2", "--held-out", "2"],
     "pid": ["r", "--duration", "0.5", "--no-figure", "--no-replay"],
     "export": ["motion.npz"],
     "replay": ["r", "motion.npz"],
@@ -52,7 +54,7 @@ def check(command, facts):
     for key, inside in parts.items():
         found = facts.get(key)
         found = found[0] if isinstance(found, list) and found else found
-        if isinstance(found, dict) and key not in ("poses", "cases", "stability"):
+        if isinstance(found, dict) and key not in ("poses", "cases", "stability", "values", "idle"):
             assert set(found) <= set(inside), key
 
 

@@ -146,7 +146,7 @@ def monte_carlo(
                 answer.interrupted()
                 answer.facts["message"] = f"interrupted; {len(found.rows)} rows are in {folder / ROWS}"
                 return
-            summary = {"success": True, "robot": model.name, "reference_duration": asked.duration}
+            summary = {"success": True, "status": "done", "robot": model.name, "reference_duration": asked.duration}
             summary |= found.summary(within)
             progress("drawing the figure")
             files = _write(folder, found, replace(asked, model_hash=model.model_hash), summary, figure=not no_figure)

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from armdyn.cli.app import app
 from armdyn.cli.typed.panels import place
 
-COMMANDS = [command.callback.__name__ for command in app.registered_commands]
+COMMANDS = [command.callback.__name__.replace("_", "-") for command in app.registered_commands]
 
 
 def help_of(*words, columns=80):
