@@ -21,7 +21,9 @@ from armdyn.cli.motion.sweep import sweep
 from armdyn.cli.options.groups import with_options
 from armdyn.cli.paper import reproduce, urdf
 from armdyn.cli.robots import robots
+from armdyn.cli.tracking.many import monte_carlo
 from armdyn.cli.tracking.track import track
+from armdyn.cli.tracking.tuning import tune
 from armdyn.cli.typed.layout import Command
 
 _HELP = """Time-optimal and closed-loop motion of robot arms, from a URDF.
@@ -46,7 +48,7 @@ armdyn COMMAND --help says more, with examples."""
 
 _PANELS = {
     "Motions": (mintime, bound, optimality, sweep),
-    "Closed loops": (track, pid),
+    "Closed loops": (track, monte_carlo, tune, pid),
     "What a motion is for": (replay, export),
     "Robots": (robots, doctor),
     "The paper": (reproduce, urdf),

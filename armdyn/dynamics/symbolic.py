@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from armdyn.arguments import flag
 from armdyn.errors import BridgeError, SpecError
@@ -146,6 +147,18 @@ class Dynamics:
             raise SpecError("these Dynamics have no symbolic payload; give payload_frame")
         frame = self.robot.frame(self.payload_frame)
         return np.array(frame.placement.act(inertia).toDynamicParameters())
+
+    def along(self, name: str, *rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """A Function of vectors at many states in one call.
+
+        Args:
+            name: of the Function: "aba", "rnea", "nle" or "gravity".
+            rows: its arguments in their order, each of shape (n, nv).
+
+        Returns:
+            Shape (n, nv): row k is of the arguments' rows k.
+        """
+        return np.array(self.functions[name](*(np.asarray(one).T for one in rows)), dtype=float).T
 
     def digest(self) -> str:
         """A hash of everything that the Functions depend on."""

@@ -41,7 +41,7 @@ def samples_of(motion: Trajectory, rate: float | None) -> Samples:
     with np.errstate(over="ignore", invalid="ignore"):  # what is beyond floats is refused by name
         state = motion(np.minimum(motion.t[0] + t, motion.t[-1]))
         q, v = (np.vstack([known[:-1], end[-1:]]) for known, end in ((state.q, motion.q), (state.v, motion.v)))
-        a, tau = np.diff(v, axis=0) / np.diff(t)[:, None], _means(motion, t)
+        a, tau = np.diff(v, axis=0) / np.diff(t)[:, None], mean_torques(motion, t)
     return Samples(
         t=t, q=q, v=v, a=np.vstack([a, a[-1:]]), tau=np.vstack([tau, tau[-1:]]),
         joint_names=motion.joint_names, name=motion.name, model_hash=motion.model_hash,
@@ -77,10 +77,14 @@ def _check_count(count: float, what: str) -> None:
         raise TrajectoryError(f"{what} samples are {count:.0f}; expected at most {MOST_SAMPLES}: give a lower rate")
 
 
-def _means(motion: Trajectory, t: Array) -> Array:
+def mean_torques(motion: Trajectory, t: Array) -> Array:
     """Mean torque over each step [N m or N], shape (n - 1, nv).
 
     The torque is linear between the motion's samples: over a piece without one inside, its mean is its middle's.
+
+    Args:
+        motion: whose torques they are.
+        t: edges of the steps, from the motion's start [s], shape (n,), increasing, within its duration.
     """
     own = motion.t - motion.t[0]
     edges = np.union1d(own, t)

@@ -238,3 +238,13 @@ def test_no_payload_on_a_link_without_mass(read):
     value, slope = ca.Function("f", [p], [a, ca.jacobian(a, p)])(np.zeros(10))
     assert_close(value.full().ravel(), [1.5], TOLERANCE)
     assert np.all(np.isfinite(slope.full()))  # no 0/0 out of the centre of mass m c / m
+
+
+def test_many_states_at_once_are_each_by_itself():
+    robot = Robot.from_library("ur5").with_friction(0.1, 0.2)
+    dynamics = Dynamics(robot)
+    q, v, a = np.random.default_rng(3).normal(size=(3, 7, robot.nv))
+    for name, rows in (("rnea", (q, v, a)), ("nle", (q, v)), ("gravity", (q,))):
+        one_by_one = [getattr(dynamics, name)(*state) for state in zip(*rows, strict=True)]
+        np.testing.assert_array_equal(dynamics.along(name, *rows), one_by_one)
+    assert dynamics.along("gravity", q[:1]).shape == (1, robot.nv)

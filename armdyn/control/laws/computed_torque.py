@@ -54,9 +54,8 @@ class ComputedTorque:
         expect_motors(expect_robot(robot), "computed torque")
         nv, dynamics, reference = robot.nv, Dynamics(robot), reference_of(robot, ticks, loop)
         gains = (self.bandwidth**2, 2 * self.damping * self.bandwidth, self.integral)
-        rigid = [dynamics.rnea(*state) for state in zip(reference.q, reference.v, reference.a, strict=True)]
         columns = {"q": reference.q, "v": reference.v, "a": reference.a, "gains": np.array(gains)}
-        columns["rest"] = reference.tau - np.array(rigid)
+        columns["rest"] = reference.tau - dynamics.along("rnea", reference.q, reference.v, reference.a)
 
         def torque(given: Readings) -> ca.SX:
             row = given.row

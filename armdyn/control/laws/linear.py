@@ -100,17 +100,16 @@ def loop_steps(plant: Steps, delay: int, gathered: Array) -> Steps:
     return Steps(A, B)
 
 
-def best_gains(steps: Steps, Q: Array, R: Array, share: Array) -> Array:
-    """K of u[k] = -K[k] x[k], which makes Σ share[k] xᵀ Q x + uᵀ R u least.
+def best_gains(steps: Steps, Q: Array, R: Array) -> Array:
+    """K of u[k] = -K[k] x[k], which makes Σ xᵀ Q[k] x + uᵀ R u least, Q and R diagonal.
 
     Riccati's recursion backwards from the steady state at the goal, the solution of the discrete algebraic equation
     (Anderson and Moore, Optimal Control: Linear Quadratic Methods, sections 2.4 and 3.3).
 
     Args:
         steps: along the reference, rest at the goal last.
-        Q: weight of x, shape (m, m).
-        R: weight of u, shape (nv, nv).
-        share: of Q at each tick, shape (n,); at the goal it is 1.
+        Q: diagonal weights of x at each tick, shape (n, m).
+        R: diagonal weights of u, shape (nv,).
 
     Returns:
         Shape (n, nv, m).
@@ -119,17 +118,17 @@ def best_gains(steps: Steps, Q: Array, R: Array, share: Array) -> Array:
         ProblemError: at the goal there is no such K, or numbers cannot hold it.
     """
     try:
-        P = solve_discrete_are(steps.A[-1], steps.B[-1], Q, R)
+        P = solve_discrete_are(steps.A[-1], steps.B[-1], np.diag(Q[-1]), np.diag(R))
     except (LinAlgError, ValueError) as error:
         raise ProblemError(
             f"there is no linear-quadratic regulator at the goal ({error}); other weights, another rate, or limits of "
             "torque that fit the arm may help"
         ) from None
-    gains = np.empty((len(steps.A), R.shape[0], Q.shape[0]))
+    gains = np.empty((len(steps.A), R.size, Q.shape[1]))
     for k in reversed(range(len(gains))):
         A, B = steps.A[k], steps.B[k]
         BP = B.T @ P
-        gains[k] = np.linalg.solve(R + BP @ B, BP @ A)
-        P = share[k] * Q + A.T @ P @ (A - B @ gains[k])
+        gains[k] = np.linalg.solve(np.diag(R) + BP @ B, BP @ A)
+        P = np.diag(Q[k]) + A.T @ P @ (A - B @ gains[k])
         P = (P + P.T) / 2
     return gains

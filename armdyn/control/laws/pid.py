@@ -80,9 +80,8 @@ class Pid:
 
     def _compensated(self, dynamics: Dynamics, reference: Reference) -> Array:
         """What the law compensates at the readings, at the reference [N m or N], shape (n, nv)."""
-        pairs = zip(reference.q, reference.v, strict=True)
         if self.form == "computed_torque":
-            return np.array([dynamics.nle(q, v) for q, v in pairs])
+            return dynamics.along("nle", reference.q, reference.v)
         if self.gravity:
-            return np.array([dynamics.gravity(q) for q, _ in pairs])
+            return dynamics.along("gravity", reference.q)
         return np.zeros_like(reference.tau)

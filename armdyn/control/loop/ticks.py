@@ -11,6 +11,7 @@ from armdyn.dynamics import inverse_dynamics
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.trajectory import Trajectory
+from armdyn.trajectory.sampling import mean_torques
 
 Array = NDArray[np.float64]
 
@@ -61,7 +62,7 @@ class Ticks:
         rest = np.zeros(robot.nv)
         holding = inverse_dynamics(robot)(reference.q[-1], rest, rest)
         a = np.diff(state.v, axis=0, append=state.v[-1:]) * rate  # a motion that ends moving is not braked in one tick
-        return cls(rate, duration, state.q, v, a, _means(reference, t, holding) * rate)
+        return cls(rate, duration, state.q, v, a, _torques(reference, rate, count, holding))
 
     @property
     def goal(self) -> Array:
@@ -73,15 +74,11 @@ class Ticks:
         return np.asarray(self.tau[np.minimum(np.arange(len(self.tau)) + ticks, len(self.tau) - 1)])
 
 
-def _means(reference: Trajectory, t: Array, holding: Array) -> Array:
-    """Integral of the torque over each tick [N m s], shape (n, nv): exact for torques linear between samples."""
-    own = reference.t - reference.t[0]
-    pieces = np.diff(own)[:, None] * (reference.tau[1:] + reference.tau[:-1]) / 2
-    impulse = np.vstack([np.zeros(pieces.shape[1]), np.cumsum(pieces, axis=0)])
-    edges = np.append(t, 2 * t[-1] - t[-2])
-    inside = np.clip(edges, 0.0, own[-1])
-    k = np.clip(np.searchsorted(own, inside, side="right") - 1, 0, own.size - 2)
-    s = (inside - own[k])[:, None]
-    slope = (reference.tau[k + 1] - reference.tau[k]) / (own[k + 1] - own[k])[:, None]
-    total = impulse[k] + s * (reference.tau[k] + s * slope / 2) + np.maximum(edges - own[-1], 0.0)[:, None] * holding
-    return np.asarray(np.diff(total, axis=0))
+def _torques(reference: Trajectory, rate: float, count: int, holding: Array) -> Array:
+    """Mean torque over each tick [N m or N], shape (count, nv): the last of the motion is held for a part of it."""
+    moving = count - 2
+    edges = np.append(np.arange(moving) / rate, reference.duration)
+    part = (np.diff(edges) * rate)[:, None]
+    tau = np.repeat(holding[None], count, axis=0)
+    tau[:moving] = mean_torques(reference, edges) * part + (1 - part) * holding
+    return tau

@@ -33,7 +33,7 @@ _POWERS = np.arange(6.0)
 """Of a quintic."""
 _MOST = 20_000
 """Stretches: fifty times what the paper's arms take, some seconds."""
-_DEEPEST = 12
+_DEEPEST = 16
 """Times that one is halved: the turn of a joint through dry friction takes some."""
 _NEAR = 1e-3
 """Of an interval: a sample so near its end is no edge of its own."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,8 +27,8 @@ Array = NDArray[np.float64]
 Values = Mapping[str, float]
 """Parameters by their names."""
 
-_PID = {"kp": (100.0, 50_000.0), "ki": (1.0, 100_000.0), "kd": (10.0, 600.0)}
-"""Bounds for a joint of inertia one: 10 to 220 rad/s, beyond what 1 kHz and a tick of delay can do; an integral from
+_PID = {"kp": (100.0, 30_000.0), "ki": (1.0, 100_000.0), "kd": (10.0, 400.0)}
+"""Bounds for a joint of inertia one: 10 to 170 rad/s, about what 1 kHz and a tick of delay can do; an integral from
 slow to unstable."""
 
 
@@ -128,10 +129,11 @@ class ControllerFamily:
             )
 
         def controller(values: Values) -> Pid:
-            gains = {
-                name: tuple(values[name] * scale) if shared else tuple(values[f"{name}{i + 1}"] for i in range(nv))
-                for name in _PID
+            gains: dict[str, Any] = {
+                name: [values[f"{name}{i + 1}"] for i in range(nv)] if not shared else values[name] for name in _PID
             }
+            if shared and form == "torque":
+                gains = {name: tuple(gain * scale) for name, gain in gains.items()}
             return Pid(PidGains(**gains), form, feedforward, gravity)
 
         return cls(f"PID, {form}", chosen, controller)

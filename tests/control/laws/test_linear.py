@@ -99,8 +99,7 @@ def test_a_loop_remembers_integrals_and_torques(delay):
 def random_problem(count, m=5, nv=2):
     random = np.random.default_rng(1)
     A = np.eye(m) + random.normal(size=(count, m, m)) / 5
-    root = random.normal(size=(m, m))
-    return Steps(A, random.normal(size=(count, m, nv))), root @ root.T, np.diag([1.0, 3.0])
+    return Steps(A, random.normal(size=(count, m, nv))), np.diag(random.uniform(0.1, 2.0, m)), np.diag([1.0, 3.0])
 
 
 def test_a_long_recursion_comes_to_the_algebraic_equations_solution():
@@ -110,7 +109,7 @@ def test_a_long_recursion_comes_to_the_algebraic_equations_solution():
         K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
         P = Q + A.T @ P @ (A - B @ K)
     steps = Steps(np.repeat(one.A, 50, axis=0), np.repeat(one.B, 50, axis=0))
-    gains = best_gains(steps, Q, R, np.ones(50))
+    gains = best_gains(steps, np.tile(np.diag(Q), (50, 1)), np.diag(R))
     assert gains[-1] == pytest.approx(K, rel=1e-9, abs=1e-10)  # both converge to rounding times P's condition
     assert gains[0] == pytest.approx(K, rel=1e-9, abs=1e-10)
 
@@ -120,7 +119,7 @@ def test_no_other_torques_cost_less():
     count = 6
     steps, Q, R = random_problem(count + 1)
     share = np.append(np.linspace(0.1, 0.6, count), 1.0)
-    gains = best_gains(steps, Q, R, share)
+    gains = best_gains(steps, np.outer(share, np.diag(Q)), np.diag(R))
     end = np.linalg.cholesky(solve_discrete_are(steps.A[-1], steps.B[-1], Q, R)).T
     m, nv = steps.B.shape[1:]
     x0 = np.array([1.0, -0.5, 0.2, 0.7, -1.0])
@@ -144,4 +143,4 @@ def test_no_other_torques_cost_less():
 def test_an_arm_that_cannot_be_led_is_refused():
     steps = Steps(np.array([np.diag([1.1, 0.5])]), np.array([[[0.0], [1.0]]]))
     with pytest.raises(ad.ArmdynError, match="no linear-quadratic regulator"):
-        best_gains(steps, np.eye(2), np.eye(1), np.ones(1))
+        best_gains(steps, np.ones((1, 2)), np.ones(1))

@@ -50,14 +50,14 @@ LOOPS = {
 @pytest.mark.parametrize("controller", [ad.Lqr(), ad.ComputedTorque(), ad.Pid(ad.PidGains(20.0, 20.0, 0.5))])
 def test_the_compiled_loop_is_the_one_in_plain_python(references, name, controller):
     loop, robot, plant = LOOPS[name], paper_arm("rr"), paper_arm("rr", 0.11).with_friction(0.003, 0.06, 0.05)
-    plain = plain_loop.simulate(plant, robot, references["rr"], controller, loop, 0.25, substeps=8)
+    plain = plain_loop.simulate(plant, robot, references["rr"], controller, loop, 0.25, substeps=64)
     ours = ad.track(robot, references["rr"], controller, plant, loop, 0.25)
     # Until a reading falls on the other side of an encoder's step, which 1e-9 rad may decide, they are the same but
     # for plain Python's steps, which friction makes coarse; then they differ by some steps, more under a lively law.
     n = min(len(plain.q), ours.trajectory.t.size)
     apart = np.abs(plain.q[:n] - ours.trajectory.q[:n]).max(axis=1)
-    assert apart.max() < (30 * loop.encoder if loop.encoder else 1e-5)
-    assert apart[:20].max() < 1e-6
+    assert apart.max() < (30 * loop.encoder if loop.encoder else 1e-6)  # a tick may be wrong by 1e-8
+    assert apart[:10].max() < 1e-6  # before the first such reading, the tenth or later
 
 
 def test_ticks_of_a_long_run_take_no_other_steps_than_they_need(references):

@@ -136,7 +136,7 @@ def test_stretches_are_followed_as_an_adaptive_integrator_does():
     """Through the turn of a joint with dry friction, too, where the rates change within a hundredth of the motion."""
     solution = solved("rr")
     robot = solution.problem.robot.with_friction(damping=0.05, friction=0.1, width=1e-2)
-    along = Along.of(robot, ad.replay_torques(robot, dense(solution.trajectory, 800)))
+    along = Along.of(robot, ad.replay_torques(robot, dense(solution.trajectory, 400)))
     own, ends = along.size.size, solution.phases.t[[0, 1]]
     carried = along.carried(ends, 1e-9)
 

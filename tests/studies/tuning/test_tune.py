@@ -1,6 +1,7 @@
 """The search: against a grid, the same with any number of threads, stopped, and the numbers that it is for."""
 
 import signal
+import time
 
 import numpy as np
 import pytest
@@ -69,11 +70,11 @@ def test_ctrl_c_gives_the_best_so_far():
 
 
 def test_a_time_limit_gives_the_best_so_far():
-    family = ad.ControllerFamily.pid(ROBOT, POSES["r"][1])
-    options = ad.TuneOptions(generations=5000, members=4, time_limit=0.5)
-    found = ad.tune(ROBOT, RAMP, family, ARMS[:1], options=options)
+    options = ad.TuneOptions(generations=5000, members=4, time_limit=1.0)
+    found = ad.tune(ROBOT, RAMP, STIFFNESS, ARMS[:1], options=options, progress=lambda text: time.sleep(1.0))
     assert found.status == "time_limit"
-    assert found.training.count == 1
+    assert found.message.startswith("time limit reached: 1 of 1 settle")
+    assert len(found.history) == 1
 
 
 def test_an_answer_keeps_to_the_overshoot_where_another_would_settle_sooner():
@@ -106,13 +107,12 @@ def test_a_sampled_pid_controller_is_tuned_over_payloads_and_friction(arm, longe
     robot, ends = paper_arm(arm), POSES[arm]
     arms, others = ad.Plants(**FRICTION).corners(robot), ad.Plants(**FRICTION).arms(robot, 50)
     family = ad.ControllerFamily.pid(robot, ends[1])
-    options = ad.TuneOptions(generations=8, duration=1.2)
+    # Half a per cent less than what is asked of the held-out arms, which are others than those it is chosen on.
+    options = ad.TuneOptions(generations=15, duration=1.2, overshoot=0.045)
     found = ad.tune(robot, ad.Ramps(*ends, (0.2, longest)), family, arms, others, options=options)
     for each in (found.training, found.held_out):
         assert each.settled_time <= most
         assert each.overshoot <= 0.05
-    paper = ad.track(
-        robot, ad.set_point(robot, ends[1]), ad.Pid(ad.PAPER_GAINS, "acceleration", False), q_start=ends[0]
-    )
+    paper = ad.track(robot, ad.set_point(robot, ends[1]), ad.Pid(ad.PAPER_GAINS, "torque", False), q_start=ends[0])
     assert not paper.settled
     assert "unstable for its sampling" in paper.message
