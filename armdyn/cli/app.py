@@ -4,6 +4,7 @@ A command's module is read to know its options; what the command works with is i
 """
 
 import sys
+from collections.abc import Callable
 from typing import Annotated
 
 import typer
@@ -46,7 +47,7 @@ _HELP = """Time-optimal and closed-loop motion of robot arms, from a URDF.
 
 armdyn COMMAND --help says more, with examples."""
 
-_PANELS = {
+_PANELS: dict[str, tuple[Callable[..., None], ...]] = {
     "Motions": (mintime, bound, optimality, sweep),
     "Closed loops": (track, monte_carlo, tune, pid),
     "What a motion is for": (replay, export),
