@@ -31,7 +31,7 @@ def study(tmp_path):
 
 def test_rows_tables_and_figures(study, tmp_path):
     told = answer(run_here("sweep", study, "--parquet", "--json", cwd=tmp_path))
-    assert told["status"] == "done" and told["rows"] == told["cases"] == told["done_here"] == 6
+    assert told["status"] == "done" and told["done"] == told["cases"] == told["done_here"] == 6
     folder = tmp_path / "results" / "sweep-payloads"
     names = {path.name for path in folder.iterdir() if not path.name.endswith((".lock", "-wal", "-shm"))}
     assert names == {file.rpartition("/")[2] for file in told["files"]}
@@ -95,8 +95,8 @@ def test_ctrl_c_leaves_rows_and_tables(study, tmp_path):
     os.killpg(process.pid, signal.SIGINT)  # a terminal's goes to the workers, too
     out, errors = process.communicate(timeout=60)
     told = answer(subprocess.CompletedProcess([], process.returncode, out, errors), code=130)
-    assert told["status"] == "interrupted" and 4 <= told["rows"] < 1000
-    assert len((tmp_path / "out" / "rows.csv").read_text().splitlines()) == told["rows"] + 1 == rows_of(file) + 1
+    assert told["status"] == "interrupted" and 4 <= told["done"] < 1000
+    assert len((tmp_path / "out" / "rows.csv").read_text().splitlines()) == told["done"] + 1 == rows_of(file) + 1
     assert all(row["status"] == "usable" for row in study_table(file))
 
 
@@ -134,7 +134,7 @@ def test_killed_twice_and_gone_on_with(tmp_path):
         before = rows_of(file)
     assert before < 30
     told = run_json(*command, cwd=tmp_path)
-    assert told["rows"] == 30 and told["done_here"] == 30 - before
+    assert told["done"] == 30 and told["done_here"] == 30 - before
     rows = study_table(file)
     assert [row["k"] for row in rows] == list(range(30)) and all(row["certified"] for row in rows)
     # In one go, without neighbours: the same, as certified optima are to 1e-9.

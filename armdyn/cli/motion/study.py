@@ -121,7 +121,7 @@ def _answered(answer: Answer, study: Study, run: StudyRun, files: Sequence[Path]
         "success": answer.code == DONE,
         "status": {INTERRUPTED: "interrupted", NOT_USABLE: "not_usable", DONE: "done"}[answer.code],
         "cases": run.cases,
-        "rows": there,
+        "done": there,
         "statuses": run.counts,
         "done_here": run.done_here,
         "seconds": round(run.seconds, 3),

@@ -25,8 +25,9 @@ from armdyn.cli.motion.study import StudyOptions, SweepResults, run_file
 from armdyn.cli.motion.words import options_of
 from armdyn.cli.options.joints import FastJointOptions, reserve_words
 from armdyn.cli.options.poses import PoseOptions
-from armdyn.cli.options.robot import PayloadPlace, RobotOptions
+from armdyn.cli.options.robot import PayloadPlace, RobotOptions, known_names
 from armdyn.cli.options.text import numbers
+from armdyn.cli.typed.panels import SOLVER
 from armdyn.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -74,10 +75,11 @@ class PayloadsOptions:
 class SweepOptions:
     """How much is searched for each payload; see `MinimumTimeOptions`."""
 
-    panel: ClassVar[str] = "Search"
+    panel: ClassVar[str] = SOLVER
 
     starts: Annotated[
-        int | None, typer.Option(help="Guesses of every search; by default the first has mintime's, the others few.")
+        int | None,
+        typer.Option(metavar="N", help="Guesses of every search; by default the first has mintime's, the others few."),
     ] = None
     time_limit: Annotated[float, typer.Option(metavar="S", help="For each payload \\[s].")] = 300.0
 
@@ -106,6 +108,7 @@ class SweptOptions(RobotOptions):
             help="A robot as mintime takes it, or a study file, which says all of the motion itself "
             "(docs/sweeps.md): payloads, limits, gains, poses, reserve, arms.",
             show_default=False,
+            autocompletion=known_names,
         ),
     ]
 
@@ -133,7 +136,7 @@ def sweep(
     [dim]armdyn sweep rr
     armdyn sweep study.toml --parquet
     armdyn sweep study.toml --scheduler node1:8786
-    armdyn sweep panda --payload 0,1,2,3 --q-start 0,-0.785,0,-2.356,0,1.571,0.785 --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5[/]
+    armdyn sweep panda --payload 0,1,2,3 --q-start ready --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5[/]
     """
     output, no_figure = results.output, results.no_figure
     with answering(output.json) as answer:
