@@ -31,7 +31,7 @@ RobotName = Annotated[
         metavar="ROBOT",
         help="r, rr or rrr (the paper's arms), a URDF or MJCF file, a name of example-robot-data such as panda or "
         "ur5, a benchmark such as cart_pole, or a name of robot_descriptions such as panda_mj_description. Of mintime "
-        "also a problem file, problem.toml (docs/problem_files.md).",
+        "and bound also a problem file, problem.toml.",
         show_default=False,
         autocompletion=known_names,
     ),
@@ -82,6 +82,8 @@ class PartOptions:
 
     def _read(self, name: str, payload: ad.Payload | None) -> ad.Robot:
         """The robot of a name that is not one of the paper's."""
+        if name.lower().endswith(".toml"):
+            raise SpecError(f"{name} is a problem file, which mintime and bound take; here a robot is needed")
         locks, ends = self._locks(), self._ends()
         if Path(name).suffix or Path(name).is_file():
             if is_mjcf(name):

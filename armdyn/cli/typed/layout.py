@@ -19,7 +19,7 @@ _NAMES = 26
 _BARE = str.maketrans("", "", "{}")
 """Typer writes {ROBOT} of an argument."""
 
-_IN_OUTPUT = {"out", "json", "quiet", "no_figure", "no_replay"}
+_IN_OUTPUT = {"out", "json", "quiet", "no_figure", "no_replay", "help"}
 
 
 class Command(TyperCommand):
@@ -64,9 +64,6 @@ def _panels(params: Iterable[Any]) -> list[tuple[str, list[Any]]]:
     def order(name: str) -> tuple[int, int]:
         return -1 if name == "Arguments" else place(name), name == "Options"
 
-    # --help alone needs no panel of its own: it stands with the output's options.
-    if {param.name for param in found.get("Options", ())} == {"help"} and OUTPUT in found:
-        found[OUTPUT] += found.pop("Options")
     return [(name, found[name]) for name in sorted(found, key=order)]
 
 
