@@ -39,7 +39,7 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(command)
     def flattened(**values: Any) -> None:
-        with heeding(command.__name__, values):
+        with heeding(command.__name__.replace("_", "-"), values):
             command(**{name: _gathered(name, hint, values) for name, hint in hints.items()})
 
     flattened.__doc__ = _flowing(command.__doc__ or "")
