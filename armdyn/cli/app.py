@@ -25,7 +25,7 @@ from armdyn.cli.robots import robots
 from armdyn.cli.tracking.many import monte_carlo
 from armdyn.cli.tracking.track import track
 from armdyn.cli.tracking.tuning import tune
-from armdyn.cli.typed.layout import Command
+from armdyn.cli.typed.layout import Command, Group
 
 _HELP = """Time-optimal and closed-loop motion of robot arms, from a URDF.
 
@@ -56,6 +56,7 @@ _PANELS: dict[str, tuple[Callable[..., None], ...]] = {
 }
 
 app = typer.Typer(
+    cls=Group,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",

@@ -63,7 +63,8 @@ def test_help_begins_with_examples_that_are_commands():
     words = help_of()
     examples = re.findall(r"^\s+armdyn (\w+)", words, flags=re.M)
     assert len(examples) >= 6 and set(examples) <= {*COMMANDS, "COMMAND"}
-    assert words.index("armdyn mintime rr") < words.index("Options")
+    assert words.index("armdyn mintime rr") < words.index("─ Motions") < words.index("─ Options")
+    assert max(map(len, words.splitlines())) <= 80 and all(f"│ {name} " in words for name in COMMANDS)
 
 
 def test_the_examples_of_commands_are_of_commands_and_options_that_there_are():
