@@ -30,16 +30,16 @@ def lead(rows: Sequence[Row], outcomes: Sequence[Outcome]) -> Html:
         return join([paper, element("p", "Nothing was computed.")])
     again, close, missing = (counts[verdict] for verdict in VERDICTS)
     big = [
-        _count(again, "come out again", "good"),
-        _count(close, f"come within {100 * CLOSE:g} % of a reading", "near"),
-        _count(missing, "come out of no reading", "bad"),
+        _count(again, "out again", "good"),
+        _count(close, f"within {100 * CLOSE:g} % of a reading", "near"),
+        _count(missing, "out of no reading", "bad"),
     ]
     asked = f"Of {sum(counts.values())} numbers in the paper’s Tables 3 to 7, computed from Table 1’s arms:"
     return element("div", paper, element("p", asked), element("ul", *big, class_="counts"), _trust(outcomes))
 
 
 def _count(n: int, told: str, kind: str) -> Html:
-    return element("li", element("b", str(n)), f" {told}", class_=kind)
+    return element("li", element("b", str(n)), f" {'comes' if n == 1 else 'come'} {told}", class_=kind)
 
 
 def _trust(outcomes: Sequence[Outcome]) -> Html:
