@@ -5,8 +5,10 @@ from collections.abc import Callable, Sequence
 
 from armdyn.models.values.spec import PAPER_ARMS
 from armdyn.show.markup import Html, element, join
+from armdyn.studies.paper.claims.feasibility import largest_payload
 from armdyn.studies.paper.outcomes.outcome import Outcome
 from armdyn.studies.paper.page.mathematics import formula, scientific, typeset
+from armdyn.studies.paper.printed.published import LARGEST_PAYLOAD
 from armdyn.studies.paper.tables.rows import ARRIVAL_TOLERANCE, CLOSE, Row
 from armdyn.studies.paper.tables.standing import VERDICTS, column, growths, ratios, rms, standings
 
@@ -64,7 +66,14 @@ def _trust(outcomes: Sequence[Outcome]) -> Html:
 
 def evidence(rows: Sequence[Row], outcomes: Sequence[Outcome]) -> Html:
     """What shows it, each with its numbers and a link to them; what was not computed is left out."""
-    parts: list[Callable[[Sequence[Row], Sequence[Outcome]], Html | None]] = [_minima, _loop, _laws, _equation, _again]
+    parts: list[Callable[[Sequence[Row], Sequence[Outcome]], Html | None]] = [
+        _minima,
+        _loop,
+        _laws,
+        _equation,
+        _payload,
+        _again,
+    ]
     found = [card for part in parts if (card := part(rows, outcomes)) is not None]
     return element("div", *found, class_="evidence")
 
@@ -131,6 +140,20 @@ def _equation(rows: Sequence[Row], outcomes: Sequence[Outcome]) -> Html | None:
         join(["Its inertia matrix has ", zero, ": it is not symmetric, and energy is not conserved."]),
         "In (28) to (30) the printed + k_D θ̇ makes the loop unstable. The loops here have − k_D θ̇.",
         link="errata",
+    )
+
+
+def _payload(rows: Sequence[Row], outcomes: Sequence[Outcome]) -> Html | None:
+    most = {arm: largest_payload(arm, "tip") for arm in PAPER_ARMS}
+    if min(most.values()) >= LARGEST_PAYLOAD:
+        return None
+    told = ", ".join(f"{mass:.3f} kg ({arm.upper()})" for arm, mass in most.items())
+    few = sum(mass < LARGEST_PAYLOAD for mass in most.values())
+    return _card(
+        f"“Up to {LARGEST_PAYLOAD:g} kg” is more than {few} of the {len(most)} arms can hold",
+        f"With ±3 N m the goal can be held with {told} at the tip, and no more.",
+        "A motion from rest to rest there may exist all the same; the arm cannot stay.",
+        link="feasibility",
     )
 
 

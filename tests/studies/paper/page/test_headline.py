@@ -63,6 +63,12 @@ def test_an_unstable_loop_is_evidence_with_its_eigenvalue(rows):
     assert "no settling time" not in evidence(rows, [damped])
 
 
+def test_the_payloads_that_can_be_held_are_said(rows):
+    told = words(evidence(rows, outcomes()))
+    assert "more than 2 of the 3 arms can hold" in told
+    assert "1.086 kg (R), 0.466 kg (RR), 0.237 kg (RRR)" in told  # as docs/paper.md and its tests
+
+
 def test_what_comes_out_again_is_said(rows):
     assert "of 3 within 0.01 s" in words(evidence(rows, outcomes()))
     assert "come out again" not in words(evidence([], []))
