@@ -170,3 +170,11 @@ def test_a_full_disk_under_standard_output():
         done = subprocess.run([*COMMAND, "urdf", "rr"], stdout=full, stderr=subprocess.PIPE, text=True)
     assert done.returncode == 5
     assert "disk full while writing standard output" in " ".join(done.stderr.split())
+
+
+def test_reproduce_counts_the_papers_numbers_and_not_its_own_comparisons(tmp_path):
+    done = CliRunner().invoke(app, [*COMMANDS["reproduce"], "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    told = " ".join(done.output.split())
+    # The time of Table 4, which comes out again, and the torque of Table 7, which does not.
+    assert "of 2 numbers in the paper's tables 1 come out again, 0 come near, and 1 come out of no reading" in told
