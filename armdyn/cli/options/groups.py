@@ -9,6 +9,8 @@ from typing import Annotated, Any, get_origin, get_type_hints
 
 from typer.models import OptionInfo
 
+from armdyn.cli.reports.asked import running
+
 
 def with_options(command: Callable[..., None]) -> Callable[..., None]:
     """A command as typer takes it, with one parameter per option, of a command that takes groups.
@@ -31,7 +33,8 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(command)
     def flattened(**values: Any) -> None:
-        command(**{name: _gathered(name, hint, values) for name, hint in hints.items()})
+        with running(command.__name__, flat, values):
+            command(**{name: _gathered(name, hint, values) for name, hint in hints.items()})
 
     flattened.__doc__ = _flowing(command.__doc__ or "")
     flattened.__annotations__ = {name: option.annotation for name, option in flat.items()}
