@@ -19,6 +19,7 @@ from armdyn.cli.motion.replay import replay
 from armdyn.cli.motion.sweep import sweep
 from armdyn.cli.options.groups import with_options
 from armdyn.cli.paper import reproduce, urdf
+from armdyn.cli.reports.report import compare, report
 from armdyn.cli.robots import robots
 from armdyn.cli.tracking.track import track
 
@@ -29,7 +30,7 @@ app = typer.Typer(
     help="Time-optimal and closed-loop motion of robot arms, from a URDF.",
     epilog=f"Exit codes: {EXIT_CODES}",
 )
-for command in (mintime, bound, track, pid, reproduce, sweep, replay, export, urdf, robots, doctor):
+for command in (mintime, bound, track, pid, reproduce, sweep, report, compare, replay, export, urdf, robots, doctor):
     app.command()(with_options(command))
 
 

@@ -30,6 +30,8 @@ INK = "#30363d"
 """Of text and axes."""
 _GRID = "#d9dee4"
 _DENSE = 1200
+_LEGEND_WIDTH = 95
+"""Characters that stand side by side above the panels, lines of the legend included; more would squeeze the panels."""
 LOOK: Any = {
     "font.size": 9.5,
     "axes.edgecolor": INK,
@@ -188,9 +190,9 @@ def _add_legends(figure: Figure, trajectories: Sequence[Trajectory], joints: int
         for i, (trajectory, style) in enumerate(zip(trajectories, _styles(len(trajectories)), strict=True)):
             caption = f"{trajectory.name or f'trajectory {i + 1}'}, {trajectory.duration:.4g} s"
             runs.append(Line2D([], [], color=INK, linestyle=style, linewidth=1.4, label=literal(caption)))
-        figure.axes[0].legend(
-            handles=runs, loc="lower left", bbox_to_anchor=(0, 1), ncols=min(len(runs), 3), borderaxespad=0.2
-        )
+        longest = max(len(str(run.get_label())) for run in runs)
+        columns = max(1, min(len(runs), 3, _LEGEND_WIDTH // (longest + 6)))
+        figure.axes[0].legend(handles=runs, loc="lower left", bbox_to_anchor=(0, 1), ncols=columns, borderaxespad=0.2)
 
 
 def literal(text: str) -> str:

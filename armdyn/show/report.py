@@ -74,7 +74,7 @@ def write_run(
         files.append(_write_report(folder / "report.html", robot, motions, summary, title, obstacles))
     result = folder / "result.json"
     names = [path.name for path in [*files, result]]
-    return [*files, save_result(result, robot, {**summary, "files": names})]
+    return [*files, save_result(result, robot, {"title": title, **summary, "files": names})]
 
 
 def _write_report(

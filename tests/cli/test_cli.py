@@ -226,7 +226,22 @@ def test_interrupt_is_exit_130_with_partial_results(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "command", ["", "mintime", "bound", "pid", "sweep", "reproduce", "replay", "export", "urdf", "robots", "doctor"]
+    "command",
+    [
+        "",
+        "mintime",
+        "bound",
+        "pid",
+        "sweep",
+        "reproduce",
+        "report",
+        "compare",
+        "replay",
+        "export",
+        "urdf",
+        "robots",
+        "doctor",
+    ],
 )
 def test_help_teaches(command):
     done = run_here(*command.split(), "--help")

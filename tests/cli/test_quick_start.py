@@ -41,7 +41,19 @@ def loaded(*arguments, **environment):
         ("--help",),
         *(
             (command, "--help")
-            for command in ("mintime", "bound", "pid", "sweep", "replay", "export", "reproduce", "urdf", "doctor")
+            for command in (
+                "mintime",
+                "bound",
+                "pid",
+                "sweep",
+                "report",
+                "compare",
+                "replay",
+                "export",
+                "reproduce",
+                "urdf",
+                "doctor",
+            )
         ),
         ("mintime",),
         ("mintime", "rr", "--no-such-option"),

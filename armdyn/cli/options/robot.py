@@ -61,7 +61,7 @@ class PartOptions:
                 option = "--lock" if self.lock else "--arm"
                 raise SpecError(f"{option}: {name!r} has no joints to lock; it takes a URDF file or a library's robot")
             return ad.Robot.from_spec(ad.ArmSpec.paper(name), payload)
-        locks, ends = self._locks(), self._ends()
+        locks, ends = self.locks(), self.ends()
         if Path(name).suffix or Path(name).is_file():
             if is_mjcf(name):
                 return ad.Robot.from_mjcf(name, payload, locks, ends)
@@ -73,11 +73,13 @@ class PartOptions:
         except UnknownRobotError as error:
             raise UnknownRobotError(name, (*models.PAPER_ARMS, *error.known)) from None
 
-    def _locks(self) -> dict[str, float] | None:
+    def locks(self) -> dict[str, float] | None:
+        """Joints to fix, and where [rad or m]."""
         pairs = [text.partition("=") for text in self.lock or ()]
         return {joint: number(value, f"--lock {joint}") for joint, _, value in pairs} or None
 
-    def _ends(self) -> tuple[str, str] | None:
+    def ends(self) -> tuple[str, str] | None:
+        """First and last joint or link of the arm that moves."""
         if self.part is None:
             return None
         first, comma, last = (text.strip() for text in self.part.partition(","))

@@ -21,6 +21,7 @@
   const duration = curves.duration;
 
   // The arm.
+  const called = k => `${course.moves[k].name}, ${data.cut[k] ? "first " : ""}${+course.moves[k].duration.toPrecision(4)} s`;
   const missing = words => { el("no-scene").textContent = words; el("pane").classList.add("empty"); };
   if (data.scene) {
     try {
@@ -29,7 +30,7 @@
       drawn.arms.forEach((arm, k) => {
         const key = make(k ? "button" : "span", el("motions"), undefined, "move");
         make("i", key).style.background = `rgb(${arm.color.map(c => Math.round(255 * c)).join(",")})`;
-        make("span", key, `${course.moves[k].name}, ${+arm.duration.toPrecision(4)} s`);
+        make("span", key, called(k));
         if (!k) return;
         key.title = "show or hide";
         key.onclick = () => {
@@ -43,7 +44,7 @@
     }
   } else {
     missing("The robot was not at hand when this report was written: its curves stand beside, the arm is not drawn.");
-    course.moves.forEach(move => make("span", el("motions"), `${move.name}, ${+move.duration.toPrecision(4)} s`, "move"));
+    course.moves.forEach((_, k) => make("span", el("motions"), called(k), "move"));
   }
   el("fit").onclick = () => scene && scene.fit();
   // A wheel over the arm scrolls the page, as everywhere else in it; with Ctrl held, or by two fingers, it zooms.

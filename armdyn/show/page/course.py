@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -49,6 +49,15 @@ class Move:
     name: str
     motion: Trajectory
     facts: Facts
+
+
+def until(motion: Trajectory, end: float | None) -> Trajectory:
+    """A motion as far as a time [s] from its start; None, or one that is shorter: all of it."""
+    rows = np.full(motion.t.size, True) if end is None else motion.t - motion.t[0] <= end
+    rows[:2] = True
+    if np.all(rows):
+        return motion
+    return replace(motion, t=motion.t[rows], q=motion.q[rows], v=motion.v[rows], tau=motion.tau[rows])
 
 
 def course_data(moves: Sequence[Move], limits: JointLimits, sliding: Sequence[bool]) -> dict[str, Any]:
@@ -97,8 +106,13 @@ def _curves(move: Move, times: Array, limits: JointLimits) -> dict[str, Any]:
         values[beyond] = np.nan
         curves[name] = _packed(values.T, "<f4")
     ticks = switches(move) or _ends(lanes, motion.duration)
-    return {"name": move.name, "duration": motion.duration, **curves, "lanes": lanes, "resolved": resolved} | {
-        "switches": ticks[:_TICKS]
+    return {
+        "name": move.name,
+        "duration": motion.duration,
+        **curves,
+        "lanes": lanes,
+        "resolved": resolved,
+        "switches": ticks[:_TICKS],
     }
 
 

@@ -10,7 +10,7 @@ import gzip
 import hashlib
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from armdyn.errors import TrajectoryError
@@ -19,7 +19,7 @@ from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.values.limits import JointLimits
 from armdyn.show.markup import Html, element, fill, join, script_json
 from armdyn.show.page.assets import asset, script, viewer_script
-from armdyn.show.page.course import Move, course_data
+from armdyn.show.page.course import Move, course_data, until
 from armdyn.show.page.joints import comparison_section, joint_section
 from armdyn.show.page.scene import playing_speed, scene_data, short_names
 from armdyn.show.page.sections import (
@@ -75,6 +75,7 @@ class Report:
     Attributes:
         title: its heading.
         lead: a line below.
+        headline: the verdict in a few words, and of which motion where there are several.
         verdict: of its first motion.
         tiles: the numbers that are seen first.
         sections: below the plots.
@@ -83,19 +84,21 @@ class Report:
 
     title: str
     lead: str
+    headline: str
     verdict: Verdict
     tiles: tuple[Tile, ...]
     sections: tuple[Section, ...]
     data: Mapping[str, Any]
 
 
-def report_of(subject: Subject, moves: Sequence[Move], title: str = "") -> Report:
+def report_of(subject: Subject, moves: Sequence[Move], title: str = "", end: float | None = None) -> Report:
     """A report of motions of one arm; the first is the one that is judged, the others its ghosts.
 
     Args:
         subject: what moves.
         moves: at least one, at most `MOST_MOVES`.
         title: empty: the robot's name.
+        end: so much of each motion is drawn [s]; what is said is of all of it. None: all.
 
     Raises:
         TrajectoryError: there is none, there are too many, or one has another number of joints than the arm.
@@ -119,18 +122,21 @@ def report_of(subject: Subject, moves: Sequence[Move], title: str = "") -> Repor
     return Report(
         title or subject.name,
         " · ".join(lead),
+        verdict.headline if len(moves) == 1 or not first.facts.values else f"{first.name}: {verdict.headline}",
         verdict,
         tuple(tiles_of(first.facts, first.motion.duration)),
         tuple(_sections(subject, moves, verdict)),
-        _data(subject, moves),
+        _data(subject, moves, end),
     )
 
 
 def _sections(subject: Subject, moves: Sequence[Move], verdict: Verdict) -> list[Section]:
     facts, duration = moves[0].facts, moves[0].motion.duration
+    others = [(k, move) for k, move in enumerate(moves) if k]
     sections = [
-        verdict_section(verdict),
         comparison_section(moves, subject.limits),
+        verdict_section(verdict),
+        *(verdict_section(verdict_of(move.facts), f"-{k}", move.name) for k, move in others),
         deciding_section(facts, duration),
         sensitivity_section(facts, subject.joints),
         optima_section(facts, duration),
@@ -138,13 +144,15 @@ def _sections(subject: Subject, moves: Sequence[Move], verdict: Verdict) -> list
         *(joint_section(move, subject.joints, subject.limits, subject.sliding) for move in moves[:1]),
         model_section(subject.name, facts),
         making_section(facts),
+        *(making_section(move.facts, f"-{k}", move.name) for k, move in others),
     ]
     return [section for section in sections if section is not None]
 
 
-def _data(subject: Subject, moves: Sequence[Move]) -> dict[str, Any]:
-    """What the scripts draw. The scene is the largest part, and packed."""
-    motions = [move.motion for move in moves]
+def _data(subject: Subject, moves: Sequence[Move], end: float | None) -> dict[str, Any]:
+    """What the scripts draw, up to a time [s]. The scene is the largest part, and packed."""
+    shown = [replace(move, motion=until(move.motion, end)) for move in moves]
+    motions = [move.motion for move in shown]
     scene = None
     if subject.robot is not None:
         text = script_json(scene_data(subject.robot, motions, obstacles=subject.obstacles))
@@ -152,8 +160,9 @@ def _data(subject: Subject, moves: Sequence[Move]) -> dict[str, Any]:
     return {
         "joints": list(subject.joints),
         "labels": short_names(subject.joints),
+        "cut": [drawn.motion.duration < whole.motion.duration for drawn, whole in zip(shown, moves, strict=True)],
         "speed": playing_speed([motion.duration for motion in motions]),
-        "course": course_data(moves, subject.limits, subject.sliding),
+        "course": course_data(shown, subject.limits, subject.sliding),
         "scene": scene,
     }
 
@@ -166,7 +175,7 @@ def report_html(report: Report) -> str:
             "title": join([report.title]),
             "lead": join([report.lead]),
             "level": report.verdict.level,
-            "headline": join([report.verdict.headline]),
+            "headline": join([report.headline]),
             "said": join([report.verdict.said]),
             "tiles": join(_tile(tile) for tile in report.tiles),
             "sections": join(_section(section) for section in report.sections),

@@ -28,8 +28,14 @@ class Section:
     wide: bool = False
 
 
-def verdict_section(verdict: Verdict) -> Section | None:
-    """What was checked, and what may help."""
+def verdict_section(verdict: Verdict, suffix: str = "", of: str = "") -> Section | None:
+    """What was checked, and what may help; nothing of a bare motion.
+
+    Args:
+        verdict: on a motion.
+        suffix: of the section's anchor.
+        of: which motion, where there are several.
+    """
     if not verdict.checks:
         return None
     signs = {True: "✓", False: "✗", None: "–"}
@@ -46,7 +52,7 @@ def verdict_section(verdict: Verdict) -> Section | None:
     if verdict.advice:
         lines = [element("li", options(line)) for line in verdict.advice]
         parts += [element("h3", "What you can do"), element("ul", *lines)]
-    return Section("verdict", "What was checked", join(parts))
+    return Section(f"verdict{suffix}", titled("What was checked", of), join(parts))
 
 
 def options(line: str) -> Html:
@@ -159,8 +165,8 @@ def model_section(name: str, facts: Facts) -> Section:
     return Section("model", "The arm", listed(rows))
 
 
-def making_section(facts: Facts) -> Section | None:
-    """The command that made it, its options, and the versions at work."""
+def making_section(facts: Facts, suffix: str = "", of: str = "") -> Section | None:
+    """The command that made it, its options, and the versions at work; see `verdict_section`."""
     parts: list[Html] = []
     asked = facts.part("asked")
     if command := asked.text("command"):
@@ -181,7 +187,12 @@ def making_section(facts: Facts) -> Section | None:
     rows = [(name, value) for name, value in rows if value]
     if rows:
         parts.append(listed(rows[:30]))
-    return Section("making", "How it was made", join(parts)) if parts else None
+    return Section(f"making{suffix}", titled("How it was made", of), join(parts)) if parts else None
+
+
+def titled(title: str, of: str) -> str:
+    """A heading, and of which motion."""
+    return f"{title}: {of}" if of else title
 
 
 def listed(rows: Sequence[tuple[str, str]]) -> Html:
