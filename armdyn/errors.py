@@ -10,6 +10,8 @@ _ALIKE = 0.7
 """difflib's ratio from which two names are alike: "ur5e" and "ur5" have 0.86, "rr" and "r" 0.67."""
 _PART = 3
 """Letters that a part of a name has at least, for it to be meant."""
+_MANY = 12
+"""Names that a message with a guess lists at most."""
 _LONGEST = 200
 """Letters of a name that are looked at, and shown."""
 
@@ -71,6 +73,8 @@ class UnknownRobotError(ArmdynError, KeyError):
         self.hint = hint
         meant = did_you_mean(name, known)
         names = f"{' Known' if meant else '; known'}: {', '.join(known)}" if known else ""
+        if meant and len(known) > _MANY:  # the guess would not be seen before them
+            names = " `armdyn robots` lists those there are"
         super().__init__(f"no robot named {name!r}{f'; {hint}' if hint else ''}{meant}{names}")
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:

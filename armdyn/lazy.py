@@ -8,6 +8,15 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 
 
+def drawn(value: object) -> str:
+    """A value as a notebook shows it, in HTML.
+
+    The floor that draws is found by its name, when a notebook asks: what computes neither needs nor loads it.
+    """
+    text: str = import_module("armdyn.show.notebook").card(value)
+    return text
+
+
 def facade(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
     """`__getattr__` and `__dir__` of a package whose names live in its modules.
 

@@ -11,10 +11,12 @@ motion's.
 import argparse
 import importlib.util
 import json
+import os
 import statistics
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import numpy as np
@@ -74,6 +76,13 @@ def measure_loops(repeats: int, timeout: float) -> None:
         base, ends = base or median, told["end"] if ends is None else ends
         apart = np.abs(np.subtract(told["end"], ends)).max()
         print(f"{peer:20} {median:10.4f} {median / base:7.1f}  {apart:10.1e}", flush=True)
+    arm = ad.Robot.from_spec(ad.ArmSpec.paper("rrr"), ad.Payload(mass=0.1006))
+    ramp, options = ad.ramp(arm, [-1.0, 0.3, -0.2], [0.3, -0.2, 0.1], 0.6), ad.MonteCarloOptions(duration=10.0)
+    for word, friction in (("without friction", 0.0), ("with friction", 0.06)):
+        begun = time.perf_counter()
+        found = ad.monte_carlo(arm, ramp, plants=ad.Plants(coulomb=(0, friction), seed=1), options=options)
+        seconds, cores = time.perf_counter() - begun, os.cpu_count()
+        print(f"armdyn, 1,000 arms of 10 s, Lqr, {word}: {seconds:.1f} s on {cores} cores, {found.success()}")
 
 
 def main() -> None:

@@ -39,7 +39,8 @@ def random_arms(folder: Path) -> None:
             f"  settled time {median:.3f} s (median), {nine:.3f} s (90 %), {most:.3f} s (99 %), {worst:.3f} s (worst)"
         )
         print(f"  the worst: arm {found.worst.k}, {found.worst.draw.payload:.3f} times the payload")
-        figure = plot_envelope(found.envelope(), f"RRR {word}: {found.success(WITHIN)}")
+        settled = f"{found.success(WITHIN).settled} of {len(found.rows)} settle within {WITHIN:.2f} s"
+        figure = plot_envelope(found.envelope(), f"RRR {word}: {settled}")
         save_figure(figure, folder / f"envelope {word}.png")
 
 

@@ -35,6 +35,7 @@ def test_every_equation_stands_in_the_table():
 
 def test_every_room_stands_on_the_map():
     assert rooms_of("optimal") == set(re.findall(r"^\| `([a-z_]+)/` \|", MAP, flags=re.M))
+    assert rooms_of("control") == set(re.findall(r"^\| `control/([a-z_]+)` \|", MAP, flags=re.M))
     assert rooms_of("models") == set(re.findall(r"^\| `models/([a-z_]+)` \|", MAP, flags=re.M))
 
 
@@ -42,7 +43,7 @@ def rooms_of(floor):
     return {path.name for path in (ROOT / "armdyn" / floor).iterdir() if (path / "__init__.py").exists()}
 
 
-@pytest.mark.parametrize("floor", ["models"])
+@pytest.mark.parametrize("floor", ["models", "control", "show", "studies"])
 def test_a_room_has_eight_files_at_most(floor):
     for room in (ROOT / "armdyn" / floor).rglob("__init__.py"):
         assert len(list(room.parent.glob("*.py"))) <= 1 + 8, room.parent
@@ -50,5 +51,11 @@ def test_a_room_has_eight_files_at_most(floor):
 
 def test_every_file_named_is_there():
     for name in re.findall(r"`((?:[a-z_]+/)+[a-z_]+\.py)`", MAP):
-        rooms = (ROOT, ROOT / "armdyn", ROOT / "armdyn" / "optimal", ROOT / "armdyn" / "models")
+        rooms = (
+            ROOT,
+            ROOT / "armdyn",
+            ROOT / "armdyn" / "optimal",
+            ROOT / "armdyn" / "models",
+            ROOT / "armdyn" / "control",
+        )
         assert any((root / name).exists() for root in rooms), name

@@ -147,14 +147,14 @@ def test_a_status_is_one_of_them(value):
 
 SIMULATION = {"q_start": START, "q_goal": GOAL, "duration": 1e-3, "samples": 2}
 WRONG = [
-    (lambda: ad.solve_minimum_time(RR, START, GOAL), "problem is Robot.* must be a MinimumTimeProblem: pose it"),
+    (lambda: ad.solve_minimum_time(RR, START, GOAL), "problem is <Robot.* must be a MinimumTimeProblem: pose it"),
     (lambda: ad.solve_minimum_time("rr"), "problem is 'rr'"),
     (lambda: ad.solve_minimum_time(PROBLEM, {}), "options is {}; it must be a MinimumTimeOptions"),
     (lambda: ad.solve_minimum_time(PROBLEM, None, "loud"), "progress is 'loud'; it must be a function"),
-    (lambda: solve_indirect(RR), "problem is Robot"),
+    (lambda: solve_indirect(RR), "problem is <Robot"),
     (lambda: solve_indirect(PROBLEM, options=ad.MinimumTimeOptions()), "options is .* must be an IndirectOptions"),
-    (lambda: solve_indirect(PROBLEM, MOTION), "seed is Trajectory.* must be a Solution: what solve_minimum_time"),
-    (lambda: compare_with_direct(PROBLEM), "indirect is MinimumTimeProblem"),
+    (lambda: solve_indirect(PROBLEM, MOTION), "seed is <Trajectory.* must be a Solution: what solve_minimum_time"),
+    (lambda: compare_with_direct(PROBLEM), "indirect is <MinimumTimeProblem"),
     (lambda: ad.time_optimality("rr", MOTION), "robot is 'rr'; it must be a Robot: use Robot.from_library"),
     (lambda: ad.time_optimality(RR, START), "trajectory is .0.0, 0.0."),
     (lambda: ad.MinimumTimeProblem("rr", q_start=START, q_goal=GOAL), "robot is 'rr'; it must be a Robot"),

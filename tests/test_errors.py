@@ -23,6 +23,7 @@ def test_names_that_are_not(name):
 def test_unknown_robot_in_words():
     error = UnknownRobotError("ur5e", NAMES[:3])
     assert str(error) == "no robot named 'ur5e'; did you mean 'ur5'? Known: ur3, ur5, ur10"
+    assert len(str(UnknownRobotError("ur5e", [*NAMES[:3], *map(str, range(20))]))) < 100
     assert str(UnknownRobotError("c3po", ["ur3"])) == "no robot named 'c3po'; known: ur3"
     assert str(UnknownRobotError("c3po", [], "elsewhere perhaps")) == "no robot named 'c3po'; elsewhere perhaps"
 

@@ -4,6 +4,7 @@ A command's module is read to know its options; what the command works with is i
 """
 
 import sys
+from collections.abc import Callable
 from typing import Annotated
 
 import typer
@@ -14,6 +15,7 @@ from armdyn.cli.doctor import doctor
 from armdyn.cli.export import export
 from armdyn.cli.motion.bound import bound
 from armdyn.cli.motion.mintime import mintime
+from armdyn.cli.motion.optimality import optimality
 from armdyn.cli.motion.pid import pid
 from armdyn.cli.motion.replay import replay
 from armdyn.cli.motion.sweep import sweep
@@ -21,17 +23,49 @@ from armdyn.cli.options.groups import with_options
 from armdyn.cli.paper import reproduce, urdf
 from armdyn.cli.reports.report import compare, report
 from armdyn.cli.robots import robots
+from armdyn.cli.tracking.many import monte_carlo
 from armdyn.cli.tracking.track import track
+from armdyn.cli.tracking.tuning import tune
+from armdyn.cli.typed.layout import Command
+
+_HELP = """Time-optimal and closed-loop motion of robot arms, from a URDF.
+
+[dim]The fastest motion of an arm of the paper's, as a report, figures, numbers:[/]
+    armdyn mintime rr --payload 0.1006
+[dim]Of your own arm, or of one that has a name; poses by name or in degrees:[/]
+    armdyn mintime my_arm.urdf --q-start 0,0,0 --q-goal 1,0.5,-1.2
+    armdyn mintime ur5 --q-start home --q-goal 90deg,-45deg,60deg,-90deg,0,0
+[dim]What a controller makes of it, sampled and with another payload than it thinks:[/]
+    armdyn track rr --payload 0.1006 --reserve 0.1 --plant-payload 0.12
+[dim]How much time any planner's motion leaves:[/]
+    armdyn optimality panda planned.csv
+[dim]Which arms have a name, what armdyn reads from a URDF, what is wrong with it:[/]
+    armdyn robots
+    armdyn doctor my_arm.urdf
+[dim]For a robot or a simulator; for a script:[/]
+    armdyn export results/mintime-rr/trajectory.npz --rate 1000 --format ros2
+    armdyn mintime rr --json
+
+armdyn COMMAND --help says more, with examples."""
+
+_PANELS: dict[str, tuple[Callable[..., None], ...]] = {
+    "Motions": (mintime, bound, optimality, sweep),
+    "Closed loops": (track, monte_carlo, tune, pid),
+    "What a motion is for": (report, compare, replay, export),
+    "Robots": (robots, doctor),
+    "The paper": (reproduce, urdf),
+}
 
 app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
-    help="Time-optimal and closed-loop motion of robot arms, from a URDF.",
+    help=_HELP,
     epilog=f"Exit codes: {EXIT_CODES}",
 )
-for command in (mintime, bound, track, pid, reproduce, sweep, report, compare, replay, export, urdf, robots, doctor):
-    app.command()(with_options(command))
+for panel, commands in _PANELS.items():
+    for command in commands:
+        app.command(cls=Command, rich_help_panel=panel)(with_options(command))
 
 
 def _version(wanted: bool) -> None:

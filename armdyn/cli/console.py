@@ -8,6 +8,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -34,12 +35,16 @@ EXIT_CODES = (
 )
 """What they mean, as help and README say it."""
 
+SCHEMA = interrupts.SCHEMA
+"""Version of the JSON objects, see docs/json.md: raised when a key goes, or means something else."""
+
 
 class Terminal:
     """Standard output or error, spoken to by rich; which is loaded when there is something to say."""
 
     def __init__(self, *, stderr: bool = False):
         self._stderr = stderr
+        self.quiet = False
 
     @cached_property
     def rich(self) -> Console:
@@ -62,11 +67,31 @@ class Terminal:
         return True
 
     def print(self, what: str | Table) -> None:
-        """Say something, in rich's markup."""
-        self.rich.print(what)
+        """Say something, in rich's markup; nothing where it is to be quiet."""
+        if not self.quiet:
+            self.rich.print(what)
 
 
 console, errors = Terminal(), Terminal(stderr=True)
+
+_COMMAND: ContextVar[str] = ContextVar("command", default="")
+
+
+@contextmanager
+def speaking(command: str, *, quiet: bool) -> Iterator[None]:
+    """Within it a command speaks.
+
+    Args:
+        command: its name, for the JSON object.
+        quiet: nothing is said on standard output, and no progress shown.
+    """
+    token = _COMMAND.set(command)
+    console.quiet = quiet
+    try:
+        yield
+    finally:
+        _COMMAND.reset(token)
+        console.quiet = False
 
 
 def escape(text: str) -> str:
@@ -147,7 +172,8 @@ def answering(as_json: bool) -> Iterator[Answer]:
         errors.print(f"[yellow]warning:[/] {escape(message)}")
     if as_json:
         answer.facts["warnings"] = messages
-        sys.stdout.write(json.dumps(answer.facts, allow_nan=False) + "\n")
+        said = {"schema": SCHEMA, "command": _COMMAND.get(), **answer.facts}
+        sys.stdout.write(json.dumps(said, allow_nan=False) + "\n")
     if answer.code in (INTERNAL, BAD_INPUT, DISK_FULL, INTERRUPTED) and "message" in answer.facts and not as_json:
         errors.print(f"[bold red]armdyn:[/] {escape(str(answer.facts['message']))}")
     raise typer.Exit(answer.code)
@@ -162,7 +188,7 @@ def _os_message(error: OSError) -> str:
 @contextmanager
 def working(what: str, as_json: bool) -> Iterator[Callable[[str], None]]:
     """A spinner on standard error while something runs; the function it gives updates its words."""
-    if as_json or not errors.is_terminal:
+    if as_json or console.quiet or not errors.is_terminal:
         yield lambda text: None
         return
     with errors.rich.status(escape(what)) as status:

@@ -20,7 +20,13 @@ if TYPE_CHECKING:
 INTERRUPTED = 130
 """Exit code."""
 
-_ANSWER = b'{"success": false, "status": "interrupted", "message": "interrupted", "warnings": []}\n'
+SCHEMA = "armdyn-json-1"
+"""See `console.SCHEMA`; it is here because this is imported first."""
+
+_ANSWER = (
+    b'{"schema": "armdyn-json-1", "command": "", "success": false, "status": "interrupted", '
+    b'"message": "interrupted", "warnings": []}\n'
+)
 _SHOW_CURSOR = b"\x1b[?25h"  # a spinner hides it
 
 

@@ -129,7 +129,7 @@ class _Bar:
 @contextmanager
 def _progress(total: int, as_json: bool) -> Iterator[_Bar]:
     """A bar where someone watches."""
-    if as_json or not errors.is_terminal:
+    if as_json or console.quiet or not errors.is_terminal:
         yield _Bar(None, total)
         return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn

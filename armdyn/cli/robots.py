@@ -9,8 +9,9 @@ import typer
 
 import armdyn as ad
 from armdyn import models
-from armdyn.cli.console import answering, console, escape, working
+from armdyn.cli.console import Answer, answering, console, escape, facts_table, working
 from armdyn.cli.options.results import Json
+from armdyn.cli.options.robot import PartOptions, known_names
 from armdyn.errors import ArmdynError
 
 if TYPE_CHECKING:
@@ -24,6 +25,14 @@ _MARKS, _PLAIN_MARKS = "●◐○", "*+-"
 
 
 def robots(
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[ROBOT]",
+            help="Its named poses, such as --q-start takes; none: all robots.",
+            autocompletion=known_names,
+        ),
+    ] = None,
     everything: Annotated[
         bool, typer.Option("--all", help="Also the library's robots of several limbs, and those armdyn refuses.")
     ] = False,
@@ -35,10 +44,14 @@ def robots(
     is not the arm is locked; armdyn doctor NAME says where.
 
     [dim]armdyn robots
+    armdyn robots panda
     armdyn robots --all
     armdyn doctor baxter_left[/]
     """
     with answering(json) as answer:
+        if name is not None:
+            _tell_poses(PartOptions().read(name), answer, json)
+            return
         from armdyn.models.robots.library import BENCHMARKS, LIBRARY_ARMS, other_robots
 
         with working("robots", json) as progress:
@@ -55,6 +68,29 @@ def robots(
                 "none. Minimum time needs torque limits: give what is missing with --effort-limit. armdyn doctor NAME "
                 "shows every joint."
             )
+
+
+def _tell_poses(robot: ad.Robot, answer: Answer, json: bool) -> None:
+    """The poses of one robot."""
+    poses = robot.poses
+    answer.facts |= {
+        "success": True,
+        "status": "listed",
+        "files": [],
+        "robot": robot.name,
+        "joints": list(robot.joint_names),
+        "poses": {name: q.tolist() for name, q in poses.items()},
+    }
+    if json:
+        return
+    words = {name: ", ".join(f"{x:.4g}" for x in q) for name, q in poses.items()}
+    if not words:
+        console.print(f"{escape(robot.name)} has no pose with a name: no SRDF is by its URDF")
+        return
+    unit = "rad" if not robot.slides.any() else "rad or m"
+    console.print(facts_table(f"{robot.name}: poses [{unit}]", words))
+    joints, first = escape(", ".join(robot.joint_names)), escape(next(iter(poses)))
+    console.print(f"\nPositions are those of {joints}.\n--q-start {first}, --q-goal and --via take these names.")
 
 
 def _facts(name: str, progress: Callable[[str], None]) -> Facts:

@@ -1,5 +1,7 @@
 """How much time a given motion leaves on the table: any planner's trajectory beside the minimum-time optimum."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
 from armdyn.arguments import expect, numbers
+from armdyn.brief import brief
 from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.errors import TrajectoryError
 from armdyn.models.robots.robot import Robot, expect_robot
@@ -35,6 +38,7 @@ _JUMP = 1e-9
 """Samples nearer than this part of the duration are a jump."""
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class TimeOptimality:
     """A motion beside the fastest one between the same two states.

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from armdyn.arguments import expect, number, several
+from armdyn.brief import brief
 from armdyn.control import Loop, Lqr, Run
 from armdyn.control.loop.law import Controller
 from armdyn.control.tracking.setup import Setup
@@ -73,6 +74,7 @@ class Settling:
         }
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class ReserveCurve:
     """Settled time against reserve.

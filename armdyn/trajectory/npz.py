@@ -67,6 +67,29 @@ def read(path: str | os.PathLike[str], make: Callable[..., Made]) -> Made:
         raise TrajectoryError(f"{path}: not a readable npz trajectory ({str(error)[:_LONGEST]})") from None
 
 
+def is_own(path: str | os.PathLike[str]) -> bool:
+    """Whether a file looks like one of `write`; what it holds is looked at when it is read."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(read_bounded(path, MAX_BYTES + _HEADS))) as file:
+            return "format.npy" in file.namelist()
+    except Exception:  # no file, or none of these: whoever reads it says so
+        return False
+
+
+def numbers_of(file: zipfile.ZipFile, name: str) -> NDArray[np.float64]:
+    """One array of numbers of anybody's npz file, no larger than the file says that it is.
+
+    Raises:
+        TrajectoryError: it is larger than `MAX_BYTES`, or not of numbers.
+    """
+    if _count(file, name) * np.dtype(float).itemsize > MAX_BYTES:
+        raise TrajectoryError(f"{name} is larger than {MAX_BYTES} bytes")
+    array = _member(file, name)
+    if array.dtype.kind not in "iuf":
+        raise TrajectoryError(f"{name} is of type {array.dtype}; it must be numbers")
+    return array.astype(float)
+
+
 def _read(file: zipfile.ZipFile, make: Callable[..., Made]) -> Made:
     """What an npz file holds."""
     found = file.namelist()

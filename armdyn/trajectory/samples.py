@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arguments import numbers, several, text
+from armdyn.brief import brief
 from armdyn.errors import TrajectoryError
 from armdyn.files import write_whole
 from armdyn.trajectory import formats
@@ -23,6 +24,7 @@ Array = NDArray[np.float64]
 _ARRAYS = ("t", "q", "v", "a", "tau")
 
 
+@brief
 @dataclass(frozen=True)
 class Samples:
     """States at strictly increasing stamps, and what is held from each stamp to the next.

@@ -1,5 +1,7 @@
 """The one value that leaves every solver and every simulation."""
 
+from __future__ import annotations
+
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import numbers, several, text
+from armdyn.brief import brief, called
 from armdyn.errors import TrajectoryError
+from armdyn.lazy import drawn
 from armdyn.trajectory import npz
 from armdyn.trajectory.samples import Samples
 from armdyn.trajectory.sampling import samples_of
@@ -37,6 +41,7 @@ class Sample(NamedTuple):
     """Joint torques [N m or N], shape (..., nv)."""
 
 
+@brief
 @dataclass(frozen=True)
 class Trajectory:
     """A motion: samples of state and torque over time.
@@ -92,6 +97,20 @@ class Trajectory:
             text(getattr(self, field), field, error=TrajectoryError)
         if self.joint_names and len(self.joint_names) != self.v.shape[1]:
             raise TrajectoryError(f"{len(self.joint_names)} joint names for {self.v.shape[1]} joints")
+
+    def _words(self) -> list[str]:
+        """What `repr` says."""
+        joints = self.v.shape[1]
+        return [
+            called(self.name) if self.name else "without a name",
+            f"{self.duration:.6g} s",
+            f"{joints} joint{'s' if joints > 1 else ''}",
+            f"{self.t.size} samples",
+        ]
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: a table and a picture."""
+        return drawn(self)
 
     @property
     def duration(self) -> float:
@@ -149,7 +168,7 @@ class Trajectory:
         return npz.write(path, {field: getattr(self, field) for field in _ARRAYS}, texts, self.joint_names)
 
     @staticmethod
-    def load(path: str | os.PathLike[str]) -> "Trajectory":
+    def load(path: str | os.PathLike[str]) -> Trajectory:
         """Read what `save` wrote, also with earlier versions. Nothing in the file is executed.
 
         Raises:
@@ -180,7 +199,7 @@ class Trajectory:
         """Its own samples as a table; see `resample` and `Samples.to_csv`."""
         return self.resample().to_csv(path)
 
-    def to_dataframe(self) -> "DataFrame":
+    def to_dataframe(self) -> DataFrame:
         """Its own samples as a table of pandas; see `resample` and `Samples.to_dataframe`."""
         return self.resample().to_dataframe()
 

@@ -249,4 +249,4 @@ def test_help_teaches(command):
     if command:
         assert "--json" in done.stdout
     if command in ("mintime", "bound", "pid"):
-        assert "[kg]" in done.stdout and "[rad]" in done.stdout
+        assert "[kg]" in done.stdout and "[rad or m]" in " ".join(done.stdout.replace("│", " ").split())

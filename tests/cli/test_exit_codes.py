@@ -60,5 +60,5 @@ def test_a_sweep_asks_it_of_every_payload(tmp_path):
 
 
 def test_help_and_readme_say_it_in_the_same_words():
-    assert EXIT_CODES in " ".join((ROOT / "README.md").read_text().split())
+    assert EXIT_CODES in " ".join((ROOT / "docs" / "command_line.md").read_text().split())
     assert EXIT_CODES in " ".join(run_here("--help").stdout.replace("│", " ").split())

@@ -1,5 +1,6 @@
 """Ctrl-C at any moment: exit code 130 and one line, or the command has ended before."""
 
+import json
 import signal
 import subprocess
 import sys
@@ -66,7 +67,8 @@ def test_within_an_import(module, arguments):
 def test_within_an_import_for_a_machine():
     done = python(AT_IMPORT.format(module="numpy", arguments=["robots", "--json"]))
     ends_in_a_line(done)
-    assert done.stdout == '{"success": false, "status": "interrupted", "message": "interrupted", "warnings": []}\n'
+    ended = {"success": False, "status": "interrupted", "message": "interrupted", "warnings": []}
+    assert json.loads(done.stdout) == {"schema": "armdyn-json-1", "command": "", **ended}
 
 
 @pytest.mark.parametrize("then", ["pass", "while True: pass"])

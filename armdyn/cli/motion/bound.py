@@ -27,7 +27,7 @@ def bound(
     computed in intervals, rounded outward, in less than a second; no motion is searched for. Without velocity
     limits there is no such bound, which is no error: the exit code is 0.
 
-    [dim]armdyn bound panda --q-start 0,-0.785,0,-2.356,0,1.571,0.785 --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5
+    [dim]armdyn bound panda --q-start ready --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5
     armdyn bound r --velocity-limit 5 --payload 0.1006[/]
     """
     with answering(json) as answer:
@@ -35,9 +35,11 @@ def bound(
         from armdyn.optimal.bound.lower_bound import soonest
 
         arm = joints.fit(robot.read(payload.carried()))
-        problem = ad.MinimumTimeProblem(arm, **goal.asked(arm, robot.robot), **joints.kept(), **course.asked())
+        problem = ad.MinimumTimeProblem(arm, **goal.asked(arm, robot.robot), **joints.kept(), **course.asked(arm))
         with working(f"lower bound of {arm.name}", json):
             found = soonest(problem, ad.lower_bound, attrgetter("duration"))
+        status = "unbounded" if found is None else "bounded"
+        answer.facts |= {"success": True, "status": status, "files": []}
         answer.facts |= {"robot": arm.name, **friction_facts(arm), "reserve": reserve_summary(problem), **_facts(found)}
         if not json:
             words = friction_words(arm) | reserve_words(problem) | _words(found)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 import typer
 
@@ -18,6 +18,8 @@ from armdyn.cli.options.poses import GoalOptions
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
 from armdyn.cli.tracking.reserves import reserve_choice, reserve_facts, write_reserves
+from armdyn.cli.typed.panels import SOLVER
+from armdyn.cli.typed.problem_file import is_problem_file, problem_of, refuse_beside_a_file
 from armdyn.errors import ProblemError
 from armdyn.optimal.task.effort import Effort
 
@@ -26,27 +28,32 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SearchOptions:
+class SolverOptions:
     """How much is searched; see `MinimumTimeOptions`."""
 
-    panel: ClassVar[str] = "Search"
+    panel: ClassVar[str] = SOLVER
 
     effort: Annotated[
         Effort,
         typer.Option(
-            help="How much is searched: quick is a third of normal; thorough takes five times as long and misses less."
+            metavar="HOW",
+            help="How much is searched: normal, quick (a third of it), or thorough, which takes five times as long and "
+            "misses less.",
         ),
     ] = "normal"
     starts: Annotated[
         int | None,
         typer.Option(
+            metavar="N",
             help="Guesses of the global search, whatever the effort; by default as many as suit the robot "
-            "(armdyn doctor ROBOT --policy)."
+            "(armdyn doctor ROBOT --policy).",
         ),
     ] = None
     time_limit: Annotated[float, typer.Option(metavar="S", help="For the whole solve \\[s].")] = 300.0
-    max_intervals: Annotated[int, typer.Option(help="Of the finest mesh, where a coarser one is not enough.")] = 160
-    seed: Annotated[int, typer.Option(help="Of the guesses after the first.")] = 0
+    max_intervals: Annotated[
+        int, typer.Option(metavar="N", help="Of the finest mesh, where a coarser one is not enough.")
+    ] = 160
+    seed: Annotated[int, typer.Option(metavar="N", help="Of the guesses after the first.")] = 0
     smooth: Annotated[
         float,
         typer.Option(
@@ -55,6 +62,29 @@ class SearchOptions:
             "none. 0.1 gives some 0.02 % of it, and halves what torques go up and down.",
         ),
     ] = 1e-3
+
+    def over(self, options: Mapping[str, Any]) -> Self:
+        """What a problem file asks for, but for what was asked for on the command line, too."""
+        usual = type(self)()
+        return replace(
+            self, **{key: value for key, value in options.items() if getattr(self, key) == getattr(usual, key)}
+        )
+
+    def options(self) -> ad.MinimumTimeOptions:
+        """The solver's options."""
+        return ad.MinimumTimeOptions(
+            effort=self.effort,
+            starts=self.starts,
+            time_limit=self.time_limit,
+            max_intervals=self.max_intervals,
+            seed=self.seed,
+            smooth=self.smooth,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchOptions(SolverOptions):
+    """The same, and what is left to feedback."""
 
     for_tracking: Annotated[
         bool,
@@ -83,17 +113,6 @@ class SearchOptions:
         if curve.best is None:
             return ad.solve_minimum_time(problem, self.options(), progress), curve
         return curve.solutions[curve.best.reserve], curve
-
-    def options(self) -> ad.MinimumTimeOptions:
-        """The solver's options."""
-        return ad.MinimumTimeOptions(
-            effort=self.effort,
-            starts=self.starts,
-            time_limit=self.time_limit,
-            max_intervals=self.max_intervals,
-            seed=self.seed,
-            smooth=self.smooth,
-        )
 
 
 def mintime(
@@ -126,20 +145,28 @@ def mintime(
     armdyn mintime rr --payload 0.1006 --for-tracking
     armdyn mintime rr --limit tip-speed=2 --limit torque-rate=50
     armdyn mintime rr --goal-pose tip:0.35,0,0.1
-    armdyn mintime panda --q-start 0,-0.785,0,-2.356,0,1.571,0.785 --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5[/]
+    armdyn mintime panda --q-start ready --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5
+    armdyn mintime problem.toml
+    armdyn mintime ur5 --q-start home --q-goal 90deg,-45deg,60deg,-90deg,0,0[/]
     """
     json = results.output.json
     with answering(json) as answer:
         required = requirements_of(require or ())
         from armdyn.optimal.answer.summary import minimum_time_summary
 
-        arm = joints.fit(robot.read(payload.carried()))
-        problem = ad.MinimumTimeProblem(arm, **goal.asked(arm, robot.robot), **joints.kept(), **course.asked())
+        if is_problem_file(robot.robot):
+            refuse_beside_a_file(robot.robot, goal, payload, robot.part, joints, course)
+            posed = problem_of(robot.robot)
+            problem, search = posed.problem, search.over(posed.options)
+            arm = problem.robot
+        else:
+            arm = joints.fit(robot.read(payload.carried()))
+            problem = ad.MinimumTimeProblem(arm, **goal.asked(arm, robot.robot), **joints.kept(), **course.asked(arm))
         folder = results.folder("mintime", robot.robot)
         with working(f"minimum time of {arm.name}", json) as progress:
             solution, curve = search.solved(problem, progress)
             problem, summary = solution.problem, minimum_time_summary(solution) | reserve_facts(curve)
-            carried = f", {1000 * payload.payload:g} g" if payload.payload else ""
+            carried = f", {1000 * arm.payload.mass:g} g" if arm.payload is not None and arm.payload.mass else ""
             title = f"{arm.name}{carried}: {title_words(solution)}"
             motion = solution.trajectory
             written = results.write(
@@ -154,6 +181,6 @@ def mintime(
         elif missing:
             answer.code = NOT_AS_REQUIRED
         if not json:
-            words = friction_words(arm) | reserve_words(problem) | solution_words(solution, goal.wrap)
+            words = friction_words(arm) | reserve_words(problem) | solution_words(solution, problem.wrap)
             words |= reserve_choice(curve) | missing_words(missing) | written.words
             console.print(facts_table(f"{arm.name}: minimum time", words))

@@ -29,7 +29,10 @@ class LoopOptions:
         str, typer.Option(metavar="KP,KI,KD", help="The same for every joint; by default those of the paper's arms.")
     ] = "30,50,10"
     form: Annotated[
-        str, typer.Option(help="acceleration (the paper's), torque (saturated, not sampled), or computed_torque.")
+        str,
+        typer.Option(
+            metavar="FORM", help="acceleration (the paper's), torque (saturated, not sampled), or computed_torque."
+        ),
     ] = "acceleration"
     duration: Annotated[float, typer.Option(metavar="S", help="How long to simulate \\[s].")] = 10.0
     arrival_rule: Annotated[

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from armdyn.cli.options.text import number
+from armdyn.cli.typed.panels import TASK
 from armdyn.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -18,6 +19,7 @@ Require = Annotated[
     list[str] | None,
     typer.Option(
         "--require",
+        rich_help_panel=TASK,
         metavar="certified|extremal|gap:X",
         help="What the motion is to be besides usable, else exit code 4: certified, extremal, or proven to be at most "
         "X above the least time, such as gap:0.5% or gap:0.005. May be given again.",

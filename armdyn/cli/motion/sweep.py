@@ -27,6 +27,7 @@ from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import NoFigure, OutputOptions
 from armdyn.cli.options.robot import PayloadPlace, RobotOptions
 from armdyn.cli.options.text import numbers
+from armdyn.cli.typed.panels import SOLVER
 from armdyn.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -74,10 +75,11 @@ class PayloadsOptions:
 class SweepOptions:
     """How much is searched for each payload; see `MinimumTimeOptions`."""
 
-    panel: ClassVar[str] = "Search"
+    panel: ClassVar[str] = SOLVER
 
     starts: Annotated[
-        int | None, typer.Option(help="Guesses of every search; by default the first has mintime's, the others few.")
+        int | None,
+        typer.Option(metavar="N", help="Guesses of every search; by default the first has mintime's, the others few."),
     ] = None
     time_limit: Annotated[float, typer.Option(metavar="S", help="For each payload \\[s].")] = 300.0
 
@@ -112,7 +114,7 @@ def sweep(
     usable; 3: some are not; 4: all are, but some are not what --require asks for.
 
     [dim]armdyn sweep rr
-    armdyn sweep panda --payload 0,1,2,3 --q-start 0,-0.785,0,-2.356,0,1.571,0.785 --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5[/]
+    armdyn sweep panda --payload 0,1,2,3 --q-start ready --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5[/]
     """
     with answering(output.json) as answer:
         required = requirements_of(require or ())

@@ -22,8 +22,10 @@ def solution_words(solution: Solution, wrap: bool) -> dict[str, str]:
 
 def title_words(solution: Solution) -> str:
     """A solution as a figure's title shows it."""
+    from armdyn.optimal.answer.words import verdict
+
     if solution.success:
-        return f"minimum time {solution.duration:.4f} s, {_verdict(solution)}"
+        return f"minimum time {solution.duration:.4f} s, {verdict(solution)}"
     said = str(solution.status).replace("_", " ")
     return f"{said}, best so far {solution.duration:.4f} s" if solution.moves else f"{said}, no motion to the goal"
 
@@ -55,17 +57,6 @@ def missing_words(missing: Sequence[str]) -> dict[str, str]:
 def options_of(line: str) -> str:
     """A line of advice with the command line's options instead of Python's arguments."""
     return re.sub(r"`([a-z_]+)`", lambda name: "--" + name.group(1).replace("_", "-"), line)
-
-
-def _verdict(solution: Solution) -> str:
-    """What can be said for a motion's optimality, in a few words."""
-    from armdyn.optimal.proof.certificate import percent
-
-    gap = solution.gap if solution.gap_proven else None
-    if solution.certificate.extremal:
-        return "certified"
-    above = "" if gap is None else f"gap {percent(max(gap, 0.0))}"
-    return ", ".join(filter(None, ("certified" if solution.certified else "not certified", above)))
 
 
 def _facts(solution: Solution) -> dict[str, str]:

@@ -10,9 +10,12 @@ import typer
 
 from armdyn.cli.options.limits import Limits, limits_of
 from armdyn.cli.options.text import numbers, one_or_more
+from armdyn.cli.typed.panels import LIMITS, SCENE, TASK
+from armdyn.cli.typed.positions import positions
 from armdyn.errors import ProblemError
 
 if TYPE_CHECKING:
+    from armdyn.models import Robot
     from armdyn.models.scene.obstacles import Obstacle
 
 SHAPES = {"box": (3, 1), "sphere": (1, 1), "capsule": (1, 2)}
@@ -23,12 +26,14 @@ SHAPES = {"box": (3, 1), "sphere": (1, 1), "capsule": (1, 2)}
 class CourseOptions:
     """Via points, obstacles, limits of acceleration and jerk: the texts of the options."""
 
-    panel: ClassVar[str] = "Along the way"
+    panel: ClassVar[str] = SCENE
 
     via: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="Q,Q,…", help="Pose to pass through, at any time and speed; may be given again, in order."
+            metavar="Q,Q,…|NAME",
+            help="Pose to pass through, at any time and speed, like --q-start; may be given again, in order.",
+            rich_help_panel=TASK,
         ),
     ] = None
     obstacle: Annotated[
@@ -44,23 +49,31 @@ class CourseOptions:
     ] = False
     clearance: Annotated[float, typer.Option(metavar="M", help="From obstacles, and between links \\[m].")] = 0.005
     acceleration_limit: Annotated[
-        str | None, typer.Option(metavar="A[,A…]", help="Acceleration limits \\[rad/s²]; by default none.")
+        str | None,
+        typer.Option(metavar="A[,A…]", help="Acceleration limits \\[rad/s²]; by default none.", rich_help_panel=LIMITS),
     ] = None
     jerk_limit: Annotated[
         str | None,
-        typer.Option(metavar="J[,J…]", help="Jerk limits \\[rad/s³]: the torque no longer jumps. By default none."),
+        typer.Option(
+            metavar="J[,J…]",
+            help="Jerk limits \\[rad/s³]: the torque no longer jumps. By default none.",
+            rich_help_panel=LIMITS,
+        ),
     ] = None
 
     limit: Limits = None
 
-    def asked(self) -> dict[str, Any]:
+    def asked(self, robot: Robot) -> dict[str, Any]:
         """The arguments of a `MinimumTimeProblem` that they are.
+
+        Args:
+            robot: that moves.
 
         Raises:
             ProblemError: a text is not what its option takes.
         """
         return {
-            "via": [numbers(text, "--via") for text in self.via or ()],
+            "via": [positions(text, "--via", robot) for text in self.via or ()],
             "obstacles": obstacles_of(self.obstacle or ()),
             "self_collision": self.self_collision,
             "clearance": self.clearance,

@@ -5,11 +5,13 @@ from copy import copy
 from dataclasses import MISSING, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, Signature, cleandoc, signature
+from itertools import chain
 from typing import Annotated, Any, get_origin, get_type_hints
 
 from typer.models import OptionInfo
 
 from armdyn.cli.reports.asked import running
+from armdyn.cli.typed.everywhere import everywhere, heeding
 
 
 def with_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -17,7 +19,8 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
 
     A group is a frozen dataclass. Its fields are annotated as a command's parameters are, `Annotated[type,
     typer.Option(…)] = default`, or are groups themselves; they become the command's options in their order. All
-    options of a group stand in the help panel that its class attribute `panel` names, if it has one.
+    options of a group stand in the help panel that its class attribute `panel` names, if it has one. After them come
+    the options that every command has, see `typed.everywhere`.
 
     Raises:
         TypeError: two groups of a command have an option of the same name.
@@ -25,15 +28,19 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
     hints = get_type_hints(command, include_extras=True)
     hints.pop("return", None)
     flat: dict[str, Parameter] = {}
-    for name, parameter in signature(command).parameters.items():
-        for option in _expanded(name, hints[name], parameter.default, None):
-            if option.name in flat:
-                raise TypeError(f"{command.__name__} has two options {option.name!r}")
-            flat[option.name] = option
+    own = (
+        option
+        for name, parameter in signature(command).parameters.items()
+        for option in _expanded(name, hints[name], parameter.default, None)
+    )
+    for option in chain(own, everywhere(flat)):
+        if option.name in flat:
+            raise TypeError(f"{command.__name__} has two options {option.name!r}")
+        flat[option.name] = option
 
     @wraps(command)
     def flattened(**values: Any) -> None:
-        with running(command.__name__, flat, values):
+        with running(command.__name__, flat, values), heeding(command.__name__, values):
             command(**{name: _gathered(name, hint, values) for name, hint in hints.items()})
 
     flattened.__doc__ = _flowing(command.__doc__ or "")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import typer
 
 from armdyn.cli.options.text import number, one_or_more
+from armdyn.cli.typed.panels import LIMITS, ROBOT
 
 if TYPE_CHECKING:
     from armdyn.models import Robot
@@ -19,11 +20,15 @@ if TYPE_CHECKING:
 class JointOptions:
     """Torque limits, friction and rotor inertia, each as text; None leaves the robot's own."""
 
-    panel: ClassVar[str] = "Joints"
+    panel: ClassVar[str] = ROBOT
 
     effort_limit: Annotated[
         str | None,
-        typer.Option(metavar="T[,T…]", help="Torque limits instead of the URDF's \\[N m]; 0: a joint has no motor."),
+        typer.Option(
+            metavar="T[,T…]",
+            help="Torque limits instead of the URDF's \\[N m]; 0: a joint has no motor.",
+            rich_help_panel=LIMITS,
+        ),
     ] = None
     damping: Annotated[
         str | None,
@@ -73,7 +78,7 @@ class JointOptions:
 class FastJointOptions:
     """The same with velocity limits, reserves and joints without a motor, for motions that keep them."""
 
-    panel: ClassVar[str] = JointOptions.panel
+    panel: ClassVar[str] = LIMITS
 
     velocity_limit: Annotated[
         str | None,
@@ -93,6 +98,7 @@ class FastJointOptions:
         list[str] | None,
         typer.Option(
             metavar="JOINT",
+            rich_help_panel=ROBOT,
             help="A joint without a motor, such as a cart's pole: its torque is zero, and the other joints swing it "
             "where it is to go. The same as a limit of 0 in --effort-limit; may be given again. A zero in a URDF does "
             "not say so by itself: many mean by it that they know no limit.",

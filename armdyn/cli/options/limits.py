@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armdyn.cli.options.text import numbers
+from armdyn.cli.typed.panels import LIMITS
 from armdyn.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ Limits = Annotated[
     typer.Option(
         "--limit",
         metavar="NAME=X[,X…][@FRAME]",
+        rich_help_panel=LIMITS,
         help="A limit along the way, such as tip-speed=0.25; --limit help lists them. May be given again.",
         callback=_explained,
     ),

@@ -10,6 +10,8 @@ import typer
 import armdyn as ad
 from armdyn import models
 from armdyn.cli.options.text import numbers
+from armdyn.cli.typed.panels import TASK
+from armdyn.cli.typed.positions import positions
 from armdyn.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -20,13 +22,17 @@ if TYPE_CHECKING:
 class PoseOptions:
     """Start and goal as joint positions [rad or m], each as text."""
 
-    panel: ClassVar[str] = "Poses"
+    panel: ClassVar[str] = TASK
 
     q_start: Annotated[
         str | None,
-        typer.Option(metavar="Q,Q,…", help="Start, one angle per joint \\[rad]; pi/20 works. r, rr, rrr: the paper's."),
+        typer.Option(
+            metavar="Q,Q,…|NAME",
+            help="Start: a position per joint \\[rad or m]; pi/20 and 90deg work; or the name of a pose, which armdyn "
+            "robots ROBOT lists. r, rr, rrr: the paper's.",
+        ),
     ] = None
-    q_goal: Annotated[str | None, typer.Option(metavar="Q,Q,…", help="Goal, like --q-start.")] = None
+    q_goal: Annotated[str | None, typer.Option(metavar="Q,Q,…|NAME", help="Goal, like --q-start.")] = None
 
     def start(self, robot: ad.Robot, name: str, kind: Kind) -> list[float]:
         """What is given, else the start of the paper's example.
@@ -48,7 +54,7 @@ class PoseOptions:
 
 def _pose(option: str, text: str | None, robot: ad.Robot, name: str, kind: Kind) -> list[float]:
     if text is not None:
-        return numbers(text, option)
+        return positions(text, option, robot)
     if name not in models.PAPER_ARMS:
         raise ProblemError(
             f"give {option} with {robot.nv} angles [rad] for {robot.name}: {', '.join(robot.joint_names)}"

@@ -25,7 +25,7 @@ Out = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on standard output, nothing else.")]
 NoFigure = Annotated[bool, typer.Option("--no-figure", help="Write no figure.png and figure.pdf: half a second less.")]
-NoReport = Annotated[bool, typer.Option("--no-report", "--no-replay", help="Write no report.html: half a second less.")]
+NoReport = Annotated[bool, typer.Option("--no-report", help="Write no report.html: half a second less.")]
 
 
 @dataclass(frozen=True, kw_only=True)

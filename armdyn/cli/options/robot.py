@@ -10,18 +10,30 @@ import typer
 
 import armdyn as ad
 from armdyn import models
-from armdyn.cli.options.text import number, numbers
+from armdyn.cli.options.text import numbers
+from armdyn.cli.typed.panels import ROBOT
+from armdyn.cli.typed.positions import position, sliding_locks
 from armdyn.errors import ProblemError, SpecError, UnknownRobotError
 from armdyn.models.mjcf.document import is_mjcf
 from armdyn.models.robots.descriptions import is_description
+
+
+def known_names(incomplete: str) -> list[str]:
+    """The names of robots that begin so, for a shell that completes."""
+    from armdyn.models.robots.library import BENCHMARKS, LIBRARY_ARMS
+
+    return [name for name in (*models.PAPER_ARMS, *BENCHMARKS, *LIBRARY_ARMS) if name.startswith(incomplete)]
+
 
 RobotName = Annotated[
     str,
     typer.Argument(
         metavar="ROBOT",
         help="r, rr or rrr (the paper's arms), a URDF or MJCF file, a name of example-robot-data such as panda or "
-        "ur5, a benchmark such as cart_pole, or a name of robot_descriptions such as panda_mj_description.",
+        "ur5, a benchmark such as cart_pole, or a name of robot_descriptions such as panda_mj_description. Of mintime "
+        "also a problem file, problem.toml (docs/problem_files.md).",
         show_default=False,
+        autocompletion=known_names,
     ),
 ]
 
@@ -35,11 +47,14 @@ class PartOptions:
         part: FIRST,LAST of those that do.
     """
 
-    panel: ClassVar[str] = "Joints"
+    panel: ClassVar[str] = ROBOT
 
     lock: Annotated[
         list[str] | None,
-        typer.Option(metavar="JOINT=Q", help="Fix a joint at a position \\[rad or m]; may be given again."),
+        typer.Option(
+            metavar="JOINT=Q",
+            help="Fix a joint at a position \\[rad or m], such as 1.2, 90deg, 0.1m; may be given again.",
+        ),
     ] = None
     part: Annotated[
         str | None,
@@ -61,6 +76,12 @@ class PartOptions:
                 option = "--lock" if self.lock else "--arm"
                 raise SpecError(f"{option}: {name!r} has no joints to lock; it takes a URDF file or a library's robot")
             return ad.Robot.from_spec(ad.ArmSpec.paper(name), payload)
+        robot = self._read(name, payload)
+        sliding_locks(self.lock or (), robot)
+        return robot
+
+    def _read(self, name: str, payload: ad.Payload | None) -> ad.Robot:
+        """The robot of a name that is not one of the paper's."""
         locks, ends = self.locks(), self.ends()
         if Path(name).suffix or Path(name).is_file():
             if is_mjcf(name):
@@ -76,7 +97,7 @@ class PartOptions:
     def locks(self) -> dict[str, float] | None:
         """Joints to fix, and where [rad or m]."""
         pairs = [text.partition("=") for text in self.lock or ()]
-        return {joint: number(value, f"--lock {joint}") for joint, _, value in pairs} or None
+        return {joint: position(value, f"--lock {joint}", None) for joint, _, value in pairs} or None
 
     def ends(self) -> tuple[str, str] | None:
         """First and last joint or link of the arm that moves."""
@@ -109,7 +130,7 @@ class PayloadPlace:
         payload_com: its centre of mass there [m], as text; None: the frame's origin.
     """
 
-    panel: ClassVar[str] = "Payload"
+    panel: ClassVar[str] = ROBOT
 
     payload_frame: Annotated[
         str | None,

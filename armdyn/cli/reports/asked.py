@@ -47,7 +47,11 @@ def asked() -> dict[str, object]:
     command, parameters, values = now
     given = [(name, one.annotation) for name, one in parameters.items() if values[name] != one.default]
     first = sorted(given, key=lambda one: not _is_argument(one[1]))  # the order stays otherwise
-    words = ["armdyn", command, *(word for name, hint in first for word in _typed(name, hint, values[name]))]
+    words = [
+        "armdyn",
+        command.replace("_", "-"),
+        *(word for name, hint in first for word in _typed(name, hint, values[name])),
+    ]
     return {"asked": {"command": shlex.join(words), "options": {name: plain(values[name]) for name in parameters}}}
 
 
@@ -57,7 +61,7 @@ def _typed(name: str, hint: Any, value: object) -> list[str]:
     if _is_argument(hint):
         return [_word(one) for one in values]
     given = next((info.param_decls for info in _told(hint) if isinstance(info, OptionInfo) and info.param_decls), None)
-    on, _, off = (given[0] if given else f"--{name.replace('_', '-')}").partition("/")
+    on, _, off = (given[-1] if given else f"--{name.replace('_', '-')}").partition("/")
     if isinstance(value, bool):
         return [word for word in (on if value else off,) if word]
     return [word for one in values for word in (on, _word(one))]

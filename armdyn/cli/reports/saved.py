@@ -20,7 +20,7 @@ from armdyn.cli.options.robot import PartOptions
 from armdyn.errors import ArmdynError, ArmdynWarning, FileError, TrajectoryError
 from armdyn.models import PAPER_ARMS, JointLimits, Payload, Robot
 from armdyn.show.page.course import Move
-from armdyn.show.page.facts import Facts
+from armdyn.show.page.facts import Facts, as_number
 from armdyn.show.page.report import Subject
 from armdyn.show.results import load_result
 from armdyn.trajectory import Trajectory
@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from armdyn.models.scene.obstacles import Obstacle
 
 _NAME = re.compile(r"[a-z0-9_]{1,80}")
-_MOST_OBSTACLES = 200
+_BESIDE = ("reference.npz", "optimum.npz")
+_MOST_OBSTACLES, _MOST_LOCKS = 200, 400
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,7 @@ class Saved:
         path: the folder, or the motion's file.
         motion: what moved.
         facts: of its result; none beside a bare motion.
-        reference: what the motion was to follow; None if nothing.
+        reference: what the motion was to follow, or the fastest that it was held beside; None if nothing.
     """
 
     path: Path
@@ -60,13 +61,14 @@ def read_saved(path: Path) -> Saved:
     folder = path if path.is_dir() else path.parent
     if not path.is_dir() and path.name != "result.json":
         beside = folder / "result.json"
-        known = path.name == "trajectory.npz" and beside.is_file()
-        return Saved(path, Trajectory.load(path), Facts(load_result(_inside(beside))) if known else Facts())
-    result, motion, reference = (folder / name for name in ("result.json", "trajectory.npz", "reference.npz"))
+        judged = path.name == "trajectory.npz" and beside.is_file()
+        return Saved(path, Trajectory.load(path), Facts(load_result(_inside(beside))) if judged else Facts())
+    result, motion = folder / "result.json", folder / "trajectory.npz"
     if not motion.is_file():
         raise FileError(motion, "no such file: give the folder of one motion, as mintime, pid and track write it")
     facts = Facts(load_result(_inside(result)))
-    followed = Trajectory.load(_inside(reference)) if reference.is_file() else None
+    other = next((folder / name for name in _BESIDE if (folder / name).is_file()), None)
+    followed = None if other is None else Trajectory.load(_inside(other))
     return Saved(folder, Trajectory.load(_inside(motion)), facts, followed)
 
 
@@ -157,7 +159,12 @@ def _built(name: str, facts: Facts, payload: Payload | None, *, trusted: bool) -
     """The robot as it was when it moved; where the name is not trusted, it is looked for in the library only."""
     options, model = facts.part("asked").part("options"), facts.part("model")
     carried = payload or _payload(model.part("payload"))
-    part = PartOptions(lock=options.texts("lock") or None, part=options.text("part") or None)
+    locked = [
+        f"{joint}={q!r}"
+        for joint, q in list(model.part("locked").values.items())[:_MOST_LOCKS]
+        if as_number(q) is not None
+    ]
+    part = PartOptions(lock=locked or None, part=options.text("part") or None)
     if trusted or name in PAPER_ARMS:
         arm = part.read(name, carried)
     else:

@@ -86,7 +86,7 @@ class LoopOptions:
     ] = "filtered"
     cutoff: Annotated[float, typer.Option(metavar="HZ", help="Of the filter or the observer \\[Hz].")] = 80.0
     noise: Annotated[float, typer.Option(metavar="RAD", help="Standard deviation of each reading \\[rad].")] = 0.0
-    seed: Annotated[int, typer.Option(help="Of the noise.")] = 0
+    seed: Annotated[int, typer.Option(metavar="N", help="Of the noise.")] = 0
     antiwindup: Annotated[
         str, typer.Option(metavar="HOW", help="conditional, back_calculation or none: the integral at a torque limit.")
     ] = "conditional"

@@ -28,7 +28,8 @@ def reserve_choice(curve: ReserveCurve | None) -> dict[str, str]:
     if best is None:
         return {"for tracking": "no reserve has a usable motion"}
     count = len(curve.plants)
-    lines = [f"{row.reserve:g}: motion {row.duration:.4f} s, {_settled(row)}" for row in curve.rows]
+    lines = ["      motion    mean   worst  settled [s]"]
+    lines += [f"{row.reserve:<5g} {row.duration:.4f}  {_settled(row)}" for row in curve.rows]
     told = f"reserve {best.reserve:g}: the last of {count} arms settles after {best.worst:.3f} s"
     return {"for tracking": told, "by reserve": "\n".join(lines)}
 
@@ -45,5 +46,5 @@ def write_reserves(curve: ReserveCurve | None, folder: Path, title: str) -> list
 
 def _settled(row: Settling) -> str:
     if math.isfinite(row.worst):
-        return f"settled {row.mean:.3f} s (mean), {row.worst:.3f} s (worst)"
-    return f"{row.count} of {len(row.settled)} arms settle"
+        return f"{row.mean:6.3f}  {row.worst:6.3f}"
+    return f"{row.count} of {len(row.settled)} settle"

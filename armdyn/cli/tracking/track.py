@@ -16,6 +16,7 @@ from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions, PlantOptions
+from armdyn.cli.typed.panels import TASK
 from armdyn.errors import ProblemError
 
 
@@ -23,7 +24,7 @@ from armdyn.errors import ProblemError
 class ReferenceOptions:
     """What the arm is to follow, and how long it is watched."""
 
-    panel: ClassVar[str] = "Reference"
+    panel: ClassVar[str] = TASK
 
     reference: Annotated[
         Path | None,

@@ -1,5 +1,7 @@
 """References that need no solver: rest at a pose, and a smooth ramp from one to another."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray

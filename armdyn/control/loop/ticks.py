@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.brief import brief
 from armdyn.dynamics import inverse_dynamics
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
@@ -18,6 +19,7 @@ _MOST = 2_000_000
 """Ticks of a reference, beyond which a rate or a duration is a mistake."""
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Ticks:
     """A motion, and rest at its end, at the ticks of a loop; the last row holds for good.

@@ -1,5 +1,7 @@
 """Simulation of a robot arm under PID control."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Self
 
@@ -8,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import OdeSolution
 
 from armdyn.arguments import number, whole
+from armdyn.brief import brief
 from armdyn.control.pid.approach import Approach
 from armdyn.control.pid.arrival import Arrival, ArrivalRule
 from armdyn.control.pid.equations import PidLoop, Status, integrate
@@ -23,6 +26,7 @@ from armdyn.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class PidRun:
     """A simulated motion under PID control, and what came of it.

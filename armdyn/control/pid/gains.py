@@ -1,5 +1,7 @@
 """A PID controller: its gains, what its output means, whether it saturates."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Literal
 

@@ -1,5 +1,7 @@
 """Whether a PID loop is stable at its goal: the loop's linearisation and its eigenvalues."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

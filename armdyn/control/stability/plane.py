@@ -1,11 +1,14 @@
 """Stability over the plane of kp and kd: of the continuous loop, and of the same loop as it is sampled."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import number, numbers
+from armdyn.brief import brief
 from armdyn.control.laws.pid import Pid
 from armdyn.control.loop.loop import Loop
 from armdyn.control.pid.gains import ContinuousPid, Form, PidGains
@@ -20,6 +23,7 @@ from armdyn.models.values.per_joint import per_joint
 Array = NDArray[np.float64]
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class GainPlane:
     """A PID loop at a goal, with one kp, ki and kd for all joints, over a grid of kp and kd.

@@ -1,5 +1,7 @@
 """How often a loop must sample to be stable at its goal, and what is said of one that does not."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

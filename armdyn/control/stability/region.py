@@ -1,5 +1,7 @@
 """The gains with which a continuous PID loop is stable at its goal."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Self
 
@@ -7,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import number, numbers, one_of
+from armdyn.brief import brief
 from armdyn.control.pid.gains import DEFAULT_GAINS, FORMS, ContinuousPid, Form, PidGains
 from armdyn.control.pid.motion import EquationsOfMotion, motion_of
 from armdyn.control.pid.poles import closed_loop_matrix, eigenvalues
@@ -22,6 +25,7 @@ _EXACT = 1e-12
 """How near to the boundary a factor is brought, as a part of it."""
 
 
+@brief
 @dataclass(frozen=True)
 class GainRegion:
     """One joint under PID control at its goal: m s³ + (kd + c) s² + (kp + k) s + ki = 0.

@@ -1,5 +1,7 @@
 """Routh's table of a real polynomial, in exact arithmetic: how many roots lie in the right half-plane."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -10,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import numbers, shown
+from armdyn.brief import brief
 from armdyn.errors import ProblemError
 
 Array = NDArray[np.float64]
@@ -27,6 +30,7 @@ Remedy = Literal["", "leading zero", "zero row"]
 """
 
 
+@brief
 @dataclass(frozen=True)
 class RouthTable:
     """Routh's table of a polynomial a₀ sⁿ + … + aₙ.

@@ -1,11 +1,14 @@
 """The sampled loop at rest at a goal, as one matrix from tick to tick."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armdyn.brief import brief
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop
 from armdyn.control.stability.linear import BeyondNumbersError, Rest
@@ -15,6 +18,7 @@ from armdyn.models.robots.robot import Robot
 Array = NDArray[np.float64]
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class SampledLoop:
     """x(k+1) = carried x(k) + torque f(k), f(k) = felt x(k): what is left of small deviations after one tick.

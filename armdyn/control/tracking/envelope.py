@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arguments import number
+from armdyn.brief import brief
 from armdyn.errors import ProblemError
 
 Array = NDArray[np.float64]
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Envelope:
     """Least, greatest and quantiles of the joints' distances from a reference, of many runs, time by time.

@@ -1,14 +1,18 @@
 """What came of a controller's motion along a reference."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.brief import brief, called
 from armdyn.control.loop.ticks import Ticks
 from armdyn.control.stability.rate import SampledStability
 from armdyn.dynamics.driven import Driven
+from armdyn.lazy import drawn
 from armdyn.models.robots.robot import Robot
 from armdyn.trajectory import Trajectory
 
@@ -21,6 +25,7 @@ _LOST = 20.0
 """So many tolerances beside its reference an arm is lost: 0.1 rad by default."""
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Run:
     """A motion under a controller, and what came of it.
@@ -54,6 +59,20 @@ class Run:
     went_wrong: float | None
     overshoot: Array
     stability: SampledStability | None = None
+
+    def _words(self) -> list[str]:
+        """What `repr` says."""
+        when = "" if self.settled_time is None else f" after {self.settled_time:.6g} s"
+        return [
+            called(self.trajectory.name) if self.trajectory.name else "without a name",
+            f"{self.status.replace('_', ' ')}{when}",
+            f"largest error {self.peak_error:.4g}",
+            f"{self.trajectory.duration:.6g} s",
+        ]
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: a table and a picture."""
+        return drawn(self)
 
     @property
     def settled(self) -> bool:

@@ -23,7 +23,7 @@ _AWAY, _FAST = 100.0, 1000.0
 """Distance from the goal [rad or m] and speed [rad/s or m/s] beyond which a run has diverged: sixteen turns, and ten
 times the fastest robot. A start beyond a tenth of them moves them out."""
 _TOLERANCE = 1e-8
-"""That a tick's positions may change by when its steps are halved [rad or m]; its velocities a hundred times that."""
+"""That a tick's positions may change by when its steps are halved [rad or m]; its velocities a thousand times that."""
 _LONGER = 1.0
 """A reference that takes longer than it is watched is watched for so long afterwards [s]."""
 _MOST = 5_000_000

@@ -1,5 +1,7 @@
 """One motion of a real arm under a controller."""
 
+from __future__ import annotations
+
 from numpy.typing import ArrayLike
 
 from armdyn.control.laws.lqr import Lqr

@@ -11,7 +11,7 @@ constexpr int kMostSteps = 20000;     // of RK4 tried in one tick
 constexpr double kShortest = 1e-6;    // step, as a part of a tick
 constexpr double kFade = 0.01;        // part of half a torque range over which a continuous integral halts
 constexpr double kUnwind = 0.01;      // time constant of back calculation [s]
-constexpr double kVelocityScale = 100;  // tolerance of a velocity [rad/s] over that of a position [rad]
+constexpr double kVelocityScale = 1000;  // tolerance of a velocity [rad/s] over that of a position [rad]
 
 using Numbers = std::vector<double>;
 

@@ -22,7 +22,7 @@ struct LoopProblem {
   std::vector<double> noise;                  // of the readings, (ticks, nv) [rad]; empty: none
   double period = 1e-3, encoder = 0, pole = 0, integrate_from = 0;  // [s], [rad], [-], [s]
   double away = 100, fast = 1000;             // beyond which it has diverged [rad], [rad/s]
-  double tolerance = 1e-8;                    // of a tick's positions [rad]; of velocities a hundred times [rad/s]
+  double tolerance = 1e-8;                    // of a tick's positions [rad]; of velocities a thousand times [rad/s]
   int ticks = 0, delay = 0, row_size = 1;
   Velocity velocity = Velocity::filtered;
   Antiwindup antiwindup = Antiwindup::conditional;

@@ -1,5 +1,7 @@
 """What a robot arm is, once it is read: Pinocchio's model and the limits of its joints."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Self
@@ -9,10 +11,13 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, several, shown, text
+from armdyn.brief import brief, called
 from armdyn.errors import SpecError, did_you_mean
+from armdyn.lazy import drawn
 from armdyn.models.reading.urdf_arm import configuration
 from armdyn.models.reading.urdf_check import LARGEST
 from armdyn.models.robots.identity import model_hash
+from armdyn.models.robots.poses import named_poses, pose_named
 from armdyn.models.values.friction import FrictionValue, JointFriction
 from armdyn.models.values.limits import JointLimits
 from armdyn.models.values.per_joint import per_joint
@@ -30,6 +35,7 @@ READERS = (
 """How to come by a robot."""
 
 
+@brief
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Arm:
     """An arm of revolute, continuous and prismatic joints.
@@ -88,10 +94,39 @@ class Arm:
         if self.payload is not None:
             expect(self.payload, Payload, "payload", "Payload(mass=…)", error=SpecError)
 
+    def _words(self) -> list[str]:
+        """What `repr` says."""
+        told = [called(self.name), f"{self.nv} joint{'s' if self.nv > 1 else ''}", f"tip {called(self.tip)}"]
+        told += [f"payload {self.payload.mass:g} kg"] if self.payload is not None else []
+        told += ["with friction"] if self.friction.present else []
+        return told + ([f"{len(self.locked)} locked"] if self.locked else [])
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: a table and a picture."""
+        return drawn(self)
+
     @property
     def nv(self) -> int:
         """Number of joints."""
         return int(self.model.nv)
+
+    @property
+    def slides(self) -> NDArray[np.bool_]:
+        """Whether each joint is prismatic, shape (nv,): its position is in metres."""
+        return np.array([joint.shortname().startswith("JointModelP") for joint in list(self.model.joints)[1:]])
+
+    @property
+    def poses(self) -> dict[str, Array]:
+        """Joint positions that have a name [rad or m], each of shape (nv,): from an SRDF by the URDF, or a table."""
+        return named_poses(self)
+
+    def pose(self, name: str) -> Array:
+        """The joint positions of a name [rad or m], shape (nv,).
+
+        Raises:
+            SpecError: there is none of that name; says which there are.
+        """
+        return pose_named(self, name)
 
     @property
     def passive(self) -> tuple[str, ...]:

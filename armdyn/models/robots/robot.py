@@ -1,5 +1,7 @@
 """A robot arm, from where one comes: a URDF, a library, or numbers."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -8,6 +10,7 @@ from typing import Self
 from numpy.typing import ArrayLike
 
 from armdyn.arguments import expect
+from armdyn.brief import brief
 from armdyn.models.reading.meshes import mesh_folders
 from armdyn.models.reading.urdf_arm import check_inertia, joint_limits, read_arm
 from armdyn.models.reading.urdf_xml import check_urdf_text, file_path, read_urdf
@@ -20,6 +23,7 @@ from armdyn.models.values.spec import ArmSpec, Payload
 from armdyn.models.values.urdf import urdf_from_spec
 
 
+@brief
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Robot(ModelReaders):
     """An arm of revolute, continuous and prismatic joints; `Arm` says what it has.

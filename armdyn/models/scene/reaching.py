@@ -8,6 +8,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import text
+from armdyn.brief import brief
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.obstacles import homogeneous
@@ -23,6 +24,7 @@ _DISTINCT = 0.3
 """Solutions of which no joint is further off than this [rad or m] are one branch."""
 
 
+@brief
 @dataclass(frozen=True)
 class GoalPose:
     """Where a frame of an arm is to be.

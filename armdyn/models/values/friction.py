@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import number
+from armdyn.brief import brief
 from armdyn.errors import SpecError
 from armdyn.models.values.per_joint import per_joint
 
@@ -19,6 +20,7 @@ FrictionValue = ArrayLike | Literal["urdf"]
 """One number, one per joint, or "urdf": what the URDF's `<dynamics>` says."""
 
 
+@brief
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JointFriction:
     """What joints lose of their torque: tau_f(v) = damping v + coulomb tanh(v / width).

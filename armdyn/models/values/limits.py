@@ -1,5 +1,7 @@
 """Limits of joints."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
@@ -8,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arguments import numbers, several, shown
+from armdyn.brief import brief
 from armdyn.errors import ArmdynError, SpecError, did_you_mean
 
 Array = NDArray[np.float64]
 
 
+@brief
 @dataclass(frozen=True, kw_only=True)
 class JointLimits:
     """Limits of every joint, each of shape (nv,); infinite where there is none.

@@ -1,5 +1,7 @@
 """Planar arms and their payload, as numbers."""
 
+from __future__ import annotations
+
 import re
 from dataclasses import dataclass
 from typing import Literal, Self
@@ -8,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, number, numbers, several, shown, text
+from armdyn.brief import brief
 from armdyn.errors import SpecError
 
 GRAVITY = 9.81
@@ -53,6 +56,7 @@ PaperArm = Literal["r", "rr", "rrr"]
 PAPER_ARMS: tuple[PaperArm, ...] = ("r", "rr", "rrr")
 
 
+@brief
 @dataclass(frozen=True, kw_only=True)
 class ArmSpec:
     """A planar arm of revolute joints: R, RR, RRR and so on.
@@ -97,6 +101,7 @@ class ArmSpec:
         return cls(name=arm, links=PAPER_LINKS[: len(arm)])
 
 
+@brief
 @dataclass(frozen=True, kw_only=True, init=False)
 class Payload:
     """A rigid body fixed to a link; a point mass unless an inertia is given.

@@ -2,8 +2,11 @@
 
 from dataclasses import dataclass
 
+from armdyn.brief import brief, called
+from armdyn.lazy import drawn
 from armdyn.models.scene.collision import Clearance
 from armdyn.optimal.answer.advice import advice
+from armdyn.optimal.answer.words import paragraph, verdict
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.conditions.condition import Kept
@@ -16,6 +19,7 @@ from armdyn.optimal.search.goals import GoalTried
 from armdyn.trajectory import Trajectory
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Solution:
     """A motion and how far to trust it.
@@ -65,6 +69,19 @@ class Solution:
     goals: tuple[GoalTried, ...] = ()
     moves: bool = True
     decides: tuple[Share, ...] = ()
+
+    def __str__(self) -> str:
+        """A paragraph: duration, verdict, what decides the time, the bound."""
+        return paragraph(self)
+
+    def _words(self) -> list[str]:
+        """What `repr` says."""
+        found = f"{self.duration:.6g} s" if self.moves else "no motion"
+        return [called(self.problem.robot.name), found, verdict(self)]
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: a table and a picture."""
+        return drawn(self)
 
     @property
     def usable(self) -> bool:

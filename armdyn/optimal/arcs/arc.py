@@ -8,6 +8,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.brief import brief
+
 
 class Mode(StrEnum):
     """What determines a joint's torque on an arc."""
@@ -42,6 +44,7 @@ def outward(mode: Mode) -> float:
     return 1.0 if mode in (Mode.VELOCITY_UPPER, Mode.POSITION_UPPER) else -1.0
 
 
+@brief
 @dataclass(frozen=True)
 class Arc:
     """A part of a motion on which no joint changes its mode.

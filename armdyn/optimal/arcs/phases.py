@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.brief import brief
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.grid import Density
 from armdyn.optimal.problem.status import Status
@@ -17,6 +18,7 @@ TABLEAU = RADAU_5
 """Of the arcs: motion is smooth on them, and ninth order leaves nothing to see on a few intervals."""
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Phases:
     """A solved multi-phase problem.

@@ -8,6 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from armdyn.brief import brief
 from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.enclosure.interval import down
 from armdyn.optimal.bound.forces import Forces
@@ -37,6 +38,7 @@ _AHEAD = 0.5
 twice what the last grid has brought, one hundredth at least: the nearer, the smaller the boxes in the middle."""
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class LowerBound:
     """A duration that no motion within the limits beats: proven, with all rounding outward.

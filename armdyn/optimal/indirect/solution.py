@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from armdyn.arguments import expect, flag, number, one_of, shown, whole
+from armdyn.brief import brief
 from armdyn.errors import ProblemError
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.phases import TABLEAU, Phases
@@ -76,6 +77,7 @@ class IndirectOptions:
             number(getattr(self, name), name, sign="positive", finite=False)
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class IndirectSolution:
     """An extremal: a motion with costates.

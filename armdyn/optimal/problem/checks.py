@@ -31,15 +31,27 @@ def check_state(robot: Robot, limits: JointLimits, q: Array, v: Array, name: str
     """Refuse a state outside the limits; reserve: parts of the velocity limits that these are less by, shape (nv,)."""
     for i, joint in enumerate(robot.joint_names):
         if not limits.position_lower[i] - _TYPED <= q[i] <= limits.position_upper[i] + _TYPED:
+            unit = "m" if robot.slides[i] else "rad"
             raise ProblemError(
-                f"{name} of joint {joint!r} (index {i}) is {q[i]:.6g} rad, outside its limits "
-                f"[{limits.position_lower[i]:.6g}, {limits.position_upper[i]:.6g}] rad"
+                f"{name} of joint {joint!r} (index {i}) is {q[i]:.6g} {unit}, outside its limits "
+                f"[{limits.position_lower[i]:.6g}, {limits.position_upper[i]:.6g}] {unit}"
+                f"{_degrees_words(robot, limits, q)}"
             )
         if abs(v[i]) > limits.velocity[i] + _TYPED:
             raise ProblemError(
                 f"{name} velocity of joint {joint!r} (index {i}) is {v[i]:.6g} rad/s, beyond its limit "
                 f"{limits.velocity[i]:.6g} rad/s{kept_words(reserve[i], limits.velocity[i], 'rad/s')}"
             )
+
+
+def _degrees_words(robot: Robot, limits: JointLimits, q: Array) -> str:
+    """The end of a message about a pose beyond its limits, shape (nv,), that is within them as degrees; else empty."""
+    turns = ~robot.slides
+    meant = np.where(turns, np.deg2rad(q), q)
+    within = (limits.position_lower - _TYPED <= meant) & (meant <= limits.position_upper + _TYPED)
+    if not (np.all(within) and np.any(np.abs(q[turns]) > np.pi)):
+        return ""
+    return "; did you mean degrees? They would be within all limits: np.deg2rad(…), or --degrees on the command line"
 
 
 def check_motors(robot: Robot, limits: JointLimits, relative_effort_weight: float) -> None:

@@ -1,5 +1,7 @@
 """What is to be solved: from one pose to another within limits, as fast as can be."""
 
+from __future__ import annotations
+
 import warnings
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
@@ -10,7 +12,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, flag, number, several
+from armdyn.brief import brief, called, several_numbers
 from armdyn.errors import ArmdynWarning, ProblemError
+from armdyn.lazy import drawn
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.scene.collision import collision_model
 from armdyn.models.scene.obstacles import Obstacle
@@ -36,6 +40,7 @@ from armdyn.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class MinimumTimeProblem:
     """Bring an arm from one state to another in minimum time, or minimum time and effort.
@@ -137,6 +142,16 @@ class MinimumTimeProblem:
             )
         self._resolve_course()
         warn_if_not_held(self.robot, self.limits, self.holding_torque(), self.reserves.effort)
+
+    def _words(self) -> list[str]:
+        """What `repr` says."""
+        asked = f", {', '.join(self.along_the_way)}" if self.along_the_way else ""
+        ends = [f"{name} {several_numbers(getattr(self, f'q_{name}'))}" for name in ("start", "goal")]
+        return [called(self.robot.name), *ends] + ([f"with {asked[2:]}"] if asked else [])
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: a table and a picture."""
+        return drawn(self)
 
     @property
     def reserves(self) -> Reserve:

@@ -7,6 +7,8 @@ Applied Optimal Control, section 3.9 for limits on the state). Such a motion is 
 faster. A lower bound on the duration says more, of all motions, where it is near.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, field, replace
 from typing import Self
@@ -15,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arguments import number
+from armdyn.brief import brief
 from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.landing.limits import worst_violation
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -44,6 +47,7 @@ ON_CURVE = "Pontryagin's conditions are not checked on a curve"
 """Remark of motions that are curves: what proves them is the gap."""
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Certificate:
     """What was checked, each apart, and how it came out. Infinite: could not be checked.

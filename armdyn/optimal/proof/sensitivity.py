@@ -1,5 +1,7 @@
 """How the minimum time answers to what it was given, exactly, from the multipliers."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import casadi as ca
@@ -7,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from armdyn.brief import brief
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.arcs.arc import VELOCITY, Mode
 from armdyn.optimal.arcs.phases import Phases
@@ -15,6 +18,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 Array = NDArray[np.float64]
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Sensitivities:
     """Derivatives of t_f (with an effort weight: of the cost) at a certified optimum.

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.brief import brief
 from armdyn.machine.deadline import LateError
 from armdyn.optimal.conditions.demands import Demands
 from armdyn.optimal.flat.posing import Wanted
@@ -21,6 +22,7 @@ from armdyn.optimal.task.task import Task
 Array = NDArray[np.float64]
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class GoalTried:
     """One of the joint positions that reach a goal.

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from armdyn.arguments import expect, flag, number, one_of, several, whole
+from armdyn.brief import brief
 from armdyn.errors import ProblemError
 from armdyn.optimal.task.effort import EFFORTS, Effort
 from armdyn.optimal.task.scheme import Control, DynamicsForm
@@ -31,6 +32,7 @@ class DirectOptions:
     barrier: float = 0.1
 
 
+@brief
 @dataclass(frozen=True, kw_only=True)
 class MinimumTimeOptions:
     """How `solve_minimum_time` goes about it.

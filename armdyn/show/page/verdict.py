@@ -52,6 +52,8 @@ def verdict_of(facts: Facts) -> Verdict:
         return _of_minimum_time(facts)
     if "arrival_rule" in facts:
         return _of_pid(facts)
+    if "optimal_duration" in facts:
+        return _of_planned(facts)
     if "peak_error" in facts:
         return _of_tracking(facts)
     return Verdict("none", "Not judged", "A motion without a result beside it: nothing of it was checked.")
@@ -78,6 +80,7 @@ def tiles_of(facts: Facts, duration: float) -> list[Tile]:
         if others:
             tiles.append(Tile("other optima met", str(len(others)), f"the next one takes {seconds(min(others))}"))
     for name, label, scale, unit, note in (
+        ("optimal_duration", "the fastest takes", 1.0, " s", ""),
         ("arrival_time", "arrived", 1.0, " s", ""),
         ("settling_time", "all joints settled", 1.0, " s", ""),
         ("settled_time", "settled", 1.0, " s", ""),
@@ -127,7 +130,7 @@ def _checks(facts: Facts) -> list[tuple[str, bool | None, str]]:
         (
             "keeps its limits",
             c.true("keeps_limits"),
-            "exceeds none" if not exceeded else f"exceeds one by {100 * exceeded:.2g} % of it",
+            "exceeds none" if not exceeded else f"exceeds none by more than {100 * exceeded:.2g} % of it",
         ),
     ]
     for condition in facts.parts("conditions"):
@@ -166,6 +169,21 @@ def _of_pid(facts: Facts) -> Verdict:
         checks.append(("stable at the goal", growth < 0, f"max Re λ = {growth:.4g} 1/s"))
     headline = "Did not arrive" if arrival is None else f"Arrived after {seconds(arrival)}"
     return Verdict("bad" if arrival is None else "good", headline, _sentence(facts.text("message")), tuple(checks))
+
+
+def _of_planned(facts: Facts) -> Verdict:
+    """Of another planner's motion, beside the fastest."""
+    ratio, end = facts.number("ratio"), facts.number("replay_error")
+    feasible, worst = facts.true("feasible"), facts.text("worst_violation")
+    checks: list[tuple[str, bool | None, str]] = [
+        ("keeps its limits", feasible, f"worst: {worst}" if worst else "none is exceeded"),
+        ("its torques lead to its end", None, "they diverge" if end is None else f"{_small(end)} beside it"),
+        ("the fastest is certified", facts.true("certified"), f"it takes {seconds(facts.number('optimal_duration'))}"),
+    ]
+    found = "no fastest motion was found" if ratio is None else f"takes {ratio:.4g} times as long as the fastest"
+    headline = f"{'Keeps' if feasible else 'Breaks'} its limits, {found}"
+    level: Level = "bad" if not feasible else "good" if facts.true("success") else "fair"
+    return Verdict(level, headline, _sentence(facts.text("message")), tuple(checks), tuple(facts.texts("what_to_do")))
 
 
 def _of_tracking(facts: Facts) -> Verdict:

@@ -1,5 +1,7 @@
 """What came of one controller on many arms."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -9,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arguments import number
+from armdyn.brief import brief
 from armdyn.control.tracking.envelope import Envelope
 from armdyn.control.tracking.run import Run
 from armdyn.errors import ProblemError
@@ -49,6 +52,7 @@ class SuccessRate:
         )
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class MonteCarlo:
     """What came of one controller on many arms.

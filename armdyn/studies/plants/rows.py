@@ -21,6 +21,7 @@ MAX_BYTES = 2**28
 """A file that is larger is none of ours [bytes]; a row has some six hundred."""
 
 _MOST = float(np.finfo(float).max)
+"""Stands for infinity, which JSON does not have."""
 _RUN = ("settled_time", "error_at_end", "peak_error", "peak_velocity", "saturated", "went_wrong")
 
 
@@ -57,7 +58,7 @@ class Row:
         """A run's."""
         facts: dict[str, Any] = run.summary()
         numbers = {name: facts[name] for name in _RUN}
-        overshoot = np.nan_to_num(run.overshoot, nan=_MOST, posinf=_MOST).tolist()  # JSON has no infinity: the largest number
+        overshoot = np.nan_to_num(run.overshoot, nan=_MOST, posinf=_MOST).tolist()
         return cls(k=k, draw=draw, status=facts["status"], overshoot=tuple(overshoot), **numbers)
 
     def line(self) -> bytes:

@@ -1,12 +1,16 @@
 """Controllers to choose from: numbers within bounds, and the controller that they make."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, flag, number, one_of, several, text
+from armdyn.brief import brief
 from armdyn.control.laws.computed_torque import ComputedTorque
 from armdyn.control.laws.lqr import Lqr
 from armdyn.control.laws.pid import Pid
@@ -53,6 +57,7 @@ class Parameter:
             raise ProblemError(f"{self.name} goes from {self.low:g} to {self.high:g}; the least comes first")
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class ControllerFamily:
     """Controllers that differ in some numbers.
@@ -91,7 +96,7 @@ class ControllerFamily:
         feedforward: bool = True,
         gravity: bool = False,
         shared: bool = True,
-    ) -> "ControllerFamily":
+    ) -> ControllerFamily:
         """PID controllers, see `Pid`.
 
         Bounds of the gains are those of a joint of inertia one; with the form "torque" they are multiplied by each
@@ -124,27 +129,29 @@ class ControllerFamily:
             )
 
         def controller(values: Values) -> Pid:
-            gains = {
-                name: tuple(values[name] * scale) if shared else tuple(values[f"{name}{i + 1}"] for i in range(nv))
-                for name in _PID
+            gains: dict[str, Any] = {
+                name: [values[f"{name}{i + 1}"] for i in range(nv)] if not shared else values[name] for name in _PID
             }
+            if shared and form == "torque":
+                gains = {name: tuple(gain * scale) for name, gain in gains.items()}
             return Pid(PidGains(**gains), form, feedforward, gravity)
 
         return cls(f"PID, {form}", chosen, controller)
 
     @classmethod
-    def computed_torque(cls) -> "ControllerFamily":
+    def computed_torque(cls) -> ControllerFamily:
         """Computed-torque controllers with an integral, see `ComputedTorque`."""
         chosen = (Parameter("bandwidth", 10.0, 200.0), Parameter("damping", 0.3, 3.0), Parameter("integral", 1.0, 1e6))
         return cls("computed torque", chosen, lambda x: ComputedTorque(x["bandwidth"], x["damping"], x["integral"]))
 
     @classmethod
-    def lqr(cls) -> "ControllerFamily":
+    def lqr(cls) -> ControllerFamily:
         """Linear-quadratic regulators, the same weights for all joints, see `Lqr`."""
         chosen = (Parameter("position", 0.002, 0.5), Parameter("velocity", 1e-4, 0.1), Parameter("integral", 0.1, 50.0))
         return cls("linear-quadratic", chosen, lambda x: Lqr(x["position"], x["velocity"], x["integral"]))
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Ramps:
     """References along `ramp`, whose duration is chosen, too, as the parameter "ramp".

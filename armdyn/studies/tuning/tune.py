@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arguments import expect, number, one_of, several, whole
+from armdyn.brief import brief
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop
 from armdyn.control.tracking.setup import Setup
@@ -77,6 +78,7 @@ class TuneOptions:
 _OPTIONS = TuneOptions()
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Tuned:
     """The best controller that a search has found.

@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -11,7 +12,6 @@ from armdyn.control.loop.ticks import Ticks
 from armdyn.models import urdf_from_spec
 from problems import POSES
 
-mujoco = pytest.importorskip("mujoco")
 UR5 = ([0, -1.57, 1.57, -1.57, -1.57, 0], [1, -0.9, 1, -1, -1.2, 0.5])
 SUBSTEPS = 10
 """Of MuJoCo's Runge-Kutta per tick: with twice as many the motions below move by less than 1e-7 rad."""

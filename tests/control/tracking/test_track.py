@@ -56,7 +56,7 @@ def test_the_compiled_loop_is_the_one_in_plain_python(references, name, controll
     # for plain Python's steps, which friction makes coarse; then they differ by some steps, more under a lively law.
     n = min(len(plain.q), ours.trajectory.t.size)
     apart = np.abs(plain.q[:n] - ours.trajectory.q[:n]).max(axis=1)
-    assert apart.max() < (30 * loop.encoder if loop.encoder else 1e-7)
+    assert apart.max() < (30 * loop.encoder if loop.encoder else 1e-6)  # a tick may be wrong by 1e-8
     assert apart[:10].max() < 1e-6  # before the first such reading, the tenth or later
 
 

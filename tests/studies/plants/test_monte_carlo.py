@@ -92,11 +92,11 @@ def test_another_question_is_refused(tmp_path):
     few = replace(SHORT, count=1)
 
     def ask(controller=None, plants=PLANTS, loop=NOISY, options=few, reference=reference, robot=robot):
-        return ad.monte_carlo(robot, reference, controller or ad.Lqr(), plants, loop, options, file)
+        return ad.monte_carlo(robot, reference, controller or ad.Lqr(position=0.05), plants, loop, options, file)
 
     ask()
     for other, message in (
-        ({"controller": ad.Lqr(position=0.1)}, "controller.position is 0.03 there and 0.1 here"),
+        ({"controller": ad.Lqr(position=0.1)}, "controller.position is 0.05 there and 0.1 here"),
         ({"controller": ad.Pid()}, 'controller.class is "Lqr" there and "Pid" here'),
         ({"plants": replace(PLANTS, seed=12)}, "plants.seed is 11 there and 12 here"),
         (
@@ -121,6 +121,21 @@ def test_a_row_that_was_changed_is_refused(tmp_path):
     file.write_text(file.read_text().replace(own, "1.0"))
     with pytest.raises(ResultError, match="row 1 is not of the arm that this seed draws"):
         study(file=file)
+
+
+def test_what_does_not_fit_is_refused_before_there_is_a_file(tmp_path):
+    robot, reference = ramped()
+    file = tmp_path / "rows.jsonl"
+    for given, message in (
+        ({"plants": 3}, "plants is 3; it must be a Plants"),
+        ({"options": 3}, "options is 3; it must be a MonteCarloOptions"),
+        ({"controller": 3}, "controller is 3"),
+        ({"robot": paper_arm("rr")}, "the reference has 1 joints; rr has 2"),
+        ({"robot": ad.Robot.from_spec(ad.ArmSpec.paper("r"))}, "the payload of r, which has none"),
+    ):
+        with pytest.raises(ProblemError, match=message):
+            ad.monte_carlo(**{"robot": robot, "reference": reference, "file": file, **given})
+    assert not file.exists()
 
 
 KILLED = """

@@ -1,6 +1,7 @@
 """The search: against a grid, the same with any number of threads, stopped, and the numbers that it is for."""
 
 import signal
+import time
 
 import numpy as np
 import pytest
@@ -69,11 +70,11 @@ def test_ctrl_c_gives_the_best_so_far():
 
 
 def test_a_time_limit_gives_the_best_so_far():
-    family = ad.ControllerFamily.pid(ROBOT, POSES["r"][1])
-    options = ad.TuneOptions(generations=5000, members=4, time_limit=0.5)
-    found = ad.tune(ROBOT, RAMP, family, ARMS[:1], options=options)
+    options = ad.TuneOptions(generations=5000, members=4, time_limit=1.0)
+    found = ad.tune(ROBOT, RAMP, STIFFNESS, ARMS[:1], options=options, progress=lambda text: time.sleep(1.0))
     assert found.status == "time_limit"
-    assert found.training.count == 1
+    assert found.message.startswith("time limit reached: 1 of 1 settle")
+    assert len(found.history) == 1
 
 
 def test_an_answer_keeps_to_the_overshoot_where_another_would_settle_sooner():

@@ -1,5 +1,7 @@
 """Limits of how fast the joints' torques change: current controllers, gears and structures bear no jumps."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Self
 
@@ -9,6 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import numbers
+from armdyn.brief import brief
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.per_joint import per_joint
@@ -25,6 +28,7 @@ _TOLERANCE = 1e-6
 """Of the limit, as a part of it. Torques are linear between knots, so that rows hold everywhere: IPOPT's, with room."""
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class TorqueRateLimit(Condition):
     """No joint's torque changes faster than this.

@@ -1,0 +1,111 @@
+"""Values that say in one line what they are: a `repr` that fits a notebook's cell, a log, a debugger's row.
+
+A dataclass with arrays would write all of their numbers. Nobody reads those, and they hide the rest.
+"""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Iterator
+from dataclasses import MISSING, fields, is_dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:
+    import numpy as np
+
+Class = TypeVar("Class", bound=type)
+
+MOST_LETTERS = 200
+"""Letters of a line."""
+_MOST_NUMBERS = 8
+"""Numbers of an array that are written; of a larger one its shape is."""
+_MOST_OF_A_NAME = 40
+_MOST_OF_A_VALUE = 60
+
+
+def brief(cls: Class) -> Class:
+    """Class decorator, above `@dataclass`: its `repr` is one line of at most `MOST_LETTERS` letters.
+
+    The line has the class's name and the fields that are not as by default: numbers to six digits, arrays of up to
+    eight numbers, of larger ones the shape, of long tuples the number of members. Where a class has a method
+    `_words`, which gives texts, these take the place of the fields: `<Robot 'panda': 7 joints, tip 'panda_hand_tcp'>`.
+    """
+    cls.__repr__ = line_of  # type: ignore[method-assign, assignment]  # @dataclass wrote one
+    return cls
+
+
+def line_of(value: Any) -> str:
+    """The line of a dataclass; see `brief`."""
+    kind = type(value).__name__
+    if hasattr(value, "_words"):
+        head, *rest = value._words()
+        return _joined(f"<{kind} {head}{': ' if rest else ''}", rest, ">")
+    return _joined(f"{kind}(", _given(value), ")")
+
+
+def called(name: object) -> str:
+    """A name in quotation marks, on one line whatever it has in it, and cut off where it is long."""
+    text = repr(str(name)[:_MOST_OF_A_NAME])  # repr writes line breaks and what cannot be printed as escapes
+    return _cut(text, _MOST_OF_A_NAME)
+
+
+def several_numbers(array: Any) -> str:
+    """An array's numbers to four digits, or its shape where they are many."""
+    import numpy as np
+
+    found: np.ndarray[Any, Any] = np.asarray(array)
+    if found.size > _MOST_NUMBERS or found.dtype.kind not in "iufc":
+        return f"array{found.shape}" if found.ndim else _cut(" ".join(repr(array).split()), _MOST_OF_A_VALUE)
+    if found.ndim > 1:
+        return f"[{', '.join(map(several_numbers, found))}]"
+    return f"[{', '.join(f'{x:.4g}' for x in found)}]" if found.ndim else f"{found:.6g}"
+
+
+def _joined(head: str, parts: list[str], end: str) -> str:
+    """Head, as many of the parts as there is room for, and the end."""
+    line = head
+    for i, part in enumerate(parts):
+        more = f"{', ' if i else ''}{part}"
+        if len(line) + len(more) + len(end) + 3 > MOST_LETTERS:  # 3: the comma and the sign that more follows
+            return f"{_cut(line, MOST_LETTERS - len(end) - 3)}{', ' if i else ''}…{end}"
+        line += more
+    return _cut(line, MOST_LETTERS - len(end)) + end
+
+
+def _given(value: Any) -> list[str]:
+    """The fields of a dataclass that are not as by default, as it is made."""
+    return [f"{field}={_short(content)}" for field, content in _changed(value)]
+
+
+def _changed(value: Any) -> Iterator[tuple[str, object]]:
+    for field in fields(value):
+        if not field.repr:
+            continue
+        content = getattr(value, field.name)
+        usual = field.default if field.default_factory is MISSING else None
+        plain = isinstance(content, str | int | float | tuple | None)
+        if not (plain and usual is not MISSING and type(content) is type(usual) and content == usual):
+            yield field.name, content
+
+
+def _short(content: object) -> str:
+    """A field's content in a few letters."""
+    if isinstance(content, float):
+        return f"{content:.6g}"
+    if isinstance(content, str):
+        return called(content) if type(content) is str else str(content)
+    if hasattr(content, "__array__"):
+        return several_numbers(content)
+    if is_dataclass(content) and not isinstance(content, type):
+        name = getattr(content, "name", None)
+        return f"{type(content).__name__}({called(name) if name and isinstance(name, str) else '…'})"
+    if isinstance(content, tuple | list) and len(content) > _MOST_NUMBERS:
+        return f"<{len(content)} of {type(content[0]).__name__}>"
+    if isinstance(content, tuple | list):
+        inside = ", ".join(map(_short, content))
+        return f"({inside})" if len(inside) < _MOST_OF_A_VALUE else f"<{len(content)} of {type(content[0]).__name__}>"
+    return _cut(" ".join(reprlib.repr(content).split()), _MOST_OF_A_VALUE)
+
+
+def _cut(text: str, most: int) -> str:
+    return text if len(text) <= most else f"{text[: most - 1]}…"

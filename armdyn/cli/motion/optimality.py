@@ -1,0 +1,149 @@
+"""The command that says how far any planner's motion is from the fastest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import armdyn as ad
+from armdyn.cli.console import INTERRUPTED, NOT_USABLE, answering, console, facts_table, working
+from armdyn.cli.motion.mintime import SolverOptions
+from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words, reserve_words
+from armdyn.cli.options.results import ResultOptions
+from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+from armdyn.errors import ProblemError
+
+_SUFFIXES = (".csv", ".tsv", ".txt", ".npz")
+"""Of motions: no robot's file has them."""
+
+MOTIONS = ("trajectory", "optimum")
+
+
+def optimality(
+    robot: RobotOptions,
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="The motion: a table with a first line such as t,q1,q2,v1,v2 (.csv), arrays t, q and perhaps v, a, "
+            "tau (.npz, toppra's names, too), or a trajectory.npz of armdyn.",
+        ),
+    ],
+    payload: PayloadOptions,
+    joints: FastJointOptions,
+    search: SolverOptions,
+    results: ResultOptions,
+) -> None:
+    """How much time a planner's motion leaves: beside the fastest between the same two states.
+
+    Says whether the motion keeps torque, velocity and position limits, how long each joint works on none of them, and
+    what the fastest motion takes. Torques that the file does not have come from inverse dynamics, velocities from a
+    cubic spline, accelerations from differences. Obstacles and a path that was to be kept are not looked at: the
+    fastest motion is free to go another way. --reserve is what the planner was to leave to feedback.
+    Exit code 3: the motion breaks a limit, or no fastest one was found to compare it with.
+
+    [dim]armdyn optimality panda planned.csv
+    armdyn optimality rr toppra.npz --payload 0.1006
+    armdyn optimality rr results/track-rr/trajectory.npz --effort quick[/]
+    """
+    json = results.output.json
+    with answering(json) as answer:
+        if robot.robot.lower().endswith(_SUFFIXES):
+            raise ProblemError(f"{robot.robot} stands where the robot belongs: armdyn optimality ROBOT FILE")
+        arm = joints.fit(robot.read(payload.carried()))
+        motion = _motion(arm, file)
+        folder = results.folder("optimality", robot.robot, MOTIONS)
+        with working(f"fastest motion of {arm.name}", json) as progress:
+            found = ad.time_optimality(arm, motion, search.options(), **joints.kept())
+            summary, solution = _facts(found), found.solution
+            motions = {"trajectory": replace(found.trajectory, name=file.stem)}
+            if solution.moves:
+                motions["optimum"] = replace(solution.trajectory, name="fastest")
+            title = f"{arm.name}: {_title(found)}"
+            written = results.write(folder, arm, motions, summary, title, tell=progress)
+        answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, **written.facts}
+        if solution.status is ad.Status.INTERRUPTED:
+            answer.code = INTERRUPTED
+        elif not summary["success"]:
+            answer.code = NOT_USABLE
+        if not json:
+            words = friction_words(arm) | reserve_words(solution.problem) | _words(found) | written.words
+            console.print(facts_table(f"{arm.name}: {file.name} beside the fastest motion", words))
+
+
+def _motion(robot: ad.Robot, file: Path) -> ad.Trajectory:
+    """The motion in a file; what it has not is computed.
+
+    Raises:
+        TrajectoryError: it cannot be read, or is of another robot.
+    """
+    from armdyn.trajectory.npz import is_own
+    from armdyn.trajectory.planned import read_planned
+
+    if is_own(file):
+        return ad.Trajectory.load(file)
+    planned = read_planned(file, robot.joint_names)
+    a = planned.accelerations() if planned.a is None and planned.tau is None else planned.a
+    motion = ad.trajectory_from_path(robot, planned.t, planned.q, planned.v, a, name=file.stem)
+    return motion if planned.tau is None else replace(motion, tau=planned.tau)
+
+
+def _facts(found: ad.TimeOptimality) -> dict[str, object]:
+    """For machines."""
+    import math
+
+    names, solution = found.solution.problem.robot.joint_names, found.solution
+    compared = solution.success
+    return {
+        "success": compared and found.feasible,
+        "status": "no_optimum" if not compared else "compared" if found.feasible else "limits_broken",
+        "message": str(found).splitlines()[0],
+        "duration": found.duration,
+        "optimal_duration": found.optimal_duration if compared else None,
+        "ratio": found.ratio if compared else None,
+        "certified": solution.certified,
+        "lower_bound": solution.lower_bound,
+        "feasible": found.feasible,
+        "worst_violation": None if found.worst_violation is None else str(found.worst_violation),
+        "replay_error": found.replay_error if math.isfinite(found.replay_error) else None,
+        "idle": {name: float(part) for name, part in zip(names, found.idle, strict=True)},
+        "what_to_do": list(solution.what_to_do),
+    }
+
+
+def _title(found: ad.TimeOptimality) -> str:
+    if not found.solution.success:
+        return f"{found.duration:.4f} s, no fastest motion found"
+    return f"{found.duration:.4f} s, the fastest takes {found.optimal_duration:.4f} s"
+
+
+def _words(found: ad.TimeOptimality) -> dict[str, str]:
+    """For people."""
+    solution = found.solution
+    names = solution.problem.robot.joint_names
+    words = {"the motion takes": f"{found.duration:.6f} s"}
+    if solution.success:
+        certified = "certified" if solution.certified else "not certified"
+        words["the fastest takes"] = f"{found.optimal_duration:.6f} s, {certified}"
+        words["it could be"] = _could(found)
+    else:
+        words["the fastest"] = f"was not found: {solution.message}"
+    worst = found.worst_violation
+    kept = "kept" if worst is None else f"{'kept to within 0.1 %' if found.feasible else 'BROKEN'}; worst: {worst}"
+    words["limits"] = kept
+    words["replayed torques end"] = f"{found.replay_error:.2g} rad or m from its end"
+    idle = [f"{name} {100 * part:.0f} %" for name, part in zip(names, found.idle, strict=True)]
+    words["on no limit"] = ", ".join(idle) + " of the time"
+    return words
+
+
+def _could(found: ad.TimeOptimality) -> str:
+    """How much faster it could be; a motion that is faster than the fastest breaks a limit, or starts a question."""
+    if found.gap >= 0:
+        saved = 100 * (1 - found.optimal_duration / found.duration)
+        return f"{1e3 * found.gap:.4g} ms faster: {saved:.3g} % less time"
+    broken = "it breaks a limit" if not found.feasible else "its limits are kept between samples only nearly, or better"
+    return f"no faster: it takes {-1e3 * found.gap:.4g} ms less than the fastest that was found: {broken}"

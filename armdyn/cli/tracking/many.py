@@ -1,0 +1,189 @@
+"""The command that has a controller move many arms, each other than its model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import typer
+
+import armdyn as ad
+from armdyn.arguments import number as checked
+from armdyn.cli.console import (
+    INTERRUPTED,
+    NOT_AS_REQUIRED,
+    NOT_USABLE,
+    answering,
+    console,
+    errors,
+    escape,
+    facts_table,
+    working,
+)
+from armdyn.cli.options.joints import FastJointOptions
+from armdyn.cli.options.poses import PoseOptions
+from armdyn.cli.options.results import NoFigure, OutputOptions
+from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+from armdyn.cli.options.text import numbers
+from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions
+from armdyn.cli.tracking.track import ReferenceOptions
+from armdyn.errors import ProblemError
+
+ROWS = "rows.jsonl"
+"""What the rows are called."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmsOptions:
+    """What the arms are drawn from; see `Plants`."""
+
+    panel: ClassVar[str] = "The arms that move, each number drawn from its range"
+
+    payload_range: Annotated[
+        str | None, typer.Option(metavar="A,B", help="Multiples of the model's payload. Default 0.8,1.2 if it has one.")
+    ] = None
+    friction_range: Annotated[str, typer.Option(metavar="A,B", help="Coulomb friction of a joint \\[N m].")] = "0,0"
+    damping_range: Annotated[str, typer.Option(metavar="A,B", help="Viscous friction of a joint \\[N m s/rad].")] = (
+        "0,0"
+    )
+    start_error: Annotated[
+        float, typer.Option(metavar="RAD", help="Greatest distance of a joint from the start \\[rad].")
+    ] = 0.0
+    arms_seed: Annotated[int, typer.Option(help="Of the draws: arm k of a seed is always the same.")] = 0
+
+    def plants(self, robot: ad.Robot) -> ad.Plants:
+        """The ranges, for a model.
+
+        Raises:
+            ProblemError: one is none.
+        """
+        carries = robot.payload is not None and robot.payload.mass > 0
+        load = self.payload_range or ("0.8,1.2" if carries else "1,1")
+        ranges = [
+            range_of(text, option)
+            for text, option in (
+                (load, "--payload-range"),
+                (self.friction_range, "--friction-range"),
+                (self.damping_range, "--damping-range"),
+            )
+        ]
+        return ad.Plants(
+            payload=ranges[0], coulomb=ranges[1], damping=ranges[2], start=self.start_error, seed=self.arms_seed
+        ).check(robot)
+
+
+def range_of(text: str, option: str) -> tuple[float, float]:
+    """Two numbers, the least and the greatest.
+
+    Raises:
+        ProblemError: it is another count.
+    """
+    ends = numbers(text, option)
+    if len(ends) != 2:
+        raise ProblemError(f"{option}: {text!r} has {len(ends)} numbers; give the least and the greatest")
+    return ends[0], ends[1]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CountOptions:
+    """How many arms, and what is asked of them."""
+
+    panel: ClassVar[str] = "Study"
+
+    count: Annotated[int, typer.Option(help="Arms.")] = 1000
+    within: Annotated[
+        float | None, typer.Option(metavar="S", help="That an arm has to settle \\[s]; by default --duration.")
+    ] = None
+    at_least: Annotated[
+        float | None, typer.Option(metavar="PART", help="Of the arms that must settle, or the exit code is 4.")
+    ] = None
+
+
+def monte_carlo(
+    poses: PoseOptions,
+    payload: PayloadOptions,
+    robot: RobotOptions,
+    joints: FastJointOptions,
+    reference: ReferenceOptions,
+    controller: ControllerOptions,
+    loop: LoopOptions,
+    arms: ArmsOptions,
+    study: CountOptions,
+    output: OutputOptions,
+    no_figure: NoFigure = False,
+) -> None:
+    """How often a controller settles on arms that differ from its model: payload, friction, where they stand.
+
+    Each arm is drawn at random and run as `track` runs one. Its row is on disk at once: the same command goes on
+    where it was stopped or killed, also with a greater --count. Exit code 0: done; 4: fewer settle than --at-least
+    asks for.
+
+    [dim]armdyn monte-carlo rrr --payload 0.1006 --reserve 0.1 --within 0.4
+    armdyn monte-carlo rrr --payload 0.1006 --ramp 0.5 --friction-range 0,0.06 --at-least 0.99[/]
+    """
+    with answering(output.json) as answer:
+        model = joints.fit(robot.read(payload.carried()))
+        law, joined, plants = controller.chosen(), loop.joined(), arms.plants(model)
+        options = ad.MonteCarloOptions(count=study.count, duration=reference.duration, tolerance=reference.tolerance)
+        within = reference.duration if study.within is None else checked(study.within, "--within", sign="positive")
+        drawn = [] if no_figure else ["envelope.png", "envelope.pdf"]
+        folder = output.folder("monte-carlo", robot.robot, [ROWS, "reference.npz", *drawn, "result.json"])
+
+        def ends() -> tuple[list[float], list[float]]:
+            return poses.start(model, robot.robot, "minimum_time"), poses.goal(model, robot.robot, "minimum_time")
+
+        with working(f"many arms like {model.name}", output.json) as progress:
+            asked = reference.motion(model, ends, joints.kept(), progress)
+            if isinstance(asked, ad.Solution):
+                answer.facts |= {"success": False, "status": str(asked.status), "message": asked.message}
+                answer.code = INTERRUPTED if asked.status is ad.Status.INTERRUPTED else NOT_USABLE
+                errors.print(f"no motion to follow: {escape(asked.message)}")
+                return
+            folder.mkdir(parents=True, exist_ok=True)
+            found = ad.monte_carlo(model, asked, law, plants, joined, options, folder / ROWS, progress)
+            if found.interrupted:
+                answer.interrupted()
+                answer.facts["message"] = f"interrupted; {len(found.rows)} rows are in {folder / ROWS}"
+                return
+            summary = {"success": True, "robot": model.name, "reference_duration": asked.duration}
+            summary |= found.summary(within)
+            progress("drawing the figure")
+            files = _write(folder, found, replace(asked, model_hash=model.model_hash), summary, figure=not no_figure)
+        answer.facts |= {**summary, "files": [str(file) for file in files]}
+        success = found.success(within)
+        answer.code = NOT_AS_REQUIRED if study.at_least is not None and success.rate < study.at_least else 0
+        if not output.json:
+            title = f"{model.name}: {options.count} arms with {controller.controller}"
+            console.print(facts_table(title, _words(found, within, asked) | {"results": str(folder)}))
+
+
+def _write(
+    folder: Path, found: ad.MonteCarlo, motion: ad.Trajectory, summary: dict[str, object], *, figure: bool
+) -> list[Path]:
+    """The reference, the figure and result.json, beside the rows."""
+    from armdyn.show.loops.envelopes import plot_envelope
+    from armdyn.show.plots import save_figure
+    from armdyn.show.results import save_result
+
+    files = [folder / ROWS, motion.save(folder / "reference.npz")]
+    if figure:
+        name = found.question.robot.name
+        drawn = plot_envelope(found.envelope(), f"{name}: {len(found.rows)} arms, {found.success().settled} settle")
+        files += [save_figure(drawn, folder / f"envelope.{suffix}") for suffix in ("png", "pdf")]
+    result = folder / "result.json"
+    names = [path.name for path in [*files, result]]
+    return [*files, save_result(result, found.question.robot, {**summary, "files": names})]
+
+
+def _words(found: ad.MonteCarlo, within: float, reference: ad.Trajectory) -> dict[str, str]:
+    """A study in words."""
+    times = [f"{time:.4f} s" if time < float("inf") else "never" for time in found.quantiles()]
+    parts = zip(times, ("median", "90 %", "99 %", "worst"), strict=True)
+    worst = found.worst
+    return {
+        "reference": f"{reference.duration:.4f} s",
+        f"settled within {within:g} s": str(found.success(within)),
+        "settled time": ", ".join(f"{time} ({part})" for time, part in parts),
+        "worst arm": f"{worst.k}, {worst.draw.payload:.4g} times the payload, {worst.status.replace('_', ' ')}",
+    }

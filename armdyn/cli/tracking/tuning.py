@@ -1,0 +1,155 @@
+"""The command that chooses a controller's gains on a set of arms."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+import typer
+
+import armdyn as ad
+from armdyn.arguments import one_of
+from armdyn.cli.console import INTERRUPTED, NOT_USABLE, answering, console, facts_table, working
+from armdyn.cli.options.joints import JointOptions
+from armdyn.cli.options.poses import PoseOptions
+from armdyn.cli.options.results import OutputOptions
+from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+from armdyn.cli.tracking.controllers import CONTROLLERS, LoopOptions
+from armdyn.cli.tracking.many import ArmsOptions, range_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class FamilyOptions:
+    """What is chosen; see `ControllerFamily` and `Ramps`."""
+
+    panel: ClassVar[str] = "What is chosen"
+
+    controller: Annotated[str, typer.Option(metavar="NAME", help="pid, computed-torque or lqr.")] = "pid"
+    form: Annotated[str, typer.Option(metavar="FORM", help="Of pid: computed_torque, torque or acceleration.")] = (
+        "computed_torque"
+    )
+    per_joint: Annotated[
+        bool, typer.Option("--per-joint", help="Of pid: gains of each joint, which take a longer search.")
+    ] = False
+    ramp_range: Annotated[str, typer.Option(metavar="A,B", help="Duration of the quintic ramp \\[s].")] = "0.1,1.0"
+
+    def family(self, robot: ad.Robot, q_goal: list[float]) -> ad.ControllerFamily:
+        """The controllers to choose from.
+
+        Raises:
+            ProblemError: unknown, or it does not fit the robot.
+        """
+        one_of(self.controller, CONTROLLERS, "--controller")
+        if self.controller == "lqr":
+            return ad.ControllerFamily.lqr()
+        if self.controller == "computed-torque":
+            return ad.ControllerFamily.computed_torque()
+        form: Any = self.form
+        return ad.ControllerFamily.pid(robot, q_goal, form=form, shared=not self.per_joint)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchOptions:
+    """What is made small, and how long it is searched; see `TuneOptions`."""
+
+    panel: ClassVar[str] = "Search"
+
+    index: Annotated[str, typer.Option(metavar="NAME", help="settled, itae or ise: of the worst arm.")] = "settled"
+    overshoot: Annotated[
+        float, typer.Option(metavar="PART", help="Past the goal at most, of the largest travel of a joint.")
+    ] = 0.05
+    duration: Annotated[float, typer.Option(metavar="S", help="How long each arm is watched \\[s].")] = 1.5
+    tolerance: Annotated[float, typer.Option(metavar="RAD", help="From the goal, to be settled \\[rad].")] = 0.005
+    members: Annotated[int, typer.Option(help="Controllers per generation and parameter.")] = 8
+    generations: Annotated[int, typer.Option(help="Most of them.")] = 60
+    time_limit: Annotated[float, typer.Option(metavar="S", help="Of the search \\[s].")] = 300.0
+    search_seed: Annotated[int, typer.Option(help="Of the search.")] = 0
+    held_out: Annotated[int, typer.Option(metavar="N", help="Random arms on which only the answer is run.")] = 100
+
+    def options(self) -> ad.TuneOptions:
+        """The same for the search.
+
+        Raises:
+            ProblemError: something is out of range or unknown.
+        """
+        index: Any = self.index
+        return ad.TuneOptions(
+            index=index, overshoot=self.overshoot, duration=self.duration, tolerance=self.tolerance,
+            members=self.members, generations=self.generations, time_limit=self.time_limit, seed=self.search_seed,
+        )  # fmt: skip
+
+
+def tune(
+    poses: PoseOptions,
+    payload: PayloadOptions,
+    robot: RobotOptions,
+    joints: JointOptions,
+    family: FamilyOptions,
+    search: SearchOptions,
+    loop: LoopOptions,
+    arms: ArmsOptions,
+    output: OutputOptions,
+) -> None:
+    """The gains, and the ramp, with which the worst of some arms settles soonest in the loop as it is built.
+
+    They are chosen on the corners of the ranges, three payloads with the least and the greatest friction, and
+    then tried on random arms. Ctrl-C gives the best so far. Exit code 0: all arms that they were chosen on settle;
+    3: some do not.
+
+    [dim]armdyn tune rr --payload 0.1006 --friction-range 0,0.06 --damping-range 0,0.003
+    armdyn tune rrr --payload 0.1006 --ramp-range 0.2,0.6 --controller computed-torque[/]
+    """
+    with answering(output.json) as answer:
+        model = joints.fit(robot.read(payload.carried()))
+        start, goal = (read(model, robot.robot, "minimum_time") for read in (poses.start, poses.goal))
+        plants, options = arms.plants(model), search.options()
+        folder = output.folder("tune", robot.robot, ["reference.npz", "result.json"])
+        folder.mkdir(parents=True, exist_ok=True)
+        with working(f"tuning {family.controller} for {model.name}", output.json) as progress:
+            found = ad.tune(
+                model, ad.Ramps(start, goal, range_of(family.ramp_range, "--ramp-range")), family.family(model, goal),
+                plants.corners(model), plants.arms(model, search.held_out), loop.joined(), options, progress,
+            )  # fmt: skip
+        summary = _summary(found)
+        files = _write(folder, model, found, summary)
+        answer.facts |= {**summary, "files": [str(file) for file in files]}
+        answer.code = 0 if found.training.settled == found.training.count else NOT_USABLE
+        if found.status == "interrupted":
+            answer.code = INTERRUPTED
+        if not output.json:
+            told = {
+                "status": found.message.partition(":")[0],
+                "chosen": ", ".join(f"{name} {value:.5g}" for name, value in found.values.items()),
+                "chosen on": str(found.training),
+                "held out": "-" if found.held_out is None else str(found.held_out),
+                "controllers run": str(found.evaluations),
+                "results": str(folder),
+            }
+            console.print(facts_table(f"{model.name}: {family.controller}, tuned", told))
+
+
+def _summary(found: ad.Tuned) -> dict[str, object]:
+    """For machines; what is infinite is None."""
+    worths = {}
+    for name, one in (("training", found.training), ("held_out", found.held_out)):
+        facts = None if one is None else asdict(one)
+        worths[name] = facts and {key: value if value < float("inf") else None for key, value in facts.items()}
+    return {
+        "success": found.training.settled == found.training.count,
+        "status": found.status,
+        "message": found.message,
+        "controller": repr(found.controller),
+        "values": found.values,
+        "evaluations": found.evaluations,
+        **worths,
+    }
+
+
+def _write(folder: Path, model: ad.Robot, found: ad.Tuned, summary: dict[str, object]) -> list[Path]:
+    """The reference and result.json."""
+    from armdyn.show.results import save_result
+
+    motion = replace(found.reference, model_hash=model.model_hash).save(folder / "reference.npz")
+    result = folder / "result.json"
+    return [motion, save_result(result, model, {**summary, "files": [motion.name, result.name]})]

@@ -1,0 +1,13 @@
+"""The panels of help, in their order."""
+
+TASK, ROBOT, LIMITS, SCENE, SOLVER, OUTPUT = "Task", "Robot", "Limits", "Scene", "Solver", "Output"
+
+_LAST = (SOLVER, OUTPUT)
+_FIRST = (TASK, ROBOT, LIMITS, SCENE)
+
+
+def place(panel: str) -> int:
+    """Where a panel stands: the task first, the output last, what a command has besides between."""
+    if panel in _FIRST:
+        return _FIRST.index(panel)
+    return len(_FIRST) + 1 + _LAST.index(panel) if panel in _LAST else len(_FIRST)

@@ -1,0 +1,118 @@
+"""Poses that have a name: those of an SRDF that lies by the URDF, and those of a table.
+
+SRDF, MoveIt's semantic description, has them as `<group_state name="home" group="arm"><joint name=… value=…/>…`:
+http://wiki.ros.org/srdf. It comes from a stranger as the URDF does, and is read within the same bounds.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.arguments import shown, text
+from armdyn.errors import ArmdynError, SpecError, did_you_mean
+from armdyn.models.reading.urdf_xml import parse_xml, read_urdf, to_number
+
+if TYPE_CHECKING:
+    from armdyn.models.robots.arm import Arm
+
+Array = NDArray[np.float64]
+
+_FOLDERS = (".", "../srdf", "../config")
+"""Where an SRDF is, seen from the URDF: beside it, or as example-robot-data and MoveIt's packages have it."""
+_MOST_FILES = 20
+_MOST_POSES = 200
+_LOOKED_AT = 1000
+"""Entries of a folder that are looked at."""
+
+_UR = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint", "wrist_3_joint")
+_PANDA = tuple(f"panda_joint{i}" for i in range(1, 8))
+_HALF = math.pi / 2
+
+TABLE: tuple[tuple[tuple[str, ...], dict[str, tuple[float, ...]]], ...] = (
+    (_UR, {"home": (0, -_HALF, 0, 0, 0, 0), "up": (0, -_HALF, 0, -_HALF, 0, 0)}),
+    (_PANDA, {"ready": (0, -_HALF / 2, 0, -3 * _HALF / 2, 0, _HALF, _HALF / 2)}),
+)
+"""Joints of an arm, and its poses [rad]: Universal Robots' are those of ur_moveit_config, Panda's of MoveIt's SRDF."""
+
+
+def named_poses(robot: Arm) -> dict[str, Array]:
+    """The poses of a robot that have a name, each of shape (nv,) [rad or m].
+
+    "zero" is all joints at zero, where the limits allow it. Of an SRDF's poses those count that say where every moving
+    joint is; a file that cannot be read has none.
+    """
+    poses = {}
+    limits, zero = robot.limits, np.zeros(robot.nv)
+    if np.all((limits.position_lower <= 0) & (limits.position_upper >= 0)):
+        poses["zero"] = zero
+    for joints, table in TABLE:
+        if robot.joint_names == joints:
+            poses |= {name: np.array(q, dtype=float) for name, q in table.items()}
+    for path in _files(robot):
+        poses |= _of_file(path, robot)
+    return poses
+
+
+def pose_named(robot: Arm, name: str) -> Array:
+    """The pose of a name; see `named_poses`.
+
+    Raises:
+        SpecError: the robot has none of that name.
+    """
+    poses = named_poses(robot)
+    text(name, "name of a pose", error=SpecError)
+    if name not in poses:
+        known = ", ".join(poses) or "none: no SRDF is by its URDF"
+        raise SpecError(f"{robot.name} has no pose {shown(name)}{did_you_mean(name, poses)}; known: {known}")
+    return poses[name]
+
+
+def _files(robot: Arm) -> list[Path]:
+    """The SRDFs that may be of a robot's URDF: those of its name, or that name it."""
+    if not robot.urdf or not os.path.isfile(robot.source):  # noqa: PTH113  # False of what is no path, such as a text
+        return []
+    file = Path(robot.source)
+    found: list[Path] = []
+    for folder in _FOLDERS:
+        try:
+            entries = islice(os.scandir(file.parent / folder), _LOOKED_AT)
+            found += sorted(Path(entry.path) for entry in entries if entry.name.endswith(".srdf"))
+        except OSError:  # there is no such folder
+            continue
+    own = [path for path in found if path.stem == file.stem]
+    return [*[path for path in found if path not in own][: _MOST_FILES - len(own)], *own]  # its own has the last word
+
+
+def _of_file(path: Path, robot: Arm) -> dict[str, Array]:
+    """The poses of a file that are of the robot."""
+    try:
+        root = parse_xml(read_urdf(path), str(path))
+    except ArmdynError:  # it was not asked for; a robot is none the worse for a bad file beside it
+        return {}
+    if root.tag != "robot" or (root.get("name") != robot.model.name and path.stem != Path(robot.source).stem):
+        return {}
+    poses = {}
+    for state in islice(root.iterfind("group_state"), _MOST_POSES):
+        name = state.get("name") or ""
+        q = _positions(state, robot.joint_names)
+        if q is not None and name.isprintable() and 0 < len(name) <= 80:
+            poses[name] = q
+    return poses
+
+
+def _positions(state: Element, joints: tuple[str, ...]) -> Array | None:
+    """The positions of all joints, None if one is missing or is no number."""
+    said = {joint.get("name"): joint.get("value", "") for joint in state.iterfind("joint")}
+    try:
+        q = np.array([to_number(said[name]) for name in joints])
+    except (KeyError, ValueError):
+        return None
+    return q if np.all(np.isfinite(q)) else None

@@ -1,0 +1,76 @@
+"""A solution in sentences."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from armdyn.optimal.proof.certificate import percent
+
+if TYPE_CHECKING:
+    from armdyn.optimal.answer.solution import Solution
+
+_MOST_LIMITS = 3
+"""That are named as deciding the time."""
+
+
+def verdict(solution: Solution) -> str:
+    """What can be said for a motion's optimality, in a few words."""
+    if not solution.usable:
+        return "not usable"
+    gap = solution.gap if solution.gap_proven else None
+    if solution.certificate.extremal:
+        return "certified"
+    above = "" if gap is None else f"gap {percent(max(gap, 0.0))}"
+    return ", ".join(filter(None, ("certified" if solution.certified else "not certified", above)))
+
+
+def paragraph(solution: Solution) -> str:
+    """A solution for who prints it: duration, verdict, what decides the time, the bound, how it was found."""
+    said = [_found(solution), _checked(solution), _decided(solution), _bounded(solution)]
+    if solution.local_optima:
+        others = len(solution.local_optima)
+        said.append(f"{others} other optim{'a were' if others > 1 else 'um was'} met.")
+    said.append(f"It was solved in {solution.solve_time:.1f} s, {solution.iterations} iterations.")
+    said += [f"What you can do: {line}." for line in solution.what_to_do]
+    return " ".join(filter(None, said))
+
+
+def _found(solution: Solution) -> str:
+    robot = solution.problem.robot
+    name, joints = " ".join(robot.name.split()), f"{robot.nv} joint{'s' if robot.nv > 1 else ''}"
+    if not solution.moves:
+        return f"No motion was found for {name}, {joints}: {solution.message}."
+    return f"The fastest motion found for {name}, {joints}, takes {solution.duration:.6f} s."
+
+
+def _checked(solution: Solution) -> str:
+    certificate = solution.certificate
+    if not solution.moves:
+        return ""
+    if not solution.usable:
+        return f"It is not usable: {solution.message}."
+    ends = f"its torques, replayed, end {certificate.goal_error:.1e} rad or m from the goal"
+    if solution.certified:
+        why = "Pontryagin's conditions hold along it" if certificate.extremal else "a proven bound is as near"
+        return f"It is usable and certified: {ends}, and {why}."
+    return f"It is usable, but not certified: {ends}; {'; '.join(certificate.reasons)}."
+
+
+def _decided(solution: Solution) -> str:
+    """What decides the time, and what a change is worth; empty where that is not known."""
+    if not solution.decides or not solution.usable:
+        return ""
+    most = solution.decides[0]
+    shares = ", ".join(f"{one.name} ({100 * one.part:.3g} %)" for one in solution.decides[:_MOST_LIMITS])
+    saved = f"1 % more of the first would save {10 * most.part * solution.duration:.3g} ms"
+    return f"Its time is decided by {shares}; {saved}."
+
+
+def _bounded(solution: Solution) -> str:
+    """The bound that no motion beats; empty without one."""
+    if solution.gap is None or not solution.moves:
+        return ""
+    bound = f"No motion is faster than {solution.lower_bound:.6f} s"
+    if not solution.gap_proven:
+        return f"{bound}."
+    return f"{bound}: this one is at most {percent(max(solution.gap, 0.0))} above that."

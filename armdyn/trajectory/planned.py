@@ -1,0 +1,226 @@
+"""Motions as planners leave them on disk: a table with a head, or an npz of arrays.
+
+Nothing of a file is executed, and its size is bounded.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import re
+import zipfile
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.arguments import path as path_of
+from armdyn.arguments import shown
+from armdyn.brief import brief
+from armdyn.errors import FileError, TrajectoryError
+from armdyn.files import read_bounded
+from armdyn.trajectory import npz
+
+Array = NDArray[np.float64]
+
+MAX_BYTES = 64 * 2**20
+"""A larger table is refused [bytes]: half a million rows of seven joints' q, v and tau."""
+
+_NAMES = {
+    "t": "t ts time times time_from_start t_sample ts_sample timestamp stamp",
+    "q": "q qs pos position positions joint_position joint_positions q_sample qs_sample",
+    "v": "v vs qd qds dq qdot vel velocity velocities joint_velocity joint_velocities qd_sample qds_sample",
+    "a": "a qdd qdds ddq qddot acc acceleration accelerations joint_accelerations qdd_sample qdds_sample",
+    "tau": "tau taus effort efforts torque torques u",
+}
+"""What planners call time, positions, velocities, accelerations, torques; toppra's examples have ts_sample."""
+
+_MEANS = {word: what for what, words in _NAMES.items() for word in words.split()}
+_HEAD = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
+_COLUMN = re.compile(r"(?P<what>[a-z_]+?)[_\[./ ]*(?P<number>\d+)\]?")
+
+
+@brief
+@dataclass(frozen=True, eq=False)
+class Planned:
+    """What a file has of a motion; None where it has nothing.
+
+    Attributes:
+        t: times [s], shape (n,).
+        q: joint positions [rad or m], shape (n, nv).
+        v: joint velocities [rad/s or m/s], shape (n, nv).
+        a: joint accelerations [rad/s² or m/s²], shape (n, nv).
+        tau: joint torques [N m or N], shape (n, nv).
+    """
+
+    t: Array
+    q: Array
+    v: Array | None = None
+    a: Array | None = None
+    tau: Array | None = None
+
+    def accelerations(self) -> Array:
+        """Accelerations [rad/s² or m/s²], shape (n, nv), by differences of what there is.
+
+        Each is a mean of the accelerations between the samples around it: where those jump, as a planner's do that goes
+        from limit to limit, it is between them, and a spline would be beyond.
+
+        Raises:
+            TrajectoryError: there are fewer than three samples, or times do not increase.
+        """
+        if self.t.ndim != 1 or self.t.size < 3 or not np.all(np.diff(self.t) > 0):
+            raise TrajectoryError(f"t must be at least three increasing times [s], got shape {self.t.shape}")
+        if self.v is not None:
+            return np.asarray(np.gradient(self.v, self.t, axis=0))
+        steps = np.diff(self.t)[:, None]
+        inside = np.diff(np.diff(self.q, axis=0) / steps, axis=0) / ((steps[1:] + steps[:-1]) / 2)
+        return np.concatenate([inside[:1], inside, inside[-1:]])
+
+
+def read_planned(path: str | os.PathLike[str], joint_names: Sequence[str]) -> Planned:
+    """What a file has of a motion.
+
+    A table's first line names its columns: the time, and q, v, a, tau of each joint, such as `t,q1,q2,v1,v2`,
+    `time,position_elbow,…`, or the joints' own names for their positions. A unit may stand behind a name in brackets;
+    degrees are turned to radians. Where names have joints in them, columns may come in any order. An npz has arrays t
+    and q, and may have v, a, tau, each of shape (n,) or (n, nv), by these names or toppra's.
+
+    Args:
+        path: of a file .csv, .tsv or .txt; or .npz.
+        joint_names: of the robot, in its order.
+
+    Raises:
+        TrajectoryError: it cannot be read, has no times or positions, or a joint is missing.
+    """
+    file = Path(path_of(path, "path of a motion", error=TrajectoryError))
+    try:
+        found = _arrays(file) if file.suffix.lower() == ".npz" else _columns(file, joint_names)
+    except FileError as error:
+        raise TrajectoryError(str(error)) from None
+    missing = [what for what in ("t", "q") if what not in found]
+    if missing:
+        raise TrajectoryError(f"{file}: there is no {' and no '.join(missing)}; {_usage()}")
+    return Planned(**found)
+
+
+def _usage() -> str:
+    return "a table's first line is such as t,q1,q2,v1,v2; an npz has arrays t and q, and may have v, a, tau"
+
+
+def _arrays(file: Path) -> dict[str, Array]:
+    """The arrays of an npz that mean something."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(read_bounded(file, npz.MAX_BYTES))) as members:
+            bare = [name.removesuffix(".npy") for name in members.namelist()]
+            names = {name: _MEANS.get(name.lower()) for name in bare}
+            given = [what for what in names.values() if what]
+            if len(given) != len(set(given)):
+                raise TrajectoryError(f"two arrays are {next(what for what in given if given.count(what) > 1)}")
+            if sum(info.file_size for info in members.infolist()) > npz.MAX_BYTES:
+                raise TrajectoryError(f"larger than {npz.MAX_BYTES} bytes")
+            found = {what: npz.numbers_of(members, name) for name, what in names.items() if what}
+    except FileError:
+        raise
+    except TrajectoryError as error:
+        raise TrajectoryError(f"{file}: {error}") from None
+    except Exception as error:  # a damaged file sets off all that zipfile, zlib and numpy can raise
+        raise TrajectoryError(f"{file}: not a readable npz ({str(error)[:200]})") from None
+    for what, array in found.items():
+        if array.ndim == 1 and what != "t":
+            found[what] = array[:, None]
+        elif array.ndim == 2 and what == "t" and 1 in array.shape:
+            found[what] = array.ravel()
+    return found
+
+
+def _columns(file: Path, joint_names: Sequence[str]) -> dict[str, Array]:
+    """The columns of a table, by what they are."""
+    try:
+        text = read_bounded(file, MAX_BYTES).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise TrajectoryError(f"{file}: not UTF-8 (byte {error.start}); {_usage()}") from None
+    head, _, _ = text.lstrip().partition("\n")
+    between = max(",;\t", key=head.count)
+    try:
+        rows = [(number, row) for number, row in enumerate(csv.reader(io.StringIO(text), delimiter=between), 1) if row]
+    except csv.Error as error:
+        raise TrajectoryError(f"{file}: no table ({error}); {_usage()}") from None
+    if len(rows) < 2:
+        raise TrajectoryError(f"{file}: no rows; {_usage()}")
+    names = [name.lstrip("# ") for name in rows[0][1]]
+    try:
+        [float(name) for name in names]
+    except ValueError:
+        pass
+    else:
+        raise TrajectoryError(f"{file}: its first line is numbers; {_usage()}")
+    table = _numbers(file, rows[1:], len(names))
+    return _sorted(file, names, table, joint_names)
+
+
+def _numbers(file: Path, rows: Iterable[tuple[int, list[str]]], width: int) -> Array:
+    """The rows as numbers, shape (n, width)."""
+    values = []
+    for number, row in rows:
+        if len(row) != width:
+            raise TrajectoryError(f"{file}, line {number}: {len(row)} values; the first line names {width}")
+        try:
+            values.append([float(value) for value in row])
+        except ValueError:
+            bad = next(value for value in row if not _is_number(value))
+            raise TrajectoryError(f"{file}, line {number}: {shown(bad)} is not a number") from None
+    return np.array(values)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _sorted(file: Path, names: Sequence[str], table: Array, joints: Sequence[str]) -> dict[str, Array]:
+    """The columns of each kind in the robot's order; columns that mean nothing are left out."""
+    found: dict[str, dict[int, Array]] = {}
+    for k, name in enumerate(names):
+        match = _HEAD.fullmatch(name)
+        bare, unit = (match["name"], match["unit"] or "") if match else (name, "")
+        what, joint = _meaning(f"{bare}_{unit}" if unit.isdigit() else bare, joints)  # q[0] is q_0
+        if what is None:
+            continue
+        if joint in found.setdefault(what, {}):
+            raise TrajectoryError(f"{file}: column {shown(name)} is there twice")
+        found[what][joint] = np.deg2rad(table[:, k]) if "deg" in unit or "°" in unit else table[:, k]
+    return {what: _stacked(file, what, columns, joints) for what, columns in found.items()}
+
+
+def _meaning(name: str, joints: Sequence[str]) -> tuple[str | None, int]:
+    """What a column is, and of which joint, or the number that it has."""
+    if name in joints:
+        return "q", list(joints).index(name)
+    if _MEANS.get(name.lower()) == "t":
+        return "t", 0
+    for i, joint in sorted(enumerate(joints), key=lambda each: -len(each[1])):  # the longest of names that end alike
+        if name.endswith(joint) and (what := _MEANS.get(name.removesuffix(joint).rstrip("_./ ").lower())):
+            return what, i
+        if name.startswith(joint) and (what := _MEANS.get(name.removeprefix(joint).lstrip("_./ ").lower())):
+            return what, i
+    match = _COLUMN.fullmatch(name.lower())
+    what = _MEANS.get(match["what"].rstrip("_")) if match else _MEANS.get(name.lower())
+    return (what, int(match["number"]) if match else 0) if what != "t" else (None, 0)
+
+
+def _stacked(file: Path, what: str, columns: Mapping[int, Array], joints: Sequence[str]) -> Array:
+    """The columns of one kind, shape (n, nv); of the time (n,)."""
+    if what == "t":
+        return columns[0]
+    first = min(columns)
+    if sorted(columns) != list(range(first, first + len(joints))) or first > 1:
+        raise TrajectoryError(
+            f"{file}: {len(columns)} columns are {what}, of {len(joints)} joints: {', '.join(joints)}; {_usage()}"
+        )
+    return np.column_stack([columns[i] for i in sorted(columns)])

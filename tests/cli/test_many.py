@@ -1,0 +1,106 @@
+"""`armdyn monte-carlo` and `armdyn tune`: what they write, how they go on, how they end."""
+
+import json
+import signal
+import subprocess
+import time
+
+import pytest
+
+import armdyn as ad
+from cli.command import COMMAND, answer, run_here
+
+ARM = ("r", "--payload", "0.1006")
+MANY = ("monte-carlo", *ARM, "--ramp", "0.3", "--duration", "0.6", "--friction-range", "0,0.06")
+TUNE = ("tune", *ARM, "--ramp-range", "0.2,0.5", "--generations", "2", "--members", "4", "--held-out", "3")
+
+
+def many(folder, *more, code=0):
+    return answer(run_here(*MANY, "--json", "--out", folder, *more), code)
+
+
+def test_a_study_is_written_and_gone_on_with(tmp_path):
+    told = many(tmp_path, "--count", 8, "--within", 0.5)
+    assert told["success"] is True
+    assert (told["count"], told["within"]) == (8, 0.5)
+    assert told["success_rate_low"] < told["success_rate"] <= told["success_rate_high"]
+    names = ["rows.jsonl", "reference.npz", "envelope.png", "envelope.pdf", "result.json"]
+    assert [file.name for file in map(tmp_path.joinpath, names) if file.exists()] == names
+    assert told["files"] == [str(tmp_path / name) for name in names]
+    assert json.loads((tmp_path / "result.json").read_text())["settled"] == told["settled"]
+    assert ad.Trajectory.load(tmp_path / "reference.npz").duration == pytest.approx(0.3)
+    before = (tmp_path / "rows.jsonl").read_bytes()
+    assert many(tmp_path, "--count", 10, "--no-figure")["count"] == 10
+    after = (tmp_path / "rows.jsonl").read_bytes()
+    assert after.startswith(before)
+    assert len(after.splitlines()) == 11
+
+
+def test_another_question_is_bad_input(tmp_path):
+    many(tmp_path, "--count", 2, "--no-figure")
+    told = many(tmp_path, "--count", 2, "--no-figure", "--arms-seed", 1, code=2)
+    assert "plants.seed is 0 there and 1 here" in told["message"]
+
+
+def test_fewer_than_are_required_have_an_exit_code(tmp_path):
+    more = ("--count", 3, "--no-figure", "--within", "0.001")
+    assert many(tmp_path, *more, "--at-least", "0.5", code=4)["settled"] == 0
+    assert many(tmp_path, *more)["settled"] == 0
+
+
+def test_people_are_told_how_many_settle(tmp_path):
+    done = run_here(*MANY, "--out", tmp_path, "--count", 4, "--no-figure")
+    assert done.returncode == 0
+    words = " ".join(done.stdout.split())
+    assert "r: 4 arms with lqr" in words
+    assert "settled within 0.6 s" in words
+    assert "95 % interval" in words
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        (("--friction-range", "1"), "--friction-range: '1' has 1 numbers; give the least and the greatest"),
+        (("--payload-range", "1.2,0.8"), "payload goes from 1.2 to 0.8 times its mass; the least comes first"),
+        (("--count", "0"), "count is 0; it must be at least 1"),
+        (("--within", "-1"), "--within is -1.0; it must be positive and finite"),
+    ],
+)
+def test_ranges_that_are_none_are_bad_input(tmp_path, more, message):
+    assert message in many(tmp_path, *more, code=2)["message"]
+
+
+def test_ctrl_c_keeps_the_rows(tmp_path):
+    command = [*COMMAND, *MANY, "--count", "100000", "--out", str(tmp_path)]
+    study = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    rows, until = tmp_path / "rows.jsonl", time.monotonic() + 120
+    while not (rows.exists() and rows.read_bytes().count(b"\n") > 5):
+        assert study.poll() is None and time.monotonic() < until
+        time.sleep(0.01)
+    study.send_signal(signal.SIGINT)
+    _, told = study.communicate(timeout=60)
+    assert study.returncode == 130
+    count = rows.read_bytes().count(b"\n") - 1
+    assert f"interrupted; {count} rows are in" in " ".join(told.split())
+    assert many(tmp_path, "--count", count, "--no-figure")["count"] == count
+
+
+def test_tune_writes_what_it_has_chosen(tmp_path):
+    told = answer(run_here(*TUNE, "--friction-range", "0,0.06", "--json", "--out", tmp_path))
+    assert told["success"] is True
+    assert set(told["values"]) == {"kp", "ki", "kd", "ramp"}
+    assert (told["training"]["count"], told["held_out"]["count"]) == (6, 3)
+    assert told["controller"].startswith("Pid(gains=PidGains(kp=")
+    motion = ad.Trajectory.load(tmp_path / "reference.npz")
+    assert motion.duration == pytest.approx(told["values"]["ramp"])
+    assert json.loads((tmp_path / "result.json").read_text())["values"] == told["values"]
+
+
+def test_tune_tells_people_and_has_an_exit_code_where_arms_do_not_settle(tmp_path):
+    done = run_here(*TUNE, "--controller", "computed-torque", "--out", tmp_path, "--duration", "0.6")
+    words = " ".join(done.stdout.split())
+    assert "r: computed-torque, tuned" in words
+    assert "bandwidth" in words
+    unsettled = run_here(*TUNE, "--tolerance", "1e-9", "--out", tmp_path, "--json")
+    assert answer(unsettled, 3)["training"]["settled_time"] is None
+    assert "--controller is 'best'" in answer(run_here(*TUNE, "--controller", "best", "--json"), 2)["message"]

@@ -1,0 +1,86 @@
+"""Any planner's motion beside the fastest, from its file."""
+
+import json
+
+import numpy as np
+import pytest
+
+import armdyn as ad
+from cli.command import answer, run_here
+
+QUICK = ("--effort", "quick", "--no-report", "--no-figure", "--json")
+
+
+@pytest.fixture(scope="module")
+def rr():
+    return ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
+
+
+@pytest.fixture(scope="module")
+def motion(rr):
+    """A quintic ramp, whose positions, velocities and torques are known in closed form."""
+    return ad.ramp(rr, [-1.5, 0.1], [0.2, -0.1], 0.6)
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def files(motion, here):
+    """The same motion as four planners would leave it."""
+    t, q, v = motion.t, motion.q, motion.v
+    np.savez(here / "toppra.npz", ts_sample=t, qs_sample=q, qds_sample=v)
+    np.savetxt(here / "plain.csv", np.column_stack([t, q]), delimiter=",", header="t,q1,q2")
+    degrees = np.column_stack([t, np.rad2deg(q[:, ::-1])])
+    np.savetxt(here / "degrees.csv", degrees, delimiter=";", header="time;joint2 [deg];joint1 [deg]")
+    motion.save(here / "own.npz")
+    return ["toppra.npz", "plain.csv", "degrees.csv", "own.npz"]
+
+
+@pytest.mark.slow
+def test_every_format_of_a_motion_has_one_answer(motion, here, rr):
+    told = [answer(run_here("optimality", "rr", name, *QUICK)) for name in files(motion, here)]
+    api = ad.time_optimality(rr, motion, ad.MinimumTimeOptions(effort="quick"))
+    for facts in told:
+        assert facts["success"] and facts["status"] == "compared" and facts["certified"] and facts["feasible"]
+        assert facts["duration"] == pytest.approx(0.6, abs=1e-12)  # of times in text, 18 digits
+        # Splines of positions know the end's velocity, zero, to some 1e-6 rad/s of 1000 samples a second.
+        assert facts["optimal_duration"] == pytest.approx(api.optimal_duration, rel=1e-5)
+        assert facts["ratio"] == pytest.approx(0.6 / facts["optimal_duration"], rel=1e-12)
+        assert facts["idle"]["joint1"] == pytest.approx(float(api.idle[0]), abs=0.01)  # cells of a grid
+
+
+def test_what_it_says_and_writes(motion, here):
+    motion.save(here / "own.npz")
+    done = run_here("optimality", "rr", "own.npz", "--effort", "quick", "--no-report", "--out", "out")
+    words = " ".join(done.stdout.split())
+    assert done.returncode == 0 and "the motion takes 0.600000 s" in words and "limits kept" in words
+    assert "% less time" in words and "on no limit joint1 100 %, joint2 100 % of the time" in words
+    assert {path.name for path in (here / "out").iterdir()} >= {"trajectory.npz", "optimum.npz", "figure.png"}
+    optimum = ad.Trajectory.load(here / "out" / "optimum.npz")
+    assert json.loads((here / "out" / "result.json").read_text())["optimal_duration"] == optimum.duration
+
+
+def test_a_motion_that_breaks_its_limits_is_not_as_it_should_be(rr, here):
+    ad.ramp(rr, [-1.5, 0.1], [0.2, -0.1], 0.15).save(here / "fast.npz")
+    facts = answer(run_here("optimality", "rr", "fast.npz", *QUICK), 3)
+    assert (facts["success"], facts["status"], facts["feasible"]) == (False, "limits_broken", False)
+    assert "torque limit" in facts["worst_violation"] and facts["ratio"] < 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["own.npz", "rr"], "own.npz stands where the robot belongs: armdyn optimality ROBOT FILE"),
+        (["rrr", "own.npz"], "the trajectory has 2 joints; rrr has 3"),
+        (["rr", "nowhere.csv"], "nowhere.csv: no such file"),
+        (["rr", "bad.csv"], "bad.csv: there is no t"),
+        (["rr", "own.npz", "--reserve", "2"], "reserve of joint 'joint1' is 2"),
+    ],
+)
+def test_what_is_no_motion(motion, here, arguments, words):
+    motion.save(here / "own.npz")
+    (here / "bad.csv").write_text("x,y\n1,2\n")
+    assert words in answer(run_here("optimality", *arguments, *QUICK), 2)["message"]

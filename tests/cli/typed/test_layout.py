@@ -1,0 +1,104 @@
+"""Help fits 80 columns without narrow ones, in panels; shells complete."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+
+import pytest
+from typer.testing import CliRunner
+
+from armdyn.cli.app import app
+from armdyn.cli.typed.panels import place
+
+COMMANDS = [command.callback.__name__ for command in app.registered_commands]
+
+
+def help_of(*words, columns=80):
+    return CliRunner().invoke(app, [*words, "--help"], prog_name="armdyn", env={"COLUMNS": str(columns)}).stdout
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_descriptions_have_most_of_eighty_columns(command):
+    lines = help_of(command).splitlines()
+    assert max(map(len, lines)) <= 80
+    for line in lines:
+        if line.startswith("│ --") and (told := re.match(r"│ (--\S+(?: \S+)?)\s{2,}([^\s│].*)", line)):
+            assert told.start(2) <= 30, line  # 80 less the frame and 30 leaves 48 letters
+    long = next((line for line in lines if line.startswith("│ --goal-pose")), None)
+    if long:
+        assert long.strip("│ ").startswith("--goal-pose FRAME:X,Y,Z")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_panels_stand_in_their_order_and_examples_first(command):
+    panels = re.findall(r"^╭─ (.+?) ─", help_of(command), flags=re.M)
+    assert panels[0] == "Examples" and panels[-1] == "Output"
+    kinds = [place(name) for name in panels if name not in ("Examples", "Arguments")]
+    assert kinds == sorted(kinds)
+
+
+def test_every_value_has_a_name_of_its_own():
+    for command in COMMANDS:
+        for line in help_of(command).splitlines():
+            assert not re.match(r"│ \S.*<\w+>", line), line
+
+
+def test_a_motion_s_options_are_by_kind():
+    panels = dict(re.findall(r"^╭─ (.+?) ─+╮\n(.*?)╰", help_of("mintime"), flags=re.M | re.S))
+    where = {"--q-start": "Task", "--lock": "Robot", "--jerk-limit": "Limits", "--obstacle": "Scene",
+             "--starts": "Solver", "--no-report": "Output", "--quiet": "Output", "--degrees": "Task"}  # fmt: skip
+    for option, panel in where.items():
+        assert option in panels[panel], option
+    told = " ".join(panels["Task"].replace("│", " ").split())
+    assert "Numbers of --q-start, --q-goal, --via, --lock are degrees" in told
+
+
+def test_help_begins_with_examples_that_are_commands():
+    words = help_of()
+    examples = re.findall(r"^\s+armdyn (\w+)", words, flags=re.M)
+    assert len(examples) >= 6 and set(examples) <= {*COMMANDS, "COMMAND"}
+    assert words.index("armdyn mintime rr") < words.index("Options")
+
+
+def test_the_examples_of_commands_are_of_commands_and_options_that_there_are():
+    for command in COMMANDS:
+        words = help_of(command, columns=300)
+        for line in re.findall(r"│ (armdyn .*?)\s+│", words):
+            name, *rest = line.split()[1:]
+            options = {word.partition("=")[0] for word in rest if word.startswith("--")}
+            assert name in COMMANDS and all(option in help_of(name, columns=300) for option in options), line
+
+
+@pytest.fixture
+def home(tmp_path):
+    """A home without anything, and an `armdyn` on its PATH."""
+    script = tmp_path / "bin" / "armdyn"
+    script.parent.mkdir()
+    script.write_text(f"#!{sys.executable}\nfrom armdyn.cli import main\nmain()\n")
+    script.chmod(0o755)
+    return {**os.environ, "HOME": str(tmp_path), "PATH": f"{script.parent}:{os.environ['PATH']}"}
+
+
+@pytest.mark.skipif(not shutil.which("bash"), reason="needs bash")
+def test_completion_installs_for_bash_and_works(home, tmp_path):
+    bash = ["bash", "--norc", "-c"]
+    # A command after it, or bash would become the command, which then finds no shell above it.
+    done = subprocess.run(
+        [*bash, "armdyn --install-completion; exit $?"], env=home, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    assert "bash_completions/armdyn.sh" in (tmp_path / ".bashrc").read_text()
+    asked = (
+        'source "$HOME/.bashrc"; COMP_WORDS=({}); COMP_CWORD={}; _armdyn_completion armdyn; echo "${{COMPREPLY[@]}}"'
+    )
+    for words, number, expected in (
+        ("armdyn mint", 1, {"mintime"}),
+        ("armdyn mintime --q-s", 2, {"--q-start"}),
+        ("armdyn mintime ur1", 2, {"ur10", "ur10_limited"}),
+    ):
+        done = subprocess.run(
+            [*bash, asked.format(words, number)], env=home, capture_output=True, text=True, timeout=120
+        )
+        assert set(done.stdout.split()) == expected, (words, done.stdout, done.stderr)

@@ -1,0 +1,105 @@
+"""Poses with names: SRDFs beside a URDF, from strangers, and the table."""
+
+import math
+import time
+
+import numpy as np
+import pytest
+
+import armdyn as ad
+from armdyn.errors import SpecError
+from armdyn.models.robots.poses import TABLE
+
+SRDF = """<robot name="{robot}">
+  <group_state name="home" group="arm"><joint name="joint1" value="0.1"/><joint name="joint2" value="-0.2"/>
+    <joint name="finger" value="1"/></group_state>
+  <group_state name="half" group="arm"><joint name="joint1" value="0.1"/></group_state>
+  <group_state name="free"><joint name="joint1" value="0 0 0 1"/><joint name="joint2" value="0"/></group_state>
+  <group_state name="nowhere"><joint name="joint1" value="nan"/><joint name="joint2" value="0"/></group_state>
+</robot>"""
+
+
+@pytest.fixture
+def arm(tmp_path):
+    """A URDF in a package's folder; `poses()` are those of it as it then is."""
+    (tmp_path / "urdf").mkdir()
+    (tmp_path / "srdf").mkdir()
+    path = tmp_path / "urdf" / "mine.urdf"
+    path.write_text(ad.urdf_from_spec(ad.ArmSpec.paper("rr")))
+    return path
+
+
+def poses(arm):
+    return {name: q.tolist() for name, q in ad.Robot.from_urdf(arm).poses.items()}
+
+
+@pytest.mark.parametrize("place", ["urdf/mine.srdf", "srdf/mine.srdf"])
+def test_an_srdf_of_the_same_name(arm, place):
+    assert poses(arm) == {"zero": [0.0, 0.0]}
+    (arm.parents[1] / place).write_text(SRDF.format(robot="anything"))
+    assert poses(arm) == {"zero": [0.0, 0.0], "home": [0.1, -0.2]}
+
+
+def test_an_srdf_that_names_the_robot(arm):
+    other = arm.parents[1] / "srdf" / "other.srdf"
+    other.write_text(SRDF.format(robot="somebody"))
+    assert poses(arm) == {"zero": [0.0, 0.0]}
+    other.write_text(SRDF.format(robot=ad.Robot.from_urdf(arm).name))
+    assert poses(arm)["home"] == [0.1, -0.2]
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "not XML", "<robot", "", "<other/>", "<!DOCTYPE robot [<!ENTITY a 'b'>]><robot name='rr'>&a;</robot>",
+        "<robot name='rr'>" + "<group_state>" * 200, '<robot name="rr"><group_state name="a&#10;b"/></robot>',
+    ],
+)  # fmt: skip
+def test_a_bad_file_is_as_none(arm, content):
+    (arm.parent / "mine.srdf").write_text(content)
+    assert poses(arm) == {"zero": [0.0, 0.0]}
+
+
+def test_devices_and_folders_are_not_waited_for(arm):
+    import os
+
+    os.mkfifo(arm.parent / "mine.srdf")
+    (arm.parents[1] / "srdf" / "mine.srdf").mkdir()
+    begun = time.monotonic()
+    assert poses(arm) == {"zero": [0.0, 0.0]}
+    assert time.monotonic() - begun < 60  # an open of a pipe would wait for good
+
+
+def test_what_was_no_file_has_no_srdf():
+    robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
+    assert list(robot.poses) == ["zero"]
+    with pytest.raises(SpecError, match="no pose 'home'; known: zero"):
+        robot.pose("home")
+
+
+def test_zero_is_a_pose_where_the_limits_allow_it():
+    assert "zero" not in ad.Robot.from_library("panda").poses
+
+
+@pytest.mark.parametrize(
+    ("name", "pose"), [("panda", "default"), ("xarm7", "hold-up"), ("z1", "arm_up"), ("talos_left", "half_sitting")]
+)
+def test_the_library_s_own(name, pose):
+    robot = ad.Robot.from_library(name)
+    assert robot.pose(pose).shape == (robot.nv,) and robot.pose(pose).any()
+
+
+@pytest.mark.parametrize("name", ["ur3", "ur5", "ur10", "panda"])
+def test_the_table_s_are_within_the_limits(name):
+    robot = ad.Robot.from_library(name)
+    table = next(poses for joints, poses in TABLE if joints == robot.joint_names)
+    for pose, q in table.items():
+        assert np.array_equal(robot.pose(pose), q)
+        assert np.all((robot.limits.position_lower <= q) & (np.asarray(q) <= robot.limits.position_upper))
+
+
+def test_ready_is_the_library_s_default_pose():
+    """Two sources of one pose; the SRDF has pi/2 with five digits."""
+    panda = ad.Robot.from_library("panda")
+    assert panda.pose("ready") == pytest.approx(panda.pose("default"), abs=1e-4)
+    assert panda.pose("ready")[1] == -math.pi / 4

@@ -1,0 +1,47 @@
+"""What a solution says of itself when it is printed."""
+
+import dataclasses
+
+import pytest
+
+import armdyn as ad
+from armdyn.optimal.answer.words import verdict
+from problems import POSES
+
+
+@pytest.fixture(scope="module")
+def solution():
+    start, goal = POSES["rr"]
+    problem = ad.MinimumTimeProblem(ad.Robot.from_spec(ad.ArmSpec.paper("rr")), q_start=start, q_goal=goal)
+    return ad.solve_minimum_time(problem, ad.MinimumTimeOptions(effort="quick"))
+
+
+def test_print_says_duration_verdict_and_what_decides(solution):
+    words = str(solution)
+    assert words.startswith(f"The fastest motion found for rr, 2 joints, takes {solution.duration:.6f} s. ")
+    assert "It is usable and certified" in words and "Pontryagin's conditions hold along it" in words
+    first = solution.decides[0]
+    assert f"Its time is decided by {first.name} ({100 * first.part:.3g} %)" in words and " ms." in words
+    assert len(words.splitlines()) == 1 and words.endswith(".")
+
+
+def test_print_says_the_bound(solution):
+    bound = 0.98 * solution.duration
+    proven = dataclasses.replace(solution.certificate, lower_bound=bound, gap=solution.duration / bound - 1)
+    words = str(dataclasses.replace(solution, certificate=proven))
+    assert f"No motion is faster than {bound:.6f} s: this one is at most 2.05 % above that." in words
+
+
+def test_what_is_not_usable_says_so(solution):
+    missed = dataclasses.replace(solution.certificate, goal_error=0.1)
+    short = dataclasses.replace(solution, certificate=missed, success=False, message="ends beside the goal")
+    assert "It is not usable: ends beside the goal." in str(short) and "What you can do: " in str(short)
+    assert verdict(short) == "not usable" and "decided by" not in str(short)
+
+
+def test_no_motion_has_no_duration(solution):
+    none = dataclasses.replace(
+        solution, moves=False, success=False, message="stopped", certificate=ad.Certificate(1.0, 1.0, 1.0)
+    )
+    assert str(none).startswith("No motion was found for rr, 2 joints: stopped.")
+    assert f"{solution.duration:.4f}" not in str(none) and "no motion" in repr(none)
