@@ -1,7 +1,8 @@
 """Figures of motions: position, velocity and torque over time, as in Figures 2-7 of the paper."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Literal
@@ -29,9 +30,12 @@ STYLES: tuple[Style, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)), "-.")
 INK = "#30363d"
 """Of text and axes."""
 _GRID = "#d9dee4"
+_SOFT = "#5f6b78"
 _DENSE = 1200
-_LEGEND_WIDTH = 95
-"""Characters that stand side by side above the panels, lines of the legend included; more would squeeze the panels."""
+_MOST_TICKS = 40
+_Place = Literal["outside upper center", "outside lower center"]
+UNRESOLVED = " (switching times not resolved)"
+"""What a legend says of a motion on a mesh or a curve."""
 LOOK: Any = {
     "font.size": 9.5,
     "axes.edgecolor": INK,
@@ -59,22 +63,30 @@ _UNDATED: dict[str, dict[str, str | None]] = {
 
 
 def plot_trajectories(
-    trajectories: Sequence[Trajectory], *, limits: JointLimits | None = None, title: str | None = None
+    trajectories: Sequence[Trajectory],
+    *,
+    limits: JointLimits | None = None,
+    title: str | None = None,
+    unresolved: Collection[int] = (),
 ) -> Figure:
-    """Position, velocity and torque of every joint in three stacked panels.
+    """Position, velocity and torque of every joint in stacked panels.
 
-    A colour is a joint, a line style a trajectory. The torque's jumps are drawn as jumps.
+    A colour is a joint, a line style a trajectory. The torque's jumps are drawn as jumps; ticks of the joint's colour
+    on the time axes say when it switches. Joints whose torque limits differ by more than three times have torque panels
+    of their own, so that a wrist is seen beside a shoulder. What limits are not drawn is said above the panel.
 
     Args:
         trajectories: one or more, of the same joints.
         limits: drawn as faint dashed lines where they are finite and near the curves.
         title: above the panels.
+        unresolved: places in `trajectories` of those whose switching times are a mesh's or a curve's, as a `Solution`'s
+            are whose `phases` are None: they have no ticks, and it is said.
 
     Returns:
-        A figure of its own: pyplot knows nothing of it.
+        A figure of its own: pyplot knows nothing of it. Its axes are position, velocity and one or more of torque.
 
     Raises:
-        TrajectoryError: there is none, or their joints differ in number.
+        TrajectoryError: there is none, their joints differ in number, or `unresolved` is no place of one.
     """
     if not trajectories:
         raise TrajectoryError("nothing to plot: no trajectory given")
@@ -82,25 +94,75 @@ def plot_trajectories(
     for trajectory in trajectories:
         if trajectory.v.shape[1] != joints:
             raise TrajectoryError(f"cannot plot {joints} and {trajectory.v.shape[1]} joints in one figure")
+    if wrong := set(unresolved) - set(range(len(trajectories))):
+        raise TrajectoryError(
+            f"unresolved has {min(wrong)}; expected places of {len(trajectories)} trajectories, from 0"
+        )
     with rc_context(LOOK):
-        figure = Figure(figsize=(7.0, 7.4), layout="constrained")
-        panels = list(figure.subplots(3, 1, sharex=True))
-        for trajectory, style in zip(trajectories, _styles(len(trajectories)), strict=True):
+        figure = plot_panels(trajectories, limits, unresolved)
+        runs = [f"{one.name or f'trajectory {k + 1}'}, {one.duration:.4g} s" for k, one in enumerate(trajectories)]
+        runs = [run + (UNRESOLVED if k in unresolved else "") for k, run in enumerate(runs)]
+        put_head(figure, title, run_handles(runs) if len(runs) > 1 or unresolved else ())
+    return figure
+
+
+def plot_panels(
+    trajectories: Sequence[Trajectory], limits: JointLimits | None, unresolved: Collection[int] = ()
+) -> Figure:
+    """What `plot_trajectories` draws, without what is above the panels."""
+    joints = trajectories[0].v.shape[1]
+    groups = _scales(limits, joints)
+    with rc_context(LOOK):
+        figure = Figure(figsize=(7.0, 7.6 + 1.7 * (len(groups) - 1)), layout="constrained")
+        axes = list(figure.subplots(2 + len(groups), 1, sharex=True))
+        every = tuple(range(joints))
+        panels = [_Panel(axes[0], "position", "rad", every), _Panel(axes[1], "velocity", "rad/s", every)]
+        panels += [_Panel(ax, "torque", "N m", group) for ax, group in zip(axes[2:], groups, strict=True)]
+        for k, (trajectory, style) in enumerate(zip(trajectories, _styles(len(trajectories)), strict=True)):
             _draw(panels, trajectory, style)
-        for panel, label in zip(panels, ("position [rad]", "velocity [rad/s]", "torque [N m]"), strict=True):
-            panel.set_ylabel(label)
-            panel.axhline(0.0, color=INK, linewidth=0.5, alpha=0.5, zorder=1)
-            panel.margins(y=0.08)
-        panels[2].set_xlabel("time [s]")
+            if k not in unresolved:
+                _draw_switches(panels, trajectory)
+        for panel in panels:
+            panel.axes.set_ylabel(f"{panel.quantity} [{panel.unit}]")
+            panel.axes.axhline(0.0, color=INK, linewidth=0.5, alpha=0.5, zorder=1)
+            panel.axes.margins(y=0.08)
+        axes[-1].set_xlabel("time [s]")
         start = min(float(trajectory.t[0]) for trajectory in trajectories)
         end = max(float(trajectory.t[-1]) for trajectory in trajectories)
-        panels[0].set_xlim(start, end + 0.01 * (end - start))
-        limited = limits is not None and _draw_limits(panels, limits, joints)
-        figure.align_ylabels(panels)
-        _add_legends(figure, trajectories, joints, limited)
-        if title:
-            figure.suptitle(title, fontsize=12, fontweight="bold")
+        axes[0].set_xlim(start, end + 0.01 * (end - start))
+        limited = [limits is not None and _draw_limits(panel, limits) for panel in panels]
+        figure.align_ylabels(axes)
+        _add_legend(figure, trajectories, any(limited), unresolved)
     return figure
+
+
+def put_head(figure: Figure, title: str | None, handles: Sequence[Line2D] = ()) -> None:
+    """A title above the panels, and under it what the line styles mean."""
+    bold = {"size": 12, "weight": "bold"}
+    if handles:
+        above = literal(title) if title else None
+        _legend(figure, handles, "outside upper center", title=above, title_fontproperties=bold)
+    elif title:
+        figure.suptitle(literal(title), fontproperties=bold)
+
+
+def run_handles(captions: Sequence[str]) -> list[Line2D]:
+    """What a legend says of each trajectory."""
+    drawn = zip(captions, _styles(len(captions)), strict=True)
+    return [Line2D([], [], color=INK, linestyle=style, linewidth=1.4, label=literal(text)) for text, style in drawn]
+
+
+def switches(trajectory: Trajectory) -> tuple[tuple[float, ...], ...]:
+    """For each joint when its torque changes sides [s], as opposed to the small steps of a mesh or a controller.
+
+    A change of sides is a jump by more than 0.4 of the torque's range.
+    """
+    found = []
+    for joint, times in enumerate(trajectory.switch_times):
+        k = np.searchsorted(trajectory.t, times)
+        steps = np.abs(trajectory.tau[k, joint] - trajectory.tau[k + 1, joint])
+        found.append(tuple(t for t, d in zip(times, steps, strict=True) if d > 0.4 * np.ptp(trajectory.tau[:, joint])))
+    return tuple(found)
 
 
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
@@ -131,68 +193,127 @@ def _rendered(figure: Figure, kind: str) -> bytes:
     return buffer.getvalue()
 
 
-def _colors(n: int) -> list[str]:
-    return [COLORS[i % len(COLORS)] for i in range(n)]
+def _color(joint: int) -> str:
+    return COLORS[joint % len(COLORS)]
 
 
 def _styles(n: int) -> list[Style]:
     return [STYLES[i % len(STYLES)] for i in range(n)]
 
 
-def _draw(panels: list[Axes], trajectory: Trajectory, style: Style) -> None:
+@dataclass(frozen=True)
+class _Panel:
+    """Axes, what they show in which unit, and the joints drawn there."""
+
+    axes: Axes
+    quantity: str
+    unit: str
+    joints: tuple[int, ...]
+
+
+def _scales(limits: JointLimits | None, joints: int) -> list[tuple[int, ...]]:
+    """Joints of like torque limits, strongest first: a tenth of another's scale is a flat line."""
+    every = tuple(range(joints))
+    if limits is None:
+        return [every]
+    strength = np.maximum(np.abs(limits.effort_lower), np.abs(limits.effort_upper))
+    groups: list[list[int]] = []
+    for joint in sorted(every, key=lambda i: -strength[i]):
+        if groups and (not strength[joint] < strength[groups[-1][0]] / 3 or not np.isfinite(strength[groups[-1][0]])):
+            groups[-1].append(joint)
+        else:
+            groups.append([joint])
+    return [tuple(sorted(group)) for group in groups]
+
+
+def _draw(panels: Sequence[_Panel], trajectory: Trajectory, style: Style) -> None:
     # Position and velocity are curved between samples; the torque is linear, its samples say it all.
     t = np.union1d(trajectory.t, np.linspace(trajectory.t[0], trajectory.t[-1], _DENSE))
     dense = trajectory(t)
-    curves = ((t, dense.q), (t, dense.v), (trajectory.t, trajectory.tau))
-    for panel, (time, values) in zip(panels, curves, strict=True):
-        for joint, color in enumerate(_colors(values.shape[1])):
-            panel.plot(time, values[:, joint], color=color, linestyle=style, linewidth=1.7, zorder=3)
-        panel.axvline(trajectory.t[-1], color=INK, linestyle=style, linewidth=0.6, alpha=0.35, zorder=1)
+    curves = {"position": (t, dense.q), "velocity": (t, dense.v), "torque": (trajectory.t, trajectory.tau)}
+    for panel in panels:
+        time, values = curves[panel.quantity]
+        for joint in panel.joints:
+            panel.axes.plot(time, values[:, joint], color=_color(joint), linestyle=style, linewidth=1.7, zorder=3)
+        panel.axes.axvline(trajectory.t[-1], color=INK, linestyle=style, linewidth=0.6, alpha=0.35, zorder=1)
 
 
-def _draw_limits(panels: list[Axes], limits: JointLimits, joints: int) -> bool:
-    """Whether there was one to draw."""
-    any_drawn = False
-    bounds = (
-        (limits.position_lower, limits.position_upper),
-        (-limits.velocity, limits.velocity),
-        (limits.effort_lower, limits.effort_upper),
-    )
-    for panel, pair in zip(panels, bounds, strict=True):
-        low, high = panel.get_ylim()
-        near = 0.25 * (high - low)
-        drawn: list[float] = []
-        for values in pair:
-            common = bool(np.all(values == values[0]))
-            for joint, value in enumerate(values[: 1 if common else joints]):
-                if np.isfinite(value) and low - near <= value <= high + near:
-                    color = INK if common else _colors(joints)[joint]
-                    panel.axhline(value, color=color, linestyle=(0, (4, 3)), linewidth=0.9, alpha=0.45)
-                    drawn.append(float(value))
-        if drawn:
-            any_drawn = True
-            pad = 0.06 * (high - low)
-            panel.set_ylim(min(low, min(drawn) - pad), max(high, max(drawn) + pad))
-    return any_drawn
+def _draw_switches(panels: Sequence[_Panel], trajectory: Trajectory) -> None:
+    """Ticks on the time axes, of the joint's colour."""
+    times = switches(trajectory)
+    for panel in panels:
+        across = panel.axes.get_xaxis_transform()
+        for joint in panel.joints:
+            # Beyond that a torque chatters, and ticks would be a band.
+            for t in times[joint] if len(times[joint]) <= _MOST_TICKS else ():
+                panel.axes.plot(
+                    [t, t], [0.0, 0.09], transform=across, color=_color(joint), linewidth=2.2, solid_capstyle="butt",
+                    zorder=4, gid="switch",
+                )  # fmt: skip
 
 
-def _add_legends(figure: Figure, trajectories: Sequence[Trajectory], joints: int, limits: bool) -> None:
-    names = trajectories[0].joint_names or tuple(f"joint {i + 1}" for i in range(joints))
-    handles = [
-        Line2D([], [], color=color, linewidth=1.7, label=literal(name))
-        for name, color in zip(names, _colors(joints), strict=True)
-    ]
+def _draw_limits(panel: _Panel, limits: JointLimits) -> bool:
+    """Draw the limits near the curves, and say above the panel which are not there; whether there was one to draw."""
+    lower, upper = {
+        "position": (limits.position_lower, limits.position_upper),
+        "velocity": (-limits.velocity, limits.velocity),
+        "torque": (limits.effort_lower, limits.effort_upper),
+    }[panel.quantity]
+    own = list(panel.joints)
+    low, high = panel.axes.get_ylim()
+    near = 0.25 * (high - low)
+    drawn: list[float] = []
+    beyond: list[float] = []
+    for values in (lower[own], upper[own]):
+        common = bool(np.all(values == values[0]))
+        for joint, value in zip(own[:1] if common else own, values, strict=False):
+            if np.isfinite(value) and low - near <= value <= high + near:
+                color = INK if common else _color(joint)
+                panel.axes.axhline(value, color=color, linestyle=(0, (4, 3)), linewidth=0.9, alpha=0.45)
+                drawn.append(float(value))
+            elif np.isfinite(value):
+                beyond.append(float(value))
+    if drawn:
+        pad = 0.06 * (high - low)
+        panel.axes.set_ylim(min(low, min(drawn) - pad), max(high, max(drawn) + pad))
+    free = sum(not np.isfinite(lower[joint]) and not np.isfinite(upper[joint]) for joint in own)
+    panel.axes.set_title(_told_limits(panel, drawn, beyond, free), loc="right", fontsize=8, color=_SOFT)
+    return bool(drawn)
+
+
+def _told_limits(panel: _Panel, drawn: Sequence[float], beyond: Sequence[float], free: int) -> str:
+    """What limits a panel does not show, and why; empty if it shows all."""
+    if free == len(panel.joints):
+        return f"no {panel.quantity} limits"
+    parts = []
+    if beyond:
+        sizes = sorted({abs(value) for value in beyond})
+        span = f"{sizes[0]:.4g}" if len(sizes) == 1 else f"{sizes[0]:.4g} to {sizes[-1]:.4g}"
+        sign = "±" if min(beyond) < 0 < max(beyond) else "−" if max(beyond) < 0 else ""
+        parts.append(f"{'other ' if drawn else ''}limits beyond the panel: {sign}{span} {panel.unit}")
+    if free:
+        parts.append(f"{free} of {len(panel.joints)} joints without a limit")
+    return "; ".join(parts)
+
+
+def _add_legend(figure: Figure, trajectories: Sequence[Trajectory], limits: bool, unresolved: Collection[int]) -> None:
+    """Under the panels: what colours and marks mean."""
+    names = trajectories[0].joint_names or [f"joint {i + 1}" for i in range(trajectories[0].v.shape[1])]
+    handles = [Line2D([], [], color=_color(i), linewidth=1.7, label=literal(name)) for i, name in enumerate(names)]
+    if any(any(switches(one)) for k, one in enumerate(trajectories) if k not in unresolved):
+        handles.append(Line2D([], [], color=INK, marker="|", markersize=7, markeredgewidth=2, ls="", label="switch"))
     if limits:
         handles.append(Line2D([], [], color=INK, linestyle=(0, (4, 3)), linewidth=0.9, alpha=0.5, label="limit"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 5), handlelength=2.6)
-    if len(trajectories) > 1:
-        runs = []
-        for i, (trajectory, style) in enumerate(zip(trajectories, _styles(len(trajectories)), strict=True)):
-            caption = f"{trajectory.name or f'trajectory {i + 1}'}, {trajectory.duration:.4g} s"
-            runs.append(Line2D([], [], color=INK, linestyle=style, linewidth=1.4, label=literal(caption)))
-        longest = max(len(str(run.get_label())) for run in runs)
-        columns = max(1, min(len(runs), 3, _LEGEND_WIDTH // (longest + 6)))
-        figure.axes[0].legend(handles=runs, loc="lower left", bbox_to_anchor=(0, 1), ncols=columns, borderaxespad=0.2)
+    _legend(figure, handles, "outside lower center")
+
+
+def _legend(figure: Figure, handles: Sequence[Line2D], place: _Place, **options: Any) -> None:
+    """In as many columns as the figure is wide: at 9 points a letter takes about 0.075 inches, a handle 0.6."""
+    widest = max(len(str(handle.get_label())) for handle in handles)
+    rows = -(-len(handles) // max(int((figure.get_figwidth() - 0.3) / (0.075 * widest + 0.6)), 1))
+    columns = -(-len(handles) // rows)
+    with rc_context(LOOK):
+        figure.legend(handles=handles, loc=place, ncols=columns, handlelength=2.4, columnspacing=1.4, **options)
 
 
 def literal(text: str) -> str:

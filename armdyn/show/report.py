@@ -67,7 +67,9 @@ def write_run(
         tell("drawing the figure")
         from armdyn.show.plots import plot_trajectories, save_figure
 
-        figure = plot_trajectories(list(own.values()), limits=robot.limits, title=title)
+        # Of a minimum-time answer whose arcs are not resolved the summary has an empty list of them.
+        unresolved = (0,) if summary.get("arcs") == [] else ()
+        figure = plot_trajectories(list(own.values()), limits=robot.limits, title=title, unresolved=unresolved)
         files += [save_figure(figure, folder / f"figure.{suffix}") for suffix in ("png", "pdf")]
     if "report" in parts:
         tell("writing the report")

@@ -13,11 +13,12 @@ from cli.command import answer, run_here
 
 DOCS = (Path(__file__).parents[2] / "docs" / "json.md").read_text()
 SECTIONS = {part.partition("\n")[0]: part for part in DOCS.split("\n## ")[1:]}
-COMMANDS = [command.callback.__name__ for command in app.registered_commands]
+COMMANDS = [command.callback.__name__.replace("_", "-") for command in app.registered_commands]
 
 SHORT = {
     "bound": ["panda", "--q-start", "ready", "--q-goal", "0,0,0,-1,0,1,0", "--damping", "0.1"],
     "track": ["rr", "--ramp", "0.4", "--duration", "0.5", "--no-figure", "--no-report"],
+    "monte-carlo": ["r", "--ramp", "0.5", "--duration", "0.8", "--count", "3", "--no-figure"],
     "pid": ["r", "--duration", "0.5", "--no-figure", "--no-report"],
     "export": ["motion.npz"],
     "replay": ["r", "motion.npz"],
@@ -29,6 +30,7 @@ LONG = {
     "mintime": ["rr", "--effort", "quick", "--no-figure", "--no-report", "--obstacle", "sphere:0.02@0.4,0,0.2"],
     "sweep": ["r", "--payload", "0,0.1", "--no-figure"],
     "optimality": ["r", "ramp.npz", "--no-figure", "--no-report", "--effort", "quick"],
+    "tune": ["r", "--ramp-range", "0.4,0.6", "--generations", "1", "--members", "2", "--held-out", "2"],
     "reproduce": ["--only", "example4", "--payload", "0.1006"],
     "robots": [],
 }
@@ -52,7 +54,7 @@ def check(command, facts):
     for key, inside in parts.items():
         found = facts.get(key)
         found = found[0] if isinstance(found, list) and found else found
-        if isinstance(found, dict) and key not in ("poses", "cases", "stability"):
+        if isinstance(found, dict) and key not in ("poses", "cases", "stability", "values", "on_no_limit"):
             assert set(found) <= set(inside), key
 
 

@@ -49,7 +49,7 @@ def test_every_format_of_a_motion_has_one_answer(motion, here, rr):
         # Splines of positions know the end's velocity, zero, to some 1e-6 rad/s of 1000 samples a second.
         assert facts["optimal_duration"] == pytest.approx(api.optimal_duration, rel=1e-5)
         assert facts["ratio"] == pytest.approx(0.6 / facts["optimal_duration"], rel=1e-12)
-        assert facts["idle"]["joint1"] == pytest.approx(float(api.idle[0]), abs=0.01)  # cells of a grid
+        assert facts["on_no_limit"]["joint1"] == pytest.approx(float(api.idle[0]), abs=0.01)  # cells of a grid
 
 
 def test_what_it_says_and_writes(motion, here):

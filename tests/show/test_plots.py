@@ -38,7 +38,8 @@ def test_panels_show_every_joint_of_every_trajectory():
         lines = curves(panel)
         assert len(lines) == 6
         assert len({line.get_color() for line in lines}) == 3
-    joints, runs_legend = figure.legends[0], figure.axes[0].get_legend()
+    joints, runs_legend = figure.legends
+    assert runs_legend.get_title().get_text() == "rrr"
     assert [text.get_text() for text in joints.get_texts()] == [*robot.joint_names, "limit"]
     assert [text.get_text() for text in runs_legend.get_texts()] == ["fast, 0.4 s", "slow, 2 s"]
 
@@ -76,6 +77,97 @@ def test_limits_are_drawn_only_where_finite_and_near():
     assert 1000.0 not in levels[1]
     low, high = figure.axes[1].get_ylim()
     assert high - low < 3
+
+
+def notes(figure):
+    return [panel.get_title(loc="right") for panel in figure.axes]
+
+
+def ticks(panel):
+    return {(float(line.get_xdata()[0]), line.get_color()) for line in panel.lines if line.get_gid() == "switch"}
+
+
+def labels(legend):
+    return [text.get_text() for text in legend.get_texts()]
+
+
+def test_limits_that_are_not_drawn_are_said():
+    limits = ad.JointLimits(
+        position_lower=[-np.inf], position_upper=[np.inf], velocity=[1000.0], effort_lower=[-3], effort_upper=[3]
+    )
+    figure = plots.plot_trajectories([bang_bang()], limits=limits)
+    assert notes(figure) == ["no position limits", "limits beyond the panel: ±1000 rad/s", ""]
+    assert notes(plots.plot_trajectories([bang_bang()])) == ["", "", ""]  # no limits given: none to speak of
+    half = ad.JointLimits(
+        position_lower=[-np.inf, -9.0], position_upper=[np.inf, 0.5], velocity=[2, 2], effort_lower=[-3, -3],
+        effort_upper=[3, 3],
+    )  # fmt: skip
+    run = bang_bang()
+    two = ad.Trajectory(t=run.t, q=run.q.repeat(2, 1), v=run.v.repeat(2, 1), tau=run.tau.repeat(2, 1))
+    position = notes(plots.plot_trajectories([two], limits=half))[0]
+    assert position == "other limits beyond the panel: −9 rad; 1 of 2 joints without a limit"
+
+
+def test_ticks_say_when_a_torque_switches():
+    figure = plots.plot_trajectories([bang_bang()])
+    for panel in figure.axes:
+        assert ticks(panel) == {(0.5, plots.COLORS[0])}
+        low, high = panel.get_ylim()
+        assert low < 0 < high  # ticks are in parts of the panel, and leave its scale alone
+    assert labels(figure.legends[0]) == ["joint 1", "switch"]
+
+
+def test_small_steps_of_a_torque_are_no_switches():
+    t = np.array([0.0, 0.5, np.nextafter(0.5, 1), 1.0])
+    steps = ad.Trajectory(t=t, q=np.zeros((4, 1)), v=np.zeros((4, 1)), tau=[[0.0], [1.0], [1.3], [3.0]])
+    assert steps.switch_times == ((0.5,),)
+    assert plots.switches(steps) == ((),)
+    assert plots.switches(bang_bang()) == ((0.5,),)
+
+
+def test_a_motion_whose_switching_times_are_not_resolved_is_marked():
+    figure = plots.plot_trajectories([bang_bang(), bang_bang()], unresolved=(1,))
+    assert labels(figure.legends[1]) == ["bang-bang, 1 s", "bang-bang, 1 s (switching times not resolved)"]
+    alone = plots.plot_trajectories([bang_bang()], unresolved=(0,))
+    assert not any(ticks(panel) for panel in alone.axes)
+    assert labels(alone.legends[0]) == ["joint 1"]
+    assert labels(alone.legends[1]) == ["bang-bang, 1 s (switching times not resolved)"]
+    with pytest.raises(TrajectoryError, match="unresolved has 1; expected places of 1 trajectories"):
+        plots.plot_trajectories([bang_bang()], unresolved=(1,))
+
+
+def test_joints_of_another_scale_have_a_torque_panel_of_their_own():
+    strength = np.array([150.0, 28.0, 87.0, 12.0, 0.0])
+    free = np.full(5, np.inf)
+    limits = ad.JointLimits(
+        position_lower=-free, position_upper=free, velocity=free, effort_lower=-strength, effort_upper=strength
+    )
+    t, shape = np.array([0.0, 1.0]), np.array([[1.0], [-1.0]])
+    motion = ad.Trajectory(t=t, q=np.zeros((2, 5)), v=np.zeros((2, 5)), tau=0.2 * shape * strength)
+    figure = plots.plot_trajectories([motion], limits=limits)
+    torques = figure.axes[2:]
+    assert {panel.get_ylabel() for panel in torques} == {"torque [N m]"}
+    drawn = [{line.get_color() for line in panel.lines} & set(plots.COLORS) for panel in torques]
+    assert drawn == [{plots.COLORS[i] for i in group} for group in ((0, 2), (1, 3), (4,))]
+    assert figure.axes[-1].get_xlabel() == "time [s]"
+    assert len(plots.plot_trajectories([motion]).axes) == 3  # without limits no scale is known
+
+
+@pytest.mark.parametrize("joints", [1, 7])
+def test_nothing_outside_the_panels_lies_on_them_or_off_the_page(joints):
+    run = bang_bang()
+    arrays = {name: np.repeat(getattr(run, name), joints, 1) for name in ("q", "v", "tau")}
+    names = tuple(f"shoulder_lift_joint_{i}" for i in range(joints))
+    long = ad.Trajectory(t=run.t, joint_names=names, name="a motion with a long name", **arrays)
+    figure = plots.plot_trajectories([long] * 3, title="a title", unresolved=(2,))
+    plots.svg_text(figure)  # laid out
+    page = figure.bbox
+    boxes = [legend.get_window_extent() for legend in figure.legends]
+    assert len(boxes) == 2
+    for box in boxes:
+        assert page.x0 <= box.x0 and box.x1 <= page.x1 and page.y0 <= box.y0 and box.y1 <= page.y1
+        assert not any(box.overlaps(panel.get_window_extent()) for panel in figure.axes)
+    assert not boxes[0].overlaps(boxes[1])
 
 
 @pytest.mark.parametrize("suffix, magic", [("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")])

@@ -109,7 +109,7 @@ def _facts(found: ad.TimeOptimality) -> dict[str, object]:
         "feasible": found.feasible,
         "worst_violation": None if found.worst_violation is None else str(found.worst_violation),
         "replay_error": found.replay_error if math.isfinite(found.replay_error) else None,
-        "idle": {name: float(part) for name, part in zip(names, found.idle, strict=True)},
+        "on_no_limit": {name: float(part) for name, part in zip(names, found.idle, strict=True)},
         "what_to_do": list(solution.what_to_do),
     }
 

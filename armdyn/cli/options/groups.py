@@ -40,7 +40,8 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(command)
     def flattened(**values: Any) -> None:
-        with running(command.__name__, flat, values), heeding(command.__name__, values):
+        name = command.__name__.replace("_", "-")
+        with running(name, flat, values), heeding(name, values):
             command(**{name: _gathered(name, hint, values) for name, hint in hints.items()})
 
     flattened.__doc__ = _flowing(command.__doc__ or "")

@@ -24,7 +24,7 @@ def running(command: str, parameters: Mapping[str, Parameter], values: Mapping[s
     """While a command runs, `asked` knows it.
 
     Args:
-        command: its name.
+        command: its name, as it is typed.
         parameters: as typer takes them, annotated with options and arguments.
         values: what they were given.
     """
@@ -61,7 +61,7 @@ def _typed(name: str, hint: Any, value: object) -> list[str]:
     if _is_argument(hint):
         return [_word(one) for one in values]
     given = next((info.param_decls for info in _told(hint) if isinstance(info, OptionInfo) and info.param_decls), None)
-    on, _, off = (given[-1] if given else f"--{name.replace('_', '-')}").partition("/")
+    on, _, off = (given[0] if given else f"--{name.replace('_', '-')}").partition("/")
     if isinstance(value, bool):
         return [word for word in (on if value else off,) if word]
     return [word for one in values for word in (on, _word(one))]

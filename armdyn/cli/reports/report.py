@@ -127,9 +127,9 @@ def compare(
             title = f"{subject.name}: {len(moves)} motions side by side"
             page = _written(folder, report_of(subject, moves, title, end))
             progress("drawing the figure")
-            figure = plot_trajectories(
-                [replace(until(move.motion, end), name=move.name) for move in moves], limits=subject.limits, title=title
-            )
+            unresolved = [k for k, move in enumerate(moves) if move.facts.values.get("arcs") == []]
+            drawn = [replace(until(move.motion, end), name=move.name) for move in moves]
+            figure = plot_trajectories(drawn, limits=subject.limits, title=title, unresolved=unresolved)
             files = [page, *(save_figure(figure, folder / f"figure.{kind}") for kind in ("pdf", "svg"))]
         answer.facts |= {"success": True, "status": "written", "robot": subject.name}
         answer.facts |= {"motions": [asdict(row) for row in rows], "files": [str(file) for file in files]}

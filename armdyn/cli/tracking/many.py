@@ -28,6 +28,7 @@ from armdyn.cli.options.robot import PayloadOptions, RobotOptions
 from armdyn.cli.options.text import numbers
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions
 from armdyn.cli.tracking.track import ReferenceOptions
+from armdyn.cli.typed.panels import TASK
 from armdyn.errors import ProblemError
 
 ROWS = "rows.jsonl"
@@ -50,7 +51,7 @@ class ArmsOptions:
     start_error: Annotated[
         float, typer.Option(metavar="RAD", help="Greatest distance of a joint from the start \\[rad].")
     ] = 0.0
-    arms_seed: Annotated[int, typer.Option(help="Of the draws: arm k of a seed is always the same.")] = 0
+    arms_seed: Annotated[int, typer.Option(metavar="N", help="Of the draws: arm k of a seed is always the same.")] = 0
 
     def plants(self, robot: ad.Robot) -> ad.Plants:
         """The ranges, for a model.
@@ -89,9 +90,9 @@ def range_of(text: str, option: str) -> tuple[float, float]:
 class CountOptions:
     """How many arms, and what is asked of them."""
 
-    panel: ClassVar[str] = "Study"
+    panel: ClassVar[str] = TASK
 
-    count: Annotated[int, typer.Option(help="Arms.")] = 1000
+    count: Annotated[int, typer.Option(metavar="N", help="Arms.")] = 1000
     within: Annotated[
         float | None, typer.Option(metavar="S", help="That an arm has to settle \\[s]; by default --duration.")
     ] = None
@@ -146,7 +147,7 @@ def monte_carlo(
                 answer.interrupted()
                 answer.facts["message"] = f"interrupted; {len(found.rows)} rows are in {folder / ROWS}"
                 return
-            summary = {"success": True, "robot": model.name, "reference_duration": asked.duration}
+            summary = {"success": True, "status": "done", "robot": model.name, "reference_duration": asked.duration}
             summary |= found.summary(within)
             progress("drawing the figure")
             files = _write(folder, found, replace(asked, model_hash=model.model_hash), summary, figure=not no_figure)

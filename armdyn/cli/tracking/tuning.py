@@ -17,6 +17,7 @@ from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
 from armdyn.cli.tracking.controllers import CONTROLLERS, LoopOptions
 from armdyn.cli.tracking.many import ArmsOptions, range_of
+from armdyn.cli.typed.panels import SOLVER
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +54,7 @@ class FamilyOptions:
 class SearchOptions:
     """What is made small, and how long it is searched; see `TuneOptions`."""
 
-    panel: ClassVar[str] = "Search"
+    panel: ClassVar[str] = SOLVER
 
     index: Annotated[str, typer.Option(metavar="NAME", help="settled, itae or ise: of the worst arm.")] = "settled"
     overshoot: Annotated[
@@ -61,10 +62,10 @@ class SearchOptions:
     ] = 0.05
     duration: Annotated[float, typer.Option(metavar="S", help="How long each arm is watched \\[s].")] = 1.5
     tolerance: Annotated[float, typer.Option(metavar="RAD", help="From the goal, to be settled \\[rad].")] = 0.005
-    members: Annotated[int, typer.Option(help="Controllers per generation and parameter.")] = 8
-    generations: Annotated[int, typer.Option(help="Most of them.")] = 60
+    members: Annotated[int, typer.Option(metavar="N", help="Controllers per generation and parameter.")] = 8
+    generations: Annotated[int, typer.Option(metavar="N", help="Most of them.")] = 60
     time_limit: Annotated[float, typer.Option(metavar="S", help="Of the search \\[s].")] = 300.0
-    search_seed: Annotated[int, typer.Option(help="Of the search.")] = 0
+    search_seed: Annotated[int, typer.Option(metavar="N", help="Of the search.")] = 0
     held_out: Annotated[int, typer.Option(metavar="N", help="Random arms on which only the answer is run.")] = 100
 
     def options(self) -> ad.TuneOptions:

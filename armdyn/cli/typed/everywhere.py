@@ -35,10 +35,10 @@ def heeding(command: str, values: dict[str, Any]) -> Iterator[None]:
     """What these options ask for, while a command works.
 
     Args:
-        command: its name.
+        command: its name, as Python has it.
         values: of all options; those of this module are as they are typed.
     """
-    with speaking(command, quiet=values["quiet"]), reading_degrees(values.get("degrees", False)):
+    with speaking(command.replace("_", "-"), quiet=values["quiet"]), reading_degrees(values.get("degrees", False)):
         yield
 
 

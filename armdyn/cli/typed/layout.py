@@ -19,7 +19,7 @@ _NAMES = 26
 _BARE = str.maketrans("", "", "{}")
 """Typer writes {ROBOT} of an argument."""
 
-_IN_OUTPUT = {"out", "json", "quiet", "no_figure", "no_replay"}
+_IN_OUTPUT = {"out", "json", "quiet", "no_figure", "no_report"}
 
 
 class Command(TyperCommand):

@@ -7,12 +7,13 @@ import subprocess
 import sys
 
 import pytest
+from typer.main import get_command
 from typer.testing import CliRunner
 
 from armdyn.cli.app import app
 from armdyn.cli.typed.panels import place
 
-COMMANDS = [command.callback.__name__ for command in app.registered_commands]
+COMMANDS = [command.callback.__name__.replace("_", "-") for command in app.registered_commands]
 
 
 def help_of(*words, columns=80):
@@ -40,6 +41,9 @@ def test_panels_stand_in_their_order_and_examples_first(command):
 
 
 def test_every_value_has_a_name_of_its_own():
+    for name, command in get_command(app).commands.items():
+        for option in command.params:
+            assert option.param_type_name == "argument" or option.is_flag or option.metavar, (name, option.name)
     for command in COMMANDS:
         for line in help_of(command).splitlines():
             assert not re.match(r"│ \S.*<\w+>", line), line

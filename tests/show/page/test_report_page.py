@@ -14,6 +14,7 @@ from armdyn.errors import TrajectoryError
 from armdyn.show.page.course import Move
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.report import Report, Subject, report_html, report_of
+from armdyn.show.page.verdict import verdict_of
 from show.motions import quintic
 from show.page.runs import judged
 
@@ -54,6 +55,36 @@ def test_verdicts(facts, level, headline):
     report = report_of(Subject.of(robot), [move])
     assert isinstance(report, Report)
     assert (report.verdict.level, report.verdict.headline) == (level, headline)
+
+
+def of_a_pid_loop(arrival):
+    return {"arrival_rule": "last_entry_first_joint", "arrival_time": arrival, "settling_time": None,
+            "max_real_eigenvalue": -0.9, "message": "not settled"}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("facts", "level", "headline"),
+    [
+        (of_a_pid_loop(4.5535), "good", "Arrived after 4.5535 s"),
+        (of_a_pid_loop(None), "bad", "Did not arrive"),
+        ({"peak_error": 0.1, "settled_time": 0.3, "went_wrong": None}, "good", "Settled after 0.3000 s"),
+        ({"peak_error": 0.1, "settled_time": 0.3, "went_wrong": 0.1}, "fair", "Settled after 0.3000 s"),
+        ({"peak_error": 0.1, "settled_time": None, "went_wrong": 0.1}, "bad", "Did not settle"),
+        (
+            {"optimal_duration": 0.2, "ratio": 2.5, "feasible": True, "success": True},
+            "good",
+            "Keeps its limits, takes 2.5 times as long as the fastest",
+        ),
+        (
+            {"optimal_duration": None, "ratio": None, "feasible": False},
+            "bad",
+            "Breaks its limits, no fastest motion was found",
+        ),
+    ],
+)
+def test_verdicts_of_loops_and_of_planners(facts, level, headline):
+    verdict = verdict_of(Facts(facts))
+    assert (verdict.level, verdict.headline) == (level, headline)
 
 
 def test_a_bare_motion_is_not_judged():

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from armdyn.show.plots import COLORS, INK, STYLES, plot_trajectories, save_figure, svg_text
+from armdyn.show.plots import COLORS, plot_panels, put_head, run_handles, save_figure, svg_text, switches
 from armdyn.studies.paper.claims.traits import Traits
 from armdyn.studies.paper.outcomes.case import Case
 from armdyn.studies.paper.outcomes.outcome import Outcome, by_case
@@ -61,7 +61,7 @@ class PaperFigure:
             if outcome.case.kind == "minimum_time":
                 parts += [
                     f"Torque {i + 1} switches at {', '.join(f'{t:.5f}' for t in times)} s."
-                    for i, times in enumerate(_switches(outcome))
+                    for i, times in enumerate(switches(outcome.trajectory) if outcome.trajectory else ())
                     if times
                 ]
                 if not outcome.facts.get("certified", True):
@@ -108,7 +108,8 @@ def draw(figure: PaperFigure) -> Figure:
     """
     case = figure.case
     motions = [outcome.trajectory for outcome in figure.outcomes if outcome.trajectory is not None]
-    drawn = plot_trajectories(motions, limits=case.robot().limits, title=figure.title)
+    unresolved = [k for k, outcome in enumerate(figure.outcomes) if outcome.case.kind != "minimum_time"]
+    drawn = plot_panels(motions, case.robot().limits, unresolved)
     panels = drawn.axes[:3]
     for panel, letter in zip(panels, "abc", strict=True):
         panel.set_ylabel(f"({letter}) {panel.get_ylabel()}")
@@ -119,12 +120,9 @@ def draw(figure: PaperFigure) -> Figure:
             fill = COLORS[0] if outcome is figure.outcomes[0] else "white"
             here = motion(outcome.time).q[:1]
             panels[0].plot([outcome.time], here, "o", color=COLORS[0], markerfacecolor=fill, markersize=5, zorder=4)
-        if outcome.case.kind == "minimum_time":
-            for t in {t for times in _switches(outcome) for t in times}:
-                panels[2].axvline(t, color=INK, linewidth=0.6, linestyle=(0, (1, 2)), zorder=1)
     _fit_mechanics(panels, figure)
     _mark_published(panels, figure)
-    _add_legend(panels[0], figure)
+    _put_head(drawn, figure)
     return drawn
 
 
@@ -181,19 +179,6 @@ def drawn_cases(number: int, payload: float) -> tuple[Case, ...]:
     return (*loops, Case(example, arm, "pid", payload, "mM", "printed")) if arm == "rrr" else loops
 
 
-def _switches(outcome: Outcome) -> list[list[float]]:
-    """For each joint when its torque changes sides [s], as opposed to the small steps of a mesh's torques."""
-    motion = outcome.trajectory
-    if motion is None:
-        return []
-    found = []
-    for joint, times in enumerate(motion.switch_times):
-        k = np.searchsorted(motion.t, times)
-        steps = np.abs(motion.tau[k, joint] - motion.tau[k + 1, joint])
-        found.append([t for t, step in zip(times, steps, strict=True) if step > 0.4 * np.ptp(motion.tau[:, joint])])
-    return found
-
-
 def _fit_mechanics(panels: Sequence[Axes], figure: PaperFigure) -> None:
     """Panels sized by the arm's own motions: equation (7) as printed throws it about."""
     own = [o.trajectory for o in figure.outcomes if o.case.variant == "lagrangian" and o.trajectory is not None]
@@ -218,15 +203,9 @@ def _mark_published(panels: Sequence[Axes], figure: PaperFigure) -> None:
         panel.axvline(figure.published, color=MARK, linewidth=1.1, linestyle=_MARK_STYLE, zorder=2)
 
 
-def _add_legend(panel: Axes, figure: PaperFigure) -> None:
-    handles = [
-        Line2D([], [], color=INK, linestyle=style, linewidth=1.4, label=_told(outcome))
-        for outcome, style in zip(figure.outcomes, STYLES, strict=False)
-    ]
+def _put_head(drawn: Figure, figure: PaperFigure) -> None:
+    handles = run_handles([_told(outcome) for outcome in figure.outcomes])
     if figure.published is not None:
         text = f"published, {figure.published:g} s"
         handles.append(Line2D([], [], color=MARK, linestyle=_MARK_STYLE, linewidth=1.1, label=text))
-    panel.legend(
-        handles=handles, loc="lower left", bbox_to_anchor=(0, 1), ncols=2 if len(handles) == 4 else 3,
-        borderaxespad=0.2, frameon=False, fontsize=9, labelcolor=INK, handlelength=2.2, columnspacing=1.4,
-    )  # fmt: skip
+    put_head(drawn, figure.title, handles)

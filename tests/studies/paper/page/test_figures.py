@@ -86,7 +86,7 @@ def test_pid_figure_marks_the_arrival_on_the_curve():
 
 def test_legend_names_every_curve_and_its_time():
     figure = next(one for one in paper_figures(outcomes()) if one.number == 7)
-    texts = [text.get_text() for text in draw(figure).axes[0].get_legend().get_texts()]
+    texts = [text.get_text() for text in draw(figure).legends[-1].get_texts()]
     assert texts[0] == "payload at the tip, no arrival"
     assert texts[2] == f"(7) as printed, {figure.outcomes[2].time:.4g} s"
     assert texts[-1] == "published, 6.235 s"
@@ -97,7 +97,7 @@ def test_a_payload_that_the_paper_has_not_has_no_published_time():
     (figure,) = paper_figures([run], 0.3)
     assert figure.published is None
     assert "The paper" not in figure.caption
-    assert [text.get_text() for text in draw(figure).axes[0].get_legend().get_texts()] == [
+    assert [text.get_text() for text in draw(figure).legends[-1].get_texts()] == [
         f"payload at the tip, {run.time:.4g} s"
     ]
 
