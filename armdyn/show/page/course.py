@@ -105,14 +105,13 @@ def _curves(move: Move, times: Array, limits: JointLimits) -> dict[str, Any]:
     for name, values in zip(("q", "v", "tau"), sample, strict=True):
         values[beyond] = np.nan
         curves[name] = _packed(values.T, "<f4")
-    ticks = switches(move) or _ends(lanes, motion.duration)
     return {
         "name": move.name,
         "duration": motion.duration,
         **curves,
         "lanes": lanes,
         "resolved": resolved,
-        "switches": ticks[:_TICKS],
+        "switches": switches(move, lanes, resolved=resolved),
     }
 
 
@@ -162,23 +161,29 @@ def sampled_lanes(t: Array, sample: Sample, limits: JointLimits) -> list[list[Se
     return lanes
 
 
-def switches(move: Move) -> list[dict[str, Any]]:
-    """When the torque of a joint jumps, of a motion that says so, and of which joints [s from the start]."""
-    found: dict[float, list[int]] = {}
-    for joint, times in enumerate(move.motion.switch_times):
-        for time in times[: _TICKS + 1]:
-            found.setdefault(time - float(move.motion.t[0]), []).append(joint)
-    return [{"t": time, "joints": found[time]} for time in sorted(found)]
+def switches(move: Move, lanes: Sequence[Sequence[Segment]], *, resolved: bool) -> list[dict[str, Any]]:
+    """Switching instants of a motion, and of which joints [s from the start]; at most `_TICKS`.
 
+    Of solved arcs their ends; of a motion whose arcs were looked for and not resolved none, for its jumps are a mesh's;
+    of any other where its torques jump.
 
-def _ends(lanes: Sequence[Sequence[Segment]], duration: float) -> list[dict[str, Any]]:
-    """Where joints come onto a limit or leave it, of a motion without jumps; nothing if that is too often."""
+    Args:
+        move: the motion.
+        lanes: which limit every joint is on.
+        resolved: the lanes are solved arcs.
+    """
+    start, duration = float(move.motion.t[0]), move.motion.duration
+    if resolved:
+        times = [[begun for begun, _, _ in lane if 0 < begun < duration] for lane in lanes]
+    elif "arcs" in move.facts:
+        times = []
+    else:
+        times = [[time - start for time in each[: _TICKS + 1]] for each in move.motion.switch_times]
     found: dict[float, list[int]] = {}
-    for joint, lane in enumerate(lanes):
-        for start, _, _ in lane:
-            if 0 < start < duration:
-                found.setdefault(start, []).append(joint)
-    return [{"t": time, "joints": found[time]} for time in sorted(found)] if len(found) <= _TICKS else []
+    for joint, each in enumerate(times):
+        for time in each:
+            found.setdefault(time, []).append(joint)
+    return [{"t": time, "joints": found[time]} for time in sorted(found)][:_TICKS]
 
 
 def _merged(pieces: Sequence[Segment]) -> list[Segment]:

@@ -51,7 +51,15 @@ def test_arcs_become_lanes_and_jumps_become_ticks():
     assert first["resolved"]
     ends = [[(round(a, 12), round(b, 12), code) for a, b, code in lane] for lane in first["lanes"]]
     assert ends == [[(0.0, 0.12, "T+"), (0.12, 0.21, "T-")], [(0.0, 0.08, "T+"), (0.08, 0.21, "T-")]]
-    assert first["switches"] == [{"t": 0.08, "joints": [1]}, {"t": 0.12, "joints": [0]}]
+    assert [tick["joints"] for tick in first["switches"]] == [[1], [0]]
+    assert [tick["t"] for tick in first["switches"]] == pytest.approx([0.08, 0.12], rel=1e-12)
+
+
+def test_a_bare_motion_s_jumps_are_ticks_and_a_mesh_s_are_not():
+    robot, move = judged()
+    bare, mesh = (data_of(replace(move, facts=Facts(f)), robot=robot)["moves"][0] for f in ({}, {"arcs": []}))
+    assert bare["switches"] == [{"t": 0.08, "joints": [1]}, {"t": 0.12, "joints": [0]}]
+    assert mesh["switches"] == []
 
 
 def test_without_arcs_the_samples_say_it():
