@@ -22,7 +22,7 @@ _COMMANDS = 11
 _BARE = str.maketrans("", "", "{}")
 """Typer writes {ROBOT} of an argument."""
 
-_IN_OUTPUT = {"out", "json", "quiet", "no_figure", "no_replay", "help"}
+_IN_OUTPUT = {"out", "json", "quiet", "no_figure", "no_report", "help"}
 
 
 class Command(TyperCommand):

@@ -52,7 +52,7 @@ def test_every_value_has_a_name_of_its_own():
 def test_a_motion_s_options_are_by_kind():
     panels = dict(re.findall(r"^╭─ (.+?) ─+╮\n(.*?)╰", help_of("mintime"), flags=re.M | re.S))
     where = {"--q-start": "Task", "--lock": "Robot", "--jerk-limit": "Limits", "--obstacle": "Scene",
-             "--starts": "Solver", "--no-replay": "Output", "--quiet": "Output", "--degrees": "Task"}  # fmt: skip
+             "--starts": "Solver", "--no-report": "Output", "--quiet": "Output", "--degrees": "Task"}  # fmt: skip
     for option, panel in where.items():
         assert option in panels[panel], option
     told = " ".join(panels["Task"].replace("│", " ").split())

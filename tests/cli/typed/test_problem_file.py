@@ -160,9 +160,9 @@ def test_degrees_are_not_of_files(write):
 
 
 def test_mintime_solves_a_file_and_its_options_go_before(write):
-    facts = answer(run_here("mintime", write(RR), "--json", "--no-figure", "--no-replay", "--require", "certified"))
+    facts = answer(run_here("mintime", write(RR), "--json", "--no-figure", "--no-report", "--require", "certified"))
     task = ("--payload", 0.1006, "--q-start", "-1.5,2deg", "--q-goal", "0.2,-pi/84", "--effort", "quick")
-    told = run_here("mintime", "rr", *task, "--json", "--no-figure", "--no-replay")
+    told = run_here("mintime", "rr", *task, "--json", "--no-figure", "--no-report")
     assert facts["duration"] == answer(told)["duration"] and facts["files"][0].startswith("results/mintime-problem")
-    facts = answer(run_here("mintime", "problem.toml", "--json", "--no-figure", "--no-replay", "--time-limit", "-1"), 2)
+    facts = answer(run_here("mintime", "problem.toml", "--json", "--no-figure", "--no-report", "--time-limit", "-1"), 2)
     assert "time_limit" in facts["message"]
