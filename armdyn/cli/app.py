@@ -21,15 +21,16 @@ from armdyn.cli.motion.replay import replay
 from armdyn.cli.motion.sweep import sweep
 from armdyn.cli.options.groups import with_options
 from armdyn.cli.paper import reproduce, urdf
+from armdyn.cli.reports.report import compare, report
 from armdyn.cli.robots import robots
 from armdyn.cli.tracking.many import monte_carlo
 from armdyn.cli.tracking.track import track
 from armdyn.cli.tracking.tuning import tune
-from armdyn.cli.typed.layout import Command
+from armdyn.cli.typed.layout import Command, Group
 
 _HELP = """Time-optimal and closed-loop motion of robot arms, from a URDF.
 
-[dim]The fastest motion of an arm of the paper's, as figures, a replay, numbers:[/]
+[dim]The fastest motion of an arm of the paper's, as a report, figures, numbers:[/]
     armdyn mintime rr --payload 0.1006
 [dim]Of your own arm, or of one that has a name; poses by name or in degrees:[/]
     armdyn mintime my_arm.urdf --q-start 0,0,0 --q-goal 1,0.5,-1.2
@@ -50,12 +51,13 @@ armdyn COMMAND --help says more, with examples."""
 _PANELS: dict[str, tuple[Callable[..., None], ...]] = {
     "Motions": (mintime, bound, optimality, sweep),
     "Closed loops": (track, monte_carlo, tune, pid),
-    "What a motion is for": (replay, export),
+    "What a motion is for": (report, compare, replay, export),
     "Robots": (robots, doctor),
     "The paper": (reproduce, urdf),
 }
 
 app = typer.Typer(
+    cls=Group,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",

@@ -193,8 +193,16 @@ def _print_examples(outcomes: "Sequence[Outcome]", plan: "Plan", out: Path) -> N
 
 def _print(result: "Reproduced", out: Path) -> None:
     """For people: how the paper's numbers fare, and where the rest is."""
-    words = ", ".join(f"{n} {verdict}" for verdict, n in _facts(result)["verdicts"].items())  # type: ignore[attr-defined]
-    console.print(f"{len(result.rows)} numbers of the paper: {words}")
+    from collections import Counter
+
+    from armdyn.studies.paper.tables.standing import VERDICTS, standings
+
+    stand = standings(result.rows)
+    again, close, missing = (Counter(stand.values())[verdict] for verdict in VERDICTS)
+    console.print(
+        f"of {len(stand)} numbers in the paper's tables {again} come out again, {close} come near, and {missing} come "
+        f"out of no reading of the paper's own data ({len(result.rows)} comparisons)"
+    )
     console.print(f"all of them are in {escape(str(out / 'index.html'))}; tables in {escape(str(out / 'tables'))}")
 
 

@@ -58,6 +58,9 @@ def inline_svg(text: str, prefix: str, label: str, colors: Mapping[str, str]) ->
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     svg = re.sub(r'\s(?:xmlns(?::\w+)?|version)="[^"]*"', "", svg)  # the page's own parser knows them
     svg = re.sub(r'\b(id="|href="#|url\(#)', rf"\g<1>{prefix}-", svg)
+    meant = set(re.findall(r'(?:href="#|url\(#)([^")]+)', svg))
+    # Of the other ids some are there twice: marks of one kind.
+    svg = re.sub(r'\sid="([^"]+)"', lambda match: match[0] if match[1] in meant else "", svg)
     for color, css in colors.items():
         svg = svg.replace(color, css)
     return Html(svg.replace("<svg ", f'<svg role="img" aria-label="{html.escape(label)}" ', 1))

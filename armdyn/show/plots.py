@@ -30,7 +30,8 @@ STYLES: tuple[Style, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)), "-.")
 INK = "#30363d"
 """Of text and axes."""
 _GRID = "#d9dee4"
-_SOFT = "#5f6b78"
+SOFT = "#5f6b78"
+"""Of what is said beside."""
 _DENSE = 1200
 _MOST_TICKS = 40
 _Place = Literal["outside upper center", "outside lower center"]
@@ -248,7 +249,7 @@ def _draw_switches(panels: Sequence[_Panel], trajectory: Trajectory) -> None:
             for t in times[joint] if len(times[joint]) <= _MOST_TICKS else ():
                 panel.axes.plot(
                     [t, t], [0.0, 0.09], transform=across, color=_color(joint), linewidth=2.2, solid_capstyle="butt",
-                    zorder=4, gid="switch",
+                    zorder=4, label="_switch",
                 )  # fmt: skip
 
 
@@ -277,7 +278,7 @@ def _draw_limits(panel: _Panel, limits: JointLimits) -> bool:
         pad = 0.06 * (high - low)
         panel.axes.set_ylim(min(low, min(drawn) - pad), max(high, max(drawn) + pad))
     free = sum(not np.isfinite(lower[joint]) and not np.isfinite(upper[joint]) for joint in own)
-    panel.axes.set_title(_told_limits(panel, drawn, beyond, free), loc="right", fontsize=8, color=_SOFT)
+    panel.axes.set_title(_told_limits(panel, drawn, beyond, free), loc="right", fontsize=8, color=SOFT)
     return bool(drawn)
 
 

@@ -1,6 +1,6 @@
-"""What is left on disk of a run: trajectory, figure, replay and a summary, in one folder.
+"""What is left on disk of a run: trajectory, figure, report and a summary, in one folder.
 
-A figure takes matplotlib and a replay meshcat: each is loaded when it is drawn.
+A figure takes matplotlib and a report meshcat: each is loaded when it is drawn.
 """
 
 from __future__ import annotations
@@ -10,21 +10,22 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from armdyn.show.results import save_result
+from armdyn.files import write_whole
+from armdyn.show.results import result_head, save_result
 
 if TYPE_CHECKING:
     from armdyn.models.robots.robot import Robot
     from armdyn.models.scene.obstacles import Obstacle
     from armdyn.trajectory import Trajectory
 
-Part = Literal["figure", "replay"]
-PARTS: tuple[Part, ...] = ("figure", "replay")
+Part = Literal["figure", "report"]
+PARTS: tuple[Part, ...] = ("figure", "report")
 """What is drawn of a motion."""
 
 
 def file_names(parts: Collection[Part] = PARTS, motions: Iterable[str] = ("trajectory",)) -> list[str]:
     """The files that `write_run` writes."""
-    drawn = {"figure": ["figure.png", "figure.pdf"], "replay": ["replay.html"]}
+    drawn = {"figure": ["figure.png", "figure.pdf"], "report": ["report.html"]}
     saved = [f"{name}.npz" for name in motions]
     return [*saved, *(name for part in PARTS if part in parts for name in drawn[part]), "result.json"]
 
@@ -40,15 +41,15 @@ def write_run(
     parts: Collection[Part] = PARTS,
     tell: Callable[[str], None] | None = None,
 ) -> list[Path]:
-    """Write trajectory.npz or what else the motions are called, figure.png, figure.pdf, replay.html and result.json.
+    """Write trajectory.npz or what else the motions are called, figure.png, figure.pdf, report.html and result.json.
 
     Args:
         folder: made if it is not there.
         robot: that moved.
         motions: its motions by the names of their files; drawn together.
         summary: what result.json says, besides the files.
-        title: of the figure.
-        obstacles: drawn in the replay.
+        title: of the figure and the report.
+        obstacles: drawn in the report.
         parts: what is drawn.
         tell: told in words what is being written.
 
@@ -70,11 +71,29 @@ def write_run(
         unresolved = (0,) if summary.get("arcs") == [] else ()
         figure = plot_trajectories(list(own.values()), limits=robot.limits, title=title, unresolved=unresolved)
         files += [save_figure(figure, folder / f"figure.{suffix}") for suffix in ("png", "pdf")]
-    if "replay" in parts:
-        tell("writing the replay")
-        from armdyn.show.replay import write_html
-
-        files.append(write_html(robot, list(own.values()), folder / "replay.html", obstacles=obstacles))
+    if "report" in parts:
+        tell("writing the report")
+        files.append(_write_report(folder / "report.html", robot, motions, summary, title, obstacles))
     result = folder / "result.json"
     names = [path.name for path in [*files, result]]
-    return [*files, save_result(result, robot, {**summary, "files": names})]
+    return [*files, save_result(result, robot, {"title": title, **summary, "files": names})]
+
+
+def _write_report(
+    path: Path,
+    robot: Robot,
+    motions: Mapping[str, Trajectory],
+    summary: Mapping[str, object],
+    title: str,
+    obstacles: Sequence[Obstacle],
+) -> Path:
+    """The page of a run: its first motion is judged, the others are its ghosts."""
+    from armdyn.show.page.course import Move
+    from armdyn.show.page.facts import Facts
+    from armdyn.show.page.report import Subject, report_html, report_of
+
+    facts = [Facts({**result_head(robot), **summary}), *([Facts()] * (len(motions) - 1))]
+    moves = [
+        Move(motion.name or name, motion, known) for (name, motion), known in zip(motions.items(), facts, strict=True)
+    ]
+    return write_whole(path, report_html(report_of(Subject.of(robot, obstacles), moves, title)).encode())

@@ -4,7 +4,10 @@ import json
 import os
 from importlib.metadata import version
 from pathlib import Path
+from platform import python_version
 from typing import Any
+
+import numpy as np
 
 from armdyn.errors import FileError, ResultError
 from armdyn.files import read_json, write_whole
@@ -17,8 +20,53 @@ _UNITS = {
     "sensitivity to velocity": "s/(rad/s) or s/(m/s)",
 }  # fmt: skip
 
+_AT_WORK = ("pin", "casadi", "numpy", "scipy")
+"""Whose versions are kept besides armdyn's."""
+
 MAX_BYTES = 8 * 2**20
 """A result larger than this is not read [bytes]: of hostile JSON each byte may take forty in memory."""
+
+
+def model_facts(robot: Robot) -> dict[str, object]:
+    """Which arm it is, as JSON says it: what is needed to build it again from its name, and its limits.
+
+    What is not finite is null; units as everywhere.
+    """
+    limits, payload, friction = robot.limits, robot.payload, robot.friction
+    return {
+        "name": robot.name,
+        "source": robot.source,
+        "hash": robot.model_hash,
+        "joints": list(robot.joint_names),
+        "tip": robot.tip,
+        "payload": None
+        if payload is None
+        else {"mass": payload.mass, "com": list(payload.com), "inertia": list(payload.inertia), "frame": payload.frame},
+        "locked": {name: float(q) for name, q in robot.locked.items()},
+        "limits": {name: [float(x) if abs(x) < np.inf else None for x in each] for name, each in vars(limits).items()},
+        "sliding": sliding_joints(robot),
+        "armature": np.asarray(robot.model.armature, dtype=float).tolist(),
+        "friction": {
+            name: each.tolist() for name, each in zip(("damping", "coulomb"), friction.per_joint(robot.nv), strict=True)
+        }
+        | {"width": friction.width},
+    }
+
+
+def sliding_joints(robot: Robot) -> list[bool]:
+    """Which joints slide instead of turning: the prismatic ones, PX, PrismaticUnaligned and so on."""
+    return [joint.shortname().startswith("JointModelP") for joint in list(robot.model.joints)[1:]]
+
+
+def result_head(robot: Robot) -> dict[str, object]:
+    """What every result says first: its format, the versions at work, the units, and which arm it is."""
+    return {
+        "format": _FORMAT,
+        "armdyn": version("armdyn"),
+        "versions": {name: version(name) for name in _AT_WORK} | {"python": python_version()},
+        "units": _UNITS,
+        "model": model_facts(robot),
+    }
 
 
 def save_result(path: str | os.PathLike[str], robot: Robot, facts: dict[str, object]) -> Path:
@@ -36,12 +84,7 @@ def save_result(path: str | os.PathLike[str], robot: Robot, facts: dict[str, obj
         OSError: the folder cannot be written.
         ValueError: a number is not finite, or a fact has a name that is taken.
     """
-    head = {
-        "format": _FORMAT,
-        "armdyn": version("armdyn"),
-        "units": _UNITS,
-        "model": {"name": robot.name, "source": robot.source, "hash": robot.model_hash, "joints": robot.joint_names},
-    }
+    head = result_head(robot)
     if taken := head.keys() & facts.keys():
         raise ValueError(f"facts must not be called {', '.join(sorted(taken))}")
     return write_whole(path, (json.dumps(head | facts, indent=1, allow_nan=False) + "\n").encode())

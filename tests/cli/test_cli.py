@@ -25,7 +25,7 @@ def test_mintime(tmp_path):
     assert sum(arc["duration"] for arc in answer["arcs"]) == pytest.approx(answer["duration"], rel=1e-9)
     assert answer["sensitivities"]["payload_mass"] > 0
     names = {Path(file).name for file in answer["files"]}
-    assert names == {"trajectory.npz", "figure.png", "figure.pdf", "replay.html", "result.json"}
+    assert names == {"trajectory.npz", "figure.png", "figure.pdf", "report.html", "result.json"}
     assert all(Path(file).stat().st_size > 0 for file in answer["files"])
     trajectory = ad.Trajectory.load(tmp_path / "run" / "trajectory.npz")
     assert trajectory.duration == pytest.approx(answer["duration"], rel=1e-12)
@@ -37,19 +37,19 @@ def test_mintime(tmp_path):
     ("options", "missing"),
     [
         (["--no-figure"], {"figure.png", "figure.pdf"}),
-        (["--no-replay"], {"replay.html"}),
-        (["--no-figure", "--no-replay"], {"figure.png", "figure.pdf", "replay.html"}),
+        (["--no-report"], {"report.html"}),
+        (["--no-figure", "--no-report"], {"figure.png", "figure.pdf", "report.html"}),
     ],
 )
 def test_what_is_not_wanted_is_not_written(options, missing, tmp_path):
     answer = run_json("mintime", "r", *options, "--out", tmp_path)
-    written = {"trajectory.npz", "figure.png", "figure.pdf", "replay.html", "result.json"} - missing
+    written = {"trajectory.npz", "figure.png", "figure.pdf", "report.html", "result.json"} - missing
     assert {Path(file).name for file in answer["files"]} == written == {file.name for file in tmp_path.iterdir()}
     assert set(json.loads((tmp_path / "result.json").read_text())["files"]) == written
 
 
 def test_people_are_told_what_was_written_and_how_long_it_took(tmp_path):
-    words = " ".join(run("pid", "r", "--duration", 1, "--no-replay", "--out", "here", cwd=tmp_path).stdout.split())
+    words = " ".join(run("pid", "r", "--duration", 1, "--no-report", "--out", "here", cwd=tmp_path).stdout.split())
     assert "results here" in words
     assert "written trajectory.npz, figure.png, figure.pdf, result.json in" in words
 
@@ -93,7 +93,7 @@ def test_mintime_of_a_urdf_file_with_poses_and_limits(tmp_path):
     answer = run_json("mintime", "cart.urdf", "--q-start", "0", "--q-goal", "-2", "--effort-limit", "4", cwd=tmp_path)
     # Four newtons instead of one halve the 2√2 s.
     assert answer["duration"] == pytest.approx(2**0.5, rel=1e-8)
-    assert (tmp_path / "results" / "mintime-cart" / "replay.html").exists()
+    assert (tmp_path / "results" / "mintime-cart" / "report.html").exists()
 
 
 @pytest.mark.slow
@@ -194,7 +194,7 @@ def test_bad_input_is_exit_2_of_the_process(tmp_path):
 
 def test_relative_cache_is_exit_2(monkeypatch, tmp_path):
     monkeypatch.setenv("ARMDYN_CACHE", "cache")
-    done = run("mintime", "r", "--no-figure", "--no-replay", "--out", tmp_path)
+    done = run("mintime", "r", "--no-figure", "--no-report", "--out", tmp_path)
     assert (done.returncode, done.stderr) == (2, "armdyn: ARMDYN_CACHE='cache': must be an absolute path\n")
 
 
@@ -226,7 +226,22 @@ def test_interrupt_is_exit_130_with_partial_results(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "command", ["", "mintime", "bound", "pid", "sweep", "reproduce", "replay", "export", "urdf", "robots", "doctor"]
+    "command",
+    [
+        "",
+        "mintime",
+        "bound",
+        "pid",
+        "sweep",
+        "reproduce",
+        "report",
+        "compare",
+        "replay",
+        "export",
+        "urdf",
+        "robots",
+        "doctor",
+    ],
 )
 def test_help_teaches(command):
     done = run_here(*command.split(), "--help")

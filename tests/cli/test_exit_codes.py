@@ -8,7 +8,7 @@ from armdyn.cli.console import EXIT_CODES
 from cli.command import answer, run_here, run_json
 
 ROOT = Path(__file__).parents[2]
-BARE = ("--no-figure", "--no-replay")
+BARE = ("--no-figure", "--no-report")
 SOLVE = ("mintime", "r", *BARE)
 
 

@@ -17,9 +17,9 @@ COMMANDS = [command.callback.__name__.replace("_", "-") for command in app.regis
 
 SHORT = {
     "bound": ["panda", "--q-start", "ready", "--q-goal", "0,0,0,-1,0,1,0", "--damping", "0.1"],
-    "track": ["rr", "--ramp", "0.4", "--duration", "0.5", "--no-figure", "--no-replay"],
+    "track": ["rr", "--ramp", "0.4", "--duration", "0.5", "--no-figure", "--no-report"],
     "monte-carlo": ["r", "--ramp", "0.5", "--duration", "0.8", "--count", "3", "--no-figure"],
-    "pid": ["r", "--duration", "0.5", "--no-figure", "--no-replay"],
+    "pid": ["r", "--duration", "0.5", "--no-figure", "--no-report"],
     "export": ["motion.npz"],
     "replay": ["r", "motion.npz"],
     "urdf": ["rr"],
@@ -27,9 +27,9 @@ SHORT = {
     "robots": ["panda"],
 }
 LONG = {
-    "mintime": ["rr", "--effort", "quick", "--no-figure", "--no-replay", "--obstacle", "sphere:0.02@0.4,0,0.2"],
+    "mintime": ["rr", "--effort", "quick", "--no-figure", "--no-report", "--obstacle", "sphere:0.02@0.4,0,0.2"],
     "sweep": ["r", "--payload", "0,0.1", "--no-figure"],
-    "optimality": ["r", "ramp.npz", "--no-figure", "--no-replay", "--effort", "quick"],
+    "optimality": ["r", "ramp.npz", "--no-figure", "--no-report", "--effort", "quick"],
     "tune": ["r", "--ramp-range", "0.4,0.6", "--generations", "1", "--members", "2", "--held-out", "2"],
     "reproduce": ["--only", "example4", "--payload", "0.1006"],
     "robots": [],

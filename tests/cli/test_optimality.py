@@ -8,7 +8,7 @@ import pytest
 import armdyn as ad
 from cli.command import answer, run_here
 
-QUICK = ("--effort", "quick", "--no-replay", "--no-figure", "--json")
+QUICK = ("--effort", "quick", "--no-report", "--no-figure", "--json")
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +54,7 @@ def test_every_format_of_a_motion_has_one_answer(motion, here, rr):
 
 def test_what_it_says_and_writes(motion, here):
     motion.save(here / "own.npz")
-    done = run_here("optimality", "rr", "own.npz", "--effort", "quick", "--no-replay", "--out", "out")
+    done = run_here("optimality", "rr", "own.npz", "--effort", "quick", "--no-report", "--out", "out")
     words = " ".join(done.stdout.split())
     assert done.returncode == 0 and "the motion takes 0.600000 s" in words and "limits kept" in words
     assert "% less time" in words and "on no limit joint1 100 %, joint2 100 % of the time" in words

@@ -91,7 +91,7 @@ def test_an_out_without_permission_is_refused_before_the_work(command, here, idl
     [
         ("mintime", "trajectory.npz"),
         ("mintime", "figure.pdf"),
-        ("pid", "replay.html"),
+        ("pid", "report.html"),
         ("pid", "result.json"),
         ("sweep", "100g.npz"),
         ("sweep", "sweep.csv"),
@@ -137,7 +137,7 @@ def test_a_full_disk_is_exit_5(command, here, monkeypatch):
 
 def test_what_was_written_before_the_disk_was_full_is_whole(tiny_disk):
     answer = run("pid", "r", "--no-figure", "--out", tiny_disk / "run", code=5)
-    assert answer["message"].startswith(f"disk full while writing {tiny_disk}/run/replay.html")
+    assert answer["message"].startswith(f"disk full while writing {tiny_disk}/run/report.html")
     assert [path.name for path in (tiny_disk / "run").iterdir()] == ["trajectory.npz"]
     assert ad.Trajectory.load(tiny_disk / "run" / "trajectory.npz").model_hash == Robot.from_spec(_r()).model_hash
 
@@ -170,3 +170,11 @@ def test_a_full_disk_under_standard_output():
         done = subprocess.run([*COMMAND, "urdf", "rr"], stdout=full, stderr=subprocess.PIPE, text=True)
     assert done.returncode == 5
     assert "disk full while writing standard output" in " ".join(done.stderr.split())
+
+
+def test_reproduce_counts_the_papers_numbers_and_not_its_own_comparisons(tmp_path):
+    done = CliRunner().invoke(app, [*COMMANDS["reproduce"], "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    told = " ".join(done.output.split())
+    # The time of Table 4, which comes out again, and the torque of Table 7, which does not.
+    assert "of 2 numbers in the paper's tables 1 come out again, 0 come near, and 1 come out of no reading" in told

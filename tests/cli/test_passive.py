@@ -18,7 +18,7 @@ def stranger(tmp_path):
 
 @pytest.mark.slow
 def test_the_fastest_side_move(stranger, tmp_path):
-    out = ("--effort-limit", 3, "--no-figure", "--no-replay", "--json", "--out", tmp_path / "out")
+    out = ("--effort-limit", 3, "--no-figure", "--no-report", "--json", "--out", tmp_path / "out")
     told = answer(run_here("mintime", "cart_pole", *MOVE, *out))
     assert told["certified"] and told["duration"] == pytest.approx(1.559332194, rel=1e-8)  # tests/optimal/test_passive
     assert {mode for arc in told["arcs"] for mode in arc["modes"]} == {"torque upper", "torque lower", "passive"}

@@ -33,7 +33,7 @@ def test_one_table_with_two_payloads(tmp_path):
     assert all(Path(file).exists() for file in answer["files"])
     for example in ("example1_r_mintime", "example4_r_pid"):
         folder = {path.name for path in (tmp_path / example).iterdir()}
-        assert folder == {"trajectory.npz", "figure.png", "figure.pdf", "replay.html", "result.json"}
+        assert folder == {"trajectory.npz", "figure.png", "figure.pdf", "report.html", "result.json"}
     # The same again is a matter of reading, and people are told.
     words = run(*only).stdout
     assert "minimum time" in words and "reproduced" in words

@@ -6,7 +6,7 @@ from cli.command import answer, run_here
 
 
 def test_mintime_keeps_and_tells_it(tmp_path):
-    leave_out = ("--no-figure", "--no-replay", "--out", tmp_path)
+    leave_out = ("--no-figure", "--no-report", "--out", tmp_path)
     kept = answer(run_here("mintime", "r", "--reserve", "0.1", "--velocity-reserve", "0.03", *leave_out, "--json"))
     assert kept["reserve"] == {"effort": [0.1], "velocity": [0.03]}
     lesser = answer(run_here("mintime", "r", "--effort-limit", "2.7", *leave_out, "--json"))
@@ -17,7 +17,7 @@ def test_mintime_keeps_and_tells_it(tmp_path):
 
 
 def test_joint_by_joint(tmp_path):
-    leave_out = ("--no-figure", "--no-replay", "--out", tmp_path, "--json")
+    leave_out = ("--no-figure", "--no-report", "--out", tmp_path, "--json")
     kept = answer(run_here("mintime", "rr", "--reserve", "0.1,0.3", *leave_out))
     assert kept["reserve"] == {"effort": [0.1, 0.3], "velocity": [0.0, 0.0]}
 

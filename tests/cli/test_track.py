@@ -7,7 +7,7 @@ import pytest
 import armdyn as ad
 from cli.command import answer, run_here
 
-BARE = ("--no-figure", "--no-replay")
+BARE = ("--no-figure", "--no-report")
 
 
 def test_the_fastest_motion_with_the_wrong_payload(tmp_path):
@@ -19,7 +19,7 @@ def test_the_fastest_motion_with_the_wrong_payload(tmp_path):
     motion, reference = (ad.Trajectory.load(tmp_path / f"{name}.npz") for name in ("trajectory", "reference"))
     assert reference.duration == told["reference_duration"]
     assert motion.duration < 1.3 * told["settled_time"]  # what is worth looking at
-    assert {"figure.png", "replay.html", "result.json"} <= {path.name for path in tmp_path.iterdir()}
+    assert {"figure.png", "report.html", "result.json"} <= {path.name for path in tmp_path.iterdir()}
     assert json.loads((tmp_path / "result.json").read_text())["settled_time"] == told["settled_time"]
 
 
@@ -71,7 +71,7 @@ def test_bad_options(given, words, tmp_path):
 
 
 def test_mintime_chooses_its_reserve(tmp_path):
-    told = answer(run_here("mintime", "rr", "--payload", "0.1", "--for-tracking", "--no-replay", "--json",
+    told = answer(run_here("mintime", "rr", "--payload", "0.1", "--for-tracking", "--no-report", "--json",
                            "--out", tmp_path))  # fmt: skip
     best = told["for_tracking"]["best"]
     assert told["reserve"]["effort"] == [best["reserve"]] * 2

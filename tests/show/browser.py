@@ -6,6 +6,7 @@
 import contextlib
 import shutil
 import sys
+import time
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -47,19 +48,27 @@ def open_page(path, width=1280, height=800, ready="window.armdyn !== undefined")
             page.on("pageerror", lambda error: errors.append(str(error)))
             page.on("console", lambda line: errors.append(line.text) if line.type == "error" else None)
             page.goto(Path(path).resolve().as_uri())
-            page.wait_for_function(ready, timeout=60_000)
+            wait_until(page, ready)
             yield page, requests, errors
         finally:
             browser.close()
+
+
+def wait_until(page, expression, seconds=60.0):
+    """Ask until it is so: playwright's own waiting evaluates text within the page, which a strict page refuses."""
+    end = time.monotonic() + seconds
+    while not page.evaluate(expression):
+        assert time.monotonic() < end, f"{expression} is not true after {seconds} s"
+        page.wait_for_timeout(20)
 
 
 def left_the_page(requests):
     return [url for url in requests if urlsplit(url).scheme not in ("file", "data", "blob")]
 
 
-def screenshot(page, time, path=None):
+def screenshot(page, moment, path=None):
     """The page at a time of the motion [s], as png bytes."""
-    page.evaluate("t => { armdyn.pause(); armdyn.seek(t); }", time)
+    page.evaluate("t => { armdyn.pause(); armdyn.seek(t); }", moment)
     page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
     return page.screenshot(path=path)
 

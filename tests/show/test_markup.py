@@ -52,3 +52,9 @@ def test_inline_svg_has_own_ids_no_links_and_the_pages_colours():
     assert 'id="f2-p"' in svg and 'href="#f2-p"' in svg and "url(#f2-q)" in svg
     assert "stroke: var(--ink)" in svg
     assert svg.startswith('<svg role="img" aria-label="a &quot;figure&quot;"')
+
+
+def test_ids_of_an_svg_that_nothing_refers_to_go():
+    text = '<svg width="1"><path id="switch"/><path id="switch"/><path id="p"/><use href="#p"/></svg>'
+    svg = inline_svg(text, "f2", "figure", {})
+    assert "switch" not in svg and svg.count('id="f2-p"') == 1 and svg.count("<path") == 3

@@ -84,7 +84,7 @@ def notes(figure):
 
 
 def ticks(panel):
-    return {(float(line.get_xdata()[0]), line.get_color()) for line in panel.lines if line.get_gid() == "switch"}
+    return {(float(line.get_xdata()[0]), line.get_color()) for line in panel.lines if line.get_label() == "_switch"}
 
 
 def labels(legend):

@@ -14,11 +14,11 @@ ALWAYS = ["trajectory.npz", "result.json"]
     [
         ((), [], []),
         (("figure",), ["figure.png", "figure.pdf"], ["drawing the figure"]),
-        (("replay",), ["replay.html"], ["writing the replay"]),
+        (("report",), ["report.html"], ["writing the report"]),
         (
-            ("replay", "figure"),
-            ["figure.png", "figure.pdf", "replay.html"],
-            ["drawing the figure", "writing the replay"],
+            ("report", "figure"),
+            ["figure.png", "figure.pdf", "report.html"],
+            ["drawing the figure", "writing the report"],
         ),
     ],
 )

@@ -11,6 +11,7 @@ from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction
 from armdyn.cli.options.poses import GoalOptions
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+from armdyn.cli.typed.asked import problem_asked
 
 
 def bound(
@@ -34,8 +35,8 @@ def bound(
         from armdyn.optimal.answer.summary import reserve_summary
         from armdyn.optimal.bound.lower_bound import soonest
 
-        arm = joints.fit(robot.read(payload.carried()))
-        problem = ad.MinimumTimeProblem(arm, **goal.asked(arm, robot.robot), **joints.kept(), **course.asked(arm))
+        problem, _ = problem_asked(robot, goal, payload, joints, course)
+        arm = problem.robot
         with working(f"lower bound of {arm.name}", json):
             found = soonest(problem, ad.lower_bound, attrgetter("duration"))
         status = "unbounded" if found is None else "bounded"

@@ -18,8 +18,8 @@ from armdyn.cli.options.poses import GoalOptions
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
 from armdyn.cli.tracking.reserves import reserve_choice, reserve_facts, write_reserves
+from armdyn.cli.typed.asked import problem_asked
 from armdyn.cli.typed.panels import SOLVER
-from armdyn.cli.typed.problem_file import is_problem_file, problem_of, refuse_beside_a_file
 from armdyn.errors import ProblemError
 from armdyn.optimal.task.effort import Effort
 
@@ -154,14 +154,8 @@ def mintime(
         required = requirements_of(require or ())
         from armdyn.optimal.answer.summary import minimum_time_summary
 
-        if is_problem_file(robot.robot):
-            refuse_beside_a_file(robot.robot, goal, payload, robot.part, joints, course)
-            posed = problem_of(robot.robot)
-            problem, search = posed.problem, search.over(posed.options)
-            arm = problem.robot
-        else:
-            arm = joints.fit(robot.read(payload.carried()))
-            problem = ad.MinimumTimeProblem(arm, **goal.asked(arm, robot.robot), **joints.kept(), **course.asked(arm))
+        problem, options = problem_asked(robot, goal, payload, joints, course)
+        arm, search = problem.robot, search.over(options)
         folder = results.folder("mintime", robot.robot)
         with working(f"minimum time of {arm.name}", json) as progress:
             solution, curve = search.solved(problem, progress)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from armdyn.models import Robot
     from armdyn.models.scene.obstacles import Obstacle
 
-_SHAPES = {"box": (3, 1), "sphere": (1, 1), "capsule": (1, 2)}
+SHAPES = {"box": (3, 1), "sphere": (1, 1), "capsule": (1, 2)}
 """How many sizes and how many places a shape has."""
 
 
@@ -94,7 +94,7 @@ def obstacles_of(texts: Sequence[str]) -> tuple[Obstacle, ...]:
     found: list[Obstacle] = []
     for text in texts:
         kind, colon, rest = text.partition(":")
-        found += [_shape(kind, rest, f"--obstacle {text}")] if colon and kind in _SHAPES else load_obstacles(text)
+        found += [_shape(kind, rest, f"--obstacle {text}")] if colon and kind in SHAPES else load_obstacles(text)
     return tuple(found)
 
 
@@ -104,7 +104,7 @@ def _shape(kind: str, text: str, what: str) -> Obstacle:
 
     sizes, _, places = text.partition("@")
     values, at = numbers(sizes, what), [numbers(place, what) for place in places.split(";")]
-    if (len(values), len(at)) != _SHAPES[kind]:
+    if (len(values), len(at)) != SHAPES[kind]:
         raise ProblemError(f"{what}: write box:SX,SY,SZ@X,Y,Z or sphere:R@X,Y,Z or capsule:R@X,Y,Z;X,Y,Z")
     if kind == "box":
         entry: dict[str, object] = {"size": values, "position": at[0]}

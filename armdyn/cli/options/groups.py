@@ -10,6 +10,7 @@ from typing import Annotated, Any, get_origin, get_type_hints
 
 from typer.models import OptionInfo
 
+from armdyn.cli.reports.asked import running
 from armdyn.cli.typed.everywhere import everywhere, heeding
 
 
@@ -39,7 +40,8 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(command)
     def flattened(**values: Any) -> None:
-        with heeding(command.__name__.replace("_", "-"), values):
+        name = command.__name__.replace("_", "-")
+        with running(name, flat, values), heeding(name, values):
             command(**{name: _gathered(name, hint, values) for name, hint in hints.items()})
 
     flattened.__doc__ = _flowing(command.__doc__ or "")

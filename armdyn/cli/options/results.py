@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Self
 
 import typer
 
+from armdyn.cli.reports.asked import asked
 from armdyn.files import probe_folder
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ Out = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on standard output, nothing else.")]
 NoFigure = Annotated[bool, typer.Option("--no-figure", help="Write no figure.png and figure.pdf: half a second less.")]
-NoReplay = Annotated[bool, typer.Option("--no-replay", help="Write no replay.html: half a second less.")]
+NoReport = Annotated[bool, typer.Option("--no-report", help="Write no report.html: half a second less.")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +85,7 @@ class ResultOptions:
 
     output: OutputOptions = field(default_factory=OutputOptions)
     no_figure: NoFigure = False
-    no_replay: NoReplay = False
+    no_report: NoReport = False
 
     def folder(self, command: str, name: str, motions: Iterable[str] = ("trajectory",)) -> Path:
         """Where it goes; see `OutputOptions.folder`."""
@@ -97,7 +98,7 @@ class ResultOptions:
         """What is drawn."""
         from armdyn.show.report import PARTS
 
-        unwanted = [part for part, no in (("figure", self.no_figure), ("replay", self.no_replay)) if no]
+        unwanted = [part for part, no in (("figure", self.no_figure), ("report", self.no_report)) if no]
         return [part for part in PARTS if part not in unwanted]
 
     def write(
@@ -115,5 +116,6 @@ class ResultOptions:
         from armdyn.show.report import write_run
 
         begun = time.perf_counter()
-        files = write_run(folder, robot, motions, summary, title, obstacles, parts=self._parts, tell=tell)
+        known = {**summary, **asked()}
+        files = write_run(folder, robot, motions, known, title, obstacles, parts=self._parts, tell=tell)
         return Written(files=files, seconds=time.perf_counter() - begun)

@@ -31,7 +31,7 @@ RobotName = Annotated[
         metavar="ROBOT",
         help="r, rr or rrr (the paper's arms), a URDF or MJCF file, a name of example-robot-data such as panda or "
         "ur5, a benchmark such as cart_pole, or a name of robot_descriptions such as panda_mj_description. Of mintime "
-        "also a problem file, problem.toml (docs/problem_files.md).",
+        "and bound also a problem file, problem.toml.",
         show_default=False,
         autocompletion=known_names,
     ),
@@ -82,7 +82,9 @@ class PartOptions:
 
     def _read(self, name: str, payload: ad.Payload | None) -> ad.Robot:
         """The robot of a name that is not one of the paper's."""
-        locks, ends = self._locks(), self._ends()
+        if name.lower().endswith(".toml"):
+            raise SpecError(f"{name} is a problem file, which mintime and bound take; here a robot is needed")
+        locks, ends = self.locks(), self.ends()
         if Path(name).suffix or Path(name).is_file():
             if is_mjcf(name):
                 return ad.Robot.from_mjcf(name, payload, locks, ends)
@@ -94,11 +96,13 @@ class PartOptions:
         except UnknownRobotError as error:
             raise UnknownRobotError(name, (*models.PAPER_ARMS, *error.known)) from None
 
-    def _locks(self) -> dict[str, float] | None:
+    def locks(self) -> dict[str, float] | None:
+        """Joints to fix, and where [rad or m]."""
         pairs = [text.partition("=") for text in self.lock or ()]
         return {joint: position(value, f"--lock {joint}", None) for joint, _, value in pairs} or None
 
-    def _ends(self) -> tuple[str, str] | None:
+    def ends(self) -> tuple[str, str] | None:
+        """First and last joint or link of the arm that moves."""
         if self.part is None:
             return None
         first, comma, last = (text.strip() for text in self.part.partition(","))

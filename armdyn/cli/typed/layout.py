@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
 
 from armdyn.cli.typed.panels import OUTPUT, place
 
@@ -16,10 +16,13 @@ if TYPE_CHECKING:
 _NAMES = 26
 """Letters that an option's name and its value's may take for the description to begin beside them."""
 
+_COMMANDS = 11
+"""Letters that commands have."""
+
 _BARE = str.maketrans("", "", "{}")
 """Typer writes {ROBOT} of an argument."""
 
-_IN_OUTPUT = {"out", "json", "quiet", "no_figure", "no_replay"}
+_IN_OUTPUT = {"out", "json", "quiet", "no_figure", "no_report", "help"}
 
 
 class Command(TyperCommand):
@@ -32,16 +35,43 @@ class Command(TyperCommand):
         console.rich.print(*_page(self, ctx), sep="\n")
 
 
+class Group(TyperGroup):
+    """The application, whose help is laid out likewise: examples, options, commands by what they are for."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Print help."""
+        from rich.padding import Padding
+        from rich.text import Text
+
+        from armdyn.cli.console import console
+
+        commands: defaultdict[str, list[RenderableType]] = defaultdict(list)
+        for name in self.list_commands(ctx):
+            command: Any = self.get_command(ctx, name)
+            about = (command.help or "").partition("\n\n")[0]
+            commands[command.rich_help_panel or "Commands"].append(_row(name, Text.from_markup(about), _COMMANDS))
+        page: list[RenderableType] = ["", Padding(_usage(self, ctx), (0, 1)), ""]
+        page += [Padding(Text.from_markup((self.help or "").strip()), (0, 1)), ""]
+        page += [_panel(name, rows) for name, rows in commands.items()]
+        page += [_panel("Options", [_told(param) for param in self.get_params(ctx)])]
+        page += [Padding(Text.from_markup(self.epilog or ""), (1, 1))]
+        console.rich.print(*page, sep="\n")
+
+
+def _usage(command: Any, ctx: Any) -> RenderableType:
+    from rich.text import Text
+
+    used = _escaped(command.get_usage(ctx).removeprefix("Usage: ").translate(_BARE))
+    return Text.from_markup(f"[bold]Usage:[/] {used}")
+
+
 def _page(command: Command, ctx: Any) -> list[RenderableType]:
     """All that help says."""
     from rich.padding import Padding
     from rich.text import Text
 
     about, _, examples = (command.help or "").partition("[dim]")
-    usage = Text.from_markup(
-        f"[bold]Usage:[/] {_escaped(command.get_usage(ctx).removeprefix('Usage: ').translate(_BARE))}"
-    )
-    page: list[RenderableType] = ["", Padding(usage, (0, 1)), ""]
+    page: list[RenderableType] = ["", Padding(_usage(command, ctx), (0, 1)), ""]
     page += [Padding(Text.from_markup(about.strip()), (0, 1)), ""]
     if examples:
         page += [_panel("Examples", [Text.from_markup(examples.replace("[/]", "").strip())])]
@@ -64,27 +94,31 @@ def _panels(params: Iterable[Any]) -> list[tuple[str, list[Any]]]:
     def order(name: str) -> tuple[int, int]:
         return -1 if name == "Arguments" else place(name), name == "Options"
 
-    # --help alone needs no panel of its own: it stands with the output's options.
-    if {param.name for param in found.get("Options", ())} == {"help"} and OUTPUT in found:
-        found[OUTPUT] += found.pop("Options")
     return [(name, found[name]) for name in sorted(found, key=order)]
 
 
 def _told(param: Any) -> RenderableType:
     """One option: its name and value, and what it is."""
-    from rich.console import Group
+    from rich.console import Group as Rows
     from rich.padding import Padding
-    from rich.table import Table
     from rich.text import Text
 
     name = Text(_called(param), style="bold cyan")
     about = Text.from_markup(f"{param.help or ''}{_usual(param)}")
     if name.cell_len > _NAMES:
-        return Group(name, Padding(about, (0, 0, 0, _NAMES + 2)))
+        return Rows(name, Padding(about, (0, 0, 0, _NAMES + 2)))
+    return _row(_called(param), about, _NAMES)
+
+
+def _row(name: str, about: RenderableType, width: int) -> RenderableType:
+    """A name, and what it is beside it."""
+    from rich.table import Table
+    from rich.text import Text
+
     row = Table.grid(padding=(0, 2, 0, 0))
-    row.add_column(width=_NAMES, no_wrap=True)
+    row.add_column(width=width, no_wrap=True)
     row.add_column()
-    row.add_row(name, about)
+    row.add_row(Text(name, style="bold cyan"), about)
     return row
 
 
@@ -112,10 +146,10 @@ def _usual(param: Any) -> str:
 
 
 def _panel(name: str, rows: list[RenderableType]) -> RenderableType:
-    from rich.console import Group
+    from rich.console import Group as Rows
     from rich.panel import Panel
 
-    return Panel(Group(*rows), title=name, title_align="left", border_style="dim")
+    return Panel(Rows(*rows), title=name, title_align="left", border_style="dim")
 
 
 def _escaped(text: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -79,6 +78,8 @@ def read_tables(path: Path, names: Iterable[str]) -> dict[str, Table]:
     Raises:
         ProblemError: it cannot be read, is no TOML, or has something else.
     """
+    import tomllib  # who types a problem out does not wait for it
+
     try:
         text = read_bounded(path, MAX_BYTES).decode("utf-8")
         content = tomllib.loads(text)

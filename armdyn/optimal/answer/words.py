@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from armdyn.optimal.proof.certificate import percent
+from armdyn.optimal.proof.certificate import GAP_TOLERANCE, percent
 
 if TYPE_CHECKING:
     from armdyn.optimal.answer.solution import Solution
@@ -51,7 +51,11 @@ def _checked(solution: Solution) -> str:
         return f"It is not usable: {solution.message}."
     ends = f"its torques, replayed, end {certificate.goal_error:.1e} rad or m from the goal"
     if solution.certified:
-        why = "Pontryagin's conditions hold along it" if certificate.extremal else "a proven bound is as near"
+        why = (
+            "Pontryagin's conditions hold along it"
+            if certificate.extremal
+            else f"a proven bound is within {percent(GAP_TOLERANCE)} of it"
+        )
         return f"It is usable and certified: {ends}, and {why}."
     return f"It is usable, but not certified: {ends}; {'; '.join(certificate.reasons)}."
 

@@ -95,7 +95,7 @@ def _solution(solution: Solution) -> Html:
     for line in solution.what_to_do:
         facts["what you can do"] = f"{facts.get('what you can do', '')} {line}.".strip()
     title = f"{solution.problem.robot.name}: minimum time"
-    picture = motion_picture(solution.trajectory, solution.problem.limits)
+    picture = motion_picture(solution.trajectory, solution.problem.limits, bool(solution.arcs))
     return _card(title, _facts(facts), _svg(picture, f"{title}, the motion"))
 
 

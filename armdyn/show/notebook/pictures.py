@@ -22,15 +22,16 @@ _MOST_SAMPLES = 600
 _AXES = "xyz"
 
 
-def motion_picture(motion: Trajectory, limits: JointLimits | None) -> Figure:
+def motion_picture(motion: Trajectory, limits: JointLimits | None, resolved: bool = True) -> Figure:
     """Position, velocity and torque over time.
 
     Args:
         motion: what is drawn.
         limits: drawn, too; None: none.
+        resolved: its switching times are its own, not a mesh's or a curve's; else it says so.
     """
-    figure = plot_trajectories([_thinned(motion)], limits=limits)
-    figure.set_size_inches(6.0, 5.4)
+    figure = plot_trajectories([_thinned(motion)], limits=limits, unresolved=() if resolved else (0,))
+    figure.set_size_inches(6.0, 5.4 + 1.4 * (len(figure.axes) - 3))
     return _clear(figure)
 
 

@@ -52,7 +52,7 @@ def test_every_value_has_a_name_of_its_own():
 def test_a_motion_s_options_are_by_kind():
     panels = dict(re.findall(r"^╭─ (.+?) ─+╮\n(.*?)╰", help_of("mintime"), flags=re.M | re.S))
     where = {"--q-start": "Task", "--lock": "Robot", "--jerk-limit": "Limits", "--obstacle": "Scene",
-             "--starts": "Solver", "--no-replay": "Output", "--quiet": "Output", "--degrees": "Task"}  # fmt: skip
+             "--starts": "Solver", "--no-report": "Output", "--quiet": "Output", "--degrees": "Task"}  # fmt: skip
     for option, panel in where.items():
         assert option in panels[panel], option
     told = " ".join(panels["Task"].replace("│", " ").split())
@@ -63,7 +63,8 @@ def test_help_begins_with_examples_that_are_commands():
     words = help_of()
     examples = re.findall(r"^\s+armdyn (\w+)", words, flags=re.M)
     assert len(examples) >= 6 and set(examples) <= {*COMMANDS, "COMMAND"}
-    assert words.index("armdyn mintime rr") < words.index("Options")
+    assert words.index("armdyn mintime rr") < words.index("─ Motions") < words.index("─ Options")
+    assert max(map(len, words.splitlines())) <= 80 and all(f"│ {name} " in words for name in COMMANDS)
 
 
 def test_the_examples_of_commands_are_of_commands_and_options_that_there_are():

@@ -144,15 +144,25 @@ def test_the_command_line_does_not_say_it_again(write):
         assert facts["message"].startswith(options[0]) and "says" in facts["message"], options
 
 
+def test_bound_takes_a_file_and_others_say_that_they_do_not(write):
+    name = write(RR.replace("q_start", "velocity_limit = 5\nq_start"))
+    facts = answer(run_here("bound", name, "--json"))
+    assert facts["robot"] == "rr" and facts["kinematic"] == pytest.approx(1.7 / 5, rel=1e-12)
+    for command in ("doctor", "pid", "track", "robots"):
+        assert (
+            "is a problem file, which mintime and bound take" in answer(run_here(command, name, "--json"), 2)["message"]
+        )
+
+
 def test_degrees_are_not_of_files(write):
     with reading_degrees(True):
         assert "says units itself" in refused(write(RR))
 
 
 def test_mintime_solves_a_file_and_its_options_go_before(write):
-    facts = answer(run_here("mintime", write(RR), "--json", "--no-figure", "--no-replay", "--require", "certified"))
+    facts = answer(run_here("mintime", write(RR), "--json", "--no-figure", "--no-report", "--require", "certified"))
     task = ("--payload", 0.1006, "--q-start", "-1.5,2deg", "--q-goal", "0.2,-pi/84", "--effort", "quick")
-    told = run_here("mintime", "rr", *task, "--json", "--no-figure", "--no-replay")
+    told = run_here("mintime", "rr", *task, "--json", "--no-figure", "--no-report")
     assert facts["duration"] == answer(told)["duration"] and facts["files"][0].startswith("results/mintime-problem")
-    facts = answer(run_here("mintime", "problem.toml", "--json", "--no-figure", "--no-replay", "--time-limit", "-1"), 2)
+    facts = answer(run_here("mintime", "problem.toml", "--json", "--no-figure", "--no-report", "--time-limit", "-1"), 2)
     assert "time_limit" in facts["message"]

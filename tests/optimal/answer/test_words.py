@@ -32,6 +32,15 @@ def test_print_says_the_bound(solution):
     assert f"No motion is faster than {bound:.6f} s: this one is at most 2.05 % above that." in words
 
 
+def test_what_is_certified_by_its_bound_says_so(solution):
+    bound = solution.duration / 1.0005
+    near = dataclasses.replace(
+        solution.certificate, hamiltonian_spread=float("inf"), lower_bound=bound, gap=solution.duration / bound - 1
+    )
+    words = str(dataclasses.replace(solution, certificate=near))
+    assert "certified: " in words and "a proven bound is within 0.1 % of it." in words
+
+
 def test_what_is_not_usable_says_so(solution):
     missed = dataclasses.replace(solution.certificate, goal_error=0.1)
     short = dataclasses.replace(solution, certificate=missed, success=False, message="ends beside the goal")

@@ -10,7 +10,7 @@ from armdyn.studies.paper.outcomes.case import Case
 from armdyn.studies.paper.plan import Plan, cases_of
 from armdyn.studies.paper.reproduce import reproduce
 
-FOLDER = {"trajectory.npz", "figure.png", "figure.pdf", "replay.html", "result.json"}
+FOLDER = {"trajectory.npz", "figure.png", "figure.pdf", "report.html", "result.json"}
 
 
 def names(folder):

@@ -1,6 +1,7 @@
-"""The page's tables: Tables 3 to 7 with verdicts, the score, feasibility, the two approaches, the statements."""
+"""The page's tables: all readings of Tables 3 to 7, the score, feasibility, the two approaches, the statements."""
 
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 
 from armdyn.models.values.spec import PAPER_ARMS
 from armdyn.show.grids import Grid
@@ -8,10 +9,13 @@ from armdyn.show.markup import Html, element, join, table
 from armdyn.studies.paper.claims.statements import Statement
 from armdyn.studies.paper.outcomes.case import Case
 from armdyn.studies.paper.outcomes.outcome import Outcome, by_case
+from armdyn.studies.paper.page.mathematics import scientific, typeset
 from armdyn.studies.paper.printed import published
 from armdyn.studies.paper.printed.examples import PAYLOAD, example
+from armdyn.studies.paper.printed.published import Printed
 from armdyn.studies.paper.tables.columns import TITLES, our_column, paper_column, table_line, with_numbers
 from armdyn.studies.paper.tables.rows import Row, Verdict
+from armdyn.studies.paper.tables.standing import VERDICTS, Number, number_of, standings, time_of
 
 _CLASS = {
     "reproduced": "good",
@@ -22,7 +26,6 @@ _CLASS = {
     "not supported": "bad",
     "not computed": "none",
 }
-_VERDICTS: tuple[Verdict, ...] = ("reproduced", "close", "not reproduced")
 
 
 def tag(verdict: str) -> Html:
@@ -31,56 +34,65 @@ def tag(verdict: str) -> Html:
 
 
 def score(rows: Sequence[Row]) -> Html:
-    """How many numbers of each table are reproduced."""
+    """How many numbers of each table come out again, and in how many comparisons."""
     items = []
     for number, title in TITLES.items():
-        verdicts = [row.verdict for row in rows if row.table == number and row.published is not None]
-        if not verdicts:
+        own = [row for row in rows if row.table == number and row.published is not None]
+        if not own:
             continue
-        counts = {verdict: verdicts.count(verdict) for verdict in _VERDICTS}
+        counts, compared = Counter(standings(own).values()), Counter(row.verdict for row in own)
+        total = sum(counts.values())
         bar = (
-            element("i", class_=_CLASS[verdict], style=f"width: {100 * n / len(verdicts):.1f}%")
-            for verdict, n in counts.items()
-            if n
+            element("i", class_=_CLASS[verdict], style=f"width: {100 * counts[verdict] / total:.1f}%")
+            for verdict in VERDICTS
+            if counts[verdict]
         )
-        told = ", ".join(f"{n} {verdict}" for verdict, n in counts.items() if n) + f": {len(verdicts)} comparisons"
-        items.append(element("li", element("b", f"Table {number}"), title, element("div", *bar, class_="bar"), told))
+        told = f"{counts['reproduced']} of {total} numbers come out again"
+        told += f", {counts['close']} nearly" if counts["close"] else ""
+        apart = ", ".join(f"{compared[verdict]} {verdict}" for verdict in VERDICTS if compared[verdict])
+        small = element("small", f"{len(own)} comparisons: {apart}")
+        link = element("a", f"Table {number}", href=f"#table{number}")
+        items.append(element("li", element("b", link), title, element("div", *bar, class_="bar"), told, small))
     return element("ul", *items, class_="score")
 
 
-def paper_table(number: int, rows: Iterable[Row]) -> Html:
-    """One of Tables 3 to 7: the paper's columns, each followed by ours with its verdict; the reasons below."""
-    rows = [row for row in rows if row.table == number]
-    heading = element("h3", f"Table {number}: {TITLES[number]}", id=f"table{number}")
-    if not rows:
-        return join([heading, element("p", "Not computed.")])
-    if number < 7:
-        return join([heading, _paper_grid(rows), _reasons(rows)])
-    halves = [[row for row in rows if (row.kind == "pid") == closed] for closed in (False, True)]
-    return join([heading, *(_paper_grid(half) for half in halves if half), _reasons(rows)])
+def published_cell(row: Row | None, verdict: Verdict | None) -> Html:
+    """A number of the paper's, marked if it comes out again, or nearly, in any reading."""
+    if row is None or row.published is None or verdict is None:
+        return element("td", "–", class_="published group")
+    text = number_text(row.published, 4 if row.table == 7 else 3)
+    return element("td", text, *_marked(verdict), title=verdict, class_=f"{_CLASS[verdict]} said group")
 
 
-def _paper_grid(rows: Sequence[Row]) -> Html:
+def _marked(verdict: Verdict | None) -> list[Html]:
+    mark = {"reproduced": "✓", "close": "≈"}.get(verdict or "", "")
+    return [element("span", mark, class_="mark", aria_hidden="true")]
+
+
+def paper_grid(rows: Sequence[Row], stand: Mapping[Number, Verdict]) -> Html:
+    """The paper's columns, each followed by ours in every reading."""
     number, rows = rows[0].table, with_numbers(rows)
     heads = ("robot", "example", "torque") if number == 7 else ("M [g]",)
     columns = list(dict.fromkeys((paper_column(row), our_column(row)) for row in rows))
     papers = list(dict.fromkeys(paper for paper, _ in columns))
     groups = {paper: [ours for other, ours in columns if other == paper] for paper in papers}
     cells = {(table_line(row), paper_column(row), our_column(row)): row for row in rows}
-    top = [element("th", *([head] if not papers[0] else [])) for head in heads]
+    top = [element("th", *([typeset(head)] if not papers[0] else [])) for head in heads]
     if papers[0]:
-        top += [element("th", paper, colspan=len(ours) + 1, class_="group over") for paper, ours in groups.items()]
-    names = [element("th", head, class_="first" if i == 0 else "line") for i, head in enumerate(heads)]
+        top += [
+            element("th", typeset(paper), colspan=len(ours) + 1, class_="group over") for paper, ours in groups.items()
+        ]
+    names = [element("th", typeset(head), class_="first" if i == 0 else "line") for i, head in enumerate(heads)]
     for ours in groups.values():
-        names += [element("th", "published", class_="group"), *(element("th", name) for name in ours)]
+        names += [element("th", "published", class_="group"), *(element("th", typeset(name)) for name in ours)]
     body = []
     in_order = rows if number == 7 else sorted(rows, key=lambda row: row.payload_kg)
     for line in dict.fromkeys(table_line(row) for row in in_order):
-        out = [element("td", str(x), class_="first" if i == 0 else "line") for i, x in enumerate(line)]
+        out = [element("td", typeset(str(x)), class_="first" if i == 0 else "line") for i, x in enumerate(line)]
         for paper, ours in groups.items():
             own = [cells.get((line, paper, name)) for name in ours]
-            said = next((row.published for row in own if row is not None), None)
-            out.append(element("td", _number(said, 4 if number == 7 else 3), class_="published group"))
+            known = next((row for row in own if row is not None and row.published is not None), None)
+            out.append(published_cell(known, None if known is None else stand.get(number_of(known))))
             out += [_cell(row) for row in own]
         body.append(out)
     return table([top, names] if papers[0] else [names], body)
@@ -89,41 +101,41 @@ def _paper_grid(rows: Sequence[Row]) -> Html:
 def _cell(row: Row | None) -> Html:
     if row is None:
         return element("td")
-    mark = tag(row.verdict) if row.published is not None else Html()
-    return element("td", _number(row.ours), mark, title=row.reason)
+    matched = row.published is not None and row.verdict != "not reproduced"
+    return element("td", number_text(row.ours), title=row.reason, class_="matched" if matched else "")
 
 
-def _reasons(rows: Sequence[Row]) -> Html:
-    """Every number with its reason, folded away."""
+def reasons(rows: Sequence[Row], stand: Mapping[Number, Verdict]) -> Html:
+    """Every number with its verdict and reason."""
     head = [element("th", name, class_=kind) for name, kind in _REASON_COLUMNS]
     body = [
         [
-            element("td", " ".join(str(x) for x in table_line(row)), class_="first"),
-            element("td", ", ".join(filter(None, (paper_column(row), our_column(row)))), class_="text"),
-            element("td", _number(row.published, 4 if row.table == 7 else 3)),
-            element("td", _number(row.ours)),
-            element("td", *([tag(row.verdict)] if row.published is not None else [])),
-            element("td", row.reason, class_="text"),
+            element("td", typeset(" ".join(str(x) for x in table_line(row))), class_="first"),
+            element("td", typeset(", ".join(filter(None, (paper_column(row), our_column(row))))), class_="text"),
+            published_cell(row, stand.get(number_of(row))),
+            element("td", *([tag(row.verdict)] if row.published is not None else []), class_="text"),
+            element("td", number_text(row.ours)),
+            element("td", typeset(row.reason), class_="text"),
         ]
         for row in rows
     ]
-    return element("details", element("summary", f"The {len(rows)} numbers with their reasons"), table([head], body))
+    return table([head], body, class_="long")
 
 
 _REASON_COLUMNS = (
-    ("line", "first"), ("column", "text"), ("published", ""), ("ours", ""), ("verdict", ""), ("reason", "text"),
+    ("line", "first"), ("column", "text"), ("published", "group"), ("verdict", "text"), ("ours", ""),
+    ("reason", "text"),
 )  # fmt: skip
 
 
-def at_a_glance(outcomes: Iterable[Outcome], payload: float = PAYLOAD) -> Html:
+def at_a_glance(outcomes: Iterable[Outcome], rows: Iterable[Row], payload: float = PAYLOAD) -> Html:
     """Published and computed times of every arm with one payload at the tip."""
-    found = by_case(outcomes)
+    found, stand = by_case(outcomes), standings(rows)
     names = (
         "published t_f", "minimum time under ±3 N m", "time-energy optimum",
-        "published PID", "PID, payload at the tip", "PID, m\u00a0→\u00a0m\u00a0+\u00a0M",
-        "loop at the goal, max Re\u00a0λ",
+        "published PID", "PID, payload at the tip", "PID, m → m + M", "loop at the goal, max Re λ",
     )  # fmt: skip
-    head = [[element("th", "arm", class_="first"), *(element("th", name) for name in names)]]
+    head = [[element("th", "arm", class_="first"), *(element("th", typeset(name)) for name in names)]]
     body = []
     for arm in PAPER_ARMS:
         optimal, loop = example(arm, "minimum_time").number, example(arm, "pid").number
@@ -143,10 +155,10 @@ def at_a_glance(outcomes: Iterable[Outcome], payload: float = PAYLOAD) -> Html:
         body.append(
             [
                 element("td", arm.upper(), class_="first"),
-                element("td", "–" if said is None else f"{said.text} s", class_="published"),
+                _glanced(said, stand.get(time_of(arm, optimal, payload))),
                 element("td", first),
                 element("td", second),
-                element("td", "–" if said_loop is None else f"{said_loop.text} s", class_="published"),
+                _glanced(said_loop, stand.get(time_of(arm, loop, payload))),
                 element("td", third),
                 element("td", fourth),
                 element("td", stable),
@@ -155,15 +167,32 @@ def at_a_glance(outcomes: Iterable[Outcome], payload: float = PAYLOAD) -> Html:
     return table(head, body)
 
 
-def grid_table(one: Grid) -> Html:
-    """A table of texts, its title above and its note below."""
-    head = [element("th", name, class_="first" if i == 0 else "") for i, name in enumerate(one.header)]
+def _glanced(said: Printed | None, verdict: Verdict | None) -> Html:
+    if said is None:
+        return element("td", "–", class_="published group")
+    kind = _CLASS[verdict or "not reproduced"]
+    return element(
+        "td", f"{said.text} s", *_marked(verdict), title=verdict or "not compared", class_=f"{kind} said group"
+    )
+
+
+def grid_table(one: Grid, folded: bool = False) -> Html:
+    """A table of texts, its title above it.
+
+    Args:
+        one: the table.
+        folded: its note is read first, its numbers on demand; else the note is below.
+    """
+    head = [element("th", typeset(name), class_="first" if i == 0 else "") for i, name in enumerate(one.header)]
     body = [
         [element("td", cell, class_="first" if i == 0 else "bad" if "✗" in cell else "") for i, cell in enumerate(line)]
         for line in one.body
     ]
-    parts = [element("h3", one.title), table([head], body)]
-    return join([*parts, element("p", one.note)] if one.note else parts)
+    heading, numbers = element("h3", one.title), table([head], body)
+    note = [element("p", typeset(one.note))] if one.note else []
+    if folded:
+        return join([heading, *note, element("details", element("summary", f"Its {len(body)} lines"), numbers)])
+    return join([heading, numbers, *note])
 
 
 def two_methods(outcomes: Iterable[Outcome]) -> Html:
@@ -194,14 +223,19 @@ def two_methods(outcomes: Iterable[Outcome]) -> Html:
         body.append([element("td", text, class_="first" if i == 0 else "") for i, text in enumerate(texts)])
     if not body:
         return element("p", "No case of this run was solved by both methods.")
-    head = [element("th", name, class_="first" if i == 0 else "") for i, name in enumerate(names)]
-    told = f"{len(body)} cases were solved by both; their durations differ by at most {max(differences):.1e} s."
-    return join([element("p", told), element("details", element("summary", "All of them"), table([head], body))])
+    head = [element("th", typeset(name), class_="first" if i == 0 else "") for i, name in enumerate(names)]
+    told = f"{len(body)} cases were solved by both; their durations differ by at most "
+    return join(
+        [
+            element("p", told, scientific(max(differences)), " s."),
+            element("details", element("summary", "All of them"), table([head], body)),
+        ]
+    )
 
 
 def statement_table(items: Sequence[Statement]) -> Html:
     """A section's statements: claim, what was found, verdict."""
-    head = [element("th", name, class_="text") for name in ("", "the paper's claim", "computed", "verdict")]
+    head = [element("th", name, class_="text") for name in ("", "the paper's claim", "verdict", "computed")]
     body = []
     for item in items:
         for i, check in enumerate(item.checks):
@@ -210,9 +244,9 @@ def statement_table(items: Sequence[Statement]) -> Html:
             body.append(
                 [
                     element("th", label, class_="text", scope="row"),
-                    element("td", check.claim, class_="text"),
-                    element("td", check.finding, class_="text"),
+                    element("td", typeset(check.claim), class_="text"),
                     element("td", tag(verdict), class_="text"),
+                    element("td", typeset(check.finding), class_="text"),
                 ]
             )
     return table([head], body, class_="checks")
@@ -224,5 +258,6 @@ def _time(outcome: Outcome | None) -> str:
     return "does not arrive" if outcome.time is None else f"{outcome.time:.4f} s"
 
 
-def _number(value: float | None, digits: int = 4) -> str:
+def number_text(value: float | None, digits: int = 4) -> str:
+    """A number with its decimals; a dash where there is none."""
     return "–" if value is None else f"{value:.{digits}f}"

@@ -1,0 +1,91 @@
+"""What a command was asked: itself, as it can be typed again, and all its options."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from enum import Enum
+from inspect import Parameter
+from pathlib import Path
+from typing import Any, get_args, get_origin
+
+from typer.models import ArgumentInfo, OptionInfo
+
+_RUNNING: ContextVar[tuple[str, Mapping[str, Parameter], Mapping[str, Any]] | None] = ContextVar(
+    "running", default=None
+)
+
+
+@contextmanager
+def running(command: str, parameters: Mapping[str, Parameter], values: Mapping[str, Any]) -> Iterator[None]:
+    """While a command runs, `asked` knows it.
+
+    Args:
+        command: its name, as it is typed.
+        parameters: as typer takes them, annotated with options and arguments.
+        values: what they were given.
+    """
+    token = _RUNNING.set((command, parameters, values))
+    try:
+        yield
+    finally:
+        _RUNNING.reset(token)
+
+
+def asked() -> dict[str, object]:
+    """The command that is running, as JSON says it; nothing where none is.
+
+    Returns:
+        "asked": {"command": a line for a shell with all that is not by default, "options": all by name}.
+    """
+    now = _RUNNING.get()
+    if now is None:
+        return {}
+    command, parameters, values = now
+    given = [(name, one.annotation) for name, one in parameters.items() if values[name] != one.default]
+    first = sorted(given, key=lambda one: not _is_argument(one[1]))  # the order stays otherwise
+    words = [
+        "armdyn",
+        command.replace("_", "-"),
+        *(word for name, hint in first for word in _typed(name, hint, values[name])),
+    ]
+    return {"asked": {"command": shlex.join(words), "options": {name: plain(values[name]) for name in parameters}}}
+
+
+def _typed(name: str, hint: Any, value: object) -> list[str]:
+    """A parameter as it is typed."""
+    values = list(value) if isinstance(value, (list, tuple)) else [value]
+    if _is_argument(hint):
+        return [_word(one) for one in values]
+    given = next((info.param_decls for info in _told(hint) if isinstance(info, OptionInfo) and info.param_decls), None)
+    on, _, off = (given[0] if given else f"--{name.replace('_', '-')}").partition("/")
+    if isinstance(value, bool):
+        return [word for word in (on if value else off,) if word]
+    return [word for one in values for word in (on, _word(one))]
+
+
+def _told(hint: Any) -> tuple[Any, ...]:
+    return get_args(hint)[1:] if get_origin(hint) is not None else ()
+
+
+def _is_argument(hint: Any) -> bool:
+    return any(isinstance(info, ArgumentInfo) for info in _told(hint))
+
+
+def _word(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) and float(f"{value:g}") == value else str(plain(value))
+
+
+def plain(value: object) -> object:
+    """A value as JSON says it."""
+    if isinstance(value, (list, tuple)):
+        return [plain(one) for one in value]
+    if isinstance(value, Enum):
+        return plain(value.value)
+    if value is None or isinstance(value, (bool, int)) or (isinstance(value, float) and math.isfinite(value)):
+        return value
+    text = str(value) if isinstance(value, (str, Path, float)) else repr(value)
+    return text.encode(errors="replace").decode()  # a path that is no text cannot be written as JSON

@@ -1,0 +1,167 @@
+"""The commands that write reports of results that were saved: of one, and of several side by side."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import typer
+
+from armdyn.cli.console import answering, console, escape, working
+from armdyn.cli.options.results import OutputOptions
+from armdyn.cli.options.robot import PayloadOptions
+from armdyn.cli.options.text import number
+from armdyn.errors import ProblemError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.table import Table
+
+    from armdyn.show.page.course import Move
+    from armdyn.show.page.joints import Compared
+    from armdyn.show.page.report import Report, Subject
+
+Results = Annotated[
+    list[Path],
+    typer.Argument(metavar="RESULT…", help="Folders that mintime, pid or track wrote, or trajectories (npz)."),
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShownOptions:
+    """Which robot is drawn, and how much of its motions."""
+
+    panel: ClassVar[str] = "What is shown"
+
+    robot: Annotated[
+        str | None,
+        typer.Option(metavar="ROBOT", help="Whose motions they are; by default the result says it, if it is no file."),
+    ] = None
+    until: Annotated[
+        str | None, typer.Option(metavar="S", help="Only so much of each motion \\[s]; by default all of it.")
+    ] = None
+
+    def end(self) -> float | None:
+        """How much of each motion is drawn [s]; None: all.
+
+        Raises:
+            ProblemError: no positive number.
+        """
+        end = None if self.until is None else number(self.until, "--until")
+        if end is not None and not end > 0:
+            raise ProblemError(f"--until is {self.until}; it must be positive [s]")
+        return end
+
+    def read(self, results: Sequence[Path], payload: PayloadOptions) -> tuple[Subject, list[Move]]:
+        """The robot and the motions, whole.
+
+        Raises:
+            ArmdynError: a result cannot be read, or they do not fit together.
+        """
+        from armdyn.cli.reports.saved import moves_of, read_saved, subject_of
+
+        saved = [read_saved(path) for path in results]
+        return subject_of(saved[0], self.robot, payload.carried()), moves_of(saved)
+
+
+def report(
+    results: Results,
+    shown: ShownOptions,
+    payload: PayloadOptions,
+    output: OutputOptions,
+) -> None:
+    """One HTML page of saved results: the arm, its curves, and what is to be said of them.
+
+    mintime, pid and track write it by themselves. Of several results the first is judged, and the others are its
+    ghosts. It is written beside a single result, else to results/report-ROBOT. Nothing in a result is executed; a robot
+    that is a file is not read because a result names it: name it by --robot.
+
+    [dim]armdyn report results/mintime-rr
+    armdyn report results/mintime-rr results/pid-rr --until 0.5 --out results/both[/]
+    """
+    with answering(output.json) as answer:
+        end = shown.end()
+        subject, moves = shown.read(results, payload)
+        title = moves[0].facts.text("title") if len(results) == 1 else ""
+        beside = results[0] if results[0].is_dir() else results[0].parent
+        folder = output.folder("report", subject.name, ["report.html"]) if len(results) > 1 or output.out else beside
+        from armdyn.show.page.report import report_of
+
+        with working(f"report of {subject.name}", output.json):
+            page = _written(folder, report_of(subject, moves, title, end))
+        answer.facts |= {"success": True, "status": "written", "robot": subject.name, "files": [str(page)]}
+        if not output.json:
+            console.print(f"{escape(str(page))}  ({page.stat().st_size / 1e6:.1f} MB, opens in any browser)")
+
+
+def compare(
+    results: Results,
+    shown: ShownOptions,
+    payload: PayloadOptions,
+    output: OutputOptions,
+) -> None:
+    """Several motions of one arm side by side: a table, one report, and one figure for a paper.
+
+    The first is what the others are measured by. The report has the first solid and the others as ghosts, all curves
+    under one time; figure.pdf and figure.svg have a colour for each joint and a line style for each motion. Motions may
+    also be files of others, saved by armdyn.Trajectory.save.
+
+    [dim]armdyn compare results/mintime-rr results/pid-rr --until 0.5
+    armdyn compare results/mintime-rr results/track-rr toppra.npz --out results/three[/]
+    """
+    with answering(output.json) as answer:
+        if len(results) < 2:
+            raise ProblemError("compare takes two results or more; armdyn report shows a single one")
+        end = shown.end()
+        subject, moves = shown.read(results, payload)
+        folder = output.folder("compare", subject.name, ["report.html", "figure.pdf", "figure.svg"])
+        from armdyn.show.page.course import until
+        from armdyn.show.page.joints import compared
+        from armdyn.show.page.report import report_of
+        from armdyn.show.plots import plot_trajectories, save_figure
+
+        with working(f"comparison of {subject.name}", output.json) as progress:
+            rows = compared(moves, subject.limits)
+            title = f"{subject.name}: {len(moves)} motions side by side"
+            page = _written(folder, report_of(subject, moves, title, end))
+            progress("drawing the figure")
+            unresolved = [k for k, move in enumerate(moves) if move.facts.values.get("arcs") == []]
+            drawn = [replace(until(move.motion, end), name=move.name) for move in moves]
+            figure = plot_trajectories(drawn, limits=subject.limits, title=title, unresolved=unresolved)
+            files = [page, *(save_figure(figure, folder / f"figure.{kind}") for kind in ("pdf", "svg"))]
+        answer.facts |= {"success": True, "status": "written", "robot": subject.name}
+        answer.facts |= {"motions": [asdict(row) for row in rows], "files": [str(file) for file in files]}
+        if not output.json:
+            console.print(_table(title, rows))
+            console.print(f"results in {escape(str(folder))}: {', '.join(file.name for file in files)}")
+
+
+def _written(folder: Path, made: Report) -> Path:
+    """The page."""
+    from armdyn.files import write_whole
+    from armdyn.show.page.report import report_html
+
+    page = report_html(made).encode()
+    folder.mkdir(parents=True, exist_ok=True)
+    return write_whole(folder / "report.html", page)
+
+
+def _table(title: str, rows: Sequence[Compared]) -> Table:
+    """For people."""
+    from rich.table import Table
+
+    table = Table(title=escape(title), title_justify="left", box=None, pad_edge=False)
+    for column in ("motion", "at the goal", "beside the first", "work", "fastest", "strongest", "verdict"):
+        table.add_column(column, justify="left" if column in ("motion", "verdict") else "right")
+    for k, row in enumerate(rows):
+        table.add_row(
+            escape(row.name),
+            "-" if row.there is None else f"{row.there:.4f} s",
+            "-" if k == 0 or row.later is None else f"{100 * row.later:+.1f} %",
+            f"{row.work:.4g} J",
+            *("-" if part is None else f"{100 * part:.3g} %" for part in (row.speed, row.torque)),
+            escape(row.verdict),
+        )
+    return table

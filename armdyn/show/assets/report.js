@@ -1,0 +1,159 @@
+/* The report's player: one time for the arm, the curves, the slider and the numbers. */
+"use strict";
+(async () => {
+  const el = id => document.getElementById(id);
+  const make = (tag, parent, text, kind) => {
+    const node = parent.appendChild(document.createElement(tag));
+    if (text !== undefined) node.textContent = text;  // names come from strangers: text, never markup
+    if (kind) node.className = kind;
+    return node;
+  };
+  const data = JSON.parse(el("armdyn-data").textContent), { course, labels } = data;
+  const bytes = text => Uint8Array.from(atob(text), c => c.charCodeAt(0));
+  const unpacked = text => new Response(new Blob([bytes(text)]).stream().pipeThrough(new DecompressionStream("gzip"))).json();
+  const number = armdynNumber, dark = matchMedia("(prefers-color-scheme: dark)");
+
+  let time = 0, playing = true, speed = data.speed, last = null, rest = 0, scene = null;
+  const seek = to => { time = Math.min(Math.max(+to, 0), duration); rest = 0; show(); };
+  const pause = () => { playing = false; show(); };
+  const play = () => { if (time >= duration) time = 0; playing = true; last = null; rest = 0; show(); };
+  const curves = armdynCurves(el("plots"), course, labels, to => { playing = false; seek(to); });
+  const duration = curves.duration;
+
+  // The arm.
+  const called = k => `${course.moves[k].name}, ${data.cut[k] ? "first " : ""}${+course.moves[k].duration.toPrecision(4)} s`;
+  const missing = words => { el("no-scene").textContent = words; el("pane").classList.add("empty"); };
+  if (data.scene) {
+    try {
+      const drawn = await unpacked(data.scene);
+      scene = armdynScene(el("pane"), drawn, { overlay: true, room: () => ({ high: .84, wide: .9, up: 0, right: 0 }) });
+      drawn.arms.forEach((arm, k) => {
+        const key = make(k ? "button" : "span", el("motions"), undefined, "move");
+        make("i", key).style.background = `rgb(${arm.color.map(c => Math.round(255 * c)).join(",")})`;
+        make("span", key, called(k));
+        if (!k) return;
+        key.title = "show or hide";
+        key.onclick = () => {
+          const off = key.classList.toggle("off");
+          scene.visible(k, !off);
+          curves.move(k, !off);
+        };
+      });
+    } catch (error) {
+      missing(`The arm cannot be shown here: ${error}`);
+    }
+  } else {
+    missing("The robot was not at hand when this report was written: its curves stand beside, the arm is not drawn.");
+    course.moves.forEach((_, k) => make("span", el("motions"), called(k), "move"));
+  }
+  el("fit").onclick = () => scene && scene.fit();
+  // A wheel over the arm scrolls the page, as everywhere else in it; with Ctrl held, or by two fingers, it zooms.
+  el("pane").addEventListener("wheel", event => { if (!event.ctrlKey) event.stopPropagation(); }, { capture: true });
+
+  // The numbers of the moment.
+  const head = make("div", el("now"), undefined, "row head");
+  ["joint", "position", "velocity", "torque", "of its limit", "on"].forEach(word => make("span", head, word));
+  const rows = labels.map((label, j) => {
+    const row = make("div", el("now"), undefined, "row"), name = make("label", row, undefined, "name");
+    const box = make("input", name);
+    Object.assign(box, { type: "checkbox", checked: true, title: "show its curves" });
+    box.onchange = () => curves.joint(j, box.checked);
+    make("i", name, `${j + 1}`);
+    const text = make("span", name, label);
+    text.title = data.joints[j];
+    const cells = ["q", "v", "tau"].map(() => make("span", row, "", "value"));
+    const bar = make("span", row, undefined, "bar"), fill = make("s", bar), on = make("span", row, "", "on");
+    return { name, cells, bar, fill, on };
+  });
+  const said = { "T+": "torque, upper", "T-": "torque, lower", "V+": "speed, upper", "V-": "speed, lower", "Q+": "position, upper",
+    "Q-": "position, lower", P: "no motor", "": "–" };
+  const full = labels.map((_, j) => {
+    const [a, b] = course.limits.tau[j];
+    return a !== null && b !== null ? [a, b] : null;
+  });
+  full.forEach((limit, j) => {
+    rows[j].bar.classList.toggle("unlimited", limit === null);
+    rows[j].bar.title = limit === null ? "no torque limit" : `full at ${limit[1]}, or at ${limit[0]} ${curves.unit("tau", j)}`;
+  });
+
+  // The player.
+  const ticks = el("ticks");
+  const place = (node, at) => { node.style.left = `calc(9px + (100% - 18px) * ${at / duration})`; };  // half a thumb at both ends
+  course.moves[0].switches.forEach(({ t, joints }) => {
+    const tick = make("i", ticks);
+    place(tick, t);
+    tick.dataset.joint = joints[0];
+    tick.title = `${number(t, 6)} s: ${joints.map(j => labels[j]).join(", ")}`;
+  });
+  if (course.moves.length > 1) course.moves.forEach(move => place(make("u", ticks), move.duration));
+  for (const s of [...new Set([.001, .002, .005, .01, .02, .05, .1, .2, .5, 1, 2, speed])].sort((a, b) => a - b)) {
+    const option = make("option", el("speed"), `×${+s.toPrecision(3)}`);
+    option.value = s;
+    option.selected = s === speed;
+  }
+  el("speed").title = "seconds of motion per second";
+  const digits = duration < 2 ? 4 : 2;
+  const precise = xs => Math.max(0, Math.min(4, 3 - Math.floor(Math.log10(Math.max(1e-3, ...xs)))));
+  const most = kind => labels.map((_, j) => precise([Math.max(...course.moves[0][kind][j].map(x => Math.abs(x ?? 0)))]));
+  const places = { q: labels.map(() => 3), v: most("v"), tau: most("tau") };
+
+  function show() {
+    if (scene) scene.show(time);
+    curves.at(time);
+    rows.forEach(({ cells, fill, on }, j) => {
+      ["q", "v", "tau"].forEach((kind, i) => {
+        cells[i].textContent = `${number(curves.values(kind, j, time), places[kind][j])} ${curves.unit(kind, j)}`;
+      });
+      const torque = curves.values("tau", j, time);
+      const part = full[j] ? (torque < 0 ? -torque / full[j][0] : torque / full[j][1]) || 0 : 0;
+      fill.style.transform = `scaleX(${Math.max(-1, Math.min(1, part))})`;
+      on.textContent = said[curves.on(j, Math.min(time, course.moves[0].duration * (1 - 1e-9)))];
+    });
+    el("scrubber").value = time / duration;
+    el("scrubber").setAttribute("aria-valuetext", `${number(time, digits)} s`);
+    el("clock").textContent = `${number(time, digits)} / ${number(duration, digits)} s`;
+    document.querySelector("#toggle path").setAttribute("d", playing ? "M2 1h3.5v12H2zM8.5 1H12v12H8.5z" : "M3 1l10 6-10 6z");
+  }
+  function tick(now) {
+    requestAnimationFrame(tick);
+    const passed = last === null ? 0 : (now - last) / 1000;
+    last = now;
+    if (!playing) return;
+    if (time < duration) time = Math.min(time + speed * passed, duration);
+    else if ((rest += passed) > 1.2) { time = 0; rest = 0; }  // dwell at the goal, then again
+    show();
+  }
+  el("toggle").onclick = () => (playing ? pause() : play());
+  el("scrubber").oninput = event => { playing = false; seek(event.target.value * duration); };
+  el("speed").onchange = event => { speed = +event.target.value; };
+  addEventListener("keydown", event => {
+    if (event.target.matches("select, input, button, summary, pre")) return;
+    if (event.code === "Space") { event.preventDefault(); (playing ? pause() : play()); }
+    if (event.code === "ArrowRight" || event.code === "ArrowLeft") {
+      playing = false;
+      seek(time + (event.code === "ArrowRight" ? 1 : -1) * duration / 100);
+    }
+  });
+  function theme() {
+    curves.theme(dark.matches);
+    if (scene) scene.theme(dark.matches);
+    rows.forEach(({ name, fill }, j) => {
+      name.style.setProperty("--joint", curves.color(j));
+      fill.style.background = curves.color(j);
+    });
+    ticks.querySelectorAll("i").forEach(node => { node.style.background = curves.color(+node.dataset.joint); });
+  }
+  dark.addEventListener("change", theme);
+  theme();
+  show();
+  requestAnimationFrame(tick);
+
+  // For scripts: positions are read from the scene that is drawn, cursors from the charts, not from the data.
+  window.armdyn = {
+    play, pause, seek, duration,
+    get time() { return time; },
+    get playing() { return playing; },
+    get cursors() { return curves.cursors; },
+    linkPosition: (name, k = 0) => scene && scene.linkPosition(name, k),
+  };
+})();

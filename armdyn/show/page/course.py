@@ -1,0 +1,225 @@
+"""Positions, velocities and torques over time, as the report's plots take them."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.models.values.limits import JointLimits
+from armdyn.show.page.facts import Facts
+from armdyn.show.page.scene import finite_pairs
+from armdyn.trajectory import Trajectory
+from armdyn.trajectory.value import Sample
+
+Array = NDArray[np.float64]
+
+NEAR_LIMIT = 0.005
+"""Part of a limit that a sample may be beside it to count as on it, where arcs are not known."""
+
+_DENSE = 500
+_OWN = 1500
+_TICKS = 60
+_SEGMENTS = 400
+_MODES = {
+    "torque upper": "T+", "torque lower": "T-", "velocity upper": "V+", "velocity lower": "V-",
+    "position upper": "Q+", "position lower": "Q-", "free": "", "passive": "P",
+}  # fmt: skip
+"""An arc's mode as `assets/report.js` writes it."""
+
+Segment = tuple[float, float, str]
+"""From when to when [s], and on which limit."""
+
+
+@dataclass(frozen=True, eq=False)
+class Move:
+    """A motion, what it is called, and what is known of it.
+
+    Attributes:
+        name: in legends and tables.
+        motion: its samples.
+        facts: of its run; none of a bare motion.
+    """
+
+    name: str
+    motion: Trajectory
+    facts: Facts
+
+
+def until(motion: Trajectory, end: float | None) -> Trajectory:
+    """A motion as far as a time [s] from its start; None, or one that is shorter: all of it."""
+    rows = np.full(motion.t.size, True) if end is None else motion.t - motion.t[0] <= end
+    rows[:2] = True
+    if np.all(rows):
+        return motion
+    return replace(motion, t=motion.t[rows], q=motion.q[rows], v=motion.v[rows], tau=motion.tau[rows])
+
+
+def course_data(moves: Sequence[Move], limits: JointLimits, sliding: Sequence[bool]) -> dict[str, Any]:
+    """All curves at common times from 0 on, with limits, what limit each joint is on, and switching instants.
+
+    Args:
+        moves: one or more, of the same joints.
+        limits: of these.
+        sliding: which of them slide instead of turning.
+    """
+    times = np.unique(np.concatenate([_times(move.motion) for move in moves]))
+    return {
+        "t": _packed(times, "<f8"),
+        "sliding": list(sliding),
+        "limits": {
+            "q": finite_pairs(limits.position_lower, limits.position_upper),
+            "v": finite_pairs(-limits.velocity, limits.velocity),
+            "tau": finite_pairs(limits.effort_lower, limits.effort_upper),
+        },
+        "kept": _kept(moves[0].facts, len(sliding)),
+        "moves": [_curves(move, times, limits) for move in moves],
+    }
+
+
+def _times(motion: Trajectory) -> Array:
+    """When a motion is drawn [s], from 0 on: often enough for its curves, and at both sides of each jump."""
+    own = motion.t
+    if own.size > _OWN:
+        jump = np.flatnonzero(motion.jumps)[:_OWN]
+        own = np.union1d(own[jump], own[jump + 1])
+    even = np.linspace(motion.t[0], motion.t[-1], _DENSE if motion.t.size <= _OWN else _OWN)
+    return np.asarray(np.union1d(own, even) - motion.t[0])
+
+
+def _curves(move: Move, times: Array, limits: JointLimits) -> dict[str, Any]:
+    """One motion; beyond its end there is nothing of it."""
+    motion = move.motion
+    sample = motion(motion.t[0] + times)
+    beyond = times > motion.duration
+    lanes = arc_lanes(move.facts, limits.velocity.size)
+    resolved = bool(lanes)
+    if not resolved:
+        lanes = sampled_lanes(times[~beyond], Sample(*(x[~beyond] for x in sample)), _left(limits, move.facts))
+    curves = {}
+    for name, values in zip(("q", "v", "tau"), sample, strict=True):
+        values[beyond] = np.nan
+        curves[name] = _packed(values.T, "<f4")
+    return {
+        "name": move.name,
+        "duration": motion.duration,
+        **curves,
+        "lanes": lanes,
+        "resolved": resolved,
+        "switches": switches(move, lanes, resolved=resolved),
+    }
+
+
+def arc_lanes(facts: Facts, joints: int) -> list[list[Segment]]:
+    """Which limit every joint is on, of a motion whose arcs are known; else nothing."""
+    arcs = facts.parts("arcs")
+    lengths = [arc.number("duration") for arc in arcs]
+    modes = [arc.texts("modes") for arc in arcs]
+    if not arcs or any(length is None or length < 0 for length in lengths) or any(len(m) != joints for m in modes):
+        return []
+    edges = np.concatenate([[0.0], np.cumsum([float(length or 0.0) for length in lengths])]).tolist()
+    codes = [[_MODES.get(mode, "") for mode in each] for each in modes]
+    return [
+        _merged([(a, b, code[j]) for (a, b), code in zip(pairwise(edges), codes, strict=True)]) for j in range(joints)
+    ]
+
+
+def sampled_lanes(t: Array, sample: Sample, limits: JointLimits) -> list[list[Segment]]:
+    """The same by looking where samples are within `NEAR_LIMIT` of a limit: torque before velocity before position.
+
+    Args:
+        t: times [s], shape (n,).
+        sample: positions, velocities and torques then, each of shape (n, nv).
+        limits: of the joints.
+    """
+    q, v, tau = sample
+    lanes = []
+    for j in range(q.shape[1]):
+        if limits.passive[j]:
+            lanes.append([(0.0, float(t[-1]), "P")])
+            continue
+        codes = np.full(t.size, "", dtype="<U2")
+        low, high = float(limits.position_lower[j]), float(limits.position_upper[j])
+        margin = NEAR_LIMIT * (high - low)
+        if np.isfinite(margin):
+            codes[q[:, j] >= high - margin], codes[q[:, j] <= low + margin] = "Q+", "Q-"
+        for x, least, most, kind in (
+            (v[:, j], -limits.velocity[j], limits.velocity[j], "V"),
+            (tau[:, j], limits.effort_lower[j], limits.effort_upper[j], "T"),
+        ):
+            if np.isfinite(most) and most > 0:
+                codes[x >= (1 - NEAR_LIMIT) * most] = f"{kind}+"
+            if np.isfinite(least) and least < 0:
+                codes[x <= (1 - NEAR_LIMIT) * least] = f"{kind}-"
+        pieces = [(float(a), float(b), str(code)) for (a, b), code in zip(pairwise(t), codes[:-1], strict=True)]
+        lanes.append(_merged(pieces))
+    return lanes
+
+
+def switches(move: Move, lanes: Sequence[Sequence[Segment]], *, resolved: bool) -> list[dict[str, Any]]:
+    """Switching instants of a motion, and of which joints [s from the start]; at most `_TICKS`.
+
+    Of solved arcs their ends; of a motion whose arcs were looked for and not resolved none, for its jumps are a mesh's;
+    of any other where its torques jump.
+
+    Args:
+        move: the motion.
+        lanes: which limit every joint is on.
+        resolved: the lanes are solved arcs.
+    """
+    start, duration = float(move.motion.t[0]), move.motion.duration
+    if resolved:
+        times = [[begun for begun, _, _ in lane if 0 < begun < duration] for lane in lanes]
+    elif "arcs" in move.facts:
+        times = []
+    else:
+        times = [[time - start for time in each[: _TICKS + 1]] for each in move.motion.switch_times]
+    found: dict[float, list[int]] = {}
+    for joint, each in enumerate(times):
+        for time in each:
+            found.setdefault(time, []).append(joint)
+    return [{"t": time, "joints": found[time]} for time in sorted(found)][:_TICKS]
+
+
+def _merged(pieces: Sequence[Segment]) -> list[Segment]:
+    """Neighbours of the same mode as one."""
+    out: list[Segment] = []
+    for start, end, code in pieces:
+        if out and out[-1][2] == code:
+            out[-1] = (out[-1][0], end, code)
+        else:
+            out.append((start, end, code))
+    return out[:_SEGMENTS]
+
+
+def _kept(facts: Facts, joints: int) -> dict[str, list[float]] | None:
+    """Parts of velocity and torque limits that are left to feedback; None if none are."""
+    reserve = facts.part("reserve")
+    parts = {name: reserve.numbers(given) for name, given in (("v", "velocity"), ("tau", "effort"))}
+    if any(len(each) != joints for each in parts.values()):
+        return None
+    return {name: [min(max(x or 0.0, 0.0), 1.0) for x in each] for name, each in parts.items()}
+
+
+def _left(limits: JointLimits, facts: Facts) -> JointLimits:
+    """The limits less what is left to feedback."""
+    kept = _kept(facts, limits.velocity.size)
+    if kept is None:
+        return limits
+    effort, velocity = 1 - np.array(kept["tau"]), 1 - np.array(kept["v"])
+    return JointLimits(
+        position_lower=limits.position_lower,
+        position_upper=limits.position_upper,
+        velocity=limits.velocity * velocity,
+        effort_lower=limits.effort_lower * effort,
+        effort_upper=limits.effort_upper * effort,
+    )
+
+
+def _packed(array: Array, kind: str) -> str:
+    return base64.b64encode(np.ascontiguousarray(array, dtype=kind).tobytes()).decode("ascii")

@@ -1,0 +1,65 @@
+"""What a result says, read with care: the file may come from a stranger, and be of another version."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+_LONGEST = 2000
+_MOST = 400
+
+
+@dataclass(frozen=True)
+class Facts:
+    """The facts of a run, as `result.json` has them; what is missing or of another kind than expected is nothing.
+
+    Attributes:
+        values: by name; as JSON says them.
+    """
+
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.values
+
+    def number(self, name: str) -> float | None:
+        """A finite number."""
+        return as_number(self.values.get(name))
+
+    def numbers(self, name: str) -> list[float | None]:
+        """A list of numbers; None for what is none."""
+        return [as_number(value) for value in self._list(name)]
+
+    def text(self, name: str) -> str:
+        """A text, of bounded length; empty if there is none."""
+        value = self.values.get(name)
+        return value[:_LONGEST] if isinstance(value, str) else ""
+
+    def texts(self, name: str) -> list[str]:
+        """A list of texts."""
+        return [value[:_LONGEST] for value in self._list(name) if isinstance(value, str)]
+
+    def true(self, name: str) -> bool:
+        """Whether it says so; what is not said is not true."""
+        return self.values.get(name) is True
+
+    def part(self, name: str) -> Facts:
+        """Facts inside of these."""
+        value = self.values.get(name)
+        return Facts(value) if isinstance(value, dict) else Facts()
+
+    def parts(self, name: str) -> list[Facts]:
+        """A list of facts."""
+        return [Facts(value) for value in self._list(name) if isinstance(value, dict)]
+
+    def _list(self, name: str) -> list[Any]:
+        value = self.values.get(name)
+        return list(value[:_MOST]) if isinstance(value, (list, tuple)) else []
+
+
+def as_number(value: object) -> float | None:
+    """A finite number; None for anything else."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return None
+    return float(value) if abs(value) < 1e300 else None  # ints have no largest

@@ -1,0 +1,153 @@
+"""Numbers of motions: what each joint does, and several motions side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.models.values.limits import JointLimits
+from armdyn.show.markup import Html, element, join, table
+from armdyn.show.page.course import Move
+from armdyn.show.page.sections import Section, td, th
+from armdyn.show.page.verdict import seconds, verdict_of
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_DENSE = 4000
+
+
+def dense(motion: Trajectory) -> tuple[Array, Array, Array, Array]:
+    """Times, positions, velocities and torques of a motion, its own samples and between them.
+
+    Returns:
+        t [s], shape (n,); q [rad or m], v [rad/s or m/s] and tau [N m or N], each of shape (n, nv).
+    """
+    t = np.union1d(motion.t, np.linspace(motion.t[0], motion.t[-1], _DENSE))
+    sample = motion(t)
+    return t, sample.q, sample.v, sample.tau
+
+
+def mechanical_work(motion: Trajectory) -> float:
+    """∫ Σ |τ_i v_i| dt [J], by the trapezoidal rule: what joints give and take, without recovery."""
+    t, _, v, tau = dense(motion)
+    return float(np.trapezoid(np.abs(v * tau).sum(axis=1), t))
+
+
+def joint_section(move: Move, joints: Sequence[str], limits: JointLimits, sliding: Sequence[bool]) -> Section:
+    """What each joint does in a motion, beside its limits."""
+    _, q, v, tau = dense(move.motion)
+    switching = [len(times) for times in move.motion.switch_times]
+    head = [
+        [th(text) for text in ("joint", "from", "to", "fastest", "of its limit", "strongest", "of its limit", "jumps")]
+    ]
+    rows = []
+    for j, name in enumerate(joints):
+        turn, force = ("m", "N") if sliding[j] else ("rad", "N m")
+        speed = most_used(v[:, j], -limits.velocity[j], limits.velocity[j])
+        torque = most_used(tau[:, j], limits.effort_lower[j], limits.effort_upper[j])
+        rows.append([
+            th(name, "row"), td(f"{q[0, j]:.4f} {turn}"), td(f"{q[-1, j]:.4f} {turn}"),
+            td(f"{np.abs(v[:, j]).max():.4g} {turn}/s"), _share(speed),
+            td(f"{np.abs(tau[:, j]).max():.4g} {force}"), _share(torque), td(str(switching[j])),
+        ])  # fmt: skip
+    return Section("joints", "Joint by joint", table(head, rows), wide=True)
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Numbers of one motion among several.
+
+    Attributes:
+        name: what it is called.
+        duration: of what was recorded [s].
+        there: when it is at the goal to stay, by its own rule [s]; None: it never is.
+        later: than the first, as a part of the first's time; None if one of them never is.
+        work: see `mechanical_work` [J].
+        speed: the most that a joint takes of its velocity limit; None without one.
+        torque: likewise of torque limits.
+        verdict: in a few words.
+    """
+
+    name: str
+    duration: float
+    there: float | None
+    later: float | None
+    work: float
+    speed: float | None
+    torque: float | None
+    verdict: str
+
+
+def compared(moves: Sequence[Move], limits: JointLimits) -> list[Compared]:
+    """Several motions side by side; they are measured by the first."""
+    first, rows = at_the_goal(moves[0]), []
+    for move in moves:
+        there = at_the_goal(move)
+        _, _, v, tau = dense(move.motion)
+        rows.append(
+            Compared(
+                name=move.name,
+                duration=move.motion.duration,
+                there=there,
+                later=None if there is None or not first else there / first - 1,
+                work=mechanical_work(move.motion),
+                speed=most_used(v, -limits.velocity, limits.velocity),
+                torque=most_used(tau, limits.effort_lower, limits.effort_upper),
+                verdict=verdict_of(move.facts).headline.partition(" after")[0],
+            )
+        )
+    return rows
+
+
+def at_the_goal(move: Move) -> float | None:
+    """When a closed loop has settled, by its own rule; of any other motion its end [s]. None: it has not."""
+    for name in ("settled_time", "arrival_time"):
+        if name in move.facts:
+            return move.facts.number(name)
+    return move.motion.duration
+
+
+def comparison_section(moves: Sequence[Move], limits: JointLimits) -> Section | None:
+    """Several motions side by side; nothing of one."""
+    if len(moves) < 2:
+        return None
+    words = ("motion", "at the goal", "beside the first", "recorded", "work", "fastest", "strongest", "verdict")
+    rows = [
+        [
+            th(one.name, "row"), td(seconds(one.there)),
+            td("–" if k == 0 or one.later is None else f"{100 * one.later:+.1f} %"), td(seconds(one.duration)),
+            td(f"{one.work:.4g} J"), _share(one.speed), _share(one.torque), td(one.verdict),
+        ]
+        for k, one in enumerate(compared(moves, limits))
+    ]  # fmt: skip
+    told = (
+        "Work is ∫ Σ |τ q̇| dt, what the joints give and take; fastest and strongest: the most that a joint takes "
+        "of its limit. A closed loop is at the goal when it has come to stay, by its own rule."
+    )
+    parts = [table([[th(word) for word in words]], rows), element("p", told, class_="note")]
+    return Section("comparison", "Side by side", join(parts), wide=True)
+
+
+def most_used(x: Array, lower: Array, upper: Array) -> float | None:
+    """The most of its limit that something takes; None where there is no limit.
+
+    Args:
+        x: numbers over time, shape (n,) of one joint or (n, nv).
+        lower: their lower limits, shape () or (nv,).
+        upper: their upper limits.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        used = np.where(x > 0, x / upper, np.where(x < 0, x / lower, 0.0))
+    known = np.isfinite(np.broadcast_to(upper, x.shape)) & np.isfinite(used)
+    return float(np.max(used[known])) if np.any(known) else None
+
+
+def _share(part: float | None) -> Html:
+    if part is None:
+        return td("–")
+    # A millionth beyond is rounding, and what a solver's tolerance allows.
+    return td(f"{100 * part:.3g} %", class_="over") if part > 1 + 2e-6 else td(f"{100 * part:.3g} %")

@@ -1,0 +1,241 @@
+"""The arm in three dimensions, as data: its shapes, and where they are from frame to frame.
+
+`assets/scene.js` draws it in meshcat's viewer, of the replay and of the report alike. Shapes are meshcat's own
+commands; poses over time are ours.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from itertools import takewhile
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import umsgpack  # type: ignore[import-untyped]
+from meshcat import geometry as mg
+from numpy.typing import NDArray
+
+from armdyn.arguments import number, shown
+from armdyn.errors import ProblemError, TrajectoryError
+from armdyn.models import Robot
+from armdyn.models.scene.obstacles import Obstacle
+from armdyn.show.results import sliding_joints
+from armdyn.show.visuals import Shape, obstacle_shapes, robot_shapes
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+COLORS = ((0.86, 0.20, 0.27), (0.13, 0.45, 0.80), (0.14, 0.62, 0.40), (0.52, 0.32, 0.68), (0.90, 0.55, 0.10))
+"""One per trajectory."""
+
+WATCHABLE = 4.0
+"""How long a replay takes when nothing else is asked for [s]."""
+
+_SPEEDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
+LARGEST = 1e12
+_MAX_FRAMES = 4000
+_MAX_TRAIL = 1200
+_TUBE_SIDES = 8
+
+
+def scene_data(
+    robot: Robot,
+    trajectories: Sequence[Trajectory],
+    *,
+    fps: float = 60,
+    slow_motion: float | None = None,
+    obstacles: Sequence[Obstacle] = (),
+) -> dict[str, Any]:
+    """What `assets/scene.js` draws, as JSON says it.
+
+    Args:
+        robot: what moves.
+        trajectories: one or more motions of it; they start together.
+        fps: frames per second of playing time that are stored; the page interpolates between them.
+        slow_motion: how many times slower than real time it plays at first; None: about 4 s in all.
+        obstacles: drawn where they stand.
+
+    Raises:
+        TrajectoryError: there is no trajectory, or one has another number of joints than the robot.
+        ProblemError: `fps` is not from 1e-3 to 1e3, or `slow_motion` not from 1e-6 to 1e6.
+    """
+    if not trajectories:
+        raise TrajectoryError("nothing to replay: no trajectory given")
+    for trajectory in trajectories:
+        if trajectory.v.shape[1] != robot.nv or trajectory.q.shape[1] != robot.nv:
+            raise TrajectoryError(
+                f"a trajectory of {trajectory.v.shape[1]} joints cannot move {robot.name!r} with {robot.nv}"
+            )
+        if (most := max(np.max(np.abs(x)) for x in (trajectory.t, *trajectory(trajectory.t)))) > LARGEST:
+            raise TrajectoryError(f"a trajectory has the number {most:g}; beyond {LARGEST:g} nothing can be shown")
+    for name, value, most in (("fps", fps, 1e3), ("slow_motion", slow_motion, 1e6)):
+        if value is not None and not 1 / most <= number(value, name) <= most:
+            raise ProblemError(f"{name} is {shown(value)}; it must be from {1 / most:g} to {most:g}")
+    durations = [trajectory.duration for trajectory in trajectories]
+    speed = playing_speed(durations) if slow_motion is None else 1.0 / slow_motion
+    step = min(speed, min(durations) / WATCHABLE) / fps
+    shapes = _shape_commands(robot_shapes(robot), obstacle_shapes(obstacles))
+    return {
+        "name": robot.name,
+        "payload": None if robot.payload is None else robot.payload.mass,
+        "joints": list(robot.joint_names),
+        "labels": short_names(robot.joint_names),
+        "points": _named_points(robot),
+        "tip": robot.tip,
+        "unit": "torque, force [N m, N]" if any(sliding_joints(robot)) else "torque [N m]",
+        "effort": finite_pairs(robot.limits.effort_lower, robot.limits.effort_upper),
+        "planar": _is_planar(robot),
+        "reach": _reach(robot),
+        "speed": speed,
+        "commands": [_packed(command) for command in shapes],
+        "arms": [_arm(robot, i, trajectory, step) for i, trajectory in enumerate(trajectories)],
+    }
+
+
+def short_names(names: Sequence[str]) -> list[str]:
+    """Joints' names without what they share: panda_joint1 and panda_joint2 are joint1 and joint2."""
+    same = takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))  # as far as the shortest goes
+    stem = "".join(letters[0] for letters in same).rfind("_") + 1 if len(names) > 1 else 0
+    return [name[stem:].removesuffix("_joint") or name for name in names]
+
+
+def finite_pairs(lower: Array, upper: Array) -> list[list[float | None]]:
+    """Lower and upper limit of every joint; None where there is none."""
+    return [[float(x) if np.isfinite(x) else None for x in pair] for pair in zip(lower, upper, strict=True)]
+
+
+def playing_speed(durations: Sequence[float]) -> float:
+    """Playing time over real time, a round number: motions of very different length meet halfway."""
+    wanted = float(np.sqrt(min(durations) * max(durations))) / WATCHABLE
+    return min((s for s in _SPEEDS if s <= 1.0), key=lambda s: abs(np.log(s / wanted)))
+
+
+def _packed(command: Mapping[str, Any]) -> str:
+    return base64.b64encode(umsgpack.packb(command)).decode("ascii")
+
+
+def _floats(array: Array) -> str:
+    return base64.b64encode(np.ascontiguousarray(array, dtype="<f4").tobytes()).decode("ascii")
+
+
+def _set_object(
+    path: str, geometry: Any, rgba: Sequence[float], placement: Array | None = None
+) -> list[dict[str, Any]]:
+    """Commands for one object; identifiers are its path, so that equal input gives equal bytes."""
+    r, g, b, a = (round(255 * x) / 255 for x in rgba)
+    color = (round(255 * r) << 16) + (round(255 * g) << 8) + round(255 * b)
+    material = mg.MeshPhongMaterial(color=color, opacity=a, shininess=45, specular=0x303030)
+    mesh = mg.Mesh(geometry, material)
+    geometry.uuid, material.uuid, mesh.uuid = f"{path}#geometry", f"{path}#material", f"{path}#mesh"
+    commands = [{"type": "set_object", "path": path, "object": mesh.lower()}]
+    if placement is not None:
+        commands.append({"type": "set_transform", "path": path, "matrix": placement.T.ravel().tolist()})
+    return commands
+
+
+def _shape_commands(shapes: Sequence[Shape], obstacles: Sequence[Shape]) -> list[dict[str, Any]]:
+    """The robot, and what stands around it, once; the page clones both for every further trajectory."""
+    named = [(f"shape{i}", shape) for i, shape in enumerate(shapes)]
+    named += [(f"obstacle{i}", shape) for i, shape in enumerate(obstacles)]
+    return [
+        command
+        for name, shape in named
+        for command in _set_object(
+            f"/armdyn/arm0/joint{shape.joint}/{name}", shape.geometry, shape.rgba, shape.placement
+        )
+    ]
+
+
+def _arm(robot: Robot, i: int, trajectory: Trajectory, step: float) -> dict[str, Any]:
+    """One trajectory as the page wants it: poses and torques on a uniform grid of times."""
+    n = int(np.clip(np.ceil(trajectory.duration / step) + 1, 2, _MAX_FRAMES))
+    sample = trajectory(np.linspace(trajectory.t[0], trajectory.t[-1], n))
+    poses, tips = _poses(robot, sample.q)
+    color = COLORS[i % len(COLORS)]
+    every = -(-n // _MAX_TRAIL)
+    centres, radius = (
+        tips[np.r_[0 : n - 1 : every, n - 1]],
+        (0.004 if _is_planar(robot) else 0.003) * _reach(robot),
+    )
+    trail = [
+        _packed(command)
+        for path, size, opacity in (("path", 0.5, 0.35), ("trail", 1.0, 1.0))
+        for command in _set_object(f"/armdyn/arm{i}/{path}", _tube(centres, size * radius), (*color, opacity))
+    ]
+    return {
+        "name": trajectory.name or f"trajectory {i + 1}",
+        "duration": trajectory.duration,
+        "color": list(color),
+        "frames": n,
+        "poses": _floats(poses),
+        "torques": _floats(sample.tau),
+        "strongest": np.abs(trajectory.tau).max(axis=0).tolist(),
+        "trail": trail,
+    }
+
+
+def _poses(robot: Robot, q: Array) -> tuple[Array, Array]:
+    """Every joint's pose and the tip's position.
+
+    Args:
+        robot: of nv joints.
+        q: joint coordinates [rad or m], shape (n, nv).
+
+    Returns:
+        Position [m] and quaternion (x, y, z, w), shape (n, nv, 7); the tip [m], shape (n, 3).
+    """
+    data = robot.model.createData()
+    tip = robot.frame(robot.tip)
+    poses, tips = np.empty((len(q), robot.nv, 7)), np.empty((len(q), 3))
+    for k, angles in enumerate(q):
+        pin.forwardKinematics(robot.model, data, robot.configuration(angles))
+        poses[k] = [pin.SE3ToXYZQUAT(pose) for pose in list(data.oMi)[1:]]
+        tips[k] = data.oMi[tip.parentJoint].act(tip.placement.translation)
+    return poses, tips
+
+
+def _tube(centres: Array, radius: float) -> mg.TriangularMeshGeometry:
+    """A thin tube along points [m], shape (n, 3); its triangles are in the points' order."""
+    tangents = np.gradient(centres, axis=0)
+    normal, spokes = np.array([0.0, 1.0, 0.0]), np.empty((len(centres), 2, 3))
+    tangent = np.array([1.0, 0.0, 0.0])
+    for k, step in enumerate(tangents):
+        if (length := float(np.linalg.norm(step))) > 1e-9:
+            tangent = step / length
+        normal = normal - (normal @ tangent) * tangent  # transported along, so that the tube never twists
+        if float(np.linalg.norm(normal)) < 1e-6:
+            normal = np.cross(tangent, np.roll(tangent, 1) + np.array([0.1, 0.2, 0.3]))
+        normal = normal / np.linalg.norm(normal)
+        spokes[k] = normal, np.cross(tangent, normal)
+    angle = np.linspace(0.0, 2 * np.pi, _TUBE_SIDES, endpoint=False)
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    vertices = (centres[:, None] + radius * circle @ spokes).reshape(-1, 3)
+    corner = np.arange(_TUBE_SIDES)
+    after = np.roll(corner, -1)
+    ring = np.stack([corner, after, corner + _TUBE_SIDES, after, after + _TUBE_SIDES, corner + _TUBE_SIDES])
+    faces = ring.T.reshape(-1, 3) + _TUBE_SIDES * np.arange(len(centres) - 1)[:, None, None]
+    return mg.TriangularMeshGeometry(vertices, faces.reshape(-1, 3))
+
+
+def _reach(robot: Robot) -> float:
+    """Upper bound of the distance from base to tip [m]."""
+    tip = robot.frame(robot.tip)
+    steps = [*list(robot.model.jointPlacements)[1:], tip.placement]
+    return max(sum(float(np.linalg.norm(step.translation)) for step in steps), 1e-3)
+
+
+def _is_planar(robot: Robot) -> bool:
+    """Whether it moves in the world's x-z plane: every joint turns about y."""
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, pin.neutral(robot.model))
+    speeds = pin.computeJointJacobians(robot.model, data, pin.neutral(robot.model))
+    return bool(np.all(np.abs(speeds[[1, 3, 5]]) < 1e-9))
+
+
+def _named_points(robot: Robot) -> list[tuple[str, int, list[float]]]:
+    """Every frame's name, its joint, and its origin in that joint's frame [m]."""
+    return [
+        (str(frame.name), int(frame.parentJoint), frame.placement.translation.tolist()) for frame in robot.model.frames
+    ]

@@ -1,0 +1,221 @@
+"""The sections of a report below its plots: facts in, markup out. All text is escaped by `markup.element`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from armdyn.show.markup import Html, element, join, table
+from armdyn.show.page.facts import Facts, as_number
+from armdyn.show.page.verdict import Verdict, seconds
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the page.
+
+    Attributes:
+        name: its anchor.
+        title: its heading.
+        body: what stands under it.
+        wide: it takes the page's whole width.
+    """
+
+    name: str
+    title: str
+    body: Html
+    wide: bool = False
+
+
+def verdict_section(verdict: Verdict, suffix: str = "", of: str = "") -> Section | None:
+    """What was checked, and what may help; nothing of a bare motion.
+
+    Args:
+        verdict: on a motion.
+        suffix: of the section's anchor.
+        of: which motion, where there are several.
+    """
+    if not verdict.checks:
+        return None
+    signs = {True: "✓", False: "✗", None: "–"}
+    words = {True: "holds", False: "does not hold", None: "not known"}
+    rows = [
+        element(
+            "li",
+            element("b", signs[holds], class_=f"sign {words[holds].replace(' ', '-')}", title=words[holds]),
+            element("div", element("strong", name), element("span", told)),
+        )
+        for name, holds, told in verdict.checks
+    ]
+    parts = [element("ul", *rows, class_="checks")]
+    if verdict.advice:
+        lines = [element("li", options(line)) for line in verdict.advice]
+        parts += [element("h3", "What you can do"), element("ul", *lines)]
+    return Section(f"verdict{suffix}", titled("What was checked", of), join(parts))
+
+
+def options(line: str) -> Html:
+    """A line of advice: its names in backticks are the command line's options."""
+    pieces = re.split(r"`([a-z_]+)`", line)
+    return join(element("code", f"--{piece.replace('_', '-')}") if k % 2 else piece for k, piece in enumerate(pieces))
+
+
+def deciding_section(facts: Facts, duration: float) -> Section | None:
+    """How much of the time each limit decides, and what one per cent more of it saves.
+
+    Args:
+        facts: of a minimum-time motion.
+        duration: its [s].
+    """
+    shares = [(one.text("joint"), one.text("limit"), one.number("part") or 0.0) for one in facts.parts("decides")]
+    if not shares:
+        return None
+    rows = [
+        element(
+            "li",
+            element("span", f"{joint}, {limit}", class_="what"),
+            element("span", element("i", style=f"width:{max(0.5, min(100.0, 100 * part)):.2f}%"), class_="share"),
+            element("span", f"{100 * part:.3g} %", class_="number"),
+            element("span", f"1 % more saves {10 * part * duration:.2g} ms", class_="note"),
+        )
+        for joint, limit, part in shares[:8]
+    ]
+    parts = [element("ul", *rows, class_="shares")]
+    if len(shares) > 8:
+        parts.append(element("p", f"and {len(shares) - 8} more, each below {100 * shares[7][2]:.2g} %", class_="note"))
+    if idle := facts.texts("idle"):
+        parts.append(element("p", f"Time does not determine how {', '.join(idle)} move.", class_="note"))
+    return Section("decides", "What decides the time", join(parts))
+
+
+def sensitivity_section(facts: Facts, joints: Sequence[str]) -> Section | None:
+    """How the least time answers to payload and limits."""
+    by = facts.part("sensitivities")
+    columns = [by.numbers(name) for name in ("effort_upper", "effort_lower", "velocity")]
+    if by.number("payload_mass") is None or any(len(column) != len(joints) for column in columns):
+        return None
+    head = [[th("joint"), *map(th, ("upper torque limit", "lower torque limit", "speed limit"))]]
+    # The lower limit is a negative number: further down is less of it.
+    signed = [columns[0], [None if x is None else -x for x in columns[1]], columns[2]]
+    rows = [
+        [th(name, "row"), *(td("–" if x is None else "0" if x == 0 else f"{1e3 * x:+.3g}") for x in values)]
+        for name, *values in zip(joints, *signed, strict=True)
+    ]
+    gram = by.number("payload_mass") or 0.0
+    told = f"1 g more at the tip costs {gram:.3g} ms. One N m (or N) more torque, one rad/s (or m/s) more speed, in ms:"
+    return Section("sensitivities", "Sensitivities", join([element("p", told), table(head, rows)]))
+
+
+def optima_section(facts: Facts, duration: float) -> Section | None:
+    """The other optima that the search met, slower than the answer."""
+    others = [x for x in facts.numbers("local_optima") if x is not None]
+    if not others:
+        return None
+    items = [
+        element("li", element("b", f"{x:.4f} s"), f" {100 * (x / duration - 1):+.2g} %" if duration > 0 else "")
+        for x in others[:12]
+    ]
+    if len(others) > 12:
+        items.append(element("li", f"and {len(others) - 12} more"))
+    told = "Slower motions that are optimal among their neighbours. No method proves that there is no faster one."
+    return Section("optima", "Other optima met", join([element("p", told), element("ul", *items, class_="chips")]))
+
+
+def course_section(facts: Facts) -> Section | None:
+    """What was asked along the way."""
+    rows: list[tuple[str, str]] = []
+    near = facts.part("clearance")
+    if (distance := near.number("distance")) is not None:
+        between = f"{near.text('body')} and {near.text('other')}, {distance:.4f} m at {seconds(near.number('time'))}"
+        rows.append(("nearest", between + ("" if near.true("sure") else " (looked at 10,000 times at most)")))
+    if via := [x for x in facts.numbers("via_times") if x is not None]:
+        rows.append(("via points", "at " + ", ".join(f"{t:.4f}" for t in via) + " s"))
+    for kept, what in (("effort", "of torque limits"), ("velocity", "of velocity limits")):
+        parts = [x for x in facts.part("reserve").numbers(kept) if x]
+        if parts:
+            rows.append(
+                (
+                    "kept for feedback",
+                    f"{100 * min(parts):.3g} to {100 * max(parts):.3g} % {what}"
+                    if min(parts) < max(parts)
+                    else f"{100 * parts[0]:.3g} % {what}",
+                )
+            )
+    return Section("course", "Along the way", listed(rows)) if rows else None
+
+
+def model_section(name: str, facts: Facts) -> Section:
+    """Which arm it is."""
+    model = facts.part("model")
+    rows = [("robot", name), ("source", model.text("source"))]
+    payload = model.part("payload")
+    if (mass := payload.number("mass")) is not None:
+        rows.append(("payload", f"{1e3 * mass:g} g at {payload.text('frame') or model.text('tip') or 'the tip'}"))
+    locked = model.part("locked").values
+    if locked:
+        told = [f"{joint} = {as_number(q) or 0.0:.4g}" for joint, q in list(locked.items())[:40]]
+        rows.append(("locked", ", ".join(told)))
+    friction = model.part("friction")
+    for kind, unit in (("damping", "N m s/rad"), ("coulomb", "N m")):
+        values = [x for x in friction.numbers(kind) if x is not None]
+        if any(values):
+            rows.append((f"friction, {kind}", ", ".join(f"{x:g}" for x in values) + f" {unit}"))
+    rows.append(("model hash", model.text("hash")))
+    return Section("model", "The arm", listed(rows))
+
+
+def making_section(facts: Facts, suffix: str = "", of: str = "") -> Section | None:
+    """The command that made it, its options, and the versions at work; see `verdict_section`."""
+    parts: list[Html] = []
+    asked = facts.part("asked")
+    if command := asked.text("command"):
+        parts.append(element("pre", element("code", command), tabindex=0))
+    given = asked.part("options").values
+    if given:
+        parts.append(
+            element(
+                "details", element("summary", f"All options ({len(given)})"),
+                listed([(name, _shown(value)) for name, value in list(given.items())[:200]]),
+            )
+        )  # fmt: skip
+    rows = [("armdyn", facts.text("armdyn"))]
+    rows += [(name, facts.part("versions").text(name)) for name in facts.part("versions").values]
+    if (solve := facts.number("solve_time")) is not None:
+        count = facts.number("iterations") or 0
+        rows.append(("solved in", f"{solve:.2f} s, {count:.0f} iterations of the solver"))
+    rows = [(name, value) for name, value in rows if value]
+    if rows:
+        parts.append(listed(rows[:30]))
+    return Section(f"making{suffix}", titled("How it was made", of), join(parts)) if parts else None
+
+
+def titled(title: str, of: str) -> str:
+    """A heading, and of which motion."""
+    return f"{title}: {of}" if of else title
+
+
+def listed(rows: Sequence[tuple[str, str]]) -> Html:
+    """Names and what they are."""
+    return element(
+        "dl",
+        *(join([element("dt", name), element("dd", value)]) for name, value in rows if value),
+    )
+
+
+def th(text: str, scope: str = "col") -> Html:
+    """A heading cell."""
+    return element("th", text, scope=scope)
+
+
+def td(text: str, **attributes: str) -> Html:
+    """A cell."""
+    return element("td", text.replace("-", "−") if text[:1] == "-" else text, **attributes)
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, (list, tuple)):
+        return ", ".join(map(_shown, value[:40]))
+    if isinstance(value, Mapping):
+        return "…"
+    return {None: "–", True: "yes", False: "no"}.get(value, str(value)[:300])  # type: ignore[call-overload, no-any-return]

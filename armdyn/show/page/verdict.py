@@ -1,0 +1,211 @@
+"""What became of a run: the verdict in words, with the numbers that it stands on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from armdyn.optimal.proof.certificate import percent
+from armdyn.show.page.facts import Facts
+
+Level = Literal["good", "fair", "bad", "none"]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How far a motion is to be trusted.
+
+    Attributes:
+        level: "good": all is as it was asked; "fair": usable, but something is missing; "bad": not usable; "none": a
+            bare motion, of which nothing was checked.
+        headline: a few words.
+        said: a sentence or two.
+        checks: what was checked: its name, whether it holds (None: not known, or not asked), and the number.
+        advice: lines of what may help.
+    """
+
+    level: Level
+    headline: str
+    said: str
+    checks: tuple[tuple[str, bool | None, str], ...] = ()
+    advice: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A number that is seen first.
+
+    Attributes:
+        label: what it is.
+        value: with its unit.
+        note: a few words on it.
+    """
+
+    label: str
+    value: str
+    note: str = ""
+
+
+def verdict_of(facts: Facts) -> Verdict:
+    """The verdict on a run: of a minimum-time motion, of a closed loop, or on none."""
+    if "certificate" in facts:
+        return _of_minimum_time(facts)
+    if "arrival_rule" in facts:
+        return _of_pid(facts)
+    if "optimal_duration" in facts:
+        return _of_planned(facts)
+    if "peak_error" in facts:
+        return _of_tracking(facts)
+    return Verdict("none", "Not judged", "A motion without a result beside it: nothing of it was checked.")
+
+
+def tiles_of(facts: Facts, duration: float) -> list[Tile]:
+    """The numbers that are seen first.
+
+    Args:
+        facts: of a run.
+        duration: of its motion [s].
+    """
+    tiles = [Tile("duration", seconds(duration))]
+    if "certificate" in facts:
+        if (gap := facts.number("gap")) is not None:
+            sure = "proven" if facts.true("gap_proven") else "not proven"
+            tiles.append(Tile("above the lower bound", f"≤ {percent(max(gap, 0.0))}", sure))
+        if decides := facts.parts("decides"):
+            most, part = decides[0], decides[0].number("part") or 0.0
+            tiles.append(Tile("decided most by", f"{100 * part:.3g} %", f"{most.text('joint')}, {most.text('limit')}"))
+        if (gram := facts.part("sensitivities").number("payload_mass")) is not None:
+            tiles.append(Tile("1 g more at the tip", f"{gram:+.3g} ms"))
+        others = [x for x in facts.numbers("local_optima") if x is not None]
+        if others:
+            tiles.append(Tile("other optima met", str(len(others)), f"the next one takes {seconds(min(others))}"))
+    for name, label, scale, unit, note in (
+        ("optimal_duration", "the fastest takes", 1.0, " s", ""),
+        ("arrival_time", "arrived", 1.0, " s", ""),
+        ("settling_time", "all joints settled", 1.0, " s", ""),
+        ("settled_time", "settled", 1.0, " s", ""),
+        ("reference_duration", "reference", 1.0, " s", ""),
+        ("error_at_end", "error at its end", 1.0, " rad", ""),
+        ("peak_error", "largest error", 1.0, " rad", "on the way"),
+        ("saturated", "torque on its limit", 100.0, " %", "of the time"),
+    ):
+        if name in facts:
+            value = facts.number(name)
+            tiles.append(Tile(label, "–" if value is None else f"{scale * value:.4g}{unit}", note))
+    return tiles
+
+
+def seconds(time: float | None) -> str:
+    """A time as people read it."""
+    return "–" if time is None else f"{time:.4f} s" if time < 100 else f"{time:.5g} s"
+
+
+def _of_minimum_time(facts: Facts) -> Verdict:
+    checks, advice = tuple(_checks(facts)), tuple(facts.texts("what_to_do"))
+    certificate = facts.part("certificate")
+    if not facts.true("usable"):
+        found = facts.number("duration") is not None
+        headline = "Not usable" if found else "No motion found"
+        return Verdict("bad", headline, facts.text("message"), checks, advice)
+    lands = "It lands on the goal and keeps its limits"
+    if not facts.true("certified"):
+        reasons = "; ".join(certificate.texts("reasons"))
+        said = f"{lands}: a motion for the arm. That none is faster is not shown{f': {reasons}' if reasons else ''}."
+        return Verdict("fair", "Usable, not certified", said, checks, advice)
+    why = []
+    if facts.true("extremal"):
+        why.append("Pontryagin's conditions hold all along it")
+    if (gap := facts.number("gap")) is not None and facts.true("gap_proven"):
+        why.append(f"no motion whatever is more than {percent(max(gap, 0.0))} faster, by interval arithmetic")
+    return Verdict("good", "Certified", f"{lands}; {', and '.join(why)}." if why else f"{lands}.", checks, advice)
+
+
+def _checks(facts: Facts) -> list[tuple[str, bool | None, str]]:
+    """What was checked of a minimum-time motion."""
+    c = facts.part("certificate")
+    beside = f"{_small(c.number('goal_error'))} rad and {_small(c.number('goal_velocity_error'))} rad/s beside the goal"
+    exceeded = c.number("limit_violation")
+    checks: list[tuple[str, bool | None, str]] = [
+        ("lands", c.true("lands"), f"its torques, replayed by another integrator, end {beside}"),
+        (
+            "keeps its limits",
+            c.true("keeps_limits"),
+            "exceeds none" if not exceeded else f"exceeds none by more than {100 * exceeded:.2g} % of it",
+        ),
+    ]
+    for condition in facts.parts("conditions"):
+        missed = condition.texts("reasons")
+        checks.append((condition.text("name"), not missed, "; ".join(missed) or condition.text("said")))
+    arcs = len(facts.parts("arcs"))
+    if arcs:
+        adjoint = c.number("adjoint_error")
+        told = (
+            f"|H| ≤ {_small(c.number('hamiltonian_spread'))}, wrong signs ≤ "
+            f"{_small(c.number('switching_violation'))}, {arcs} arcs"
+        )
+        checks.append(
+            ("extremal", facts.true("extremal"), told + ("" if adjoint is None else f"; adjoint to {_small(adjoint)}"))
+        )
+    else:
+        checks.append(("extremal", None, "Pontryagin's conditions were not checked: the arcs are not resolved"))
+    gap, bound = facts.number("gap"), facts.number("lower_bound")
+    if gap is not None and bound is not None:
+        proven = facts.true("gap_proven")
+        words = f"at most {percent(max(gap, 0.0))} above the lower bound of {bound:.6f} s"
+        checks.append(("near the lower bound", proven, words + ("" if proven else ", not proven for this motion")))
+    else:
+        checks.append(("near the lower bound", None, "no lower bound is known"))
+    return checks
+
+
+def _of_pid(facts: Facts) -> Verdict:
+    arrival, settling = facts.number("arrival_time"), facts.number("settling_time")
+    rule, growth = facts.text("arrival_rule").replace("_", " "), facts.number("max_real_eigenvalue")
+    checks: list[tuple[str, bool | None, str]] = [
+        ("arrives", arrival is not None, f"{seconds(arrival)} ({rule})"),
+        ("all joints settle", settling is not None, seconds(settling)),
+    ]
+    if growth is not None:
+        checks.append(("stable at the goal", growth < 0, f"max Re λ = {growth:.4g} 1/s"))
+    headline = "Did not arrive" if arrival is None else f"Arrived after {seconds(arrival)}"
+    return Verdict("bad" if arrival is None else "good", headline, _sentence(facts.text("message")), tuple(checks))
+
+
+def _of_planned(facts: Facts) -> Verdict:
+    """Of another planner's motion, beside the fastest."""
+    ratio, end = facts.number("ratio"), facts.number("replay_error")
+    feasible, worst = facts.true("feasible"), facts.text("worst_violation")
+    checks: list[tuple[str, bool | None, str]] = [
+        ("keeps its limits", feasible, f"worst: {worst}" if worst else "none is exceeded"),
+        ("its torques lead to its end", None, "they diverge" if end is None else f"{_small(end)} beside it"),
+        ("the fastest is certified", facts.true("certified"), f"it takes {seconds(facts.number('optimal_duration'))}"),
+    ]
+    found = "no fastest motion was found" if ratio is None else f"takes {ratio:.4g} times as long as the fastest"
+    headline = f"{'Keeps' if feasible else 'Breaks'} its limits, {found}"
+    level: Level = "bad" if not feasible else "good" if facts.true("success") else "fair"
+    return Verdict(level, headline, _sentence(facts.text("message")), tuple(checks), tuple(facts.texts("what_to_do")))
+
+
+def _of_tracking(facts: Facts) -> Verdict:
+    settled, wrong = facts.number("settled_time"), facts.number("went_wrong")
+    fastest = facts.number("peak_velocity")
+    checks: list[tuple[str, bool | None, str]] = [
+        ("settles", settled is not None, seconds(settled)),
+        ("stays with its reference", wrong is None, "all the way" if wrong is None else f"lost it at {seconds(wrong)}"),
+    ]
+    if fastest is not None:
+        checks.append(("keeps speed limits", fastest <= 1, f"largest speed {100 * fastest:.1f} % of its limit"))
+    stability = facts.part("stability")
+    if "stable" in stability:
+        checks.append(("stable at the goal", stability.true("stable"), stability.text("message")))
+    headline = f"Settled after {seconds(settled)}" if settled is not None else "Did not settle"
+    level: Level = "bad" if settled is None else "good" if wrong is None else "fair"
+    return Verdict(level, headline, _sentence(facts.text("message")), tuple(checks))
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:] + ("." if text and not text.endswith(".") else "")
+
+
+def _small(number: float | None) -> str:
+    return "–" if number is None else f"{number:.1e}"

@@ -1,0 +1,160 @@
+"""Reports of what is on disk, and motions side by side, from the command line."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+import armdyn as ad
+from cli.command import answer, run_here
+
+BARE = ("--no-figure", "--no-report")
+RAMP = ("track", "rr", "--ramp", "0.5", "--controller", "computed-torque", "--payload", "0.1", "--no-figure")
+
+
+@pytest.fixture(scope="module")
+def tracked(tmp_path_factory):
+    """A tracked ramp with its own report."""
+    folder = tmp_path_factory.mktemp("runs") / "track-rr"
+    answer(run_here(*RAMP, "--json", "--out", folder))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def loop(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs") / "pid-rr"
+    answer(run_here("pid", "rr", "--payload", "0.1", "--duration", "1", *BARE, "--json", "--out", folder), 3)
+    return folder
+
+
+def report(*arguments, code=0):
+    return answer(run_here("report", *arguments, "--json"), code)
+
+
+def changed(tracked, folder, **facts):
+    """A copy of the run whose result says something else."""
+    shutil.copytree(tracked, folder)
+    path = folder / "result.json"
+    result = json.loads(path.read_text())
+    for name, value in facts.items():
+        place = result
+        *parents, last = name.split("__")
+        for parent in parents:
+            place = place[parent]
+        place[last] = value
+    path.write_text(json.dumps(result))
+    return folder
+
+
+def test_from_disk_comes_the_report_that_the_run_has_written(tracked, tmp_path):
+    told = report(tracked, "--out", tmp_path)
+    assert told["files"] == [str(tmp_path / "report.html")] and not told["warnings"]
+    assert (tmp_path / "report.html").read_bytes() == (tracked / "report.html").read_bytes()
+
+
+def test_what_it_was_asked_can_be_typed_again(tracked):
+    asked = json.loads((tracked / "result.json").read_text())["asked"]
+    assert asked["command"].startswith("armdyn track rr --payload 0.1 --ramp 0.5 --controller computed-torque")
+    assert asked["options"]["rate"] == 1000.0
+    assert "armdyn track rr --payload 0.1" in (tracked / "report.html").read_text()
+
+
+def test_it_is_written_beside_a_single_result(loop, tmp_path):
+    folder = tmp_path / "run"
+    shutil.copytree(loop, folder)
+    assert report(folder / "result.json")["files"] == [str(folder / "report.html")]
+    assert "Did not arrive" in (folder / "report.html").read_text()
+
+
+def test_a_bare_motion(tracked, tmp_path):
+    shutil.copy(tracked / "trajectory.npz", tmp_path / "mine.npz")
+    told = report(tmp_path / "mine.npz")
+    assert "--robot" in told["warnings"][0]
+    assert "Not judged" in (tmp_path / "report.html").read_text()
+    assert not report(tmp_path / "mine.npz", "--robot", "rr", "--payload", "0.1")["warnings"]
+    assert "another arm" in report(tmp_path / "mine.npz", "--robot", "rr", "--payload", "0.2")["warnings"][0]
+    assert "moves 2 joints" in report(tmp_path / "mine.npz", "--robot", "rrr", code=2)["message"]
+
+
+def test_a_robot_with_all_that_changes_it_is_made_again(tmp_path):
+    pid = ("pid", "rr", "--duration", "0.2", "--armature", "0.01", "--damping", "0.1", "--friction", "0.02",
+           "--effort-limit", "5", *BARE)  # fmt: skip
+    answer(run_here(*pid, "--json", "--out", tmp_path), 3)
+    assert not report(tmp_path)["warnings"]
+
+
+def test_side_by_side(tracked, loop, tmp_path):
+    told = answer(run_here("compare", tracked, loop, "--until", "0.4", "--json", "--out", tmp_path))
+    first, second = told["motions"]
+    run = ad.Trajectory.load(tracked / "trajectory.npz")
+    result = json.loads((tracked / "result.json").read_text())
+    assert first["there"] == result["settled_time"] and first["later"] == 0
+    assert first["duration"] == run.duration and second["duration"] == pytest.approx(1.0)  # whole, not up to 0.4 s
+    assert second["there"] is None and second["later"] is None
+    fine = run(np.linspace(0, run.duration, 40_001))
+    work = np.trapezoid(np.abs(fine.v * fine.tau).sum(axis=1), dx=run.duration / 40_000)
+    assert first["work"] == pytest.approx(work, rel=1e-3)  # the trapezoidal rule at a tenth as many times
+    assert first["torque"] == pytest.approx(np.abs(run.tau).max() / 3)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["figure.pdf", "figure.svg", "report.html"]
+    page = (tmp_path / "report.html").read_text()
+    assert "Side by side" in page and "What was checked: PID (acceleration)" in page
+    words = run_here("compare", tracked, loop, "--out", tmp_path).stdout
+    assert "beside the" in words and "figure.svg" in words
+
+
+@pytest.mark.parametrize(
+    "name", ["/etc/passwd", "../arm.urdf", "arm.urdf", "panda_mj_description", "nobody", "", 3, None]
+)
+def test_a_robot_is_not_read_because_a_result_names_it(name, tracked, tmp_path, monkeypatch):
+    monkeypatch.setattr(ad.Robot, "from_urdf", None)  # whoever reads a file would fail
+    monkeypatch.setattr(ad.Robot, "from_mjcf", None)
+    monkeypatch.setattr(ad.Robot, "from_description", None)
+    folder = changed(tracked, tmp_path / "run", asked__options__robot=name)
+    told = report(folder)
+    assert told["success"] and len(told["warnings"]) == 1
+
+
+def test_obstacles_from_strangers_are_shapes_and_no_files(tracked, tmp_path):
+    (tmp_path / "box.json").write_text("[]")
+    folder = changed(tracked, tmp_path / "a", asked__options__obstacle=[str(tmp_path / "box.json"), "sphere:0.1@1,0,0"])
+    assert report(folder)["success"]
+    folder = changed(tracked, tmp_path / "b", asked__options__obstacle=["sphere:x@y"])
+    assert report(folder)["success"]
+
+
+@pytest.mark.parametrize("name", ["trajectory.npz", "result.json", "reference.npz"])
+def test_a_link_out_of_the_folder_is_refused(name, tracked, tmp_path):
+    folder = tmp_path / "run"
+    shutil.copytree(tracked, folder)
+    (folder / name).rename(tmp_path / name)
+    (folder / name).symlink_to(tmp_path / name)
+    assert "leads out of its folder" in report(folder, code=2)["message"]
+
+
+@pytest.mark.parametrize(
+    ("facts", "message"),
+    [
+        ({"format": "other"}, "format"),
+        ({"model": None}, "model"),
+    ],
+)
+def test_a_damaged_result(facts, message, tracked, tmp_path):
+    assert message in report(changed(tracked, tmp_path / "run", **facts), code=2)["message"]
+
+
+@pytest.mark.parametrize("facts", [{"model__limits": 3}, {"model__limits__velocity": ["x", 1]}, {"model__sliding": [1]},
+                                   {"model__payload": {"mass": -1}}, {"model__armature": [-1, 1]}])  # fmt: skip
+def test_a_model_that_makes_no_sense_is_left_out_or_told(facts, tracked, tmp_path):
+    assert report(changed(tracked, tmp_path / "run", **facts))["success"]
+
+
+def test_bad_input(tracked, tmp_path):
+    assert "two results" in answer(run_here("compare", tracked, "--json"), 2)["message"]
+    assert "no such file" in report(tmp_path, code=2)["message"]
+    assert "no such file" in report(tmp_path / "none.npz", code=2)["message"]
+    for text in ("0", "-1", "soon"):
+        assert "--until" in report(tracked, "--until", text, code=2)["message"]
+    ad.ramp(ad.Robot.from_spec(ad.ArmSpec.paper("r")), [0.0], [1.0], 0.5).save(tmp_path / "one.npz")
+    told = answer(run_here("compare", tracked, tmp_path / "one.npz", "--json"), 2)
+    assert "one arm only" in told["message"]

@@ -1,0 +1,63 @@
+"""Runs to write reports of: what a solve would say of a motion, without the solve."""
+
+import numpy as np
+
+import armdyn as ad
+from armdyn.show.page.course import Move
+from armdyn.show.page.facts import Facts
+from problems import paper_arm
+
+LIMIT = 3.0
+EDGES = (0.08, 0.12, 0.21)
+"""Ends of three arcs [s]: joint 2 switches at the first, joint 1 at the second."""
+
+
+def bang_bang(name="minimum time"):
+    """RR under torques that jump: joint 1 at 0.12 s, joint 2 at 0.08 s."""
+    robot = paper_arm("rr")
+    t = np.array([0.0, 0.08, np.nextafter(0.08, 1), 0.12, np.nextafter(0.12, 1), 0.21])
+    tau = LIMIT * np.array([[1, 1], [1, 1], [1, -1], [1, -1], [-1, -1], [-1, -1]])
+    q = np.column_stack([-1.5 + 8 * t, 0.1 + 2 * t])
+    v = np.broadcast_to([8.0, 2.0], q.shape)
+    return robot, ad.Trajectory(t=t, q=q, v=v, tau=tau, joint_names=robot.joint_names, name=name)
+
+
+FACTS = {
+    "usable": True,
+    "certified": False,
+    "extremal": False,
+    "duration": 0.21,
+    "gap": None,
+    "what_to_do": ["not extremal: raise `max_intervals` or `starts`"],
+    "decides": [{"limit": "torque limit", "joint": "joint2", "part": 0.275}],
+    "certificate": {
+        "lands": True,
+        "keeps_limits": True,
+        "goal_error": 8e-11,
+        "goal_velocity_error": 3e-9,
+        "limit_violation": 0.0,
+        "hamiltonian_spread": 3e-2,
+        "switching_violation": 1e-3,
+        "adjoint_error": None,
+        "reasons": ["H is not constant"],
+    },
+    "arcs": [
+        {"duration": 0.08, "modes": ["torque upper", "torque upper"]},
+        {"duration": 0.04, "modes": ["torque upper", "torque lower"]},
+        {"duration": 0.09, "modes": ["torque lower", "torque lower"]},
+    ],
+    "local_optima": [0.2125],
+    "sensitivities": {
+        "payload_mass": 0.35,
+        "effort_upper": [-0.006, -0.015],
+        "effort_lower": [0.007, 0.005],
+        "velocity": [0.0, 0.0],
+    },
+    "asked": {"command": "armdyn mintime rr", "options": {"robot": "rr", "wrap": False}},
+}
+
+
+def judged(**more):
+    """The bang-bang motion with what a solve says of it."""
+    robot, motion = bang_bang()
+    return robot, Move("minimum time", motion, Facts({**FACTS, **more}))

@@ -1,0 +1,132 @@
+"""The report in a real browser without a network: one time for arm, curves, slider and numbers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from armdyn.show.page.course import Move
+from armdyn.show.page.facts import Facts
+from armdyn.show.page.report import Subject, report_html, report_of
+from show.browser import left_the_page, open_page, screenshot, wait_until
+from show.motions import HANGING, RAISED, quintic
+from show.page.runs import judged
+from show.page.test_report_page import EVIL
+
+pytestmark = pytest.mark.slow
+
+PHONE = {"width": 390, "height": 844}
+
+
+def written(folder, robot, *moves, title="rr"):
+    path = folder / "report.html"
+    path.write_text(report_html(report_of(Subject.of(robot), moves, title)))
+    return path
+
+
+def pair():
+    """A quintic, and another that takes longer."""
+    robot, _ = judged()
+    fast, slow = (quintic(robot, HANGING["rr"], RAISED["rr"], duration, name) for duration, name in
+                  ((0.35, "fast"), (0.5, "slow")))  # fmt: skip
+    return robot, Move("fast", fast, Facts()), Move("slow", slow, Facts())
+
+
+def tip_of(robot, q):
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, robot.configuration(q))
+    return data.oMf[robot.model.getFrameId(robot.tip)].translation
+
+
+def agree(page, time, pixels):
+    """Slider, clock and the cursors of all charts are at a time, as near as a pixel."""
+    duration = page.evaluate("armdyn.duration")
+    assert page.evaluate("armdyn.time") == pytest.approx(time, abs=pixels)
+    np.testing.assert_allclose(page.evaluate("armdyn.cursors"), time, atol=pixels)
+    assert float(page.locator("#scrubber").input_value()) == pytest.approx(time / duration, abs=pixels / duration)
+    assert float(page.locator("#clock").inner_text().split()[0]) == pytest.approx(time, abs=pixels + 1e-4)
+
+
+@pytest.mark.parametrize("size", [{}, PHONE])
+def test_arm_curves_and_slider_have_one_time(tmp_path, size):
+    robot, fast, slow = pair()
+    with open_page(written(tmp_path, robot, fast, slow), **size) as (page, requests, errors):
+        assert page.evaluate("armdyn.duration") == pytest.approx(0.5)
+        for time in (0.0, 0.2, 0.4, 0.5):
+            screenshot(page, time)
+            agree(page, time, 1e-9)
+            for k, move in enumerate((fast, slow)):  # both stand in one place; what has arrived stays
+                seen = page.evaluate(f"armdyn.linkPosition('tip', {k})")
+                # Read from the scene: 32-bit floats, and straight lines between 60 frames per second.
+                np.testing.assert_allclose(seen, tip_of(robot, move.motion(time).q), rtol=0, atol=1e-4)
+        for k in range(4):  # a drag in any chart
+            over = page.locator(".u-over").nth(k)
+            over.evaluate(
+                "node => node.scrollIntoView({ block: 'center' })"
+            )  # not below the player, which stays in view
+            box = over.bounding_box()
+            page.mouse.move(box["x"] + 0.2 * box["width"], box["y"] + 0.3 * box["height"])
+            page.mouse.down()
+            page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 0.3 * box["height"], steps=4)
+            page.mouse.up()
+            agree(page, 0.3, 2 * 0.5 / box["width"])
+        page.locator("#scrubber").fill("0.25")
+        agree(page, 0.125, 1e-9)
+        page.evaluate("armdyn.seek(0), armdyn.play()")
+        wait_until(page, "armdyn.time > 0.02")
+        assert not errors
+        assert not left_the_page(requests)
+
+
+def test_the_numbers_are_those_of_the_moment(tmp_path):
+    robot, move = judged()
+    with open_page(written(tmp_path, robot, move)) as (page, _, errors):
+        screenshot(page, 0.1)
+        rows = page.locator("#now .row").all_inner_texts()
+        assert "−0.700 rad" in rows[1] and "3.000 N m" in rows[1] and "torque, upper" in rows[1]
+        assert "0.300 rad" in rows[2] and "−3.000 N m" in rows[2] and "torque, lower" in rows[2]
+        assert page.locator("#ticks i").count() == 2
+        # A bar is full at the joint's limit, and no fuller than that.
+        scales = page.evaluate("[...document.querySelectorAll('.bar s')].map(s => s.style.transform)")
+        full = 3.0 / robot.limits.effort_upper[0]
+        assert [float(scale[7:-1]) for scale in scales] == pytest.approx([full, -full])
+        assert "Usable, not certified" in page.locator(".verdict").inner_text()
+        assert not errors
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_phone_shows_all_of_it(tmp_path, scheme):
+    robot, move = judged()
+    with open_page(written(tmp_path, robot, move), **PHONE) as (page, _, errors):
+        page.emulate_media(color_scheme=scheme)
+        first, second = (screenshot(page, time) for time in (0.0, 0.2))
+        assert first != second
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        for selector in ("#clock", "#scrubber", "#toggle", "#speed"):
+            box = page.locator(selector).bounding_box()
+            assert box["x"] >= 0 and box["x"] + box["width"] <= 390 and box["y"] + box["height"] <= 844
+        page.set_viewport_size({"width": 844, "height": 390})  # turned on its side
+        page.wait_for_timeout(200)
+        agree(page, 0.2, 1e-3)
+        assert not errors
+
+
+def test_names_from_strangers_stay_text(tmp_path):
+    robot, move = judged(asked={"command": EVIL, "options": {EVIL: EVIL}}, what_to_do=[EVIL])
+    robot = replace(robot, name=EVIL, joint_names=(EVIL, "joint2"))
+    with open_page(written(tmp_path, robot, replace(move, name=EVIL), title=EVIL)) as (page, _, errors):
+        assert page.evaluate("window.broken") is None
+        assert page.locator("h1").inner_text() == EVIL
+        assert not errors
+
+
+def test_curves_without_the_robot(tmp_path):
+    robot, move = judged()
+    path = tmp_path / "bare.html"
+    path.write_text(report_html(report_of(Subject("rr", robot.joint_names, robot.limits, (False, False)), [move])))
+    with open_page(path) as (page, _, errors):
+        screenshot(page, 0.1)
+        agree(page, 0.1, 1e-9)
+        assert "not at hand" in page.locator("#no-scene").inner_text()
+        assert not errors

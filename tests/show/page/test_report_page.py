@@ -1,0 +1,149 @@
+"""The report as a page: what it says, what it may do, and how large it is."""
+
+import base64
+import hashlib
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import armdyn as ad
+from armdyn.errors import TrajectoryError
+from armdyn.show.page.course import Move
+from armdyn.show.page.facts import Facts
+from armdyn.show.page.report import Report, Subject, report_html, report_of
+from armdyn.show.page.verdict import verdict_of
+from show.motions import quintic
+from show.page.runs import judged
+
+EVIL = "</script><script>window.broken = 1</script><img src=x onerror='broken=1'>{{viewer}}{{policy}}"
+
+
+def page_of(*moves, robot, title=""):
+    return report_html(report_of(Subject.of(robot), moves, title))
+
+
+def text_of(page):
+    return re.sub(r"<[^>]*>", " ", re.sub(r"<(script|style)\b.*?</\1>", "", page, flags=re.S))
+
+
+def test_it_says_what_is_missing_and_what_may_help():
+    robot, move = judged()
+    page = page_of(move, robot=robot, title="rr")
+    said = " ".join(text_of(page).split())
+    for words in (
+        "Usable, not certified", "H is not constant", "What you can do", "--max-intervals", "armdyn mintime rr",
+        "joint2, torque limit", "27.5 %", "0.2125 s", "+0.35 ms",
+    ):  # fmt: skip
+        assert words in said, words
+    assert '<div class="verdict fair">' in page
+
+
+@pytest.mark.parametrize(
+    ("facts", "level", "headline"),
+    [
+        ({"usable": False, "duration": None}, "bad", "No motion found"),
+        ({"usable": False}, "bad", "Not usable"),
+        ({"certified": True, "extremal": True}, "good", "Certified"),
+        ({}, "fair", "Usable, not certified"),
+    ],
+)
+def test_verdicts(facts, level, headline):
+    robot, move = judged(**facts)
+    report = report_of(Subject.of(robot), [move])
+    assert isinstance(report, Report)
+    assert (report.verdict.level, report.verdict.headline) == (level, headline)
+
+
+def of_a_pid_loop(arrival):
+    return {"arrival_rule": "last_entry_first_joint", "arrival_time": arrival, "settling_time": None,
+            "max_real_eigenvalue": -0.9, "message": "not settled"}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("facts", "level", "headline"),
+    [
+        (of_a_pid_loop(4.5535), "good", "Arrived after 4.5535 s"),
+        (of_a_pid_loop(None), "bad", "Did not arrive"),
+        ({"peak_error": 0.1, "settled_time": 0.3, "went_wrong": None}, "good", "Settled after 0.3000 s"),
+        ({"peak_error": 0.1, "settled_time": 0.3, "went_wrong": 0.1}, "fair", "Settled after 0.3000 s"),
+        ({"peak_error": 0.1, "settled_time": None, "went_wrong": 0.1}, "bad", "Did not settle"),
+        (
+            {"optimal_duration": 0.2, "ratio": 2.5, "feasible": True, "success": True},
+            "good",
+            "Keeps its limits, takes 2.5 times as long as the fastest",
+        ),
+        (
+            {"optimal_duration": None, "ratio": None, "feasible": False},
+            "bad",
+            "Breaks its limits, no fastest motion was found",
+        ),
+    ],
+)
+def test_verdicts_of_loops_and_of_planners(facts, level, headline):
+    verdict = verdict_of(Facts(facts))
+    assert (verdict.level, verdict.headline) == (level, headline)
+
+
+def test_a_bare_motion_is_not_judged():
+    robot, move = judged()
+    report = report_of(Subject.of(robot), [replace(move, facts=Facts())])
+    assert (report.verdict.level, report.verdict.headline) == ("none", "Not judged")
+    assert [section.name for section in report.sections] == ["joints", "model"]
+
+
+def test_only_its_own_scripts_may_run_and_nothing_leaves_it():
+    robot, move = judged()
+    page = page_of(move, robot=robot)
+    assert page == page_of(move, robot=robot)
+    policy = re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page)[1]
+    allowed = dict(part.strip().split(" ", 1) for part in policy.split(";"))
+    assert allowed["default-src"] == "'none'" and "unsafe" not in allowed["script-src"]
+    scripts = re.findall(r"<script>(.*?)</script>", page, re.S)
+    hashes = [base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in scripts]
+    assert allowed["script-src"].split() == [f"'sha256-{each}'" for each in hashes]
+    assert not re.findall(r"(?:https?|wss?|ftp)://", page.replace("`ws://", ""))
+    assert not re.findall(r"<(?:link|img|iframe)\b|<script[^>]+src", page)
+    assert "\r" not in page  # a browser would take it out, and the checksums would be others
+
+
+def test_names_stay_text():
+    robot, move = judged(asked={"command": EVIL, "options": {EVIL: EVIL}}, what_to_do=[EVIL], message=EVIL)
+    robot = replace(robot, name=EVIL, joint_names=(EVIL, "joint2"))
+    page = page_of(replace(move, name=EVIL), robot=robot, title=EVIL)
+    clean = page_of(judged()[1], robot=judged()[0])
+    assert page.count("<script") == clean.count("<script") and "<img" not in page
+    assert page.count("{{viewer}}") > 0  # as text: nothing was put in its place
+    data = json.loads(re.search(r'id="armdyn-data">(.*?)</script>', page, re.S)[1])
+    assert data["joints"][0] == EVIL
+
+
+def test_a_planar_arms_report_is_small():
+    robot, move = judged()
+    assert len(page_of(move, robot=robot).encode()) < 2e6
+
+
+@pytest.mark.slow
+def test_a_pandas_report_is_not_large():
+    robot = ad.Robot.from_library("panda")
+    home = np.array([0, -0.3, 0, -2.2, 0, 2, 0.8])
+    moves = [Move(name, quintic(robot, home, home + rise, 0.8), Facts()) for name, rise in (("a", 0.4), ("b", 0.2))]
+    assert len(page_of(*moves, robot=robot).encode()) < 8e6
+
+
+def test_a_robot_that_is_not_at_hand():
+    robot, move = judged()
+    subject = Subject("rr", robot.joint_names, robot.limits, (False, False))
+    report = report_of(subject, [move])
+    assert report.data["scene"] is None
+    assert len(report_html(report).encode()) < 2e6
+
+
+def test_bad_input():
+    robot, move = judged()
+    with pytest.raises(TrajectoryError, match="1 to 5"):
+        report_of(Subject.of(robot), [])
+    with pytest.raises(TrajectoryError, match="2 joints"):
+        report_of(Subject.of(ad.Robot.from_spec(ad.ArmSpec.paper("rrr"))), [move])
