@@ -126,12 +126,23 @@ def read_toml(path: str | os.PathLike[str]) -> Table:
         FileError: the file cannot be read, or is too large.
         ProblemError: it is no TOML; the message says in which line.
     """
+    text, values = parsed(path)
+    return Table(os.fspath(path), values, _lines(text))
+
+
+def parsed(path: str | os.PathLike[str]) -> tuple[str, dict[str, Any]]:
+    """A file's text, and what it says.
+
+    Raises:
+        FileError: the file cannot be read, or is too large.
+        ProblemError: it is no TOML; the message says in which line.
+    """
     data = read_bounded(path, MAX_BYTES)
     name = os.fspath(path)
     try:
         text = data.decode("utf-8").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
-        raise FileError(path, f"no TOML: it is not UTF-8 (byte {error.start})") from None
+        raise FileError(path, f"not TOML: it is not UTF-8 (byte {error.start})") from None
     if found := _CHAIN.search(text):
         line = text.count("\n", 0, found.start()) + 1
         raise ProblemError(f"{name}, line {line}: a name of more than {_NAMES} parts with dots between")
@@ -144,7 +155,7 @@ def read_toml(path: str | os.PathLike[str]) -> Table:
         raise ProblemError(f"{name}, line {line}, column {column}: not TOML: {why[:200]}") from None
     except (RecursionError, ValueError) as error:  # brackets in brackets; an integer of thousands of digits
         raise ProblemError(f"{name}: not TOML that can be read ({type(error).__name__})") from None
-    return Table(name, values, _lines(text))
+    return text, values
 
 
 def _lines(text: str) -> dict[tuple[str, ...], int]:

@@ -43,7 +43,7 @@ def test_a_complaint_says_the_line(toml):
         ("a = [1,\n", "not TOML"),
         ("x = " + "[" * 5000, r"not TOML that can be read \(RecursionError\)"),
         ("x = 1" + "0" * 5000, r"not TOML that can be read \(ValueError\)"),
-        (b"a = '\xff'", r"no TOML: it is not UTF-8 \(byte 5\)"),
+        (b"a = '\xff'", r"not TOML: it is not UTF-8 \(byte 5\)"),
         ("a" * (MAX_BYTES + 1), "larger than"),
     ],
 )

@@ -33,9 +33,9 @@ class StudyOptions:
 
     panel: ClassVar[str] = "Study file"
 
-    workers: Annotated[int | None, typer.Option(help="Processes on this machine; by default one per core.", min=1)] = (
-        None
-    )
+    workers: Annotated[
+        int | None, typer.Option(metavar="N", help="Processes on this machine; by default one per core.", min=1)
+    ] = None
     scheduler: Annotated[
         str | None,
         typer.Option(metavar="HOST:PORT", help="A Dask cluster's scheduler: its workers do the cases instead."),
@@ -45,7 +45,10 @@ class StudyOptions:
     ] = False
     sync: Annotated[
         Literal["full", "normal"],
-        typer.Option(help="full: a row survives a power cut, too; normal: only that armdyn is killed, but faster."),
+        typer.Option(
+            metavar="MODE",
+            help="full: a row survives a power cut, too; normal: only that armdyn is killed, but faster.",
+        ),
     ] = "full"
     parquet: Annotated[bool, typer.Option("--parquet", help="Write rows.parquet, too (needs pyarrow).")] = False
 

@@ -10,10 +10,6 @@ from typing import Any
 
 from armdyn.arguments import shown
 from armdyn.errors import ArmdynError, FileError, ProblemError, did_you_mean
-from armdyn.files import read_bounded
-
-MAX_BYTES = 2**18
-"""A larger file is refused [bytes]: Panda's problem with a hundred obstacles has ten thousand."""
 
 _HEADER = re.compile(r"\s*\[\[?\s*([^\]]+?)\s*\]\]?\s*(?:#.*)?")
 _KEY = re.compile(r"""\s*(?:"([^"]+)"|'([^']+)'|([A-Za-z0-9_.-]+))\s*=""")
@@ -78,18 +74,12 @@ def read_tables(path: Path, names: Iterable[str]) -> dict[str, Table]:
     Raises:
         ProblemError: it cannot be read, is no TOML, or has something else.
     """
-    import tomllib  # who types a problem out does not wait for it
+    from armdyn.toml import parsed  # who types a problem out does not wait for it
 
     try:
-        text = read_bounded(path, MAX_BYTES).decode("utf-8")
-        content = tomllib.loads(text)
+        text, content = parsed(path)
     except FileError as error:
         raise ProblemError(str(error)) from None
-    except (ValueError, RecursionError, MemoryError) as error:  # what UTF-8, TOML and Python's integers are not
-        where = re.sub(r" \(at line (\d+), column (\d+)\)", "", str(error))
-        at = re.search(r"at line (\d+), column (\d+)", str(error))
-        line = f", line {at[1]}, column {at[2]}" if at else ""
-        raise ProblemError(f"{path}{line}: not TOML ({_UNCLEAR.sub(' ', where)[:200]})") from None
     known, lines = sorted(names), _lines(text)
     for key, value in content.items():
         if key not in known or not isinstance(value, dict):

@@ -6,8 +6,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from armdyn.cli.typed.toml import MAX_BYTES, Table, read_tables
+from armdyn.cli.typed.toml import Table, read_tables
 from armdyn.errors import ProblemError
+from armdyn.toml import MAX_BYTES
 
 TEXT = """# a comment with name = 1
 
