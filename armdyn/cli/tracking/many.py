@@ -11,13 +11,9 @@ import typer
 import armdyn as ad
 from armdyn.arguments import number as checked
 from armdyn.cli.console import (
-    INTERRUPTED,
     NOT_AS_REQUIRED,
-    NOT_USABLE,
     answering,
     console,
-    errors,
-    escape,
     facts_table,
     working,
 )
@@ -27,7 +23,7 @@ from armdyn.cli.options.results import NoFigure, OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
 from armdyn.cli.options.text import numbers
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions
-from armdyn.cli.tracking.track import ReferenceOptions
+from armdyn.cli.tracking.track import ReferenceOptions, no_motion
 from armdyn.cli.typed.panels import TASK
 from armdyn.errors import ProblemError
 
@@ -131,15 +127,10 @@ def monte_carlo(
         drawn = [] if no_figure else ["envelope.png", "envelope.pdf"]
         folder = output.folder("monte-carlo", robot.robot, [ROWS, "reference.npz", *drawn, "result.json"])
 
-        def ends() -> tuple[list[float], list[float]]:
-            return poses.start(model, robot.robot, "minimum_time"), poses.goal(model, robot.robot, "minimum_time")
-
         with working(f"many arms like {model.name}", output.json) as progress:
-            asked = reference.motion(model, ends, joints.kept(), progress)
+            asked = reference.motion(model, poses, robot.robot, joints.kept(), progress)
             if isinstance(asked, ad.Solution):
-                answer.facts |= {"success": False, "status": str(asked.status), "message": asked.message}
-                answer.code = INTERRUPTED if asked.status is ad.Status.INTERRUPTED else NOT_USABLE
-                errors.print(f"no motion to follow: {escape(asked.message)}")
+                no_motion(answer, asked)
                 return
             folder.mkdir(parents=True, exist_ok=True)
             found = ad.monte_carlo(model, asked, law, plants, joined, options, folder / ROWS, progress)

@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar
 import typer
 
 import armdyn as ad
-from armdyn.cli.console import INTERRUPTED, NOT_USABLE, answering, console, errors, escape, facts_table, working
+from armdyn.cli.console import INTERRUPTED, NOT_USABLE, Answer, answering, console, errors, escape, facts_table, working
 from armdyn.cli.options.joints import FastJointOptions, friction_words
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import ResultOptions
@@ -40,7 +40,8 @@ class ReferenceOptions:
     def motion(
         self,
         arm: ad.Robot,
-        ends: Callable[[], tuple[list[float], list[float]]],
+        poses: PoseOptions,
+        name: str,
         kept: Mapping[str, Any],
         tell: Callable[[str], None],
     ) -> ad.Trajectory | ad.Solution:
@@ -48,7 +49,8 @@ class ReferenceOptions:
 
         Args:
             arm: the controller's model.
-            ends: gives start and goal [rad or m], where they are needed.
+            poses: start and goal, where they are needed.
+            name: what the user called the robot.
             kept: what the search keeps for feedback.
             tell: told in words what is being done.
 
@@ -59,7 +61,7 @@ class ReferenceOptions:
             raise ProblemError("--reference and --ramp both say what to follow: give one of them")
         if self.reference is not None:
             return ad.Trajectory.load(self.reference)
-        start, goal = ends()
+        start, goal = poses.start(arm, name, "minimum_time"), poses.goal(arm, name, "minimum_time")
         if self.ramp is not None:
             return ad.ramp(arm, start, goal, self.ramp)
         solution = ad.solve_minimum_time(
@@ -95,15 +97,10 @@ def track(
         law, joined, real = controller.chosen(), loop.joined(), plant.real(robot, payload, joints)
         folder = results.folder("track", robot.robot, ("trajectory", "reference"))
 
-        def ends() -> tuple[list[float], list[float]]:
-            return tuple(read(arm, robot.robot, "minimum_time") for read in (poses.start, poses.goal))  # type: ignore[return-value]
-
         with working(f"tracking with {arm.name}", json) as progress:
-            asked = reference.motion(arm, ends, joints.kept(), progress)
+            asked = reference.motion(arm, poses, robot.robot, joints.kept(), progress)
             if isinstance(asked, ad.Solution):
-                answer.facts |= {"success": False, "status": str(asked.status), "message": asked.message}
-                answer.code = INTERRUPTED if asked.status is ad.Status.INTERRUPTED else NOT_USABLE
-                errors.print(f"no motion to follow: {escape(asked.message)}")
+                no_motion(answer, asked)
                 return
             progress("the loop")
             run = ad.track(arm, asked, law, real, joined, reference.duration, tolerance=reference.tolerance)
@@ -116,6 +113,13 @@ def track(
         if not json:
             words = friction_words(real) | _words(run, asked) | written.words
             console.print(facts_table(f"{arm.name}: tracking with {controller.controller}", words))
+
+
+def no_motion(answer: Answer, found: ad.Solution) -> None:
+    """A command ends because there is nothing to follow."""
+    answer.facts |= {"success": False, "status": str(found.status), "message": found.message}
+    answer.code = INTERRUPTED if found.status is ad.Status.INTERRUPTED else NOT_USABLE
+    errors.print(f"no motion to follow: {escape(found.message)}")
 
 
 def _outcome(run: ad.Run) -> str:

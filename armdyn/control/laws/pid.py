@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 
 from armdyn.arguments import expect, flag, one_of
 from armdyn.control.laws.readings import Readings, law_function, table
-from armdyn.control.laws.reference import Reference, expect_motors, reference_of
+from armdyn.control.laws.reference import Reference, reference_of
 from armdyn.control.loop.law import Law
 from armdyn.control.loop.loop import Loop
 from armdyn.control.loop.ticks import Ticks
+from armdyn.control.pid.equations import expect_motors
 from armdyn.control.pid.gains import DEFAULT_GAINS, FORMS, Form, PidGains
 from armdyn.dynamics import Dynamics
 from armdyn.errors import ProblemError

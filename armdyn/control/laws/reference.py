@@ -58,19 +58,6 @@ def reference_of(robot: Robot, ticks: Ticks, loop: Loop) -> Reference:
     return Reference(q, seen, v, _felt(a, loop), _felt(tau, loop))
 
 
-def expect_motors(robot: Robot, what: str) -> None:
-    """Raise unless every joint has a motor.
-
-    Raises:
-        ProblemError: some have none.
-    """
-    if robot.passive:
-        raise ProblemError(
-            f"{what} needs a motor at every joint of {robot.name}; there is none at {', '.join(robot.passive)}: "
-            "minimum time moves such arms"
-        )
-
-
 def _held(rows: Array, more: int) -> Array:
     """The last row as often again."""
     return np.vstack([rows, np.repeat(rows[-1:], more, axis=0)])

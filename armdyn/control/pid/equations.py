@@ -63,11 +63,7 @@ class PidLoop:
         Raises:
             ProblemError: the gains are for another number of joints, or a joint has no motor.
         """
-        if robot.passive:
-            raise ProblemError(
-                f"a PID controller needs a motor at every joint of {robot.name}; there is none at "
-                f"{', '.join(robot.passive)}: minimum time moves such arms"
-            )
+        expect_motors(robot, "a PID controller")
         kp, ki, damping = controller.coefficients(robot.nv)
         lower, upper = robot.limits.effort_lower, robot.limits.effort_upper
         if not controller.saturates:
@@ -118,6 +114,30 @@ class PidLoop:
         return [name for name, bad in zip(robot.joint_names, beyond, strict=True) if bad]
 
 
+def expect_motors(robot: Robot, what: str) -> None:
+    """Raise unless every joint has a motor.
+
+    Raises:
+        ProblemError: some have none.
+    """
+    if robot.passive:
+        raise ProblemError(
+            f"{what} needs a motor at every joint of {robot.name}; there is none at {', '.join(robot.passive)}: "
+            "minimum time moves such arms"
+        )
+
+
+def diverged_beyond(x: Array, goal: Array) -> tuple[float, float]:
+    """Distance from the goal [rad or m] and speed [rad/s or m/s] beyond which a run from a state has diverged.
+
+    Args:
+        x: start (q, v), shape (2 nv,).
+        goal: [rad or m], shape (nv,).
+    """
+    start = 10 * float(np.abs(x - np.concatenate([goal, np.zeros(goal.size)])).max())
+    return max(_POSITION_BOUND, start), max(_VELOCITY_BOUND, start)
+
+
 class Followed(NamedTuple):
     """A loop's motion, as far as it could be followed."""
 
@@ -139,8 +159,7 @@ def integrate(loop: PidLoop, x0: Array, duration: float) -> Followed:
         ProblemError: not even a first step can be made.
     """
     nv = loop.goal.size
-    start = 10 * float(np.abs(x0[nv:] - np.concatenate([loop.goal, np.zeros(nv)])).max())
-    away_bound, speed_bound = max(_POSITION_BOUND, start), max(_VELOCITY_BOUND, start)
+    away_bound, speed_bound = diverged_beyond(x0[nv:], loop.goal)
     solver = LSODA(loop.rate, 0.0, x0, duration, rtol=_RTOL, atol=_ATOL)
     times, pieces = [0.0], []
     stopped: tuple[Status, str] | None = None

@@ -10,6 +10,7 @@ from armdyn.arguments import expect, number
 from armdyn.control.loop.law import Controller, Law
 from armdyn.control.loop.loop import Loop
 from armdyn.control.loop.ticks import Ticks
+from armdyn.control.pid.equations import diverged_beyond, expect_motors
 from armdyn.control.tracking.run import Run, run_of
 from armdyn.dynamics.driven import Driven, Tables, drive, plant_of
 from armdyn.errors import ProblemError
@@ -19,9 +20,6 @@ from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_AWAY, _FAST = 100.0, 1000.0
-"""Distance from the goal [rad or m] and speed [rad/s or m/s] beyond which a run has diverged: sixteen turns, and ten
-times the fastest robot. A start beyond a tenth of them moves them out."""
 _TOLERANCE = 1e-8
 """That a tick's positions may change by when its steps are halved [rad or m]; its velocities a thousand times that."""
 _LONGER = 1.0
@@ -66,11 +64,7 @@ class Setup:
     ) -> Self:
         """What is asked, checked; see `track`."""
         joints = expect_robot(robot).joint_names
-        if robot.passive:
-            raise ProblemError(
-                f"a controller needs a motor at every joint of {robot.name}; there is none at "
-                f"{', '.join(robot.passive)}"
-            )
+        expect_motors(robot, "a controller")
         expect(reference, Trajectory, "reference", "a Trajectory, such as solution.trajectory or ramp(…)")
         expect(controller, Controller, "controller", "Lqr(), ComputedTorque() or Pid(gains)")  # type: ignore[type-abstract]
         expect(loop, Loop, "loop", "Loop(rate=1000.0, delay=1)")
@@ -139,15 +133,15 @@ class Setup:
         return np.maximum(own.effort_lower, its.effort_lower), np.minimum(own.effort_upper, its.effort_upper)
 
     def _scalars(self, count: int) -> dict[str, Any]:
-        loop, nv = self.loop, self.robot.nv
-        far = 10 * float(np.abs(self.start - np.concatenate([self.ticks.goal, np.zeros(nv)])).max())
+        loop = self.loop
+        away, fast = diverged_beyond(self.start, self.ticks.goal)
         return {
             "period": loop.period,
             "encoder": loop.encoder,
             "pole": loop.pole,
             "integrate_from": self.law.integrate_from,
-            "away": max(_AWAY, far),
-            "fast": max(_FAST, far),
+            "away": away,
+            "fast": fast,
             "tolerance": _TOLERANCE,
             "ticks": count,
             "row_size": self.law.rows.shape[1],
