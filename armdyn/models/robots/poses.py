@@ -10,15 +10,16 @@ import math
 import os
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arguments import shown, text
-from armdyn.errors import ArmdynError, SpecError, did_you_mean
+from armdyn.errors import ArmdynError, ProblemError, SpecError, did_you_mean
 from armdyn.models.reading.urdf_xml import parse_xml, read_urdf, to_number
+from armdyn.models.values.per_joint import per_joint
 
 if TYPE_CHECKING:
     from armdyn.models.robots.arm import Arm
@@ -73,6 +74,25 @@ def pose_named(robot: Arm, name: str) -> Array:
         known = ", ".join(poses) or "none: no SRDF is by its URDF"
         raise SpecError(f"{robot.name} has no pose {shown(name)}{did_you_mean(name, poses)}; known: {known}")
     return poses[name]
+
+
+def pose_given(robot: Arm, given: Any, what: str) -> Array:
+    """Joint positions as a user gives them, as an array of its own, shape (nv,) [rad or m].
+
+    Args:
+        robot: whose joints.
+        given: a number per joint, or the name of a pose.
+        what: they are, in messages.
+
+    Raises:
+        ProblemError: wrong length or not finite, or the robot has no pose of that name.
+    """
+    if not isinstance(given, str):
+        return per_joint(given, robot.joint_names, what, unit="rad or m", error=ProblemError, scalar=False)
+    try:
+        return pose_named(robot, given).copy()
+    except SpecError as error:
+        raise ProblemError(f"{what}: {error}; or give a number per joint [rad or m]") from None
 
 
 def _files(robot: Arm) -> list[Path]:

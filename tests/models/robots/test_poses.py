@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.errors import SpecError
+from armdyn.errors import ProblemError, SpecError
 from armdyn.models.robots.poses import TABLE
 
 SRDF = """<robot name="{robot}">
@@ -103,3 +103,24 @@ def test_ready_is_the_library_s_default_pose():
     panda = ad.Robot.from_library("panda")
     assert panda.pose("ready") == pytest.approx(panda.pose("default"), abs=1e-4)
     assert panda.pose("ready")[1] == -math.pi / 4
+
+
+def test_names_stand_where_poses_do():
+    """In Python as on the command line."""
+    panda = ad.Robot.from_library("panda")
+    ready = panda.pose("ready")
+    there = ready + 0.1
+    problem = ad.MinimumTimeProblem(panda, q_start="ready", q_goal=there, via=["default"])
+    assert np.array_equal(problem.q_start, ready) and np.array_equal(problem.via[0], panda.pose("default"))
+    assert np.array_equal(ad.ramp(panda, "ready", there, 1.0).q[0], ready)
+    assert np.array_equal(ad.set_point(panda, "ready").q[0], ready)
+    assert panda.pose("ready")[0] == ready[0] == 0.0, "a problem keeps a pose of its own"
+
+
+@pytest.mark.parametrize("ends", [("raedy", [0.1] * 7), ([0.1] * 7, "raedy")])
+def test_a_name_that_is_none_is_a_problem_and_says_which_there_are(ends):
+    panda = ad.Robot.from_library("panda")
+    with pytest.raises(ProblemError, match=r"did you mean 'ready'.*number per joint"):
+        ad.MinimumTimeProblem(panda, q_start=ends[0], q_goal=ends[1])
+    with pytest.raises(ProblemError, match="did you mean 'ready'"):
+        ad.simulate_pid(panda, q_start=ends[0], q_goal=ends[1], duration=0.1)
