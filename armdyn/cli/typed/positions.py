@@ -10,7 +10,7 @@ from contextvars import ContextVar
 from typing import TYPE_CHECKING
 
 from armdyn.cli.options.text import number
-from armdyn.errors import ProblemError, SpecError
+from armdyn.errors import ProblemError
 
 if TYPE_CHECKING:
     from armdyn.models import Robot
@@ -73,7 +73,9 @@ def positions(text: str, what: str, robot: Robot) -> list[float]:
     """
     parts = text.split(",")
     if len(parts) == 1 and not _is_number(text):
-        return _named(text.strip(), what, robot)
+        from armdyn.models.robots.poses import pose_given
+
+        return [float(x) for x in pose_given(robot, text.strip(), what)]
     slides = map(bool, robot.slides) if len(parts) == robot.nv else [None] * len(parts)
     return [position(part, what, joint) for part, joint in zip(parts, slides, strict=True)]
 
@@ -84,18 +86,6 @@ def _is_number(text: str) -> bool:
     except ProblemError:
         return False
     return True
-
-
-def _named(name: str, what: str, robot: Robot) -> list[float]:
-    """The pose of a name.
-
-    Raises:
-        ProblemError: there is none; says which there are.
-    """
-    try:
-        return [float(x) for x in robot.pose(name)]
-    except SpecError as error:
-        raise ProblemError(f"{what}: {error}; or give {robot.nv} numbers with commas between") from None
 
 
 def sliding_locks(texts: Sequence[str], robot: Robot) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Iterable
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -71,8 +72,7 @@ def pose_named(robot: Arm, name: str) -> Array:
     poses = named_poses(robot)
     text(name, "name of a pose", error=SpecError)
     if name not in poses:
-        known = ", ".join(poses) or "none: no SRDF is by its URDF"
-        raise SpecError(f"{robot.name} has no pose {shown(name)}{did_you_mean(name, poses)}; known: {known}")
+        raise SpecError(f"{robot.name} has no pose {shown(name)} (known: {_known(poses)}){did_you_mean(name, poses)}")
     return poses[name]
 
 
@@ -89,10 +89,16 @@ def pose_given(robot: Arm, given: Any, what: str) -> Array:
     """
     if not isinstance(given, str):
         return per_joint(given, robot.joint_names, what, unit="rad or m", error=ProblemError, scalar=False)
-    try:
-        return pose_named(robot, given).copy()
-    except SpecError as error:
-        raise ProblemError(f"{what}: {error}; or give a number per joint [rad or m]") from None
+    poses = named_poses(robot)
+    if given not in poses:
+        wanted = f"a number per joint [rad or m], or a pose of {robot.name} ({_known(poses)})"
+        raise ProblemError(f"{what} is {shown(given)}; expected {wanted}{did_you_mean(given, poses)}")
+    return poses[given].copy()
+
+
+def _known(poses: Iterable[str]) -> str:
+    """The names of poses, in messages."""
+    return ", ".join(poses) or "none: no SRDF is by its URDF"
 
 
 def _files(robot: Arm) -> list[Path]:

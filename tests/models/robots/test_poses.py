@@ -73,7 +73,7 @@ def test_devices_and_folders_are_not_waited_for(arm):
 def test_what_was_no_file_has_no_srdf():
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
     assert list(robot.poses) == ["zero"]
-    with pytest.raises(SpecError, match="no pose 'home'; known: zero"):
+    with pytest.raises(SpecError, match=r"no pose 'home' \(known: zero\)"):
         robot.pose("home")
 
 
@@ -120,7 +120,7 @@ def test_names_stand_where_poses_do():
 @pytest.mark.parametrize("ends", [("raedy", [0.1] * 7), ([0.1] * 7, "raedy")])
 def test_a_name_that_is_none_is_a_problem_and_says_which_there_are(ends):
     panda = ad.Robot.from_library("panda")
-    with pytest.raises(ProblemError, match=r"did you mean 'ready'.*number per joint"):
+    with pytest.raises(ProblemError, match=r"a number per joint.*did you mean 'ready'"):
         ad.MinimumTimeProblem(panda, q_start=ends[0], q_goal=ends[1])
     with pytest.raises(ProblemError, match="did you mean 'ready'"):
         ad.simulate_pid(panda, q_start=ends[0], q_goal=ends[1], duration=0.1)
