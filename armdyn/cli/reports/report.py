@@ -25,7 +25,11 @@ if TYPE_CHECKING:
 
 Results = Annotated[
     list[Path],
-    typer.Argument(metavar="RESULT…", help="Folders that mintime, pid or track wrote, or trajectories (npz)."),
+    typer.Argument(
+        metavar="RESULT…",
+        help="Folders that mintime, pid or track wrote, trajectories (npz), or what other planners wrote, as "
+        "optimality reads it: .csv, .npz, ROS 2's .json and .yaml.",
+    ),
 ]
 
 
@@ -37,7 +41,10 @@ class ShownOptions:
 
     robot: Annotated[
         str | None,
-        typer.Option(metavar="ROBOT", help="Whose motions they are; by default the result says it, if it is no file."),
+        typer.Option(
+            metavar="ROBOT",
+            help="Whose motions they are: a name or a URDF. By default the first result says it, if it is no file.",
+        ),
     ] = None
     until: Annotated[
         str | None, typer.Option(metavar="S", help="Only so much of each motion \\[s]; by default all of it.")
@@ -60,10 +67,9 @@ class ShownOptions:
         Raises:
             ArmdynError: a result cannot be read, or they do not fit together.
         """
-        from armdyn.cli.reports.saved import moves_of, read_saved, subject_of
+        from armdyn.cli.reports.moves import read_moves
 
-        saved = [read_saved(path) for path in results]
-        return subject_of(saved[0], self.robot, payload.carried()), moves_of(saved)
+        return read_moves(results, self.robot, payload.carried())
 
 
 def report(
@@ -105,11 +111,13 @@ def compare(
     """Several motions of one arm side by side: a table, one report, and one figure for a paper.
 
     The first is what the others are measured by. The report has the first solid and the others as ghosts, all curves
-    under one time; figure.pdf and figure.svg have a colour for each joint and a line style for each motion. Motions may
-    also be files of others, saved by armdyn.Trajectory.save.
+    under one time; figure.pdf and figure.svg have a colour for each joint and a line style for each motion. Motions of
+    other planners are read as armdyn optimality reads them: torques that a file does not have come from inverse
+    dynamics. Whether they keep the limits is said; the robot is that of the first result, or --robot with its payload.
 
     [dim]armdyn compare results/mintime-rr results/pid-rr --until 0.5
-    armdyn compare results/mintime-rr results/track-rr toppra.npz --out results/three[/]
+    armdyn compare results/mintime-rr results/track-rr toppra.npz --out results/three
+    armdyn compare toppra.csv ruckig.csv moveit.yaml --robot ur5 --payload 1[/]
     """
     with answering(output.json) as answer:
         if len(results) < 2:
