@@ -121,7 +121,7 @@ def _stamp(file: Path, k: int, given: object) -> float:
         raise TrajectoryError(
             f"{file}: time_from_start of points[{k}] is {shown(given)}; it must be sec and nanosec, whole numbers"
         )
-    return float(parts[0] + parts[1] / 1e9)  # type: ignore[operator]  # both are whole numbers
+    return float(parts[0] + parts[1] / 1e9)
 
 
 def _columns(file: Path, kind: str, points: Sequence[Mapping[Any, Any]], width: int) -> Array | None:

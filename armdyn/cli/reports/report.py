@@ -126,7 +126,7 @@ def compare(
         subject, moves = shown.read(results, payload)
         folder = output.folder("compare", subject.name, ["report.html", "figure.pdf", "figure.svg"])
         from armdyn.show.page.course import until
-        from armdyn.show.page.joints import compared
+        from armdyn.show.page.joints import compared, worth_seeing
         from armdyn.show.page.report import report_of
         from armdyn.show.plots import plot_trajectories, save_figure
 
@@ -136,8 +136,15 @@ def compare(
             page = _written(folder, report_of(subject, moves, title, end))
             progress("drawing the figure")
             unresolved = [k for k, move in enumerate(moves) if move.facts.values.get("arcs") == []]
-            drawn = [replace(until(move.motion, end), name=move.name) for move in moves]
-            figure = plot_trajectories(drawn, limits=subject.limits, title=title, unresolved=unresolved)
+            shown_until = worth_seeing(rows, end) or end
+            drawn = [replace(until(move.motion, shown_until), name=move.name) for move in moves]
+            figure = plot_trajectories(
+                drawn,
+                limits=subject.limits,
+                title=title,
+                unresolved=unresolved,
+                captions=[f"{row.name}, {'not at the goal' if row.there is None else _there(row)}" for row in rows],
+            )
             files = [page, *(save_figure(figure, folder / f"figure.{kind}") for kind in ("pdf", "svg"))]
         answer.facts |= {"success": True, "status": "written", "robot": subject.name}
         answer.facts |= {"motions": [asdict(row) for row in rows], "files": [str(file) for file in files]}
@@ -160,16 +167,22 @@ def _table(title: str, rows: Sequence[Compared]) -> Table:
     """For people."""
     from rich.table import Table
 
-    table = Table(title=escape(title), title_justify="left", box=None, pad_edge=False)
-    for column in ("motion", "at the goal", "beside the first", "work", "fastest", "strongest", "verdict"):
-        table.add_column(column, justify="left" if column in ("motion", "verdict") else "right")
+    table = Table(title=escape(title), title_justify="left", box=None, pad_edge=False, caption_justify="left")
+    for column in ("motion", "at the goal", "later", "work", "fastest", "strongest", "verdict"):
+        beside = column in ("motion", "verdict")
+        table.add_column(column, justify="left" if beside else "right", overflow="fold", no_wrap=not beside)
     for k, row in enumerate(rows):
         table.add_row(
             escape(row.name),
-            "-" if row.there is None else f"{row.there:.4f} s",
+            _there(row),
             "-" if k == 0 or row.later is None else f"{100 * row.later:+.1f} %",
             f"{row.work:.4g} J",
             *("-" if part is None else f"{100 * part:.3g} %" for part in (row.speed, row.torque)),
             escape(row.verdict),
         )
+    table.caption = "later than the first; fastest, strongest: the most that a joint takes of its limit"
     return table
+
+
+def _there(row: Compared) -> str:
+    return "-" if row.there is None else f"{row.there:.4f} s"
