@@ -192,7 +192,7 @@ def _sampled(robot: Robot, loop: PidLoop, solution: OdeSolution, samples: int) -
         v=v.T,
         tau=np.array([loop.torque(column) for column in x.T]),
         joint_names=robot.joint_names,
-        name=f"PID ({loop.form})",
+        name=f"PID ({loop.form.replace('_', ' ')})",
         model_hash=robot.model_hash,
     )
 
