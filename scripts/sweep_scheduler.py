@@ -44,7 +44,7 @@ def crews(cluster, workers):
         return
     from distributed import LocalCluster
 
-    with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as running:
+    with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=50) as running:
         yield ad.cluster_crew(running.scheduler_address)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -129,17 +129,17 @@ class _Sweep:
     tell: Callable[[Progress], None]
     done: set[int]
     deaths: dict[int, int] = field(default_factory=dict)
+    waiting: deque[int] = field(default_factory=deque)
     again: deque[int] = field(default_factory=deque)
     bad: int = 0
 
     def run(self) -> None:
         """Until all is done, or Ctrl-C."""
-        waiting = deque(k for k in range(len(self.study)) if k not in self.done)
+        self.waiting = deque(k for k in range(len(self.study)) if k not in self.done)
         near = Neighbours(self.study, self.rows.moved()) if self.study.task.uses_neighbours else None
-        pace, left = Pace(), len(waiting)
+        pace, left = Pace(), len(self.waiting)
+        self._give(near, {})
         while left and not self.stop:
-            while count := self.crew.wanted(len(self.again) + len(waiting)):
-                self._give([(self.again or waiting).popleft() for _ in range(count)], near)
             rows, motions = list[Row](), dict[int, bytes]()
             for one in self.crew.ended(_LISTEN):
                 row = self._row(one)
@@ -150,12 +150,13 @@ class _Sweep:
                 pace.add(one.seconds)
                 if one.outcome and one.outcome.motion:
                     motions[one.k] = one.outcome.motion
+            if near:
+                near.moved.update(motions)
+            self._give(near, motions)  # first, so that nobody waits for the disk
             if rows:
                 self.rows.append(rows, motions)
                 self.bad += sum(not row.good for row in rows)
                 left -= len(rows)
-            if near:
-                near.moved.update(motions)
             told = Progress(
                 cases=len(self.study),
                 done=len(self.study) - left,
@@ -165,17 +166,24 @@ class _Sweep:
             )
             self.tell(told)
 
-    def _give(self, numbers: Sequence[int], near: Neighbours | None) -> None:
-        """Have cases done by one worker; a motion that several of them begin with is sent once."""
-        motions, cases = dict[int, bytes](), list[Case]()
-        for k in numbers:
-            about = near.near(k) if near else ()
-            neighbour = next((n for n in about if near and n in near.moved), None)
-            if neighbour is not None and neighbour not in motions:
-                motions[neighbour] = self.rows.motion(neighbour)
-            guess = b"" if neighbour is None else motions[neighbour]
-            cases.append(Case(k=k, settings=self.study.parameters(k), guess=guess, begun_from=neighbour, near=about))
-        self.crew.give(cases)
+    def _give(self, near: Neighbours | None, fresh: Mapping[int, bytes]) -> None:
+        """Have so many cases worked on as the crew wants.
+
+        Args:
+            near: who is near; None: no motion is a guess.
+            fresh: motions that have no row yet.
+        """
+        while count := self.crew.wanted(len(self.again) + len(self.waiting)):
+            motions, cases = dict(fresh), list[Case]()
+            for k in [(self.again or self.waiting).popleft() for _ in range(count)]:
+                about = near.near(k) if near else ()
+                neighbour = next((n for n in about if near and n in near.moved), None)
+                if neighbour is not None and neighbour not in motions:
+                    motions[neighbour] = self.rows.motion(neighbour)  # once, and so it is sent
+                guess = b"" if neighbour is None else motions[neighbour]
+                case = Case(k=k, settings=self.study.parameters(k), guess=guess, begun_from=neighbour, near=about)
+                cases.append(case)
+            self.crew.give(cases)
 
     def _row(self, ended: Ended) -> Row | None:
         """Of what came back; None: it is to be done again."""
