@@ -1,7 +1,7 @@
 """A hook of mkdocs.yml: mathematics between dollars becomes MathML when the site is built.
 
-Browsers set MathML by themselves, so no page of the site asks anybody for a script; GitHub sets the same dollars with its
-own. `pymdownx.arithmatex` finds the formulas and leaves code alone; here they are converted.
+Browsers set MathML by themselves, so no page of the site asks anybody for a script; GitHub sets the same dollars with
+its own. `pymdownx.arithmatex` finds the formulas and leaves code alone; here they are converted.
 """
 
 import html

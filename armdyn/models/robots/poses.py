@@ -17,10 +17,11 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.arguments import shown, text
+from armdyn.arguments import number, shown, text
 from armdyn.errors import ArmdynError, ProblemError, SpecError, did_you_mean
 from armdyn.models.reading.urdf_xml import parse_xml, read_urdf, to_number
 from armdyn.models.values.per_joint import per_joint
+from armdyn.typed import position
 
 if TYPE_CHECKING:
     from armdyn.models.robots.arm import Arm
@@ -94,6 +95,53 @@ def pose_given(robot: Arm, given: Any, what: str) -> Array:
         wanted = f"a number per joint [rad or m], or a pose of {robot.name} ({_known(poses)})"
         raise ProblemError(f"{what} is {shown(given)}; expected {wanted}{did_you_mean(given, poses)}")
     return poses[given].copy()
+
+
+def positions_of(robot: Arm, given: object, what: str, *, degrees: bool = False) -> list[float]:
+    """Positions of a robot's joints, as people write them [rad or m].
+
+    How many there are is for whoever uses them to say, who knows more of what they are.
+
+    Args:
+        robot: whose joints.
+        given: the name of a pose; text with commas between positions; or a list of numbers and texts such as "90deg".
+        what: the option or key, for messages.
+        degrees: see `armdyn.typed.position`.
+
+    Raises:
+        ProblemError: it is none of these.
+    """
+    if isinstance(given, str):
+        parts: list[object] = [*given.split(",")]
+        if len(parts) == 1 and not _is_position(given):
+            return [float(x) for x in pose_given(robot, given.strip(), what)]
+    elif isinstance(given, list | tuple):
+        parts = [*given]
+    else:
+        raise ProblemError(f"{what} is {shown(given)}; it must be {robot.nv} positions, or the name of a pose")
+    slides = map(bool, robot.slides) if len(parts) == robot.nv else [None] * len(parts)
+    return [position_of(part, what, joint, degrees=degrees) for part, joint in zip(parts, slides, strict=True)]
+
+
+def position_of(given: object, what: str, slides: bool | None = None, *, degrees: bool = False) -> float:
+    """One joint's position [rad or m]: a number, or a text as `armdyn.typed.position` reads it.
+
+    Raises:
+        ProblemError: it is neither.
+    """
+    if isinstance(given, str):
+        return position(given, what, slides, degrees=degrees)
+    if isinstance(given, bool) or not isinstance(given, int | float):
+        raise ProblemError(f"{what} has {shown(given)}; a position is a number [rad or m] or a text such as '90deg'")
+    return number(given, what, finite=False)
+
+
+def _is_position(text: str) -> bool:
+    try:
+        position(text, "", None)
+    except ProblemError:
+        return False
+    return True
 
 
 def _known(poses: Iterable[str]) -> str:

@@ -106,7 +106,7 @@ def test_a_file_reaches_nothing_outside_its_folder(write, tmp_path):
     [
         ("q_goal", "q_gaol", "line 7: no key 'q_gaol' in [problem]; did you mean 'q_goal'?"),
         ("mass", "mas", "line 3: no key 'mas' in [robot.payload]; did you mean 'mass'?"),
-        ("[options]", "[optoins]", "line 9: 'optoins' is no table of a problem; did you mean 'options'?"),
+        ("[options]", "[optoins]", "line 9: no table 'optoins' at the top; did you mean 'options'?"),
         ('"quick"', '"fast"', "line 10: effort is 'fast'; it is one of"),
         ("-1.5,", "-90,", "line 6: start of joint 'joint1' (index 0) is -90 rad, outside its limits"),
         ("0.2,", "true,", "line 7: q_goal has True; a position is a number"),
