@@ -9,6 +9,7 @@ import pytest
 import armdyn as ad
 from armdyn.errors import ProblemError, SpecError
 from armdyn.models.robots.poses import TABLE
+from models.mjcf.arms import mjcf, one, two
 
 SRDF = """<robot name="{robot}">
   <group_state name="home" group="arm"><joint name="joint1" value="0.1"/><joint name="joint2" value="-0.2"/>
@@ -124,3 +125,35 @@ def test_a_name_that_is_none_is_a_problem_and_says_which_there_are(ends):
         ad.MinimumTimeProblem(panda, q_start=ends[0], q_goal=ends[1])
     with pytest.raises(ProblemError, match="did you mean 'ready'"):
         ad.simulate_pid(panda, q_start=ends[0], q_goal=ends[1], duration=0.1)
+
+
+def test_two_groups_have_a_pose_of_one_name(arm):
+    gripper = '<group_state name="home" group="gripper"><joint name="finger" value="1"/></group_state></robot>'
+    (arm.parent / "mine.srdf").write_text(SRDF.format(robot="rr").replace("</robot>", gripper))
+    assert poses(arm)["home"] == [0.1, -0.2]
+
+
+def test_keyframes_of_an_mjcf(tmp_path):
+    """MuJoCo's qpos: a free base's seven numbers first, a ball's four among them, angles in radians in any MJCF."""
+    import mujoco
+
+    base = (
+        '<body name="base"><freejoint name="base"/><geom size="0.1" mass="1"/>'
+        + two(joint='<joint name="k" range="-90 90"/>')
+        + one('<joint name="eye" type="ball"/>', name="head")
+        + one('<joint name="drawer" type="slide"/>', name="drawer")
+        + "</body>"
+    )
+    numbers = "0 0 0 1 0 0 0  0.5 -0.25  1 0 0 0  0.1"
+    keys = (
+        f'<keyframe><key name="home" qpos="{numbers}"/><key qpos="{numbers}"/><key name="short" qpos="1 2"/></keyframe>'
+    )
+    path = tmp_path / "arm.xml"
+    path.write_text(mjcf(base, keys))
+    robot = ad.Robot.from_mjcf(path, lock={"base": 0.0, "eye": 0.0})
+    theirs = mujoco.MjModel.from_xml_path(str(path))
+    home = [theirs.key("home").qpos[theirs.joint(name).qposadr[0]] for name in robot.joint_names]
+    assert robot.joint_names == ("j", "k", "drawer")
+    assert robot.poses.keys() == {"zero", "home"}
+    assert robot.pose("home").tolist() == home == [0.5, -0.25, 0.1]
+    assert ad.Robot.from_mjcf_string(path.read_text(), lock={"base": 0.0, "eye": 0.0}).poses.keys() == {"zero"}
