@@ -57,7 +57,7 @@ def write_html(
 
 def page_template() -> str:
     """The replay page, with {{viewer}} for `viewer_script` and {{title}} and {{data}} for `replay_fields`."""
-    return asset("replay.html").replace("{{scene}}", script("scene.js"))
+    return asset("replay.html").replace("{{scene}}", script("scene.js")).replace("{{player}}", script("player.js"))
 
 
 def replay_fields(

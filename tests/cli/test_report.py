@@ -100,7 +100,7 @@ def test_side_by_side(tracked, loop, tmp_path):
     page = (tmp_path / "report.html").read_text()
     assert "Side by side" in page and "What was checked: PID (acceleration)" in page
     words = run_here("compare", tracked, loop, "--out", tmp_path).stdout
-    assert "beside the" in words and "figure.svg" in words
+    assert "later than the first" in words and "figure.svg" in words
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,10 @@ import typer
 
 import armdyn as ad
 from armdyn import models
-from armdyn.cli.options.text import numbers
 from armdyn.cli.typed.panels import TASK
 from armdyn.cli.typed.positions import positions
 from armdyn.errors import ProblemError
+from armdyn.typed import numbers
 
 if TYPE_CHECKING:
     from armdyn.studies.paper import Kind
