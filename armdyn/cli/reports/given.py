@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import armdyn as ad
-from armdyn.show.page.facts import Facts
 from armdyn.trajectory.npz import is_own
 from armdyn.trajectory.planned import SUFFIXES, read_planned
+
+if TYPE_CHECKING:
+    from armdyn.show.page.facts import Facts
 
 
 def is_given(path: Path) -> bool:
@@ -42,5 +45,6 @@ def checked(robot: ad.Robot, motion: ad.Trajectory) -> Facts:
         motion: of it.
     """
     from armdyn.optimal.gap import check_motion
+    from armdyn.show.page.facts import Facts
 
     return Facts(check_motion(robot, motion).facts())

@@ -73,7 +73,7 @@ def subject_of(saved: Saved, robot: str | None, payload: Payload | None) -> Subj
         _warn(saved, f"the robot {named} cannot be made again, so that it is not drawn ({error})")
         return bare
     arm = arm if limits is None else replace(arm, limits=limits)
-    return Subject.of(arm, _obstacles(saved.facts))
+    return Subject.of(arm, obstacles_in(saved.facts))
 
 
 def _warn(saved: Saved, what: str) -> None:
@@ -141,7 +141,7 @@ def _flags(value: object, count: int) -> bool:
     return isinstance(value, list) and len(value) == count and all(isinstance(one, bool) for one in value)
 
 
-def _obstacles(facts: Facts) -> tuple[Obstacle, ...]:
+def obstacles_in(facts: Facts) -> tuple[Obstacle, ...]:
     """The obstacles of a result; of one of an older armdyn those written out in its command, and none from files."""
     options = facts.part("asked").part("options")
     texts = [text for text in options.texts("obstacle") if text.partition(":")[0] in SHAPES][:_MOST_OBSTACLES]

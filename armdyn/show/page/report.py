@@ -162,7 +162,7 @@ def _sections(subject: Subject, moves: Sequence[Move], verdict: Verdict, rows: S
 
 
 def _data(subject: Subject, moves: Sequence[Move], end: float | None, seen: float | None) -> dict[str, Any]:
-    """What the scripts draw, up to a time, and how much is seen at first [s]. The scene, the largest part, is packed."""
+    """What the scripts draw, up to a time, and how much is seen at first [s]. The scene, the largest, is packed."""
     shown = [replace(move, motion=until(move.motion, end)) for move in moves]
     motions = [move.motion for move in shown]
     scene = None
