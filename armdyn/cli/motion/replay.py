@@ -71,7 +71,8 @@ def _saved(path: Path, arm: ad.Robot) -> Saved:
         ArmdynWarning: it is another arm's.
     """
     from armdyn.cli.reports.given import checked, is_given, motion_of
-    
+    from armdyn.cli.reports.saved import Saved, read_saved
+
     if is_given(path):
         motion = motion_of(arm, path)
         return Saved(path, motion, checked(arm, motion))
@@ -85,7 +86,8 @@ def _saved(path: Path, arm: ad.Robot) -> Saved:
 
 def _judged(saved: Saved) -> Judged:
     """A motion, and what its result says became of it."""
-        from armdyn.show.replay import Judged
+    from armdyn.show.page.verdict import verdict_of
+    from armdyn.show.replay import Judged
 
     if not saved.facts.values:
         return Judged(saved.motion)
