@@ -160,9 +160,8 @@ def test_a_motion_that_breaks_limits_or_has_another_task_is_told(tracked, tmp_pa
     fast.to_csv(tmp_path / "fast.csv")
     away = ad.ramp(robot, reference.q[0] + 0.1, reference.q[-1] + 0.2, 0.5)
     away.to_csv(tmp_path / "away.csv")
-    told = answer(
-        run_here("compare", tracked, tmp_path / "fast.csv", tmp_path / "away.csv", "--json", "--out", tmp_path)
-    )
+    files = (tmp_path / "fast.csv", tmp_path / "away.csv")
+    told = answer(run_here("compare", tracked, *files, "--json", "--out", tmp_path))
     assert told["motions"][1]["verdict"] == "Breaks its limits" and told["motions"][1]["torque"] > 1
     assert len(told["warnings"]) == 1 and "away begins 0.1 rad or m from where tracked" in told["warnings"][0]
     both = answer(run_here("compare", *files, "--robot", "rr", "--payload", "0.1", "--json", "--out", tmp_path))
