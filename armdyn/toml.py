@@ -23,6 +23,7 @@ _NAMES = 16
 _NAME = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')"""
 _CHAIN = re.compile(rf"(?:{_NAME}[ \t]*\.[ \t]*){{{_NAMES}}}")
 _HEADER = re.compile(rf"[ \t]*\[\[?[ \t]*({_NAME}(?:[ \t]*\.[ \t]*{_NAME})*)[ \t]*\]")
+_UNCLEAR = re.compile(r"[\x00-\x1f\x7f]")
 _KEY = re.compile(rf"[ \t]*({_NAME}(?:[ \t]*\.[ \t]*{_NAME})*)[ \t]*=")
 
 
@@ -43,10 +44,38 @@ class Table:
     within: tuple[str, ...] = ()
 
     def error(self, key: str, why: str) -> ProblemError:
-        """A complaint about a key, with its line."""
+        """A complaint about a key, with its line; of a key that is not there with that of the table."""
         way = (*self.within, key)
         line = next((self.lines[way[:n]] for n in range(len(way), 0, -1) if way[:n] in self.lines), 1)
-        return ProblemError(f"{self.path}, line {line}: {why}")
+        return ProblemError(f"{self.path}, line {line}: {_UNCLEAR.sub(' ', why)}")
+
+    def about(self, error: ArmdynError, words: Mapping[str, str] | None = None) -> ProblemError:
+        """An error of whoever was given these values, with the line of the key that it speaks of.
+
+        Args:
+            error: whose message names an argument, as all of armdyn's do.
+            words: other words that a key goes by in messages, to the key.
+        """
+        said = str(error)
+        if said.startswith(f"{self.path}, line "):
+            return ProblemError(said)
+        found: list[tuple[int, str]] = []
+        for word, key in {**{key: key for key in self.values}, **(words or {})}.items():
+            if key in self.values and (match := re.search(rf"(?<!\w){re.escape(word)}(?!\w)", said)):
+                found.append((match.start(), key))
+        return self.error(min(found)[1] if found else "", said)
+
+    @contextmanager
+    def telling(self, words: Mapping[str, str] | None = None) -> Iterator[None]:
+        """What armdyn complains of within is about one of the keys: see `about`.
+
+        Raises:
+            ProblemError: the complaint, with its line.
+        """
+        try:
+            yield
+        except ArmdynError as error:
+            raise self.about(error, words) from None
 
     @contextmanager
     def at(self, key: str) -> Iterator[None]:
@@ -68,8 +97,10 @@ class Table:
         """
         for key in self.values:
             if key not in known:
+                what = "table" if isinstance(self.values[key], dict) else "key"
+                where = f"in [{'.'.join(self.within)}]" if self.within else "at the top"
                 meant = did_you_mean(key, known) or f"; known: {', '.join(known)}"
-                raise self.error(key, f"{self.called(key)} is not known here{meant}")
+                raise self.error(key, f"no {what} {shown(key)} {where}{meant}")
 
     def called(self, key: str) -> str:
         """A key as messages say it: the names on the way to it."""
@@ -126,17 +157,6 @@ def read_toml(path: str | os.PathLike[str]) -> Table:
         FileError: the file cannot be read, or is too large.
         ProblemError: it is no TOML; the message says in which line.
     """
-    text, values = parsed(path)
-    return Table(os.fspath(path), values, _lines(text))
-
-
-def parsed(path: str | os.PathLike[str]) -> tuple[str, dict[str, Any]]:
-    """A file's text, and what it says.
-
-    Raises:
-        FileError: the file cannot be read, or is too large.
-        ProblemError: it is no TOML; the message says in which line.
-    """
     data = read_bounded(path, MAX_BYTES)
     name = os.fspath(path)
     try:
@@ -155,7 +175,7 @@ def parsed(path: str | os.PathLike[str]) -> tuple[str, dict[str, Any]]:
         raise ProblemError(f"{name}, line {line}, column {column}: not TOML: {why[:200]}") from None
     except (RecursionError, ValueError) as error:  # brackets in brackets; an integer of thousands of digits
         raise ProblemError(f"{name}: not TOML that can be read ({type(error).__name__})") from None
-    return text, values
+    return Table(name, values, _lines(text))
 
 
 def _lines(text: str) -> dict[tuple[str, ...], int]:

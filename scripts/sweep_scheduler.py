@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 import armdyn as ad
-from armdyn.studies.sweeps.crew import local_crew
+from armdyn.studies.sweeps.crews.local import local_crew
 from armdyn.studies.sweeps.study import Axis, Study
 from armdyn.studies.sweeps.tasks.task import Outcome
 
@@ -44,7 +44,7 @@ def crews(cluster, workers):
         return
     from distributed import LocalCluster
 
-    with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as running:
+    with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=50) as running:
         yield ad.cluster_crew(running.scheduler_address)
 
 

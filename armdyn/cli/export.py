@@ -10,8 +10,8 @@ import typer
 from armdyn.arguments import one_of
 from armdyn.cli.console import answering, console, escape
 from armdyn.cli.options.results import Json
-from armdyn.cli.options.text import number
 from armdyn.files import probe_folder, write_whole
+from armdyn.typed import number
 
 if TYPE_CHECKING:
     from armdyn.trajectory import Samples

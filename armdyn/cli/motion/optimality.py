@@ -16,7 +16,6 @@ from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
 from armdyn.cli.reports.given import motion_of
 from armdyn.errors import ProblemError
-from armdyn.trajectory.planned import SUFFIXES
 
 MOTIONS = ("trajectory", "optimum")
 
@@ -52,6 +51,8 @@ def optimality(
     """
     json = results.output.json
     with answering(json) as answer:
+        from armdyn.trajectory.planned import SUFFIXES
+
         if robot.robot.lower().endswith(SUFFIXES):
             raise ProblemError(f"{robot.robot} stands where the robot belongs: armdyn optimality ROBOT FILE")
         arm = joints.fit(robot.read(payload.carried()))

@@ -14,9 +14,9 @@ from armdyn.cli.options.joints import JointOptions, friction_facts, friction_wor
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
-from armdyn.cli.options.text import numbers
 from armdyn.control.pid.arrival import ARRIVAL_RULES, ArrivalRule
 from armdyn.errors import ProblemError
+from armdyn.typed import numbers
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,8 +12,8 @@ import armdyn as ad
 from armdyn.cli.console import answering, console, escape, working
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
-from armdyn.cli.options.text import number
 from armdyn.errors import ArmdynWarning, TrajectoryError
+from armdyn.typed import number
 
 if TYPE_CHECKING:
     from armdyn.cli.reports.saved import Saved

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from armdyn.cli.options.text import number
 from armdyn.cli.typed.panels import TASK
 from armdyn.errors import ProblemError
+from armdyn.typed import number
 
 if TYPE_CHECKING:
     from armdyn.optimal import Solution
@@ -79,7 +79,8 @@ def _why(one: Requirement, solution: Solution) -> str:
         return "; ".join(solution.certificate.reasons)
     if one.kind == "gap" and solution.gap_proven and solution.gap is not None:
         return f"the gap is {percent(solution.gap)}"
-    return advice(solution.problem, solution.certificate, solution.kept, solution.phases is not None)[one.kind]
+    lines = advice(solution.problem, solution.certificate, solution.kept, solution.phases is not None)
+    return lines.get(one.kind, "; ".join(solution.certificate.reasons))
 
 
 def _requirement(text: str) -> Requirement:

@@ -61,13 +61,13 @@ class StudyOptions:
         from functools import partial
 
         from armdyn.errors import ProblemError
-        from armdyn.studies.sweeps.crew import local_crew
+        from armdyn.studies.sweeps.crews.local import local_crew
 
         if self.scheduler is None:
             return partial(local_crew, workers=self.workers)
         if self.workers is not None:
             raise ProblemError("--workers are processes of this machine; a --scheduler has its own")
-        from armdyn.studies.sweeps.cluster import cluster_crew
+        from armdyn.studies.sweeps.crews.cluster import cluster_crew
 
         return cluster_crew(self.scheduler)
 

@@ -26,9 +26,9 @@ from armdyn.cli.motion.words import options_of
 from armdyn.cli.options.joints import FastJointOptions, reserve_words
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.robot import PayloadPlace, RobotOptions, known_names
-from armdyn.cli.options.text import numbers
 from armdyn.cli.typed.panels import SOLVER
 from armdyn.errors import ProblemError
+from armdyn.typed import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

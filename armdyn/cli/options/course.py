@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import typer
 
 from armdyn.cli.options.limits import Limits, limits_of
-from armdyn.cli.options.text import numbers, one_or_more
 from armdyn.cli.typed.panels import LIMITS, SCENE, TASK
 from armdyn.cli.typed.positions import positions
 from armdyn.errors import ProblemError
+from armdyn.typed import numbers, one_or_more
 
 if TYPE_CHECKING:
     from armdyn.models import Robot

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armdyn.cli.options.text import numbers
 from armdyn.cli.typed.panels import LIMITS
 from armdyn.errors import ProblemError
+from armdyn.typed import numbers
 
 if TYPE_CHECKING:
     from armdyn.optimal.conditions.condition import Condition

@@ -10,12 +10,12 @@ import typer
 
 import armdyn as ad
 from armdyn import models
-from armdyn.cli.options.text import numbers
 from armdyn.cli.typed.panels import ROBOT
 from armdyn.cli.typed.positions import position, sliding_locks
 from armdyn.errors import ProblemError, SpecError, UnknownRobotError
 from armdyn.models.mjcf.document import is_mjcf
 from armdyn.models.robots.descriptions import is_description
+from armdyn.typed import numbers
 
 
 def known_names(incomplete: str) -> list[str]:

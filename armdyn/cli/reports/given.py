@@ -1,4 +1,7 @@
-"""A motion from any planner's file, as a motion of a robot: what the file does not have is computed."""
+"""A motion from any planner's file, as a motion of a robot: what the file does not have is computed.
+
+What reads files loads numpy, so it is imported where it is used: help does without.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import armdyn as ad
-from armdyn.trajectory.npz import is_own
-from armdyn.trajectory.planned import SUFFIXES, read_planned
 
 if TYPE_CHECKING:
     from armdyn.show.page.facts import Facts
@@ -16,6 +17,9 @@ if TYPE_CHECKING:
 
 def is_given(path: Path) -> bool:
     """Whether it is a motion as other planners leave it, and neither a folder nor a file of armdyn."""
+    from armdyn.trajectory.npz import is_own
+    from armdyn.trajectory.planned import SUFFIXES
+
     suffix = path.suffix.lower()
     if path.is_dir() or path.name == "result.json" or suffix not in SUFFIXES:
         return False
@@ -29,6 +33,9 @@ def motion_of(robot: ad.Robot, file: Path) -> ad.Trajectory:
         TrajectoryError: it cannot be read, or is of another robot.
         MissingPackageError: it is YAML, and PyYAML is not installed.
     """
+    from armdyn.trajectory.npz import is_own
+    from armdyn.trajectory.planned import read_planned
+
     if is_own(file):
         return ad.Trajectory.load(file)
     planned = read_planned(file, robot.joint_names)

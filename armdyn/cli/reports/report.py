@@ -11,8 +11,8 @@ import typer
 from armdyn.cli.console import answering, console, escape, working
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PayloadOptions
-from armdyn.cli.options.text import number
 from armdyn.errors import ProblemError
+from armdyn.typed import number
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -10,8 +10,8 @@ import typer
 import armdyn as ad
 from armdyn.arguments import one_of
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
-from armdyn.cli.options.text import number, numbers, one_or_more
 from armdyn.errors import ProblemError
+from armdyn.typed import number, numbers, one_or_more
 
 if TYPE_CHECKING:
     from armdyn.cli.options.joints import FastJointOptions

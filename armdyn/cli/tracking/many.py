@@ -21,11 +21,11 @@ from armdyn.cli.options.joints import FastJointOptions
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import NoFigure, OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
-from armdyn.cli.options.text import numbers
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions
 from armdyn.cli.tracking.track import ReferenceOptions, no_motion
 from armdyn.cli.typed.panels import TASK
 from armdyn.errors import ProblemError
+from armdyn.typed import numbers
 
 ROWS = "rows.jsonl"
 """What the rows are called."""

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import math
-import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import TYPE_CHECKING
 
-from armdyn.cli.options.text import number
-from armdyn.errors import ProblemError, SpecError
+from armdyn import typed
+from armdyn.errors import ProblemError
+from armdyn.typed import unit_said
 
 if TYPE_CHECKING:
     from armdyn.models import Robot
 
 _DEGREES: ContextVar[bool] = ContextVar("degrees", default=False)
-
-_WITH_UNIT = re.compile(r"(.*?[0-9.i])\s*(deg|°|rad|m)", re.DOTALL)
-"""A number, which ends with a digit, a point or the i of pi, and its unit."""
 
 
 @contextmanager
@@ -37,32 +33,8 @@ def degrees_are_on() -> bool:
 
 
 def position(text: str, what: str, slides: bool | None = False) -> float:
-    """A joint's position [rad or m]: 1.2, pi/2, 90deg, 90°, 1.57rad, 0.1m.
-
-    With --degrees a number without a unit is in degrees, but for pi/2 and the like, and of joints that slide.
-
-    Args:
-        text: as typed.
-        what: the option, for messages.
-        slides: the joint is prismatic; None: that is not known yet.
-
-    Raises:
-        ProblemError: it is no number, or the unit is not the joint's.
-    """
-    text = text.strip()
-    match = _WITH_UNIT.fullmatch(text)
-    digits, unit = match.groups() if match else (text, "")
-    if unit and slides is not None and slides != (unit == "m"):
-        has = "slides: its position is in metres" if slides else "turns: its position is an angle"
-        raise ProblemError(f"{what}: {text!r}, but the joint {has}")
-    value = number(digits, what)
-    bare = not unit and "pi" not in digits and not slides and _DEGREES.get()
-    return math.radians(value) if unit in ("deg", "°") or bare else value
-
-
-def unit_said(text: str) -> bool:
-    """Whether a position says its unit, or is a part of pi."""
-    return bool(_WITH_UNIT.fullmatch(text.strip())) or "pi" in text
+    """A joint's position [rad or m], as `armdyn.typed.position` reads it; with --degrees in degrees."""
+    return typed.position(text, what, slides, degrees=_DEGREES.get())
 
 
 def positions(text: str, what: str, robot: Robot) -> list[float]:
@@ -71,31 +43,9 @@ def positions(text: str, what: str, robot: Robot) -> list[float]:
     Raises:
         ProblemError: it is neither.
     """
-    parts = text.split(",")
-    if len(parts) == 1 and not _is_number(text):
-        return _named(text.strip(), what, robot)
-    slides = map(bool, robot.slides) if len(parts) == robot.nv else [None] * len(parts)
-    return [position(part, what, joint) for part, joint in zip(parts, slides, strict=True)]
+    from armdyn.models.robots.poses import positions_of
 
-
-def _is_number(text: str) -> bool:
-    try:
-        position(text, "", None)
-    except ProblemError:
-        return False
-    return True
-
-
-def _named(name: str, what: str, robot: Robot) -> list[float]:
-    """The pose of a name.
-
-    Raises:
-        ProblemError: there is none; says which there are.
-    """
-    try:
-        return [float(x) for x in robot.pose(name)]
-    except SpecError as error:
-        raise ProblemError(f"{what}: {error}; or give {robot.nv} numbers with commas between") from None
+    return positions_of(robot, text, what, degrees=_DEGREES.get())
 
 
 def sliding_locks(texts: Sequence[str], robot: Robot) -> None:

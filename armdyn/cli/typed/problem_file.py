@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import armdyn as ad
 from armdyn.arguments import shown
 from armdyn.cli.options.limits import limits_of
 from armdyn.cli.options.robot import PartOptions
-from armdyn.cli.typed.positions import degrees_are_on, position, positions
-from armdyn.cli.typed.toml import Table, read_tables
-from armdyn.errors import ArmdynError, ProblemError
+from armdyn.cli.typed.positions import degrees_are_on
+from armdyn.errors import ProblemError
 from armdyn.models.robots.descriptions import is_description
+
+if TYPE_CHECKING:
+    from armdyn.toml import Table
 
 TABLES = ("robot", "problem", "options")
 ROBOT = (
@@ -72,16 +73,19 @@ def problem_of(name: str) -> Posed:
     """
     if degrees_are_on():
         raise ProblemError(f"--degrees: {name} says units itself: 1.57, or '90deg'")
-    tables = read_tables(Path(name), TABLES)
-    for table, known in zip(TABLES, (ROBOT, PROBLEM, OPTIONS), strict=True):
-        tables[table].only(known)
-    robot, problem, options = (tables[table] for table in TABLES)
-    with _telling(robot):
+    from armdyn.toml import read_toml  # who types a problem out does not wait for it
+
+    file = read_toml(name)
+    file.only(TABLES)
+    robot, problem, options = (file.table(table) for table in TABLES)
+    for table, known in zip((robot, problem, options), (ROBOT, PROBLEM, OPTIONS), strict=True):
+        table.only(known)
+    with robot.telling(_WORDS):
         called = _robot_name(robot)
         arm = _robot(robot, called)
-    with _telling(problem):
+    with problem.telling(_WORDS):
         posed = ad.MinimumTimeProblem(arm, **_asked(problem, arm))
-    with _telling(options):
+    with options.telling():
         ad.MinimumTimeOptions(**options.values)
     return Posed(Path(name).stem, posed, options.values)
 
@@ -106,15 +110,6 @@ def refuse_beside_a_file(name: str, *groups: Any) -> None:
                 raise ProblemError(f"--{option}: {name} says what the problem is; write it there")
 
 
-@contextmanager
-def _telling(table: Table) -> Iterator[None]:
-    """Errors get the line of the key that they are about."""
-    try:
-        yield
-    except ArmdynError as error:
-        raise (error if str(error).startswith(f"{table.path}") else table.about(error, _WORDS)) from None
-
-
 def _robot_name(table: Table) -> str:
     """The robot's name; or its file's path, which is inside the folder of the problem file.
 
@@ -123,32 +118,34 @@ def _robot_name(table: Table) -> str:
     """
     name = table.values.get("name")
     if not isinstance(name, str) or not name:
-        raise table.wrong("name", f"name of the robot is {shown(name)}; write [robot] and name = 'panda', or a file")
+        raise table.error("name", f"name of the robot is {shown(name)}; write [robot] and name = 'panda', or a file")
     if is_description(name):
-        raise table.wrong("name", f"{shown(name)} is fetched from the internet, which a problem file does not do")
-    home = Path(os.path.realpath(table.path.parent))
+        raise table.error("name", f"{shown(name)} is fetched from the internet, which a problem file does not do")
+    home = Path(os.path.realpath(Path(table.path).parent))
     try:
         file = Path(os.path.realpath(home / name))
         is_file = bool(Path(name).suffix) or file.is_file()
     except (OSError, ValueError):  # a null character, a loop of links
-        raise table.wrong("name", f"{shown(name)} is no path of a file") from None
+        raise table.error("name", f"{shown(name)} is no path of a file") from None
     if not is_file:
         return name
     if not file.is_relative_to(home):
-        raise table.wrong("name", f"{shown(name)} is outside the folder {home}: a problem file's robot is inside")
+        raise table.error("name", f"{shown(name)} is outside the folder {home}: a problem file's robot is inside")
     return str(file)
 
 
 def _robot(table: Table, name: str) -> ad.Robot:
     """The robot, with what the table says of it."""
+    from armdyn.models.robots.poses import position_of
+
     given = table.values
     payload = given.get("payload")
     carried = None if payload is None else ad.Payload(**_named(table, "payload", ("mass", "com", "inertia", "frame")))
     lock = {} if "lock" not in given else _named(table, "lock", None)
     ends = given.get("arm")
     if ends is not None and not (isinstance(ends, list) and len(ends) == 2 and all(isinstance(e, str) for e in ends)):
-        raise table.wrong("arm", f"arm is {shown(ends)}; it is two joints or links: ['first', 'last']")
-    locks = [f"{joint}={_position(table, 'lock', value)!r}" for joint, value in lock.items()]
+        raise table.error("arm", f"arm is {shown(ends)}; it is two joints or links: ['first', 'last']")
+    locks = [f"{joint}={position_of(value, 'lock')!r}" for joint, value in lock.items()]
     robot = PartOptions(lock=locks or None, part=None if ends is None else ",".join(ends)).read(name, carried)
     robot = robot.with_limits(given.get("effort_limit"), given.get("velocity_limit"))
     robot = robot.with_armature(given.get("armature")).with_friction(
@@ -159,25 +156,26 @@ def _robot(table: Table, name: str) -> ad.Robot:
 
 def _asked(table: Table, robot: ad.Robot) -> dict[str, Any]:
     """The arguments of a `MinimumTimeProblem`."""
+    from armdyn.models.robots.poses import positions_of
     from armdyn.models.scene.obstacles import obstacle_from, pose_of
 
     asked = dict(table.values)
     for key in ("q_start", "q_goal"):
         if key in asked:
-            asked[key] = _positions(table, key, asked[key], robot)
+            asked[key] = positions_of(robot, asked[key], key)
     if "q_start" not in asked:
-        raise table.wrong("", f"[problem] has no q_start: {robot.nv} positions of {', '.join(robot.joint_names)}")
+        raise table.error("", f"[problem] has no q_start: {robot.nv} positions of {', '.join(robot.joint_names)}")
     for key in ("via", "obstacles", "conditions"):
         if key in asked and not isinstance(asked[key], list):
-            raise table.wrong(key, f"{key} is {shown(asked[key])}; it must be a list")
+            raise table.error(key, f"{key} is {shown(asked[key])}; it must be a list")
     if "via" in asked:
-        asked["via"] = [_positions(table, "via", q, robot) for q in asked["via"]]
+        asked["via"] = [positions_of(robot, q, "via") for q in asked["via"]]
     if "obstacles" in asked:
         asked["obstacles"] = [obstacle_from(one, f"obstacle {i + 1}") for i, one in enumerate(asked["obstacles"])]
     if "conditions" in asked:
         texts = asked["conditions"]
         if not all(isinstance(text, str) for text in texts):
-            raise table.wrong("conditions", f"conditions is {shown(texts)}; they are texts such as 'tip-speed=0.25'")
+            raise table.error("conditions", f"conditions is {shown(texts)}; they are texts such as 'tip-speed=0.25'")
         asked["conditions"] = limits_of(texts)
     if "goal_pose" in asked:
         pose = _named(table, "goal_pose", ("frame", "position", "quaternion", "rpy"))
@@ -193,25 +191,7 @@ def _named(table: Table, key: str, known: tuple[str, ...] | None) -> dict[str, A
     value = table.values[key]
     if not isinstance(value, dict):
         example = "{ mass = 0.5 }" if key == "payload" else "{ name = value }"
-        raise table.wrong(key, f"{key} is {shown(value)}; it is a table, such as {example}")
+        raise table.error(key, f"{key} is {shown(value)}; it is a table, such as {example}")
     if known is not None:
-        Table(table.path, f"{table.name}.{key}", value, {"": table.lines.get(key, 0)}).only(known)
-    return value
-
-
-def _positions(table: Table, key: str, value: Any, robot: ad.Robot) -> Any:
-    """Joint positions: the name of a pose, or a list of numbers and of texts such as '90deg'."""
-    if isinstance(value, str):
-        return positions(value, key, robot)
-    if not isinstance(value, list):
-        return value  # the problem refuses it
-    slides = robot.slides if len(value) == robot.nv else [False] * len(value)
-    return [_position(table, key, one, bool(joint)) for one, joint in zip(value, slides, strict=True)]
-
-
-def _position(table: Table, key: str, value: Any, slides: bool | None = None) -> Any:
-    if isinstance(value, str):
-        return position(value, key, slides)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise table.wrong(key, f"{key} has {shown(value)}; a position is a number [rad or m] or a text such as '90deg'")
+        table.table(key).only(known)
     return value

@@ -3,29 +3,24 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from armdyn.arguments import numbers, shown
+from armdyn.arguments import shown
 from armdyn.errors import ProblemError
-from armdyn.files import read_bounded
-from armdyn.models.mjcf.document import is_mjcf
 from armdyn.optimal import MinimumTimeOptions
+from armdyn.studies.sweeps.arms import arms_of
 from armdyn.studies.sweeps.study import MAX_AXES, METHODS, Axis, Study
 from armdyn.studies.sweeps.tasks.minimum_time import NEIGHBOURS, MinimumTime
-from armdyn.studies.sweeps.tasks.settings import ARM, POSES, ArmRecipe, Source, Value, check_setting
+from armdyn.studies.sweeps.tasks.settings import ARM, POSES, ArmRecipe, Value, check_setting
 from armdyn.studies.sweeps.tasks.task import Task
 from armdyn.studies.sweeps.tasks.tracking import Tracking, check_settings
 from armdyn.toml import Table, read_toml
 
-MAX_ARMS = 64
-MAX_ROBOT = 2**22
-"""Of a study's own URDF or MJCF [bytes]: it is sent with every case."""
 _MAX_VALUES = 10_000
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
-_PAPER = ("r", "rr", "rrr")
+_MAX_POSES = 64
+"""That cases set by their names: for each the files by a URDF are read."""
 _ASKED = ("task", "arms", "fixed", "vary", "sample", "search", "track")
 
 
@@ -46,7 +41,7 @@ def read_study(path: str | os.PathLike[str]) -> Study:
     for section, of in (("search", "minimum-time"), ("track", "track")):
         if section in table.values and of != kind:
             raise table.error(section, f"[{section}] is for task = {of!r}; this study's is {kind!r}")
-    arms = tuple(_arms(table.table("arms"), Path(path).absolute().parent))
+    arms = tuple(arms_of(table.table("arms"), Path(path).absolute().parent, _named_poses(table)))
     if not arms:
         raise table.error("arms", "no arm: write [arms.NAME] with robot, q_start and q_goal")
     signs = MinimumTime.signs if kind == "minimum-time" else Tracking.signs
@@ -60,21 +55,20 @@ def read_study(path: str | os.PathLike[str]) -> Study:
     sample = table.table("sample")
     sample.only(("method", "count", "seed"))
     method = sample.text("method", "grid", METHODS)
-    with table.at("sample" if "sample" in table.values else "vary"):
-        return Study(
-            task=task,
-            axes=tuple(axes),
-            method=next(one for one in METHODS if one == method),
-            count=sample.whole("count", 0, least=0),
-            seed=sample.whole("seed", 0, least=0),
-        )
+    chosen = next(one for one in METHODS if one == method)
+    count, seed = (sample.whole(name, 0, least=0) for name in ("count", "seed"))
+    try:
+        return Study(task=task, axes=tuple(axes), method=chosen, count=count, seed=seed)
+    except ProblemError as error:
+        of_an_axis = any(str(error).startswith(f"{axis.name} ") for axis in axes)
+        raise table.table("vary" if of_an_axis or not sample.values else "sample").about(error) from None
 
 
 def _minimum_time(table: Table, arms: tuple[ArmRecipe, ...], fixed: dict[str, Value]) -> Task:
     search = table.table("search")
     search.only(("effort", "starts", "seed", "time_limit", "neighbours"))
     given: dict[str, Any] = {name: value for name, value in search.values.items() if name != "neighbours"}
-    with table.at("search"):
+    with search.telling():
         options = MinimumTimeOptions(**given)
     neighbours = search.text("neighbours", "add", NEIGHBOURS)
     return MinimumTime(
@@ -86,9 +80,11 @@ def _tracking(table: Table, arms: tuple[ArmRecipe, ...], fixed: dict[str, Value]
     track = table.table("track")
     track.only(("controller", "reference", "duration", "tolerance"))
     given: dict[str, Any] = dict(track.values)
-    with table.at("track"):
+    with track.telling():
         task = Tracking(arms=arms, fixed=fixed, **given)
-        check_settings(task.controller, task.reference, [*fixed, *(axis.name for axis in axes)])
+    for name in (*fixed, *(axis.name for axis in axes)):
+        with table.table("fixed" if name in fixed else "vary").telling():
+            check_settings(task.controller, task.reference, [name])
     return task
 
 
@@ -103,6 +99,20 @@ def _flat(table: Table) -> Iterator[tuple[Table, str, Any]]:
             yield table, name, value
     if len(table.values) > MAX_AXES:
         raise table.error("", f"more than {MAX_AXES} settings")
+
+
+def _named_poses(table: Table) -> dict[str, tuple[str, ...]]:
+    """Poses that cases set by their names, as `[vary] q_goal = ["ready", "up"]` does."""
+    found: dict[str, tuple[str, ...]] = {}
+    for own in (table.table("fixed"), table.table("vary")):
+        for pose in POSES:
+            value = own.values.get(pose)
+            names = [name for name in (value if isinstance(value, list) else [value]) if isinstance(name, str)]
+            if len(names) > _MAX_POSES:
+                raise own.error(pose, f"{pose} has {len(names)} names of poses; give at most {_MAX_POSES}")
+            if names:
+                found[pose] = tuple(names)
+    return found
 
 
 def _checked(table: Table, name: str, value: object, signs: Any, arms: tuple[ArmRecipe, ...]) -> Value:
@@ -130,50 +140,3 @@ def _axis(table: Table, name: str, value: object, signs: Any, arms: tuple[ArmRec
 
 def _key(table: Table, name: str) -> str:
     return name.partition(".")[2] if table.within and table.within[-1] in POSES else name
-
-
-def _arms(table: Table, folder: Path) -> Iterator[ArmRecipe]:
-    if len(table.values) > MAX_ARMS:
-        raise table.error("", f"{len(table.values)} arms; a study has at most {MAX_ARMS}")
-    for name in table.values:
-        own = table.table(name)
-        own.only(("robot", *POSES))
-        with table.at(name):
-            if not _NAME.fullmatch(name):
-                raise ProblemError(f"arm {shown(name)}: a name has letters, digits, dots, dashes, 64 at most")
-        with own.at("robot" if "robot" in own.values else name):
-            source, text = _source(own.text("robot", name), folder)
-            joints = ArmRecipe(name=name, source=source, text=text, q_start=(), q_goal=()).robot().joint_names
-        poses = {pose: _pose(own, pose, joints) for pose in POSES}
-        yield ArmRecipe(name=name, source=source, text=text, **poses)
-
-
-def _pose(table: Table, pose: str, joints: tuple[str, ...]) -> tuple[float, ...]:
-    with table.at(pose):
-        if pose not in table.values:
-            raise ProblemError(f"{table.called(pose)} is missing: {len(joints)} positions [rad], {', '.join(joints)}")
-        values = numbers(table.values[pose], table.called(pose), f"{len(joints)} numbers [rad]")
-        if values.shape != (len(joints),):
-            raise ProblemError(
-                f"{table.called(pose)} has {values.size} numbers; {', '.join(joints)} need {len(joints)}"
-            )
-        return tuple(float(q) for q in values)
-
-
-def _source(robot: str, folder: Path) -> tuple[Source, str]:
-    """What a robot's name stands for: the paper's arm, a library's, or a file's content.
-
-    Raises:
-        ArmdynError: the file is not in the study's folder, or cannot be read.
-    """
-    if robot in _PAPER:
-        return "paper", robot
-    if not Path(robot).suffix:
-        if not _NAME.fullmatch(robot):
-            raise ProblemError(f"robot {shown(robot)}: r, rr, rrr, a library's name, or a .urdf or .xml file")
-        return "library", robot
-    place = (folder / robot).resolve()  # links followed
-    if Path(robot).is_absolute() or not place.is_relative_to(folder.resolve()):
-        raise ProblemError(f"robot {shown(robot)}: a study's files lie in its own folder or below")
-    text = read_bounded(place, MAX_ROBOT).decode("utf-8", "replace")
-    return ("mjcf" if is_mjcf(place) else "urdf"), text

@@ -5,21 +5,21 @@ from __future__ import annotations
 import os
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import expect
 from armdyn.optimal.problem.stop import Stop, stopping
-from armdyn.studies.sweeps.crew import Case, Crew, Ended, local_crew
+from armdyn.studies.sweeps.crews.crew import Case, Crew, Ended
+from armdyn.studies.sweeps.crews.local import local_crew
 from armdyn.studies.sweeps.database import Database, Row, Sync, database
+from armdyn.studies.sweeps.neighbours import Neighbours
 from armdyn.studies.sweeps.pace import Pace
 from armdyn.studies.sweeps.study import Study
-from armdyn.studies.sweeps.tasks.settings import ARM
 from armdyn.studies.sweeps.tasks.task import INTERRUPTED, Outcome, Task
 
 ATTEMPTS = 3
@@ -29,8 +29,6 @@ DIED, ERROR = "worker_died", "error"
 
 _LISTEN = 0.25
 """How long is waited before Ctrl-C is looked for, and progress told [s]."""
-_NEAR = 12
-"""Neighbours of a case that are looked at, the nearest first."""
 
 CrewOf = Callable[[Task], AbstractContextManager[Crew]]
 
@@ -131,37 +129,34 @@ class _Sweep:
     tell: Callable[[Progress], None]
     done: set[int]
     deaths: dict[int, int] = field(default_factory=dict)
-    begun_from: dict[int, int | None] = field(default_factory=dict)
+    waiting: deque[int] = field(default_factory=deque)
+    again: deque[int] = field(default_factory=deque)
     bad: int = 0
 
     def run(self) -> None:
         """Until all is done, or Ctrl-C."""
-        waiting = iter([k for k in range(len(self.study)) if k not in self.done])
-        again: deque[int] = deque()
-        near = _Neighbours(self.study, self.rows.moved()) if self.study.task.uses_neighbours else None
-        pace, under_way, left = Pace(), set[int](), len(self.study) - len(self.done)
+        self.waiting = deque(k for k in range(len(self.study)) if k not in self.done)
+        near = Neighbours(self.study, self.rows.moved()) if self.study.task.uses_neighbours else None
+        pace, left = Pace(), len(self.waiting)
+        self._give(near, {})
         while left and not self.stop:
-            while self.crew.room > 0 and (k := again.popleft() if again else next(waiting, None)) is not None:
-                self._give(k, near)
-                under_way.add(k)
-            ended = self.crew.ended(_LISTEN)
             rows, motions = list[Row](), dict[int, bytes]()
-            for one in ended:
-                under_way.discard(one.k)
+            for one in self.crew.ended(_LISTEN):
                 row = self._row(one)
                 if row is None:
-                    again.append(one.k)
+                    self.again.append(one.k)
                     continue
                 rows.append(row)
                 pace.add(one.seconds)
                 if one.outcome and one.outcome.motion:
                     motions[one.k] = one.outcome.motion
+            if near:
+                near.moved.update(motions)
+            self._give(near, motions)  # first, so that nobody waits for the disk
             if rows:
                 self.rows.append(rows, motions)
                 self.bad += sum(not row.good for row in rows)
                 left -= len(rows)
-            if near:
-                near.moved.update(motions)
             told = Progress(
                 cases=len(self.study),
                 done=len(self.study) - left,
@@ -171,11 +166,24 @@ class _Sweep:
             )
             self.tell(told)
 
-    def _give(self, k: int, near: _Neighbours | None) -> None:
-        neighbour = near.of(k) if near else None
-        self.begun_from[k] = neighbour
-        guess = b"" if neighbour is None else self.rows.motion(neighbour)
-        self.crew.give(Case(k=k, settings=self.study.parameters(k), guess=guess))
+    def _give(self, near: Neighbours | None, fresh: Mapping[int, bytes]) -> None:
+        """Have so many cases worked on as the crew wants.
+
+        Args:
+            near: who is near; None: no motion is a guess.
+            fresh: motions that have no row yet.
+        """
+        while count := self.crew.wanted(len(self.again) + len(self.waiting)):
+            motions, cases = dict(fresh), list[Case]()
+            for k in [(self.again or self.waiting).popleft() for _ in range(count)]:
+                about = near.near(k) if near else ()
+                neighbour = next((n for n in about if near and n in near.moved), None)
+                if neighbour is not None and neighbour not in motions:
+                    motions[neighbour] = self.rows.motion(neighbour)  # once, and so it is sent
+                guess = b"" if neighbour is None else motions[neighbour]
+                case = Case(k=k, settings=self.study.parameters(k), guess=guess, begun_from=neighbour, near=about)
+                cases.append(case)
+            self.crew.give(cases)
 
     def _row(self, ended: Ended) -> Row | None:
         """Of what came back; None: it is to be done again."""
@@ -193,46 +201,5 @@ class _Sweep:
         return Row(
             k=k, status=outcome.status, good=outcome.good, message=outcome.message, settings=self.study.parameters(k),
             facts=outcome.facts, seconds=round(ended.seconds, 6), worker=ended.worker,
-            attempts=deaths + (outcome.status != DIED), begun_from=self.begun_from.pop(k),
+            attempts=deaths + (outcome.status != DIED), begun_from=ended.begun_from,
         )  # fmt: skip
-
-
-class _Neighbours:
-    """Of every case, those that are near and have a motion.
-
-    Attributes:
-        moved: cases that have one.
-    """
-
-    def __init__(self, study: Study, moved: set[int]):
-        from scipy.spatial import cKDTree
-
-        self.moved = moved
-        self._points = _apart(study)
-        self._tree = cKDTree(self._points)
-        self._near = min(_NEAR, len(study) - 1)
-
-    def of(self, k: int) -> int | None:
-        """The nearest; None: none of those that are looked at has a motion yet."""
-        if not self.moved or not self._near:
-            return None
-        distances, numbers = self._tree.query(self._points[k], k=self._near + 1)
-        return next(self._found(k, distances, numbers), None)
-
-    def _found(self, k: int, distances: NDArray[np.float64], numbers: NDArray[np.int64]) -> Iterator[int]:
-        for distance, number in zip(distances, numbers, strict=True):
-            if distance <= _SAME_ARM and int(number) != k and int(number) in self.moved:
-                yield int(number)
-
-
-_SAME_ARM = 10.0
-"""Cases farther than that from each other, in ranges, are of other arms."""
-
-
-def _apart(study: Study) -> NDArray[np.float64]:
-    """Where cases are, with arms so far from each other that none is another's neighbour, shape (cases, axes)."""
-    points = study.points.copy()
-    for column, axis in enumerate(study.axes):
-        if axis.name == ARM:
-            points[:, column] *= 100 * len(axis.values)
-    return points

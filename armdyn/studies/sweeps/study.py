@@ -128,8 +128,8 @@ class Study:
                 if not axis.levels:
                     raise ProblemError(f"{axis.name} has a range without count; a grid needs how many values it takes")
         if not 1 <= self._cases() <= MAX_CASES:
-            hint = "" if self.method == "grid" else f"; method {self.method!r} needs count"
-            raise ProblemError(f"{self._cases()} cases; a study has 1 to {MAX_CASES}{hint}")
+            told = f"the grid has {self._cases()} cases" if self.method == "grid" else f"count is {self.count}"
+            raise ProblemError(f"{told}; a study has 1 to {MAX_CASES} cases")
 
     def __len__(self) -> int:
         return self._cases()

@@ -7,8 +7,8 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ClusterError, ProblemError
-from armdyn.studies.sweeps import cluster as module
-from armdyn.studies.sweeps.cluster import cluster_crew
+from armdyn.studies.sweeps.crews import cluster as module
+from armdyn.studies.sweeps.crews.cluster import cluster_crew
 from armdyn.studies.sweeps.database import reading
 from toys import squares
 

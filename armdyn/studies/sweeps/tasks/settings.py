@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 
-from armdyn.arguments import Sign, number
+from armdyn.arguments import Sign, number, shown
 from armdyn.errors import ProblemError, did_you_mean
+from armdyn.models.robots.poses import position_of
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.spec import ArmSpec, Payload
 
@@ -52,6 +53,7 @@ class ArmRecipe:
         text: the name of a paper's or a library's arm, or a whole URDF or MJCF.
         q_start: joint positions at the start [rad or m].
         q_goal: at the end.
+        named: poses that cases set by their names, each likewise.
     """
 
     name: str
@@ -59,6 +61,7 @@ class ArmRecipe:
     text: str
     q_start: tuple[float, ...]
     q_goal: tuple[float, ...]
+    named: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     def robot(self, payload: float = 0.0) -> Robot:
         """The arm with a point mass [kg] at its tip.
@@ -90,10 +93,10 @@ class ArmRecipe:
         return robot.with_friction(_number(settings, "damping"), _number(settings, "friction"), None)
 
     def poses(self, settings: Mapping[str, Value], joints: Sequence[str]) -> dict[str, Any]:
-        """Start and goal [rad or m], with the joints' positions that a case sets."""
+        """Start and goal [rad or m], with the pose or the joints' positions that a case sets."""
         found = {}
         for pose in POSES:
-            q = list(getattr(self, pose))
+            q = list(self.named[str(settings[pose])] if pose in settings else getattr(self, pose))
             for i, joint in enumerate(joints):
                 q[i] = _number(settings, f"{pose}.{joint}", q[i])
             found[pose] = q
@@ -106,7 +109,9 @@ class ArmRecipe:
         text = self.text
         if self.source in ("urdf", "mjcf"):
             text = hashlib.sha256(text.encode()).hexdigest()
-        return {"source": self.source, "robot": text, "q_start": list(self.q_start), "q_goal": list(self.q_goal)}
+        poses = {"q_start": list(self.q_start), "q_goal": list(self.q_goal)}
+        named = {"named": {name: list(q) for name, q in sorted(self.named.items())}} if self.named else {}
+        return {"source": self.source, "robot": text, **poses, **named}
 
 
 def label(name: str) -> str:
@@ -151,19 +156,34 @@ def check_setting(name: str, value: object, signs: Mapping[str, Sign], arms: Seq
             return value
         raise ProblemError(f"arm is {value!r}; the study's arms are {', '.join(names)}")
     pose, dot, joint = name.partition(".")
-    if pose in POSES and dot:
-        for arm in arms:
-            if joint not in (joints := arm.robot().joint_names):
-                meant = did_you_mean(joint, joints) or f"; its joints: {', '.join(joints)}"
-                raise ProblemError(f"{name}: arm {arm.name} has no joint {joint!r}{meant}")
-        return number(value, name)
+    if pose in POSES:
+        return _position(name, joint, value, arms) if dot else _pose(name, value, arms)
     if name not in signs:
-        known = (ARM, *(f"{pose}.JOINT" for pose in POSES), *signs)
+        known = (ARM, *POSES, *(f"{pose}.JOINT" for pose in POSES), *signs)
         meant = did_you_mean(name, known) or f"; settings: {', '.join(known)}"
         raise ProblemError(f"{name} is no setting{meant}")
     found = number(value, name, unit=UNITS.get(name, ""), sign=signs[name])
     if name in ("reserve", "velocity_reserve") and found >= 1:
         raise ProblemError(f"{name} is {found:g}; it is a part of the limits, from 0 to below 1")
+    return found
+
+
+def _pose(name: str, value: object, arms: Sequence[ArmRecipe]) -> str:
+    """The name of a pose that all arms have."""
+    if isinstance(value, str) and all(value in arm.named for arm in arms):
+        return value
+    raise ProblemError(f"{name} is {shown(value)}; write names of poses, or {name}.JOINT with positions")
+
+
+def _position(name: str, joint: str, value: object, arms: Sequence[ArmRecipe]) -> float:
+    """A position [rad or m] of a joint that all arms have: a number, or a text such as "90deg"."""
+    found = 0.0
+    for arm in arms:
+        robot = arm.robot()
+        if joint not in (joints := robot.joint_names):
+            meant = did_you_mean(joint, joints) or f"; its joints: {', '.join(joints)}"
+            raise ProblemError(f"{name}: arm {arm.name} has no joint {joint!r}{meant}")
+        found = number(position_of(value, name, bool(robot.slides[joints.index(joint)])), name)
     return found
 
 

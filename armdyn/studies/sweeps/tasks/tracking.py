@@ -21,7 +21,7 @@ from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal import MinimumTimeOptions, Solution, Status, solve_minimum_time
 from armdyn.studies.sweeps.tasks.minimum_time import MinimumTime, problem_of
-from armdyn.studies.sweeps.tasks.settings import ARM, SIGNS, ArmRecipe, Value, arm_of, asked_of
+from armdyn.studies.sweeps.tasks.settings import ARM, POSES, SIGNS, ArmRecipe, Value, arm_of, asked_of
 from armdyn.studies.sweeps.tasks.task import INTERRUPTED, Outcome, finite
 from armdyn.trajectory import Trajectory
 
@@ -100,7 +100,11 @@ class Tracking:
             if "ramp" not in own:
                 raise ProblemError("a ramp takes how long? Fix or vary the setting ramp [s]")
             return ramp(robot, poses["q_start"], poses["q_goal"], float(own["ramp"]))
-        says = {name: value for name, value in own.items() if name in MinimumTime.signs or "." in name or name == ARM}
+        says = {
+            name: value
+            for name, value in own.items()
+            if name in MinimumTime.signs or name.partition(".")[0] in (ARM, *POSES)
+        }
         asked = tuple(sorted(says.items()))
         if asked not in _references:  # gains vary, the motion stays: it is solved once by everyone who works
             solution = solve_minimum_time(problem_of(self.arms, own), MinimumTimeOptions(workers=1))

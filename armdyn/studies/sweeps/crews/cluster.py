@@ -4,25 +4,26 @@ from __future__ import annotations
 
 import queue
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 from armdyn.arguments import text
 from armdyn.errors import ClusterError, MissingPackageError, ProblemError
-from armdyn.studies.sweeps.crew import Case, Crew, Ended
-from armdyn.studies.sweeps.tasks.settings import Value
-from armdyn.studies.sweeps.tasks.task import Outcome, Task, outcome_of
+from armdyn.studies.sweeps.crews.batch import TARGET, BatchSize
+from armdyn.studies.sweeps.crews.crew import Case, Crew, Ended, in_turn
+from armdyn.studies.sweeps.tasks.task import INTERRUPTED, Outcome, Task
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
 _PATIENCE = 10.0
 """For a scheduler to answer, and for a first worker to join it [s]."""
-_AHEAD = 3
-"""Cases per thread that the cluster has at once: those under way, and others that begin as these end."""
+_AHEAD = 2
+"""Batches per thread that the cluster has at once: one under way, and one that begins as it ends."""
 _GONE = 180.0
 """A cluster that brings nothing back, and has no worker whenever one looks, is given up after so long [s]: one whose
 workers a case kills at once, time and again, looks like that for half a minute."""
@@ -32,8 +33,8 @@ def cluster_crew(address: str) -> Callable[[Task], AbstractContextManager[Crew]]
     """Whoever works at a Dask scheduler, for `run_study`.
 
     Its workers need armdyn of this version, and no file: arms are sent with the cases. One thread per worker is best.
-    A worker that dies is Dask's to notice: it has the case done elsewhere, as often as its setting
-    `distributed.scheduler.allowed-failures` says (3), and then gives up; then it is done once more, alone.
+    A worker that dies is Dask's to notice: it has the cases done elsewhere, as often as its setting
+    `distributed.scheduler.allowed-failures` says (3), and then gives up; then each is done once more, alone.
 
     Args:
         address: HOST:PORT.
@@ -49,36 +50,40 @@ def cluster_crew(address: str) -> Callable[[Task], AbstractContextManager[Crew]]
 
 
 class ClusterCrew:
-    """Workers of a cluster.
+    """Workers of a cluster, who are given batches of cases that take about a second.
 
-    Dask counts a worker's death against all cases that it had been given, so that one that kills takes others with it.
-    Those that Dask gives up are therefore done once more at the end, one at a time, when nothing else can be to blame.
+    Dask counts a worker's death against all batches that it had been given, so that one case that kills takes others
+    with it. The cases of those that Dask gives up are therefore done once more at the end, one at a time, when nothing
+    else can be to blame.
     """
 
     def __init__(self, client: Client, task: Task):
         self._client, self._task = client, task
-        self._under_way: dict[str, tuple[Case, Future]] = {}
+        self._under_way: dict[str, tuple[tuple[Case, ...], Future]] = {}
         self._suspects: deque[Case] = deque()
+        self._alone = False
         self._deaths: dict[int, int] = {}
         self._done: queue.SimpleQueue[str] = queue.SimpleQueue()
-        self._size, self._given, self._empty = max(_threads(client), 1), 0, 0.0
+        self._batch, self._given = BatchSize(), 0
+        self._size, self._empty = max(_threads(client), 1), 0.0
 
     @property
     def size(self) -> int:
         """Threads of all workers."""
         return self._size
 
-    @property
-    def room(self) -> int:
-        """Cases that may be given now."""
-        return _AHEAD * self._size - len(self._under_way)
+    def wanted(self, left: int) -> int:
+        """A batch, while there are few of them in the cluster."""
+        if self._alone or len(self._under_way) >= _AHEAD * self._size:
+            return 0
+        return self._batch.cases(left, self._size) if left else 0
 
-    def give(self, case: Case) -> None:
-        """Have a case worked on."""
-        key = f"armdyn-{id(self)}-{case.k}-{self._given}"
+    def give(self, cases: Sequence[Case]) -> None:
+        """Have a batch worked on."""
+        key = f"armdyn-{id(self)}-{self._given}"
         self._given += 1
-        future = self._client.submit(_do, self._task, case.settings, case.guess, key=key, pure=False)
-        self._under_way[key] = case, future
+        future = self._client.submit(_do, self._task, tuple(cases), key=key, pure=False)
+        self._under_way[key] = tuple(cases), future
         future.add_done_callback(lambda done: self._done.put(done.key))
 
     def ended(self, seconds: float) -> list[Ended]:
@@ -88,8 +93,10 @@ class ClusterCrew:
             ClusterError: the scheduler has gone, or all workers.
         """
         found = list[Ended]()
-        if self._suspects and not self._under_way:
-            self.give(self._suspects.popleft())
+        if not self._under_way:
+            self._alone = bool(self._suspects)
+            if self._alone:
+                self.give([self._suspects.popleft()])
         try:
             key = self._done.get(timeout=seconds)
         except queue.Empty:
@@ -97,9 +104,8 @@ class ClusterCrew:
             return []
         self._empty = 0.0
         while True:
-            case, future = self._under_way.pop(key)
-            if (one := self._read(case, future)) is not None:
-                found.append(one)
+            cases, future = self._under_way.pop(key)
+            found += self._read(cases, future)
             future.release()
             try:
                 key = self._done.get_nowait()
@@ -116,28 +122,35 @@ class ClusterCrew:
             raise ClusterError(f"the cluster at {_address(self._client)} has no workers any more; the rows are kept")
         self._size = max(threads, 1)
 
-    def _read(self, case: Case, future: Future) -> Ended | None:
-        """What came of a case; None: it is suspected to kill, and is to be done alone."""
+    def _read(self, cases: Sequence[Case], future: Future) -> list[Ended]:
+        """What came of a batch; its cases are kept as suspects where one of them may have killed."""
         from distributed import KilledWorker
 
-        k, before = case.k, self._deaths.get(case.k, 0)
-
         try:
-            outcome, seconds, worker = future.result(timeout=_PATIENCE)
+            done, worker = future.result(timeout=_PATIENCE)
         except KilledWorker as error:
-            self._deaths[k] = before + error.allowed_failures + 1
-            if not before:
-                self._suspects.append(case)
-                return None
-            return Ended(k=k, outcome=None, worker=str(error.last_worker.address), deaths=self._deaths[k])
+            tried = not self._alone
+            for case in cases:
+                self._deaths[case.k] = self._deaths.get(case.k, 0) + error.allowed_failures + 1
+            if tried:
+                self._suspects.extend(cases)
+                return []
+            died = Ended(k=-1, outcome=None, worker=str(error.last_worker.address))
+            return [replace(died, k=case.k, deaths=self._deaths[case.k], begun_from=case.begun_from) for case in cases]
         except Exception as error:
             if future.cancelled() or self._client.status != "running":
                 raise ClusterError(
                     f"the Dask scheduler at {_address(self._client)} has gone; the rows so far are kept"
                 ) from None
+            if len(cases) > 1:
+                self._suspects.extend(cases)
+                return []
             told = f"{type(error).__name__}: {error}"[:1000]  # it could not be sent, or not be brought back
-            return Ended(k=k, outcome=Outcome(status="error", message=told))
-        return Ended(k=k, outcome=outcome, seconds=seconds, worker=worker, deaths=before)
+            return [Ended(k=cases[0].k, outcome=Outcome(status="error", message=told))]
+        self._batch.add(len(done), sum(one.seconds for one in done))
+        found = [replace(one, worker=worker, deaths=self._deaths.get(one.k, 0)) for one in done]
+        left_out = Outcome(status=INTERRUPTED)
+        return found + [Ended(k=case.k, outcome=left_out) for case in cases[len(done) :]]
 
 
 @contextmanager
@@ -180,11 +193,11 @@ def _version() -> str:
     return version("armdyn")
 
 
-def _do(task: Task, settings: Mapping[str, Value], guess: bytes) -> tuple[Outcome, float, str]:
-    """A case, on a worker."""
+def _do(task: Task, cases: Sequence[Case]) -> tuple[list[Ended], str]:
+    """A batch, on a worker; what is not begun after twice what it is to take is left out."""
     from distributed import get_worker
 
-    return *outcome_of(task, settings, guess), str(get_worker().address)
+    return list(in_turn(task, cases, 2 * TARGET)), str(get_worker().address)
 
 
 def _threads(client: Client) -> int:

@@ -1,0 +1,36 @@
+"""How many cases go to a worker of a cluster at once."""
+
+import math
+
+TARGET = 1.0
+"""What a batch is to take [s]: a hundred times what Dask and its client take for a task."""
+MOST = 1000
+"""Cases of a batch: what its worker's death, or that of who asked, can lose of cases that take no time."""
+_NEW = 0.3
+"""Weight of the last batch in the mean."""
+_PARTS = 2
+"""Batches for each worker that the cases left are at least, so that all have something to do at the end."""
+
+
+class BatchSize:
+    """Learns from what cases take; begins with one, and at most doubles from batch to batch."""
+
+    def __init__(self) -> None:
+        self._mean, self._most = 0.0, 1
+
+    def add(self, cases: int, seconds: float) -> None:
+        """A batch of so many cases has taken so long [s]."""
+        mean = seconds / cases
+        self._mean = (1 - _NEW) * self._mean + _NEW * mean if self._mean else mean
+        self._most = max(self._most, min(2 * cases, MOST))
+
+    def cases(self, left: int, workers: int) -> int:
+        """Of the next batch.
+
+        Args:
+            left: cases that wait.
+            workers: among whom they are shared out.
+        """
+        in_time = math.floor(TARGET / self._mean) if self._mean > TARGET / MOST else MOST
+        share = math.ceil(left / (_PARTS * workers))
+        return min(left, max(1, min(in_time, self._most, share)))

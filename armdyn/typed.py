@@ -1,0 +1,68 @@
+"""Numbers and positions of joints, as people type them: on the command line, in problem files, in study files."""
+
+import math
+import re
+
+from armdyn.errors import ProblemError
+
+_WITH_UNIT = re.compile(r"(.*?[0-9.i])\s*(deg|°|rad|m)", re.DOTALL)
+"""A number, which ends with a digit, a point or the i of pi, and its unit."""
+_PI = re.compile(r"([+-]?)(?:(\d+(?:\.\d*)?|\.\d+)\*?)?pi(?:/(\d+(?:\.\d*)?))?")
+
+
+def number(text: str, what: str) -> float:
+    """A number such as -1.5, 2e-3, inf, pi/20 or -3*pi/4.
+
+    Raises:
+        ProblemError: it is none.
+    """
+    text = text.strip()
+    if match := _PI.fullmatch(text):
+        sign, factor, divisor = match.groups()
+        if not divisor or float(divisor):
+            return (-1 if sign == "-" else 1) * float(factor or 1) * math.pi / float(divisor or 1)
+    try:
+        return float(text)
+    except ValueError:
+        raise ProblemError(f"{what}: {text!r} is not a number") from None
+
+
+def numbers(text: str, what: str) -> list[float]:
+    """Comma-separated numbers."""
+    return [number(part, what) for part in text.split(",")]
+
+
+def one_or_more(text: str | None, what: str) -> float | list[float] | None:
+    """One number for all joints, or one for each."""
+    if text is None:
+        return None
+    values = numbers(text, what)
+    return values[0] if len(values) == 1 else values
+
+
+def position(text: str, what: str, slides: bool | None = False, *, degrees: bool = False) -> float:
+    """A joint's position [rad or m]: 1.2, pi/2, 90deg, 90°, 1.57rad, 0.1m.
+
+    Args:
+        text: as typed.
+        what: the option or key, for messages.
+        slides: the joint is prismatic; None: that is not known yet.
+        degrees: a number without a unit is in degrees, but for pi/2 and the like, and of joints that slide.
+
+    Raises:
+        ProblemError: it is no number, or the unit is not the joint's.
+    """
+    text = text.strip()
+    match = _WITH_UNIT.fullmatch(text)
+    digits, unit = match.groups() if match else (text, "")
+    if unit and slides is not None and slides != (unit == "m"):
+        has = "slides: its position is in metres" if slides else "turns: its position is an angle"
+        raise ProblemError(f"{what}: {text!r}, but the joint {has}")
+    value = number(digits, what)
+    bare = not unit and "pi" not in digits and not slides and degrees
+    return math.radians(value) if unit in ("deg", "°") or bare else value
+
+
+def unit_said(text: str) -> bool:
+    """Whether a position says its unit, or is a part of pi."""
+    return bool(_WITH_UNIT.fullmatch(text.strip())) or "pi" in text
