@@ -154,7 +154,7 @@ def course_section(facts: Facts) -> Section | None:
         ]
         for one in facts.parts("conditions") if one.number("share") is not None
     ]  # fmt: skip
-    heads = [[th(word) for word in ("limit", "worst", "of it", "kept")]]
+    heads = [[th("limit"), th("worst", class_="words"), th("of it"), th("kept")]]
     body = [*([table(heads, worst)] if worst else []), *([listed(rows)] if rows else [])]
     return Section("course", "Conditions along the way", join(body)) if body else None
 
@@ -235,9 +235,9 @@ def listed(rows: Sequence[tuple[str, str]]) -> Html:
     )
 
 
-def th(text: str, scope: str = "col") -> Html:
+def th(text: str, scope: str = "col", **attributes: str) -> Html:
     """A heading cell."""
-    return element("th", text, scope=scope)
+    return element("th", text, scope=scope, **attributes)
 
 
 def td(text: str, **attributes: str) -> Html:
