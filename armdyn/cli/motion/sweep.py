@@ -90,9 +90,9 @@ class SweepOptions:
         done: Callable[[int, ad.Solution], None],
     ) -> tuple[ad.Solution, ...]:
         """Solve one problem after the other; fewer solutions than problems after Ctrl-C."""
-        from armdyn.studies.sweep import sweep as solve_all
+        from armdyn.studies.continuation import continuation
 
-        return solve_all(
+        return continuation(
             problems, ad.MinimumTimeOptions(starts=self.starts, time_limit=self.time_limit), progress, done
         )
 
