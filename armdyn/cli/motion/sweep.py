@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import typer
 
@@ -27,11 +27,12 @@ from armdyn.cli.options.joints import FastJointOptions, reserve_words
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.robot import PayloadPlace, RobotOptions, known_names
 from armdyn.cli.typed.panels import SOLVER
+from armdyn.cli.typed.problem_file import is_problem_file, is_study_file, problem_of, refuse_beside_a_file
 from armdyn.errors import ProblemError
 from armdyn.typed import numbers
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
     from rich.table import Table
@@ -85,16 +86,24 @@ class SweepOptions:
 
     def solve(
         self,
-        problems: list[ad.MinimumTimeProblem],
+        problems: Sequence[ad.MinimumTimeProblem],
+        options: Mapping[str, Any],
         progress: Callable[[str], None],
         done: Callable[[int, ad.Solution], None],
     ) -> tuple[ad.Solution, ...]:
-        """Solve one problem after the other; fewer solutions than problems after Ctrl-C."""
+        """Solve one problem after the other; fewer solutions than problems after Ctrl-C.
+
+        Args:
+            problems: in the order of their masses.
+            options: of a problem file, by name; those of the command line go before.
+            progress: told in words what is being tried.
+            done: told of each solution.
+        """
         from armdyn.studies.continuation import continuation
 
-        return continuation(
-            problems, ad.MinimumTimeOptions(starts=self.starts, time_limit=self.time_limit), progress, done
-        )
+        given = {name: value for name, value in vars(self).items() if value != getattr(type(self)(), name)}
+        usual = {"time_limit": self.time_limit}
+        return continuation(problems, ad.MinimumTimeOptions(**{**usual, **options, **given}), progress, done)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,7 +149,7 @@ def sweep(
     """
     output, no_figure = results.output, results.no_figure
     with answering(output.json) as answer:
-        if robot.robot.endswith(".toml"):
+        if is_problem_file(robot.robot) and is_study_file(robot.robot):
             _refuse_others(poses, payloads, robot, joints, search, require)
             run_file(robot.robot, study, results, answer)
             return
@@ -151,9 +160,8 @@ def sweep(
         from armdyn.show.sweeps.payloads import motion_name, sweep_row, table_names, write_motion, write_sweep
 
         masses = payloads.masses(robot.robot)
-        arms = [joints.fit(robot.read(payloads.place.carried(mass))) for mass in masses]
-        start, goal = (read(arms[0], robot.robot, "minimum_time") for read in (poses.start, poses.goal))
-        problems = [ad.MinimumTimeProblem(arm, q_start=start, q_goal=goal, **joints.kept()) for arm in arms]
+        problems, options = _problems(masses, poses, payloads, robot, joints)
+        arms = [problem.robot for problem in problems]
         folder = output.folder("sweep", robot.robot, [*map(motion_name, masses), *table_names(figure=not no_figure)])
         folder.mkdir(parents=True, exist_ok=True)
         motions: dict[int, Path] = {}
@@ -163,7 +171,7 @@ def sweep(
                 motions[k] = write_motion(folder, masses[k], solution)
 
         with working(f"minimum times of {arms[0].name}", output.json) as progress:
-            solutions = search.solve(problems, progress, keep)
+            solutions = search.solve(problems, options, progress, keep)
             rows = [sweep_row(*pair) for pair in zip(masses, solutions, strict=False)]  # fewer after Ctrl-C
             title = f"{arms[0].name}: minimum time over payload"
             progress("writing the table" if no_figure else "writing the table and the figure")
@@ -189,6 +197,27 @@ def sweep(
                 console.print(f"{what}: {parts}")
             console.print(f"results in {escape(str(folder))}")
             _complain(status, missing)
+
+
+def _problems(
+    masses: Sequence[float],
+    poses: PoseOptions,
+    payloads: PayloadsOptions,
+    robot: SweptOptions,
+    joints: FastJointOptions,
+) -> tuple[list[ad.MinimumTimeProblem], Mapping[str, Any]]:
+    """A problem for each mass [kg], and the solver's options that a problem file has.
+
+    Raises:
+        ArmdynError: there is no such problem; or the command line says again what a file says.
+    """
+    if is_problem_file(robot.robot):
+        refuse_beside_a_file(robot.robot, poses, payloads.place, robot.part, joints)
+        posed = problem_of(robot.robot)
+        return [posed.loaded(mass) for mass in masses], posed.options
+    arms = [joints.fit(robot.read(payloads.place.carried(mass))) for mass in masses]
+    start, goal = (read(arms[0], robot.robot, "minimum_time") for read in (poses.start, poses.goal))
+    return [ad.MinimumTimeProblem(arm, q_start=start, q_goal=goal, **joints.kept()) for arm in arms], {}
 
 
 def _refuse_others(
