@@ -92,6 +92,8 @@ def problem_of(name: str) -> Posed:
     from armdyn.toml import read_toml  # who types a problem out does not wait for it
 
     file = read_toml(name)
+    if "arms" in file.values:
+        raise file.error("arms", f"[arms] is of a study file, whose cases armdyn sweep {name} does")
     file.only(TABLES)
     robot, problem, options = (file.table(table) for table in TABLES)
     for table, known in zip((robot, problem, options), (ROBOT, PROBLEM, OPTIONS), strict=True):

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 import armdyn as ad
-from armdyn import models
 from armdyn.cli.console import (
     DONE,
     INTERRUPTED,
@@ -21,18 +17,17 @@ from armdyn.cli.console import (
     working,
 )
 from armdyn.cli.motion.requirements import Require, missing_of, requirements_of
-from armdyn.cli.motion.study import StudyOptions, SweepResults, run_file
 from armdyn.cli.motion.words import options_of
 from armdyn.cli.options.joints import FastJointOptions, reserve_words
 from armdyn.cli.options.poses import PoseOptions
-from armdyn.cli.options.robot import PayloadPlace, RobotOptions, known_names
-from armdyn.cli.typed.panels import SOLVER
+from armdyn.cli.sweeps.options import PayloadsOptions, SweepOptions, SweptOptions
+from armdyn.cli.sweeps.study import StudyOptions, SweepResults, run_file
+from armdyn.cli.typed.positions import degrees_are_on
 from armdyn.cli.typed.problem_file import is_problem_file, is_study_file, problem_of, refuse_beside_a_file
 from armdyn.errors import ProblemError
-from armdyn.typed import numbers
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from rich.table import Table
@@ -40,86 +35,6 @@ if TYPE_CHECKING:
     from armdyn.cli.motion.requirements import Requirement
 
 _CODES = {"done": DONE, "not_landed": NOT_USABLE, "interrupted": INTERRUPTED}
-
-
-@dataclass(frozen=True, kw_only=True)
-class PayloadsOptions:
-    """What the robot carries, one after the other, and where.
-
-    Attributes:
-        payload: the masses [kg] as text; None: the paper's.
-        place: where each is.
-    """
-
-    panel: ClassVar[str] = PayloadPlace.panel
-
-    payload: Annotated[
-        str | None,
-        typer.Option(metavar="KG,KG,…", help="Point masses that the arm carries \\[kg]. r, rr, rrr: the paper's ten."),
-    ] = None
-    place: PayloadPlace = field(default_factory=PayloadPlace)
-
-    def masses(self, robot: str) -> list[float]:
-        """The masses [kg] that a robot is to carry, each once, increasing.
-
-        Raises:
-            ProblemError: none is given for a robot that is not the paper's.
-        """
-        if self.payload is not None:
-            return sorted(set(numbers(self.payload, "--payload")))
-        if robot not in models.PAPER_ARMS:
-            raise ProblemError(f"give --payload with the masses [kg] that {robot} is to carry, such as 0,0.5,1")
-        return sorted(models.PAPER_PAYLOADS)
-
-
-@dataclass(frozen=True, kw_only=True)
-class SweepOptions:
-    """How much is searched for each payload; see `MinimumTimeOptions`."""
-
-    panel: ClassVar[str] = SOLVER
-
-    starts: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="Guesses of every search; by default the first has mintime's, the others few."),
-    ] = None
-    time_limit: Annotated[float, typer.Option(metavar="S", help="For each payload \\[s].")] = 300.0
-
-    def solve(
-        self,
-        problems: Sequence[ad.MinimumTimeProblem],
-        options: Mapping[str, Any],
-        progress: Callable[[str], None],
-        done: Callable[[int, ad.Solution], None],
-    ) -> tuple[ad.Solution, ...]:
-        """Solve one problem after the other; fewer solutions than problems after Ctrl-C.
-
-        Args:
-            problems: in the order of their masses.
-            options: of a problem file, by name; those of the command line go before.
-            progress: told in words what is being tried.
-            done: told of each solution.
-        """
-        from armdyn.studies.continuation import continuation
-
-        given = {name: value for name, value in vars(self).items() if value != getattr(type(self)(), name)}
-        usual = {"time_limit": self.time_limit}
-        return continuation(problems, ad.MinimumTimeOptions(**{**usual, **options, **given}), progress, done)
-
-
-@dataclass(frozen=True, kw_only=True)
-class SweptOptions(RobotOptions):
-    """A robot, or a file that says of many cases what is done in each."""
-
-    robot: Annotated[
-        str,
-        typer.Argument(
-            metavar="ROBOT|STUDY.toml",
-            help="A robot as mintime takes it, or a study file, which says all of the motion itself "
-            "(docs/sweeps.md): payloads, limits, gains, poses, reserve, arms.",
-            show_default=False,
-            autocompletion=known_names,
-        ),
-    ]
 
 
 def sweep(
@@ -132,20 +47,30 @@ def sweep(
     results: SweepResults,
     require: Require = None,
 ) -> None:
-    """Minimum time over payload: how much each gram costs, and which limit counts. Or a study file's many cases.
+    r"""Minimum time over payload, of a robot; or a study file's many cases over limits, gains, poses, reserve, arms.
 
-    Each optimum is where the search for the next payload's begins; what a heavier payload's search finds is
-    tried on the lighter one, too. A payload that is solved is on disk at once. Exit code 0: all motions are
-    usable; 3: some are not; 4: all are, but some are not what --require asks for.
+    Of a ROBOT: how much each gram costs, and which limit counts. Each optimum is where the search for the next
+    payload's begins; what a heavier payload's search finds is tried on the lighter one, too. A payload that is solved
+    is on disk at once. Exit code 0: all motions are usable; 3: some are not; 4: all are, but some are not what
+    --require asks for.
 
-    A study file's cases are done side by side, on this machine or on a Dask cluster. Each row is on disk as soon as
-    it has ended; the same command goes on where it was stopped or killed. Exit code 3: some cases were refused, are
-    not usable, or ended in an error; their rows say why.
+    A STUDY.toml says all of its motions itself: options of task, robot, limits and solver are for a ROBOT. Its cases
+    are done side by side, on this machine or on a Dask cluster. Each row is on disk as soon as it has ended. Ctrl-C
+    leaves the tables and figures of the rows that there are; the same command goes on where it was stopped or killed.
+    Exit code 3: some cases were refused, are not usable, or ended in an error; their rows say why.
 
     [dim]armdyn sweep rr
-    armdyn sweep study.toml --parquet
+    armdyn sweep panda --payload 0,1,2,3 --q-start ready --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5
+    armdyn sweep problem.toml --payload 0,0.5,1
+    armdyn sweep study.toml --workers 8 --parquet
     armdyn sweep study.toml --scheduler node1:8786
-    armdyn sweep panda --payload 0,1,2,3 --q-start ready --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5[/]
+      [dim]A study.toml of 30 cases; docs/sweeps.md says what else may vary:[/dim]
+      \[arms.rr]
+      q_start = \["-90deg", 0]
+      q_goal = \["9deg", 0]
+      \[vary]
+      payload = { from = 0.05, to = 0.25, count = 10 }   # kg
+      reserve = \[0.0, 0.1, 0.2]                          # part of the torque limits[/]
     """
     output, no_figure = results.output, results.no_figure
     with answering(output.json) as answer:
@@ -233,6 +158,8 @@ def _refuse_others(
     Raises:
         ProblemError: it was given.
     """
+    if degrees_are_on():
+        raise ProblemError("--degrees: a study file says units itself: 1.57, or '90deg'")
     given = (
         (poses, "--q-start and --q-goal"),
         (payloads, "--payload and its place"),
