@@ -7,9 +7,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import armdyn as ad
-from armdyn.show.page.facts import Facts
+
+if TYPE_CHECKING:
+    from armdyn.show.page.facts import Facts
 
 
 def is_given(path: Path) -> bool:
@@ -49,5 +52,6 @@ def checked(robot: ad.Robot, motion: ad.Trajectory) -> Facts:
         motion: of it.
     """
     from armdyn.optimal.gap import check_motion
+    from armdyn.show.page.facts import Facts
 
     return Facts(check_motion(robot, motion).facts())

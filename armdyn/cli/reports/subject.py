@@ -18,6 +18,7 @@ from armdyn.cli.options.robot import PartOptions
 from armdyn.cli.reports.saved import Saved
 from armdyn.errors import ArmdynError, ArmdynWarning, TrajectoryError
 from armdyn.models import PAPER_ARMS, JointLimits, Payload, Robot
+from armdyn.models.scene.obstacles import obstacle_from
 from armdyn.show.page.facts import Facts, as_number
 from armdyn.show.page.report import Subject
 
@@ -72,7 +73,7 @@ def subject_of(saved: Saved, robot: str | None, payload: Payload | None) -> Subj
         _warn(saved, f"the robot {named} cannot be made again, so that it is not drawn ({error})")
         return bare
     arm = arm if limits is None else replace(arm, limits=limits)
-    return Subject.of(arm, _obstacles(options))
+    return Subject.of(arm, obstacles_in(saved.facts))
 
 
 def _warn(saved: Saved, what: str) -> None:
@@ -140,10 +141,14 @@ def _flags(value: object, count: int) -> bool:
     return isinstance(value, list) and len(value) == count and all(isinstance(one, bool) for one in value)
 
 
-def _obstacles(options: Facts) -> tuple[Obstacle, ...]:
-    """The obstacles that are written out in the command; those in files stay unseen."""
+def obstacles_in(facts: Facts) -> tuple[Obstacle, ...]:
+    """The obstacles of a result; of one of an older armdyn those written out in its command, and none from files."""
+    options = facts.part("asked").part("options")
     texts = [text for text in options.texts("obstacle") if text.partition(":")[0] in SHAPES][:_MOST_OBSTACLES]
     try:
+        if "obstacles" in facts:
+            entries = facts.parts("obstacles")[:_MOST_OBSTACLES]
+            return tuple(obstacle_from(one.values, f"obstacle {i}") for i, one in enumerate(entries, 1))
         return obstacles_of(texts)
     except ArmdynError:
         return ()

@@ -130,7 +130,7 @@ const armdynCurves = (host, course, names, seek, zooms) => {
     zooms(from, to);
   });
   const bar = make("div", host, undefined, "zoom");
-  make("span", bar, matchMedia("(pointer: coarse)").matches ? "two fingers: zoom in time" : "Shift + drag or Ctrl + wheel: zoom in time").title = "a double click, or “all”, shows all of the time";
+  make("span", bar, matchMedia("(pointer: coarse), (max-width: 640px)").matches ? "two fingers: zoom in time" : "Shift + drag or Ctrl + wheel: zoom in time").title = "a double click, or “all”, shows all of the time";
   const button = (text, title, act) => {
     const node = make("button", bar, text);
     Object.assign(node, { title, onclick: act });
@@ -185,8 +185,9 @@ const armdynCurves = (host, course, names, seek, zooms) => {
     const figure = make("figure", host, undefined, "plot"), caption = make("figcaption", figure);
     make("b", caption, "On which limit");
     for (const [kind, word] of [["T", "torque"], ["V", "speed"], ["Q", "position"]]) {
-      make("i", caption, "", `key ${kind}`);
-      make("span", caption, word, "unit");
+      const key = make("span", caption, undefined, "unit");
+      make("i", key, "", `key ${kind}`);
+      key.append(word);
     }
     const box = make("div", figure), rows = course.moves.length * joints, row = rows > 12 ? 14 : 22;
     const u = new uPlot({

@@ -30,7 +30,11 @@
   if (data.scene) {
     try {
       const drawn = await unpacked(data.scene);
-      scene = armdynScene(el("pane"), drawn, { overlay: true, room: () => ({ high: .84, wide: .9, up: 0, right: 0 }) });
+      const room = () => {  // several names stand above the arm
+        const above = drawn.arms.length > 1 ? Math.min(el("motions").offsetHeight / el("pane").clientHeight, .5) : 0;
+        return { high: .84 * (1 - above), wide: .9, up: -above, right: 0 };
+      };
+      scene = armdynScene(el("pane"), drawn, { overlay: true, room });
       drawn.arms.forEach((arm, k) => {
         const key = make(k ? "button" : "span", el("motions"), undefined, "move");
         make("i", key).style.background = `rgb(${arm.color.map(c => Math.round(255 * c)).join(",")})`;
@@ -44,6 +48,7 @@
           curves.move(k, !off);
         };
       });
+      scene.fit();
     } catch (error) {
       missing(`The arm cannot be shown here: ${error}`);
     }
