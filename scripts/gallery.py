@@ -2,8 +2,8 @@
 
     python scripts/gallery.py [PICTURE ...]      # report.png, figure.png, paper_page.png, …; by default all
 
-Commands run in results/gallery and are not run again while their results are there. All of it takes five minutes, half
-of them the paper. Two pictures come with the numbers that other scripts measure: see `ELSEWHERE`.
+Commands run in results/gallery and are not run again while their results are there. All of it takes ten minutes, most
+of them the map of goals and the paper. Two pictures come with the numbers that other scripts measure: see `ELSEWHERE`.
 """
 
 import re
@@ -29,6 +29,7 @@ COMMANDS = {
     "compare-rr": "compare results/mintime-rr results/track-rr results/optimality-rr/trajectory.npz",
     "monte-carlo-rr": "monte-carlo rr --payload 0.1006 --reserve 0.1",
     "sweep-rr": "sweep rr",
+    "sweep-goals": "sweep examples/goals.toml",
     "paper": "reproduce --out results/paper",
 }
 """By the folder in `results` that each writes."""
@@ -92,6 +93,7 @@ DRAWN = {
     "figure.png": "mintime-rr/figure.png",
     "arcs.png": "mintime-rrr/figure.png",
     "payloads.png": "sweep-rr/figure.png",
+    "goals.png": "sweep-goals/map.png",
     "envelope.png": "monte-carlo-rr/envelope.png",
     **{f"paper_figure{n}.{end}": f"paper/figures/figure{n}.{end}" for n in range(2, 8) for end in ("png", "pdf")},
 }
@@ -117,7 +119,8 @@ def written(folder: str) -> Path:
         if "toppra.npz" in COMMANDS[folder]:
             plan()
         print(f"armdyn {COMMANDS[folder]}", flush=True)
-        subprocess.run([sys.executable, "-m", "armdyn", *COMMANDS[folder].split()], cwd=WORK, check=True)  # noqa: S603
+        words = COMMANDS[folder].replace("examples/", f"{ROOT}/examples/").split()
+        subprocess.run([sys.executable, "-m", "armdyn", *words], cwd=WORK, check=True)  # noqa: S603
         done.touch()
     return results / folder
 

@@ -4,6 +4,8 @@ import re
 import runpy
 from pathlib import Path
 
+import armdyn as ad
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
@@ -14,6 +16,12 @@ def test_pinocchio_in_casadi(capsys):
     assert off < 1e-11 and slopes < 1e-11  # rounding of numbers below 1e3
     assert re.search(r"least torque: cost \d\.\d+, \d+ iterations", printed)
     assert "N m to hold" in printed
+
+
+def test_goals():
+    study = ad.read_study(EXAMPLES / "goals.toml")
+    assert len(study) == 625
+    assert {axis for axis in study.parameters(0) if axis.startswith("q_goal.")} == {"q_goal.joint1", "q_goal.joint2"}
 
 
 def test_there_is_no_example_that_no_test_runs():
