@@ -9,7 +9,6 @@ import re
 from typing import Any
 
 from latex2mathml.converter import convert
-from mkdocs.exceptions import PluginError
 
 _FORMULA = re.compile(
     r'<span class="arithmatex">\\\((?P<inline>.+?)\\\)</span>|<div class="arithmatex">\\\[(?P<display>.+?)\\\]</div>',
@@ -25,14 +24,14 @@ def mathml(latex: str, display: bool = False) -> str:
         display: on a line of its own.
 
     Raises:
-        PluginError: it is no LaTeX, or has a command that latex2mathml does not know.
+        ValueError: it is no LaTeX, or has a command that latex2mathml does not know.
     """
     try:
         made = convert(latex, display="block" if display else "inline")
     except Exception as error:
-        raise PluginError(f"no mathematics: {latex}: {type(error).__name__} {error}") from error
+        raise ValueError(f"no mathematics: {latex}: {type(error).__name__} {error}") from error
     if unknown := re.search(r">\s*(\\\w*)", made):
-        raise PluginError(f"latex2mathml does not know {unknown[1]} in: {latex}")
+        raise ValueError(f"latex2mathml does not know {unknown[1]} in: {latex}")
     return f'<div class="formula">{made}</div>' if display else made
 
 
@@ -40,7 +39,7 @@ def on_page_content(page_html: str, **_: Any) -> str:
     """All formulas of a page.
 
     Raises:
-        PluginError: one of them cannot be set.
+        ValueError: one of them cannot be set.
     """
 
     def put(found: re.Match[str]) -> str:

@@ -18,11 +18,11 @@ from armdyn.cli.motion.mintime import mintime
 from armdyn.cli.motion.optimality import optimality
 from armdyn.cli.motion.pid import pid
 from armdyn.cli.motion.replay import replay
-from armdyn.cli.motion.sweep import sweep
 from armdyn.cli.options.groups import with_options
 from armdyn.cli.paper import reproduce, urdf
 from armdyn.cli.reports.report import compare, report
 from armdyn.cli.robots import robots
+from armdyn.cli.sweeps.sweep import sweep
 from armdyn.cli.tracking.many import monte_carlo
 from armdyn.cli.tracking.track import track
 from armdyn.cli.tracking.tuning import tune

@@ -15,8 +15,8 @@ from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Solution, Status
 from armdyn.optimal.problem.problem import expect_problem
+from armdyn.studies.continuation import continuation
 from armdyn.studies.plants.plants import with_payload_times
-from armdyn.studies.sweep import sweep
 
 RESERVES = (0.0, 0.05, 0.08, 0.1, 0.12, 0.15, 0.2, 0.3)
 """That are tried where none are given."""
@@ -159,7 +159,7 @@ def reserve_curve(
     robot = replace(problem.robot, limits=whole.limits)  # feedback has all of what the problem has
     arms = likely_plants(robot) if plants is None else tuple(expect_robot(plant) for plant in plants)
     laws = (Lqr(),) if controllers is None else tuple(controllers)
-    found = sweep([problem.variant(reserve=r) for r in levels], options, tell)
+    found = continuation([problem.variant(reserve=r) for r in levels], options, tell)
     solutions = {r: s for r, s in zip(levels, found, strict=False) if s.usable and s.status is not Status.INTERRUPTED}
     rows = []
     for controller in laws:

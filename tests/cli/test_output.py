@@ -29,7 +29,7 @@ COMMANDS = {
 WORK = {
     "mintime": "armdyn.solve_minimum_time",
     "pid": "armdyn.simulate_pid",
-    "sweep": "armdyn.studies.sweep.sweep",
+    "sweep": "armdyn.studies.continuation.continuation",
     "replay": "armdyn.show.replay.write_html",
     "export": "armdyn.cli.export.write_whole",
     "reproduce": "armdyn.studies.paper.reproduce.run_case",

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from armdyn.cli.motion.study import _left
+from armdyn.cli.sweeps.study import _left
 from armdyn.studies.sweeps.database import reading
 from armdyn.studies.sweeps.export import study_table
 from cli.command import COMMAND, answer, run, run_here, run_json

@@ -14,6 +14,7 @@ from armdyn.cli.options.joints import JointOptions, friction_facts, friction_wor
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+from armdyn.cli.typed.asked import arm_asked
 from armdyn.control.pid.arrival import ARRIVAL_RULES, ArrivalRule
 from armdyn.errors import ProblemError
 from armdyn.typed import numbers
@@ -84,6 +85,7 @@ def pid(
     r, rr and rrr move as in the paper's Examples 4 to 6, and count as arrived when joint 1 is there to stay.
 
     [dim]armdyn pid rr --payload 0.1006
+    armdyn pid problem.toml
     armdyn pid rr --form torque --gains 30,50,3[/]
     """
     json = results.output.json
@@ -91,13 +93,14 @@ def pid(
         from armdyn.control.pid.closed_loop import pid_summary
         from armdyn.studies.paper.printed.loop import PAPER_RULE
 
-        arm = joints.fit(robot.read(payload.carried()))
-        start, goal = poses.start(arm, robot.robot, "pid"), poses.goal(arm, robot.robot, "pid")
+        asked = arm_asked(robot, poses, payload, joints)
+        arm, (start, goal) = asked.arm, asked.ends("pid")
         folder = results.folder("pid", robot.robot)
         with working(f"PID loop of {arm.name}", json) as progress:
             run = loop.run(arm, start, goal, PAPER_RULE if robot.robot in models.PAPER_ARMS else ARRIVAL_RULES[0])
             summary = pid_summary(run)
-            title = f"{arm.name}, {1000 * payload.payload:g} g: PID loop"
+            carried = f", {1000 * arm.payload.mass:g} g" if arm.payload is not None else ""
+            title = f"{arm.name}{carried}: PID loop"
             written = results.write(folder, arm, {"trajectory": run.trajectory}, summary, title, tell=progress)
         answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, **written.facts}
         answer.code = 0 if run.arrival_time is not None else NOT_USABLE

@@ -17,6 +17,9 @@ from armdyn.models.mjcf.document import is_mjcf
 from armdyn.models.robots.descriptions import is_description
 from armdyn.typed import numbers
 
+TAKE_FILES = "mintime, bound, sweep, track, monte-carlo, tune and pid"
+"""Commands that take a problem file for a robot."""
+
 
 def known_names(incomplete: str) -> list[str]:
     """The names of robots that begin so, for a shell that completes."""
@@ -30,8 +33,8 @@ RobotName = Annotated[
     typer.Argument(
         metavar="ROBOT",
         help="r, rr or rrr (the paper's arms), a URDF or MJCF file, a name of example-robot-data such as panda or "
-        "ur5, a benchmark such as cart_pole, or a name of robot_descriptions such as panda_mj_description. Of mintime "
-        "and bound also a problem file, problem.toml.",
+        "ur5, a benchmark such as cart_pole, or a name of robot_descriptions such as panda_mj_description. Of most "
+        "commands also a problem file, problem.toml.",
         show_default=False,
         autocompletion=known_names,
     ),
@@ -83,7 +86,7 @@ class PartOptions:
     def _read(self, name: str, payload: ad.Payload | None) -> ad.Robot:
         """The robot of a name that is not one of the paper's."""
         if name.lower().endswith(".toml"):
-            raise SpecError(f"{name} is a problem file, which mintime and bound take; here a robot is needed")
+            raise SpecError(f"{name} is a problem file, which {TAKE_FILES} take; here a robot is needed")
         locks, ends = self.locks(), self.ends()
         if Path(name).suffix or Path(name).is_file():
             if is_mjcf(name):

@@ -9,12 +9,11 @@ import typer
 
 import armdyn as ad
 from armdyn.arguments import one_of
-from armdyn.cli.options.robot import PayloadOptions, RobotOptions
 from armdyn.errors import ProblemError
 from armdyn.typed import number, numbers, one_or_more
 
 if TYPE_CHECKING:
-    from armdyn.cli.options.joints import FastJointOptions
+    from armdyn.cli.typed.asked import ArmAsked
     from armdyn.control.loop.law import Controller
 
 CONTROLLERS = ("lqr", "computed-torque", "pid")
@@ -122,19 +121,16 @@ class PlantOptions:
         str | None, typer.Option(metavar="F[,F…]", help="Coulomb friction of its joints \\[N m].")
     ] = None
 
-    def real(self, robot: RobotOptions, payload: PayloadOptions, joints: FastJointOptions) -> ad.Robot:
+    def real(self, asked: ArmAsked) -> ad.Robot:
         """The arm that moves.
 
         Args:
-            robot: as it was named.
-            payload: what the model carries, and where.
-            joints: of the model.
+            asked: the model.
 
         Raises:
             ArmdynError: something does not fit the robot.
         """
-        mass = payload.payload if self.plant_payload is None else self.plant_payload
-        arm = joints.fit(robot.read(payload.place.carried(mass)))
+        arm = asked.carrying(self.plant_payload)
         damping, friction = (
             one_or_more(text, f"--plant-{name}")
             for text, name in ((self.plant_damping, "damping"), (self.plant_friction, "friction"))

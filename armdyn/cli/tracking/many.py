@@ -23,6 +23,7 @@ from armdyn.cli.options.results import NoFigure, OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions
 from armdyn.cli.tracking.track import ReferenceOptions, no_motion
+from armdyn.cli.typed.asked import arm_asked
 from armdyn.cli.typed.panels import TASK
 from armdyn.errors import ProblemError
 from armdyn.typed import numbers
@@ -117,10 +118,12 @@ def monte_carlo(
     asks for.
 
     [dim]armdyn monte-carlo rrr --payload 0.1006 --reserve 0.1 --within 0.4
+    armdyn monte-carlo problem.toml --count 200
     armdyn monte-carlo rrr --payload 0.1006 --ramp 0.5 --friction-range 0,0.06 --at-least 0.99[/]
     """
     with answering(output.json) as answer:
-        model = joints.fit(robot.read(payload.carried()))
+        own = arm_asked(robot, poses, payload, joints)
+        model = own.arm
         law, joined, plants = controller.chosen(), loop.joined(), arms.plants(model)
         options = ad.MonteCarloOptions(count=study.count, duration=reference.duration, tolerance=reference.tolerance)
         within = reference.duration if study.within is None else checked(study.within, "--within", sign="positive")
@@ -128,7 +131,7 @@ def monte_carlo(
         folder = output.folder("monte-carlo", robot.robot, [ROWS, "reference.npz", *drawn, "result.json"])
 
         with working(f"many arms like {model.name}", output.json) as progress:
-            asked = reference.motion(model, poses, robot.robot, joints.kept(), progress)
+            asked = reference.motion(own, progress)
             if isinstance(asked, ad.Solution):
                 no_motion(answer, asked)
                 return

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import typer
 
@@ -16,6 +16,7 @@ from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions, PlantOptions
+from armdyn.cli.typed.asked import ArmAsked, arm_asked
 from armdyn.cli.typed.panels import TASK
 from armdyn.errors import ProblemError
 
@@ -37,21 +38,11 @@ class ReferenceOptions:
     duration: Annotated[float, typer.Option(metavar="S", help="How long the arm is watched \\[s].")] = 2.0
     tolerance: Annotated[float, typer.Option(metavar="RAD", help="From the goal, to be settled \\[rad].")] = 0.005
 
-    def motion(
-        self,
-        arm: ad.Robot,
-        poses: PoseOptions,
-        name: str,
-        kept: Mapping[str, Any],
-        tell: Callable[[str], None],
-    ) -> ad.Trajectory | ad.Solution:
+    def motion(self, asked: ArmAsked, tell: Callable[[str], None]) -> ad.Trajectory | ad.Solution:
         """What is to be followed; a solution that is not usable says why there is none.
 
         Args:
-            arm: the controller's model.
-            poses: start and goal, where they are needed.
-            name: what the user called the robot.
-            kept: what the search keeps for feedback.
+            asked: the controller's model, start and goal.
             tell: told in words what is being done.
 
         Raises:
@@ -61,12 +52,9 @@ class ReferenceOptions:
             raise ProblemError("--reference and --ramp both say what to follow: give one of them")
         if self.reference is not None:
             return ad.Trajectory.load(self.reference)
-        start, goal = poses.start(arm, name, "minimum_time"), poses.goal(arm, name, "minimum_time")
         if self.ramp is not None:
-            return ad.ramp(arm, start, goal, self.ramp)
-        solution = ad.solve_minimum_time(
-            ad.MinimumTimeProblem(arm, q_start=start, q_goal=goal, **kept), ad.MinimumTimeOptions(), tell
-        )
+            return ad.ramp(asked.arm, *asked.ends(), self.ramp)
+        solution = ad.solve_minimum_time(*asked.fastest(), tell)
         return solution.trajectory if solution.usable else solution
 
 
@@ -89,16 +77,18 @@ def track(
 
     [dim]armdyn track rrr --payload 0.1006 --reserve 0.1 --plant-payload 0.12
     armdyn track rr --ramp 0.4 --controller pid --gains 30,50,1
+    armdyn track problem.toml --plant-payload 0.12
     armdyn track ur5 --reference results/mintime-ur5/trajectory.npz --controller computed-torque[/]
     """
     json = results.output.json
     with answering(json) as answer:
-        arm = joints.fit(robot.read(payload.carried()))
-        law, joined, real = controller.chosen(), loop.joined(), plant.real(robot, payload, joints)
+        model = arm_asked(robot, poses, payload, joints)
+        arm = model.arm
+        law, joined, real = controller.chosen(), loop.joined(), plant.real(model)
         folder = results.folder("track", robot.robot, ("trajectory", "reference"))
 
         with working(f"tracking with {arm.name}", json) as progress:
-            asked = reference.motion(arm, poses, robot.robot, joints.kept(), progress)
+            asked = reference.motion(model, progress)
             if isinstance(asked, ad.Solution):
                 no_motion(answer, asked)
                 return

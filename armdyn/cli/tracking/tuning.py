@@ -17,6 +17,7 @@ from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
 from armdyn.cli.tracking.controllers import CONTROLLERS, LoopOptions
 from armdyn.cli.tracking.many import ArmsOptions, range_of
+from armdyn.cli.typed.asked import arm_asked
 from armdyn.cli.typed.panels import SOLVER
 
 
@@ -99,11 +100,12 @@ def tune(
     3: some do not.
 
     [dim]armdyn tune rr --payload 0.1006 --friction-range 0,0.06 --damping-range 0,0.003
+    armdyn tune problem.toml --controller lqr
     armdyn tune rrr --payload 0.1006 --ramp-range 0.2,0.6 --controller computed-torque[/]
     """
     with answering(output.json) as answer:
-        model = joints.fit(robot.read(payload.carried()))
-        start, goal = (read(model, robot.robot, "minimum_time") for read in (poses.start, poses.goal))
+        asked = arm_asked(robot, poses, payload, joints)
+        model, (start, goal) = asked.arm, asked.ends()
         plants, options = arms.plants(model), search.options()
         folder = output.folder("tune", robot.robot, ["reference.npz", "result.json"])
         folder.mkdir(parents=True, exist_ok=True)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -53,16 +54,31 @@ class Posed:
         name: of the robot, as the file has it.
         problem: to be solved.
         options: of the solver, by name.
+        carrying: the robot with another mass of its payload [kg]; None: with its own.
+        loaded: the problem with another mass.
     """
 
     name: str
     problem: ad.MinimumTimeProblem
     options: Mapping[str, Any]
+    carrying: Callable[[float | None], ad.Robot]
+    loaded: Callable[[float], ad.MinimumTimeProblem]
 
 
 def is_problem_file(name: str) -> bool:
     """Whether what stands for a robot is a problem file."""
     return name.lower().endswith(".toml")
+
+
+def is_study_file(name: str) -> bool:
+    """Whether a TOML file is a study's, or nothing that one could tell, rather than a problem's.
+
+    Raises:
+        ArmdynError: it cannot be read.
+    """
+    from armdyn.toml import read_toml
+
+    return not {"robot", "problem"} & read_toml(name).values.keys()
 
 
 def problem_of(name: str) -> Posed:
@@ -76,18 +92,23 @@ def problem_of(name: str) -> Posed:
     from armdyn.toml import read_toml  # who types a problem out does not wait for it
 
     file = read_toml(name)
+    if "arms" in file.values:
+        raise file.error("arms", f"[arms] is of a study file, whose cases armdyn sweep {name} does")
     file.only(TABLES)
     robot, problem, options = (file.table(table) for table in TABLES)
     for table, known in zip((robot, problem, options), (ROBOT, PROBLEM, OPTIONS), strict=True):
         table.only(known)
     with robot.telling(_WORDS):
-        called = _robot_name(robot)
-        arm = _robot(robot, called)
-    with problem.telling(_WORDS):
-        posed = ad.MinimumTimeProblem(arm, **_asked(problem, arm))
+        carrying = partial(_robot, robot, _robot_name(robot))
+        arm = carrying(None)
+
+    def loaded(mass: float) -> ad.MinimumTimeProblem:
+        return _problem(problem, carrying(mass))
+
+    posed = _problem(problem, arm)
     with options.telling():
         ad.MinimumTimeOptions(**options.values)
-    return Posed(Path(name).stem, posed, options.values)
+    return Posed(Path(name).stem, posed, options.values, carrying, loaded)
 
 
 def refuse_beside_a_file(name: str, *groups: Any) -> None:
@@ -134,13 +155,15 @@ def _robot_name(table: Table) -> str:
     return str(file)
 
 
-def _robot(table: Table, name: str) -> ad.Robot:
-    """The robot, with what the table says of it."""
+def _robot(table: Table, name: str, mass: float | None) -> ad.Robot:
+    """The robot, with what the table says of it; but for the payload's mass [kg] if there is another."""
     from armdyn.models.robots.poses import position_of
 
     given = table.values
     payload = given.get("payload")
-    carried = None if payload is None else ad.Payload(**_named(table, "payload", ("mass", "com", "inertia", "frame")))
+    load = {} if payload is None else _named(table, "payload", ("mass", "com", "inertia", "frame"))
+    load = load if mass is None else {**load, "mass": mass} if mass else {}
+    carried = ad.Payload(**load) if load else None
     lock = {} if "lock" not in given else _named(table, "lock", None)
     ends = given.get("arm")
     if ends is not None and not (isinstance(ends, list) and len(ends) == 2 and all(isinstance(e, str) for e in ends)):
@@ -152,6 +175,11 @@ def _robot(table: Table, name: str) -> ad.Robot:
         given.get("damping"), given.get("friction"), given.get("friction_width")
     )
     return robot.with_passive(given.get("passive", ()))
+
+
+def _problem(table: Table, robot: ad.Robot) -> ad.MinimumTimeProblem:
+    with table.telling(_WORDS):
+        return ad.MinimumTimeProblem(robot, **_asked(table, robot))
 
 
 def _asked(table: Table, robot: ad.Robot) -> dict[str, Any]:

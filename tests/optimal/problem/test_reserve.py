@@ -11,7 +11,7 @@ from armdyn.optimal.answer.summary import minimum_time_summary, reserve_summary
 from armdyn.optimal.bound.lower_bound import lower_bound
 from armdyn.optimal.gap import time_optimality
 from armdyn.optimal.indirect.solve_indirect import IndirectOptions, solve_indirect
-from armdyn.studies.sweep import sweep
+from armdyn.studies.continuation import continuation
 from problems import POSES, paper_arm, paper_problem, solve
 
 SAME = 1e-7
@@ -162,9 +162,9 @@ def test_the_indirect_method_keeps_it_once():
     assert kept.duration == pytest.approx(lesser.duration, rel=SAME)
 
 
-def test_a_sweep_keeps_it():
+def test_continuation_keeps_it():
     problems = [paper_problem("r", mass, reserve=0.1) for mass in (0.0, 0.1006)]
-    for problem, solution in zip(problems, sweep(problems), strict=True):
+    for problem, solution in zip(problems, continuation(problems), strict=True):
         lesser = ad.MinimumTimeProblem(problem.robot, q_start=POSES["r"][0], q_goal=POSES["r"][1], effort_limit=2.7)
         assert solution.duration == pytest.approx(solve(lesser).duration, rel=SAME)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import queue
+import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
@@ -24,6 +25,11 @@ _PATIENCE = 10.0
 """For a scheduler to answer, and for a first worker to join it [s]."""
 _AHEAD = 2
 """Batches per thread that the cluster has at once: one under way, and one that begins as it ends."""
+_FETCHES = (3.0, 6.0, 12.0, 24.0, 48.0)
+"""For a batch's results to arrive, from time to time [s]. A worker that dies when its batch has ended takes them along:
+Dask asks it in vain for half a minute, but has the batch done again meanwhile."""
+_LOOK = 2.0
+"""How often one looks for new workers [s]."""
 _GONE = 180.0
 """A cluster that brings nothing back, and has no worker whenever one looks, is given up after so long [s]: one whose
 workers a case kills at once, time and again, looks like that for half a minute."""
@@ -64,8 +70,10 @@ class ClusterCrew:
         self._alone = False
         self._deaths: dict[int, int] = {}
         self._done: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._late: dict[str, int] = {}
         self._batch, self._given = BatchSize(), 0
-        self._size, self._empty = max(_threads(client), 1), 0.0
+        self._size = max(_threads(client), 1)
+        self._looked = self._alive = time.monotonic()
 
     @property
     def size(self) -> int:
@@ -97,37 +105,63 @@ class ClusterCrew:
             self._alone = bool(self._suspects)
             if self._alone:
                 self.give([self._suspects.popleft()])
+        for key in self._late:
+            if self._under_way[key][1].status in ("finished", "error", "cancelled"):
+                self._done.put(key)
         try:
             key = self._done.get(timeout=seconds)
         except queue.Empty:
-            self._look(seconds)
+            self._look()
             return []
-        self._empty = 0.0
+        self._alive = time.monotonic()
+        if self._alive - self._looked > _LOOK:
+            self._look()
         while True:
-            cases, future = self._under_way.pop(key)
-            found += self._read(cases, future)
-            future.release()
+            cases, future = self._under_way[key]
+            try:
+                found += self._read(cases, future, _FETCHES[self._late.get(key, 0)])
+                del self._under_way[key]
+                self._late.pop(key, None)
+                future.release()
+            except TimeoutError:  # it is looked for again, less often each time
+                self._late[key] = min(self._late.get(key, -1) + 1, len(_FETCHES) - 1)
             try:
                 key = self._done.get_nowait()
             except queue.Empty:
                 return found
 
-    def _look(self, seconds: float) -> None:
-        """Nothing has come back for so long [s]: see who is there."""
+    def _look(self) -> None:
+        """See who is there: workers come and go.
+
+        Raises:
+            ClusterError: nobody, for long, or the scheduler has gone.
+        """
         if self._client.status != "running":
-            raise ClusterError(f"the Dask scheduler at {_address(self._client)} has gone; the rows so far are kept")
-        threads = _threads(self._client)
-        self._empty = 0.0 if threads else self._empty + seconds
-        if self._empty > _GONE:
+            raise self._lost()
+        threads, self._looked = _threads(self._client), time.monotonic()
+        self._alive = self._looked if threads else self._alive
+        if self._looked - self._alive > _GONE:
             raise ClusterError(f"the cluster at {_address(self._client)} has no workers any more; the rows are kept")
         self._size = max(threads, 1)
 
-    def _read(self, cases: Sequence[Case], future: Future) -> list[Ended]:
-        """What came of a batch; its cases are kept as suspects where one of them may have killed."""
+    def _lost(self) -> ClusterError:
+        return ClusterError(f"the Dask scheduler at {_address(self._client)} has gone; the rows so far are kept")
+
+    def _read(self, cases: Sequence[Case], future: Future, patience: float) -> list[Ended]:
+        """What came of a batch; its cases are kept as suspects where one of them may have killed.
+
+        Raises:
+            ClusterError: the scheduler has gone.
+            TimeoutError: it has not arrived after so long [s], for its worker has died since, or the network is slow.
+        """
         from distributed import KilledWorker
 
         try:
-            done, worker = future.result(timeout=_PATIENCE)
+            done, worker = future.result(timeout=patience)
+        except TimeoutError:
+            if self._client.status == "running":
+                raise
+            raise self._lost() from None
         except KilledWorker as error:
             tried = not self._alone
             for case in cases:
@@ -139,9 +173,7 @@ class ClusterCrew:
             return [replace(died, k=case.k, deaths=self._deaths[case.k], begun_from=case.begun_from) for case in cases]
         except Exception as error:
             if future.cancelled() or self._client.status != "running":
-                raise ClusterError(
-                    f"the Dask scheduler at {_address(self._client)} has gone; the rows so far are kept"
-                ) from None
+                raise self._lost() from None
             if len(cases) > 1:
                 self._suspects.extend(cases)
                 return []

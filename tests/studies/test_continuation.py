@@ -8,15 +8,17 @@ import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.optimal import Status
 from armdyn.optimal.refine.smooth import trajectory_cost
-from armdyn.studies import sweep as module
-from armdyn.studies.sweep import sweep
+from armdyn.studies import continuation as module
+from armdyn.studies.continuation import continuation
 from problems import paper_problem
 
 
 @pytest.mark.slow
 def test_same_optima_as_each_for_itself():
     masses, order = (0.0518, 0.1006, 0.2), []
-    solutions = sweep([paper_problem("rr", mass) for mass in masses], done=lambda k, s: order.append((k, s.duration)))
+    solutions = continuation(
+        [paper_problem("rr", mass) for mass in masses], done=lambda k, s: order.append((k, s.duration))
+    )
     alone = [ad.solve_minimum_time(paper_problem("rr", mass)) for mass in masses]
     assert all(solution.certificate.ok for solution in solutions)
     # Both are certified to 1e-9 relative; two searches may stop at different multiples of rounding below that.
@@ -29,7 +31,7 @@ def test_time_and_energy_as_each_for_itself():
     problems = [paper_problem("rr", mass, effort_weight=1.0, effort_limit=30.0) for mass in (0.1006, 0.1219)]
     # The reference's J: collocation of another kind, on finer and finer meshes.
     known = (0.5577320121886695, 0.5781908970767553)
-    for solution, best in zip(sweep(problems), known, strict=True):
+    for solution, best in zip(continuation(problems), known, strict=True):
         assert solution.certified
         assert trajectory_cost(solution.trajectory, 1.0) == pytest.approx(best, rel=1e-7)
 
@@ -39,7 +41,7 @@ def test_a_neighbour_leads_where_a_search_of_its_own_does_not():
     """RRR with 121.9 g: six guesses miss the optimum that the neighbour of 100.6 g leads to by half a percent."""
     few = ad.MinimumTimeOptions(starts=6)
     problems = [paper_problem("rrr", mass) for mass in (0.1006, 0.1219)]
-    solutions = sweep(problems, few)
+    solutions = continuation(problems, few)
     assert all(solution.success for solution in solutions)
     assert solutions[1].duration < 0.995 * ad.solve_minimum_time(problems[1], few).duration
     # The slope that the first one's multipliers give is that of the branch: the rest is curvature.
@@ -53,7 +55,7 @@ def test_a_larger_arm_with_more_and_more_payload():
     start, goal = [0, -1, 1, -1, -1.5, 0], [-1.5, -1.8, 1.6, -0.4, 0.3, 1.0]
     arms = [ad.Robot.from_library("ur5", payload=ad.Payload(mass=mass)) for mass in (1.0, 5.0)]
     problems = [ad.MinimumTimeProblem(arm, q_start=start, q_goal=goal) for arm in arms]
-    first, second = sweep(problems)
+    first, second = continuation(problems)
     assert first.success and second.success
     # The straight way is among the guesses of the second, too.
     assert second.duration <= ad.solve_minimum_time(problems[1]).duration * (1 + 1e-9)
@@ -72,7 +74,7 @@ def test_the_way_back_takes_what_a_later_search_found(monkeypatch):
         return replace(solution, duration=2 * solution.duration, arcs=()) if len(calls) == 1 else solution
 
     monkeypatch.setattr(module, "solve_minimum_time", astray)
-    solutions = sweep([paper_problem("r", 0.1), paper_problem("r", 0.11)])
+    solutions = continuation([paper_problem("r", 0.1), paper_problem("r", 0.11)])
     assert calls == [0, 1, 1]
     monkeypatch.undo()
     assert solutions[0].duration == pytest.approx(ad.solve_minimum_time(paper_problem("r", 0.1)).duration, rel=1e-9)
@@ -87,15 +89,15 @@ def test_interruption_leaves_what_there_is(monkeypatch):
         return replace(solution, status=Status.INTERRUPTED, success=False) if len(calls) == 2 else solution
 
     monkeypatch.setattr(module, "solve_minimum_time", interrupted)
-    solutions = sweep([paper_problem("r", mass) for mass in (0.1, 0.11, 0.12)])
+    solutions = continuation([paper_problem("r", mass) for mass in (0.1, 0.11, 0.12)])
     assert len(solutions) == len(calls) == 2
     assert solutions[0].success and solutions[1].status is Status.INTERRUPTED
 
 
 def test_nothing_and_nonsense():
-    assert sweep([]) == ()
+    assert continuation([]) == ()
     with pytest.raises(ProblemError, match=r"problems\[1\] moves joint1, joint2; the first moves joint1"):
-        sweep([paper_problem("r", 0.1), paper_problem("rr", 0.1)])
+        continuation([paper_problem("r", 0.1), paper_problem("rr", 0.1)])
     guess = ad.solve_minimum_time(paper_problem("r", 0.1)).trajectory
     with pytest.raises(ProblemError, match=r"guesses\[0\] moves 1 joints, rr has 2"):
         ad.solve_minimum_time(paper_problem("rr", 0.1), ad.MinimumTimeOptions(guesses=(guess,)))

@@ -10,7 +10,8 @@ from armdyn.errors import ClusterError, ProblemError
 from armdyn.studies.sweeps.crews import cluster as module
 from armdyn.studies.sweeps.crews.cluster import cluster_crew
 from armdyn.studies.sweeps.database import reading
-from toys import squares
+from armdyn.studies.sweeps.study import Axis, Study
+from toys import Square, squares
 
 STUDY = """
 [arms.r]
@@ -63,6 +64,30 @@ def test_a_case_that_kills_every_worker_has_a_row_that_says_so(cluster, tmp_path
     assert found[2].status == "error" and found[2].message == "ZeroDivisionError: one over nothing"
     # None of the others is taken for one that kills, though Dask counts a death against all that a worker was given.
     assert all(row.status == "squared" for k, row in found.items() if k not in (1, 2)) and len(found) == 12
+
+
+@pytest.mark.slow
+def test_of_a_batch_only_the_case_that_kills_has_a_row_that_says_so(cluster, tmp_path):
+    study = squares(400, seconds=0.005, deadly=(250,))
+    run = ad.run_study(study, tmp_path / "s.sqlite", cluster_crew(cluster.scheduler_address))
+    assert run.counts == {"squared": 399, "worker_died": 1}
+    with reading(run.file) as rows:
+        found = list(rows.rows())
+    assert [row.k for row in found] == list(range(400)) and found[250].attempts == 8
+    # Others of its batch were under way with it: their rows tell of more than one attempt.
+    assert 1 < sum(row.attempts > 1 for row in found) < 400
+
+
+@pytest.mark.slow
+def test_a_neighbour_of_the_same_batch_is_a_guess(cluster, tmp_path):
+    axis = Axis(name="x", low=0.0, high=299.0, count=300)
+    study = Study(task=Square(uses_neighbours=True, seconds=0.002), axes=(axis,))
+    run = ad.run_study(study, tmp_path / "s.sqlite", cluster_crew(cluster.scheduler_address))
+    with reading(run.file) as rows:
+        found = list(rows.rows())
+    assert len(found) == 300 and all(row.facts["begun"] == row.begun_from for row in found)
+    # Batches begin with what is ready, 12 cases off at most, or with nothing; within a batch it is the case before.
+    assert sum(row.begun_from == row.k - 1 for row in found) > 200
 
 
 @pytest.mark.slow

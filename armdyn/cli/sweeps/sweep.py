@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, ClassVar
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 import armdyn as ad
-from armdyn import models
 from armdyn.cli.console import (
     DONE,
     INTERRUPTED,
@@ -21,17 +17,17 @@ from armdyn.cli.console import (
     working,
 )
 from armdyn.cli.motion.requirements import Require, missing_of, requirements_of
-from armdyn.cli.motion.study import StudyOptions, SweepResults, run_file
 from armdyn.cli.motion.words import options_of
 from armdyn.cli.options.joints import FastJointOptions, reserve_words
 from armdyn.cli.options.poses import PoseOptions
-from armdyn.cli.options.robot import PayloadPlace, RobotOptions, known_names
-from armdyn.cli.typed.panels import SOLVER
+from armdyn.cli.sweeps.options import PayloadsOptions, SweepOptions, SweptOptions
+from armdyn.cli.sweeps.study import StudyOptions, SweepResults, run_file
+from armdyn.cli.typed.positions import degrees_are_on
+from armdyn.cli.typed.problem_file import is_problem_file, is_study_file, problem_of, refuse_beside_a_file
 from armdyn.errors import ProblemError
-from armdyn.typed import numbers
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from rich.table import Table
@@ -39,78 +35,6 @@ if TYPE_CHECKING:
     from armdyn.cli.motion.requirements import Requirement
 
 _CODES = {"done": DONE, "not_landed": NOT_USABLE, "interrupted": INTERRUPTED}
-
-
-@dataclass(frozen=True, kw_only=True)
-class PayloadsOptions:
-    """What the robot carries, one after the other, and where.
-
-    Attributes:
-        payload: the masses [kg] as text; None: the paper's.
-        place: where each is.
-    """
-
-    panel: ClassVar[str] = PayloadPlace.panel
-
-    payload: Annotated[
-        str | None,
-        typer.Option(metavar="KG,KG,…", help="Point masses that the arm carries \\[kg]. r, rr, rrr: the paper's ten."),
-    ] = None
-    place: PayloadPlace = field(default_factory=PayloadPlace)
-
-    def masses(self, robot: str) -> list[float]:
-        """The masses [kg] that a robot is to carry, each once, increasing.
-
-        Raises:
-            ProblemError: none is given for a robot that is not the paper's.
-        """
-        if self.payload is not None:
-            return sorted(set(numbers(self.payload, "--payload")))
-        if robot not in models.PAPER_ARMS:
-            raise ProblemError(f"give --payload with the masses [kg] that {robot} is to carry, such as 0,0.5,1")
-        return sorted(models.PAPER_PAYLOADS)
-
-
-@dataclass(frozen=True, kw_only=True)
-class SweepOptions:
-    """How much is searched for each payload; see `MinimumTimeOptions`."""
-
-    panel: ClassVar[str] = SOLVER
-
-    starts: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="Guesses of every search; by default the first has mintime's, the others few."),
-    ] = None
-    time_limit: Annotated[float, typer.Option(metavar="S", help="For each payload \\[s].")] = 300.0
-
-    def solve(
-        self,
-        problems: list[ad.MinimumTimeProblem],
-        progress: Callable[[str], None],
-        done: Callable[[int, ad.Solution], None],
-    ) -> tuple[ad.Solution, ...]:
-        """Solve one problem after the other; fewer solutions than problems after Ctrl-C."""
-        from armdyn.studies.sweep import sweep as solve_all
-
-        return solve_all(
-            problems, ad.MinimumTimeOptions(starts=self.starts, time_limit=self.time_limit), progress, done
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class SweptOptions(RobotOptions):
-    """A robot, or a file that says of many cases what is done in each."""
-
-    robot: Annotated[
-        str,
-        typer.Argument(
-            metavar="ROBOT|STUDY.toml",
-            help="A robot as mintime takes it, or a study file, which says all of the motion itself "
-            "(docs/sweeps.md): payloads, limits, gains, poses, reserve, arms.",
-            show_default=False,
-            autocompletion=known_names,
-        ),
-    ]
 
 
 def sweep(
@@ -123,24 +47,34 @@ def sweep(
     results: SweepResults,
     require: Require = None,
 ) -> None:
-    """Minimum time over payload: how much each gram costs, and which limit counts. Or a study file's many cases.
+    r"""Minimum time over payload, of a robot; or a study file's many cases over limits, gains, poses, reserve, arms.
 
-    Each optimum is where the search for the next payload's begins; what a heavier payload's search finds is
-    tried on the lighter one, too. A payload that is solved is on disk at once. Exit code 0: all motions are
-    usable; 3: some are not; 4: all are, but some are not what --require asks for.
+    Of a ROBOT: how much each gram costs, and which limit counts. Each optimum is where the search for the next
+    payload's begins; what a heavier payload's search finds is tried on the lighter one, too. A payload that is solved
+    is on disk at once. Exit code 0: all motions are usable; 3: some are not; 4: all are, but some are not what
+    --require asks for.
 
-    A study file's cases are done side by side, on this machine or on a Dask cluster. Each row is on disk as soon as
-    it has ended; the same command goes on where it was stopped or killed. Exit code 3: some cases were refused, are
-    not usable, or ended in an error; their rows say why.
+    A STUDY.toml says all of its motions itself: options of task, robot, limits and solver are for a ROBOT. Its cases
+    are done side by side, on this machine or on a Dask cluster. Each row is on disk as soon as it has ended. Ctrl-C
+    leaves the tables and figures of the rows that there are; the same command goes on where it was stopped or killed.
+    Exit code 3: some cases were refused, are not usable, or ended in an error; their rows say why.
 
     [dim]armdyn sweep rr
-    armdyn sweep study.toml --parquet
+    armdyn sweep panda --payload 0,1,2,3 --q-start ready --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5
+    armdyn sweep problem.toml --payload 0,0.5,1
+    armdyn sweep study.toml --workers 8 --parquet
     armdyn sweep study.toml --scheduler node1:8786
-    armdyn sweep panda --payload 0,1,2,3 --q-start ready --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5[/]
+      [dim]A study.toml of 30 cases; docs/sweeps.md says what else may vary:[/dim]
+      \[arms.rr]
+      q_start = \["-90deg", 0]
+      q_goal = \["9deg", 0]
+      \[vary]
+      payload = { from = 0.05, to = 0.25, count = 10 }   # kg
+      reserve = \[0.0, 0.1, 0.2]                          # part of the torque limits[/]
     """
     output, no_figure = results.output, results.no_figure
     with answering(output.json) as answer:
-        if robot.robot.endswith(".toml"):
+        if is_problem_file(robot.robot) and is_study_file(robot.robot):
             _refuse_others(poses, payloads, robot, joints, search, require)
             run_file(robot.robot, study, results, answer)
             return
@@ -151,9 +85,8 @@ def sweep(
         from armdyn.show.sweeps.payloads import motion_name, sweep_row, table_names, write_motion, write_sweep
 
         masses = payloads.masses(robot.robot)
-        arms = [joints.fit(robot.read(payloads.place.carried(mass))) for mass in masses]
-        start, goal = (read(arms[0], robot.robot, "minimum_time") for read in (poses.start, poses.goal))
-        problems = [ad.MinimumTimeProblem(arm, q_start=start, q_goal=goal, **joints.kept()) for arm in arms]
+        problems, options = _problems(masses, poses, payloads, robot, joints)
+        arms = [problem.robot for problem in problems]
         folder = output.folder("sweep", robot.robot, [*map(motion_name, masses), *table_names(figure=not no_figure)])
         folder.mkdir(parents=True, exist_ok=True)
         motions: dict[int, Path] = {}
@@ -163,7 +96,7 @@ def sweep(
                 motions[k] = write_motion(folder, masses[k], solution)
 
         with working(f"minimum times of {arms[0].name}", output.json) as progress:
-            solutions = search.solve(problems, progress, keep)
+            solutions = search.solve(problems, options, progress, keep)
             rows = [sweep_row(*pair) for pair in zip(masses, solutions, strict=False)]  # fewer after Ctrl-C
             title = f"{arms[0].name}: minimum time over payload"
             progress("writing the table" if no_figure else "writing the table and the figure")
@@ -191,6 +124,27 @@ def sweep(
             _complain(status, missing)
 
 
+def _problems(
+    masses: Sequence[float],
+    poses: PoseOptions,
+    payloads: PayloadsOptions,
+    robot: SweptOptions,
+    joints: FastJointOptions,
+) -> tuple[list[ad.MinimumTimeProblem], Mapping[str, Any]]:
+    """A problem for each mass [kg], and the solver's options that a problem file has.
+
+    Raises:
+        ArmdynError: there is no such problem; or the command line says again what a file says.
+    """
+    if is_problem_file(robot.robot):
+        refuse_beside_a_file(robot.robot, poses, payloads.place, robot.part, joints)
+        posed = problem_of(robot.robot)
+        return [posed.loaded(mass) for mass in masses], posed.options
+    arms = [joints.fit(robot.read(payloads.place.carried(mass))) for mass in masses]
+    start, goal = (read(arms[0], robot.robot, "minimum_time") for read in (poses.start, poses.goal))
+    return [ad.MinimumTimeProblem(arm, q_start=start, q_goal=goal, **joints.kept()) for arm in arms], {}
+
+
 def _refuse_others(
     poses: PoseOptions,
     payloads: PayloadsOptions,
@@ -204,6 +158,8 @@ def _refuse_others(
     Raises:
         ProblemError: it was given.
     """
+    if degrees_are_on():
+        raise ProblemError("--degrees: a study file says units itself: 1.57, or '90deg'")
     given = (
         (poses, "--q-start and --q-goal"),
         (payloads, "--payload and its place"),

@@ -1,4 +1,4 @@
-"""One motion of many similar robots: each optimum is where the search for its neighbour's begins."""
+"""Similar problems in a row: each optimum is where the search for its neighbour's begins, there and back."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -11,7 +11,7 @@ from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.policy.search import SamePolicy
 
 
-def sweep(
+def continuation(
     problems: Sequence[MinimumTimeProblem],
     options: MinimumTimeOptions | None = None,
     progress: Callable[[str], None] | None = None,

@@ -1,0 +1,1 @@
+"""The sweep command: a robot with many payloads, or a study file's cases."""

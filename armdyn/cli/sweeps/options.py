@@ -1,0 +1,97 @@
+"""Options of a robot's sweep over payload."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+import typer
+
+import armdyn as ad
+from armdyn import models
+from armdyn.cli.options.robot import PayloadPlace, RobotOptions, known_names
+from armdyn.cli.typed.panels import SOLVER
+from armdyn.errors import ProblemError
+from armdyn.typed import numbers
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+
+@dataclass(frozen=True, kw_only=True)
+class PayloadsOptions:
+    """What the robot carries, one after the other, and where.
+
+    Attributes:
+        payload: the masses [kg] as text; None: the paper's.
+        place: where each is.
+    """
+
+    panel: ClassVar[str] = PayloadPlace.panel
+
+    payload: Annotated[
+        str | None,
+        typer.Option(metavar="KG,KG,…", help="Point masses that the arm carries \\[kg]. r, rr, rrr: the paper's ten."),
+    ] = None
+    place: PayloadPlace = field(default_factory=PayloadPlace)
+
+    def masses(self, robot: str) -> list[float]:
+        """The masses [kg] that a robot is to carry, each once, increasing.
+
+        Raises:
+            ProblemError: none is given for a robot that is not the paper's.
+        """
+        if self.payload is not None:
+            return sorted(set(numbers(self.payload, "--payload")))
+        if robot not in models.PAPER_ARMS:
+            raise ProblemError(f"give --payload with the masses [kg] that {robot} is to carry, such as 0,0.5,1")
+        return sorted(models.PAPER_PAYLOADS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepOptions:
+    """How much is searched for each payload; see `MinimumTimeOptions`."""
+
+    panel: ClassVar[str] = SOLVER
+
+    starts: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Guesses of every search; by default the first has mintime's, the others few."),
+    ] = None
+    time_limit: Annotated[float, typer.Option(metavar="S", help="For each payload \\[s].")] = 300.0
+
+    def solve(
+        self,
+        problems: Sequence[ad.MinimumTimeProblem],
+        options: Mapping[str, Any],
+        progress: Callable[[str], None],
+        done: Callable[[int, ad.Solution], None],
+    ) -> tuple[ad.Solution, ...]:
+        """Solve one problem after the other; fewer solutions than problems after Ctrl-C.
+
+        Args:
+            problems: in the order of their masses.
+            options: of a problem file, by name; those of the command line go before.
+            progress: told in words what is being tried.
+            done: told of each solution.
+        """
+        from armdyn.studies.continuation import continuation
+
+        given = {name: value for name, value in vars(self).items() if value != getattr(type(self)(), name)}
+        usual = {"time_limit": self.time_limit}
+        return continuation(problems, ad.MinimumTimeOptions(**{**usual, **options, **given}), progress, done)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweptOptions(RobotOptions):
+    """A robot, or a file that says of many cases what is done in each."""
+
+    robot: Annotated[
+        str,
+        typer.Argument(
+            metavar="ROBOT|STUDY.toml",
+            help="A robot or a problem file, as mintime takes them, or a study file (docs/sweeps.md).",
+            show_default=False,
+            autocompletion=known_names,
+        ),
+    ]
