@@ -24,7 +24,7 @@ COMMANDS = {
     "post": "mintime panda --q-start=-0.8,0.3,0,-1.9,0,2.2,0.785 --q-goal 0.8,0.3,0,-1.9,0,2.2,0.785"
     " --obstacle box:0.12,0.12,0.6@0.55,0,0.3 --out results/post",
     "track-rr": "track rr --payload 0.1006 --reserve 0.1 --plant-payload 0.12",
-    "pid-rr": "pid rr --payload 0.1006",
+    "pid-rr": "pid rr --payload 0.1006 --q-start=-pi/2,pi/84 --q-goal=pi/20,-pi/84 --form torque --gains 60,100,4",
     "compare-rr": "compare results/mintime-rr results/track-rr results/pid-rr --until 0.5",
     "monte-carlo-rr": "monte-carlo rr --payload 0.1006 --reserve 0.1",
     "sweep-rr": "sweep rr",
