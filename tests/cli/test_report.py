@@ -244,7 +244,8 @@ def test_a_model_that_makes_no_sense_is_left_out_or_told(facts, tracked, tmp_pat
 def test_bad_input(tracked, tmp_path):
     assert "two results" in answer(run_here("compare", tracked, "--json"), 2)["message"]
     assert "no such file" in report(tmp_path, code=2)["message"]
-    assert "no such file" in report(tmp_path / "none.npz", code=2)["message"]
+    for name in ("none.npz", "none.csv", "none.json"):
+        assert "no such file" in report(tmp_path / name, code=2)["message"]
     for text in ("0", "-1", "soon"):
         assert "--until" in report(tracked, "--until", text, code=2)["message"]
     ad.ramp(ad.Robot.from_spec(ad.ArmSpec.paper("r")), [0.0], [1.0], 0.5).save(tmp_path / "one.npz")

@@ -11,7 +11,7 @@ import numpy as np
 from armdyn.cli.reports.given import checked, is_given, motion_of
 from armdyn.cli.reports.saved import Saved, read_saved
 from armdyn.cli.reports.subject import Wanted, subject_named, subject_of
-from armdyn.errors import ArmdynWarning, ProblemError, TrajectoryError
+from armdyn.errors import ArmdynWarning, FileError, ProblemError, TrajectoryError
 from armdyn.show.page.course import Move
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.report import Subject
@@ -36,6 +36,8 @@ def read_moves(paths: Sequence[Path], wanted: Wanted) -> tuple[Subject, list[Mov
     Warns:
         ArmdynWarning: a motion is of another arm or payload, or between other poses than the first.
     """
+    if missing := [path for path in paths if not path.exists()]:
+        raise FileError(missing[0], "no such file")
     own = {path: read_saved(path) for path in paths if not is_given(path)}
     subject = _subject(paths, list(own.values()), wanted)
     results = [own[path] if path in own else _given(path, subject) for path in paths]
