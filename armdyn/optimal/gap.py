@@ -40,6 +40,55 @@ _JUMP = 1e-9
 
 @brief
 @dataclass(frozen=True, eq=False)
+class MotionCheck:
+    """Whether an arm can do a motion.
+
+    Attributes:
+        feasible: the motion keeps the torque, velocity and position limits, to `FEASIBLE_TOLERANCE`.
+        worst_violation: of a limit, relative to it (positions: to the range); None if none is exceeded.
+        replay_error: how far from its own end the motion's torques lead when they are replayed [rad or m];
+            infinite if the replay diverges. Large: torques and positions do not belong together, or
+            the samples are too far apart to say.
+    """
+
+    feasible: bool
+    worst_violation: Violation | None
+    replay_error: float
+
+    def facts(self) -> dict[str, object]:
+        """As JSON says it; of a replay that diverges null."""
+        return {
+            "feasible": self.feasible,
+            "worst_violation": None if self.worst_violation is None else str(self.worst_violation),
+            "replay_error": self.replay_error if np.isfinite(self.replay_error) else None,
+        }
+
+
+def check_motion(robot: Robot, trajectory: Trajectory, limits: JointLimits | None = None) -> MotionCheck:
+    """Whether an arm can do a motion, without a search for a faster one.
+
+    Args:
+        robot: the arm.
+        trajectory: a motion of it, with torques.
+        limits: that hold; None: the robot's.
+
+    Raises:
+        TrajectoryError: the trajectory is one of another robot.
+    """
+    _check_joints(robot, trajectory)
+    limits = robot.limits if limits is None else limits
+    violation = worst_violation(limits, trajectory, robot.joint_names, dense=2)
+    replay = replay_torques(robot, trajectory)
+    arrived = replay.t[-1] == trajectory.t[-1]
+    return MotionCheck(
+        feasible=violation is None or violation.value <= FEASIBLE_TOLERANCE,
+        worst_violation=violation,
+        replay_error=float(np.max(np.abs(replay.q[-1] - trajectory.q[-1]))) if arrived else float("inf"),
+    )
+
+
+@brief
+@dataclass(frozen=True, eq=False)
 class TimeOptimality:
     """A motion beside the fastest one between the same two states.
 
@@ -130,16 +179,14 @@ def time_optimality(
         robot, q_start=trajectory.q[0], q_goal=trajectory.q[-1], v_start=trajectory.v[0], v_goal=trajectory.v[-1],
         reserve=reserve, velocity_reserve=velocity_reserve,
     )  # fmt: skip
-    violation = worst_violation(problem.limits, trajectory, robot.joint_names, dense=2)
-    replay = replay_torques(robot, trajectory)
-    arrived = replay.t[-1] == trajectory.t[-1]
+    check = check_motion(robot, trajectory, problem.limits)
     idle, intervals = _idleness(problem.limits, trajectory)
     return TimeOptimality(
         trajectory=trajectory,
         solution=solve_minimum_time(problem, options),
-        feasible=violation is None or violation.value <= FEASIBLE_TOLERANCE,
-        worst_violation=violation,
-        replay_error=float(np.max(np.abs(replay.q[-1] - trajectory.q[-1]))) if arrived else float("inf"),
+        feasible=check.feasible,
+        worst_violation=check.worst_violation,
+        replay_error=check.replay_error,
         idle=idle,
         idle_intervals=intervals,
     )

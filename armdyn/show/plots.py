@@ -2,14 +2,12 @@
 
 import os
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from matplotlib import rc_context
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
@@ -17,45 +15,17 @@ from numpy.typing import NDArray
 from armdyn.errors import TrajectoryError
 from armdyn.files import write_whole
 from armdyn.models import JointLimits
+from armdyn.show.figures.limits import Panel, draw_limits, scales
+from armdyn.show.figures.look import INK, LOOK, Style, color, literal, styles
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-COLORS = ("#2970b8", "#ed8a24", "#33a05c", "#cc2936", "#7b52ab", "#12a4b4", "#8a5a3b", "#d65fa5")
-"""One per joint; the first three are the links' colours in the replay."""
-
-Style = Literal["-", "-."] | tuple[float, tuple[float, ...]]
-STYLES: tuple[Style, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)), "-.")
-"""One per trajectory."""
-INK = "#30363d"
-"""Of text and axes."""
-_GRID = "#d9dee4"
-SOFT = "#5f6b78"
-"""Of what is said beside."""
 _DENSE = 1200
 _MOST_TICKS = 40
 _Place = Literal["outside upper center", "outside lower center"]
 UNRESOLVED = " (switching times not resolved)"
 """What a legend says of a motion on a mesh or a curve."""
-LOOK: Any = {
-    "font.size": 9.5,
-    "axes.edgecolor": INK,
-    "axes.labelcolor": INK,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.8,
-    "axes.grid": True,
-    "grid.color": _GRID,
-    "grid.linewidth": 0.6,
-    "text.color": INK,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "xtick.direction": "out",
-    "legend.frameon": False,
-    "legend.fontsize": 9,
-    "pdf.fonttype": 42,
-    "svg.hashsalt": "armdyn",
-}
 _UNDATED: dict[str, dict[str, str | None]] = {
     "png": {"Software": "armdyn"},
     "pdf": {"Creator": "armdyn", "Producer": "armdyn", "CreationDate": None},
@@ -69,6 +39,7 @@ def plot_trajectories(
     limits: JointLimits | None = None,
     title: str | None = None,
     unresolved: Collection[int] = (),
+    captions: Sequence[str] | None = None,
 ) -> Figure:
     """Position, velocity and torque of every joint in stacked panels.
 
@@ -82,12 +53,13 @@ def plot_trajectories(
         title: above the panels.
         unresolved: places in `trajectories` of those whose switching times are a mesh's or a curve's, as a `Solution`'s
             are whose `phases` are None: they have no ticks, and it is said.
+        captions: what the legend says of each; None: its name and its duration.
 
     Returns:
         A figure of its own: pyplot knows nothing of it. Its axes are position, velocity and one or more of torque.
 
     Raises:
-        TrajectoryError: there is none, their joints differ in number, or `unresolved` is no place of one.
+        TrajectoryError: there is none, their joints or captions differ in number, or `unresolved` is no place of one.
     """
     if not trajectories:
         raise TrajectoryError("nothing to plot: no trajectory given")
@@ -99,9 +71,12 @@ def plot_trajectories(
         raise TrajectoryError(
             f"unresolved has {min(wrong)}; expected places of {len(trajectories)} trajectories, from 0"
         )
+    if captions is not None and len(captions) != len(trajectories):
+        raise TrajectoryError(f"{len(captions)} captions for {len(trajectories)} trajectories")
     with rc_context(LOOK):
         figure = plot_panels(trajectories, limits, unresolved)
-        runs = [f"{one.name or f'trajectory {k + 1}'}, {one.duration:.4g} s" for k, one in enumerate(trajectories)]
+        named = [f"{one.name or f'trajectory {k + 1}'}, {one.duration:.4g} s" for k, one in enumerate(trajectories)]
+        runs = named if captions is None else list(captions)
         runs = [run + (UNRESOLVED if k in unresolved else "") for k, run in enumerate(runs)]
         put_head(figure, title, run_handles(runs) if len(runs) > 1 or unresolved else ())
     return figure
@@ -112,14 +87,14 @@ def plot_panels(
 ) -> Figure:
     """What `plot_trajectories` draws, without what is above the panels."""
     joints = trajectories[0].v.shape[1]
-    groups = _scales(limits, joints)
+    groups = scales(limits, joints)
     with rc_context(LOOK):
         figure = Figure(figsize=(7.0, 7.6 + 1.7 * (len(groups) - 1)), layout="constrained")
         axes = list(figure.subplots(2 + len(groups), 1, sharex=True))
         every = tuple(range(joints))
-        panels = [_Panel(axes[0], "position", "rad", every), _Panel(axes[1], "velocity", "rad/s", every)]
-        panels += [_Panel(ax, "torque", "N m", group) for ax, group in zip(axes[2:], groups, strict=True)]
-        for k, (trajectory, style) in enumerate(zip(trajectories, _styles(len(trajectories)), strict=True)):
+        panels = [Panel(axes[0], "position", "rad", every), Panel(axes[1], "velocity", "rad/s", every)]
+        panels += [Panel(ax, "torque", "N m", group) for ax, group in zip(axes[2:], groups, strict=True)]
+        for k, (trajectory, style) in enumerate(zip(trajectories, styles(len(trajectories)), strict=True)):
             _draw(panels, trajectory, style)
             if k not in unresolved:
                 _draw_switches(panels, trajectory)
@@ -131,7 +106,7 @@ def plot_panels(
         start = min(float(trajectory.t[0]) for trajectory in trajectories)
         end = max(float(trajectory.t[-1]) for trajectory in trajectories)
         axes[0].set_xlim(start, end + 0.01 * (end - start))
-        limited = [limits is not None and _draw_limits(panel, limits) for panel in panels]
+        limited = [limits is not None and draw_limits(panel, limits) for panel in panels]
         figure.align_ylabels(axes)
         _add_legend(figure, trajectories, any(limited), unresolved)
     return figure
@@ -149,7 +124,7 @@ def put_head(figure: Figure, title: str | None, handles: Sequence[Line2D] = ()) 
 
 def run_handles(captions: Sequence[str]) -> list[Line2D]:
     """What a legend says of each trajectory."""
-    drawn = zip(captions, _styles(len(captions)), strict=True)
+    drawn = zip(captions, styles(len(captions)), strict=True)
     return [Line2D([], [], color=INK, linestyle=style, linewidth=1.4, label=literal(text)) for text, style in drawn]
 
 
@@ -194,40 +169,7 @@ def _rendered(figure: Figure, kind: str) -> bytes:
     return buffer.getvalue()
 
 
-def _color(joint: int) -> str:
-    return COLORS[joint % len(COLORS)]
-
-
-def _styles(n: int) -> list[Style]:
-    return [STYLES[i % len(STYLES)] for i in range(n)]
-
-
-@dataclass(frozen=True)
-class _Panel:
-    """Axes, what they show in which unit, and the joints drawn there."""
-
-    axes: Axes
-    quantity: str
-    unit: str
-    joints: tuple[int, ...]
-
-
-def _scales(limits: JointLimits | None, joints: int) -> list[tuple[int, ...]]:
-    """Joints of like torque limits, strongest first: a tenth of another's scale is a flat line."""
-    every = tuple(range(joints))
-    if limits is None:
-        return [every]
-    strength = np.maximum(np.abs(limits.effort_lower), np.abs(limits.effort_upper))
-    groups: list[list[int]] = []
-    for joint in sorted(every, key=lambda i: -strength[i]):
-        if groups and (not strength[joint] < strength[groups[-1][0]] / 3 or not np.isfinite(strength[groups[-1][0]])):
-            groups[-1].append(joint)
-        else:
-            groups.append([joint])
-    return [tuple(sorted(group)) for group in groups]
-
-
-def _draw(panels: Sequence[_Panel], trajectory: Trajectory, style: Style) -> None:
+def _draw(panels: Sequence[Panel], trajectory: Trajectory, style: Style) -> None:
     # Position and velocity are curved between samples; the torque is linear, its samples say it all.
     t = np.union1d(trajectory.t, np.linspace(trajectory.t[0], trajectory.t[-1], _DENSE))
     dense = trajectory(t)
@@ -235,11 +177,11 @@ def _draw(panels: Sequence[_Panel], trajectory: Trajectory, style: Style) -> Non
     for panel in panels:
         time, values = curves[panel.quantity]
         for joint in panel.joints:
-            panel.axes.plot(time, values[:, joint], color=_color(joint), linestyle=style, linewidth=1.7, zorder=3)
+            panel.axes.plot(time, values[:, joint], color=color(joint), linestyle=style, linewidth=1.7, zorder=3)
         panel.axes.axvline(trajectory.t[-1], color=INK, linestyle=style, linewidth=0.6, alpha=0.35, zorder=1)
 
 
-def _draw_switches(panels: Sequence[_Panel], trajectory: Trajectory) -> None:
+def _draw_switches(panels: Sequence[Panel], trajectory: Trajectory) -> None:
     """Ticks on the time axes, of the joint's colour."""
     times = switches(trajectory)
     for panel in panels:
@@ -248,59 +190,15 @@ def _draw_switches(panels: Sequence[_Panel], trajectory: Trajectory) -> None:
             # Beyond that a torque chatters, and ticks would be a band.
             for t in times[joint] if len(times[joint]) <= _MOST_TICKS else ():
                 panel.axes.plot(
-                    [t, t], [0.0, 0.09], transform=across, color=_color(joint), linewidth=2.2, solid_capstyle="butt",
+                    [t, t], [0.0, 0.09], transform=across, color=color(joint), linewidth=2.2, solid_capstyle="butt",
                     zorder=4, label="_switch",
                 )  # fmt: skip
-
-
-def _draw_limits(panel: _Panel, limits: JointLimits) -> bool:
-    """Draw the limits near the curves, and say above the panel which are not there; whether there was one to draw."""
-    lower, upper = {
-        "position": (limits.position_lower, limits.position_upper),
-        "velocity": (-limits.velocity, limits.velocity),
-        "torque": (limits.effort_lower, limits.effort_upper),
-    }[panel.quantity]
-    own = list(panel.joints)
-    low, high = panel.axes.get_ylim()
-    near = 0.25 * (high - low)
-    drawn: list[float] = []
-    beyond: list[float] = []
-    for values in (lower[own], upper[own]):
-        common = bool(np.all(values == values[0]))
-        for joint, value in zip(own[:1] if common else own, values, strict=False):
-            if np.isfinite(value) and low - near <= value <= high + near:
-                color = INK if common else _color(joint)
-                panel.axes.axhline(value, color=color, linestyle=(0, (4, 3)), linewidth=0.9, alpha=0.45)
-                drawn.append(float(value))
-            elif np.isfinite(value):
-                beyond.append(float(value))
-    if drawn:
-        pad = 0.06 * (high - low)
-        panel.axes.set_ylim(min(low, min(drawn) - pad), max(high, max(drawn) + pad))
-    free = sum(not np.isfinite(lower[joint]) and not np.isfinite(upper[joint]) for joint in own)
-    panel.axes.set_title(_told_limits(panel, drawn, beyond, free), loc="right", fontsize=8, color=SOFT)
-    return bool(drawn)
-
-
-def _told_limits(panel: _Panel, drawn: Sequence[float], beyond: Sequence[float], free: int) -> str:
-    """What limits a panel does not show, and why; empty if it shows all."""
-    if free == len(panel.joints):
-        return f"no {panel.quantity} limits"
-    parts = []
-    if beyond:
-        sizes = sorted({abs(value) for value in beyond})
-        span = f"{sizes[0]:.4g}" if len(sizes) == 1 else f"{sizes[0]:.4g} to {sizes[-1]:.4g}"
-        sign = "±" if min(beyond) < 0 < max(beyond) else "−" if max(beyond) < 0 else ""
-        parts.append(f"{'other ' if drawn else ''}limits beyond the panel: {sign}{span} {panel.unit}")
-    if free:
-        parts.append(f"{free} of {len(panel.joints)} joints without a limit")
-    return "; ".join(parts)
 
 
 def _add_legend(figure: Figure, trajectories: Sequence[Trajectory], limits: bool, unresolved: Collection[int]) -> None:
     """Under the panels: what colours and marks mean."""
     names = trajectories[0].joint_names or [f"joint {i + 1}" for i in range(trajectories[0].v.shape[1])]
-    handles = [Line2D([], [], color=_color(i), linewidth=1.7, label=literal(name)) for i, name in enumerate(names)]
+    handles = [Line2D([], [], color=color(i), linewidth=1.7, label=literal(name)) for i, name in enumerate(names)]
     if any(any(switches(one)) for k, one in enumerate(trajectories) if k not in unresolved):
         handles.append(Line2D([], [], color=INK, marker="|", markersize=7, markeredgewidth=2, ls="", label="switch"))
     if limits:
@@ -315,8 +213,3 @@ def _legend(figure: Figure, handles: Sequence[Line2D], place: _Place, **options:
     columns = -(-len(handles) // rows)
     with rc_context(LOOK):
         figure.legend(handles=handles, loc=place, ncols=columns, handlelength=2.4, columnspacing=1.4, **options)
-
-
-def literal(text: str) -> str:
-    """The text as it is: matplotlib hides labels that start with _, and reads $...$ as mathematics."""
-    return text.replace("$", r"\$").lstrip("_") or "-"

@@ -5,10 +5,14 @@ put together here from meshcat's bundle and meshcat's own commands; the player's
 controls are ours (`assets/replay.html`).
 """
 
+from __future__ import annotations
+
 import html
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from armdyn.files import write_whole
 from armdyn.models import Robot
@@ -16,12 +20,42 @@ from armdyn.models.scene.obstacles import Obstacle
 from armdyn.show.markup import fill, script_json
 from armdyn.show.page.assets import asset, script, viewer_script
 from armdyn.show.page.scene import scene_data
+from armdyn.show.page.verdict import Level
 from armdyn.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from armdyn.optimal import Solution
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A motion, and what is known of it.
+
+    Attributes:
+        motion: to be shown.
+        level: "good", "fair" or "bad"; "none": nothing is known.
+        verdict: a few words, such as "certified".
+    """
+
+    motion: Trajectory
+    level: Level = "none"
+    verdict: str = ""
+
+    @classmethod
+    def of(cls, one: Trajectory | Solution | Judged) -> Judged:
+        """A motion itself, of which nothing is known; or a minimum-time answer, which knows."""
+        if isinstance(one, Judged):
+            return one
+        if isinstance(one, Trajectory):
+            return cls(one)
+        if not one.usable:
+            return cls(one.trajectory, "bad", "not usable")
+        return cls(one.trajectory, *(("good", "certified") if one.certified else ("fair", "not certified")))
 
 
 def write_html(
     robot: Robot,
-    trajectories: Sequence[Trajectory],
+    trajectories: Sequence[Trajectory | Solution | Judged],
     path: str | os.PathLike[str],
     *,
     fps: float = 60,
@@ -35,7 +69,8 @@ def write_html(
 
     Args:
         robot: what moves.
-        trajectories: one or more motions of it; they start together.
+        trajectories: one or more motions of it; they start together. Of a `Solution`, or a motion that is `Judged`, the
+            page says whether it is certified.
         path: the HTML file.
         fps: frames per second of playing time that are stored; the page interpolates between them.
         slow_motion: how many times slower than real time it plays at first; None: about 4 s in all.
@@ -57,12 +92,12 @@ def write_html(
 
 def page_template() -> str:
     """The replay page, with {{viewer}} for `viewer_script` and {{title}} and {{data}} for `replay_fields`."""
-    return asset("replay.html").replace("{{scene}}", script("scene.js"))
+    return asset("replay.html").replace("{{scene}}", script("scene.js")).replace("{{player}}", script("player.js"))
 
 
 def replay_fields(
     robot: Robot,
-    trajectories: Sequence[Trajectory],
+    trajectories: Sequence[Trajectory | Solution | Judged],
     *,
     fps: float = 60,
     slow_motion: float | None = None,
@@ -81,5 +116,9 @@ def replay_fields(
         TrajectoryError: there is no trajectory, or one has another number of joints than the robot.
         ProblemError: `fps` is not from 1e-3 to 1e3, or `slow_motion` not from 1e-6 to 1e6.
     """
-    data = scene_data(robot, trajectories, fps=fps, slow_motion=slow_motion, obstacles=obstacles)
+    judged = [Judged.of(one) for one in trajectories]
+    motions = [one.motion for one in judged]
+    data = scene_data(robot, motions, fps=fps, slow_motion=slow_motion, obstacles=obstacles)
+    for arm, one in zip(data["arms"], judged, strict=True):
+        arm |= {"level": one.level, "verdict": one.verdict}
     return {"title": html.escape(robot.name), "data": script_json(data)}

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from armdyn.files import write_whole
+from armdyn.models.scene.obstacles import obstacle_entry
 from armdyn.show.results import result_head, save_result
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ def write_run(
         motions: its motions by the names of their files; drawn together.
         summary: what result.json says, besides the files.
         title: of the figure and the report.
-        obstacles: drawn in the report.
+        obstacles: drawn in the report, and said in result.json.
         parts: what is drawn.
         tell: told in words what is being written.
 
@@ -76,7 +77,8 @@ def write_run(
         files.append(_write_report(folder / "report.html", robot, motions, summary, title, obstacles))
     result = folder / "result.json"
     names = [path.name for path in [*files, result]]
-    return [*files, save_result(result, robot, {"title": title, **summary, "files": names})]
+    scene = {"obstacles": [obstacle_entry(each) for each in obstacles]} if obstacles else {}
+    return [*files, save_result(result, robot, {"title": title, **summary, **scene, "files": names})]
 
 
 def _write_report(

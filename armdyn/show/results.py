@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from importlib.metadata import version
 from pathlib import Path
 from platform import python_version
@@ -23,6 +24,15 @@ _UNITS = {
 _AT_WORK = ("pin", "casadi", "numpy", "scipy")
 """Whose versions are kept besides armdyn's."""
 
+_PACKAGES = {
+    "example-robot-data": "example-robot-data/robots",
+    "armdyn": "armdyn/models/robots/urdf",
+    "robot_descriptions": "robot_descriptions",
+}
+"""Packages that robots come with, and the folders in which they have them."""
+
+_ABSOLUTE = re.compile(r"/|~|[A-Za-z]:/|\.{1,2}/")
+
 MAX_BYTES = 8 * 2**20
 """A result larger than this is not read [bytes]: of hostile JSON each byte may take forty in memory."""
 
@@ -35,7 +45,7 @@ def model_facts(robot: Robot) -> dict[str, object]:
     limits, payload, friction = robot.limits, robot.payload, robot.friction
     return {
         "name": robot.name,
-        "source": robot.source,
+        "source": source_name(robot.source),
         "hash": robot.model_hash,
         "joints": list(robot.joint_names),
         "tip": robot.tip,
@@ -51,6 +61,19 @@ def model_facts(robot: Robot) -> dict[str, object]:
         }
         | {"width": friction.width},
     }
+
+
+def source_name(source: str) -> str:
+    """Where a robot came from, without the folders of whose machine it was: a package and the path in it, or a file.
+
+    Args:
+        source: a path, or words such as "ArmSpec 'rr'", which stay as they are.
+    """
+    path = source.replace("\\", "/")
+    for package, folder in _PACKAGES.items():
+        if f"/{folder}/" in path:
+            return f"{package}: {path.rpartition(f'/{folder}/')[2]}"
+    return path.rpartition("/")[2] if _ABSOLUTE.match(path) else source
 
 
 def sliding_joints(robot: Robot) -> list[bool]:

@@ -1,4 +1,4 @@
-"""Motions as planners leave them on disk: a table with a head, or an npz of arrays.
+"""Motions as planners leave them on disk: a table with a head, an npz of arrays, or ROS 2's message.
 
 Nothing of a file is executed, and its size is bounded.
 """
@@ -10,7 +10,7 @@ import io
 import os
 import re
 import zipfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,9 +22,12 @@ from armdyn.arguments import shown
 from armdyn.brief import brief
 from armdyn.errors import FileError, TrajectoryError
 from armdyn.files import read_bounded
-from armdyn.trajectory import npz
+from armdyn.trajectory import messages, npz
 
 Array = NDArray[np.float64]
+
+SUFFIXES = (".csv", ".tsv", ".txt", ".npz", *messages.SUFFIXES)
+"""Of motions: no robot's file has them."""
 
 MAX_BYTES = 64 * 2**20
 """A larger table is refused [bytes]: half a million rows of seven joints' q, v and tau."""
@@ -86,18 +89,20 @@ def read_planned(path: str | os.PathLike[str], joint_names: Sequence[str]) -> Pl
     A table's first line names its columns: the time, and q, v, a, tau of each joint, such as `t,q1,q2,v1,v2`,
     `time,position_elbow,…`, or the joints' own names for their positions. A unit may stand behind a name in brackets;
     degrees are turned to radians. Where names have joints in them, columns may come in any order. An npz has arrays t
-    and q, and may have v, a, tau, each of shape (n,) or (n, nv), by these names or toppra's.
+    and q, and may have v, a, tau, each of shape (n,) or (n, nv), by these names or toppra's. ROS 2's JointTrajectory
+    is read as `messages.read_message` says.
 
     Args:
-        path: of a file .csv, .tsv or .txt; or .npz.
+        path: of a file .csv, .tsv or .txt; .npz; or .json, .yaml or .yml.
         joint_names: of the robot, in its order.
 
     Raises:
         TrajectoryError: it cannot be read, has no times or positions, or a joint is missing.
+        MissingPackageError: it is YAML, and PyYAML is not installed.
     """
     file = Path(path_of(path, "path of a motion", error=TrajectoryError))
     try:
-        found = _arrays(file) if file.suffix.lower() == ".npz" else _columns(file, joint_names)
+        found = _READERS.get(file.suffix.lower(), _columns)(file, joint_names)
     except FileError as error:
         raise TrajectoryError(str(error)) from None
     missing = [what for what in ("t", "q") if what not in found]
@@ -110,8 +115,8 @@ def _usage() -> str:
     return "a table's first line is such as t,q1,q2,v1,v2; an npz has arrays t and q, and may have v, a, tau"
 
 
-def _arrays(file: Path) -> dict[str, Array]:
-    """The arrays of an npz that mean something."""
+def _arrays(file: Path, joint_names: Sequence[str]) -> dict[str, Array]:
+    """The arrays of an npz that mean something; their columns are the joints in the robot's order."""
     try:
         with zipfile.ZipFile(io.BytesIO(read_bounded(file, npz.MAX_BYTES))) as members:
             bare = [name.removesuffix(".npy") for name in members.namelist()]
@@ -224,3 +229,10 @@ def _stacked(file: Path, what: str, columns: Mapping[int, Array], joints: Sequen
             f"{file}: {len(columns)} columns are {what}, of {len(joints)} joints: {', '.join(joints)}; {_usage()}"
         )
     return np.column_stack([columns[i] for i in sorted(columns)])
+
+
+_READERS: dict[str, Callable[[Path, Sequence[str]], dict[str, Array]]] = {
+    ".npz": _arrays,
+    **dict.fromkeys(messages.SUFFIXES, messages.read_message),
+}
+"""By suffix; any other is a table."""

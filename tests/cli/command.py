@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from armdyn.cli.app import app
 
-COMMAND = [sys.executable, "-c", "from armdyn.cli import main; main()"]
+COMMAND = [sys.executable, "-m", "armdyn"]
 
 
 def run(*arguments, cwd=None):

@@ -163,7 +163,7 @@ def test_doctor(tmp_path):
         (["mintime", "rr", "--q-start", "0,0", "--q-goal", "0,0"], "same state"),
         (["mintime", "rr", "--payload", "-1"], "payload mass is -1"),
         (["mintime", "rr", "--lock", "joint1=0"], "--lock"),
-        (["mintime", "panda"], "give --q-start with 7 angles"),
+        (["mintime", "panda"], "give --q-start for panda: 7 positions"),
         (["mintime", "rr", "--starts", "0"], "starts is 0"),
         (["mintime", "rr", "--limit", "tip-sped=0.25"], "did you mean 'tip-speed'?"),
         (["mintime", "rr", "--limit", "tip-speed=0.25@tool0"], "no frame 'tool0'"),

@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 from armdyn.trajectory import Trajectory
+from armdyn.trajectory.planned import read_planned
 from cli.command import answer, run, run_here
 from problems import solved
 
@@ -39,6 +40,15 @@ def test_ros_reads_it(here):
     assert told["rate"] == 250 and told["files"] == [file]
     text = (here / file).read_text()
     assert yaml.safe_load(text) == json.loads(text) == solved("rr").trajectory.resample(250).to_joint_trajectory()
+
+
+def test_ros_s_message_is_read_back(here):
+    run_here("export", "trajectory.npz", "--format", "ros2", "--rate", "1000", cwd=here)
+    samples = solved("rr").trajectory.resample(1000)
+    planned = read_planned(here / "trajectory.json", samples.joint_names)
+    assert planned.t == pytest.approx(samples.t, abs=0.5e-9)  # whole nanoseconds
+    for what in ("q", "v", "a", "tau"):
+        np.testing.assert_array_equal(getattr(planned, what), getattr(samples, what))
 
 
 def test_mujoco_reads_it(here):

@@ -29,14 +29,19 @@ def here(tmp_path, monkeypatch):
 
 
 def files(motion, here):
-    """The same motion as four planners would leave it."""
+    """The same motion as five planners would leave it."""
     t, q, v = motion.t, motion.q, motion.v
     np.savez(here / "toppra.npz", ts_sample=t, qs_sample=q, qds_sample=v)
     np.savetxt(here / "plain.csv", np.column_stack([t, q]), delimiter=",", header="t,q1,q2")
     degrees = np.column_stack([t, np.rad2deg(q[:, ::-1])])
     np.savetxt(here / "degrees.csv", degrees, delimiter=";", header="time;joint2 [deg];joint1 [deg]")
     motion.save(here / "own.npz")
-    return ["toppra.npz", "plain.csv", "degrees.csv", "own.npz"]
+    points = [
+        {"positions": row.tolist(), "time_from_start": {"sec": 0, "nanosec": round(1e9 * time)}}
+        for time, row in zip(t, q[:, ::-1], strict=True)
+    ]
+    (here / "moveit.json").write_text(json.dumps({"joint_names": ["joint2", "joint1"], "points": points}))
+    return ["toppra.npz", "plain.csv", "degrees.csv", "own.npz", "moveit.json"]
 
 
 @pytest.mark.slow
@@ -45,7 +50,7 @@ def test_every_format_of_a_motion_has_one_answer(motion, here, rr):
     api = ad.time_optimality(rr, motion, ad.MinimumTimeOptions(effort="quick"))
     for facts in told:
         assert facts["success"] and facts["status"] == "compared" and facts["certified"] and facts["feasible"]
-        assert facts["duration"] == pytest.approx(0.6, abs=1e-12)  # of times in text, 18 digits
+        assert facts["duration"] == pytest.approx(0.6, abs=1e-9)  # of times in text 18 digits, of ROS nanoseconds
         # Splines of positions know the end's velocity, zero, to some 1e-6 rad/s of 1000 samples a second.
         assert facts["optimal_duration"] == pytest.approx(api.optimal_duration, rel=1e-5)
         assert facts["ratio"] == pytest.approx(0.6 / facts["optimal_duration"], rel=1e-12)
@@ -74,6 +79,8 @@ def test_a_motion_that_breaks_its_limits_is_not_as_it_should_be(rr, here):
     ("arguments", "words"),
     [
         (["own.npz", "rr"], "own.npz stands where the robot belongs: armdyn optimality ROBOT FILE"),
+        (["moveit.json", "rr"], "moveit.json stands where the robot belongs"),
+        (["rr", "moveit.json"], "joint_names are a, b; joint 'joint1' is not among them"),
         (["rrr", "own.npz"], "the trajectory has 2 joints; rrr has 3"),
         (["rr", "nowhere.csv"], "nowhere.csv: no such file"),
         (["rr", "bad.csv"], "bad.csv: there is no t"),
@@ -83,4 +90,5 @@ def test_a_motion_that_breaks_its_limits_is_not_as_it_should_be(rr, here):
 def test_what_is_no_motion(motion, here, arguments, words):
     motion.save(here / "own.npz")
     (here / "bad.csv").write_text("x,y\n1,2\n")
+    (here / "moveit.json").write_text(json.dumps({"joint_names": ["a", "b"], "points": [{}, {}]}))
     assert words in answer(run_here("optimality", *arguments, *QUICK), 2)["message"]

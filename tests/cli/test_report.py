@@ -5,8 +5,11 @@ import shutil
 
 import numpy as np
 import pytest
+import yaml
 
 import armdyn as ad
+from armdyn.cli.reports.saved import read_saved
+from armdyn.cli.reports.subject import subject_of
 from cli.command import answer, run_here
 
 BARE = ("--no-figure", "--no-report")
@@ -100,7 +103,85 @@ def test_side_by_side(tracked, loop, tmp_path):
     page = (tmp_path / "report.html").read_text()
     assert "Side by side" in page and "What was checked: PID (acceleration)" in page
     words = run_here("compare", tracked, loop, "--out", tmp_path).stdout
-    assert "beside the" in words and "figure.svg" in words
+    assert "later than the first" in words and "figure.svg" in words
+
+
+def planned(tracked, folder):
+    """The reference that was tracked, as four other planners would leave it."""
+    motion = ad.Trajectory.load(tracked / "reference.npz")
+    t, q, v = motion.t, motion.q, motion.v
+    np.savez(folder / "toppra.npz", ts_sample=t, qs_sample=q, qds_sample=v)
+    np.savetxt(folder / "table.csv", np.column_stack([t, q]), delimiter=",", header="t,q1,q2")
+    fields = motion.resample(1000).to_joint_trajectory()
+    for point in fields["points"]:  # joints in another order, and no torques
+        point |= {"positions": point["positions"][::-1], "velocities": [], "accelerations": [], "effort": []}
+    (folder / "ros.json").write_text(json.dumps(fields | {"joint_names": fields["joint_names"][::-1]}))
+    (folder / "ros.yaml").write_text(yaml.safe_dump(fields | {"joint_names": fields["joint_names"][::-1]}))
+    return [folder / name for name in ("toppra.npz", "table.csv", "ros.json", "ros.yaml")]
+
+
+def test_motions_of_other_planners_stand_beside(tracked, tmp_path):
+    files = planned(tracked, tmp_path)
+    told = answer(run_here("compare", tracked, *files, "--json", "--out", tmp_path / "out"))
+    first, *others = told["motions"]
+    assert not told["warnings"]
+    assert first["name"] == "tracked by computed torque"
+    assert [one["name"] for one in others] == ["toppra", "table", "ros (ros.json)", "ros (ros.yaml)"]
+    motion = ad.Trajectory.load(tracked / "reference.npz")
+    for one in others:
+        assert one["verdict"] == "Keeps its limits"
+        assert one["there"] == one["duration"] == pytest.approx(motion.duration, abs=1e-9)  # whole nanoseconds
+        # Torques by inverse dynamics of differences: some parts in a thousand of a quintic's at 200 samples and more.
+        assert one["torque"] == pytest.approx(np.abs(motion.tau).max() / 3, rel=0.01)
+        assert one["later"] == pytest.approx(motion.duration / first["there"] - 1, abs=1e-6)
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "What was checked: toppra" in page and "Conditions along the way" not in page
+    words = run_here("compare", tracked, files[0], "--out", tmp_path / "out").stdout
+    assert "+" in words and "Keeps its" in words  # of narrow columns
+
+
+def test_only_motions_of_other_planners(tracked, tmp_path):
+    toppra, table, *_ = planned(tracked, tmp_path)
+    for command in (("compare", toppra, table), ("report", toppra)):
+        message = answer(run_here(*command, "--json"), 2)["message"]
+        assert "toppra.npz does not say of which robot it is: name it by --robot" in message
+    named = ("--robot", "rr", "--payload", "0.1", "--json", "--out", tmp_path / "out")
+    first, second = answer(run_here("compare", toppra, table, *named))["motions"]
+    assert first["verdict"] == second["verdict"] == "Keeps its limits"
+    assert answer(run_here("report", toppra, *named))["robot"] == "rr"
+    assert "Keeps its limits" in (tmp_path / "out" / "report.html").read_text()
+    assert answer(run_here("report", toppra, "--robot", "rrr", "--json"), 2)["message"]
+
+
+def test_a_motion_that_breaks_limits_or_has_another_task_is_told(tracked, tmp_path):
+    robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), ad.Payload(mass=0.1))
+    reference = ad.Trajectory.load(tracked / "reference.npz")
+    fast = ad.ramp(robot, reference.q[0], reference.q[-1], 0.1)
+    fast.to_csv(tmp_path / "fast.csv")
+    away = ad.ramp(robot, reference.q[0] + 0.1, reference.q[-1] + 0.2, 0.5)
+    away.to_csv(tmp_path / "away.csv")
+    files = (tmp_path / "fast.csv", tmp_path / "away.csv")
+    told = answer(run_here("compare", tracked, *files, "--json", "--out", tmp_path))
+    assert told["motions"][1]["verdict"] == "Breaks its limits" and told["motions"][1]["torque"] > 1
+    assert len(told["warnings"]) == 1 and "away begins 0.1 rad or m from where tracked" in told["warnings"][0]
+    both = answer(run_here("compare", *files, "--robot", "rr", "--payload", "0.1", "--json", "--out", tmp_path))
+    assert [line.split()[1] for line in both["warnings"]] == ["begins", "ends"]
+
+
+def test_no_folder_of_this_machine_is_in_the_page(tracked, tmp_path):
+    page = (tracked / "report.html").read_text()
+    assert str(tracked.parent) not in page and f"--out {tracked.name}" in page
+    told = json.loads((tracked / "result.json").read_text())
+    assert str(tracked.parent) in told["asked"]["command"]  # where it can be typed again
+
+
+def test_obstacles_are_in_the_result(tracked, tmp_path):
+    box = {"type": "box", "size": [0.1, 0.1, 0.1], "position": [1, 0, 0], "name": "crate"}
+    for name, entries, count in (("a", [box], 1), ("b", [box, {"type": "box"}], 0), ("c", "box", 0), ("d", [3], 0)):
+        folder = changed(tracked, tmp_path / name, obstacles=entries)
+        assert len(subject_of(read_saved(folder), None, None).obstacles) == count
+    report(tmp_path / "a")
+    assert (tmp_path / "a" / "report.html").read_text() != (tracked / "report.html").read_text()
 
 
 @pytest.mark.parametrize(

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -5,7 +6,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError, TrajectoryError
-from armdyn.optimal.gap import TimeOptimality, time_optimality, trajectory_from_path
+from armdyn.optimal.gap import TimeOptimality, check_motion, time_optimality, trajectory_from_path
 from problems import POSES, cart, paper_arm, solved
 
 
@@ -102,6 +103,20 @@ def test_a_velocity_limit_is_looked_at_between_samples():
     result = time_optimality(robot, trajectory_from_path(robot, t, q, v, a))
     assert result.worst_violation.constraint == "velocity limit"
     assert result.worst_violation.time == pytest.approx(1.5)
+
+
+def test_a_motion_is_checked_without_a_search():
+    robot = paper_arm("rr")
+    slow, fast = (ad.ramp(robot, [-1.5, 0.1], [0.2, -0.1], duration) for duration in (0.6, 0.15))
+    kept, broken = check_motion(robot, slow), check_motion(robot, fast)
+    # Torques of a ramp are linear between its samples, where its own are a polynomial's.
+    assert kept.feasible and kept.worst_violation is None and kept.replay_error < 1e-4
+    assert not broken.feasible and broken.worst_violation.constraint == "torque limit"
+    assert broken.facts()["worst_violation"] == str(broken.worst_violation)
+    weak = replace(robot.limits, effort_lower=[-0.5] * 2, effort_upper=[0.5] * 2)
+    assert not check_motion(robot, slow, weak).feasible
+    with pytest.raises(TrajectoryError, match="2 joints; rrr has 3"):
+        check_motion(paper_arm("rrr"), slow)
 
 
 def test_torques_that_lead_elsewhere_show_in_the_replay():

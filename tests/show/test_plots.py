@@ -9,6 +9,7 @@ import pytest
 import armdyn as ad
 from armdyn.errors import TrajectoryError
 from armdyn.show import plots
+from armdyn.show.figures.look import COLORS
 from problems import paper_arm
 from show.motions import HANGING, RAISED, quintic
 
@@ -111,7 +112,7 @@ def test_limits_that_are_not_drawn_are_said():
 def test_ticks_say_when_a_torque_switches():
     figure = plots.plot_trajectories([bang_bang()])
     for panel in figure.axes:
-        assert ticks(panel) == {(0.5, plots.COLORS[0])}
+        assert ticks(panel) == {(0.5, COLORS[0])}
         low, high = panel.get_ylim()
         assert low < 0 < high  # ticks are in parts of the panel, and leave its scale alone
     assert labels(figure.legends[0]) == ["joint 1", "switch"]
@@ -147,8 +148,8 @@ def test_joints_of_another_scale_have_a_torque_panel_of_their_own():
     figure = plots.plot_trajectories([motion], limits=limits)
     torques = figure.axes[2:]
     assert {panel.get_ylabel() for panel in torques} == {"torque [N m]"}
-    drawn = [{line.get_color() for line in panel.lines} & set(plots.COLORS) for panel in torques]
-    assert drawn == [{plots.COLORS[i] for i in group} for group in ((0, 2), (1, 3), (4,))]
+    drawn = [{line.get_color() for line in panel.lines} & set(COLORS) for panel in torques]
+    assert drawn == [{COLORS[i] for i in group} for group in ((0, 2), (1, 3), (4,))]
     assert figure.axes[-1].get_xlabel() == "time [s]"
     assert len(plots.plot_trajectories([motion]).axes) == 3  # without limits no scale is known
 

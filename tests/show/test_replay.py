@@ -15,7 +15,7 @@ import armdyn as ad
 from armdyn.errors import ArmdynWarning, ProblemError, TrajectoryError
 from armdyn.models.reading import meshes
 from armdyn.show import replay, visuals
-from problems import paper_arm
+from problems import paper_arm, solved
 from show.browser import left_the_page, open_page, screenshot
 from show.motions import HANGING, RAISED, quintic
 
@@ -90,6 +90,23 @@ def test_several_trajectories_move_apart(tmp_path):
         assert abs(first[1] - second[1]) > 0.1
         assert "×0.2 real time" in page.locator("#speed option:checked").inner_text()
         assert "PID" in page.locator("#card").inner_text()
+        assert not errors
+
+
+def test_it_says_what_is_known_of_a_motion():
+    robot, run = motion()
+    answer = solved("rr")
+    fields = replay.replay_fields(robot, [answer, run, replay.Judged(run, "fair", "Usable, not certified")])
+    told = [(arm["level"], arm["verdict"]) for arm in json.loads(fields["data"])["arms"]]
+    assert told == [("good", "certified"), ("none", ""), ("fair", "Usable, not certified")]
+
+
+@pytest.mark.slow
+def test_the_verdict_is_seen(tmp_path):
+    robot, run = motion()
+    path = replay.write_html(robot, [replay.Judged(run, "fair", "<b>not</b> certified"), run], tmp_path / "rr.html")
+    with open_page(path) as (page, _, errors):
+        assert page.locator(".verdict").all_inner_texts() == ["<b>not</b> certified"]
         assert not errors
 
 

@@ -5,7 +5,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ResultError
-from armdyn.show.results import MAX_BYTES, load_result, save_result
+from armdyn.show.results import MAX_BYTES, load_result, save_result, source_name
 from oracles import robot_named
 
 FACTS = {"success": True, "duration": 0.25, "arcs": [1.0, None]}
@@ -78,3 +78,23 @@ def test_no_file(tmp_path):
     os.mkfifo(tmp_path / "pipe.json")
     with pytest.raises(ResultError, match="it is a named pipe"):
         load_result(tmp_path / "pipe.json")
+
+
+@pytest.mark.parametrize(
+    ("source", "told"),
+    [
+        ("/home/me/env/share/example-robot-data/robots/ur_description/urdf/ur5_robot.urdf",
+         "example-robot-data: ur_description/urdf/ur5_robot.urdf"),
+        ("/home/me/env/armdyn/models/robots/urdf/cart_pole.urdf", "armdyn: cart_pole.urdf"),
+        ("/home/me/arm.urdf", "arm.urdf"), ("~/arm.urdf", "arm.urdf"), ("../me/arm.urdf", "arm.urdf"),
+        ("C:\\Users\\me\\arm.urdf", "arm.urdf"), ("arm.urdf", "arm.urdf"), ("arms/arm.urdf", "arms/arm.urdf"),
+        ("ArmSpec 'rr'", "ArmSpec 'rr'"), ("Pinocchio model 'a/b'", "Pinocchio model 'a/b'"), ("", ""),
+    ],
+)  # fmt: skip
+def test_a_source_is_told_without_the_folders_of_a_machine(source, told):
+    assert source_name(source) == told
+
+
+def test_a_library_s_robot_says_its_package(tmp_path):
+    path = save_result(tmp_path / "result.json", ad.Robot.from_library("cart_pole"), FACTS)
+    assert load_result(path)["model"]["source"] == "armdyn: cart_pole.urdf"

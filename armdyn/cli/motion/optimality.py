@@ -14,10 +14,8 @@ from armdyn.cli.motion.mintime import SolverOptions
 from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+from armdyn.cli.reports.given import motion_of
 from armdyn.errors import ProblemError
-
-_SUFFIXES = (".csv", ".tsv", ".txt", ".npz")
-"""Of motions: no robot's file has them."""
 
 MOTIONS = ("trajectory", "optimum")
 
@@ -29,7 +27,7 @@ def optimality(
         typer.Argument(
             metavar="FILE",
             help="The motion: a table with a first line such as t,q1,q2,v1,v2 (.csv), arrays t, q and perhaps v, a, "
-            "tau (.npz, toppra's names, too), or a trajectory.npz of armdyn.",
+            "tau (.npz, toppra's names, too), ROS 2's JointTrajectory (.json, .yaml), or a trajectory.npz of armdyn.",
         ),
     ],
     payload: PayloadOptions,
@@ -41,20 +39,24 @@ def optimality(
 
     Says whether the motion keeps torque, velocity and position limits, how long each joint works on none of them, and
     what the fastest motion takes. Torques that the file does not have come from inverse dynamics, velocities from a
-    cubic spline, accelerations from differences. Obstacles and a path that was to be kept are not looked at: the
-    fastest motion is free to go another way. --reserve is what the planner was to leave to feedback.
+    cubic spline, accelerations from differences. Joints of a ROS 2 message come in any order. Obstacles and a path that
+    was to be kept are not looked at: the fastest motion is free to go another way. --reserve is what the planner was to
+    leave to feedback.
     Exit code 3: the motion breaks a limit, or no fastest one was found to compare it with.
 
     [dim]armdyn optimality panda planned.csv
     armdyn optimality rr toppra.npz --payload 0.1006
+    armdyn optimality ur5 moveit.yaml
     armdyn optimality rr results/track-rr/trajectory.npz --effort quick[/]
     """
     json = results.output.json
     with answering(json) as answer:
-        if robot.robot.lower().endswith(_SUFFIXES):
+        from armdyn.trajectory.planned import SUFFIXES
+
+        if robot.robot.lower().endswith(SUFFIXES):
             raise ProblemError(f"{robot.robot} stands where the robot belongs: armdyn optimality ROBOT FILE")
         arm = joints.fit(robot.read(payload.carried()))
-        motion = _motion(arm, file)
+        motion = motion_of(arm, file)
         folder = results.folder("optimality", robot.robot, MOTIONS)
         with working(f"fastest motion of {arm.name}", json) as progress:
             found = ad.time_optimality(arm, motion, search.options(), **joints.kept())
@@ -72,23 +74,6 @@ def optimality(
         if not json:
             words = friction_words(arm) | reserve_words(solution.problem) | _words(found) | written.words
             console.print(facts_table(f"{arm.name}: {file.name} beside the fastest motion", words))
-
-
-def _motion(robot: ad.Robot, file: Path) -> ad.Trajectory:
-    """The motion in a file; what it has not is computed.
-
-    Raises:
-        TrajectoryError: it cannot be read, or is of another robot.
-    """
-    from armdyn.trajectory.npz import is_own
-    from armdyn.trajectory.planned import read_planned
-
-    if is_own(file):
-        return ad.Trajectory.load(file)
-    planned = read_planned(file, robot.joint_names)
-    a = planned.accelerations() if planned.a is None and planned.tau is None else planned.a
-    motion = ad.trajectory_from_path(robot, planned.t, planned.q, planned.v, a, name=file.stem)
-    return motion if planned.tau is None else replace(motion, tau=planned.tau)
 
 
 def _facts(found: ad.TimeOptimality) -> dict[str, object]:

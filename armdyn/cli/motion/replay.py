@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -15,10 +15,21 @@ from armdyn.cli.options.robot import PayloadOptions, RobotOptions
 from armdyn.errors import ArmdynWarning, TrajectoryError
 from armdyn.typed import number
 
+if TYPE_CHECKING:
+    from armdyn.cli.reports.saved import Saved
+    from armdyn.show.replay import Judged
+
 
 def replay(
     robot: RobotOptions,
-    trajectories: Annotated[list[Path], typer.Argument(metavar="FILE.npz…", help="What mintime and pid wrote.")],
+    trajectories: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RESULT…",
+            help="Folders or trajectory.npz that mintime, pid or track wrote; or what other planners wrote, as "
+            "optimality reads it.",
+        ),
+    ],
     payload: PayloadOptions,
     output: OutputOptions,
     slow_motion: Annotated[
@@ -27,35 +38,58 @@ def replay(
 ) -> None:
     """One self-contained HTML page in which the robot moves; several files move side by side.
 
+    Where a result.json is beside a motion, the page says what became of it, such as certified or not, and its obstacles
+    stand around the arm.
+
     [dim]armdyn replay rr results/mintime-rr/trajectory.npz results/pid-rr/trajectory.npz --payload 0.1006[/]
     """
     with answering(output.json) as answer:
+        from armdyn.cli.reports.subject import obstacles_in
         from armdyn.show.replay import write_html
 
         arm = robot.read(payload.carried())
-        motions = [_motion(path, arm) for path in trajectories]
+        saved = [_saved(path, arm) for path in trajectories]
+        motions = [_judged(one) for one in saved]
+        obstacles = obstacles_in(saved[0].facts)
         folder = output.folder("replay", robot.robot, ["replay.html"])
         slow = None if slow_motion is None else number(slow_motion, "--slow-motion")
         folder.mkdir(parents=True, exist_ok=True)
         with working(f"replay of {arm.name}", output.json):
-            page = write_html(arm, motions, folder / "replay.html", slow_motion=slow)
+            page = write_html(arm, motions, folder / "replay.html", slow_motion=slow, obstacles=obstacles)
         answer.facts |= {"success": True, "status": "written", "files": [str(page)]}
         if not output.json:
             console.print(f"{escape(str(page))}  ({page.stat().st_size / 1e6:.1f} MB, opens in any browser)")
 
 
-def _motion(path: Path, arm: ad.Robot) -> ad.Trajectory:
-    """The motion in a file.
+def _saved(path: Path, arm: ad.Robot) -> Saved:
+    """A result, or the motion in a file with what can be said of it.
 
     Raises:
-        TrajectoryError: it cannot be read, or moves another number of joints.
+        ArmdynError: it cannot be read, or moves another number of joints.
 
     Warns:
         ArmdynWarning: it is another arm's.
     """
-    motion = ad.Trajectory.load(path)
-    if motion.q.shape[1] != arm.nv:
-        raise TrajectoryError(f"{path}: moves {motion.q.shape[1]} joints, {arm.name} has {arm.nv}")
-    if motion.model_hash not in ("", arm.model_hash):
+    from armdyn.cli.reports.given import checked, is_given, motion_of
+    from armdyn.cli.reports.saved import Saved, read_saved
+
+    if is_given(path):
+        motion = motion_of(arm, path)
+        return Saved(path, motion, checked(arm, motion))
+    saved = read_saved(path)
+    if saved.motion.q.shape[1] != arm.nv:
+        raise TrajectoryError(f"{path}: moves {saved.motion.q.shape[1]} joints, {arm.name} has {arm.nv}")
+    if saved.motion.model_hash not in ("", arm.model_hash):
         warnings.warn(f"{path}: was computed for another arm, payload or friction", ArmdynWarning, stacklevel=2)
-    return motion
+    return saved
+
+
+def _judged(saved: Saved) -> Judged:
+    """A motion, and what its result says became of it."""
+    from armdyn.show.page.verdict import verdict_of
+    from armdyn.show.replay import Judged
+
+    if not saved.facts.values:
+        return Judged(saved.motion)
+    verdict = verdict_of(saved.facts)
+    return Judged(saved.motion, verdict.level, verdict.headline)

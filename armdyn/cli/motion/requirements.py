@@ -79,7 +79,8 @@ def _why(one: Requirement, solution: Solution) -> str:
         return "; ".join(solution.certificate.reasons)
     if one.kind == "gap" and solution.gap_proven and solution.gap is not None:
         return f"the gap is {percent(solution.gap)}"
-    return advice(solution.problem, solution.certificate, solution.kept, solution.phases is not None)[one.kind]
+    lines = advice(solution.problem, solution.certificate, solution.kept, solution.phases is not None)
+    return lines.get(one.kind, "; ".join(solution.certificate.reasons))
 
 
 def _requirement(text: str) -> Requirement:

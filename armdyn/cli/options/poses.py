@@ -56,13 +56,22 @@ def _pose(option: str, text: str | None, robot: ad.Robot, name: str, kind: Kind)
     if text is not None:
         return positions(text, option, robot)
     if name not in models.PAPER_ARMS:
-        raise ProblemError(
-            f"give {option} with {robot.nv} angles [rad] for {robot.name}: {', '.join(robot.joint_names)}"
-        )
+        raise ProblemError(_how_to_say(option, robot))
     from armdyn.studies.paper import example
 
     paper = example(name, kind)
     return list(paper.q_start if option == "--q-start" else paper.q_goal)
+
+
+def _how_to_say(option: str, robot: ad.Robot) -> str:
+    """What a pose of this robot may be, for who gave none."""
+    poses = ", ".join(robot.poses)
+    names = f", or a pose that has a name ({poses})" if poses else ""
+    example = ",".join(["0", "90deg", "0.5"][: robot.nv] + ["0"] * (robot.nv - 3))
+    return (
+        f"give {option} for {robot.name}: {robot.nv} positions with commas between [rad or m; 90deg works]{names}; "
+        f"such as {option}={example}, in the order {', '.join(robot.joint_names)}"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,8 +24,10 @@ Out = Annotated[
     Path | None, typer.Option(metavar="DIR", help="Folder for the results. By default results/COMMAND-ROBOT.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on standard output, nothing else.")]
-NoFigure = Annotated[bool, typer.Option("--no-figure", help="Write no figure.png and figure.pdf: half a second less.")]
-NoReport = Annotated[bool, typer.Option("--no-report", help="Write no report.html: half a second less.")]
+NoFigure = Annotated[
+    bool, typer.Option("--no-figure", help="Write no figure.png and figure.pdf: a second or two less.")
+]
+NoReport = Annotated[bool, typer.Option("--no-report", help="Write no report.html: about a second less.")]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,7 +25,11 @@ if TYPE_CHECKING:
 
 Results = Annotated[
     list[Path],
-    typer.Argument(metavar="RESULT…", help="Folders that mintime, pid or track wrote, or trajectories (npz)."),
+    typer.Argument(
+        metavar="RESULT…",
+        help="Folders that mintime, pid or track wrote, trajectories (npz), or what other planners wrote, as "
+        "optimality reads it: .csv, .npz, ROS 2's .json and .yaml.",
+    ),
 ]
 
 
@@ -37,7 +41,10 @@ class ShownOptions:
 
     robot: Annotated[
         str | None,
-        typer.Option(metavar="ROBOT", help="Whose motions they are; by default the result says it, if it is no file."),
+        typer.Option(
+            metavar="ROBOT",
+            help="Whose motions they are: a name or a URDF. By default the first result says it, if it is no file.",
+        ),
     ] = None
     until: Annotated[
         str | None, typer.Option(metavar="S", help="Only so much of each motion \\[s]; by default all of it.")
@@ -60,10 +67,9 @@ class ShownOptions:
         Raises:
             ArmdynError: a result cannot be read, or they do not fit together.
         """
-        from armdyn.cli.reports.saved import moves_of, read_saved, subject_of
+        from armdyn.cli.reports.moves import read_moves
 
-        saved = [read_saved(path) for path in results]
-        return subject_of(saved[0], self.robot, payload.carried()), moves_of(saved)
+        return read_moves(results, self.robot, payload.carried())
 
 
 def report(
@@ -105,11 +111,13 @@ def compare(
     """Several motions of one arm side by side: a table, one report, and one figure for a paper.
 
     The first is what the others are measured by. The report has the first solid and the others as ghosts, all curves
-    under one time; figure.pdf and figure.svg have a colour for each joint and a line style for each motion. Motions may
-    also be files of others, saved by armdyn.Trajectory.save.
+    under one time; figure.pdf and figure.svg have a colour for each joint and a line style for each motion. Motions of
+    other planners are read as armdyn optimality reads them: torques that a file does not have come from inverse
+    dynamics. Whether they keep the limits is said; the robot is that of the first result, or --robot with its payload.
 
     [dim]armdyn compare results/mintime-rr results/pid-rr --until 0.5
-    armdyn compare results/mintime-rr results/track-rr toppra.npz --out results/three[/]
+    armdyn compare results/mintime-rr results/track-rr toppra.npz --out results/three
+    armdyn compare toppra.csv ruckig.csv moveit.yaml --robot ur5 --payload 1[/]
     """
     with answering(output.json) as answer:
         if len(results) < 2:
@@ -118,7 +126,7 @@ def compare(
         subject, moves = shown.read(results, payload)
         folder = output.folder("compare", subject.name, ["report.html", "figure.pdf", "figure.svg"])
         from armdyn.show.page.course import until
-        from armdyn.show.page.joints import compared
+        from armdyn.show.page.joints import compared, worth_seeing
         from armdyn.show.page.report import report_of
         from armdyn.show.plots import plot_trajectories, save_figure
 
@@ -128,8 +136,15 @@ def compare(
             page = _written(folder, report_of(subject, moves, title, end))
             progress("drawing the figure")
             unresolved = [k for k, move in enumerate(moves) if move.facts.values.get("arcs") == []]
-            drawn = [replace(until(move.motion, end), name=move.name) for move in moves]
-            figure = plot_trajectories(drawn, limits=subject.limits, title=title, unresolved=unresolved)
+            shown_until = worth_seeing(rows, end) or end
+            drawn = [replace(until(move.motion, shown_until), name=move.name) for move in moves]
+            figure = plot_trajectories(
+                drawn,
+                limits=subject.limits,
+                title=title,
+                unresolved=unresolved,
+                captions=[f"{row.name}, {'not at the goal' if row.there is None else _there(row)}" for row in rows],
+            )
             files = [page, *(save_figure(figure, folder / f"figure.{kind}") for kind in ("pdf", "svg"))]
         answer.facts |= {"success": True, "status": "written", "robot": subject.name}
         answer.facts |= {"motions": [asdict(row) for row in rows], "files": [str(file) for file in files]}
@@ -152,16 +167,22 @@ def _table(title: str, rows: Sequence[Compared]) -> Table:
     """For people."""
     from rich.table import Table
 
-    table = Table(title=escape(title), title_justify="left", box=None, pad_edge=False)
-    for column in ("motion", "at the goal", "beside the first", "work", "fastest", "strongest", "verdict"):
-        table.add_column(column, justify="left" if column in ("motion", "verdict") else "right")
+    table = Table(title=escape(title), title_justify="left", box=None, pad_edge=False, caption_justify="left")
+    for column in ("motion", "at the goal", "later", "work", "fastest", "strongest", "verdict"):
+        beside = column in ("motion", "verdict")
+        table.add_column(column, justify="left" if beside else "right", overflow="fold", no_wrap=not beside)
     for k, row in enumerate(rows):
         table.add_row(
             escape(row.name),
-            "-" if row.there is None else f"{row.there:.4f} s",
+            _there(row),
             "-" if k == 0 or row.later is None else f"{100 * row.later:+.1f} %",
             f"{row.work:.4g} J",
             *("-" if part is None else f"{100 * part:.3g} %" for part in (row.speed, row.torque)),
             escape(row.verdict),
         )
+    table.caption = "later than the first; fastest, strongest: the most that a joint takes of its limit"
     return table
+
+
+def _there(row: Compared) -> str:
+    return "-" if row.there is None else f"{row.there:.4f} s"

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from armdyn.arguments import number
 from armdyn.dynamics import inverse_dynamics
 from armdyn.errors import ProblemError
+from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
-from armdyn.models.values.per_joint import per_joint
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -30,14 +30,14 @@ def ramp(robot: Robot, q_start: ArrayLike, q_goal: ArrayLike, duration: float) -
 
     Args:
         robot: whose torques it has, by `pin.rnea` and the joints' friction.
-        q_start: [rad or m], shape (nv,).
-        q_goal: [rad or m], shape (nv,).
+        q_start: [rad or m], shape (nv,), or the name of one of `robot.poses`.
+        q_goal: likewise.
         duration: [s].
 
     Raises:
         ProblemError: wrong length or not finite; duration not positive or beyond 100 s.
     """
-    start, goal = _pose(robot, q_start, "q_start"), _pose(robot, q_goal, "q_goal")
+    start, goal = pose_given(expect_robot(robot), q_start, "q_start"), pose_given(robot, q_goal, "q_goal")
     T = number(duration, "duration", unit="s", sign="positive")
     if T > _MOST:
         raise ProblemError(f"duration is {T:g} s; expected at most {_MOST:g} s")
@@ -58,18 +58,13 @@ def set_point(robot: Robot, q_goal: ArrayLike) -> Trajectory:
 
     Args:
         robot: that is held there.
-        q_goal: [rad or m], shape (nv,).
+        q_goal: [rad or m], shape (nv,), or the name of one of `robot.poses`.
 
     Raises:
         ProblemError: wrong length or not finite.
     """
-    q = np.array([_pose(robot, q_goal, "q_goal")] * 2)
+    q = np.array([pose_given(expect_robot(robot), q_goal, "q_goal")] * 2)
     return _motion(robot, np.array([0.0, _INSTANT]), q, np.zeros_like(q), np.zeros_like(q), "set point")
-
-
-def _pose(robot: Robot, q: ArrayLike, name: str) -> Array:
-    joints = expect_robot(robot).joint_names
-    return per_joint(q, joints, name, unit="rad or m", error=ProblemError, scalar=False)
 
 
 def _motion(robot: Robot, t: Array, q: Array, v: Array, a: Array, name: str) -> Trajectory:

@@ -19,6 +19,7 @@ from armdyn.control.pid.motion import EquationsOfMotion, motion_of
 from armdyn.control.pid.poles import closed_loop_matrix, eigenvalues
 from armdyn.errors import ProblemError
 from armdyn.models import Robot
+from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import expect_robot
 from armdyn.models.values.per_joint import per_joint
 from armdyn.trajectory import Trajectory
@@ -80,7 +81,7 @@ class Move:
 
     @classmethod
     def of(
-        cls, robot: Robot, q_start: ArrayLike, q_goal: ArrayLike, v_start: ArrayLike | None, duration: float
+        cls, robot: Robot, q_start: ArrayLike | str, q_goal: ArrayLike | str, v_start: ArrayLike | None, duration: float
     ) -> Self:
         """What was asked of a robot, checked; `v_start` None: it starts at rest.
 
@@ -88,18 +89,17 @@ class Move:
             ProblemError: no Robot; wrong length or not finite; duration not positive.
         """
         rest = np.zeros(expect_robot(robot).nv)
-        given = {"q_goal": q_goal, "q_start": q_start, "v_start": rest if v_start is None else v_start}
-        goal, start, velocity = (
-            per_joint(value, robot.joint_names, what, error=ProblemError, scalar=False) for what, value in given.items()
-        )
+        goal, start = pose_given(robot, q_goal, "q_goal"), pose_given(robot, q_start, "q_start")
+        given = rest if v_start is None else v_start
+        velocity = per_joint(given, robot.joint_names, "v_start", error=ProblemError, scalar=False)
         return cls(start, goal, velocity, number(duration, "duration", unit="s", sign="positive"))
 
 
 def simulate_pid(
     robot: Robot,
     *,
-    q_start: ArrayLike,
-    q_goal: ArrayLike,
+    q_start: ArrayLike | str,
+    q_goal: ArrayLike | str,
     v_start: ArrayLike | None = None,
     gains: PidGains = DEFAULT_GAINS,
     duration: float = 10.0,
@@ -117,8 +117,8 @@ def simulate_pid(
 
     Args:
         robot: an arm.
-        q_start: [rad or m], shape (nv,).
-        q_goal: [rad or m], shape (nv,).
+        q_start: [rad or m], shape (nv,), or the name of one of `robot.poses`.
+        q_goal: likewise.
         v_start: [rad/s or m/s], shape (nv,); None: at rest.
         gains: see `PidGains`; by default `DEFAULT_GAINS`, which suit "computed_torque" and may not suit other forms.
         duration: how long to simulate [s].
@@ -192,7 +192,7 @@ def _sampled(robot: Robot, loop: PidLoop, solution: OdeSolution, samples: int) -
         v=v.T,
         tau=np.array([loop.torque(column) for column in x.T]),
         joint_names=robot.joint_names,
-        name=f"PID ({loop.form})",
+        name=f"PID ({loop.form.replace('_', ' ')})",
         model_hash=robot.model_hash,
     )
 

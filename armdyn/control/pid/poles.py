@@ -9,8 +9,8 @@ from armdyn.control.pid.gains import DEFAULT_GAINS, ContinuousPid, Form, PidGain
 from armdyn.control.pid.motion import EquationsOfMotion, Motion, motion_of
 from armdyn.errors import ProblemError
 from armdyn.models import Robot
+from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import expect_robot
-from armdyn.models.values.per_joint import per_joint
 
 Array = NDArray[np.float64]
 
@@ -103,7 +103,6 @@ def closed_loop_eigenvalues(
     Raises:
         ProblemError: q_goal or the gains do not fit the robot; unknown form.
     """
-    joints = expect_robot(robot).joint_names
-    goal = per_joint(q_goal, joints, "q_goal", unit="rad or m", error=ProblemError, scalar=False)
+    goal = pose_given(expect_robot(robot), q_goal, "q_goal")
     controller = ContinuousPid(gains, form)
     return eigenvalues(closed_loop_matrix(motion_of(robot, dynamics), goal, controller))

@@ -12,8 +12,8 @@ from armdyn.control.loop.loop import Loop
 from armdyn.control.loop.ticks import Ticks
 from armdyn.dynamics import inverse_dynamics
 from armdyn.errors import ProblemError
+from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
-from armdyn.models.values.per_joint import per_joint
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -150,11 +150,11 @@ class Rest:
         Raises:
             ProblemError: the goal, the controller or the plant does not fit the robot, or the controller the loop.
         """
-        names = expect_robot(robot).joint_names
+        expect_robot(robot)
         arm = robot if plant is None else expect_robot(plant)
         if arm.nv != robot.nv:
             raise ProblemError(f"the plant {arm.name} has {arm.nv} joints; the controller's model has {robot.nv}")
-        goal = per_joint(q_goal, names, "q_goal", unit="rad or m", error=ProblemError, scalar=False)
+        goal = pose_given(robot, q_goal, "q_goal")
         rest = np.zeros(robot.nv)
         holding = inverse_dynamics(arm)(goal, rest, rest)
         law = controller.law(robot, ticks_at_rest(robot, goal, loop.rate), loop)

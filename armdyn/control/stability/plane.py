@@ -17,8 +17,8 @@ from armdyn.control.pid.poles import closed_loop_matrix, eigenvalues
 from armdyn.control.stability.linear import Rest
 from armdyn.control.stability.sampled import SampledLoop
 from armdyn.errors import ProblemError
+from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
-from armdyn.models.values.per_joint import per_joint
 
 Array = NDArray[np.float64]
 
@@ -67,8 +67,7 @@ def gain_plane(
     Raises:
         ProblemError: the goal does not fit the robot; gains that are negative or do not increase; a continuous loop.
     """
-    joints = expect_robot(robot).joint_names
-    goal = per_joint(q_goal, joints, "q_goal", unit="rad or m", error=ProblemError, scalar=False)
+    goal = pose_given(expect_robot(robot), q_goal, "q_goal")
     p, d = _increasing(kp, "kp"), _increasing(kd, "kd")
     i, motion, how = number(ki, "ki", sign="not negative"), motion_of(robot, None), Loop() if loop is None else loop
     growth, radius = np.empty((d.size, p.size)), np.empty((d.size, p.size))

@@ -14,8 +14,8 @@ from armdyn.control.pid.gains import DEFAULT_GAINS, FORMS, ContinuousPid, Form, 
 from armdyn.control.pid.motion import EquationsOfMotion, motion_of
 from armdyn.control.pid.poles import closed_loop_matrix, eigenvalues
 from armdyn.errors import ProblemError
+from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
-from armdyn.models.values.per_joint import per_joint
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ class GainRegion:
         if expect_robot(robot).nv != 1:
             raise ProblemError(f"{robot.name} has {robot.nv} joints; a gain region in closed form is for one joint")
         one_of(form, FORMS, "form")
-        goal = per_joint(q_goal, robot.joint_names, "q_goal", unit="rad or m", error=ProblemError, scalar=False)
+        goal = pose_given(robot, q_goal, "q_goal")
         if form == "computed_torque":
             return cls(1.0, 0.0)
         motion, rest = motion_of(robot, None), np.zeros(1)
@@ -129,8 +129,7 @@ def least_stable_factor(
     """
     from scipy.optimize import brentq
 
-    joints = expect_robot(robot).joint_names
-    goal = per_joint(q_goal, joints, "q_goal", unit="rad or m", error=ProblemError, scalar=False)
+    goal = pose_given(expect_robot(robot), q_goal, "q_goal")
     low, high = (number(factor, "factors", sign="positive") for factor in factors)
     if low >= high:
         raise ProblemError(f"factors are {low:g} to {high:g}; the first must be the less")

@@ -14,8 +14,8 @@ from armdyn.control.pid.equations import diverged_beyond, expect_motors
 from armdyn.control.tracking.run import Run, run_of
 from armdyn.dynamics.driven import Driven, Tables, drive, plant_of
 from armdyn.errors import ProblemError
+from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
-from armdyn.models.values.per_joint import per_joint
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -63,7 +63,7 @@ class Setup:
         q_start: ArrayLike | None = None,
     ) -> Self:
         """What is asked, checked; see `track`."""
-        joints = expect_robot(robot).joint_names
+        expect_robot(robot)
         expect_motors(robot, "a controller")
         expect(reference, Trajectory, "reference", "a Trajectory, such as solution.trajectory or ramp(…)")
         expect(controller, Controller, "controller", "Lqr(), ComputedTorque() or Pid(gains)")  # type: ignore[type-abstract]
@@ -71,7 +71,7 @@ class Setup:
         ticks = Ticks.of(robot, reference, loop.rate)
         start = np.concatenate([reference.q[0], reference.v[0]])
         if q_start is not None:
-            q = per_joint(q_start, joints, "q_start", unit="rad or m", error=ProblemError, scalar=False)
+            q = pose_given(robot, q_start, "q_start")
             start = np.concatenate([q, np.zeros(robot.nv)])
         duration = number(duration, "duration", unit="s", sign="positive")
         duration = duration if duration >= ticks.duration else ticks.duration + _LONGER

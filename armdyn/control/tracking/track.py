@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from numpy.typing import ArrayLike
 
 from armdyn.control.laws.lqr import Lqr
@@ -49,7 +51,13 @@ def track(
     """
     setup = Setup.of(robot, reference, controller, loop, duration=duration, tolerance=tolerance, q_start=q_start)
     plant = robot if plant is None else plant
-    run = setup.run(plant, name=type(controller).__name__)
+    run = setup.run(plant, name=f"tracked by {_called(controller)}")
     if run.settled:
         return run
     return run.with_stability(sampled_stability(robot, setup.ticks.goal, controller, loop, plant))
+
+
+def _called(controller: Controller) -> str:
+    """A controller's name in a sentence: LQR, PID, computed torque."""
+    words = re.findall(r"[A-Z][a-z0-9]*", type(controller).__name__) or [type(controller).__name__]
+    return " ".join(word.upper() if len(word) <= 3 else word.lower() for word in words)

@@ -19,6 +19,8 @@ WORLD = "world"
 """MuJoCo's name of what stands still."""
 
 _JOINTS = ("hinge", "slide", "ball", "free")
+_WIDTHS = {"ball": 4, "free": 7}
+"""Numbers of qpos that a joint has if not one."""
 _SOLIDS = {"sphere": 1, "capsule": 2, "ellipsoid": 3, "cylinder": 2, "box": 3}
 """Shapes that Pinocchio knows the inertia of, and how many sizes each takes."""
 _MASSLESS = ("plane", "hfield")
@@ -36,6 +38,7 @@ class Bare:
         fixed: free joints that stand still where their body is; None: all of them do.
         joints: name to attributes of every joint written.
         free: the free joints that stand still.
+        widths: how many numbers of MuJoCo's qpos each joint has, those that stand still included, in qpos' order.
         called: of bodies, joints and sites, each kind apart: their names to those that they are written with, for
             pin 4.1 crashes at some names, such as "universe".
     """
@@ -45,6 +48,7 @@ class Bare:
     fixed: Set[str] | None
     joints: dict[str, Values] = field(default_factory=dict)
     free: set[str] = field(default_factory=set)
+    widths: dict[str, int] = field(default_factory=dict)
     called: dict[str, dict[str, str]] = field(default_factory=dict)
 
     def text(self, root: Element) -> str:
@@ -128,7 +132,9 @@ class Bare:
             given = given or self.classes.attributes(joint, inherited)
             called = given.get("name") or f"{name}_joint{len(written) or ''}"
             values = Values(given, self.classes.source, f"joint {shown(called)!r}")
-            if values.word("type", _JOINTS) == "free":
+            kind = values.word("type", _JOINTS)
+            self.widths[called] = _WIDTHS.get(kind, 1)
+            if kind == "free":
                 if self.fixed is None or called in self.fixed:
                     self.free.add(called)
                     continue

@@ -4,6 +4,7 @@ import tempfile
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -15,6 +16,7 @@ from armdyn.models.mjcf.actuators import effort_limits
 from armdyn.models.mjcf.bare import Bare, check_moving
 from armdyn.models.mjcf.classes import Classes
 from armdyn.models.mjcf.compiler import Compiler, gravity
+from armdyn.models.mjcf.values import Values
 from armdyn.models.reading.given import read_model
 from armdyn.models.reading.urdf_arm import Reading, joint_limits
 from armdyn.models.reading.urdf_xml import shown
@@ -66,6 +68,35 @@ def read_mjcf_arm(
         what = "gravcomp is left out: gravity acts in full, and the motors hold it"
         warnings.warn(f"{source}: {what}", ArmdynWarning, stacklevel=4)
     return MjcfReading(arm=reading, limits=_limits(reading.model, limits))
+
+
+def read_keyframes(root: Element, source: str, most: int) -> dict[str, dict[str, float]]:
+    """The poses that an MJCF's `<keyframe>` names: to each joint that turns or slides its position [rad or m].
+
+    A key without a name, or whose qpos has not a finite number for each joint, is passed over.
+
+    Args:
+        root: what `parse_mjcf` gave, of an MJCF that has been read as an arm.
+        source: what to call it in messages.
+        most: keys that are looked at.
+
+    Raises:
+        UrdfError: the MJCF is not one that armdyn knows.
+    """
+    bare = Bare(Classes.of(root, source), Compiler.of(root, source), None)
+    bare.text(root)
+    size, poses = sum(bare.widths.values()), {}
+    for key in islice(root.iterfind("keyframe/key"), most):
+        try:
+            qpos = Values(key.attrib, source, "<key>").numbers("qpos", size)
+        except UrdfError:  # the robot is none the worse for it
+            continue
+        if qpos and (name := key.get("name")):
+            at = np.cumsum([0, *bare.widths.values()])
+            poses[name] = {
+                joint: qpos[i] for i, (joint, width) in zip(at, bare.widths.items(), strict=False) if width == 1
+            }
+    return poses
 
 
 def _parsed(text: str, source: str) -> pin.Model:

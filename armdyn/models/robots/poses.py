@@ -1,4 +1,4 @@
-"""Poses that have a name: those of an SRDF that lies by the URDF, and those of a table.
+"""Poses that have a name: those of an SRDF that lies by the URDF, an MJCF's keyframes, and those of a table.
 
 SRDF, MoveIt's semantic description, has them as `<group_state name="home" group="arm"><joint name=… value=…/>…`:
 http://wiki.ros.org/srdf. It comes from a stranger as the URDF does, and is read within the same bounds.
@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Iterable, Mapping
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
-from xml.etree.ElementTree import Element
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from armdyn.arguments import number, shown, text
 from armdyn.errors import ArmdynError, ProblemError, SpecError, did_you_mean
 from armdyn.models.reading.urdf_xml import parse_xml, read_urdf, to_number
+from armdyn.models.values.per_joint import per_joint
 from armdyn.typed import position
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ _FOLDERS = (".", "../srdf", "../config")
 """Where an SRDF is, seen from the URDF: beside it, or as example-robot-data and MoveIt's packages have it."""
 _MOST_FILES = 20
 _MOST_POSES = 200
+_LONGEST = 80
+"""Characters of a name."""
 _LOOKED_AT = 1000
 """Entries of a folder that are looked at."""
 
@@ -47,8 +50,8 @@ TABLE: tuple[tuple[tuple[str, ...], dict[str, tuple[float, ...]]], ...] = (
 def named_poses(robot: Arm) -> dict[str, Array]:
     """The poses of a robot that have a name, each of shape (nv,) [rad or m].
 
-    "zero" is all joints at zero, where the limits allow it. Of an SRDF's poses those count that say where every moving
-    joint is; a file that cannot be read has none.
+    "zero" is all joints at zero, where the limits allow it. Of an SRDF's poses and of an
+    MJCF's keyframes those count that say where every moving joint is; a file that cannot be read has none.
     """
     poses = {}
     limits, zero = robot.limits, np.zeros(robot.nv)
@@ -59,7 +62,7 @@ def named_poses(robot: Arm) -> dict[str, Array]:
             poses |= {name: np.array(q, dtype=float) for name, q in table.items()}
     for path in _files(robot):
         poses |= _of_file(path, robot)
-    return poses
+    return poses | _of_keyframes(robot)
 
 
 def pose_named(robot: Arm, name: str) -> Array:
@@ -71,9 +74,28 @@ def pose_named(robot: Arm, name: str) -> Array:
     poses = named_poses(robot)
     text(name, "name of a pose", error=SpecError)
     if name not in poses:
-        known = ", ".join(poses) or "none: no SRDF is by its URDF"
-        raise SpecError(f"{robot.name} has no pose {shown(name)}{did_you_mean(name, poses)}; known: {known}")
+        raise SpecError(f"{robot.name} has no pose {shown(name)} (known: {_known(poses)}){did_you_mean(name, poses)}")
     return poses[name]
+
+
+def pose_given(robot: Arm, given: Any, what: str) -> Array:
+    """Joint positions as a user gives them, as an array of its own, shape (nv,) [rad or m].
+
+    Args:
+        robot: whose joints.
+        given: a number per joint, or the name of a pose.
+        what: they are, in messages.
+
+    Raises:
+        ProblemError: wrong length or not finite, or the robot has no pose of that name.
+    """
+    if not isinstance(given, str):
+        return per_joint(given, robot.joint_names, what, unit="rad or m", error=ProblemError, scalar=False)
+    poses = named_poses(robot)
+    if given not in poses:
+        wanted = f"a number per joint [rad or m], or a pose of {robot.name} ({_known(poses)})"
+        raise ProblemError(f"{what} is {shown(given)}; expected {wanted}{did_you_mean(given, poses)}")
+    return poses[given].copy()
 
 
 def positions_of(robot: Arm, given: object, what: str, *, degrees: bool = False) -> list[float]:
@@ -93,7 +115,7 @@ def positions_of(robot: Arm, given: object, what: str, *, degrees: bool = False)
     if isinstance(given, str):
         parts: list[object] = [*given.split(",")]
         if len(parts) == 1 and not _is_position(given):
-            return _named(robot, given.strip(), what)
+            return [float(x) for x in pose_given(robot, given.strip(), what)]
     elif isinstance(given, list | tuple):
         parts = [*given]
     else:
@@ -123,16 +145,9 @@ def _is_position(text: str) -> bool:
     return True
 
 
-def _named(robot: Arm, name: str, what: str) -> list[float]:
-    """The pose of a name.
-
-    Raises:
-        ProblemError: there is none; says which there are.
-    """
-    try:
-        return [float(x) for x in pose_named(robot, name)]
-    except SpecError as error:
-        raise ProblemError(f"{what}: {error}; or give {robot.nv} numbers with commas between") from None
+def _known(poses: Iterable[str]) -> str:
+    """The names of poses, in messages."""
+    return ", ".join(poses) or "none: no SRDF is by its URDF, no keyframe in its MJCF"
 
 
 def _files(robot: Arm) -> list[Path]:
@@ -152,27 +167,43 @@ def _files(robot: Arm) -> list[Path]:
 
 
 def _of_file(path: Path, robot: Arm) -> dict[str, Array]:
-    """The poses of a file that are of the robot."""
+    """The poses of an SRDF that are of the robot; groups may each have one of the same name."""
     try:
         root = parse_xml(read_urdf(path), str(path))
     except ArmdynError:  # it was not asked for; a robot is none the worse for a bad file beside it
         return {}
     if root.tag != "robot" or (root.get("name") != robot.model.name and path.stem != Path(robot.source).stem):
         return {}
+    states = islice(root.iterfind("group_state"), _MOST_POSES)
+    said = (
+        (state.get("name") or "", {str(each.get("name")): each.get("value", "") for each in state.iterfind("joint")})
+        for state in states
+    )
+    return _poses(said, robot.joint_names)
+
+
+def _of_keyframes(robot: Arm) -> dict[str, Array]:
+    """The poses that a robot's own MJCF names."""
+    from armdyn.models.mjcf.document import is_mjcf, read_mjcf
+    from armdyn.models.mjcf.reading import read_keyframes
+
+    if robot.urdf or not os.path.isfile(robot.source) or not is_mjcf(robot.source):  # noqa: PTH113  # as in `_files`
+        return {}
+    try:
+        said = read_keyframes(read_mjcf(Path(robot.source)), robot.source, _MOST_POSES)
+    except ArmdynError:  # it has been changed since the robot was read
+        return {}
+    return _poses(said.items(), robot.joint_names)
+
+
+def _poses(said: Iterable[tuple[str, Mapping[str, str | float]]], joints: tuple[str, ...]) -> dict[str, Array]:
+    """Those poses of a file that have a name to type, and a finite position of every joint [rad or m]."""
     poses = {}
-    for state in islice(root.iterfind("group_state"), _MOST_POSES):
-        name = state.get("name") or ""
-        q = _positions(state, robot.joint_names)
-        if q is not None and name.isprintable() and 0 < len(name) <= 80:
+    for name, positions in said:
+        try:
+            q = np.array([to_number(str(positions[joint])) for joint in joints])
+        except (KeyError, ValueError):
+            continue
+        if np.all(np.isfinite(q)) and name.isprintable() and 0 < len(name) <= _LONGEST:
             poses[name] = q
     return poses
-
-
-def _positions(state: Element, joints: tuple[str, ...]) -> Array | None:
-    """The positions of all joints, None if one is missing or is no number."""
-    said = {joint.get("name"): joint.get("value", "") for joint in state.iterfind("joint")}
-    try:
-        q = np.array([to_number(said[name]) for name in joints])
-    except (KeyError, ValueError):
-        return None
-    return q if np.all(np.isfinite(q)) else None

@@ -200,6 +200,25 @@ def obstacle_from(entry: Mapping[str, Any], where: str) -> Obstacle:
         raise ProblemError(f"{where}: {error}") from None
 
 
+def obstacle_entry(obstacle: Obstacle) -> dict[str, Any]:
+    """An obstacle as `obstacle_from` takes it, and JSON says it."""
+    if isinstance(obstacle, Sphere):
+        return {"type": "sphere", "center": list(obstacle.center), "radius": obstacle.radius, "name": obstacle.name}
+    if isinstance(obstacle, Capsule):
+        ends = {"a": list(obstacle.a), "b": list(obstacle.b)}
+        return {"type": "capsule", **ends, "radius": obstacle.radius, "name": obstacle.name}
+    pose, turned = obstacle.pose, {}
+    if not np.array_equal(pose[:3, :3], np.eye(3)):
+        turned = {"quaternion": pin.Quaternion(pose[:3, :3]).coeffs().tolist()}  # x, y, z, w
+    return {
+        "type": "box",
+        "size": list(obstacle.size),
+        "position": pose[:3, 3].tolist(),
+        **turned,
+        "name": obstacle.name,
+    }
+
+
 def load_obstacles(path: str | os.PathLike[str]) -> tuple[Obstacle, ...]:
     """Obstacles from a JSON file: a list of objects as `obstacle_from` takes them.
 

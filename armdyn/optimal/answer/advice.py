@@ -18,7 +18,8 @@ _LITTLE = 0.1
 def advice(problem: MinimumTimeProblem, certificate: Certificate, kept: Sequence[Kept], arcs: bool) -> dict[str, str]:
     """What may help, by what is missing: "lands", "limits", "conditions", "extremal", "gap".
 
-    A motion that is not usable is to become so first: nothing is said of its optimality.
+    A motion that is not usable is to become so first: nothing is said of its optimality. A curve with a gap cannot
+    become extremal by anything that is asked: the gap says instead how far it may be from the least time.
 
     Args:
         problem: what was asked.
@@ -42,7 +43,7 @@ def advice(problem: MinimumTimeProblem, certificate: Certificate, kept: Sequence
         )
     if lines:
         return lines
-    if not certificate.extremal:
+    if not certificate.extremal and not (certificate.remark == ON_CURVE and not arcs and certificate.gap is not None):
         lines["extremal"] = _for_extremal(problem, certificate, arcs)
     if not certificate.gap_proven or certificate.gap is None or certificate.gap > GAP_TOLERANCE:
         lines["gap"] = _for_gap(problem, certificate)
@@ -59,9 +60,7 @@ def _for_limits(certificate: Certificate) -> str:
 
 def _for_extremal(problem: MinimumTimeProblem, certificate: Certificate, arcs: bool) -> str:
     if not arcs and certificate.remark == ON_CURVE:
-        known = certificate.gap is not None
-        rest = "the gap says how far it may be from the least time" if known else "more `starts` may find a faster one"
-        return f"not extremal: {ON_CURVE}; {rest}"
+        return f"not extremal: {ON_CURVE}; more `starts` may find a faster one"
     if not arcs and problem.along_the_way:
         asked = ", ".join(problem.along_the_way)
         return f"not extremal: Pontryagin's conditions are not checked with {asked}; a small gap would say as much"
@@ -88,5 +87,8 @@ def _for_gap(problem: MinimumTimeProblem, certificate: Certificate) -> str:
     if certificate.gap > _LITTLE:
         return "a large gap: the bound is one of velocity limits, and says little where torque limits decide"
     if certificate.remark == ON_CURVE:
-        return f"a gap of {percent(certificate.gap)}: much of it may be the bound's; `starts` look for faster motions"
+        return (
+            f"look for a faster motion with `effort` thorough or more `starts`; much of the gap of "
+            f"{percent(certificate.gap)} may be the bound's"
+        )
     return f"a gap of {percent(certificate.gap)}: raise `starts` or `max_intervals`; there may be a faster motion"

@@ -15,6 +15,7 @@ from armdyn.arguments import expect, flag, number, several
 from armdyn.brief import brief, called, several_numbers
 from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.lazy import drawn
+from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.scene.collision import collision_model
 from armdyn.models.scene.obstacles import Obstacle
@@ -51,8 +52,8 @@ class MinimumTimeProblem:
 
     Attributes:
         robot: the arm.
-        q_start: joint positions at the start [rad or m], shape (nv,).
-        q_goal: joint positions at the end, shape (nv,); with `goal_pose` the nearest that reach it.
+        q_start: joint positions at the start [rad or m], shape (nv,), or the name of one of `robot.poses`.
+        q_goal: likewise at the end; with `goal_pose` the nearest that reach it.
         v_start: joint velocities at the start [rad/s or m/s], shape (nv,); None: at rest.
         v_goal: joint velocities at the end, shape (nv,); None: at rest.
         effort_limit: torque limits [N m or N]: one number, one per joint, or (lower, upper); None: the robot's.
@@ -71,7 +72,7 @@ class MinimumTimeProblem:
             by the shorter and by the longer way round. Without, a joint goes to the very angle that was asked
             for: from 0 to 6 rad is nearly a whole turn, as where a cable must not be wound up.
         goal_pose: instead of q_goal, where a frame is to be at the end; inverse kinematics choose among branches.
-        via: joint positions [rad or m] that are passed through in this order, at any time and any velocity.
+        via: poses, like q_start, that are passed through in this order, at any time and any velocity.
         obstacles: what the arm must keep clear of, in the world.
         self_collision: whether its links must keep clear of each other, too.
         clearance: how far, at least [m].
@@ -92,8 +93,8 @@ class MinimumTimeProblem:
 
     robot: Robot
     _: KW_ONLY
-    q_start: ArrayLike
-    q_goal: ArrayLike | None = None
+    q_start: ArrayLike | str
+    q_goal: ArrayLike | str | None = None
     v_start: ArrayLike | None = None
     v_goal: ArrayLike | None = None
     effort_limit: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None
@@ -106,7 +107,7 @@ class MinimumTimeProblem:
     relative_effort_weight: float = 0.0
     wrap: bool = False
     goal_pose: GoalPose | None = None
-    via: Sequence[ArrayLike] = ()
+    via: Sequence[ArrayLike | str] = ()
     obstacles: Sequence[Obstacle] = ()
     self_collision: bool = False
     clearance: float = 0.005
@@ -240,14 +241,16 @@ class MinimumTimeProblem:
             if name == "q_goal" and self.goal_pose is not None:
                 expect(self.goal_pose, GoalPose, "goal_pose", "GoalPose(frame, placement)")
                 continue
-            rest = given is None and name in ("v_start", "v_goal")
-            array = self._joints(np.zeros(self.robot.nv) if rest else given, name)
+            if name in ("q_start", "q_goal"):
+                array = pose_given(self.robot, given, name)
+            else:
+                array = self._joints(np.zeros(self.robot.nv) if given is None else given, name)
             array.setflags(write=False)
             object.__setattr__(self, name, array)
 
     def _resolve_course(self) -> None:
         """Check what is asked along the way, and keep it as tuples and arrays."""
-        via = [self._joints(q, f"via[{i}]") for i, q in enumerate(several(self.via, "via"))]
+        via = [pose_given(self.robot, q, f"via[{i}]") for i, q in enumerate(several(self.via, "via"))]
         for i, q in enumerate(via):
             check_state(self.robot, self.limits, q, np.zeros_like(q), f"via[{i}]", self.reserves.velocity)
             q.setflags(write=False)

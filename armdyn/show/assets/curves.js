@@ -1,7 +1,8 @@
 /* Position, velocity and torque over time, and which limit each joint is on: four uPlot charts under one cursor.
 
-   armdynCurves(host, course, names, seek) draws what `armdyn.show.page.course` has written into an element; seek(time)
-   is called where someone drags. Colours are of joints, line styles of motions. */
+   armdynCurves(host, course, names, seek, zooms) draws what `armdyn.show.page.course` has written into an element;
+   seek(time) is called where someone drags, zooms(from, to) where someone zooms. Colours are of joints, line styles of
+   motions. */
 "use strict";
 const armdynPalette = dark => (dark
   ? { ink: "#dfe5ea", soft: "#93a0ad", grid: "#2a333c", band: "rgba(255,255,255,.035)", T: "#e5646c", V: "#5aa2e8", Q: "#b08ae0",
@@ -10,7 +11,7 @@ const armdynPalette = dark => (dark
       joints: ["#2970b8", "#d9731a", "#2b8f50", "#cc2936", "#7b52ab", "#0f96a5", "#8a5a3b", "#c9509a"] });
 const armdynNumber = (x, digits) => x.toFixed(digits).replace("-", "−");
 
-const armdynCurves = (host, course, names, seek) => {
+const armdynCurves = (host, course, names, seek, zooms) => {
   const floats = (text, kind) => new kind(Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer);
   const t = Array.from(floats(course.t, Float64Array)), n = t.length, joints = names.length;
   const kinds = ["q", "v", "tau"];
@@ -51,7 +52,9 @@ const armdynCurves = (host, course, names, seek) => {
   const lines = kind => names.flatMap((_, j) => (course.limits[kind][j] || []).filter(x => x !== null)
     .map(x => ({ j, at: scaled(kind, j, x), left: course.kept && course.kept[kind] ? 1 - course.kept[kind][j] : 1 })));
 
+  const dash = k => (k ? [[6, 3], [2, 3], [9, 3, 2, 3], [4, 4]][(k - 1) % 4] : undefined);
   const charts = {}, axis = 52;
+  let time = 0;
   const width = () => Math.max(host.clientWidth, 240), height = () => (innerWidth < 700 ? 168 : 190);
   const font = "11px system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
   const axes = (last, more) => [
@@ -118,12 +121,26 @@ const armdynCurves = (host, course, names, seek) => {
     charts[kind].note.title = [...far, ...none.map(name => `${name}: no limit`)].join(", ");
   }
 
-  function follow(u) {  // a drag across a chart moves the time
-    const to = event => seek(Math.min(Math.max(u.posToVal(event.clientX - u.over.getBoundingClientRect().left, "x"), 0), t[n - 1]));
-    u.over.addEventListener("pointerdown", event => { u.over.setPointerCapture(event.pointerId); u.over.dataset.held = 1; to(event); });
-    u.over.addEventListener("pointermove", event => { if (u.over.dataset.held) to(event); });
-    for (const end of ["pointerup", "pointercancel"]) u.over.addEventListener(end, () => { delete u.over.dataset.held; });
-  }
+  // A plot of a part of the time, the same in all of them.
+  const zoom = armdynZoom(t[n - 1], seek, (from, to) => {
+    all().forEach(u => u.setScale("x", { min: from, max: to }));
+    queueMicrotask(() => all().forEach(mark));  // uPlot's scales change in one, too
+    whole.disabled = !zoom.zoomed;
+    less.disabled = !zoom.zoomed;
+    zooms(from, to);
+  });
+  const bar = make("div", host, undefined, "zoom");
+  make("span", bar, matchMedia("(pointer: coarse), (max-width: 640px)").matches ? "two fingers: zoom in time" : "Shift + drag or Ctrl + wheel: zoom in time").title = "a double click, or “all”, shows all of the time";
+  const button = (text, title, act) => {
+    const node = make("button", bar, text);
+    Object.assign(node, { title, onclick: act });
+    node.setAttribute("aria-label", title);
+    return node;
+  };
+  const less = button("−", "see more of the time", () => zoom.scale(2, time));
+  button("+", "zoom in at this time", () => zoom.scale(.5, time));
+  const whole = button("all", "see all of the time", () => zoom.all());
+  less.disabled = whole.disabled = true;
 
   function chart(kind) {
     const figure = make("figure", host, undefined, "plot"), caption = make("figcaption", figure);
@@ -141,17 +158,17 @@ const armdynCurves = (host, course, names, seek) => {
     const box = make("div", figure), y = [0, 1];
     const u = new uPlot({
       width: width(), height: height(), padding: [6, 10, 0, 0], legend: { show: false }, cursor,
-      scales: { x: { time: false, range: () => [0, t[n - 1]] }, y: { range: () => y } },
+      scales: { x: { time: false, range: () => zoom.span }, y: { range: () => y } },
       axes: axes(false, { values: (_, at) => at.map(x => `${+x.toPrecision(4)}`.replace("-", "−")) }),
       series: [{}, ...course.moves.flatMap((_, k) => names.map((_, j) => ({
-        stroke: () => color(j), width: k ? 1.3 : 1.8, dash: k ? [[6, 3], [2, 3], [9, 3, 2, 3], [4, 4]][(k - 1) % 4] : undefined,
+        stroke: () => color(j), width: k ? 1.3 : 1.8, dash: dash(k),
         points: { show: false }, spanGaps: false,
       })))],
       hooks: { drawAxes: [self => behind(self, lines(kind))] },
     }, [t], box);
     u.kind = kind;
     charts[kind] = { u, y, note: make("p", figure, "", "note") };
-    follow(u);
+    zoom.attach(u);
     refresh(kind);
   }
   function refresh(kind) {
@@ -168,13 +185,14 @@ const armdynCurves = (host, course, names, seek) => {
     const figure = make("figure", host, undefined, "plot"), caption = make("figcaption", figure);
     make("b", caption, "On which limit");
     for (const [kind, word] of [["T", "torque"], ["V", "speed"], ["Q", "position"]]) {
-      make("i", caption, "", `key ${kind}`);
-      make("span", caption, word, "unit");
+      const key = make("span", caption, undefined, "unit");
+      make("i", key, "", `key ${kind}`);
+      key.append(word);
     }
     const box = make("div", figure), rows = course.moves.length * joints, row = rows > 12 ? 14 : 22;
     const u = new uPlot({
       width: width(), height: rows * row + 46, padding: [6, 10, 0, 0], legend: { show: false }, cursor: { ...cursor, points: { show: false } },
-      scales: { x: { time: false, range: () => [0, t[n - 1]] }, y: { range: () => [0, rows] } },
+      scales: { x: { time: false, range: () => zoom.span }, y: { range: () => [0, rows] } },
       axes: axes(true, { splits: () => [], grid: { show: false } }),
       series: [{}, { stroke: "transparent", points: { show: false } }],
       hooks: { drawAxes: [self => { behind(self, []); strips(self, rows); }] },
@@ -184,7 +202,7 @@ const armdynCurves = (host, course, names, seek) => {
       : "Upper half: the upper limit; lower half: the lower. Read from the motion's samples, within 0.5 % of a limit.")
       + (course.moves.length > 1 ? ` From above: ${course.moves.map(move => move.name).join(", ")}.` : ""), "note");
     charts.lanes = { u, height: rows * row + 46 };
-    follow(u);
+    zoom.attach(u);
   }
   function strips(u, rows) {
     const { ctx } = u, high = u.bbox.height / rows, dpr = devicePixelRatio;
@@ -199,7 +217,9 @@ const armdynCurves = (host, course, names, seek) => {
       ctx.fillStyle = palette.soft;
       ctx.fillText(`${j + 1}`, u.bbox.left - 17 * dpr, middle);
       for (const [from, to, on] of lane) {
-        const a = u.valToPos(from, "x", true), b = u.valToPos(to, "x", true), half = high / 2 - 2 * dpr;
+        const seen = time => Math.min(Math.max(u.valToPos(time, "x", true), u.bbox.left), u.bbox.left + u.bbox.width);
+        const a = seen(from), b = seen(to), half = high / 2 - 2 * dpr;
+        if (!(b > a)) continue;
         ctx.fillStyle = palette[on[0]] || palette.soft;
         if (on[1] === "+") ctx.fillRect(a, middle - half, Math.max(b - a, dpr), half);
         else if (on[1] === "-") ctx.fillRect(a, middle, Math.max(b - a, dpr), half);
@@ -210,7 +230,6 @@ const armdynCurves = (host, course, names, seek) => {
     ctx.restore();
   }
 
-  let time = 0;
   const mark = u => u.setCursor({ left: u.valToPos(time, "x"), top: 0 }, false);
   kinds.forEach(chart);
   lanes();
@@ -227,8 +246,10 @@ const armdynCurves = (host, course, names, seek) => {
     return a;
   };
   return {
-    color, duration: t[n - 1], unit,
-    at(now) { time = now; all().forEach(mark); },
+    color, dash, duration: t[n - 1], unit,
+    at(now) { time = now; zoom.follow(now); all().forEach(mark); },
+    look(from, to) { zoom.set(from, to); },
+    get span() { return zoom.span; },
     // A motion's values at a time; one that has ended stays where it is.
     values(kind, j, now, k = 0) {
       const xs = course.moves[k][kind][j], last = course.moves[k].duration, i = index(Math.min(now, last));
@@ -239,7 +260,8 @@ const armdynCurves = (host, course, names, seek) => {
     joint(j, yes) { shown[j] = yes; kinds.forEach(refresh); charts.lanes.u.redraw(); },
     move(k, yes) { there[k] = yes; kinds.forEach(refresh); charts.lanes.u.redraw(); },
     theme(dark) { palette = armdynPalette(dark); all().forEach(u => u.redraw(false)); },
-    // Where the cursors stand [s]: read from the charts, for tests.
+    // Where the cursors stand, and what is seen [s]: read from the charts, for tests.
+    get seen() { return all().map(u => [u.scales.x.min, u.scales.x.max]); },
     get cursors() { return all().map(u => u.posToVal(u.cursor.left, "x")); },
   };
 };

@@ -13,23 +13,32 @@
   const unpacked = text => new Response(new Blob([bytes(text)]).stream().pipeThrough(new DecompressionStream("gzip"))).json();
   const number = armdynNumber, dark = matchMedia("(prefers-color-scheme: dark)");
 
-  let time = 0, playing = true, speed = data.speed, last = null, rest = 0, scene = null;
-  const seek = to => { time = Math.min(Math.max(+to, 0), duration); rest = 0; show(); };
-  const pause = () => { playing = false; show(); };
-  const play = () => { if (time >= duration) time = 0; playing = true; last = null; rest = 0; show(); };
-  const curves = armdynCurves(el("plots"), course, labels, to => { playing = false; seek(to); });
-  const duration = curves.duration;
+  let scene = null;
+  const curves = armdynCurves(el("plots"), course, labels, to => player.hold(to), zoomed);
+  const duration = curves.duration, player = armdynPlayer(duration, data.speed, show, () => curves.span);
 
   // The arm.
   const called = k => `${course.moves[k].name}, ${data.cut[k] ? "first " : ""}${+course.moves[k].duration.toPrecision(4)} s`;
+  const line = (key, k) => {  // as its curves are drawn
+    const [svg, path] = ["svg", "path"].map(tag => document.createElementNS("http:" + "//www.w3.org/2000/svg", tag));
+    svg.setAttribute("viewBox", "0 0 26 4");
+    path.setAttribute("d", "M0 2h26");
+    path.setAttribute("stroke-dasharray", (curves.dash(k) || []).join(" "));
+    key.appendChild(svg).appendChild(path);
+  };
   const missing = words => { el("no-scene").textContent = words; el("pane").classList.add("empty"); };
   if (data.scene) {
     try {
       const drawn = await unpacked(data.scene);
-      scene = armdynScene(el("pane"), drawn, { overlay: true, room: () => ({ high: .84, wide: .9, up: 0, right: 0 }) });
+      const room = () => {  // several names stand above the arm
+        const above = drawn.arms.length > 1 ? Math.min(el("motions").offsetHeight / el("pane").clientHeight, .5) : 0;
+        return { high: .84 * (1 - above), wide: .9, up: -above, right: 0 };
+      };
+      scene = armdynScene(el("pane"), drawn, { overlay: true, room });
       drawn.arms.forEach((arm, k) => {
         const key = make(k ? "button" : "span", el("motions"), undefined, "move");
         make("i", key).style.background = `rgb(${arm.color.map(c => Math.round(255 * c)).join(",")})`;
+        if (drawn.arms.length > 1) line(key, k);
         make("span", key, called(k));
         if (!k) return;
         key.title = "show or hide";
@@ -39,12 +48,17 @@
           curves.move(k, !off);
         };
       });
+      scene.fit();
     } catch (error) {
       missing(`The arm cannot be shown here: ${error}`);
     }
   } else {
     missing("The robot was not at hand when this report was written: its curves stand beside, the arm is not drawn.");
-    course.moves.forEach((_, k) => make("span", el("motions"), called(k), "move"));
+    course.moves.forEach((_, k) => {
+      const key = make("span", el("motions"), undefined, "move");
+      if (course.moves.length > 1) line(key, k);
+      make("span", key, called(k));
+    });
   }
   el("fit").onclick = () => scene && scene.fit();
   // A wheel over the arm scrolls the page, as everywhere else in it; with Ctrl held, or by two fingers, it zooms.
@@ -86,18 +100,12 @@
     tick.title = `${number(t, 6)} s: ${joints.map(j => labels[j]).join(", ")}`;
   });
   if (course.moves.length > 1) course.moves.forEach(move => place(make("u", ticks), move.duration));
-  for (const s of [...new Set([.001, .002, .005, .01, .02, .05, .1, .2, .5, 1, 2, speed])].sort((a, b) => a - b)) {
-    const option = make("option", el("speed"), `×${+s.toPrecision(3)}`);
-    option.value = s;
-    option.selected = s === speed;
-  }
-  el("speed").title = "seconds of motion per second";
   const digits = duration < 2 ? 4 : 2;
   const precise = xs => Math.max(0, Math.min(4, 3 - Math.floor(Math.log10(Math.max(1e-3, ...xs)))));
   const most = kind => labels.map((_, j) => precise([Math.max(...course.moves[0][kind][j].map(x => Math.abs(x ?? 0)))]));
   const places = { q: labels.map(() => 3), v: most("v"), tau: most("tau") };
 
-  function show() {
+  function show(time) {
     if (scene) scene.show(time);
     curves.at(time);
     rows.forEach(({ cells, fill, on }, j) => {
@@ -109,31 +117,15 @@
       fill.style.transform = `scaleX(${Math.max(-1, Math.min(1, part))})`;
       on.textContent = said[curves.on(j, Math.min(time, course.moves[0].duration * (1 - 1e-9)))];
     });
-    el("scrubber").value = time / duration;
     el("scrubber").setAttribute("aria-valuetext", `${number(time, digits)} s`);
     el("clock").textContent = `${number(time, digits)} / ${number(duration, digits)} s`;
-    document.querySelector("#toggle path").setAttribute("d", playing ? "M2 1h3.5v12H2zM8.5 1H12v12H8.5z" : "M3 1l10 6-10 6z");
   }
-  function tick(now) {
-    requestAnimationFrame(tick);
-    const passed = last === null ? 0 : (now - last) / 1000;
-    last = now;
-    if (!playing) return;
-    if (time < duration) time = Math.min(time + speed * passed, duration);
-    else if ((rest += passed) > 1.2) { time = 0; rest = 0; }  // dwell at the goal, then again
-    show();
+  function zoomed(from, to) {  // what is seen of the time, on the slider
+    const part = el("part");
+    place(part, from);
+    part.style.width = `calc((100% - 18px) * ${(to - from) / duration})`;
+    part.hidden = from <= 0 && to >= duration;
   }
-  el("toggle").onclick = () => (playing ? pause() : play());
-  el("scrubber").oninput = event => { playing = false; seek(event.target.value * duration); };
-  el("speed").onchange = event => { speed = +event.target.value; };
-  addEventListener("keydown", event => {
-    if (event.target.matches("select, input, button, summary, pre")) return;
-    if (event.code === "Space") { event.preventDefault(); (playing ? pause() : play()); }
-    if (event.code === "ArrowRight" || event.code === "ArrowLeft") {
-      playing = false;
-      seek(time + (event.code === "ArrowRight" ? 1 : -1) * duration / 100);
-    }
-  });
   function theme() {
     curves.theme(dark.matches);
     if (scene) scene.theme(dark.matches);
@@ -145,15 +137,16 @@
   }
   dark.addEventListener("change", theme);
   theme();
-  show();
-  requestAnimationFrame(tick);
+  if (data.seen) curves.look(0, data.seen);
+  player.start();
 
   // For scripts: positions are read from the scene that is drawn, cursors from the charts, not from the data.
   window.armdyn = {
-    play, pause, seek, duration,
-    get time() { return time; },
-    get playing() { return playing; },
+    play: player.play, pause: player.pause, seek: player.seek, duration,
+    get time() { return player.time; },
+    get playing() { return player.playing; },
     get cursors() { return curves.cursors; },
+    get seen() { return curves.seen; },
     linkPosition: (name, k = 0) => scene && scene.linkPosition(name, k),
   };
 })();

@@ -31,7 +31,7 @@ def plot_envelope(envelope: Envelope, title: str | None = None) -> Figure:
     from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator
 
-    from armdyn.show.plots import COLORS, INK, LOOK, literal
+    from armdyn.show.figures.look import COLORS, INK, LOOK, literal
 
     names, t = envelope.joint_names, envelope.t
     with rc_context(LOOK):

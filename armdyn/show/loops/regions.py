@@ -54,7 +54,7 @@ def plot_regions(
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    from armdyn.show.plots import COLORS, INK, LOOK
+    from armdyn.show.figures.look import COLORS, INK, LOOK
 
     names = list(dict.fromkeys(name for planes in panels.values() for name in planes))
     colors = {name: COLORS[k % len(COLORS)] for k, name in enumerate(names)}

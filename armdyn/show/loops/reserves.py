@@ -27,7 +27,7 @@ def plot_reserves(rows: Sequence[Mapping[str, Any]], title: str | None = None) -
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    from armdyn.show.plots import COLORS, INK, LOOK
+    from armdyn.show.figures.look import COLORS, INK, LOOK
 
     names = list(dict.fromkeys(row["controller"] for row in rows))
     with rc_context(LOOK):

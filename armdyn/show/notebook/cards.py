@@ -16,9 +16,10 @@ from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.answer.words import verdict
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.proof.certificate import percent
+from armdyn.show.figures.look import INK
 from armdyn.show.markup import Html, element, inline_svg, join
 from armdyn.show.notebook.pictures import motion_picture, robot_picture
-from armdyn.show.plots import INK, svg_text
+from armdyn.show.plots import svg_text
 from armdyn.trajectory import Trajectory
 
 if TYPE_CHECKING:

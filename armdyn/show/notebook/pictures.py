@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from armdyn.models import Robot
 from armdyn.models.values.limits import JointLimits
-from armdyn.show.plots import COLORS, INK, LOOK, literal, plot_trajectories
+from armdyn.show.figures.look import COLORS, INK, LOOK, literal
+from armdyn.show.plots import plot_trajectories
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]

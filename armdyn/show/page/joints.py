@@ -12,7 +12,7 @@ from armdyn.models.values.limits import JointLimits
 from armdyn.show.markup import Html, element, join, table
 from armdyn.show.page.course import Move
 from armdyn.show.page.sections import Section, td, th
-from armdyn.show.page.verdict import seconds, verdict_of
+from armdyn.show.page.verdict import Tile, seconds, verdict_of
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -103,6 +103,19 @@ def compared(moves: Sequence[Move], limits: JointLimits) -> list[Compared]:
     return rows
 
 
+def worth_seeing(rows: Sequence[Compared], end: float | None = None) -> float | None:
+    """A loop that was watched long after it had arrived says little there: so much is seen at first [s]; None: all.
+
+    Args:
+        rows: the motions.
+        end: so much of them is drawn [s]; None: all.
+    """
+    longest = min(max(row.duration for row in rows), np.inf if end is None else end)
+    there = [row.there for row in rows if row.there is not None]
+    seen = 1.2 * max(there, default=np.inf)
+    return seen if seen < 0.8 * longest else None
+
+
 def at_the_goal(move: Move) -> float | None:
     """When a closed loop has settled, by its own rule; of any other motion its end [s]. None: it has not."""
     for name in ("settled_time", "arrival_time"):
@@ -111,24 +124,34 @@ def at_the_goal(move: Move) -> float | None:
     return move.motion.duration
 
 
-def comparison_section(moves: Sequence[Move], limits: JointLimits) -> Section | None:
+def comparison_tiles(rows: Sequence[Compared]) -> list[Tile]:
+    """When each of several motions is at the goal, to be seen first."""
+    tiles = []
+    for k, row in enumerate(rows):
+        beside = "" if k == 0 or row.later is None else f"{100 * row.later:+.3g} %, ".replace("-", "−")
+        verdict = row.verdict[:1].lower() + row.verdict[1:] if beside else row.verdict
+        tiles.append(Tile(row.name, seconds(row.there), beside + verdict))
+    return tiles
+
+
+def comparison_section(rows: Sequence[Compared]) -> Section | None:
     """Several motions side by side; nothing of one."""
-    if len(moves) < 2:
+    if len(rows) < 2:
         return None
     words = ("motion", "at the goal", "beside the first", "recorded", "work", "fastest", "strongest", "verdict")
-    rows = [
+    body = [
         [
             th(one.name, "row"), td(seconds(one.there)),
             td("–" if k == 0 or one.later is None else f"{100 * one.later:+.1f} %"), td(seconds(one.duration)),
             td(f"{one.work:.4g} J"), _share(one.speed), _share(one.torque), td(one.verdict),
         ]
-        for k, one in enumerate(compared(moves, limits))
+        for k, one in enumerate(rows)
     ]  # fmt: skip
     told = (
         "Work is ∫ Σ |τ q̇| dt, what the joints give and take; fastest and strongest: the most that a joint takes "
         "of its limit. A closed loop is at the goal when it has come to stay, by its own rule."
     )
-    parts = [table([[th(word) for word in words]], rows), element("p", told, class_="note")]
+    parts = [table([[th(word) for word in words]], body), element("p", told, class_="note")]
     return Section("comparison", "Side by side", join(parts), wide=True)
 
 

@@ -13,6 +13,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from armdyn.errors import TrajectoryError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.obstacles import Obstacle
@@ -20,7 +22,14 @@ from armdyn.models.values.limits import JointLimits
 from armdyn.show.markup import Html, element, fill, join, script_json
 from armdyn.show.page.assets import asset, script, viewer_script
 from armdyn.show.page.course import Move, course_data, until
-from armdyn.show.page.joints import comparison_section, joint_section
+from armdyn.show.page.joints import (
+    Compared,
+    compared,
+    comparison_section,
+    comparison_tiles,
+    joint_section,
+    worth_seeing,
+)
 from armdyn.show.page.scene import playing_speed, scene_data, short_names
 from armdyn.show.page.sections import (
     Section,
@@ -119,22 +128,25 @@ def report_of(subject: Subject, moves: Sequence[Move], title: str = "", end: flo
         lead.append(f"payload {1000 * subject.robot.payload.mass:g} g")
     if len(moves) > 1:
         lead.append(f"{first.name} beside {', '.join(move.name for move in moves[1:])}")
+    rows = compared(moves, subject.limits)
+    judged = len(moves) > 1 and all(move.facts.values for move in moves)  # a run's own reference is not
+    tiles = comparison_tiles(rows) if judged else tiles_of(first.facts, first.motion.duration)
     return Report(
         title or subject.name,
         " · ".join(lead),
         verdict.headline if len(moves) == 1 or not first.facts.values else f"{first.name}: {verdict.headline}",
         verdict,
-        tuple(tiles_of(first.facts, first.motion.duration)),
-        tuple(_sections(subject, moves, verdict)),
-        _data(subject, moves, end),
+        tuple(tiles),
+        tuple(_sections(subject, moves, verdict, rows)),
+        _data(subject, moves, end, worth_seeing(rows, end)),
     )
 
 
-def _sections(subject: Subject, moves: Sequence[Move], verdict: Verdict) -> list[Section]:
+def _sections(subject: Subject, moves: Sequence[Move], verdict: Verdict, rows: Sequence[Compared]) -> list[Section]:
     facts, duration = moves[0].facts, moves[0].motion.duration
     others = [(k, move) for k, move in enumerate(moves) if k]
     sections = [
-        comparison_section(moves, subject.limits),
+        comparison_section(rows),
         verdict_section(verdict),
         *(verdict_section(verdict_of(move.facts), f"-{k}", move.name) for k, move in others),
         deciding_section(facts, duration),
@@ -149,8 +161,8 @@ def _sections(subject: Subject, moves: Sequence[Move], verdict: Verdict) -> list
     return [section for section in sections if section is not None]
 
 
-def _data(subject: Subject, moves: Sequence[Move], end: float | None) -> dict[str, Any]:
-    """What the scripts draw, up to a time [s]. The scene is the largest part, and packed."""
+def _data(subject: Subject, moves: Sequence[Move], end: float | None, seen: float | None) -> dict[str, Any]:
+    """What the scripts draw, up to a time, and how much is seen at first [s]. The scene, the largest, is packed."""
     shown = [replace(move, motion=until(move.motion, end)) for move in moves]
     motions = [move.motion for move in shown]
     scene = None
@@ -161,7 +173,8 @@ def _data(subject: Subject, moves: Sequence[Move], end: float | None) -> dict[st
         "joints": list(subject.joints),
         "labels": short_names(subject.joints),
         "cut": [drawn.motion.duration < whole.motion.duration for drawn, whole in zip(shown, moves, strict=True)],
-        "speed": playing_speed([motion.duration for motion in motions]),
+        "speed": playing_speed([min(motion.duration, seen or np.inf) for motion in motions]),
+        "seen": seen,
         "course": course_data(shown, subject.limits, subject.sliding),
         "scene": scene,
     }
@@ -185,7 +198,9 @@ def report_html(report: Report) -> str:
             "viewer": viewer_script(),
             "plot": script("uplot/uPlot.iife.min.js"),
             "scene": script("scene.js"),
+            "zoom": script("zoom.js"),
             "curves": script("curves.js"),
+            "player": script("player.js"),
             "report": script("report.js"),
             "policy": "{{policy}}",  # known when the scripts are
         },

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from armdyn.show.markup import Html, element, join, table
 from armdyn.show.page.facts import Facts, as_number
 from armdyn.show.page.verdict import Verdict, seconds
+from armdyn.show.results import source_name
+
+_PATH = re.compile(r"(--?[\w-]+=|)((?:~[^/\\]*|[A-Za-z]:|)[/\\].*)", re.DOTALL)
+"""An absolute path, perhaps as an option's value."""
 
 
 @dataclass(frozen=True)
@@ -142,13 +147,26 @@ def course_section(facts: Facts) -> Section | None:
                     else f"{100 * parts[0]:.3g} % {what}",
                 )
             )
-    return Section("course", "Along the way", listed(rows)) if rows else None
+    worst = [
+        [
+            th(one.text("name"), "row"), td(one.text("said"), class_="words"), _percent(one.number("share") or 0.0),
+            td("no" if one.texts("reasons") else "yes"),
+        ]
+        for one in facts.parts("conditions") if one.number("share") is not None
+    ]  # fmt: skip
+    heads = [[th("limit"), th("worst", class_="words"), th("of it"), th("kept")]]
+    body = [*([table(heads, worst)] if worst else []), *([listed(rows)] if rows else [])]
+    return Section("course", "Conditions along the way", join(body)) if body else None
+
+
+def _percent(share: float) -> Html:
+    return td(f"{100 * share:.4g} %", class_="over") if share > 1.001 else td(f"{100 * share:.4g} %")
 
 
 def model_section(name: str, facts: Facts) -> Section:
     """Which arm it is."""
     model = facts.part("model")
-    rows = [("robot", name), ("source", model.text("source"))]
+    rows = [("robot", name), ("source", source_name(model.text("source")))]
     payload = model.part("payload")
     if (mass := payload.number("mass")) is not None:
         rows.append(("payload", f"{1e3 * mass:g} g at {payload.text('frame') or model.text('tip') or 'the tip'}"))
@@ -170,7 +188,7 @@ def making_section(facts: Facts, suffix: str = "", of: str = "") -> Section | No
     parts: list[Html] = []
     asked = facts.part("asked")
     if command := asked.text("command"):
-        parts.append(element("pre", element("code", command), tabindex=0))
+        parts.append(element("pre", element("code", _typed(command)), tabindex=0))
     given = asked.part("options").values
     if given:
         parts.append(
@@ -190,6 +208,20 @@ def making_section(facts: Facts, suffix: str = "", of: str = "") -> Section | No
     return Section(f"making{suffix}", titled("How it was made", of), join(parts)) if parts else None
 
 
+def _without_folders(text: str) -> str:
+    """A word without the folders of whose machine it was: of an absolute path its last name."""
+    found = _PATH.fullmatch(text)
+    return text if found is None else found[1] + re.split(r"[/\\]", found[2].rstrip("/\\"))[-1]
+
+
+def _typed(command: str) -> str:
+    """A command, its paths without folders."""
+    try:
+        return shlex.join(map(_without_folders, shlex.split(command)))
+    except ValueError:  # it is no line of a shell
+        return command
+
+
 def titled(title: str, of: str) -> str:
     """A heading, and of which motion."""
     return f"{title}: {of}" if of else title
@@ -203,9 +235,9 @@ def listed(rows: Sequence[tuple[str, str]]) -> Html:
     )
 
 
-def th(text: str, scope: str = "col") -> Html:
+def th(text: str, scope: str = "col", **attributes: str) -> Html:
     """A heading cell."""
-    return element("th", text, scope=scope)
+    return element("th", text, scope=scope, **attributes)
 
 
 def td(text: str, **attributes: str) -> Html:
@@ -218,4 +250,4 @@ def _shown(value: object) -> str:
         return ", ".join(map(_shown, value[:40]))
     if isinstance(value, Mapping):
         return "…"
-    return {None: "–", True: "yes", False: "no"}.get(value, str(value)[:300])  # type: ignore[call-overload, no-any-return]
+    return {None: "–", True: "yes", False: "no"}.get(value, _without_folders(str(value)[:300]))  # type: ignore[call-overload, no-any-return]

@@ -56,6 +56,8 @@ def verdict_of(facts: Facts) -> Verdict:
         return _of_planned(facts)
     if "peak_error" in facts:
         return _of_tracking(facts)
+    if "feasible" in facts:
+        return _of_given(facts)
     return Verdict("none", "Not judged", "A motion without a result beside it: nothing of it was checked.")
 
 
@@ -171,13 +173,29 @@ def _of_pid(facts: Facts) -> Verdict:
     return Verdict("bad" if arrival is None else "good", headline, _sentence(facts.text("message")), tuple(checks))
 
 
+def _of_given(facts: Facts) -> Verdict:
+    """Of a motion that came without a result."""
+    said = "A motion from elsewhere: whether the arm can do it was looked at, and not how much faster it could be."
+    if facts.true("feasible"):
+        return Verdict("good", "Keeps its limits", said, _possible(facts))
+    return Verdict("bad", "Breaks its limits", said, _possible(facts))
+
+
+def _possible(facts: Facts) -> tuple[tuple[str, bool | None, str], ...]:
+    """Whether the arm can do a motion that came from elsewhere."""
+    worst, end = facts.text("worst_violation"), facts.number("replay_error")
+    led = "they diverge" if end is None else f"replayed without feedback, they end {_small(end)} rad or m beside it"
+    return (
+        ("keeps its limits", facts.true("feasible"), f"worst: {worst}" if worst else "none is exceeded"),
+        ("its torques lead to its end", None, led),
+    )
+
+
 def _of_planned(facts: Facts) -> Verdict:
     """Of another planner's motion, beside the fastest."""
-    ratio, end = facts.number("ratio"), facts.number("replay_error")
-    feasible, worst = facts.true("feasible"), facts.text("worst_violation")
+    ratio, feasible = facts.number("ratio"), facts.true("feasible")
     checks: list[tuple[str, bool | None, str]] = [
-        ("keeps its limits", feasible, f"worst: {worst}" if worst else "none is exceeded"),
-        ("its torques lead to its end", None, "they diverge" if end is None else f"{_small(end)} beside it"),
+        *_possible(facts),
         ("the fastest is certified", facts.true("certified"), f"it takes {seconds(facts.number('optimal_duration'))}"),
     ]
     found = "no fastest motion was found" if ratio is None else f"takes {ratio:.4g} times as long as the fastest"

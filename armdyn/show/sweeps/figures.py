@@ -61,7 +61,7 @@ def plot_curve(
     Returns:
         A figure of its own: pyplot knows nothing of it.
     """
-    from armdyn.show.plots import COLORS
+    from armdyn.show.figures.look import COLORS
 
     figure, axes = _begun(title)
     groups: dict[tuple[Any, ...], list[Row]] = {}
@@ -101,7 +101,7 @@ def plot_map(
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    from armdyn.show.plots import LOOK, literal
+    from armdyn.show.figures.look import LOOK, literal
 
     values = list(dict.fromkeys(row[panel] for row in rows))[:_MAX_PANELS] if panel else [None]
     numbers = [row[z] for row in rows if row[z] is not None]
@@ -145,7 +145,7 @@ def plot_pareto(
         log: settings whose colours are logarithmic.
         title: above the axes.
     """
-    from armdyn.show.plots import COLORS
+    from armdyn.show.figures.look import COLORS
 
     figure, axes = _begun(title)
     whole = [row for row in rows if row[x] is not None and row[y] is not None]
@@ -181,7 +181,7 @@ def _begun(title: str | None) -> tuple[Figure, Axes]:
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    from armdyn.show.plots import LOOK, literal
+    from armdyn.show.figures.look import LOOK, literal
 
     with rc_context(LOOK):
         figure = Figure(figsize=(7.0, 4.4), layout="constrained")
@@ -193,7 +193,7 @@ def _begun(title: str | None) -> tuple[Figure, Axes]:
 
 def _cells(axes: Axes, rows: Sequence[Row], columns: tuple[str, str, str], span: tuple[float, float], none: str) -> Any:
     """One panel; what a colour bar is made for, None if there is nothing."""
-    from armdyn.show.plots import INK
+    from armdyn.show.figures.look import INK
 
     least: dict[tuple[float, float], float] = {}
     missing: set[tuple[float, float]] = set()

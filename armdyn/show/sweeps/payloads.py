@@ -59,7 +59,7 @@ def plot_sweep(rows: Sequence[dict[str, Any]], title: str | None = None) -> Figu
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    from armdyn.show.plots import COLORS, LOOK
+    from armdyn.show.figures.look import COLORS, LOOK
 
     landed = [row for row in rows if row["success"]]
     grams = np.array([1e3 * row["payload_kg"] for row in landed])

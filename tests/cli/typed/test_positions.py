@@ -60,7 +60,9 @@ def test_poses_by_name_and_by_joint():
 
 
 def test_a_name_that_is_not_known_says_which_are():
-    with pytest.raises(ProblemError, match=r"no pose 'hme'; did you mean 'home'\?; known: zero, home, up; or give 6"):
+    with pytest.raises(
+        ProblemError, match=r"'hme'; expected a number per joint .*pose of ur5 \(zero, home, up\); did you mean 'home'"
+    ):
         positions("hme", "--q-start", ad.Robot.from_library("ur5"))
 
 

@@ -112,7 +112,7 @@ def test_a_file_reaches_nothing_outside_its_folder(write, tmp_path):
         ("0.2,", "true,", "line 7: q_goal has True; a position is a number"),
         ('"-pi/84"]', '"-pi/84", 1]', "line 7: q_goal has shape (3,)"),
         ('"2deg"', '"2m"', "line 6: q_start: '2m', but the joint turns"),
-        ('[0.2, "-pi/84"]', '"hoem"', "line 7: q_goal: rr has no pose 'hoem'"),
+        ('[0.2, "-pi/84"]', '"hoem"', "line 7: q_goal is 'hoem'; expected a number per joint"),
         ("mass = 0.1006", "mass = -1", "line 3: payload mass is -1"),
         ("{ mass = 0.1006 }", "1", "line 3: payload is 1; it is a table"),
         ('name = "rr"', "name = 1", "line 2: name of the robot is 1"),

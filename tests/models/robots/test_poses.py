@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.errors import SpecError
+from armdyn.errors import ProblemError, SpecError
 from armdyn.models.robots.poses import TABLE
+from models.mjcf.arms import mjcf, one, two
 
 SRDF = """<robot name="{robot}">
   <group_state name="home" group="arm"><joint name="joint1" value="0.1"/><joint name="joint2" value="-0.2"/>
@@ -73,7 +74,7 @@ def test_devices_and_folders_are_not_waited_for(arm):
 def test_what_was_no_file_has_no_srdf():
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
     assert list(robot.poses) == ["zero"]
-    with pytest.raises(SpecError, match="no pose 'home'; known: zero"):
+    with pytest.raises(SpecError, match=r"no pose 'home' \(known: zero\)"):
         robot.pose("home")
 
 
@@ -103,3 +104,56 @@ def test_ready_is_the_library_s_default_pose():
     panda = ad.Robot.from_library("panda")
     assert panda.pose("ready") == pytest.approx(panda.pose("default"), abs=1e-4)
     assert panda.pose("ready")[1] == -math.pi / 4
+
+
+def test_names_stand_where_poses_do():
+    """In Python as on the command line."""
+    panda = ad.Robot.from_library("panda")
+    ready = panda.pose("ready")
+    there = ready + 0.1
+    problem = ad.MinimumTimeProblem(panda, q_start="ready", q_goal=there, via=["default"])
+    assert np.array_equal(problem.q_start, ready) and np.array_equal(problem.via[0], panda.pose("default"))
+    assert np.array_equal(ad.ramp(panda, "ready", there, 1.0).q[0], ready)
+    assert np.array_equal(ad.set_point(panda, "ready").q[0], ready)
+    assert panda.pose("ready")[0] == ready[0] == 0.0, "a problem keeps a pose of its own"
+
+
+@pytest.mark.parametrize("ends", [("raedy", [0.1] * 7), ([0.1] * 7, "raedy")])
+def test_a_name_that_is_none_is_a_problem_and_says_which_there_are(ends):
+    panda = ad.Robot.from_library("panda")
+    with pytest.raises(ProblemError, match=r"a number per joint.*did you mean 'ready'"):
+        ad.MinimumTimeProblem(panda, q_start=ends[0], q_goal=ends[1])
+    with pytest.raises(ProblemError, match="did you mean 'ready'"):
+        ad.simulate_pid(panda, q_start=ends[0], q_goal=ends[1], duration=0.1)
+
+
+def test_two_groups_have_a_pose_of_one_name(arm):
+    gripper = '<group_state name="home" group="gripper"><joint name="finger" value="1"/></group_state></robot>'
+    (arm.parent / "mine.srdf").write_text(SRDF.format(robot="rr").replace("</robot>", gripper))
+    assert poses(arm)["home"] == [0.1, -0.2]
+
+
+def test_keyframes_of_an_mjcf(tmp_path):
+    """MuJoCo's qpos: a free base's seven numbers first, a ball's four among them, angles in radians in any MJCF."""
+    import mujoco
+
+    base = (
+        '<body name="base"><freejoint name="base"/><geom size="0.1" mass="1"/>'
+        + two(joint='<joint name="k" range="-90 90"/>')
+        + one('<joint name="eye" type="ball"/>', name="head")
+        + one('<joint name="drawer" type="slide"/>', name="drawer")
+        + "</body>"
+    )
+    numbers = "0 0 0 1 0 0 0  0.5 -0.25  1 0 0 0  0.1"
+    keys = (
+        f'<keyframe><key name="home" qpos="{numbers}"/><key qpos="{numbers}"/><key name="short" qpos="1 2"/></keyframe>'
+    )
+    path = tmp_path / "arm.xml"
+    path.write_text(mjcf(base, keys))
+    robot = ad.Robot.from_mjcf(path, lock={"base": 0.0, "eye": 0.0})
+    theirs = mujoco.MjModel.from_xml_path(str(path))
+    home = [theirs.key("home").qpos[theirs.joint(name).qposadr[0]] for name in robot.joint_names]
+    assert robot.joint_names == ("j", "k", "drawer")
+    assert robot.poses.keys() == {"zero", "home"}
+    assert robot.pose("home").tolist() == home == [0.5, -0.25, 0.1]
+    assert ad.Robot.from_mjcf_string(path.read_text(), lock={"base": 0.0, "eye": 0.0}).poses.keys() == {"zero"}

@@ -8,7 +8,16 @@ import pinocchio as pin
 import pytest
 
 from armdyn.errors import ProblemError
-from armdyn.models.scene.obstacles import Box, Capsule, Sphere, homogeneous, load_obstacles, pose_of
+from armdyn.models.scene.obstacles import (
+    Box,
+    Capsule,
+    Sphere,
+    homogeneous,
+    load_obstacles,
+    obstacle_entry,
+    obstacle_from,
+    pose_of,
+)
 
 
 def test_equal_obstacles_are_equal_and_hash_alike():
@@ -103,3 +112,13 @@ def test_messages_are_short(tmp_path):
     with pytest.raises(ProblemError) as told:
         load_obstacles(path)
     assert "three" in str(told.value) and len(str(told.value)) < 500
+
+
+def test_what_is_kept_of_an_obstacle_makes_it_again():
+    turned = Box([0.1, 0.2, 0.3], pose_of([1, 2, 3], None, [0.1, -0.4, 2.0], "it"), name="crate")
+    for one in (Sphere([1, 2, 3], 0.1), Capsule([0, 0, 0.1], [1, 0, 0], 0.2, name="pipe"), Box([1, 2, 3], [0, 0, 1])):
+        assert obstacle_from(json.loads(json.dumps(obstacle_entry(one))), "it") == one
+    again = obstacle_from(obstacle_entry(turned), "it")
+    assert (again.size, again.name) == (turned.size, turned.name)
+    # By way of a quaternion: some roundings of 1e-16 each.
+    np.testing.assert_allclose(again.pose, turned.pose, atol=1e-14)

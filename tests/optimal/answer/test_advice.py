@@ -8,7 +8,7 @@ import pytest
 from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.conditions.condition import Kept
 from armdyn.optimal.problem.status import Violation
-from armdyn.optimal.proof.certificate import Certificate
+from armdyn.optimal.proof.certificate import ON_CURVE, Certificate
 from problems import paper_problem, solved
 
 LANDED = Certificate(1e-9, 1e-9, 0.0)
@@ -52,6 +52,13 @@ def test_all_that_is_missing_of_usable_is_named():
 )
 def test_why_it_is_no_extremal(certificate, arcs, asked, words):
     assert words in said(certificate, arcs=arcs, **asked)["extremal"]
+
+
+def test_a_curve_with_a_gap_is_not_told_to_become_extremal():
+    gap = replace(LANDED, remark=ON_CURVE, lower_bound=1.0, gap=0.02)
+    assert "faster motion" in said(gap)["gap"]
+    assert "extremal" not in said(gap)
+    assert "more `starts`" in said(replace(LANDED, remark=ON_CURVE))["extremal"]
 
 
 @pytest.mark.parametrize(

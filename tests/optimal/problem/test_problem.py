@@ -13,7 +13,7 @@ from problems import POSES, paper_arm, paper_problem
     ("change", "message"),
     [
         ({"q_start": [0.0]}, r"q_start has shape \(1,\).*joint1, joint2"),
-        ({"q_goal": [0.0, np.nan]}, "q_goal of joint .joint2. is nan .index 1.; it must be finite"),
+        ({"q_goal": [0.0, np.nan]}, "q_goal of joint .joint2. is nan rad or m .index 1.; it must be finite"),
         ({"v_goal": [0.0, np.inf]}, "v_goal .*must be finite"),
         ({"q_goal": [0.1, 3.2]}, r"goal of joint 'joint2' \(index 1\) is 3.2 rad, outside its limits"),
         ({"q_start": [-3.3, 0.0]}, "start of joint 'joint1'"),

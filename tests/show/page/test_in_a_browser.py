@@ -79,6 +79,89 @@ def test_arm_curves_and_slider_have_one_time(tmp_path, size):
         assert not left_the_page(requests)
 
 
+def spans(page):
+    """What the charts see of the time [s], shape (charts, 2)."""
+    return np.array(page.evaluate("armdyn.seen"))
+
+
+def plane(page, k=0):
+    """A chart's plane, in view."""
+    over = page.locator(".u-over").nth(k)
+    over.evaluate("node => node.scrollIntoView({ block: 'center' })")
+    return over.bounding_box()
+
+
+def test_zoom_is_of_all_charts_together(tmp_path):
+    robot, fast, slow = pair()
+    with open_page(written(tmp_path, robot, fast, slow)) as (page, _, errors):
+        screenshot(page, 0.1)
+        np.testing.assert_array_equal(spans(page), [[0, 0.5]] * 4)
+        whole = page.get_by_role("button", name="see all of the time")
+        assert whole.is_disabled()
+        for k in range(4):  # Shift and a drag choose a span
+            box = plane(page, k)
+            y, pixel = box["y"] + box["height"] / 2, 0.5 / box["width"]
+            page.keyboard.down("Shift")
+            page.mouse.move(box["x"] + 0.6 * box["width"], y)
+            page.mouse.down()
+            page.mouse.move(box["x"] + 0.2 * box["width"], y, steps=4)
+            page.mouse.up()
+            page.keyboard.up("Shift")
+            np.testing.assert_allclose(spans(page), [[0.1, 0.3]] * 4, atol=2 * pixel)
+            assert page.evaluate("armdyn.time") == 0.1  # which a plain drag would move
+            page.mouse.move(box["x"] + 0.5 * box["width"], y)
+            page.mouse.down()  # and a plain one still does, in what is seen
+            page.mouse.up()
+            agree(page, 0.2, 3 * pixel)
+            page.mouse.dblclick(box["x"] + 0.5 * box["width"], y)
+            np.testing.assert_array_equal(spans(page), [[0, 0.5]] * 4)
+            page.evaluate("armdyn.seek(0.1)")
+        box = plane(page)
+        page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 20)
+        page.keyboard.down("Control")
+        page.mouse.wheel(0, -100)
+        page.keyboard.up("Control")
+        page.wait_for_timeout(100)
+        first, last = spans(page)[0]  # 0.2 s stays where it is, and exp(-1/2) of the span is left
+        assert last - first == pytest.approx(0.5 * np.exp(-0.5), rel=1e-6)
+        assert (0.2 - first) / (last - first) == pytest.approx(0.4, abs=0.01)
+        page.evaluate("armdyn.seek(0.5)")  # a time that is sought is seen
+        np.testing.assert_allclose(spans(page), [[0.5 - (last - first), 0.5]] * 4, atol=1e-9)
+        agree(page, 0.5, 1e-9)
+        whole.click()
+        page.get_by_role("button", name="zoom in at this time").click()
+        np.testing.assert_allclose(spans(page), [[0.25, 0.5]] * 4, atol=1e-9)
+        page.evaluate("armdyn.play()")  # what is seen is played
+        wait_until(page, "armdyn.time > 0.26 && armdyn.time < 0.4")
+        np.testing.assert_allclose(spans(page), [[0.25, 0.5]] * 4, atol=1e-9)
+        assert not errors
+
+
+def test_two_fingers_zoom(tmp_path):
+    robot, fast, slow = pair()
+    with open_page(written(tmp_path, robot, fast, slow), **PHONE) as (page, _, errors):
+        screenshot(page, 0.1)
+        box = plane(page)
+        session = page.context.new_cdp_session(page)
+
+        def touch(kind, *parts):
+            points = [
+                {"x": box["x"] + part * box["width"], "y": box["y"] + box["height"] / 2, "id": k}
+                for k, part in enumerate(parts)
+            ]
+            session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+        touch("touchStart", 0.4, 0.6)
+        for part in (0.35, 0.25, 0.2):
+            touch("touchMove", part, 1 - part)
+        touch("touchEnd")
+        page.wait_for_timeout(100)
+        # 0.2 s and 0.3 s, which were under the fingers, are at 0.2 and 0.8 of the width.
+        wide = 0.1 / 0.6
+        np.testing.assert_allclose(spans(page), [[0.25 - wide / 2, 0.25 + wide / 2]] * 4, atol=0.01)
+        assert not errors
+
+
 def test_the_numbers_are_those_of_the_moment(tmp_path):
     robot, move = judged()
     with open_page(written(tmp_path, robot, move)) as (page, _, errors):

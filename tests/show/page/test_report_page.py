@@ -133,6 +133,47 @@ def test_a_pandas_report_is_not_large():
     assert len(page_of(*moves, robot=robot).encode()) < 8e6
 
 
+def test_limits_of_the_problem_are_listed_with_their_worst():
+    conditions = [
+        {"name": "jerk limits", "share": 0.5, "said": "50 of 100 rad/s³ at most, by 'joint1'", "reasons": []},
+        {"name": "speed of 'tip'", "share": 1.2, "said": "1.2 m/s at most, of 1 m/s", "reasons": ["too fast"]},
+        {"name": "via points", "share": None, "said": "at 0.1 s", "reasons": []},
+    ]
+    robot, move = judged(conditions=conditions, reserve={"effort": [0.1, 0.1], "velocity": [0, 0]})
+    page = page_of(move, robot=robot)
+    section = page[page.index("Conditions along the way") :]
+    section = " ".join(text_of(section[: section.index("</section>")]).split())
+    assert "jerk limits 50 of 100 rad/s³ at most, by 'joint1' 50 % yes" in section.replace("&#x27;", "'")
+    assert "1.2 m/s at most, of 1 m/s 120 % no" in section and "via points" not in section
+    assert "kept for feedback 10 % of torque limits" in section
+
+
+def test_paths_are_told_without_their_folders():
+    command = "armdyn mintime '/home/me/my arms/arm.urdf' --q-start=-pi/2,0 --obstacle=/tmp/box.json --out ~/runs/one"
+    options = {
+        "robot": "/home/me/my arms/arm.urdf",
+        "obstacle": ["/tmp/box.json", "sphere:1@0,0,0"],
+        "q_start": "pi/2,0",
+    }
+    robot, move = judged(asked={"command": command, "options": options}, model={"source": "/home/me/my arms/arm.urdf"})
+    page = page_of(move, robot=robot)
+    assert "armdyn mintime arm.urdf --q-start=-pi/2,0 --obstacle=box.json --out one" in page
+    assert not re.search("/home|my arms|/tmp|~", text_of(page)) and "box.json, sphere:1@0,0,0" in page
+
+
+def test_of_several_motions_their_times_are_seen_first():
+    robot, move = judged()
+    loop = quintic(robot, [0, 0], [1, 1], 10.0, "PID")
+    moves = [move, Move("PID", loop, Facts({"arrival_time": 0.42, "arrival_rule": "all_joints"}))]
+    report = report_of(Subject.of(robot), moves)
+    assert [(tile.label, tile.value) for tile in report.tiles] == [("minimum time", "0.2100 s"), ("PID", "0.4200 s")]
+    assert report.tiles[1].note == "+100 %, arrived"
+    # The loop was watched for 10 s and is there after 0.42: a fifth more of it is seen at first.
+    assert report.data["seen"] == pytest.approx(1.2 * 0.42)
+    assert report_of(Subject.of(robot), moves, end=0.5).data["seen"] is None
+    assert report_of(Subject.of(robot), [move]).data["seen"] is None
+
+
 def test_a_robot_that_is_not_at_hand():
     robot, move = judged()
     subject = Subject("rr", robot.joint_names, robot.limits, (False, False))

@@ -43,8 +43,7 @@ class AccelerationLimit(Condition):
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> Kept:
         """By forward dynamics, at five points of every sample."""
         t, a = accelerations(problem.robot, motion)
-        shares = np.abs(a) / np.asarray(problem.acceleration_limit)
-        return kept_by_joints(problem.robot, self.name, "acceleration", t, shares)
+        return kept_by_joints(problem.robot, "acceleration", "/s²", t, a, np.asarray(problem.acceleration_limit))
 
     def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
         """As its bends allow."""

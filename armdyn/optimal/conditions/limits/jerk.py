@@ -49,8 +49,7 @@ class JerkLimit(Condition):
         """By differences of forward dynamics, between five points of every sample."""
         t, a = accelerations(problem.robot, motion)
         jerks = np.diff(a, axis=1) / np.diff(t, axis=1)[..., None]
-        shares = np.abs(jerks) / np.asarray(problem.jerk_limit)
-        return kept_by_joints(problem.robot, self.name, "jerk", t[:, :-1], shares)
+        return kept_by_joints(problem.robot, "jerk", "/s³", t[:, :-1], jerks, np.asarray(problem.jerk_limit))
 
 
 def _jerks(stages: Stages, over_limit: ca.SX) -> ca.SX:

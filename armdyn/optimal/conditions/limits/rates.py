@@ -31,20 +31,23 @@ def accelerations(robot: Robot, motion: Trajectory) -> tuple[Array, Array]:
     return t, np.array([function(*state) for state in states]).reshape(*t.shape, n)
 
 
-def kept_by_joints(robot: Robot, name: str, what: str, t: Array, shares: Array) -> Kept:
+def kept_by_joints(robot: Robot, what: str, per: str, t: Array, values: Array, limits: Array) -> Kept:
     """How a rate keeps its limits: the mesh keeps them at its points, not between.
 
     Args:
         robot: whose joints are limited.
-        name: of the condition.
-        what: is limited.
+        what: is limited: "acceleration".
+        per: its unit, after rad or m: "/s²".
         t: when it was looked at [s], of any shape.
-        shares: what was seen then, as parts of the limits, the same shape and (nv,).
+        values: what was seen then, of the same shape and (nv,).
+        limits: of its size, shape (nv,).
     """
-    k, i = np.unravel_index(np.argmax(shares.reshape(-1, robot.nv)), (t.size, robot.nv))
-    share, joint, when = float(np.max(shares)), robot.joint_names[i], float(t.ravel()[k])
-    said = f"{100 * share:.4g} % of the limit at most"
+    seen = np.abs(values).reshape(-1, robot.nv)
+    k, i = np.unravel_index(np.argmax(seen / limits), seen.shape)
+    share, joint, when = float(seen[k, i] / limits[i]), robot.joint_names[i], float(t.ravel()[k])
+    unit = f"{'m' if robot.slides[i] else 'rad'}{per}"
+    said = f"{seen[k, i]:.5g} of {limits[i]:.5g} {unit} at most, by {joint!r} at t = {when:.4g} s"
     if share <= 1 + ConditionsPolicy.rate_tolerance:
-        return Kept(name, said, share)
+        return Kept(f"{what} limits", said, share)
     reason = f"joint {joint!r} exceeds its {what} limit by {100 * (share - 1):.2g} % at t = {when:.4g} s"
-    return Kept(name, said, share, (reason,), Violation(f"{what} limit", joint, when, share - 1))
+    return Kept(f"{what} limits", said, share, (reason,), Violation(f"{what} limit", joint, when, share - 1))

@@ -88,7 +88,8 @@ class TorqueRateLimit(Condition):
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> Kept:
         """Between every two samples: the replay's torques are linear there."""
         # A jump of the torque takes no time that a number could hold.
-        rates = np.abs(np.diff(motion.tau, axis=0)) / np.diff(motion.t)[:, None] / np.asarray(self.limit)
+        limit = np.asarray(self.limit)
+        rates = np.abs(np.diff(motion.tau, axis=0)) / np.diff(motion.t)[:, None] / limit
         share = float(np.max(rates))
         k, i = np.unravel_index(np.argmax(rates), rates.shape)
         names, reasons, worst = problem.robot.joint_names, [], list[Violation]()
@@ -105,7 +106,8 @@ class TorqueRateLimit(Condition):
                     Violation("jump of the torque", names[int(np.argmax(beside))], float(t), float(np.max(beside)))
                 )
                 reasons.append(f"the torque {end} with a jump of {100 * np.max(beside):.2g} % of its limit")
-        said = f"{100 * share:.4g} % of the limit at most, by {joint!r}"
+        unit, most = "N/s" if problem.robot.slides[i] else "N m/s", np.broadcast_to(limit, rates.shape[1:])[i]
+        said = f"{share * most:.5g} of {most:.5g} {unit} at most, by {joint!r} at t = {motion.t[k]:.4g} s"
         return Kept(
             self.name, said, share, tuple(reasons), max(worst, key=lambda violation: violation.value, default=None)
         )

@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from armdyn.show.plots import COLORS, plot_panels, put_head, run_handles, save_figure, svg_text, switches
+from armdyn.show.figures.look import COLORS
+from armdyn.show.plots import plot_panels, put_head, run_handles, save_figure, svg_text, switches
 from armdyn.studies.paper.claims.traits import Traits
 from armdyn.studies.paper.outcomes.case import Case
 from armdyn.studies.paper.outcomes.outcome import Outcome, by_case

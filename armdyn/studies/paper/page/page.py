@@ -10,9 +10,9 @@ from pathlib import Path
 
 from armdyn.files import write_whole
 from armdyn.models.values.spec import PAPER_ARMS, PAPER_PAYLOADS
+from armdyn.show.figures.look import INK, SOFT
 from armdyn.show.markup import Html, element, fill, inline_svg, join, script_json
 from armdyn.show.page.assets import viewer_script
-from armdyn.show.plots import INK, SOFT
 from armdyn.show.replay import page_template, replay_fields
 from armdyn.studies.paper.claims.statements import SECTIONS, statements
 from armdyn.studies.paper.outcomes.case import Case

@@ -1,0 +1,154 @@
+"""The robot that moved, made again from what a result says of it, or from its name.
+
+A result may come from a stranger: a robot is made from a name that comes with armdyn, never from a path that a result
+names.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from armdyn.cli.options.course import SHAPES, obstacles_of
+from armdyn.cli.options.robot import PartOptions
+from armdyn.cli.reports.saved import Saved
+from armdyn.errors import ArmdynError, ArmdynWarning, TrajectoryError
+from armdyn.models import PAPER_ARMS, JointLimits, Payload, Robot
+from armdyn.models.scene.obstacles import obstacle_from
+from armdyn.show.page.facts import Facts, as_number
+from armdyn.show.page.report import Subject
+
+if TYPE_CHECKING:
+    from armdyn.models.scene.obstacles import Obstacle
+
+_NAME = re.compile(r"[a-z0-9_]{1,80}")
+_MOST_OBSTACLES, _MOST_LOCKS = 200, 400
+
+
+def subject_named(robot: str, payload: Payload | None) -> Subject:
+    """What moves, as the user names it.
+
+    Raises:
+        ArmdynError: there is no such robot.
+    """
+    return Subject.of(_built(robot, Facts(), payload, trusted=True))
+
+
+def subject_of(saved: Saved, robot: str | None, payload: Payload | None) -> Subject:
+    """What moves in a result.
+
+    Args:
+        saved: the result.
+        robot: the robot as a user names it; None: the one that the result names, if it comes with armdyn.
+        payload: that it carries; None: the result's.
+
+    Raises:
+        ArmdynError: the robot that the user named is none, or has other joints.
+
+    Warns:
+        ArmdynWarning: the robot is not at hand.
+    """
+    options, model = saved.facts.part("asked").part("options"), saved.facts.part("model")
+    named = robot or _known(options.text("robot"))
+    count = saved.motion.v.shape[1]
+    joints = saved.motion.joint_names or tuple(model.texts("joints")) or tuple(f"joint{k + 1}" for k in range(count))
+    limits = _limits(model, count)
+    sliding = tuple(model.values["sliding"]) if _flags(model.values.get("sliding"), count) else (False,) * count
+    name = model.text("name") or named or saved.path.stem
+    bare = Subject(name, joints, limits or _no_limits(count), sliding)
+    if named is None:
+        _warn(saved, "the robot is not at hand, so that it is not drawn: name it by --robot")
+        return bare
+    try:
+        arm = _built(named, saved.facts, payload, trusted=robot is not None)
+        if arm.nv != count:
+            raise TrajectoryError(f"{saved.path}: moves {count} joints, {arm.name} has {arm.nv}")
+    except (ArmdynError, ValueError, TypeError) as error:
+        if robot is not None:
+            raise
+        _warn(saved, f"the robot {named} cannot be made again, so that it is not drawn ({error})")
+        return bare
+    arm = arm if limits is None else replace(arm, limits=limits)
+    return Subject.of(arm, obstacles_in(saved.facts))
+
+
+def _warn(saved: Saved, what: str) -> None:
+    warnings.warn(f"{saved.path}: {what}", ArmdynWarning, stacklevel=4)
+
+
+def _known(name: str) -> str | None:
+    """A name such as robots that come with armdyn have."""
+    return name if _NAME.fullmatch(name) else None
+
+
+def _built(name: str, facts: Facts, payload: Payload | None, *, trusted: bool) -> Robot:
+    """The robot as it was when it moved; where the name is not trusted, it is looked for in the library only."""
+    options, model = facts.part("asked").part("options"), facts.part("model")
+    carried = payload or _payload(model.part("payload"))
+    locked = [
+        f"{joint}={q!r}"
+        for joint, q in list(model.part("locked").values.items())[:_MOST_LOCKS]
+        if as_number(q) is not None
+    ]
+    part = PartOptions(lock=locked or None, part=options.text("part") or None)
+    if trusted or name in PAPER_ARMS:
+        arm = part.read(name, carried)
+    else:
+        arm = Robot.from_library(name, carried, part.locks(), arm=part.ends())
+    armature, friction = model.numbers("armature"), model.part("friction")
+    if len(armature) == arm.nv and None not in armature:
+        arm = arm.with_armature([x or 0.0 for x in armature])
+    damping, coulomb = friction.numbers("damping"), friction.numbers("coulomb")
+    if len(damping) == len(coulomb) == arm.nv and None not in (*damping, *coulomb):
+        arm = arm.with_friction([x or 0.0 for x in damping], [x or 0.0 for x in coulomb], friction.number("width"))
+    return arm
+
+
+def _payload(facts: Facts) -> Payload | None:
+    mass = facts.number("mass")
+    if not mass:
+        return None
+    com, inertia = ([x or 0.0 for x in facts.numbers(name)] for name in ("com", "inertia"))
+    return Payload(mass=mass, com=com, inertia=inertia, frame=facts.text("frame") or None)
+
+
+def _limits(model: Facts, count: int) -> JointLimits | None:
+    """The limits that a result says; None if it does not."""
+    given = model.part("limits").values
+    ends = {"position_lower": -np.inf, "position_upper": np.inf, "velocity": np.inf} | {
+        "effort_lower": -np.inf,
+        "effort_upper": np.inf,
+    }
+    columns: dict[str, list[float]] = {}
+    for name, open_end in ends.items():
+        values = model.part("limits").numbers(name)
+        if name not in given or len(values) != count:
+            return None
+        columns[name] = [open_end if x is None else x for x in values]
+    return JointLimits(**{name: np.array(values) for name, values in columns.items()})
+
+
+def _no_limits(count: int) -> JointLimits:
+    wide = np.full(count, np.inf)
+    return JointLimits(position_lower=-wide, position_upper=wide, velocity=wide, effort_lower=-wide, effort_upper=wide)
+
+
+def _flags(value: object, count: int) -> bool:
+    return isinstance(value, list) and len(value) == count and all(isinstance(one, bool) for one in value)
+
+
+def obstacles_in(facts: Facts) -> tuple[Obstacle, ...]:
+    """The obstacles of a result; of one of an older armdyn those written out in its command, and none from files."""
+    options = facts.part("asked").part("options")
+    texts = [text for text in options.texts("obstacle") if text.partition(":")[0] in SHAPES][:_MOST_OBSTACLES]
+    try:
+        if "obstacles" in facts:
+            entries = facts.parts("obstacles")[:_MOST_OBSTACLES]
+            return tuple(obstacle_from(one.values, f"obstacle {i}") for i, one in enumerate(entries, 1))
+        return obstacles_of(texts)
+    except ArmdynError:
+        return ()

@@ -1,0 +1,1 @@
+"""What figures share: colours and lines, and limits in panels."""

@@ -1,0 +1,158 @@
+"""ROS 2's trajectory_msgs/msg/JointTrajectory, read from JSON or YAML.
+
+https://docs.ros.org/en/rolling/p/trajectory_msgs/msg/JointTrajectory.html
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.arguments import shown
+from armdyn.errors import FileError, MissingPackageError, TrajectoryError
+from armdyn.files import read_bounded
+
+Array = NDArray[np.float64]
+
+SUFFIXES = (".json", ".yaml", ".yml")
+
+MAX_BYTES = 32 * 2**20
+"""A larger message is refused [bytes]; of JSON each byte may take ten in memory."""
+
+MAX_YAML = 2**20
+"""A larger message that is YAML and not JSON is refused [bytes]: PyYAML reads about 0.1 MB a second."""
+
+_KINDS = {"positions": "q", "velocities": "v", "accelerations": "a", "effort": "tau"}
+_INSIDE = ("trajectory", "joint_trajectory", "goal")
+"""Fields of messages that have one inside: FollowJointTrajectory's goal, MoveIt's RobotTrajectory."""
+_USAGE = "a JointTrajectory has joint_names, and points with positions and time_from_start"
+
+
+def read_message(file: Path, joints: Sequence[str]) -> dict[str, Array]:
+    """What a message says of a motion: t [s], shape (n,); q, and perhaps v, a, tau, each of shape (n, nv).
+
+    Its joints may come in any order, and others, such as a gripper's, beside them; those are left out. JSON is read
+    whatever the suffix, else YAML, as `ros2 topic echo --once` prints it.
+
+    Args:
+        file: .json, .yaml or .yml.
+        joints: names of the robot's, in its order.
+
+    Raises:
+        FileError: the file cannot be read.
+        TrajectoryError: it is no message, or one of another robot.
+        MissingPackageError: it is YAML, and PyYAML is not installed.
+    """
+    message = _message(file, _content(file))
+    names, points = message.get("joint_names"), message.get("points")
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names) or not names:
+        raise TrajectoryError(f"{file}: joint_names is {shown(names)}; it must be a list of names")
+    if not isinstance(points, list) or len(points) < 2:
+        count = len(points) if isinstance(points, list) else shown(points)
+        raise TrajectoryError(f"{file}: points: {count}; a motion has two or more")
+    order = _order(file, names, joints)
+    for k, point in enumerate(points):
+        if not isinstance(point, Mapping):
+            raise TrajectoryError(f"{file}: points[{k}] is {shown(point)}; {_USAGE}")
+    found = {"t": np.array([_stamp(file, k, point.get("time_from_start")) for k, point in enumerate(points)])}
+    for kind, what in _KINDS.items():
+        if (columns := _columns(file, kind, points, len(names))) is not None:
+            found[what] = columns[:, order]
+    return found
+
+
+def _content(file: Path) -> object:
+    """What a file says, as JSON has it, or else YAML."""
+    data = read_bounded(file, MAX_BYTES)
+    try:
+        return json.loads(data)
+    except (ValueError, RecursionError, MemoryError) as error:
+        if file.suffix.lower() == ".json":
+            raise TrajectoryError(f"{file}: not JSON ({str(error)[:200]})") from None
+    if len(data) > MAX_YAML:
+        raise FileError(file, f"YAML larger than {MAX_YAML} bytes; write it as JSON")
+    try:
+        import yaml  # type: ignore[import-untyped]
+    except ImportError:
+        raise MissingPackageError("pyyaml", "YAML", "JSON is read without") from None
+    try:
+        documents = [each for each in yaml.safe_load_all(data) if each is not None]
+    except (yaml.YAMLError, ValueError, RecursionError, MemoryError) as error:
+        raise TrajectoryError(f"{file}: not YAML ({' '.join(str(error).split())[:200]})") from None
+    if len(documents) != 1:
+        raise TrajectoryError(f"{file}: {len(documents)} messages; it must be one (ros2 topic echo --once)")
+    return documents[0]
+
+
+def _message(file: Path, content: object) -> Mapping[Any, Any]:
+    """The message itself, where another is around it."""
+    for _ in range(3):  # goal.trajectory.joint_trajectory is the deepest
+        inside = next((key for key in _INSIDE if isinstance(content, Mapping) and key in content), None)
+        content = content[inside] if isinstance(content, Mapping) and inside else content
+    if not isinstance(content, Mapping) or "points" not in content:
+        raise TrajectoryError(f"{file}: no JointTrajectory; {_USAGE}")
+    return content
+
+
+def _order(file: Path, names: list[str], joints: Sequence[str]) -> list[int]:
+    """Where each of the robot's joints is in the message."""
+    if len(set(names)) != len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise TrajectoryError(f"{file}: joint_names has {shown(twice)} twice")
+    missing = [joint for joint in joints if joint not in names]
+    if missing:
+        raise TrajectoryError(
+            f"{file}: joint_names are {', '.join(names)[:300]}; joint {missing[0]!r} is not among them. The robot "
+            f"moves {', '.join(joints)}"
+        )
+    return [names.index(joint) for joint in joints]
+
+
+def _stamp(file: Path, k: int, given: object) -> float:
+    """The time of a point [s]; ROS 1 calls the same fields secs and nsecs."""
+    fields = given if isinstance(given, Mapping) else {}
+    parts = [fields.get("sec", fields.get("secs")), fields.get("nanosec", fields.get("nsecs"))]
+    if not all(isinstance(part, int) and not isinstance(part, bool) and abs(part) < 2**53 for part in parts):
+        raise TrajectoryError(
+            f"{file}: time_from_start of points[{k}] is {shown(given)}; it must be sec and nanosec, whole numbers"
+        )
+    return float(parts[0] + parts[1] / 1e9)
+
+
+def _columns(file: Path, kind: str, points: Sequence[Mapping[Any, Any]], width: int) -> Array | None:
+    """One kind of number of all points, shape (n, width); None where no point has it: a list without entries."""
+    rows = [point.get(kind) or [] for point in points]
+    if not any(isinstance(row, list) and row for row in rows) and all(row == [] for row in rows):
+        return None
+    for k, row in enumerate(rows):
+        if not isinstance(row, list) or len(row) != width:
+            found = len(row) if isinstance(row, list) else shown(row)
+            raise TrajectoryError(f"{file}: {kind} of points[{k}]: {found}; one of each of {width} joints is needed")
+    try:
+        # PyYAML takes 1e-05 for text: YAML 1.1 wants 1.0e-05.
+        return np.array([[_number(value) for value in row] for row in rows])
+    except (TypeError, ValueError, OverflowError):
+        k, value = next((k, value) for k, row in enumerate(rows) for value in row if not _is_number(value))
+        raise TrajectoryError(f"{file}: {kind} of points[{k}] has {shown(value)}, which is no number") from None
+
+
+def _number(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise TypeError
+    number = float(value)
+    if not abs(number) < float("inf"):
+        raise ValueError
+    return number
+
+
+def _is_number(value: object) -> bool:
+    try:
+        _number(value)
+    except (TypeError, ValueError, OverflowError):
+        return False
+    return True

@@ -1,0 +1,46 @@
+"""Every picture that a page shows is made by a script, and no picture lies there that no page shows."""
+
+import importlib.util
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+ENDS = {".png", ".svg", ".jpg", ".gif", ".webp"}
+
+
+def gallery():
+    spec = importlib.util.spec_from_file_location("gallery", ROOT / "scripts" / "gallery.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def shown():
+    """Names of pictures that pages show, as Markdown or as HTML."""
+    text = "\n".join(page.read_text() for page in PAGES)
+    found = re.findall(r"!\[[^\]]*\]\(([^)\s]+)", text) + re.findall(r'<img[^>]*\ssrc="([^"]+)"', text)
+    return {Path(one).name for one in found}
+
+
+def test_pictures_that_are_shown_are_there_and_others_are_not():
+    there = {path.name for path in (ROOT / "docs").iterdir() if path.suffix in ENDS}
+    assert len(there) >= 15
+    assert shown() == there
+
+
+def test_every_picture_is_made_by_a_script():
+    scripts = "\n".join(path.read_text() for path in sorted((ROOT / "scripts").glob("*.py")))
+    made = {*gallery().SHOTS, *gallery().DRAWN}
+    assert not {name for name in shown() - made if name not in scripts}
+
+
+def test_what_the_gallery_says_of_other_scripts_is_so():
+    for name, script in gallery().ELSEWHERE.items():
+        assert name in (ROOT / script).read_text()
+
+
+def test_every_command_of_the_gallery_stands_on_its_page():
+    page = " ".join((ROOT / "docs" / "gallery.md").read_text().split())
+    for command in gallery().COMMANDS.values():
+        assert f"armdyn {command.partition(' --out')[0]}" in page, command
