@@ -5,6 +5,7 @@ python scripts/sweep_scheduler.py --cases 100000 --cluster
 """
 
 import argparse
+import os
 import tempfile
 import time
 from contextlib import contextmanager
@@ -20,20 +21,26 @@ from armdyn.studies.sweeps.tasks.task import Outcome
 
 @dataclass(frozen=True)
 class Sleep:
-    """A case that sleeps [s]; its row is as long as a fastest motion's."""
+    """A case that sleeps [s]; its row is as long as a fastest motion's, and with it goes a motion of so many bytes."""
 
     seconds: float
-    uses_neighbours: bool = False
+    motion: int = 0
+
+    @property
+    def uses_neighbours(self):
+        """Motions are sent to neighbours."""
+        return self.motion > 0
 
     def work(self, settings, guess):
         """Sleep."""
         if self.seconds:
             time.sleep(self.seconds)
-        return Outcome(status="slept", good=True, message="x" * 70, facts={f"fact_{i}": 0.123456789 for i in range(8)})
+        facts, motion = {f"fact_{i}": 0.123456789 for i in range(8)}, os.urandom(self.motion)
+        return Outcome(status="slept", good=True, message="x" * 70, facts=facts, motion=motion)
 
     def asked(self):
         """What the rows say that they answer."""
-        return {"task": "sleep", "seconds": self.seconds}
+        return {"task": "sleep", "seconds": self.seconds, "motion": self.motion}
 
 
 @contextmanager
@@ -53,13 +60,14 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cases", type=int, default=100_000)
     parser.add_argument("--sleep", type=float, default=0.0, help="of each case [s]")
+    parser.add_argument("--motion", type=int, default=0, help="kept of each case, and sent to its neighbours [bytes]")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--sync", choices=("full", "normal"), default="full")
     parser.add_argument("--cluster", action="store_true")
     parser.add_argument("--folder", type=Path, help="of the database; a temporary one by default")
     given = parser.parse_args()
     axis = Axis(name="payload", low=0.0, high=1.0)
-    study = Study(task=Sleep(given.sleep), axes=(axis,), method="random", count=given.cases)
+    study = Study(task=Sleep(given.sleep, given.motion), axes=(axis,), method="random", count=given.cases)
     with tempfile.TemporaryDirectory(dir=given.folder) as folder, crews(given.cluster, given.workers) as crew:
         file = Path(folder) / "s.sqlite"
         run = ad.run_study(study, file, crew, sync=given.sync)

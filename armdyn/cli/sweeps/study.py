@@ -169,7 +169,9 @@ def _words(study: Study, run: StudyRun, table: Sequence[Mapping[str, Any]], file
 
 
 def _said(name: str, value: float | str) -> str:
-    return f"{name} {value}" if isinstance(value, str) else f"{name} {value:g}"
+    from armdyn.studies.sweeps.tasks.settings import unit_of
+
+    return f"{name} {value}" if isinstance(value, str) else f"{name} {value:g} {unit_of(name)}".rstrip()
 
 
 @contextmanager

@@ -131,8 +131,9 @@ def plot_map(
 
 
 def plot_pareto(
-    rows: Sequence[Row], x: str, y: str, color: str | None = None, *, named: Named = str, title: str | None = None
-) -> Figure:
+    rows: Sequence[Row], x: str, y: str, color: str | None = None, *, named: Named = str, log: Collection[str] = (),
+    title: str | None = None,
+) -> Figure:  # fmt: skip
     """Two numbers of every case against each other, with those that no case beats in both joined.
 
     Args:
@@ -141,6 +142,7 @@ def plot_pareto(
         y: of the second, likewise.
         color: of a setting that colours the cases; None: they are alike.
         named: what the axes say of a column.
+        log: settings whose colours are logarithmic.
         title: above the axes.
     """
     from armdyn.show.figures.look import COLORS
@@ -151,9 +153,9 @@ def plot_pareto(
     front = pareto(points)
     best = points[front][np.argsort(points[front, 0])]
     if color:
-        drawn = axes.scatter(
-            points[:, 0], points[:, 1], c=[float(row[color]) for row in whole], cmap=_COLORS, s=16, zorder=3
-        )
+        values = [float(row[color]) for row in whole]
+        scale = "log" if color in log else "linear"
+        drawn = axes.scatter(points[:, 0], points[:, 1], c=values, cmap=_COLORS, norm=scale, s=16, zorder=3)
         figure.colorbar(drawn, ax=axes, label=named(color))
     else:
         axes.scatter(points[:, 0], points[:, 1], color=COLORS[0], s=16, zorder=3)
@@ -219,7 +221,7 @@ def _cells(axes: Axes, rows: Sequence[Row], columns: tuple[str, str, str], span:
         )
     if missing:
         axes.plot(*np.array(sorted(missing)).T, "x", color=INK, markersize=5, label=none)
-        axes.legend(loc="upper right", frameon=True)
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, borderaxespad=0.2)  # on no point
     return drawn
 
 
@@ -257,5 +259,5 @@ def figures_of(
         found["map"] = plot_map(rows, numeric[0], numeric[1], main, words, named=named, log=log, title=title)
     if sum(row[main] is not None and row[second] is not None for row in rows) > 2:
         color = numeric[0] if numeric else None
-        found["pareto"] = plot_pareto(rows, main, second, color, named=named, title=title)
+        found["pareto"] = plot_pareto(rows, main, second, color, named=named, log=log, title=title)
     return found

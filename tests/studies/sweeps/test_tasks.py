@@ -94,6 +94,14 @@ def test_what_json_and_sqlite_cannot_say_is_made_sayable():
     assert outcome.message == "half a pair: ?"
 
 
+def test_a_warning_stands_in_the_row_and_not_on_the_terminal(recwarn):
+    # A tenth of the motor's torque holds the arm at the start, hanging, and not at the goal.
+    task = MinimumTime(arms=(R,), options=ad.MinimumTimeOptions(starts=1, effort="quick"))
+    outcome, _ = outcome_of(task, {"payload": 1.0, "effort_limit": 1.5}, b"")
+    assert "needs" in outcome.facts["warning"] and "to hold the goal" in outcome.facts["warning"] and not recwarn
+    assert "warning" not in outcome_of(task, {}, b"")[0].facts
+
+
 def test_a_problem_that_is_none_is_refused_in_a_row():
     outcome, _ = outcome_of(MinimumTime(arms=(R,)), {"q_goal.joint1": -np.pi / 2}, b"")
     assert outcome.status == "refused" and "same state" in outcome.message

@@ -114,9 +114,14 @@ class ArmRecipe:
         return {"source": self.source, "robot": text, **poses, **named}
 
 
+def unit_of(name: str) -> str:
+    """A setting's unit; empty: it has none."""
+    return UNITS.get(name.partition(".")[0], "")
+
+
 def label(name: str) -> str:
     """A column as the axes of figures say it, with its unit."""
-    unit = UNITS.get(name.partition(".")[0])
+    unit = unit_of(name)
     return OUTCOMES.get(name) or (f"{name} [{unit}]" if unit else f"{name} [-]")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -10,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from armdyn.errors import ArmdynError, ProblemError
+from armdyn.errors import ArmdynError, ArmdynWarning, ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.studies.sweeps.tasks.settings import Value
 from armdyn.trajectory import Trajectory
@@ -63,12 +64,17 @@ class Task(Protocol):
 def outcome_of(task: Task, settings: Mapping[str, Value], guess: bytes) -> tuple[Outcome, float]:
     """What comes of a case, whatever is raised, and how long that took [s]."""
     began = time.perf_counter()
-    try:
-        outcome = task.work(settings, guess)
-    except ArmdynError as error:
-        outcome = Outcome(status="refused", message=str(error))
-    except Exception as error:  # a row says so; the others go on
-        outcome = Outcome(status="error", message=f"{type(error).__name__}: {error}"[:1000])
+    with warnings.catch_warnings(record=True) as caught:  # thousands of cases would flood the terminal
+        warnings.simplefilter("always", ArmdynWarning)
+        try:
+            outcome = task.work(settings, guess)
+        except ArmdynError as error:
+            outcome = Outcome(status="refused", message=str(error))
+        except Exception as error:  # a row says so; the others go on
+            outcome = Outcome(status="error", message=f"{type(error).__name__}: {error}"[:1000])
+    told = dict.fromkeys(str(one.message) for one in caught if issubclass(one.category, ArmdynWarning))
+    if told:
+        outcome = replace(outcome, facts={**outcome.facts, "warning": "; ".join(told)[:1000]})
     return _writable(outcome), time.perf_counter() - began
 
 
