@@ -3,7 +3,7 @@
     python scripts/gallery.py [PICTURE ...]      # report.png, figure.png, paper_page.png, …; by default all
 
 Commands run in results/gallery and are not run again while their results are there. All of it takes ten minutes, most
-of them the map of goals and the paper. Two pictures come with the numbers that other scripts measure: see `ELSEWHERE`.
+of them the map of goals and the paper. Some pictures come with the numbers that other scripts measure: see `ELSEWHERE`.
 """
 
 import re
@@ -99,7 +99,11 @@ DRAWN = {
 }
 """Files of `results` that are pictures as they are."""
 
-ELSEWHERE = {"run_it_on_a_robot.png": "scripts/run_it_on_a_robot.py", "stability.png": "scripts/stability.py"}
+ELSEWHERE = {
+    "run_it_on_a_robot.png": "scripts/run_it_on_a_robot.py",
+    "stability.png": "scripts/stability.py",
+    **{f"sweep_{kind}.png": "scripts/sweep_pictures.py" for kind in ("curve", "map", "pareto")},
+}
 
 
 def plan() -> None:

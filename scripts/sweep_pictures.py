@@ -1,5 +1,7 @@
 """The pictures of docs/sweeps.md: its two studies, done, and what figures of them show.
 
+sweep_curve.png, sweep_map.png and sweep_pareto.png:
+
 python scripts/sweep_pictures.py
 """
 
