@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from armdyn.arguments import text
 from armdyn.errors import ClusterError, MissingPackageError, ProblemError
-from armdyn.studies.sweeps.crews.batch import TARGET, BatchSize
+from armdyn.studies.sweeps.crews.batch import BatchSize, target
 from armdyn.studies.sweeps.crews.crew import Case, Crew, Ended, in_turn
 from armdyn.studies.sweeps.tasks.task import INTERRUPTED, Outcome, Task
 
@@ -90,7 +90,7 @@ class ClusterCrew:
         """Have a batch worked on."""
         key = f"armdyn-{id(self)}-{self._given}"
         self._given += 1
-        future = self._client.submit(_do, self._task, tuple(cases), key=key, pure=False)
+        future = self._client.submit(_do, self._task, tuple(cases), 2 * target(self._size), key=key, pure=False)
         self._under_way[key] = tuple(cases), future
         future.add_done_callback(lambda done: self._done.put(done.key))
 
@@ -225,11 +225,11 @@ def _version() -> str:
     return version("armdyn")
 
 
-def _do(task: Task, cases: Sequence[Case]) -> tuple[list[Ended], str]:
-    """A batch, on a worker; what is not begun after twice what it is to take is left out."""
+def _do(task: Task, cases: Sequence[Case], patience: float) -> tuple[list[Ended], str]:
+    """A batch, on a worker; what is not begun after so long [s] is left out."""
     from distributed import get_worker
 
-    return list(in_turn(task, cases, 2 * TARGET)), str(get_worker().address)
+    return list(in_turn(task, cases, patience)), str(get_worker().address)
 
 
 def _threads(client: Client) -> int:
