@@ -6,6 +6,7 @@ Commands run in results/gallery and are not run again while their results are th
 of them the paper. Two pictures come with the numbers that other scripts measure: see `ELSEWHERE`.
 """
 
+import re
 import shutil
 import subprocess
 import sys
@@ -24,15 +25,18 @@ COMMANDS = {
     "post": "mintime panda --q-start=-0.8,0.3,0,-1.9,0,2.2,0.785 --q-goal 0.8,0.3,0,-1.9,0,2.2,0.785"
     " --obstacle box:0.12,0.12,0.6@0.55,0,0.3 --out results/post",
     "track-rr": "track rr --payload 0.1006 --reserve 0.1 --plant-payload 0.12",
-    "pid-rr": "pid rr --payload 0.1006",
-    "compare-rr": "compare results/mintime-rr results/track-rr results/pid-rr --until 0.5",
+    "optimality-rr": "optimality rr toppra.npz --payload 0.1006",
+    "compare-rr": "compare results/mintime-rr results/track-rr results/optimality-rr/trajectory.npz",
     "monte-carlo-rr": "monte-carlo rr --payload 0.1006 --reserve 0.1",
     "sweep-rr": "sweep rr",
     "paper": "reproduce --out results/paper",
 }
 """By the folder in `results` that each writes."""
 
-NEEDS = {"compare-rr": ("mintime-rr", "track-rr", "pid-rr")}
+NEEDS = {"compare-rr": ("mintime-rr", "track-rr", "optimality-rr")}
+
+PLANNED = "from_toppra.md"
+"""The page whose code writes toppra.npz."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +100,12 @@ DRAWN = {
 ELSEWHERE = {"run_it_on_a_robot.png": "scripts/run_it_on_a_robot.py", "stability.png": "scripts/stability.py"}
 
 
+def plan() -> None:
+    """Run the Python of the page about toppra, which leaves toppra's motion as a file."""
+    code = "\n".join(re.findall(r"^```python\n(.*?)^```", (DOCS / PLANNED).read_text(), flags=re.DOTALL | re.MULTILINE))
+    subprocess.run([sys.executable, "-c", code], cwd=WORK, check=True)  # noqa: S603
+
+
 def written(folder: str) -> Path:
     """The folder of a command, which is run if its results are not there."""
     results = WORK / "results"
@@ -104,6 +114,8 @@ def written(folder: str) -> Path:
     done = results / f"{folder}.done"
     if not done.exists():
         WORK.mkdir(parents=True, exist_ok=True)
+        if "toppra.npz" in COMMANDS[folder]:
+            plan()
         print(f"armdyn {COMMANDS[folder]}", flush=True)
         subprocess.run([sys.executable, "-m", "armdyn", *COMMANDS[folder].split()], cwd=WORK, check=True)  # noqa: S603
         done.touch()

@@ -9,7 +9,7 @@ import yaml
 
 import armdyn as ad
 from armdyn.cli.reports.saved import read_saved
-from armdyn.cli.reports.subject import subject_of
+from armdyn.cli.reports.subject import Wanted, subject_of
 from cli.command import answer, run_here
 
 BARE = ("--no-figure", "--no-report")
@@ -150,7 +150,18 @@ def test_only_motions_of_other_planners(tracked, tmp_path):
     assert first["verdict"] == second["verdict"] == "Keeps its limits"
     assert answer(run_here("report", toppra, *named))["robot"] == "rr"
     assert "Keeps its limits" in (tmp_path / "out" / "report.html").read_text()
-    assert answer(run_here("report", toppra, "--robot", "rrr", "--json"), 2)["message"]
+    assert "2 columns" in answer(run_here("report", table, "--robot", "rrr", "--json"), 2)["message"]
+    message = answer(run_here("compare", toppra, tracked, "--lock", "joint1=0", "--json"), 2)["message"]
+    assert "--lock is of a robot that --robot names" in message
+
+
+def test_joints_of_a_bigger_robot(tmp_path):
+    """Of a Panda whose last joints are locked, a file has the others."""
+    robot = ad.Robot.from_library("panda", arm=("panda_joint1", "panda_joint4"))
+    ad.ramp(robot, [0, -0.3, 0, -2.2], [0.2, 0, 0.1, -2.0], 1.0).to_csv(tmp_path / "a.csv")
+    named = ("--robot", "panda", "--arm", "panda_joint1,panda_joint4", "--out", tmp_path, "--json")
+    assert answer(run_here("report", tmp_path / "a.csv", *named))["success"]
+    assert "of 7 joints" in answer(run_here("report", tmp_path / "a.csv", *named[:2], "--json"), 2)["message"]
 
 
 def test_a_motion_that_breaks_limits_or_has_another_task_is_told(tracked, tmp_path):
@@ -179,7 +190,7 @@ def test_obstacles_are_in_the_result(tracked, tmp_path):
     box = {"type": "box", "size": [0.1, 0.1, 0.1], "position": [1, 0, 0], "name": "crate"}
     for name, entries, count in (("a", [box], 1), ("b", [box, {"type": "box"}], 0), ("c", "box", 0), ("d", [3], 0)):
         folder = changed(tracked, tmp_path / name, obstacles=entries)
-        assert len(subject_of(read_saved(folder), None, None).obstacles) == count
+        assert len(subject_of(read_saved(folder), Wanted()).obstacles) == count
     report(tmp_path / "a")
     assert (tmp_path / "a" / "report.html").read_text() != (tracked / "report.html").read_text()
 
@@ -233,7 +244,8 @@ def test_a_model_that_makes_no_sense_is_left_out_or_told(facts, tracked, tmp_pat
 def test_bad_input(tracked, tmp_path):
     assert "two results" in answer(run_here("compare", tracked, "--json"), 2)["message"]
     assert "no such file" in report(tmp_path, code=2)["message"]
-    assert "no such file" in report(tmp_path / "none.npz", code=2)["message"]
+    for name in ("none.npz", "none.csv", "none.json"):
+        assert "no such file" in report(tmp_path / name, code=2)["message"]
     for text in ("0", "-1", "soon"):
         assert "--until" in report(tracked, "--until", text, code=2)["message"]
     ad.ramp(ad.Robot.from_spec(ad.ArmSpec.paper("r")), [0.0], [1.0], 0.5).save(tmp_path / "one.npz")

@@ -10,9 +10,8 @@ import numpy as np
 
 from armdyn.cli.reports.given import checked, is_given, motion_of
 from armdyn.cli.reports.saved import Saved, read_saved
-from armdyn.cli.reports.subject import subject_named, subject_of
-from armdyn.errors import ArmdynWarning, ProblemError, TrajectoryError
-from armdyn.models import Payload
+from armdyn.cli.reports.subject import Wanted, subject_named, subject_of
+from armdyn.errors import ArmdynWarning, FileError, ProblemError, TrajectoryError
 from armdyn.show.page.course import Move
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.report import Subject
@@ -21,7 +20,7 @@ NEAR = 1e-3
 """Motions between poses nearer than this [rad or m] have the same task: text has three digits at least."""
 
 
-def read_moves(paths: Sequence[Path], robot: str | None, payload: Payload | None) -> tuple[Subject, list[Move]]:
+def read_moves(paths: Sequence[Path], wanted: Wanted) -> tuple[Subject, list[Move]]:
     """The robot and its motions, whole, each with a name of its own; of a single result its reference, too.
 
     The robot is the user's, else that of the first result that says one. A motion without a result is looked at,
@@ -29,8 +28,7 @@ def read_moves(paths: Sequence[Path], robot: str | None, payload: Payload | None
 
     Args:
         paths: results of armdyn, and motions as other planners leave them.
-        robot: as a user names it; None: it is in a result.
-        payload: that it carries; None: the result's.
+        wanted: the robot as a user names it, if not as a result does.
 
     Raises:
         ArmdynError: a file cannot be read, they do not fit together, or no robot is known for a file that needs it.
@@ -38,8 +36,10 @@ def read_moves(paths: Sequence[Path], robot: str | None, payload: Payload | None
     Warns:
         ArmdynWarning: a motion is of another arm or payload, or between other poses than the first.
     """
+    if missing := [path for path in paths if not path.exists()]:
+        raise FileError(missing[0], "no such file")
     own = {path: read_saved(path) for path in paths if not is_given(path)}
-    subject = _subject(paths, list(own.values()), robot, payload)
+    subject = _subject(paths, list(own.values()), wanted)
     results = [own[path] if path in own else _given(path, subject) for path in paths]
     moves = _named(results)
     if subject.robot is not None:
@@ -53,16 +53,16 @@ def read_moves(paths: Sequence[Path], robot: str | None, payload: Payload | None
     return subject, moves
 
 
-def _subject(paths: Sequence[Path], own: Sequence[Saved], robot: str | None, payload: Payload | None) -> Subject:
+def _subject(paths: Sequence[Path], own: Sequence[Saved], wanted: Wanted) -> Subject:
     """What moves."""
     known = next((one for one in own if one.facts.values), own[0] if own else None)
     if known is not None:
-        return subject_of(known, robot, payload)
-    if robot is None:
+        return subject_of(known, wanted)
+    if wanted.robot is None:
         raise ProblemError(
             f"{paths[0]} does not say of which robot it is: name it by --robot, or give a result of armdyn beside it"
         )
-    return subject_named(robot, payload)
+    return subject_named(wanted.robot, wanted)
 
 
 def _given(path: Path, subject: Subject) -> Saved:

@@ -10,7 +10,7 @@ import typer
 
 from armdyn.cli.console import answering, console, escape, working
 from armdyn.cli.options.results import OutputOptions
-from armdyn.cli.options.robot import PayloadOptions
+from armdyn.cli.options.robot import PartOptions, PayloadOptions
 from armdyn.errors import ProblemError
 from armdyn.typed import number
 
@@ -61,20 +61,22 @@ class ShownOptions:
             raise ProblemError(f"--until is {self.until}; it must be positive [s]")
         return end
 
-    def read(self, results: Sequence[Path], payload: PayloadOptions) -> tuple[Subject, list[Move]]:
+    def read(self, results: Sequence[Path], part: PartOptions, payload: PayloadOptions) -> tuple[Subject, list[Move]]:
         """The robot and the motions, whole.
 
         Raises:
             ArmdynError: a result cannot be read, or they do not fit together.
         """
         from armdyn.cli.reports.moves import read_moves
+        from armdyn.cli.reports.subject import Wanted
 
-        return read_moves(results, self.robot, payload.carried())
+        return read_moves(results, Wanted(robot=self.robot, part=part, payload=payload.carried()))
 
 
 def report(
     results: Results,
     shown: ShownOptions,
+    part: PartOptions,
     payload: PayloadOptions,
     output: OutputOptions,
 ) -> None:
@@ -89,7 +91,7 @@ def report(
     """
     with answering(output.json) as answer:
         end = shown.end()
-        subject, moves = shown.read(results, payload)
+        subject, moves = shown.read(results, part, payload)
         title = moves[0].facts.text("title") if len(results) == 1 else ""
         beside = results[0] if results[0].is_dir() else results[0].parent
         folder = output.folder("report", subject.name, ["report.html"]) if len(results) > 1 or output.out else beside
@@ -105,6 +107,7 @@ def report(
 def compare(
     results: Results,
     shown: ShownOptions,
+    part: PartOptions,
     payload: PayloadOptions,
     output: OutputOptions,
 ) -> None:
@@ -123,7 +126,7 @@ def compare(
         if len(results) < 2:
             raise ProblemError("compare takes two results or more; armdyn report shows a single one")
         end = shown.end()
-        subject, moves = shown.read(results, payload)
+        subject, moves = shown.read(results, part, payload)
         folder = output.folder("compare", subject.name, ["report.html", "figure.pdf", "figure.svg"])
         from armdyn.show.page.course import until
         from armdyn.show.page.joints import compared, worth_seeing

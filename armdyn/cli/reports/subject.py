@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from armdyn.cli.options.course import SHAPES, obstacles_of
 from armdyn.cli.options.robot import PartOptions
 from armdyn.cli.reports.saved import Saved
-from armdyn.errors import ArmdynError, ArmdynWarning, TrajectoryError
+from armdyn.errors import ArmdynError, ArmdynWarning, ProblemError, TrajectoryError
 from armdyn.models import PAPER_ARMS, JointLimits, Payload, Robot
 from armdyn.models.scene.obstacles import obstacle_from
 from armdyn.show.page.facts import Facts, as_number
@@ -29,22 +29,40 @@ _NAME = re.compile(r"[a-z0-9_]{1,80}")
 _MOST_OBSTACLES, _MOST_LOCKS = 200, 400
 
 
-def subject_named(robot: str, payload: Payload | None) -> Subject:
+@dataclass(frozen=True, kw_only=True)
+class Wanted:
+    """What the user says of the robot.
+
+    Attributes:
+        robot: its name or file; None: a result says it.
+        part: which of its joints move; where nothing is said, as in the result.
+        payload: that it carries; None: the result's.
+    """
+
+    robot: str | None = None
+    part: PartOptions = field(default_factory=PartOptions)
+    payload: Payload | None = None
+
+    def __post_init__(self) -> None:
+        if self.robot is None and (self.part.lock or self.part.part):
+            raise ProblemError(f"{'--lock' if self.part.lock else '--arm'} is of a robot that --robot names: give both")
+
+
+def subject_named(robot: str, wanted: Wanted) -> Subject:
     """What moves, as the user names it.
 
     Raises:
         ArmdynError: there is no such robot.
     """
-    return Subject.of(_built(robot, Facts(), payload, trusted=True))
+    return Subject.of(_built(robot, Facts(), wanted))
 
 
-def subject_of(saved: Saved, robot: str | None, payload: Payload | None) -> Subject:
+def subject_of(saved: Saved, wanted: Wanted) -> Subject:
     """What moves in a result.
 
     Args:
         saved: the result.
-        robot: the robot as a user names it; None: the one that the result names, if it comes with armdyn.
-        payload: that it carries; None: the result's.
+        wanted: the robot as a user names it; else the one that the result names, if it comes with armdyn.
 
     Raises:
         ArmdynError: the robot that the user named is none, or has other joints.
@@ -53,7 +71,7 @@ def subject_of(saved: Saved, robot: str | None, payload: Payload | None) -> Subj
         ArmdynWarning: the robot is not at hand.
     """
     options, model = saved.facts.part("asked").part("options"), saved.facts.part("model")
-    named = robot or _known(options.text("robot"))
+    named = wanted.robot or _known(options.text("robot"))
     count = saved.motion.v.shape[1]
     joints = saved.motion.joint_names or tuple(model.texts("joints")) or tuple(f"joint{k + 1}" for k in range(count))
     limits = _limits(model, count)
@@ -64,11 +82,11 @@ def subject_of(saved: Saved, robot: str | None, payload: Payload | None) -> Subj
         _warn(saved, "the robot is not at hand, so that it is not drawn: name it by --robot")
         return bare
     try:
-        arm = _built(named, saved.facts, payload, trusted=robot is not None)
+        arm = _built(named, saved.facts, wanted)
         if arm.nv != count:
             raise TrajectoryError(f"{saved.path}: moves {count} joints, {arm.name} has {arm.nv}")
     except (ArmdynError, ValueError, TypeError) as error:
-        if robot is not None:
+        if wanted.robot is not None:
             raise
         _warn(saved, f"the robot {named} cannot be made again, so that it is not drawn ({error})")
         return bare
@@ -85,17 +103,19 @@ def _known(name: str) -> str | None:
     return name if _NAME.fullmatch(name) else None
 
 
-def _built(name: str, facts: Facts, payload: Payload | None, *, trusted: bool) -> Robot:
-    """The robot as it was when it moved; where the name is not trusted, it is looked for in the library only."""
+def _built(name: str, facts: Facts, wanted: Wanted) -> Robot:
+    """The robot as it was when it moved; where the user does not name it, it is looked for in the library only."""
     options, model = facts.part("asked").part("options"), facts.part("model")
-    carried = payload or _payload(model.part("payload"))
+    carried = wanted.payload or _payload(model.part("payload"))
     locked = [
         f"{joint}={q!r}"
         for joint, q in list(model.part("locked").values.items())[:_MOST_LOCKS]
         if as_number(q) is not None
     ]
     part = PartOptions(lock=locked or None, part=options.text("part") or None)
-    if trusted or name in PAPER_ARMS:
+    if wanted.part.lock or wanted.part.part:
+        part = wanted.part
+    if wanted.robot is not None or name in PAPER_ARMS:
         arm = part.read(name, carried)
     else:
         arm = Robot.from_library(name, carried, part.locks(), arm=part.ends())

@@ -170,6 +170,13 @@ def test_the_numbers_are_those_of_the_moment(tmp_path):
         assert "−0.700 rad" in rows[1] and "3.000 N m" in rows[1] and "torque, upper" in rows[1]
         assert "0.300 rad" in rows[2] and "−3.000 N m" in rows[2] and "torque, lower" in rows[2]
         assert page.locator("#ticks i").count() == 2
+        slider = page.locator("#scrubber").bounding_box()
+        for tick, time in zip(page.locator("#ticks i").all(), (0.08, 0.12), strict=True):
+            box = tick.bounding_box()  # half a thumb, 9 pixels, is left at both ends
+            assert box["height"] > 20
+            at = slider["x"] + 9 + (slider["width"] - 18) * time / 0.21
+            assert box["x"] + box["width"] / 2 == pytest.approx(at, abs=1)
+        assert not page.locator("#part").is_visible()
         # A bar is full at the joint's limit, and no fuller than that.
         scales = page.evaluate("[...document.querySelectorAll('.bar s')].map(s => s.style.transform)")
         full = 3.0 / robot.limits.effort_upper[0]

@@ -6,7 +6,6 @@ from typing import Literal
 
 import numpy as np
 
-from armdyn.integrals import torque_integral, trapezoidal_integral
 from armdyn.models.values.spec import PAPER_PAYLOADS, PaperArm
 from armdyn.studies.paper.claims.first_approach import OneLink, printed_law
 from armdyn.studies.paper.outcomes.case import READINGS, Case, Reading, Variant
@@ -15,6 +14,7 @@ from armdyn.studies.paper.printed import published
 from armdyn.studies.paper.printed.examples import Kind
 from armdyn.studies.paper.printed.loop import PAPER_RULE
 from armdyn.studies.paper.printed.published import TABLE_OF_ARM, Printed
+from armdyn.studies.paper.tables.integrals import torque_integral, trapezoidal_integral
 
 Verdict = Literal["reproduced", "close", "not reproduced"]
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from armdyn.integrals import torque_integral, trapezoidal_integral
+from armdyn.studies.paper.tables.integrals import torque_integral, trapezoidal_integral
 from armdyn.trajectory import Trajectory
 
 
