@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from armdyn.arguments import text
 from armdyn.errors import ClusterError, MissingPackageError, ProblemError
-from armdyn.studies.sweeps.crews.batch import TARGET, BatchSize
+from armdyn.studies.sweeps.crews.batch import BatchSize, target
 from armdyn.studies.sweeps.crews.crew import Case, Crew, Ended, in_turn
 from armdyn.studies.sweeps.tasks.task import INTERRUPTED, Outcome, Task
 
@@ -28,6 +28,10 @@ _AHEAD = 2
 _FETCHES = (3.0, 6.0, 12.0, 24.0, 48.0)
 """For a batch's results to arrive, from time to time [s]. A worker that dies when its batch has ended takes them along:
 Dask asks it in vain for half a minute, but has the batch done again meanwhile."""
+_RECONNECT = 30.0
+"""For a connection to the scheduler that has broken to be made again, which Dask does by itself [s]."""
+_BREAKS = 10_000
+"""Batches in a row that were lost so, at most: as many as the largest cluster has at once."""
 _LOOK = 2.0
 """How often one looks for new workers [s]."""
 _GONE = 180.0
@@ -67,7 +71,7 @@ class ClusterCrew:
         self._client, self._task = client, task
         self._under_way: dict[str, tuple[tuple[Case, ...], Future]] = {}
         self._suspects: deque[Case] = deque()
-        self._alone = False
+        self._alone, self._broken = False, 0
         self._deaths: dict[int, int] = {}
         self._done: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._late: dict[str, int] = {}
@@ -90,7 +94,7 @@ class ClusterCrew:
         """Have a batch worked on."""
         key = f"armdyn-{id(self)}-{self._given}"
         self._given += 1
-        future = self._client.submit(_do, self._task, tuple(cases), key=key, pure=False)
+        future = self._client.submit(_do, self._task, tuple(cases), 2 * target(self._size), key=key, pure=False)
         self._under_way[key] = tuple(cases), future
         future.add_done_callback(lambda done: self._done.put(done.key))
 
@@ -137,15 +141,25 @@ class ClusterCrew:
             ClusterError: nobody, for long, or the scheduler has gone.
         """
         if self._client.status != "running":
-            raise self._lost()
+            self._connect()
         threads, self._looked = _threads(self._client), time.monotonic()
         self._alive = self._looked if threads else self._alive
         if self._looked - self._alive > _GONE:
             raise ClusterError(f"the cluster at {_address(self._client)} has no workers any more; the rows are kept")
         self._size = max(threads, 1)
 
-    def _lost(self) -> ClusterError:
-        return ClusterError(f"the Dask scheduler at {_address(self._client)} has gone; the rows so far are kept")
+    def _connect(self) -> None:
+        """Wait until the client has found its scheduler again, which has dropped what it had been given.
+
+        Raises:
+            ClusterError: it has gone.
+        """
+        until = time.monotonic() + _RECONNECT
+        while self._client.status == "connecting" and time.monotonic() < until:
+            time.sleep(0.1)
+        self._broken += 1
+        if self._client.status != "running" or self._broken > _BREAKS:
+            raise ClusterError(f"the Dask scheduler at {_address(self._client)} has gone; the rows so far are kept")
 
     def _read(self, cases: Sequence[Case], future: Future, patience: float) -> list[Ended]:
         """What came of a batch; its cases are kept as suspects where one of them may have killed.
@@ -158,10 +172,6 @@ class ClusterCrew:
 
         try:
             done, worker = future.result(timeout=patience)
-        except TimeoutError:
-            if self._client.status == "running":
-                raise
-            raise self._lost() from None
         except KilledWorker as error:
             tried = not self._alone
             for case in cases:
@@ -173,16 +183,19 @@ class ClusterCrew:
             return [replace(died, k=case.k, deaths=self._deaths[case.k], begun_from=case.begun_from) for case in cases]
         except Exception as error:
             if future.cancelled() or self._client.status != "running":
-                raise self._lost() from None
+                self._connect()
+                return _again(cases)
+            if isinstance(error, TimeoutError):
+                raise
             if len(cases) > 1:
                 self._suspects.extend(cases)
                 return []
             told = f"{type(error).__name__}: {error}"[:1000]  # it could not be sent, or not be brought back
             return [Ended(k=cases[0].k, outcome=Outcome(status="error", message=told))]
+        self._broken = 0
         self._batch.add(len(done), sum(one.seconds for one in done))
         found = [replace(one, worker=worker, deaths=self._deaths.get(one.k, 0)) for one in done]
-        left_out = Outcome(status=INTERRUPTED)
-        return found + [Ended(k=case.k, outcome=left_out) for case in cases[len(done) :]]
+        return found + _again(cases[len(done) :])
 
 
 @contextmanager
@@ -225,11 +238,16 @@ def _version() -> str:
     return version("armdyn")
 
 
-def _do(task: Task, cases: Sequence[Case]) -> tuple[list[Ended], str]:
-    """A batch, on a worker; what is not begun after twice what it is to take is left out."""
+def _do(task: Task, cases: Sequence[Case], patience: float) -> tuple[list[Ended], str]:
+    """A batch, on a worker; what is not begun after so long [s] is left out."""
     from distributed import get_worker
 
-    return list(in_turn(task, cases, 2 * TARGET)), str(get_worker().address)
+    return list(in_turn(task, cases, patience)), str(get_worker().address)
+
+
+def _again(cases: Sequence[Case]) -> list[Ended]:
+    """Cases that are to be given again."""
+    return [Ended(k=case.k, outcome=Outcome(status=INTERRUPTED)) for case in cases]
 
 
 def _threads(client: Client) -> int:

@@ -1,6 +1,6 @@
 """How many cases a batch has."""
 
-from armdyn.studies.sweeps.crews.batch import MOST, TARGET, BatchSize
+from armdyn.studies.sweeps.crews.batch import MOST, TARGET, BatchSize, target
 
 MANY = 10**6
 
@@ -26,6 +26,13 @@ def test_cases_that_become_longer_have_smaller_batches():
     for _ in range(20):
         size.add(1, 0.5)
     assert size.cases(MANY, 2) == 2
+
+
+def test_a_thousand_workers_have_longer_batches_for_one_client_to_keep_up():
+    size = BatchSize()
+    for _ in range(10):
+        size.add(size.cases(MANY, 1000), 0.1 * size.cases(MANY, 1000))
+    assert target(2) == TARGET and target(1000) == 10.0 and size.cases(MANY, 1000) == 100
 
 
 def test_the_last_cases_are_shared_out():

@@ -2,6 +2,7 @@
 
 import os
 import signal
+from contextlib import contextmanager
 
 import pytest
 
@@ -88,6 +89,28 @@ def test_a_neighbour_of_the_same_batch_is_a_guess(cluster, tmp_path):
     assert len(found) == 300 and all(row.facts["begun"] == row.begun_from for row in found)
     # Batches begin with what is ready, 12 cases off at most, or with nothing; within a batch it is the case before.
     assert sum(row.begun_from == row.k - 1 for row in found) > 200
+
+
+@pytest.mark.slow
+def test_a_connection_that_breaks_is_made_again(cluster, tmp_path):
+    crews, broken = [], []
+
+    @contextmanager
+    def watched(task):
+        with cluster_crew(cluster.scheduler_address)(task) as crew:
+            crews.append(crew)
+            yield crew
+
+    def cut(told):
+        if told.done >= 20 and not broken:
+            broken.append(told.done)
+            client = crews[0]._client
+            client.loop.add_callback(client.scheduler_comm.comm.abort)
+
+    run = ad.run_study(squares(200, seconds=0.02), tmp_path / "s.sqlite", watched, cut)
+    assert broken and run.counts == {"squared": 200}
+    with reading(run.file) as rows:
+        assert [row.k for row in rows.rows()] == list(range(200))
 
 
 @pytest.mark.slow
