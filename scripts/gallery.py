@@ -26,7 +26,9 @@ COMMANDS = {
     " --obstacle box:0.12,0.12,0.6@0.55,0,0.3 --out results/post",
     "track-rr": "track rr --payload 0.1006 --reserve 0.1 --plant-payload 0.12",
     "optimality-rr": "optimality rr toppra.npz --payload 0.1006",
-    "compare-rr": "compare results/mintime-rr results/track-rr results/optimality-rr/trajectory.npz",
+    "pid-rr": "pid rr --payload 0.1006 --q-start=-pi/2,pi/84 --q-goal=pi/20,-pi/84 --form torque --gains 60,100,4",
+    "compare-rr": "compare results/mintime-rr results/track-rr results/optimality-rr/trajectory.npz results/pid-rr"
+    " --until 0.5",
     "monte-carlo-rr": "monte-carlo rr --payload 0.1006 --reserve 0.1",
     "sweep-rr": "sweep rr",
     "sweep-goals": "sweep examples/goals.toml",
@@ -34,7 +36,7 @@ COMMANDS = {
 }
 """By the folder in `results` that each writes."""
 
-NEEDS = {"compare-rr": ("mintime-rr", "track-rr", "optimality-rr")}
+NEEDS = {"compare-rr": ("mintime-rr", "track-rr", "optimality-rr", "pid-rr")}
 
 PLANNED = "from_toppra.md"
 """The page whose code writes toppra.npz."""
