@@ -11,7 +11,7 @@ from armdyn.arguments import one_of
 from armdyn.cli.console import answering, console, escape
 from armdyn.cli.options.results import Json
 from armdyn.files import probe_folder, write_whole
-from armdyn.typed import number
+from armdyn.typed.numbers import number
 
 if TYPE_CHECKING:
     from armdyn.trajectory import Samples

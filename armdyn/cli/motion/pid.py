@@ -17,7 +17,7 @@ from armdyn.cli.options.robot import PayloadOptions, RobotOptions
 from armdyn.cli.typed.asked import arm_asked
 from armdyn.control.pid.arrival import ARRIVAL_RULES, ArrivalRule
 from armdyn.errors import ProblemError
-from armdyn.typed import numbers
+from armdyn.typed.numbers import numbers
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,7 @@ from armdyn.cli.console import answering, console, escape, working
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
 from armdyn.errors import ArmdynWarning, TrajectoryError
-from armdyn.typed import number
+from armdyn.typed.numbers import number
 
 if TYPE_CHECKING:
     from armdyn.cli.reports.saved import Saved

@@ -10,7 +10,7 @@ import typer
 
 from armdyn.cli.typed.panels import TASK
 from armdyn.errors import ProblemError
-from armdyn.typed import number
+from armdyn.typed.numbers import number
 
 if TYPE_CHECKING:
     from armdyn.optimal import Solution

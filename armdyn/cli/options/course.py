@@ -12,7 +12,7 @@ from armdyn.cli.options.limits import Limits, limits_of
 from armdyn.cli.typed.panels import LIMITS, SCENE, TASK
 from armdyn.cli.typed.positions import positions
 from armdyn.errors import ProblemError
-from armdyn.typed import numbers, one_or_more
+from armdyn.typed.numbers import numbers, one_or_more
 
 if TYPE_CHECKING:
     from armdyn.models import Robot

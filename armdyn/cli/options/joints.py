@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import typer
 
 from armdyn.cli.typed.panels import LIMITS, ROBOT
-from armdyn.typed import number, one_or_more
+from armdyn.typed.numbers import number, one_or_more
 
 if TYPE_CHECKING:
     from armdyn.models import Robot

@@ -9,7 +9,7 @@ import typer
 
 from armdyn.cli.typed.panels import LIMITS
 from armdyn.errors import ProblemError
-from armdyn.typed import numbers
+from armdyn.typed.numbers import numbers
 
 if TYPE_CHECKING:
     from armdyn.optimal.conditions.condition import Condition

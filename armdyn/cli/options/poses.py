@@ -12,7 +12,7 @@ from armdyn import models
 from armdyn.cli.typed.panels import TASK
 from armdyn.cli.typed.positions import positions
 from armdyn.errors import ProblemError
-from armdyn.typed import numbers
+from armdyn.typed.numbers import numbers
 
 if TYPE_CHECKING:
     from armdyn.studies.paper import Kind

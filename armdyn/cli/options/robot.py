@@ -15,7 +15,7 @@ from armdyn.cli.typed.positions import position, sliding_locks
 from armdyn.errors import ProblemError, SpecError, UnknownRobotError
 from armdyn.models.mjcf.document import is_mjcf
 from armdyn.models.robots.descriptions import is_description
-from armdyn.typed import numbers
+from armdyn.typed.numbers import numbers
 
 TAKE_FILES = "mintime, bound, sweep, track, monte-carlo, tune and pid"
 """Commands that take a problem file for a robot."""

@@ -12,7 +12,7 @@ from armdyn import models
 from armdyn.cli.options.robot import PayloadPlace, RobotOptions, known_names
 from armdyn.cli.typed.panels import SOLVER
 from armdyn.errors import ProblemError
-from armdyn.typed import numbers
+from armdyn.typed.numbers import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

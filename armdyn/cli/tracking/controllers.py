@@ -10,7 +10,7 @@ import typer
 import armdyn as ad
 from armdyn.arguments import one_of
 from armdyn.errors import ProblemError
-from armdyn.typed import number, numbers, one_or_more
+from armdyn.typed.numbers import number, numbers, one_or_more
 
 if TYPE_CHECKING:
     from armdyn.cli.typed.asked import ArmAsked

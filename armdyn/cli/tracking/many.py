@@ -26,7 +26,7 @@ from armdyn.cli.tracking.track import ReferenceOptions, no_motion
 from armdyn.cli.typed.asked import arm_asked
 from armdyn.cli.typed.panels import TASK
 from armdyn.errors import ProblemError
-from armdyn.typed import numbers
+from armdyn.typed.numbers import numbers
 
 ROWS = "rows.jsonl"
 """What the rows are called."""

@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import TYPE_CHECKING
 
-from armdyn import typed
 from armdyn.errors import ProblemError
-from armdyn.typed import unit_said
+from armdyn.typed.numbers import position as typed_position
+from armdyn.typed.numbers import unit_said
 
 if TYPE_CHECKING:
     from armdyn.models import Robot
@@ -33,8 +33,8 @@ def degrees_are_on() -> bool:
 
 
 def position(text: str, what: str, slides: bool | None = False) -> float:
-    """A joint's position [rad or m], as `armdyn.typed.position` reads it; with --degrees in degrees."""
-    return typed.position(text, what, slides, degrees=_DEGREES.get())
+    """A joint's position [rad or m], as `armdyn.typed.numbers.position` reads it; with --degrees in degrees."""
+    return typed_position(text, what, slides, degrees=_DEGREES.get())
 
 
 def positions(text: str, what: str, robot: Robot) -> list[float]:

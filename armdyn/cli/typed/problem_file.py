@@ -18,7 +18,7 @@ from armdyn.errors import ProblemError
 from armdyn.models.robots.descriptions import is_description
 
 if TYPE_CHECKING:
-    from armdyn.toml import Table
+    from armdyn.typed.toml import Table
 
 TABLES = ("robot", "problem", "options")
 ROBOT = (
@@ -76,7 +76,7 @@ def is_study_file(name: str) -> bool:
     Raises:
         ArmdynError: it cannot be read.
     """
-    from armdyn.toml import read_toml
+    from armdyn.typed.toml import read_toml
 
     return not {"robot", "problem"} & read_toml(name).values.keys()
 
@@ -89,7 +89,7 @@ def problem_of(name: str) -> Posed:
     """
     if degrees_are_on():
         raise ProblemError(f"--degrees: {name} says units itself: 1.57, or '90deg'")
-    from armdyn.toml import read_toml  # who types a problem out does not wait for it
+    from armdyn.typed.toml import read_toml  # who types a problem out does not wait for it
 
     file = read_toml(name)
     if "arms" in file.values:

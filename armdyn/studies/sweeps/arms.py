@@ -13,7 +13,7 @@ from armdyn.models.mjcf.document import is_mjcf
 from armdyn.models.robots.poses import positions_of
 from armdyn.models.robots.robot import Robot
 from armdyn.studies.sweeps.tasks.settings import POSES, ArmRecipe, Source
-from armdyn.toml import Table
+from armdyn.typed.toml import Table
 
 MAX_ARMS = 64
 MAX_ROBOT = 2**22

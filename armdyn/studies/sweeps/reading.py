@@ -16,7 +16,7 @@ from armdyn.studies.sweeps.tasks.minimum_time import NEIGHBOURS, MinimumTime
 from armdyn.studies.sweeps.tasks.settings import ARM, POSES, ArmRecipe, Value, check_setting
 from armdyn.studies.sweeps.tasks.task import Task
 from armdyn.studies.sweeps.tasks.tracking import Tracking, check_settings
-from armdyn.toml import Table, read_toml
+from armdyn.typed.toml import Table, read_toml
 
 _MAX_VALUES = 10_000
 _MAX_POSES = 64

@@ -5,7 +5,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from armdyn.errors import FileError, ProblemError
-from armdyn.toml import MAX_BYTES, read_toml
+from armdyn.typed.toml import MAX_BYTES, read_toml
 
 
 @pytest.fixture

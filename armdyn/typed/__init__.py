@@ -1,0 +1,1 @@
+"""What people type: numbers and positions in options and files, and files of TOML."""
