@@ -9,7 +9,6 @@ import pytest
 from armdyn.control import PidGains, simulate_pid
 from armdyn.dynamics import Dynamics
 from armdyn.dynamics.closed_form import PlanarArm
-from armdyn.integrals import torque_integral, trapezoidal_integral
 from armdyn.models import ArmSpec, Payload
 from armdyn.optimal.indirect.canonical import canonical_system
 from armdyn.studies.paper.claims.feasibility import holding
@@ -18,6 +17,7 @@ from armdyn.studies.paper.outcomes.case import Case
 from armdyn.studies.paper.outcomes.run import run_case
 from armdyn.studies.paper.printed import published
 from armdyn.studies.paper.printed.law import PRINTED
+from armdyn.studies.paper.tables.integrals import torque_integral, trapezoidal_integral
 from oracles import random_states
 
 DOCS = Path(__file__).parents[4] / "docs" / "paper.md"
