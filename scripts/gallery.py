@@ -97,7 +97,7 @@ DRAWN = {
     "payloads.png": "sweep-rr/figure.png",
     "goals.png": "sweep-goals/map.png",
     "envelope.png": "monte-carlo-rr/envelope.png",
-    **{f"paper_figure{n}.{end}": f"paper/figures/figure{n}.{end}" for n in range(2, 8) for end in ("png", "pdf")},
+    **{f"paper_figure{n}.png": f"paper/figures/figure{n}.png" for n in range(2, 8)},
 }
 """Files of `results` that are pictures as they are."""
 
