@@ -127,6 +127,7 @@ def test_no_file_beyond_the_studys_folder(study, tmp_path, place):
         (ARM + "[vary]\nq_goal = ['zero', 'zero']\n", "line 5: q_goal has a value twice"),
         (ARM + f"[vary]\nq_goal = {['zero'] * 65}\n", "line 5: q_goal has 65 names of poses; give at most 64"),
         (ARM + "[vary]\narm = ['r']\n", "line 5: arm is 'r'; the study's arms are rr"),
+        (ARM + "[vary]\narm = [3]\n", "line 5: arm is 3; the study's arms are rr"),
         (ARM + VARY + "[fixed]\npayload = 1\n", "line 7: payload is both fixed and varied|payload is both"),
         (ARM + VARY + "[sample]\nmethod = 'random'\n", "line 6: count is 0; a study has 1 to 1000000 cases"),
         (ARM + VARY + "[sample]\nmethod = 'random'\ncount = 10000000\n", "line 8: count is 10000000; a study has"),

@@ -1,6 +1,7 @@
 """A case's work is what the same call does by itself."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -69,6 +70,15 @@ def test_a_reference_is_solved_once_for_all_gains(monkeypatch):
     )
     assert len(solved) == 2
     assert first.facts["reference_s"] == second.facts["reference_s"] < third.facts["reference_s"]
+
+
+def test_another_studys_arm_of_the_same_name_has_a_reference_of_its_own():
+    """Workers of a cluster outlive a study."""
+    outcomes = [
+        Tracking(arms=(arm,), fixed={"payload": 0.05}, controller="computed-torque").work({}, b"")
+        for arm in (R, replace(R, q_goal=(0.5,)), replace(R, text="rr", q_start=(-1.5, 0.0), q_goal=(0.2, 0.0)))
+    ]
+    assert len({outcome.facts["reference_s"] for outcome in outcomes}) == 3
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
@@ -157,9 +158,10 @@ def check_setting(name: str, value: object, signs: Mapping[str, Sign], arms: Seq
         ProblemError: there is no such setting, or it cannot have that value.
     """
     if name == ARM:
-        if isinstance(value, str) and value in (names := [arm.name for arm in arms]):
+        names = [arm.name for arm in arms]
+        if isinstance(value, str) and value in names:
             return value
-        raise ProblemError(f"arm is {value!r}; the study's arms are {', '.join(names)}")
+        raise ProblemError(f"arm is {shown(value)}; the study's arms are {', '.join(names)}")
     pose, dot, joint = name.partition(".")
     if pose in POSES:
         return _position(name, joint, value, arms) if dot else _pose(name, value, arms)
@@ -184,12 +186,19 @@ def _position(name: str, joint: str, value: object, arms: Sequence[ArmRecipe]) -
     """A position [rad or m] of a joint that all arms have: a number, or a text such as "90deg"."""
     found = 0.0
     for arm in arms:
-        robot = arm.robot()
-        if joint not in (joints := robot.joint_names):
-            meant = did_you_mean(joint, joints) or f"; its joints: {', '.join(joints)}"
+        slides = _slides(arm.source, arm.text)
+        if joint not in slides:
+            meant = did_you_mean(joint, slides) or f"; its joints: {', '.join(slides)}"
             raise ProblemError(f"{name}: arm {arm.name} has no joint {joint!r}{meant}")
-        found = number(position_of(value, name, bool(robot.slides[joints.index(joint)])), name)
+        found = number(position_of(value, name, slides[joint]), name)
     return found
+
+
+@lru_cache(maxsize=64)
+def _slides(source: Source, text: str) -> dict[str, bool]:
+    """Which joints of an arm slide, by their names; once for all values of a study."""
+    robot = ArmRecipe(name="arm", source=source, text=text, q_start=(), q_goal=()).robot()
+    return dict(zip(robot.joint_names, robot.slides.tolist(), strict=True))
 
 
 def _number(settings: Mapping[str, Value], name: str, default: Any = None) -> Any:

@@ -19,15 +19,15 @@ from armdyn.control.pid.gains import PidGains
 from armdyn.control.tracking.track import track
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
-from armdyn.optimal import MinimumTimeOptions, Solution, Status, solve_minimum_time
-from armdyn.studies.sweeps.tasks.minimum_time import MinimumTime, problem_of
-from armdyn.studies.sweeps.tasks.settings import ARM, POSES, SIGNS, ArmRecipe, Value, arm_of, asked_of
+from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Solution, Status, solve_minimum_time
+from armdyn.studies.sweeps.tasks.minimum_time import MinimumTime
+from armdyn.studies.sweeps.tasks.settings import SIGNS, ArmRecipe, Value, arm_of, asked_of, kept
 from armdyn.studies.sweeps.tasks.task import INTERRUPTED, Outcome, finite
 from armdyn.trajectory import Trajectory
 
 _REMEMBERED = 16
 """References that a process keeps."""
-_references: dict[tuple[tuple[str, Value], ...], Trajectory] = {}
+_references: dict[tuple[object, ...], Trajectory] = {}
 
 _OWN = {"pid": ("kp", "ki", "kd"), "computed-torque": ("bandwidth",), "lqr": ("position", "velocity", "integral")}
 """Settings of each controller."""
@@ -100,14 +100,12 @@ class Tracking:
             if "ramp" not in own:
                 raise ProblemError("a ramp takes how long? Fix or vary the setting ramp [s]")
             return ramp(robot, poses["q_start"], poses["q_goal"], float(own["ramp"]))
-        says = {
-            name: value
-            for name, value in own.items()
-            if name in MinimumTime.signs or name.partition(".")[0] in (ARM, *POSES)
-        }
-        asked = tuple(sorted(says.items()))
+        says = tuple(sorted((name, value) for name, value in own.items() if name in MinimumTime.signs))
+        # A process may work on several studies, whose arms and poses may have the same names.
+        asked = (recipe.source, recipe.text, *map(tuple, poses.values()), says)
         if asked not in _references:  # gains vary, the motion stays: it is solved once by everyone who works
-            solution = solve_minimum_time(problem_of(self.arms, own), MinimumTimeOptions(workers=1))
+            problem = MinimumTimeProblem(robot, **poses, **kept(own))
+            solution = solve_minimum_time(problem, MinimumTimeOptions(workers=1))
             if not solution.usable:
                 return solution
             if len(_references) >= _REMEMBERED:
