@@ -89,26 +89,20 @@ def check_motion(robot: Robot, trajectory: Trajectory, limits: JointLimits | Non
 
 @brief
 @dataclass(frozen=True, eq=False)
-class TimeOptimality:
-    """A motion beside the fastest one between the same two states.
+class TimeOptimality(MotionCheck):
+    """A motion, checked, beside the fastest one between the same two states.
+
+    It has what `MotionCheck` has: `feasible`, `worst_violation`, `replay_error`.
 
     Attributes:
         trajectory: the motion judged, its torques recomputed if it had none.
         solution: the optimum between its end states, as far as it was found; look at its `certificate`.
-        feasible: the motion keeps the torque, velocity and position limits, to `FEASIBLE_TOLERANCE`.
-        worst_violation: of a limit, relative to it (positions: to the range); None if none is exceeded.
-        replay_error: how far from its own end the motion's torques lead when they are replayed [rad or m];
-            infinite if the replay diverges. Large: torques and positions do not belong together, or
-            the samples are too far apart to say.
         idle: per joint, the part of the time that it is on no limit, shape (nv,).
         idle_intervals: per joint, when that is: (from, to) [s].
     """
 
     trajectory: Trajectory
     solution: Solution
-    feasible: bool
-    worst_violation: Violation | None
-    replay_error: float
     idle: Array
     idle_intervals: tuple[tuple[tuple[float, float], ...], ...]
 
@@ -182,11 +176,9 @@ def time_optimality(
     check = check_motion(robot, trajectory, problem.limits)
     idle, intervals = _idleness(problem.limits, trajectory)
     return TimeOptimality(
+        **vars(check),
         trajectory=trajectory,
         solution=solve_minimum_time(problem, options),
-        feasible=check.feasible,
-        worst_violation=check.worst_violation,
-        replay_error=check.replay_error,
         idle=idle,
         idle_intervals=intervals,
     )

@@ -54,7 +54,7 @@ def model_facts(robot: Robot) -> dict[str, object]:
         else {"mass": payload.mass, "com": list(payload.com), "inertia": list(payload.inertia), "frame": payload.frame},
         "locked": {name: float(q) for name, q in robot.locked.items()},
         "limits": {name: [float(x) if abs(x) < np.inf else None for x in each] for name, each in vars(limits).items()},
-        "sliding": sliding_joints(robot),
+        "sliding": robot.slides.tolist(),
         "armature": np.asarray(robot.model.armature, dtype=float).tolist(),
         "friction": {
             name: each.tolist() for name, each in zip(("damping", "coulomb"), friction.per_joint(robot.nv), strict=True)
@@ -74,11 +74,6 @@ def source_name(source: str) -> str:
         if f"/{folder}/" in path:
             return f"{package}: {path.rpartition(f'/{folder}/')[2]}"
     return path.rpartition("/")[2] if _ABSOLUTE.match(path) else source
-
-
-def sliding_joints(robot: Robot) -> list[bool]:
-    """Which joints slide instead of turning: the prismatic ones, PX, PrismaticUnaligned and so on."""
-    return [joint.shortname().startswith("JointModelP") for joint in list(robot.model.joints)[1:]]
 
 
 def result_head(robot: Robot) -> dict[str, object]:

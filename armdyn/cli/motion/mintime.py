@@ -13,6 +13,7 @@ from armdyn.cli.console import INTERRUPTED, NOT_AS_REQUIRED, NOT_USABLE, answeri
 from armdyn.cli.motion.requirements import Require, missing_of, requirements_of
 from armdyn.cli.motion.words import missing_words, solution_words, title_words
 from armdyn.cli.options.course import CourseOptions
+from armdyn.cli.options.groups import given
 from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.poses import GoalOptions
 from armdyn.cli.options.results import ResultOptions
@@ -65,10 +66,7 @@ class SolverOptions:
 
     def over(self, options: Mapping[str, Any]) -> Self:
         """What a problem file asks for, but for what was asked for on the command line, too."""
-        usual = type(self)()
-        return replace(
-            self, **{key: value for key, value in options.items() if getattr(self, key) == getattr(usual, key)}
-        )
+        return replace(self, **{**options, **given(self)})
 
     def options(self) -> ad.MinimumTimeOptions:
         """The solver's options."""

@@ -78,8 +78,6 @@ def optimality(
 
 def _facts(found: ad.TimeOptimality) -> dict[str, object]:
     """For machines."""
-    import math
-
     names, solution = found.solution.problem.robot.joint_names, found.solution
     compared = solution.success
     return {
@@ -91,9 +89,7 @@ def _facts(found: ad.TimeOptimality) -> dict[str, object]:
         "ratio": found.ratio if compared else None,
         "certified": solution.certified,
         "lower_bound": solution.lower_bound,
-        "feasible": found.feasible,
-        "worst_violation": None if found.worst_violation is None else str(found.worst_violation),
-        "replay_error": found.replay_error if math.isfinite(found.replay_error) else None,
+        **found.facts(),
         "on_no_limit": {name: float(part) for name, part in zip(names, found.idle, strict=True)},
         "what_to_do": list(solution.what_to_do),
     }

@@ -50,6 +50,11 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
     return flattened
 
 
+def given(group: Any) -> dict[str, Any]:
+    """The options of a group that are not as by default, by name: they go before what a file says."""
+    return {field.name: value for field in fields(group) if (value := getattr(group, field.name)) != field.default}
+
+
 def _expanded(name: str, hint: Any, default: Any, panel: str | None) -> Iterator[Parameter]:
     """A parameter itself, or the options of a group."""
     if not is_dataclass(hint):

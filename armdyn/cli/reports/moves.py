@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -42,10 +43,10 @@ def read_moves(paths: Sequence[Path], wanted: Wanted) -> tuple[Subject, list[Mov
     subject = _subject(paths, list(own.values()), wanted)
     results = [own[path] if path in own else _given(path, subject) for path in paths]
     moves = _named(results)
-    if subject.robot is not None:
-        moves = [move if move.facts.values else _looked_at(move, subject) for move in moves]
+    if (robot := subject.robot) is not None:
+        moves = [move if move.facts.values else replace(move, facts=checked(robot, move.motion)) for move in moves]
         for one in results:
-            if one.motion.model_hash not in ("", subject.robot.model_hash):
+            if one.motion.model_hash not in ("", robot.model_hash):
                 _warn(f"{one.path}: was computed for another arm, payload or friction than {subject.name}'s")
     if len(results) == 1 and results[0].reference is not None:
         return subject, [*moves, Move(results[0].reference.name or "reference", results[0].reference, Facts())]
@@ -70,11 +71,6 @@ def _given(path: Path, subject: Subject) -> Saved:
     if subject.robot is None:
         raise ProblemError(f"{path} needs its robot, which is not at hand: name it by --robot")
     return Saved(path, motion_of(subject.robot, path), Facts())
-
-
-def _looked_at(move: Move, subject: Subject) -> Move:
-    """A bare motion with what can be said of it."""
-    return move if subject.robot is None else Move(move.name, move.motion, checked(subject.robot, move.motion))
 
 
 def _named(results: Sequence[Saved]) -> list[Move]:

@@ -9,6 +9,7 @@ import typer
 
 import armdyn as ad
 from armdyn import models
+from armdyn.cli.options.groups import given
 from armdyn.cli.options.robot import PayloadPlace, RobotOptions, known_names
 from armdyn.cli.typed.panels import SOLVER
 from armdyn.errors import ProblemError
@@ -77,9 +78,8 @@ class SweepOptions:
         """
         from armdyn.studies.continuation import continuation
 
-        given = {name: value for name, value in vars(self).items() if value != getattr(type(self)(), name)}
-        usual = {"time_limit": self.time_limit}
-        return continuation(problems, ad.MinimumTimeOptions(**{**usual, **options, **given}), progress, done)
+        asked = {"time_limit": self.time_limit, **options, **given(self)}
+        return continuation(problems, ad.MinimumTimeOptions(**asked), progress, done)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -85,14 +85,13 @@ def read_keyframes(root: Element, source: str, most: int) -> dict[str, dict[str,
     """
     bare = Bare(Classes.of(root, source), Compiler.of(root, source), None)
     bare.text(root)
-    size, poses = sum(bare.widths.values()), {}
+    at, poses = np.cumsum([0, *bare.widths.values()]), {}
     for key in islice(root.iterfind("keyframe/key"), most):
         try:
-            qpos = Values(key.attrib, source, "<key>").numbers("qpos", size)
+            qpos = Values(key.attrib, source, "<key>").numbers("qpos", int(at[-1]))
         except UrdfError:  # the robot is none the worse for it
             continue
         if qpos and (name := key.get("name")):
-            at = np.cumsum([0, *bare.widths.values()])
             poses[name] = {
                 joint: qpos[i] for i, (joint, width) in zip(at, bare.widths.items(), strict=False) if width == 1
             }

@@ -42,7 +42,6 @@ from armdyn.show.page.sections import (
     verdict_section,
 )
 from armdyn.show.page.verdict import Tile, Verdict, tiles_of, verdict_of
-from armdyn.show.results import sliding_joints
 
 MOST_MOVES = 5
 """Motions in one report: one colour each."""
@@ -73,7 +72,7 @@ class Subject:
     @classmethod
     def of(cls, robot: Robot, obstacles: Sequence[Obstacle] = ()) -> Subject:
         """A robot that is at hand."""
-        sliding = tuple(sliding_joints(robot))
+        sliding = tuple(robot.slides.tolist())
         return cls(robot.name, tuple(robot.joint_names), robot.limits, sliding, robot, tuple(obstacles))
 
 

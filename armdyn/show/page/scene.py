@@ -21,7 +21,6 @@ from armdyn.arguments import number, shown
 from armdyn.errors import ProblemError, TrajectoryError
 from armdyn.models import Robot
 from armdyn.models.scene.obstacles import Obstacle
-from armdyn.show.results import sliding_joints
 from armdyn.show.visuals import Shape, obstacle_shapes, robot_shapes
 from armdyn.trajectory import Trajectory
 
@@ -84,7 +83,7 @@ def scene_data(
         "labels": short_names(robot.joint_names),
         "points": _named_points(robot),
         "tip": robot.tip,
-        "unit": "torque, force [N m, N]" if any(sliding_joints(robot)) else "torque [N m]",
+        "unit": "torque, force [N m, N]" if robot.slides.any() else "torque [N m]",
         "effort": finite_pairs(robot.limits.effort_lower, robot.limits.effort_upper),
         "planar": _is_planar(robot),
         "reach": _reach(robot),

@@ -9,6 +9,7 @@ from pathlib import Path
 from armdyn.arguments import shown
 from armdyn.errors import ProblemError
 from armdyn.files import read_bounded
+from armdyn.models import PAPER_ARMS
 from armdyn.models.mjcf.document import is_mjcf
 from armdyn.models.robots.poses import positions_of
 from armdyn.models.robots.robot import Robot
@@ -19,7 +20,6 @@ MAX_ARMS = 64
 MAX_ROBOT = 2**22
 """Of a study's own URDF or MJCF [bytes]: it is sent with the cases."""
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
-_PAPER = ("r", "rr", "rrr")
 
 
 def arms_of(table: Table, folder: Path, varied: Mapping[str, tuple[str, ...]]) -> Iterator[ArmRecipe]:
@@ -83,7 +83,7 @@ def _source(robot: str, folder: Path) -> tuple[Source, str, Path | None]:
     Raises:
         ArmdynError: the file is not in the study's folder, or cannot be read.
     """
-    if robot in _PAPER:
+    if robot in PAPER_ARMS:
         return "paper", robot, None
     if not Path(robot).suffix:
         if not _NAME.fullmatch(robot):

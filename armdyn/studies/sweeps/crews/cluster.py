@@ -173,10 +173,9 @@ class ClusterCrew:
         try:
             done, worker = future.result(timeout=patience)
         except KilledWorker as error:
-            tried = not self._alone
             for case in cases:
                 self._deaths[case.k] = self._deaths.get(case.k, 0) + error.allowed_failures + 1
-            if tried:
+            if not self._alone:
                 self._suspects.extend(cases)
                 return []
             died = Ended(k=-1, outcome=None, worker=str(error.last_worker.address))
