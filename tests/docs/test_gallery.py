@@ -1,19 +1,13 @@
 """Every picture that a page shows is made by a script, and no picture lies there that no page shows."""
 
-import importlib.util
 import re
 from pathlib import Path
+
+from scripts_of import script
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 ENDS = {".png", ".svg", ".jpg", ".gif", ".webp"}
-
-
-def gallery():
-    spec = importlib.util.spec_from_file_location("gallery", ROOT / "scripts" / "gallery.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def shown():
@@ -31,16 +25,16 @@ def test_pictures_that_are_shown_are_there_and_others_are_not():
 
 def test_every_picture_is_made_by_a_script():
     scripts = "\n".join(path.read_text() for path in sorted((ROOT / "scripts").glob("*.py")))
-    made = {*gallery().SHOTS, *gallery().DRAWN}
+    made = {*script("gallery").SHOTS, *script("gallery").DRAWN}
     assert not {name for name in shown() - made if name not in scripts}
 
 
 def test_what_the_gallery_says_of_other_scripts_is_so():
-    for name, script in gallery().ELSEWHERE.items():
-        assert name in (ROOT / script).read_text()
+    for name, other in script("gallery").ELSEWHERE.items():
+        assert name in (ROOT / other).read_text()
 
 
 def test_every_command_of_the_gallery_stands_on_its_page():
     page = " ".join((ROOT / "docs" / "gallery.md").read_text().split())
-    for command in gallery().COMMANDS.values():
+    for command in script("gallery").COMMANDS.values():
         assert f"armdyn {command.partition(' --out')[0]}" in page, command

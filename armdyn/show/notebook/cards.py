@@ -20,6 +20,7 @@ from armdyn.show.figures.look import INK
 from armdyn.show.markup import Html, element, inline_svg, join
 from armdyn.show.notebook.pictures import motion_picture, robot_picture
 from armdyn.show.plots import svg_text
+from armdyn.show.results import source_name
 from armdyn.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def card(value: object) -> str:
 
 
 def _robot(robot: Robot) -> Html:
-    facts = {"from": robot.source, "tip": robot.tip}
+    facts = {"from": source_name(robot.source), "tip": robot.tip}
     if robot.payload is not None:
         facts["payload"] = f"{robot.payload.mass:g} kg"
     if robot.locked:

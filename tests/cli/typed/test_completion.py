@@ -1,4 +1,4 @@
-"""Shell completion installs for zsh and fish, and completes; bash is in `test_layout`."""
+"""Shell completion installs for bash, zsh and fish, and completes."""
 
 import os
 import pty
@@ -31,6 +31,29 @@ def install(shell, home):
     # A command after it, or the shell would become the command, which then finds no shell above it.
     asked = [shell, "-c", "armdyn --install-completion; exit 0"]
     return subprocess.run(asked, env=home, capture_output=True, text=True, timeout=LONG)
+
+
+@pytest.mark.skipif(not shutil.which("bash"), reason="needs bash")
+def test_completion_installs_for_bash_and_works(home, tmp_path):
+    bash = ["bash", "--norc", "-c"]
+    # A command after it, or bash would become the command, which then finds no shell above it.
+    done = subprocess.run(
+        [*bash, "armdyn --install-completion; exit $?"], env=home, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    assert "bash_completions/armdyn.sh" in (tmp_path / ".bashrc").read_text()
+    asked = (
+        'source "$HOME/.bashrc"; COMP_WORDS=({}); COMP_CWORD={}; _armdyn_completion armdyn; echo "${{COMPREPLY[@]}}"'
+    )
+    for words, number, expected in (
+        ("armdyn mint", 1, {"mintime"}),
+        ("armdyn mintime --q-s", 2, {"--q-start"}),
+        ("armdyn mintime ur1", 2, {"ur10", "ur10_limited"}),
+    ):
+        done = subprocess.run(
+            [*bash, asked.format(words, number)], env=home, capture_output=True, text=True, timeout=120
+        )
+        assert set(done.stdout.split()) == expected, (words, done.stdout, done.stderr)
 
 
 @pytest.mark.skipif(not shutil.which("fish"), reason="needs fish")

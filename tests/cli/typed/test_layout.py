@@ -1,10 +1,6 @@
-"""Help fits 80 columns without narrow ones, in panels; shells complete."""
+"""Help fits 80 columns without narrow ones, in panels."""
 
-import os
 import re
-import shutil
-import subprocess
-import sys
 
 import pytest
 from typer.main import get_command
@@ -74,36 +70,3 @@ def test_the_examples_of_commands_are_of_commands_and_options_that_there_are():
             name, *rest = line.split()[1:]
             options = {word.partition("=")[0] for word in rest if word.startswith("--")}
             assert name in COMMANDS and all(option in help_of(name, columns=300) for option in options), line
-
-
-@pytest.fixture
-def home(tmp_path):
-    """A home without anything, and an `armdyn` on its PATH."""
-    script = tmp_path / "bin" / "armdyn"
-    script.parent.mkdir()
-    script.write_text(f"#!{sys.executable}\nfrom armdyn.cli import main\nmain()\n")
-    script.chmod(0o755)
-    return {**os.environ, "HOME": str(tmp_path), "PATH": f"{script.parent}:{os.environ['PATH']}"}
-
-
-@pytest.mark.skipif(not shutil.which("bash"), reason="needs bash")
-def test_completion_installs_for_bash_and_works(home, tmp_path):
-    bash = ["bash", "--norc", "-c"]
-    # A command after it, or bash would become the command, which then finds no shell above it.
-    done = subprocess.run(
-        [*bash, "armdyn --install-completion; exit $?"], env=home, capture_output=True, text=True, timeout=120
-    )
-    assert done.returncode == 0, done.stderr
-    assert "bash_completions/armdyn.sh" in (tmp_path / ".bashrc").read_text()
-    asked = (
-        'source "$HOME/.bashrc"; COMP_WORDS=({}); COMP_CWORD={}; _armdyn_completion armdyn; echo "${{COMPREPLY[@]}}"'
-    )
-    for words, number, expected in (
-        ("armdyn mint", 1, {"mintime"}),
-        ("armdyn mintime --q-s", 2, {"--q-start"}),
-        ("armdyn mintime ur1", 2, {"ur10", "ur10_limited"}),
-    ):
-        done = subprocess.run(
-            [*bash, asked.format(words, number)], env=home, capture_output=True, text=True, timeout=120
-        )
-        assert set(done.stdout.split()) == expected, (words, done.stdout, done.stderr)

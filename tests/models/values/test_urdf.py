@@ -1,4 +1,3 @@
-import importlib.util
 import subprocess
 import sys
 from pathlib import Path
@@ -10,17 +9,15 @@ import pytest
 
 from armdyn.models import PAPER_ARMS, PAPER_PAYLOADS, ArmSpec, LinkSpec, Payload, urdf_from_spec
 from armdyn.models.reading.urdf_check import parse_urdf
+from scripts_of import script
 
 ROOT = Path(__file__).parents[3]
 SCRIPT = ROOT / "scripts" / "generate_urdfs.py"
 
 
-@pytest.fixture(scope="module")
-def script():
-    spec = importlib.util.spec_from_file_location("generate_urdfs", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+@pytest.fixture(scope="module", name="script")
+def generate_urdfs():
+    return script("generate_urdfs")
 
 
 def test_urdf_folder_is_what_the_script_writes(script):
