@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 import armdyn as ad
 from armdyn.cli.app import app
 from armdyn.models import Robot
-from armdyn.studies.paper.outcomes.store import load_outcome
-from armdyn.studies.paper.plan import Plan
+from armdyn.paper.outcomes.store import load_outcome
+from armdyn.paper.plan import Plan
 
 COMMAND = [sys.executable, "-c", "from armdyn.cli import main; main()"]
 COMMANDS = {
@@ -32,7 +32,7 @@ WORK = {
     "sweep": "armdyn.studies.continuation.continuation",
     "replay": "armdyn.show.replay.write_html",
     "export": "armdyn.cli.export.write_whole",
-    "reproduce": "armdyn.studies.paper.reproduce.run_case",
+    "reproduce": "armdyn.paper.reproduce.run_case",
     "urdf": "armdyn.cli.paper.write_whole",
 }
 
