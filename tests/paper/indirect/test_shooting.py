@@ -9,6 +9,7 @@ import armdyn as ad
 from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
+from armdyn.paper import solve_indirect
 from armdyn.paper.indirect.bang_bang import BangBangExtremal, BangBangProblem
 from armdyn.paper.indirect.canonical import canonical_system
 from armdyn.paper.indirect.newton import SingularError
@@ -92,7 +93,7 @@ def test_a_stop_is_told():
 def test_luus_switching_times():
     problem = luus_problem()
     direct = ad.solve_minimum_time(problem)
-    found = ad.optimal.solve_indirect(problem, direct)
+    found = solve_indirect(problem, direct)
     assert found.success, found.message
     starts = np.cumsum([arc.duration for arc in found.arcs])[:-1]
     # An independent computation, to eight digits.

@@ -9,7 +9,7 @@ import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.optimal import Status
 from armdyn.optimal.problem.stop import Stop
-from armdyn.paper import IndirectOptions, compare_with_direct
+from armdyn.paper import IndirectOptions, compare_with_direct, solve_indirect
 from armdyn.paper.indirect.bang_bang import with_samples
 from armdyn.paper.indirect.boundary import BoundaryProblem, Extremal
 from armdyn.paper.indirect.canonical import canonical_system
@@ -118,7 +118,7 @@ def test_a_comparison_needs_a_direct_answer():
 
 
 def test_an_answer_differs_from_itself_by_nothing():
-    found = ad.optimal.solve_indirect(cart_problem())
+    found = solve_indirect(cart_problem())
     beside = compare_with_direct(found)
     same = compare_with_direct(found, found.direct)
     assert beside == same
