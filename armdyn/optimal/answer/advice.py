@@ -27,10 +27,12 @@ def advice(problem: MinimumTimeProblem, certificate: Certificate, kept: Sequence
         kept: how it keeps the conditions along the way.
         arcs: its arcs were resolved.
     """
-    if not np.isfinite(certificate.goal_error):
+    if not np.isfinite(certificate.goal_error) and certificate.growth is None:
         return {"lands": "no motion was found: raise `starts`, `time_limit` or `max_intervals`, or widen the limits"}
     lines = {}
-    if not certificate.lands:
+    if not certificate.lands and certificate.replay == "segments":
+        lines["lands"] = "open loop it is unstable: keep a `reserve` of the torque limits for feedback"
+    elif not certificate.lands:
         lines["lands"] = (
             "it does not land: raise `max_intervals`; light links at strong motors may want their rotors' inertia, "
             "`armature`"

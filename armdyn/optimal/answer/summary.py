@@ -70,6 +70,11 @@ def reserve_summary(problem: MinimumTimeProblem) -> dict[str, list[float]] | Non
 def _checks(certificate: Certificate) -> dict[str, object]:
     return {
         "ok": certificate.ok,
+        "replay": certificate.replay,
+        "growth": _finite(certificate.growth),
+        "segment_error": _finite(certificate.segment_error),
+        "correction": _finite(certificate.correction),
+        "correction_share": _finite(certificate.correction_share),
         "goal_error": _finite(certificate.goal_error),
         "goal_velocity_error": _finite(certificate.goal_velocity_error),
         "hamiltonian_spread": _finite(certificate.hamiltonian_spread),

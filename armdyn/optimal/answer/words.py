@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from armdyn.optimal.proof.certificate import GAP_TOLERANCE, percent
+from armdyn.optimal.proof.certificate import GAP_TOLERANCE, Certificate, percent
 
 if TYPE_CHECKING:
     from armdyn.optimal.answer.solution import Solution
@@ -35,6 +35,23 @@ def paragraph(solution: Solution) -> str:
     return " ".join(filter(None, said))
 
 
+def replay_words(certificate: Certificate) -> str:
+    """What the replay of a motion has shown: open loop, or by segments and under feedback."""
+    growth = "" if certificate.growth is None else f"{certificate.growth:.2g}"
+    if certificate.replay == "open loop":
+        grown = f" (growth {growth})" if growth else ""
+        return f"open-loop replay ends within {certificate.goal_error:.1e} rad of the goal{grown}"
+    segments = f"every segment replayed to within {certificate.segment_error:.1e} rad or rad/s"
+    unstable = f"open loop the motion is unstable (growth {growth})"
+    if certificate.correction is None or certificate.correction_share is None:
+        return f"{segments}; {unstable}, and a replay under feedback leaves it"
+    return (
+        f"{segments}; {unstable}, under feedback it ends within {certificate.goal_error:.1e} rad of the goal with "
+        f"corrections of at most {certificate.correction:.1e} N m "
+        f"({certificate.correction_share:.1e} of half the torque range)"
+    )
+
+
 def _found(solution: Solution) -> str:
     robot = solution.problem.robot
     name, joints = " ".join(robot.name.split()), f"{robot.nv} joint{'s' if robot.nv > 1 else ''}"
@@ -49,7 +66,7 @@ def _checked(solution: Solution) -> str:
         return ""
     if not solution.usable:
         return f"It is not usable: {solution.message}."
-    ends = f"its torques, replayed, end {certificate.goal_error:.1e} rad or m from the goal"
+    ends = replay_words(certificate)
     if solution.certified:
         why = (
             "Pontryagin's conditions hold along it"

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,9 @@ SWITCHING_TOLERANCE = 1e-4
 ADJOINT_TOLERANCE = 1e-4
 """Of what H feels of costates that are beside the adjoint equations: as of |H|, for the same reason. The paper's arms
 come to 2e-5 at the most, where a torque limit or a touch bends the motion within an interval."""
+SEGMENT_TOLERANCE = 1e-7
+"""Of the state at the end of a segment [rad or m, and per second], integrated from the motion's own sample before: a
+tenth of the goal's tolerance, and ten times what integrators of relative tolerance 1e-10 leave at 50 rad/s."""
 LIMIT_TOLERANCE = 1e-6
 """Of a limit, as a part of it."""
 GAP_TOLERANCE = 1e-3
@@ -56,7 +59,9 @@ class Certificate:
     it is certified, `ok`.
 
     Attributes:
-        goal_error: largest joint position error of the replay at the goal [rad or m].
+        goal_error: largest joint position error at the goal [rad or m]: open loop the worst of two integrators of
+            different families, and what their accuracy grows to; by segments that of the replay under feedback. Of
+            candidates on the way to an answer: of `replay_torques` alone.
         goal_velocity_error: the same for the velocities [rad/s or m/s].
         hamiltonian_spread: largest |H| at the knots; 0 at an optimum.
         switching_violation: what H could still fall by if one torque went to a limit that it is not on, by
@@ -71,6 +76,14 @@ class Certificate:
         singular: some arc has a joint on no limit.
         idle: joints that time does not determine for most of the motion: their costates are zero.
         landing: the largest goal error that counts as landed [rad or m].
+        replay: "open loop": the torques alone lead to the goal, by whatever integrator. "segments": without feedback
+            the motion is too unstable for that; every segment between samples was integrated from the motion's own
+            state, and the motion was replayed under feedback (`proof.repeat`).
+        growth: largest singular value of the derivative of the end state by the start state, open loop, with states in
+            rad or m, and per second. None, as the next: not asked for, as of candidates.
+        segment_error: largest distance of a segment's end from the motion's next sample [rad or m, and per second].
+        correction: largest torque that feedback adds [N m or N]; None: open loop.
+        correction_share: the same as a part of half the joint's torque range; None likewise.
         lower_bound: no motion is faster [s]; None: no bound is known.
         gap: how far this one is above it, as a part of it.
         remark: what there is to say besides, such as why there are no costates.
@@ -90,6 +103,11 @@ class Certificate:
     remark: str = ""
     exceeded: Violation | None = None
     landing: float = REPLAY_TOLERANCE
+    replay: Literal["open loop", "segments"] = "open loop"
+    growth: float | None = None
+    segment_error: float | None = None
+    correction: float | None = None
+    correction_share: float | None = None
     lower_bound: float | None = None
     gap: float | None = None
     t: Array = field(default_factory=lambda: np.empty(0), repr=False)
@@ -98,8 +116,13 @@ class Certificate:
 
     @property
     def lands(self) -> bool:
-        """Its replay ends near enough to the goal to be used."""
-        return self.goal_error <= self.landing
+        """Its replay ends near enough to the goal to be used, and its states are those that its torques lead to."""
+        return self.goal_error <= self.landing and self.repeats
+
+    @property
+    def repeats(self) -> bool:
+        """Every segment ends within `SEGMENT_TOLERANCE` of the next sample; of candidates this is not asked."""
+        return self.segment_error is None or self.segment_error <= SEGMENT_TOLERANCE
 
     @property
     def keeps_limits(self) -> bool:
@@ -114,7 +137,7 @@ class Certificate:
     @property
     def on_goal(self) -> bool:
         """Its replay ends so near the goal that its duration is that of a motion there."""
-        return self.goal_error <= GOAL_TOLERANCE
+        return self.goal_error <= GOAL_TOLERANCE and self.repeats
 
     @property
     def extremal(self) -> bool:
@@ -145,6 +168,7 @@ class Certificate:
             return (self.remark or "there is no motion to check",)
         wrong = _beyond(
             ("the replay misses the goal by {:.2g} rad", self.goal_error, min(GOAL_TOLERANCE, self.landing)),
+            ("a segment ends {:.2g} from the next sample", self.segment_error or 0.0, SEGMENT_TOLERANCE),
             ("a limit is exceeded by {:.2g} of it", self.limit_violation, LIMIT_TOLERANCE),
         )
         if np.isfinite(self.hamiltonian_spread):

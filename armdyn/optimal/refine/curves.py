@@ -18,7 +18,6 @@ from armdyn.optimal.flat.posing import Wanted
 from armdyn.optimal.flat.settle import Settled, checked, settle
 from armdyn.optimal.flat.solve import prepare_curve
 from armdyn.optimal.landing.limits import limit_violation, worst_violation
-from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE, certify
 from armdyn.optimal.proof.deciding import Share
@@ -188,7 +187,7 @@ def _landed(task: Task, settled: Settled) -> Optimum:
     """A curve's motion, replayed."""
     problem, curve = task.problem, settled.curve
     for k in range(_ROUNDS + 1):
-        replay = replace(replay_of(task, follow(task, curve)), name="minimum time")
+        replay = follow(task, curve)  # by the integration of `replay_torques`, sample by sample
         looked = settled.demands.check(problem, replay, curve.passing) if settled.demands.conditions else None
         over, rates = limit_violation(problem.limits, replay), 0.0 if looked is None else _rate_excess(looked)
         kept = over <= LIMIT_TOLERANCE and rates <= 0
