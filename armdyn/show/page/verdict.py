@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from armdyn.optimal.proof.certificate import percent
+from armdyn.optimal.answer.words import replay_words
+from armdyn.optimal.proof.certificate import Certificate, percent
 from armdyn.show.page.facts import Facts
 
 Level = Literal["good", "fair", "bad", "none"]
@@ -125,10 +126,9 @@ def _of_minimum_time(facts: Facts) -> Verdict:
 def _checks(facts: Facts) -> list[tuple[str, bool | None, str]]:
     """What was checked of a minimum-time motion."""
     c = facts.part("certificate")
-    beside = f"{_small(c.number('goal_error'))} rad and {_small(c.number('goal_velocity_error'))} rad/s beside the goal"
     exceeded = c.number("limit_violation")
     checks: list[tuple[str, bool | None, str]] = [
-        ("lands", c.true("lands"), f"its torques, replayed by another integrator, end {beside}"),
+        ("lands", c.true("lands"), _replay(c)),
         (
             "keeps its limits",
             c.true("keeps_limits"),
@@ -158,6 +158,22 @@ def _checks(facts: Facts) -> list[tuple[str, bool | None, str]]:
     else:
         checks.append(("near the lower bound", None, "no lower bound is known"))
     return checks
+
+
+def _replay(certificate: Facts) -> str:
+    """What the replay has shown, as the solver says it."""
+    goal, velocity = certificate.number("goal_error"), certificate.number("goal_velocity_error")
+    said = Certificate(
+        goal_error=float("inf") if goal is None else goal,
+        goal_velocity_error=float("inf") if velocity is None else velocity,
+        limit_violation=0.0,
+        replay="segments" if certificate.text("replay") == "segments" else "open loop",
+        growth=certificate.number("growth"),
+        segment_error=certificate.number("segment_error"),
+        correction=certificate.number("correction"),
+        correction_share=certificate.number("correction_share"),
+    )
+    return f"{replay_words(said)}; velocity within {said.goal_velocity_error:.1e} rad/s"
 
 
 def _of_pid(facts: Facts) -> Verdict:
