@@ -1,14 +1,15 @@
 """Independent replays of random answers, by scipy's DOP853 and Radau: what is claimed beside what they measure.
 
-Answers whose certificate says "open loop" are replayed from start to end; of the others random segments, each from the
-motion's own sample. Rows are kept, and a run goes on where the last one ended.
+Answers whose certificate says "open loop" are replayed from start to end; of the others 40 random segments, each from
+the motion's own sample. Rows are kept in FILE, and a run goes on where the last one ended.
 
-    scripts/replays.py --last 200 --rows results/replays.jsonl
+    scripts/replays.py FILE [FIRST LAST]
 """
 
-import argparse
 import json
+import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -25,35 +26,34 @@ ARMS = {
 METHODS = [(method, rtol) for method in (DOP853, Radau) for rtol in (1e-10, 1e-12)]
 
 
-def replayed(robot: ad.Robot, motion: ad.Trajectory, k: int, x: np.ndarray, how: tuple) -> np.ndarray:
+def replayed(robot: ad.Robot, motion: ad.Trajectory, k: int, x: np.ndarray, how: tuple[Any, float]) -> np.ndarray:
     """The end state of segment k from a state x, shapes (2 nv,)."""
-    n, model, data = robot.nv, robot.model, robot.model.createData()
+    n, model, data, (method, rtol) = robot.nv, robot.model, robot.model.createData(), how
     start, h, tau = motion.t[k], motion.t[k + 1] - motion.t[k], motion.tau[k : k + 2]
 
     def rate(t: float, x: np.ndarray) -> np.ndarray:
         torque = tau[0] + (t - start) / h * (tau[1] - tau[0]) - robot.friction.torque(x[n:])
         return np.concatenate([x[n:], pin.aba(model, data, robot.configuration(x[:n]), x[n:], torque)])
 
-    method, rtol = how
     solver = method(rate, start, x, motion.t[k + 1], rtol=rtol, atol=1e-2 * rtol, first_step=h)
     while solver.status == "running":
         solver.step()
-    return solver.y if solver.status == "finished" else np.full(2 * n, np.nan)
+    return np.asarray(solver.y) if solver.status == "finished" else np.full(2 * n, np.nan)
 
 
-def row(name: str, index: int, most: int) -> list:
+def row(name: str, index: int) -> list[Any]:
     """Solve a random problem and measure the answer: what is claimed, and what each method gives."""
-    random, load, plain = np.random.default_rng([24, index]), ad.Payload(mass=0.0), name.removesuffix(" loaded")
+    random, plain = np.random.default_rng([24, index]), name.removesuffix(" loaded")
     load = ad.Payload(mass=random.uniform(*ARMS[name]))
-    own = plain in ("r", "rr", "rrr")
-    robot = ad.Robot.from_spec(ad.ArmSpec.paper(plain), load) if own else ad.Robot.from_library(plain, load)
+    spec = ad.ArmSpec.paper(plain) if plain in ("r", "rr", "rrr") else None
+    robot = ad.Robot.from_spec(spec, load) if spec else ad.Robot.from_library(plain, load)
     start, goal = poses(robot, robot.limits.effort_upper, 1000 + index)
     goal = start + random.uniform(0.2, 1.0) * (goal - start)
     problem = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal)
     found = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(effort="quick", time_limit=60))
     motion, proof, measured = found.trajectory, found.certificate, []
-    x, segments, open_loop = np.hstack([motion.q, motion.v]), np.flatnonzero(~motion.jumps), proof.replay == "open loop"
-    some = segments if open_loop else random.choice(segments, min(most, segments.size), replace=False)
+    x, flowing, open_loop = np.hstack([motion.q, motion.v]), np.flatnonzero(~motion.jumps), proof.replay == "open loop"
+    some = flowing if open_loop else random.choice(flowing, min(40, flowing.size), replace=False)
     for how in METHODS if found.usable else ():
         state, ends = x[0], []
         for k in some:
@@ -64,29 +64,16 @@ def row(name: str, index: int, most: int) -> list:
     return [name, index, found.duration, proof.replay, proof.growth, claim, *map(float, measured)]
 
 
-def main() -> None:
-    """Solve, measure, print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--last", type=int, default=200)
-    parser.add_argument("--segments", type=int, default=40, help="of every unstable motion")
-    parser.add_argument("--rows", type=Path, default=Path("replays.jsonl"))
-    given = parser.parse_args()
-    rows = [json.loads(line) for line in given.rows.read_text().splitlines()] if given.rows.exists() else []
-    for index in sorted({*range(given.first, given.last)} - {one[1] for one in rows}):
-        rows.append(row(list(ARMS)[index % len(ARMS)], index, given.segments))
-        with given.rows.open("a") as file:
-            file.write(json.dumps(rows[-1]) + "\n")
-    cells = []
-    for name, said in sorted({(one[0], one[3]) for one in rows if len(one) > 6}):
-        own = [one for one in rows if len(one) > 6 and (one[0], one[3]) == (name, said)]
-        growth, claims, worst = (
-            np.array([f(one) for one in own]) for f in (lambda r: r[4], lambda r: r[5], lambda r: max(r[6:]))
-        )
-        spans = [f"{min(x):.0e} to {max(x):.0e}" for x in (growth, claims, worst)]
-        cells.append([name, said, str(len(own)), *spans, f"{max(worst / claims):.2g}"])
-    print(table(["arm", "replay", "answers", "growth", "claimed", "measured", "measured over claimed, worst"], cells))
-
-
-if __name__ == "__main__":
-    main()
+file, first, last = Path(sys.argv[1]), *map(int, sys.argv[2:] or (0, 200))
+rows = [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
+for index in sorted({*range(first, last)} - {one[1] for one in rows}):
+    rows.append(row(list(ARMS)[index % len(ARMS)], index))
+    with file.open("a") as lines:
+        lines.write(json.dumps(rows[-1]) + "\n")
+cells, usable = [], [one for one in rows if len(one) > 6]
+for kind in sorted({(one[0], one[3]) for one in usable}):
+    numbers = np.array([[*one[2:3], *one[4:6], max(one[6:])] for one in usable if (one[0], one[3]) == kind])
+    spans = [f"{low:.2g} to {high:.2g}" for low, high in zip(numbers.min(axis=0), numbers.max(axis=0), strict=True)]
+    cells.append([*kind, str(len(numbers)), *spans, f"{np.max(numbers[:, 3] / numbers[:, 2]):.2g}"])
+print(table(["arm", "replay", "answers", "t_f [s]", "growth", "claimed", "measured", "worst ratio"], cells))
+print(f"{len(rows) - len(usable)} of {len(rows)} answers are not usable.")

@@ -17,9 +17,11 @@ from armdyn.models.values.limits import JointLimits
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.landing.limits import worst_violation
 from armdyn.optimal.landing.rollout import replay_torques
+from armdyn.optimal.landing.segments import Segments
 from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
+from armdyn.optimal.proof.repeat import OPEN_LOOP_GROWTH
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.trajectory import Trajectory
 
@@ -49,11 +51,20 @@ class MotionCheck:
         replay_error: how far from its own end the motion's torques lead when they are replayed [rad or m];
             infinite if the replay diverges. Large: torques and positions do not belong together, or
             the samples are too far apart to say.
+        growth: largest singular value of the derivative of the end state by the start state, open loop. Beyond
+            `OPEN_LOOP_GROWTH` the motion is unstable, and other integrators' replays end elsewhere.
     """
 
     feasible: bool
     worst_violation: Violation | None
     replay_error: float
+    growth: float
+
+    @property
+    def unstable(self) -> str:
+        """That other integrators do not repeat the replay, for people; empty where they do."""
+        said = f"; unstable open loop (growth {self.growth:.2g}): other integrators end elsewhere"
+        return said if self.growth > OPEN_LOOP_GROWTH else ""
 
     def facts(self) -> dict[str, object]:
         """As JSON says it; of a replay that diverges null."""
@@ -61,6 +72,7 @@ class MotionCheck:
             "feasible": self.feasible,
             "worst_violation": None if self.worst_violation is None else str(self.worst_violation),
             "replay_error": self.replay_error if np.isfinite(self.replay_error) else None,
+            "growth": self.growth if np.isfinite(self.growth) else None,
         }
 
 
@@ -84,6 +96,7 @@ def check_motion(robot: Robot, trajectory: Trajectory, limits: JointLimits | Non
         feasible=violation is None or violation.value <= FEASIBLE_TOLERANCE,
         worst_violation=violation,
         replay_error=float(np.max(np.abs(replay.q[-1] - trajectory.q[-1]))) if arrived else float("inf"),
+        growth=Segments.of(robot, trajectory).growth,
     )
 
 
@@ -92,7 +105,7 @@ def check_motion(robot: Robot, trajectory: Trajectory, limits: JointLimits | Non
 class TimeOptimality(MotionCheck):
     """A motion, checked, beside the fastest one between the same two states.
 
-    It has what `MotionCheck` has: `feasible`, `worst_violation`, `replay_error`.
+    It has what `MotionCheck` has: `feasible`, `worst_violation`, `replay_error`, `growth`.
 
     Attributes:
         trajectory: the motion judged, its torques recomputed if it had none.
@@ -140,7 +153,7 @@ class TimeOptimality(MotionCheck):
             limits = f"limits: {word}; worst: {self.worst_violation}"
         names = self.solution.problem.robot.joint_names
         idle = ", ".join(f"{name} {100 * part:.0f} %" for name, part in zip(names, self.idle, strict=True))
-        return f"{head}\n{limits}\nreplay error: {self.replay_error:.2g}\nidle: {idle}"
+        return f"{head}\n{limits}\nreplay error: {self.replay_error:.2g}{self.unstable}\nidle: {idle}"
 
 
 def time_optimality(

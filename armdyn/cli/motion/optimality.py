@@ -115,7 +115,7 @@ def _words(found: ad.TimeOptimality) -> dict[str, str]:
     worst = found.worst_violation
     kept = "kept" if worst is None else f"{'kept to within 0.1 %' if found.feasible else 'BROKEN'}; worst: {worst}"
     words["limits"] = kept
-    words["replayed torques end"] = f"{found.replay_error:.2g} rad or m from its end"
+    words["replayed torques end"] = f"{found.replay_error:.2g} rad or m from its end{found.unstable}"
     idle = [f"{name} {100 * part:.0f} %" for name, part in zip(names, found.idle, strict=True)]
     words["on no limit"] = ", ".join(idle) + " of the time"
     return words

@@ -78,8 +78,9 @@ class Segments:
     def growth(self) -> float:
         """Largest singular value of the derivative of the motion's end state by its start state."""
         total = np.eye(self.defect.shape[1])
-        for through in self.through:
-            total = through @ total
+        with np.errstate(over="ignore", invalid="ignore"):  # minutes of an unstable motion leave what numbers can hold
+            for through in self.through:
+                total = through @ total
         return float(np.linalg.norm(total, 2)) if np.all(np.isfinite(total)) else float("inf")
 
     @property

@@ -7,6 +7,7 @@ from typing import Literal
 
 from armdyn.optimal.answer.words import replay_words
 from armdyn.optimal.proof.certificate import Certificate, percent
+from armdyn.optimal.proof.repeat import OPEN_LOOP_GROWTH
 from armdyn.show.page.facts import Facts
 
 Level = Literal["good", "fair", "bad", "none"]
@@ -199,8 +200,10 @@ def _of_given(facts: Facts) -> Verdict:
 
 def _possible(facts: Facts) -> tuple[tuple[str, bool | None, str], ...]:
     """Whether the arm can do a motion that came from elsewhere."""
-    worst, end = facts.text("worst_violation"), facts.number("replay_error")
+    worst, end, growth = facts.text("worst_violation"), facts.number("replay_error"), facts.number("growth")
     led = "they diverge" if end is None else f"replayed without feedback, they end {_small(end)} rad or m beside it"
+    if growth is not None and growth > OPEN_LOOP_GROWTH:
+        led += f"; unstable open loop (growth {growth:.2g}): other integrators end elsewhere"
     return (
         ("keeps its limits", facts.true("feasible"), f"worst: {worst}" if worst else "none is exceeded"),
         ("its torques lead to its end", None, led),
