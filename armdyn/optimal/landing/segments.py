@@ -27,8 +27,12 @@ _AGREES = 1e-12
 different families agree to a hundredth of the tolerance of either."""
 _STAGES_TOLERANCE = 1e-14
 """Last Newton step of the stage velocities, relative to 1 and the velocity: some units of rounding."""
+_STALLED = 1e-9
+"""The same where Newton steps no longer halve: rounding of light links' accelerations; beyond, it has not converged."""
 _MOST_NEWTON = 12
 """Newton steps: smooth motions take two or three; Coulomb friction within a segment takes some more."""
+_AT_ONCE = 4000
+"""Segments solved at once: some 50 MB for seven joints."""
 _MOST_PARTS = 256
 """Steps of order six in a segment where fewer, or one and the motion's own end, disagree."""
 
@@ -50,23 +54,21 @@ class Segments:
     forced: Array
 
     @classmethod
-    def of(cls, robot: Robot, motion: Trajectory) -> "Segments":
+    def of(cls, robot: Robot, motion: Trajectory, most: int = _MOST_PARTS) -> "Segments":
         """Integrate every segment of a motion.
 
         Args:
             robot: the arm.
             motion: states and torques; the torque is linear in a segment.
+            most: steps in a segment; 1 suffices for the growth.
         """
         x, h, n = np.concatenate([motion.q, motion.v], axis=1), np.diff(motion.t), robot.nv
         tau, step = np.stack([motion.tau[:-1], motion.tau[1:]], axis=1), _Step(robot)
-        defect, through, forced = (
-            -np.diff(x, axis=0),
-            np.tile(np.eye(2 * n), (h.size, 1, 1)),
-            np.zeros((h.size, 2 * n, n)),
-        )
+        defect, forced = -np.diff(x, axis=0), np.zeros((h.size, 2 * n, n))
+        through = np.tile(np.eye(2 * n), (h.size, 1, 1))
         scale = _AGREES * (1 + np.max(np.abs(x[:-1]), axis=1))
         rough, parts = np.flatnonzero(~motion.jumps), 1
-        while rough.size and parts <= _MOST_PARTS:
+        while rough.size and parts <= most:
             end, through[rough], forced[rough] = _composed(step, h[rough], x[rough], tau[rough], parts)
             found = end - x[rough + 1]
             change, defect[rough] = np.max(np.abs(found - defect[rough]), axis=1), found
@@ -151,6 +153,10 @@ class _Step:
             End states, shape (K, 2 nv), and their derivatives by start state and constant torque, as in `Segments`.
             Where Newton's method does not converge they are not numbers.
         """
+        if h.size > _AT_ONCE:
+            halves = [self(*each) for each in zip(*(np.array_split(array, 2) for array in (h, x, tau)), strict=True)]
+            end, through, forced = (np.concatenate(each) for each in zip(*halves, strict=True))
+            return end, through, forced
         A, b, c = GAUSS_3.A, GAUSS_3.b, GAUSS_3.c
         K, s, n = h.size, c.size, tau.shape[2]
         q, v, h = x[:, None, :n], x[:, None, n:], h[:, None, None]
@@ -161,7 +167,7 @@ class _Step:
         system = h * np.einsum("ij,kab->kiajb", A, by_v).reshape(K, s * n, s * n)
         system += h**2 * np.einsum("ij,kab->kiajb", A @ A, by_q).reshape(K, s * n, s * n)
         inverse = np.linalg.inv(np.eye(s * n) - system)
-        going, size = np.arange(K), np.zeros(K)
+        going, size = np.arange(K), np.full(K, np.inf)
         for _ in range(_MOST_NEWTON):
             now, own = a[going], h[going]
             rates = self._accelerations(
@@ -169,11 +175,13 @@ class _Step:
             )
             change = (inverse[going] @ (rates - now).reshape(-1, s * n, 1)).reshape(-1, s, n)
             a[going] = now + change
-            size[going] = np.max(np.abs(own * change), axis=(1, 2)) / (1 + np.max(np.abs(v[going]), axis=(1, 2)))
-            going = np.flatnonzero(~(size <= _STAGES_TOLERANCE))
+            last, scale = size[going], 1 + np.max(np.abs(v[going]), axis=(1, 2))
+            size[going] = np.max(np.abs(own * change), axis=(1, 2)) / scale
+            stalled = (size[going] > last / 2) & (size[going] <= _STALLED)
+            going = going[~((size[going] <= _STAGES_TOLERANCE) | stalled)]
             if not going.size:
                 break
-        a[going] = np.nan
+        a[~(size <= _STALLED)] = np.nan
         # How the accelerations at the stages depend on the start state and on a constant torque.
         sources = np.concatenate([by_q, by_v, by_tau], axis=2)[:, None].repeat(s, axis=1)
         sources[..., n : 2 * n] += h[..., None] * c[:, None, None] * by_q[:, None]
