@@ -91,7 +91,8 @@ def _verdict_facts(solution: Solution) -> dict[str, str]:
     from armdyn.optimal.proof.certificate import percent
 
     certificate = solution.certificate
-    facts = {"usable": "yes: it lands and keeps its limits" if solution.usable else "NO"}
+    how = "yes" if certificate.replay == "open loop" else "yes, under feedback"
+    facts = {"usable": f"{how}: it lands and keeps its limits" if solution.usable else "NO"}
     if solution.usable:
         facts["certified"] = "yes" if solution.certified else "; ".join(("no", *certificate.reasons))
     if solution.arcs:

@@ -111,7 +111,8 @@ def _of_minimum_time(facts: Facts) -> Verdict:
         found = facts.number("duration") is not None
         headline = "Not usable" if found else "No motion found"
         return Verdict("bad", headline, facts.text("message"), checks, advice)
-    lands = "It lands on the goal and keeps its limits"
+    feedback = "Under feedback it" if certificate.text("replay") == "segments" else "It"
+    lands = f"{feedback} lands on the goal and keeps its limits"
     if not facts.true("certified"):
         reasons = "; ".join(certificate.texts("reasons"))
         said = f"{lands}: a motion for the arm. That none is faster is not shown{f': {reasons}' if reasons else ''}."

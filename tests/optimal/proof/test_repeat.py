@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import armdyn as ad
+from armdyn.cli.motion.words import solution_words
 from armdyn.dynamics.numeric import forward_dynamics, joint_inertia
 from armdyn.models.values.friction import JointFriction
 from armdyn.optimal.answer.summary import minimum_time_summary
@@ -81,6 +82,7 @@ def test_an_unstable_motion_is_judged_by_its_segments_and_under_feedback():
     assert (
         "open loop the motion is unstable (growth" in solution.message and "under feedback it ends" in solution.message
     )
+    assert "under feedback" in solution_words(solution, wrap=False)["usable"]
     said = minimum_time_summary(solution)["certificate"]
     assert said["replay"] == "segments" and said["growth"] == certificate.growth
     assert said["correction"] == certificate.correction and said["segment_error"] == certificate.segment_error
