@@ -160,7 +160,13 @@ def _message(task: Task, status: Status, optimum: Optimum) -> str:
         verdict = f"not certified: {reasons}" if reasons else "certified"
         return f"{duration:.9g} s; {replay_words(certificate)}; {verdict}"
     if status is Status.REPLAY_MISSED:
-        return f"{replay_words(certificate)} (tolerance {task.options.replay_tolerance:g} rad)"
+        tolerance = f"(tolerance {task.options.replay_tolerance:g} rad)"
+        if certificate.replay == "segments" or not certificate.repeats:
+            return f"{replay_words(certificate)} {tolerance}"
+        return (
+            f"the torques that collocation found end {certificate.goal_error:.2g} rad from the goal when replayed "
+            f"{tolerance}; open-loop growth {certificate.growth:.2g}"
+        )
     said = status.replace("_", " ")
     if _moves(task, optimum):
         said += f"; best so far {duration:.6g} s"

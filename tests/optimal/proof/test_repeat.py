@@ -11,6 +11,7 @@ import armdyn as ad
 from armdyn.cli.motion.words import solution_words
 from armdyn.dynamics.numeric import forward_dynamics, joint_inertia
 from armdyn.models.values.friction import JointFriction
+from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.answer.summary import minimum_time_summary
 from armdyn.optimal.landing.segments import Segments, ticked
 from armdyn.optimal.proof.certificate import certify
@@ -125,6 +126,7 @@ def test_what_feedback_does_not_hold_does_not_land():
     assert certificate.replay == "segments" and certificate.correction is None
     assert not certificate.lands and certificate.goal_error == np.inf
     assert any("under feedback leaves" in reason for reason in certificate.reasons)
+    assert "`reserve` of the torque limits" in advice(solution.problem, certificate, (), False)["lands"]
 
 
 def test_ticks_are_on_the_motion():
