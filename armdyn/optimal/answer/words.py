@@ -40,7 +40,8 @@ def replay_words(certificate: Certificate) -> str:
     growth = "" if certificate.growth is None else f"{certificate.growth:.2g}"
     if certificate.replay == "open loop":
         grown = f" (growth {growth})" if growth else ""
-        return f"open-loop replay ends within {certificate.goal_error:.1e} rad of the goal{grown}"
+        apart = "" if certificate.repeats else f"; a segment ends {certificate.segment_error:.1e} from the next sample"
+        return f"open-loop replay ends within {certificate.goal_error:.1e} rad of the goal{grown}{apart}"
     segments = f"every segment replayed to within {certificate.segment_error:.1e} rad or rad/s"
     unstable = f"open loop the motion is unstable (growth {growth})"
     if certificate.correction is None or certificate.correction_share is None:

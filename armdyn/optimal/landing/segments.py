@@ -22,11 +22,11 @@ from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_AGREES = 1e-12
-"""Defect [rad or m, and per second], relative to 1 and the state, below which one step suffices: two integrators of
-different families agree to a hundredth of the tolerance of either."""
+_AGREES = 1e-9
+"""Defect [rad or m, and per second], relative to 1 and the state, below which one step suffices: the step's own error
+is part of it, and at most a thousandth of what a goal error may be."""
 _STAGES_TOLERANCE = 1e-14
-"""Last Newton step of the stage velocities, relative to 1 and the velocity: some units of rounding."""
+"""Error of the stage velocities, relative to 1 and the velocity, by the last two Newton steps: rounding."""
 _STALLED = 1e-9
 """The same where Newton steps no longer halve: rounding of light links' accelerations; beyond, it has not converged."""
 _MOST_NEWTON = 12
@@ -167,7 +167,7 @@ class _Step:
         system = h * np.einsum("ij,kab->kiajb", A, by_v).reshape(K, s * n, s * n)
         system += h**2 * np.einsum("ij,kab->kiajb", A @ A, by_q).reshape(K, s * n, s * n)
         inverse = np.linalg.inv(np.eye(s * n) - system)
-        going, size = np.arange(K), np.full(K, np.inf)
+        going, error, last = np.arange(K), np.full(K, np.inf), np.full(K, np.nan)
         for _ in range(_MOST_NEWTON):
             now, own = a[going], h[going]
             rates = self._accelerations(
@@ -175,13 +175,13 @@ class _Step:
             )
             change = (inverse[going] @ (rates - now).reshape(-1, s * n, 1)).reshape(-1, s, n)
             a[going] = now + change
-            last, scale = size[going], 1 + np.max(np.abs(v[going]), axis=(1, 2))
-            size[going] = np.max(np.abs(own * change), axis=(1, 2)) / scale
-            stalled = (size[going] > last / 2) & (size[going] <= _STALLED)
-            going = going[~((size[going] <= _STAGES_TOLERANCE) | stalled)]
+            size = np.max(np.abs(own * change), axis=(1, 2)) / (1 + np.max(np.abs(v[going]), axis=(1, 2)))
+            error[going] = size * np.fmin(size / last, 1)  # it shrinks at least as fast again; at first it is not known
+            done = (error[going] <= _STAGES_TOLERANCE) | ((size > last / 2) & (size <= _STALLED))
+            last, going = size[~done], going[~done]
             if not going.size:
                 break
-        a[~(size <= _STALLED)] = np.nan
+        a[~(error <= _STALLED)] = np.nan
         # How the accelerations at the stages depend on the start state and on a constant torque.
         sources = np.concatenate([by_q, by_v, by_tau], axis=2)[:, None].repeat(s, axis=1)
         sources[..., n : 2 * n] += h[..., None] * c[:, None, None] * by_q[:, None]
@@ -199,8 +199,10 @@ class _Step:
         """Forward dynamics, friction included, of many states, each array of shape (..., nv)."""
         model, data, configuration, shape = self.robot.model, self.data, self.configuration, q.shape
         free = (tau - self.robot.friction.torque(v) if self.robot.friction.present else tau).reshape(-1, shape[-1])
-        states = zip(q.reshape(free.shape), v.reshape(free.shape), free, strict=True)
-        return np.array([pin.aba(model, data, configuration(q), v, tau).copy() for q, v, tau in states]).reshape(shape)
+        found, places, speeds = np.empty_like(free), q.reshape(free.shape), v.reshape(free.shape)
+        for k in range(len(free)):
+            found[k] = pin.aba(model, data, configuration(places[k]), speeds[k], free[k])
+        return found.reshape(shape)
 
     def _derivatives(self, q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array]:
         """Derivatives of the acceleration by q, v and torque, friction included, each of shape (K, nv, nv)."""

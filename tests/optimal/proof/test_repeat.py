@@ -58,8 +58,8 @@ def test_growth_is_that_of_open_loop_replays(friction):
             for sign in (1, -1)
         ]
         columns.append((ends[0] - ends[1]) / (2 * step))
-    # To 0.1 %: derivatives are taken at the middle of a segment.
-    assert found.growth == pytest.approx(np.linalg.norm(np.column_stack(columns), 2), rel=1e-3)
+    # To 0.2 %: derivatives are taken at the middle of a segment, within which dry friction turns.
+    assert found.growth == pytest.approx(np.linalg.norm(np.column_stack(columns), 2), rel=2e-3)
 
 
 def test_two_integrators_agree_open_loop_on_the_papers_arm():
