@@ -188,11 +188,17 @@ def _os_message(error: OSError) -> str:
 @contextmanager
 def working(what: str, as_json: bool) -> Iterator[Callable[[str], None]]:
     """A spinner on standard error while something runs; the function it gives updates its words."""
+    interrupts.at(what)
     if as_json or console.quiet or not errors.is_terminal:
-        yield lambda text: None
+        yield lambda text: interrupts.at(f"{what}: {text}")
         return
     with errors.rich.status(escape(what)) as status:
-        yield lambda text: status.update(escape(f"{what}: {text}"))
+
+        def update(text: str) -> None:
+            interrupts.at(f"{what}: {text}")
+            status.update(escape(f"{what}: {text}"))
+
+        yield update
 
 
 def facts_table(title: str, facts: dict[str, str]) -> Table:
