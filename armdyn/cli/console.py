@@ -17,6 +17,7 @@ import typer
 
 from armdyn.cli import interrupts
 from armdyn.cli.interrupts import INTERRUPTED as INTERRUPTED
+from armdyn.cli.reports.asked import is_given
 from armdyn.cli.streams import BAD_INPUT as BAD_INPUT
 from armdyn.cli.streams import DISK_FULL as DISK_FULL
 from armdyn.errors import ArmdynError, ArmdynWarning, DiskFullError
@@ -148,7 +149,7 @@ def answering(as_json: bool) -> Iterator[Answer]:
         except DiskFullError as error:
             answer.disk_full(error)
         except ArmdynError as error:
-            answer.facts |= {"success": False, "status": "bad_input", "message": str(error)}
+            answer.facts |= {"success": False, "status": "bad_input", "message": _by_option(str(error))}
             answer.code = BAD_INPUT
         except OSError as error:
             if is_full(error):
@@ -177,6 +178,12 @@ def answering(as_json: bool) -> Iterator[Answer]:
     if answer.code in (INTERNAL, BAD_INPUT, DISK_FULL, INTERRUPTED) and "message" in answer.facts and not as_json:
         errors.print(f"[bold red]armdyn:[/] {escape(str(answer.facts['message']))}")
     raise typer.Exit(answer.code)
+
+
+def _by_option(message: str) -> str:
+    """A message that begins with an argument, with the option instead where that was given on the command line."""
+    name, said, rest = message.partition(" is ")
+    return f"--{name.replace('_', '-')}{said}{rest}" if is_given(name) else message
 
 
 def _os_message(error: OSError) -> str:

@@ -111,7 +111,7 @@ class Plants:
             ProblemError: it carries no payload that could differ.
         """
         self.check(robot)
-        return tuple(self.draw(k, robot.nv).arm(robot) for k in range(whole(count, "count", least=0)))
+        return tuple(self.draw(k, robot.nv).arm(robot) for k in range(whole(count, "count", least=0, most=MAX_ARMS)))
 
     def corners(self, robot: Robot) -> tuple[Robot, ...]:
         """The arms at the ends of the ranges, and with the payload in the middle: six, or less where one has no width.
