@@ -66,6 +66,8 @@ def read(path: str | os.PathLike[str], make: Callable[..., Made]) -> Made:
         raise TrajectoryError(str(error)) from None
     except TrajectoryError as error:
         raise TrajectoryError(f"{path}: {str(error)[:_LONGEST]}") from None
+    except zipfile.BadZipFile:
+        raise TrajectoryError(f"{path}: not a readable npz trajectory (it is no .npz file, or is cut off)") from None
     except Exception as error:  # a damaged file sets off all that zipfile, zlib and numpy can raise
         raise TrajectoryError(f"{path}: not a readable npz trajectory ({str(error)[:_LONGEST]})") from None
 
