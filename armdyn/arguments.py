@@ -115,7 +115,7 @@ def whole(value: object, name: str, least: int, most: float = math.inf) -> int:
         raise ProblemError(f"{name} is {shown(value)}; it must be a whole number of at least {least}")
     if value < least:
         raise ProblemError(f"{name} is {shown(value)}; it must be at least {least}")
-    if value > most:
+    if int(value) > most:
         raise ProblemError(f"{name} is {shown(value)}; it must be at most {most}")
     return int(value)
 

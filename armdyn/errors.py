@@ -113,8 +113,9 @@ class FileError(ArmdynError, OSError):
     def __init__(self, path: str | os.PathLike[str], why: str):
         self.path = path
         self.why = why
-        name = str(path)
-        shown = name if len(name) <= _MOST_OF_A_PATH else f"{name[: _MOST_OF_A_PATH // 2]}…{name[-_MOST_OF_A_PATH // 2 :]}"
+        shown, half = str(path), _MOST_OF_A_PATH // 2
+        if len(shown) > _MOST_OF_A_PATH:
+            shown = f"{shown[:half]}…{shown[-half:]}"
         super().__init__(f"{shown}: {why}")
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:

@@ -108,7 +108,7 @@ def bounded(array: NDArray[np.float64], name: str) -> NDArray[np.float64]:
     large = np.argwhere(np.isfinite(array) & (np.abs(array) > MAX_NUMBER))
     if large.size:
         value = array[tuple(large[0])]
-        raise TrajectoryError(f"{name} is {value:g} in sample {large[0][0]}; a file's numbers are within ±{MAX_NUMBER:g}")
+        raise TrajectoryError(f"{name} is {value:g} in sample {large[0][0]}; the most is {MAX_NUMBER:g}")
     return array
 
 

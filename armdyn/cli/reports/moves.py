@@ -45,7 +45,8 @@ def read_moves(paths: Sequence[Path], wanted: Wanted) -> tuple[Subject, list[Mov
     moves = _named(results)
     if (robot := subject.robot) is not None:
         moves = [move if move.facts.values else replace(move, facts=checked(robot, move.motion)) for move in moves]
-        arms = {"", robot.model_hash, *_arms(results[0])}
+        first, arms = _arms(results[0]), {"", robot.model_hash}
+        arms |= first if robot.model_hash in first else set()
         for one in results:
             if not arms & _arms(one):
                 _warn(f"{one.path}: was computed for another arm, payload or friction than {subject.name}'s")

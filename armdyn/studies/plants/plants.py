@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 Range = tuple[float, float]
 """Least and greatest; all between are equally likely."""
 
+MAX_ARMS = 10**6
+"""Arms of one study, at most: the rows of those that have ended are kept in memory."""
 _RANGES: tuple[tuple[str, str, Sign], ...] = (
     ("payload", "times its mass", "positive"),
     ("coulomb", "N m or N", "not negative"),
