@@ -105,16 +105,18 @@ def function(value: object, name: str) -> Callable[..., object]:
     raise ProblemError(f"{name} is {shown(value)}; it must be a function")
 
 
-def whole(value: object, name: str, least: int) -> int:
+def whole(value: object, name: str, least: int, most: float = math.inf) -> int:
     """A whole number.
 
     Raises:
-        ProblemError: it is none, or less than the least.
+        ProblemError: it is none, less than the least or greater than the most.
     """
     if isinstance(value, bool) or not isinstance(value, Integral):
         raise ProblemError(f"{name} is {shown(value)}; it must be a whole number of at least {least}")
     if value < least:
         raise ProblemError(f"{name} is {shown(value)}; it must be at least {least}")
+    if int(value) > most:
+        raise ProblemError(f"{name} is {shown(value)}; it must be at most {most}")
     return int(value)
 
 

@@ -98,6 +98,10 @@ class ResultError(ArmdynError, ValueError):
     """A result file cannot be read, or is of a version or in units that are not known."""
 
 
+_MOST_OF_A_PATH = 300
+"""Characters of a path that a message shows: longer names are hardly a file's."""
+
+
 class FileError(ArmdynError, OSError):
     """A file cannot be read, or a folder not be written to.
 
@@ -109,7 +113,10 @@ class FileError(ArmdynError, OSError):
     def __init__(self, path: str | os.PathLike[str], why: str):
         self.path = path
         self.why = why
-        super().__init__(f"{path}: {why}")
+        shown, half = str(path), _MOST_OF_A_PATH // 2
+        if len(shown) > _MOST_OF_A_PATH:
+            shown = f"{shown[:half]}…{shown[-half:]}"
+        super().__init__(f"{shown}: {why}")
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
         """What makes it again in another process."""

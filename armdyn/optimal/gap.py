@@ -170,6 +170,8 @@ def time_optimality(
     *,
     reserve: ArrayLike = 0.0,
     velocity_reserve: ArrayLike = 0.0,
+    acceleration_limit: ArrayLike | None = None,
+    jerk_limit: ArrayLike | None = None,
 ) -> TimeOptimality:
     """Compare a motion with the fastest one between its end states.
 
@@ -181,6 +183,9 @@ def time_optimality(
         reserve: part of every torque limit that the motion was to keep for feedback, and so does the fastest one
             that it is compared with: see `MinimumTimeProblem`.
         velocity_reserve: likewise of every velocity limit.
+        acceleration_limit: that the planner had to keep [rad/s² or m/s²], and so does the fastest one; whether the
+            trajectory itself keeps it is not checked.
+        jerk_limit: likewise [rad/s³ or m/s³].
 
     Raises:
         TrajectoryError: the trajectory is one of another robot.
@@ -191,7 +196,8 @@ def time_optimality(
         trajectory = trajectory_from_path(robot, trajectory.t, trajectory.q, trajectory.v, name=trajectory.name)
     problem = MinimumTimeProblem(
         robot, q_start=trajectory.q[0], q_goal=trajectory.q[-1], v_start=trajectory.v[0], v_goal=trajectory.v[-1],
-        reserve=reserve, velocity_reserve=velocity_reserve,
+        reserve=reserve, velocity_reserve=velocity_reserve, acceleration_limit=acceleration_limit,
+        jerk_limit=jerk_limit,
     )  # fmt: skip
     check = check_motion(robot, trajectory, problem.limits)
     idle, intervals = _idleness(problem.limits, trajectory)

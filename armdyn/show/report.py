@@ -62,7 +62,11 @@ def write_run(
     """
     tell = tell or (lambda text: None)
     folder.mkdir(parents=True, exist_ok=True)
-    own = {name: replace(motion, model_hash=robot.model_hash) for name, motion in motions.items()}
+    own = {
+        # What a controller follows was made for its own model of the arm.
+        name: motion if name == "reference" and motion.model_hash else replace(motion, model_hash=robot.model_hash)
+        for name, motion in motions.items()
+    }
     files = [motion.save(folder / f"{name}.npz") for name, motion in own.items()]
     if "figure" in parts:
         tell("drawing the figure")

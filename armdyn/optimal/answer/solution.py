@@ -100,8 +100,8 @@ class Solution:
 
     @property
     def gap(self) -> float | None:
-        """How far this motion is above `lower_bound`, as a part of it; None without one."""
-        return self.certificate.gap
+        """How far this motion is above `lower_bound`, as a part of it; None without one, or if it is not usable."""
+        return self.certificate.gap if self.usable else None
 
     @property
     def gap_proven(self) -> bool:

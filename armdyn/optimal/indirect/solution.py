@@ -19,6 +19,7 @@ from armdyn.optimal.indirect.law import MINIMUM, Law
 from armdyn.optimal.landing.limits import excesses
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
+from armdyn.optimal.task.options import MAX_STARTS
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -71,7 +72,7 @@ class IndirectOptions:
         for name in ("intervals", "max_nodes", "continuations"):
             whole(getattr(self, name), name, least=1)
         if self.starts is not None:
-            whole(self.starts, "starts", least=1)
+            whole(self.starts, "starts", least=1, most=MAX_STARTS)
         whole(self.seed, "seed", least=0)
         for name in ("tolerance", "time_limit"):
             number(getattr(self, name), name, sign="positive", finite=False)

@@ -58,10 +58,14 @@ class Stop:
 
 @contextmanager
 def stopping(seconds: float) -> Iterator[Stop]:
-    """Within it Ctrl-C and the clock set a `Stop` instead of raising; a second Ctrl-C raises."""
+    """Within it Ctrl-C and the clock set a `Stop` instead of raising; a second Ctrl-C raises.
+
+    Where SIGINT is ignored (`nohup`, a job in the background of a script), it stays so.
+    """
     stop = Stop(time.perf_counter() + seconds)
-    if threading.current_thread() is not threading.main_thread():
-        yield stop  # only the main thread gets signals
+    in_main_thread = threading.current_thread() is threading.main_thread()  # which alone gets signals
+    if not in_main_thread or signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        yield stop
         return
 
     def on_interrupt(number: int, frame: FrameType | None) -> None:

@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 Range = tuple[float, float]
 """Least and greatest; all between are equally likely."""
 
+MAX_ARMS = 10**6
+"""Arms of one study, at most: the rows of those that have ended are kept in memory."""
 _RANGES: tuple[tuple[str, str, Sign], ...] = (
     ("payload", "times its mass", "positive"),
     ("coulomb", "N m or N", "not negative"),
@@ -111,7 +113,7 @@ class Plants:
             ProblemError: it carries no payload that could differ.
         """
         self.check(robot)
-        return tuple(self.draw(k, robot.nv).arm(robot) for k in range(whole(count, "count", least=0)))
+        return tuple(self.draw(k, robot.nv).arm(robot) for k in range(whole(count, "count", least=0, most=MAX_ARMS)))
 
     def corners(self, robot: Robot) -> tuple[Robot, ...]:
         """The arms at the ends of the ranges, and with the payload in the middle: six, or less where one has no width.

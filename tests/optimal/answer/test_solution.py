@@ -72,3 +72,11 @@ def test_its_summary_says_each_thing_apart():
     assert summary["certificate"]["adjoint_error"] == solution.certificate.adjoint_error
     assert summary["certificate"]["lands"] and summary["certificate"]["keeps_limits"]
     assert json.loads(json.dumps(summary, allow_nan=False)) == summary
+
+
+def test_a_motion_that_is_not_usable_has_no_gap():
+    solution = solved("rr")
+    certificate = solution.certificate.bounded(1e-3, solution.duration)
+    assert replace(solution, certificate=certificate).gap is not None
+    lost = replace(solution, certificate=replace(certificate, goal_error=1.0))
+    assert not lost.usable and lost.gap is None
