@@ -12,7 +12,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NoReturn
 
-from armdyn.errors import DiskFullError, FileError
+from armdyn.arguments import path as path_of
+from armdyn.errors import ArmdynError, DiskFullError, FileError
 
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _PIECE = 2**20
@@ -120,10 +121,10 @@ def write_whole(path: str | os.PathLike[str], data: bytes) -> Path:
 
     Raises:
         DiskFullError: there is no room for it.
-        OSError: the folder cannot be written.
+        FileError: the folder cannot be written.
     """
-    path = Path(path)
-    with _telling_full(path):
+    path = Path(path_of(path, "path"))
+    with _telling_unwritten(path):
         handle, scratch = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         try:
             with os.fdopen(handle, "wb") as file:
@@ -176,6 +177,23 @@ def probe_folder(folder: str | os.PathLike[str], *names: str) -> Path:
             with suppress(OSError, ValueError):
                 one.rmdir()
     return folder
+
+
+@contextmanager
+def _telling_unwritten(path: Path) -> Iterator[None]:
+    """Turns the system's errors while a file is written into those that say which file it is.
+
+    Raises:
+        DiskFullError: there is no room for it.
+        FileError: it cannot be written.
+    """
+    try:
+        with _telling_full(path):
+            yield
+    except ArmdynError:
+        raise
+    except OSError as error:  # no such folder, no right to it, a name too long
+        raise FileError(path, f"cannot be written ({error.strerror or error})") from error
 
 
 @contextmanager

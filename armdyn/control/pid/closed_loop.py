@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import OdeSolution
 
-from armdyn.arguments import number, whole
+from armdyn.arguments import MOST_SAMPLES, number, whole
 from armdyn.brief import brief
 from armdyn.control.pid.approach import Approach
 from armdyn.control.pid.arrival import Arrival, ArrivalRule
@@ -131,7 +131,7 @@ def simulate_pid(
 
     Raises:
         ProblemError: no Robot; wrong length or not finite; duration or tolerance not positive; unknown form or rule;
-            fewer than two samples; dynamics without the functions that they have.
+            less than two samples, or more than a million; dynamics without the functions that they have.
     """
     move = Move.of(robot, q_start, q_goal, v_start, duration)
     arrival = Arrival(arrival_rule, arrival_tolerance)
@@ -158,9 +158,9 @@ def simulate(
         dynamics: other equations of motion than the robot's own.
 
     Raises:
-        ProblemError: the gains are for another number of joints; fewer than two samples.
+        ProblemError: the gains are for another number of joints; less than two samples, or more than a million.
     """
-    samples = whole(samples, "samples", least=2)
+    samples = whole(samples, "samples", least=2, most=MOST_SAMPLES)
     motion = motion_of(robot, dynamics)
     loop = PidLoop.of(robot, motion, controller, move.goal)
     growth = float(eigenvalues(closed_loop_matrix(motion, move.goal, controller))[0].real)

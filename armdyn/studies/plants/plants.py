@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from armdyn.arguments import Sign, number, several, whole
+from armdyn.arguments import Sign, interval, number, whole
 from armdyn.errors import ProblemError
 from armdyn.models.robots.arm import payload_inertia
 from armdyn.models.robots.robot import Robot, expect_robot
@@ -75,7 +75,7 @@ class Plants:
 
     def __post_init__(self) -> None:
         for name, unit, sign in _RANGES:
-            object.__setattr__(self, name, _range(getattr(self, name), name, unit, sign))
+            object.__setattr__(self, name, interval(getattr(self, name), name, unit=unit, sign=sign, widths="any"))
         object.__setattr__(self, "start", number(self.start, "start", unit="rad or m", sign="not negative"))
         object.__setattr__(self, "seed", whole(self.seed, "seed", least=0))
 
@@ -172,16 +172,6 @@ def with_payload_times(robot: Robot, factor: float) -> Robot:
     moments = tuple(factor * part for part in load.inertia)
     carried = Payload(mass=factor * load.mass, com=load.com, inertia=moments, frame=load.frame)
     return replace(robot, model=model, payload=carried)
-
-
-def _range(value: object, name: str, unit: str, sign: Sign) -> Range:
-    ends = several(value, name)
-    if len(ends) != 2:
-        raise ProblemError(f"{name} is {value!r}; expected its least and its greatest [{unit}], such as (0.8, 1.2)")
-    least, greatest = (number(end, f"{name}[{i}]", unit=unit, sign=sign) for i, end in enumerate(ends))
-    if least > greatest:
-        raise ProblemError(f"{name} goes from {least:g} to {greatest:g} {unit}; the least comes first")
-    return least, greatest
 
 
 def _between(ends: Range, part: Array) -> Array:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.arguments import expect, flag, number, one_of, several, text
+from armdyn.arguments import expect, flag, interval, number, one_of, several, text
 from armdyn.brief import brief
 from armdyn.control.laws.computed_torque import ComputedTorque
 from armdyn.control.laws.lqr import Lqr
@@ -170,10 +170,7 @@ class Ramps:
     duration: tuple[float, float] = (0.1, 1.0)
 
     def __post_init__(self) -> None:
-        ends = several(self.duration, "duration")
-        if len(ends) != 2:
-            raise ProblemError(f"duration is {self.duration!r}; expected the least and the greatest [s]")
-        object.__setattr__(self, "duration", (self.parameter.low, self.parameter.high))
+        object.__setattr__(self, "duration", interval(self.duration, "duration", unit="s", sign="positive"))
 
     @property
     def parameter(self) -> Parameter:
