@@ -58,6 +58,7 @@ def shown(value: object) -> str:
     short.maxstring = short.maxother = short.maxlong = MOST_SHOWN
     try:
         plain = value.item() if isinstance(value, np.generic) else value
+        plain = plain[:MOST_SHOWN] if isinstance(plain, bytes | bytearray) else plain  # whose repr is made whole
         words = " ".join(short.repr(plain).split())
     except Exception:  # a stranger's object; and Python writes no integer of more than 4300 digits
         words = f"a {type(value).__name__}"
@@ -147,6 +148,18 @@ def stopper(value: object) -> Callable[[], bool]:
         ProblemError: it cannot be called.
     """
     return function(value, "stop", lambda: False)
+
+
+def parts(value: object, name: str) -> Array:
+    """Numbers from 0 to 1, shape (n,).
+
+    Raises:
+        ProblemError: it is no list of such numbers.
+    """
+    array = numbers(value, name, "numbers from 0 to 1")
+    if array.ndim != 1 or not all(0 <= part <= 1 for part in array.tolist()):
+        raise ProblemError(f"{name} is {shown(value)}; expected numbers from 0 to 1")
+    return array
 
 
 def whole(value: object, name: str, least: int, most: int | None = None) -> int:

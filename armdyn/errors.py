@@ -41,7 +41,7 @@ class ArmdynError(Exception):
         """The message; of a long one, as with a path of 100,000 characters in it, both ends."""
         told = str(self.args[0]) if self.args else ""  # no more than that: KeyError would print its repr
         told = told.encode("utf-8", "backslashreplace").decode()  # half a surrogate pair cannot be written
-        return told if len(told) <= _MESSAGE else f"{told[: _MESSAGE // 2]} … {told[-_MESSAGE // 2 :]}"
+        return told if len(told) <= _MESSAGE else f"{told[: _MESSAGE // 2]} … {told[3 - _MESSAGE // 2 :]}"
 
 
 class SpecError(ArmdynError, ValueError):

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import NoReturn
 
 from armdyn.arguments import path as path_of
-from armdyn.errors import ArmdynError, DiskFullError, FileError
+from armdyn.arguments import shown
+from armdyn.errors import ArmdynError, DiskFullError, FileError, ProblemError
 
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _PIECE = 2**20
@@ -42,6 +43,10 @@ def read_bounded(path: str | os.PathLike[str], most: int) -> bytes:
         FileError: it is missing, no regular file, larger, or cannot be read.
     """
     try:
+        path = path_of(path, "path")
+    except ProblemError:
+        raise FileError(shown(path), "cannot be read (it must be a path)") from None
+    try:
         _refuse_irregular(path, Path(path).stat())
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY)
         try:
@@ -56,9 +61,8 @@ def read_bounded(path: str | os.PathLike[str], most: int) -> bytes:
         raise
     except FileNotFoundError:
         raise FileError(path, "no such file") from None
-    except (OSError, TypeError, ValueError) as error:
-        told = error.strerror if isinstance(error, OSError) else error
-        raise FileError(path, f"cannot be read ({told})") from None
+    except OSError as error:
+        raise FileError(path, f"cannot be read ({error.strerror})") from None
 
 
 def _refuse_irregular(path: str | os.PathLike[str], found: os.stat_result) -> None:

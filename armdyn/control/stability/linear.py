@@ -151,7 +151,7 @@ class Rest:
             ProblemError: the goal, the controller or the plant does not fit the robot, or the controller the loop.
         """
         expect_robot(robot)
-        arm = robot if plant is None else expect_robot(plant)
+        arm = robot if plant is None else expect_robot(plant, "plant")
         if arm.nv != robot.nv:
             raise ProblemError(f"the plant {arm.name} has {arm.nv} joints; the controller's model has {robot.nv}")
         goal = pose_given(robot, q_goal, "q_goal")

@@ -181,7 +181,7 @@ def _continuous_growth(
 
 def _sticking_and_sliding(plant: Robot) -> list[Robot]:
     """The arm, and where it has Coulomb friction also the arm without it."""
-    arm = expect_robot(plant)
+    arm = expect_robot(plant, "plant")
     return [arm, arm.with_friction(friction=0.0)] if np.any(arm.friction.coulomb) else [arm]
 
 

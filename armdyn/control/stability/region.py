@@ -80,8 +80,9 @@ class GainRegion:
 
     def polynomial(self, kp: float, ki: float, kd: float) -> tuple[float, ...]:
         """Its characteristic polynomial, highest power first; of degree 2 without ki."""
-        cubic = (self.inertia, kd + self.damping, kp + self.stiffness, ki)
-        return cubic if ki else cubic[:3]
+        p, i, d = (number(gain, name) for gain, name in ((kp, "kp"), (ki, "ki"), (kd, "kd")))
+        cubic = (self.inertia, d + self.damping, p + self.stiffness, i)
+        return cubic if i else cubic[:3]
 
     def stable(self, kp: ArrayLike, ki: ArrayLike, kd: ArrayLike) -> NDArray[np.bool_]:
         """Whether it is stable with such gains, of one shape or shapes that broadcast."""

@@ -100,7 +100,7 @@ class Setup:
             ProblemError: the arm has another number of joints.
         """
         nv, loop = self.robot.nv, self.loop
-        if expect_robot(plant).nv != nv:
+        if expect_robot(plant, "plant").nv != nv:
             raise ProblemError(f"the plant, {plant.name}, has {plant.nv} joints; {self.robot.name} has {nv}")
         body = plant_of(plant)
         model = plant_of(self.robot) if loop.velocity == "observer" else None

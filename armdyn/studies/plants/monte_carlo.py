@@ -71,7 +71,8 @@ def monte_carlo(
     question = Question(robot, reference, controller, plants, loop, options)
     kept: AbstractContextManager[RowFile | None] = nullcontext(None)
     if file is not None:
-        kept = row_file(path_of(file, "file", error=ResultError), question.asked())
+        file = path_of(file, "file", error=ResultError)
+        kept = row_file(file, question.asked())
     with kept as rows, stopping(np.inf) as stop:
         known = {} if rows is None else _known(question, rows)
         missing = [k for k in range(options.count) if k not in known]

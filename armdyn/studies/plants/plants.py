@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from armdyn.arguments import Sign, interval, number, whole
+from armdyn.arguments import MOST_MEMBERS, Sign, interval, number, whole
 from armdyn.errors import ProblemError
 from armdyn.models.robots.arm import payload_inertia
 from armdyn.models.robots.robot import Robot, expect_robot
@@ -88,6 +88,7 @@ class Plants:
             k: from 0.
             nv: number of joints.
         """
+        nv = whole(nv, "nv", least=1, most=MOST_MEMBERS)
         random = np.random.default_rng([self.seed, whole(k, "k", least=0)])
         parts = random.random(1 + 3 * nv)
         noise = int(random.integers(2**31))
@@ -111,7 +112,9 @@ class Plants:
             ProblemError: it carries no payload that could differ.
         """
         self.check(robot)
-        return tuple(self.draw(k, robot.nv).arm(robot) for k in range(whole(count, "count", least=0)))
+        return tuple(
+            self.draw(k, robot.nv).arm(robot) for k in range(whole(count, "count", least=0, most=MOST_MEMBERS))
+        )
 
     def corners(self, robot: Robot) -> tuple[Robot, ...]:
         """The arms at the ends of the ranges, and with the payload in the middle: six, or less where one has no width.

@@ -155,6 +155,8 @@ def database(path: str | os.PathLike[str], asked: Mapping[str, object], sync: Sy
         ResultError: it is no such file, answers another study, is damaged, or another process is at it.
     """
     path = Path(path_of(path, "file", error=ResultError))
+    if not path.name:
+        raise FileError(path, "cannot be written (it is a folder); give the path of a file")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         lock = path.with_name(f"{path.name}.lock").open("ab")
