@@ -186,6 +186,7 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
         ad.monte_carlo(RR, MOTION, options=ARMS),
     )
     return {
+        solution().report: {"path": folder / "report.html"},
         ad.ArmSpec.paper: {"arm": "r"},
         ad.Payload.at_last_com: {"spec": SPEC, "mass": 1.0},
         ad.Robot.from_urdf_string: {"text": two_links(), "package_dirs": (), "source": "it"} | READING | FRICTION,
