@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from armdyn.arguments import expect, function
+from armdyn.arguments import expect, listener
 from armdyn.optimal.answer.assembly import assembled, failed
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.bound.lower_bound import lower_bound, soonest
@@ -59,12 +59,11 @@ def solve_minimum_time(
     started = time.perf_counter()
     expect_problem(problem)
     options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
-    if progress is not None:
-        function(progress, "progress")
+    tell = listener(progress)
     if len(problem.goals) > 1:
-        return _fastest_goal(problem, options, progress or (lambda text: None))
+        return _fastest_goal(problem, options, tell)
     with stopping(options.time_limit) as stop:
-        task = Task.of(problem, options, stop, progress)
+        task = Task.of(problem, options, stop, tell)
         with beside(partial(_floor, problem, stop), task.workers if _bounded(task) else 1) as floor:
             task = replace(task, floor=floor) if _bounded(task) else task
             optima, found = _usable(task, *_strategy(task)(task))

@@ -42,6 +42,7 @@ def write(
     joint_names: Sequence[str],
 ) -> Path:
     """Write a trajectory's arrays and texts; see `Trajectory.save`."""
+    path = path_of(path, "path of a trajectory", error=TrajectoryError)
     if sum(array.nbytes for array in arrays.values()) > MAX_BYTES:
         raise TrajectoryError(f"{path}: {arrays['t'].size} samples are more than {MAX_BYTES} bytes")
     said = {"format": _FORMAT, "units": _UNITS, **texts}

@@ -1,7 +1,6 @@
 """Inverse kinematics: joint positions that bring a frame of an arm to a pose."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -11,7 +10,7 @@ from armdyn.arguments import text
 from armdyn.brief import brief
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
-from armdyn.models.scene.obstacles import homogeneous
+from armdyn.models.scene.obstacles import Placement, homogeneous
 from armdyn.models.values.limits import JointLimits
 
 Array = NDArray[np.float64]
@@ -36,18 +35,18 @@ class GoalPose:
     """
 
     frame: str
-    placement: Any
+    placement: Placement
 
     def __post_init__(self) -> None:
         text(self.frame, "frame of a goal pose")
-        pose = homogeneous(self.placement, f"goal pose of {self.frame!r}")
+        pose = homogeneous(self.placement, f"placement of the goal pose of {self.frame!r}")
         rows = pose[:3, 3].tolist() if np.shape(self.placement) == (3,) else map(tuple, pose.tolist())
         object.__setattr__(self, "placement", tuple(rows))
 
     @property
     def oriented(self) -> bool:
         """Whether it says an orientation, too."""
-        return len(self.placement) == 4
+        return np.ndim(self.placement) == 2
 
     @property
     def pose(self) -> pin.SE3:

@@ -1,9 +1,14 @@
 """What comes out of a solve, converged or not."""
 
+from __future__ import annotations
+
+import os
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from armdyn.brief import brief, called
-from armdyn.lazy import drawn
+from armdyn.lazy import drawing, drawn
 from armdyn.models.scene.collision import Clearance
 from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.answer.words import paragraph, verdict
@@ -17,6 +22,9 @@ from armdyn.optimal.proof.deciding import Share
 from armdyn.optimal.proof.sensitivity import Sensitivities, sensitivities
 from armdyn.optimal.search.goals import GoalTried
 from armdyn.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @brief
@@ -124,6 +132,31 @@ class Solution:
     def replay_velocity_error(self) -> float:
         """Largest joint velocity error of the replay at the goal [rad/s or m/s]."""
         return self.certificate.goal_velocity_error
+
+    def plot(self) -> Figure:
+        """Position, velocity and torque of every joint over time, with the limits and the switching times.
+
+        Returns:
+            A figure of matplotlib's, which pyplot does not know: `figure.savefig("motion.pdf")`.
+        """
+        figure: Figure = drawing().figure(self)
+        return figure
+
+    def report(self, path: str | os.PathLike[str]) -> Path:
+        """Write the report: one HTML file with the arm that moves, its curves, the verdict and what it rests on.
+
+        Args:
+            path: of the file, such as "report.html".
+
+        Returns:
+            The path written, as given.
+
+        Raises:
+            FileError: it cannot be written.
+            DiskFullError: there is no room for it.
+        """
+        written: Path = drawing().report(self, path)
+        return written
 
     def sensitivities(self) -> Sensitivities | None:
         """How t_f answers to payload and limits; None if the arcs were not resolved."""

@@ -8,6 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from armdyn.arguments import stopper
 from armdyn.brief import brief
 from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.enclosure.interval import down
@@ -79,14 +80,14 @@ def lower_bound(problem: MinimumTimeProblem, stop: Callable[[], bool] | None = N
         None if no joint that moves has a velocity limit, so that this bound says nothing.
 
     Raises:
-        ProblemError: problem is none.
+        ProblemError: problem is none, or stop no function.
         BridgeError: the dynamics have an operation that is not known in intervals.
     """
-    legs = legs_of(expect_problem(problem))
+    legs, stopped = legs_of(expect_problem(problem)), stopper(stop)
     kinematic = _sum_down([leg.shortest for leg in legs])
     if kinematic == 0:
         return None
-    found = [_of_leg(leg, stop or (lambda: False)) for leg in legs]
+    found = [_of_leg(leg, stopped) for leg in legs]
     _, joint = max(found)
     return LowerBound(
         duration=max(_sum_down([duration for duration, _ in found]), kinematic),

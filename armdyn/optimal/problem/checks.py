@@ -97,9 +97,9 @@ def check_poses(poses: Array) -> None:
 
 def check_scene(obstacles: Sequence[Obstacle], clearance: float) -> None:
     """Refuse what is no obstacle, and no clearance."""
-    for obstacle in obstacles:
+    for i, obstacle in enumerate(obstacles):
         if not isinstance(obstacle, Obstacle):
-            raise ProblemError(f"obstacle {shown(obstacle)} is no Sphere, Capsule or Box")
+            raise ProblemError(f"obstacles[{i}] is {shown(obstacle)}; it must be a Sphere, a Capsule or a Box")
     number(clearance, "clearance", unit="m", sign="not negative")
 
 

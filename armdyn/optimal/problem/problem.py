@@ -209,6 +209,7 @@ class MinimumTimeProblem:
 
     def beside_goal(self, motion: Trajectory) -> Array:
         """How far a motion's last state (q, v) is from the goal's, shape (2 nv,)."""
+        expect(motion, Trajectory, "motion")
         return np.concatenate([motion.q[-1], motion.v[-1]]) - self.x_goal
 
     def variant(self, **changes: Any) -> Self:

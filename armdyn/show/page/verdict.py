@@ -95,7 +95,8 @@ def tiles_of(facts: Facts, duration: float) -> list[Tile]:
     ):
         if name in facts:
             value = facts.number(name)
-            tiles.append(Tile(label, "–" if value is None else f"{scale * value:.4g}{unit}", note))
+            told = "–" if value is None else f"{scale * value:.4g}{unit}"
+            tiles.append(Tile(label, seconds(value) if unit == " s" else told, note))
     return tiles
 
 

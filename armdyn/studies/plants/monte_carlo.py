@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from armdyn.arguments import listener
 from armdyn.arguments import path as path_of
 from armdyn.control.laws.lqr import Lqr
 from armdyn.control.loop.law import Controller
@@ -66,10 +67,12 @@ def monte_carlo(
         FileError: it cannot be read or written.
         DiskFullError: there is no room for a row.
     """
+    tell = listener(progress)
     question = Question(robot, reference, controller, plants, loop, options)
     kept: AbstractContextManager[RowFile | None] = nullcontext(None)
     if file is not None:
-        kept = row_file(path_of(file, "file", error=ResultError), question.asked())
+        file = path_of(file, "file", error=ResultError)
+        kept = row_file(file, question.asked())
     with kept as rows, stopping(np.inf) as stop:
         known = {} if rows is None else _known(question, rows)
         count = options.count - sum(k < options.count for k in known)
@@ -79,10 +82,10 @@ def monte_carlo(
             if rows is not None:
                 rows.append(row)
             known[row.k] = row
-            if progress and time.monotonic() - told > _TOLD_EVERY:
+            if time.monotonic() - told > _TOLD_EVERY:
                 told = time.monotonic()
                 left = (told - began) * (count - done) / done
-                progress(f"{len(known)} of {options.count} arms, {left:.0f} s left")
+                tell(f"{len(known)} of {options.count} arms, {left:.0f} s left")
     there = tuple(known[k] for k in sorted(known) if k < options.count)
     return MonteCarlo(question, there, None if file is None else Path(file))
 
