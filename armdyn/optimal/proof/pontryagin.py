@@ -66,12 +66,18 @@ def _worst_pull(phases: Phases) -> float:
         fast = [-outward(mode) * phases.state_pull[k, :, 1, i] for k, mode in enumerate(modes) if mode in VELOCITY]
         inside = np.array([mode in POSITION for mode in modes])
         sign = np.array([outward(mode) for mode in modes])
+        fast += [
+            np.array([-outward(mode) * phases.knot_pull[np.flatnonzero(phases.arc_of == a)[-1], 1, i]])
+            for a, arc in enumerate(phases.arcs[:-1])
+            for joint, mode in arc.touches
+            if joint == i and mode in VELOCITY
+        ]
         stages, knots = _position_pulls(phases, i, inside)
         met = np.zeros(K - 1)  # at the knots between intervals: in contact on either side, or touching
         met[inside[1:]], met[inside[:-1]] = sign[1:][inside[1:]], sign[:-1][inside[:-1]]
         for a, arc in enumerate(phases.arcs[:-1]):
             for joint, mode in arc.touches:
-                if joint == i:
+                if joint == i and mode in POSITION:
                     met[np.flatnonzero(phases.arc_of == a)[-1]] = outward(mode)
         near = [-sign[k] * stages[k] for k in np.flatnonzero(inside)] + [-(met * knots)[met != 0]]
         for pulls in (fast, near):

@@ -18,8 +18,8 @@ from armdyn.optimal.switching.signs import with_signs, without_unwanted, wrong_s
 from armdyn.optimal.switching.singular import idle_fall, with_longer_course, with_singular, with_stays
 from armdyn.optimal.task.task import Task
 
-_ROUNDS = 12
-"""Of mending."""
+_ROUNDS = 40
+"""Of mending: where a contact is left by bounces that grow shorter and shorter, each takes two."""
 _LEAST = 5e-5
 """By how much H must fall for another stay, or a longer course: half of what is certified."""
 _DRIFT = 1e-5
@@ -45,14 +45,16 @@ class Settled:
     why: str
 
     def or_else(self, linear: Linear | None, why: str) -> Self:
-        """This or, where nothing better is known, a motion that lands within its limits but is no extremal.
+        """This or, where no extremal is known, the fastest motion that lands within its limits.
 
         Args:
             linear: the motion, if there is one.
             why: it is not.
         """
-        if self.extremal is not None or linear is None or excess(linear.march) > BEYOND:
+        if np.isfinite(self.wrong) or linear is None or excess(linear.march) > BEYOND:
             return self if self.extremal else replace(self, why=why)
+        if self.extremal is not None and self.extremal.schedule.duration <= linear.march.schedule.duration:
+            return self
         return replace(self, extremal=Extremal(linear), why=why)
 
 
@@ -90,6 +92,8 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
     chattering: tuple[Schedule, int] | None = None
     refused = set[int]()
     for _ in range(_ROUNDS):
+        while schedule.size + 1 > setting.most_arcs and setting.finer is not None:
+            setting = setting.finer
         found = fastest(setting, schedule, stop)
         finer, enough = setting.finer, _DRIFT if isinstance(found, Extremal) else _ASTRAY
         if found.linear is not None and found.linear.drift > enough and finer is not None and not stop:
@@ -142,5 +146,6 @@ def leaves_idle(extremal: Extremal, tolerance: float) -> bool:
     march, limits = extremal.march, extremal.march.setting.problem.limits
     ranges = limits.effort_upper - limits.effort_lower
     idle = (np.abs(extremal.switching) * ranges <= tolerance) & (ranges > 0)
-    shares = np.tile(march.h, 2) @ (idle & ~np.tile(march.torques.felt > 0, (2, 1))) / 2
+    elsewhere = (march.torques.felt > 0) | (march.torques.held > 0)
+    shares = np.tile(march.h, 2) @ (idle & ~np.tile(elsewhere, (2, 1))) / 2
     return bool(np.any(shares > extremal.schedule.duration / 2))
