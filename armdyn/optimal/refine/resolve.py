@@ -48,6 +48,8 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
     certified = [one for one in known if one.certificate.ok]
     if certified:
         return certified[0]
+    if known and not _rank(known[0])[0] and known[0].trajectory.duration <= motion.duration:
+        return known[0]  # usable, and the mesh's own motion is slower
     landed, replay = aimed(task, motion)
     certificate = certify(task.problem, replay, None, remark)
     on_mesh = Optimum(landed, certificate, landed.duration, attempt.intervals)
@@ -120,10 +122,13 @@ def _structure(task: Task, arcs: list[Arc], motion: Trajectory) -> tuple[Phases 
 
 def _by_switching(task: Task, arcs: list[Arc], motion: Trajectory, budget: Budget) -> Extremal | None:
     """The extremal that a structure comes to when it is mended, or what is nearest to one; None: nothing lands."""
-    setting = replace(setting_of(task, motion.duration), budget=budget)
+    setting = setting_of(task, motion.duration)
     best: Settled | None = None
     for schedule in schedules_of(setting, arcs, motion):
-        found = settled(setting, schedule, budget)
+        part = min(budget.left, task.policy.refinement.budget / 3)
+        own = Budget(task.stop, part)
+        found = settled(replace(setting, budget=own), schedule, own)
+        budget.spend(part - own.left)
         if found.extremal is not None and (best is None or found.wrong < best.wrong):
             best = found
         if (best is not None and best.wrong <= SWITCHING_TOLERANCE) or budget:

@@ -13,7 +13,7 @@ from armdyn.optimal.switching.extremal.flow import Flow, flow_of
 from armdyn.optimal.switching.extremal.limits import BEYOND, excess, with_limits
 from armdyn.optimal.switching.extremal.march import Setting
 from armdyn.optimal.switching.extremal.model import Linear
-from armdyn.optimal.switching.extremal.schedule import Schedule
+from armdyn.optimal.switching.extremal.schedule import Schedule, Structure
 from armdyn.optimal.switching.signs import with_signs, without_unwanted, wrong_signs
 from armdyn.optimal.switching.singular import idle_fall, with_longer_course, with_singular, with_stays
 from armdyn.optimal.task.task import Task
@@ -26,6 +26,8 @@ _DRIFT = 1e-5
 """Of H along an arc: a tenth of what is certified; beyond it the steps are too long."""
 _ASTRAY = 1e-3
 """The same where no extremal was found: then that may be why."""
+_SHORTER = 1e-11
+"""Of the duration: what mending a contact gains at least, or it is left."""
 _PATIENCE, _BETTER = 3, 0.7
 """Rounds in a row that come no nearer than by so much: more go in circles."""
 
@@ -90,7 +92,7 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
     """
     best, mended, stale = Settled(None, np.inf, "nothing was tried"), False, 0
     chattering: tuple[Schedule, int] | None = None
-    refused = set[int]()
+    refused, seen = set[int](), dict[Structure, float]()
     for _ in range(_ROUNDS):
         while schedule.size + 1 > setting.most_arcs and setting.finer is not None:
             setting = setting.finer
@@ -109,7 +111,12 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
             (schedule, hovering), chattering = chattering, None
             refused.add(hovering)
             continue
-        if limited := with_limits(found.march) or without_unwanted(found) or with_contacts(found):
+        structure, duration = found.schedule.structure, found.schedule.duration
+        again = duration > (1 - _SHORTER) * seen.get(structure, np.inf)  # mended contacts came out as they were
+        limited = with_limits(found.march) or without_unwanted(found)
+        if limited is None and not again:
+            seen[structure], limited = duration, with_contacts(found)
+        if limited is not None:
             schedule, best = limited, best.or_else(found.linear, "limits of position are not settled")
             continue
         wrong, idle = wrong_signs(found, _LEAST), max([0.0, *(idle_fall(found, k) for k in found.schedule.courses)])

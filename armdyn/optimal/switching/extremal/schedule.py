@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, VELOCITY, Arc, Mode, merged
+from armdyn.optimal.arcs.arc import BANG, OPPOSITE, VELOCITY, Arc, Mode, merged
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.switching.extremal.torques.course import Course
 from armdyn.trajectory import Trajectory
@@ -17,9 +17,11 @@ Array = NDArray[np.float64]
 
 _MET = 1e-7
 """Of the duration: a joint that is on a limit of velocity for less touches it."""
-_HELD = (*POSITION, *VELOCITY)
 _SAMPLES = 50
 """Of a torque in an arc."""
+
+
+Structure = tuple[tuple[Mode, ...], tuple[tuple[int, Mode, bool], ...]]
 
 
 @dataclass(frozen=True)
@@ -92,6 +94,11 @@ class Schedule:
         return cls(arcs[0].modes, tuple(changes), np.array(times), np.hstack([at.q, at.v]), duration)
 
     @property
+    def structure(self) -> Structure:
+        """Modes at the start, and all changes in turn, without their times."""
+        return self.first, tuple((change.joint, change.mode, change.touch) for change in self.changes)
+
+    @property
     def size(self) -> int:
         """m, the number of changes."""
         return len(self.changes)
@@ -162,22 +169,22 @@ class Schedule:
     def orders(self, near: float) -> list[tuple[int, int]]:
         """Pairs of changes, no farther from each other than a time [s], that must not pass each other within a step.
 
-        Torques add up, so that it makes no difference which of two is switched first. It does where one of the changes is
-        a touch, or where a joint is held from then on, or no longer.
+        Torques add up, so that it makes no difference which of two is switched first. It does where a joint is held on a
+        limit of velocity from then on, or no longer.
         """
         held, now = list[bool](), list(self.first)
         for change in self.changes:
             before = now[change.joint]
             if not change.touch:
                 now[change.joint] = change.mode
-            held.append(change.touch or before in _HELD or change.mode in _HELD)
+            held.append(not change.touch and (before in VELOCITY or change.mode in VELOCITY))
         return [
             (k, after)
             for k in range(self.size)
             for after in range(k + 1, self.size)
             if (held[k] or held[after])
             and self.times[after] - self.times[k] <= near
-            and (self.changes[k].joint != self.changes[after].joint or self.changes[k].touch or self.changes[after].touch)
+            and self.changes[k].joint != self.changes[after].joint
         ]
 
     def swapped(self, k: int, after: int) -> Self:
