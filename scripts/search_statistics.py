@@ -131,7 +131,9 @@ def case_of(given: argparse.Namespace) -> str:
     }[given.limits]
     links = {"paper": "paper's links", "other": "other links", "random": "random links"}[given.links]
     poses = f"poses within ±{given.reach:.3g} rad"
-    return f"{given.arm.upper()}, {links}, {limits}, {poses}, to {given.payload:g} kg, seed {given.seed}, {given.effort}"
+    return (
+        f"{given.arm.upper()}, {links}, {limits}, {poses}, to {given.payload:g} kg, seed {given.seed}, {given.effort}"
+    )
 
 
 def lines_of(path: Path) -> list[dict]:

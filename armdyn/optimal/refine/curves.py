@@ -25,6 +25,7 @@ from armdyn.optimal.proof.deciding import Share
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.smooth import trajectory_cost
 from armdyn.optimal.search.candidates import Found
+from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.search.starts import detours, spline, straight_curve
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.task.task import Task
@@ -75,7 +76,24 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
         if task.stop or (optima[-1].landed(task.options.replay_tolerance) and not optima[-1].missed):
             break
     others = tuple(one.curve.duration for one in found[len(optima) :])
-    return optima, Found((), listed=others, iterations=sum(one.iterations for one in found[len(optima) :]))
+    iterations = sum(one.iterations for one in found[len(optima) :])
+    return optima, Found((), listed=others, iterations=iterations, met=_met(task, found))
+
+
+def _met(task: Task, found: Sequence[Settled]) -> str:
+    """How many different optima the guesses have met, for people; empty where a bound says how good the best is.
+
+    Args:
+        task: the problem.
+        found: curves that the guesses led to, the best first.
+    """
+    durations = [one.curve.duration for one in found if one.excess <= _HOPELESS and not one.checked.reasons]
+    if len(found) < 2 or not durations or _enough(task, found[0]):
+        return ""
+    optima = grouped(sorted(durations), within(task.policy.same.mesh))
+    several = f"{len(optima)} different optima were" if len(optima) > 1 else "one optimum was"
+    times = f"the best one {len(optima[0])} times of {len(found)} guesses"
+    return f"{several} met, {times}; other seeds may find a faster one"
 
 
 def _without_obstacles(task: Task) -> tuple[list[Settled], bool]:

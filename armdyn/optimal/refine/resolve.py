@@ -38,8 +38,9 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
     motion, known, remark = attempt.trajectory, list[Optimum](), f"{task.stop.word} before the arcs were read"
     if not task.stop:
         arcs = _arcs_of(task, attempt)
-        if has_switching(task) and (extremal := _by_switching(task, arcs, motion, budget or Budget(task.stop))) is not None:
-            known.append(land_extremal(task, extremal, attempt.intervals))
+        if has_switching(task):
+            extremal, remark = _by_switching(task, arcs, motion, budget or Budget(task.stop))
+            known += [land_extremal(task, extremal, attempt.intervals)] if extremal else []
         if not known or (not known[0].certificate.ok and _at_speed(task, motion, known[0].trajectory)):
             phases, remark = _structure(task, arcs, motion)
             if phases is not None:
@@ -120,9 +121,12 @@ def _structure(task: Task, arcs: list[Arc], motion: Trajectory) -> tuple[Phases 
     return last, "the switching structure did not settle"
 
 
-def _by_switching(task: Task, arcs: list[Arc], motion: Trajectory, budget: Budget) -> Extremal | None:
-    """The extremal that a structure comes to when it is mended, or what is nearest to one; None: nothing lands."""
-    setting = setting_of(task, motion.duration)
+def _by_switching(task: Task, arcs: list[Arc], motion: Trajectory, budget: Budget) -> tuple[Extremal | None, str]:
+    """The extremal that a structure comes to when it is mended, or what is nearest to one; and what it lacks.
+
+    None: nothing lands, or time does not determine what some joint does.
+    """
+    setting, found = setting_of(task, motion.duration), Settled(None, np.inf, "")
     best: Settled | None = None
     for schedule in schedules_of(setting, arcs, motion):
         part = min(budget.left, task.policy.refinement.budget / 3)
@@ -133,7 +137,10 @@ def _by_switching(task: Task, arcs: list[Arc], motion: Trajectory, budget: Budge
             best = found
         if (best is not None and best.wrong <= SWITCHING_TOLERANCE) or budget:
             break
-    return best.extremal if best and best.extremal and not leaves_idle(best.extremal, SWITCHING_TOLERANCE) else None
+    if best is None or best.extremal is None:
+        return None, found.why
+    idle = leaves_idle(best.extremal, SWITCHING_TOLERANCE)
+    return (None, "time leaves a joint idle") if idle else (best.extremal, best.why)
 
 
 def _named(arcs: tuple[Arc, ...] | list[Arc]) -> Structure:

@@ -110,7 +110,9 @@ class Linear:
         planes = self.planes
         tight = np.flatnonzero(planes.now <= TIGHT)
         first = planes.now.size - len(planes.orders)
-        return [planes.orders[k - first] for k, pull in zip(tight, self._answer[2], strict=True) if k >= first and pull > 0]
+        return [
+            planes.orders[k - first] for k, pull in zip(tight, self._answer[2], strict=True) if k >= first and pull > 0
+        ]
 
     @cached_property
     def costates(self) -> tuple[Array, Array]:

@@ -257,7 +257,11 @@ class Schedule:
             if k < self.size and self.changes[k].touch:
                 touches = ((self.changes[k].joint, self.changes[k].mode),)
             if t1 - t0 <= _MET * self.duration:
-                met = [(i, mode) for i, mode in enumerate(modes) if mode in VELOCITY and out and mode is not out[-1].modes[i]]
+                met = [
+                    (i, mode)
+                    for i, mode in enumerate(modes)
+                    if mode in VELOCITY and out and mode is not out[-1].modes[i]
+                ]
                 touches += tuple(each for each in met if each not in (*touches, *(out[-1].touches if out else ())))
             if t1 - t0 > (_MET if touches else 1e-12) * self.duration or (touches and not out):
                 out.append(Arc(t1 - t0, modes, touches))
