@@ -1,10 +1,10 @@
 """How often the search finds the best motion, of random problems: docs/search.md.
 
-A problem is a pair of poses, uniform within ±--reach, and a payload, drawn for its number and the seed alone. Poses that
-the motors cannot hold at rest are drawn again. The problem is solved as a user would, and by a search of --times as many
-guesses that refines all that it finds; what the two find is compared. "hit" is within 1e-6 of the better of the two.
-Times are CPU seconds of all processes. Tune on other seeds than those reported. Results are kept in --out, a line each, as
-they come: a run that is ended goes on where it stopped.
+A problem is a pair of poses, uniform within ±--reach, and a payload, drawn for its number and the seed alone. Poses
+that the motors cannot hold at rest are drawn again. The problem is solved as a user would, and by a search of --times
+as many guesses that refines all that it finds; what the two find is compared. "hit" is within 1e-6 of the better of the
+two. Times are CPU seconds of all processes. Tune on other seeds than those reported. Results are kept in --out, a line
+each, as they come: a run that is ended goes on where it stopped.
 
     scripts/search_statistics.py --arm rrr --pairs 100 --seed 7 --out rrr.jsonl
     scripts/search_statistics.py --arm rr --links random --limits random --seed 7 --out random.jsonl

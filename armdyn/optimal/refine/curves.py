@@ -90,9 +90,20 @@ def _met(task: Task, found: Sequence[Settled]) -> str:
     durations = [one.curve.duration for one in found if one.excess <= _HOPELESS and not one.checked.reasons]
     if len(found) < 2 or not durations or _enough(task, found[0]):
         return ""
-    optima = grouped(sorted(durations), within(task.policy.same.mesh))
+    return optima_met(durations, len(found), task.policy.same.mesh)
+
+
+def optima_met(durations: Sequence[float], guesses: int, same: float) -> str:
+    """How many different optima some guesses have met, in words.
+
+    Args:
+        durations: of the motions that guesses led to [s].
+        guesses: of which some may have led to none.
+        same: durations that differ by no more than this part are one optimum's.
+    """
+    optima = grouped(sorted(durations), within(same))
     several = f"{len(optima)} different optima were" if len(optima) > 1 else "one optimum was"
-    times = f"the best one {len(optima[0])} times of {len(found)} guesses"
+    times = f"the best one {len(optima[0])} times of {guesses} guesses"
     return f"{several} met, {times}; other seeds may find a faster one"
 
 

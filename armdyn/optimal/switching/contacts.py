@@ -1,5 +1,4 @@
-"""Contacts with limits of position and velocity: whether torques can hold them, whether limits push, and what becomes
-of the others."""
+"""Contacts with limits of position and velocity: whether torques can hold them, and whether limits push."""
 
 from dataclasses import dataclass
 
@@ -37,8 +36,8 @@ def with_contacts(extremal: Extremal, settled: bool = True) -> Schedule | None:
     """The schedule without parts of contacts that cannot be held or would rather be let go; None: there are none.
 
     A joint that takes more torque than it has is given all of it, and touches at most. One that a limit would have to
-    pull back against is let go: inward torque takes it off, outward torque brings it back, a bounce. Off a limit of velocity
-    it is slowed down and sped up again.
+    pull back against is let go: inward torque takes it off, outward torque brings it back, a bounce. Off a limit of
+    velocity it is slowed down and sped up again.
 
     Args:
         extremal: whose contacts are looked at, one at a time.
