@@ -39,8 +39,9 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
     if not task.stop:
         arcs = _arcs_of(task, attempt)
         if has_switching(task):
-            extremal, remark = _by_switching(task, arcs, motion, budget or Budget(task.stop))
-            known += [land_extremal(task, extremal, attempt.intervals)] if extremal else []
+            own = budget or Budget(task.stop)
+            extremal, remark = _by_switching(task, arcs, motion, own)
+            known += [land_extremal(task, extremal, attempt.intervals, own)] if extremal else []
         if not known or (not known[0].certificate.ok and _at_speed(task, motion, known[0].trajectory)):
             phases, remark = _structure(task, arcs, motion)
             if phases is not None:

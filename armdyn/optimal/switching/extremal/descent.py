@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import VELOCITY
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.stop import Budget, Stop
 from armdyn.optimal.switching.extremal.landing import landed, moved_by
 from armdyn.optimal.switching.extremal.limits import BEYOND, beyond_position, excess, with_limits
 from armdyn.optimal.switching.extremal.march import March, Setting
@@ -34,6 +34,8 @@ _FAR_BEYOND = 0.3
 """The same for a motion as it lands first."""
 _DEAR = 0.05
 """Of the duration: what touches may take at most."""
+_SLOW = 0.5
+"""The same for velocity limits alone, which the motion was beyond for long."""
 _TOUCHES = 3
 """Times that touches are put in: one may bring about another."""
 _RADIUS = 0.03
@@ -181,7 +183,8 @@ def _touching(setting: Setting, linear: Linear) -> Linear:
     for _ in range(_TOUCHES):
         schedule = with_limits(linear.march) if beyond_position(linear.march) <= _FAR_BEYOND else None
         touching = landed(setting, schedule) if schedule else None
-        if touching is None or touching.march.schedule.duration > (1 + _DEAR) * linear.march.schedule.duration:
+        dear = _DEAR if beyond_position(linear.march) > BEYOND else _SLOW
+        if touching is None or touching.march.schedule.duration > (1 + dear) * linear.march.schedule.duration:
             return linear
         linear = touching
     return linear
@@ -210,6 +213,8 @@ def finer(extremal: Extremal, stop: Stop) -> Extremal | None:
         stop: asked before every step along a tangent.
     """
     setting = extremal.march.setting.finer
+    if setting is not None and isinstance(stop, Budget):
+        setting = replace(setting, budget=stop)
     found = fastest(setting, extremal.schedule, stop) if setting else None
     return found if isinstance(found, Extremal) else None
 
