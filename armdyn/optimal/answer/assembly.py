@@ -39,11 +39,12 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, b
     missed = best.missed
     if task.stop.late and status is Status.SOLVED and not certificate.ok:
         missed = (*missed, f"the time limit of {task.options.time_limit:g} s ended the search")
+    met = "" if certificate.ok else found.met
     known = [duration, *(optimum.trajectory.duration for optimum in others), *found.slower]
     return Solution(
         success=status is Status.SOLVED,
         status=status,
-        message="; ".join((_message(task, status, best), *missed)),
+        message="; ".join((_message(task, status, best), *missed, *([met] if met else []))),
         problem=task.problem,
         duration=duration,
         trajectory=best.trajectory,
@@ -59,6 +60,7 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, b
         kept=best.checked.kept if best.checked else (),
         via_times=best.via_times,
         moves=_moves(task, best),
+        met=met,
         decides=best.decides or (deciding(task.problem, best.phases) if best.phases else ()),
     )
 

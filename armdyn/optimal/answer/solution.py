@@ -55,6 +55,7 @@ class Solution:
         moves: its torques lead to the goal, keep all conditions and, to a thousandth, all limits: where `success` is
             missing it is the best so far; else it is no motion, and `duration` says nothing.
         decides: how much of the time each limit decides, most first; empty if that is not known.
+        met: how many different optima the guesses met, and how often the best, of a curve that is not certified.
     """
 
     success: bool
@@ -77,6 +78,7 @@ class Solution:
     goals: tuple[GoalTried, ...] = ()
     moves: bool = True
     decides: tuple[Share, ...] = ()
+    met: str = ""
 
     def __str__(self) -> str:
         """A paragraph: duration, verdict, what decides the time, the bound."""

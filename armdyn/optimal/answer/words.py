@@ -27,7 +27,9 @@ def verdict(solution: Solution) -> str:
 def paragraph(solution: Solution) -> str:
     """A solution for who prints it: duration, verdict, what decides the time, the bound, how it was found."""
     said = [_found(solution), _checked(solution), _decided(solution), _bounded(solution)]
-    if solution.local_optima:
+    if solution.met:
+        said.append(f"{solution.met[0].upper()}{solution.met[1:]}.")
+    elif solution.local_optima:
         others = len(solution.local_optima)
         said.append(f"{others} other optim{'a were' if others > 1 else 'um was'} met.")
     said.append(f"It was solved in {solution.solve_time:.1f} s, {solution.iterations} iterations.")

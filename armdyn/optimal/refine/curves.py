@@ -24,6 +24,7 @@ from armdyn.optimal.proof.deciding import Share
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.smooth import trajectory_cost
 from armdyn.optimal.search.candidates import Found
+from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.search.starts import detours, spline, straight_curve
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.task.task import Task
@@ -74,7 +75,35 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
         if task.stop or (optima[-1].landed(task.options.replay_tolerance) and not optima[-1].missed):
             break
     others = tuple(one.curve.duration for one in found[len(optima) :])
-    return optima, Found((), listed=others, iterations=sum(one.iterations for one in found[len(optima) :]))
+    iterations = sum(one.iterations for one in found[len(optima) :])
+    return optima, Found((), listed=others, iterations=iterations, met=_met(task, found))
+
+
+def _met(task: Task, found: Sequence[Settled]) -> str:
+    """How many different optima the guesses have met, for people; empty where a bound says how good the best is.
+
+    Args:
+        task: the problem.
+        found: curves that the guesses led to, the best first.
+    """
+    durations = [one.curve.duration for one in found if one.excess <= _HOPELESS and not one.checked.reasons]
+    if len(found) < 2 or not durations or _enough(task, found[0]):
+        return ""
+    return optima_met(durations, len(found), task.policy.same.mesh)
+
+
+def optima_met(durations: Sequence[float], guesses: int, same: float) -> str:
+    """How many different optima some guesses have met, in words.
+
+    Args:
+        durations: of the motions that guesses led to [s].
+        guesses: of which some may have led to none.
+        same: durations that differ by no more than this part are one optimum's.
+    """
+    optima = grouped(sorted(durations), within(same))
+    several = f"{len(optima)} different optima were" if len(optima) > 1 else "one optimum was"
+    times = f"the best one {len(optima[0])} times of {guesses} guesses"
+    return f"{several} met, {times}; other seeds may find a faster one"
 
 
 def _without_obstacles(task: Task) -> tuple[list[Settled], bool]:

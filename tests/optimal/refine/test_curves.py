@@ -12,7 +12,7 @@ from armdyn.optimal.landing.limits import limit_violation
 from armdyn.optimal.landing.rollout import replay_torques
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.refine.curves import curves
+from armdyn.optimal.refine.curves import curves, optima_met
 from armdyn.optimal.task.task import Task
 
 START, GOAL = [0, -1, 1, -1, -1.5, 0], [-1.5, -1.8, 1.6, -0.4, 0.3, 1.0]
@@ -295,3 +295,27 @@ def test_a_goal_that_cannot_be_held_is_named():
     assert not solution.success
     assert solution.status in (Status.INFEASIBLE, Status.ITERATION_LIMIT)
     assert "joint 'shoulder_lift_joint' takes 59.3 to be held at the goal, of 10 N m" in solution.message
+
+
+@pytest.mark.slow
+def test_how_many_optima_were_met_is_said_where_nothing_bounds_the_duration():
+    solution = ad.solve_minimum_time(
+        ad.MinimumTimeProblem(
+            ad.Robot.from_library("panda"),
+            q_start="ready",
+            q_goal=[1, 0.2, 0.5, -1.5, 0.3, 2, -0.5],
+            velocity_limit=np.inf,
+        ),
+        ad.MinimumTimeOptions(starts=2),
+    )
+    assert solution.usable and not solution.certified
+    assert solution.met == "one optimum was met, the best one 2 times of 2 guesses; other seeds may find a faster one"
+    assert solution.met in solution.message
+    assert "One optimum was met" in str(solution)
+
+
+def test_optima_met_are_counted():
+    several = optima_met([0.6, 0.50001, 0.51, 0.5], 5, 5e-4)
+    assert (
+        several == "3 different optima were met, the best one 2 times of 5 guesses; other seeds may find a faster one"
+    )

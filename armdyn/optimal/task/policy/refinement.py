@@ -17,6 +17,13 @@ class RefinementPolicy:
     lists_slower: bool = by_kind(
         "-", "beyond one joint an optimum slower than a certified one is only listed", "RR, RRR"
     )
+    budget: int = tuned(
+        240_000,
+        "integrator steps",
+        "of all optima's arcs together: two thirds of what is left go to each in turn, a third of all at most to one "
+        "try; spent in about 5 s of one core",
+        "RRR and random arms (seed 1, poses within ±π)",
+    )
     sure: float = tuned(
         5.0, "-", "slower by so many times what the certified one's mesh was wrong by", "RRR, ten payloads"
     )
