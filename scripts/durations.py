@@ -32,7 +32,7 @@ def answers():
         for mass in ad.PAPER_PAYLOADS:
             robot = arm(name, mass)
             for kind, more in (("minimum time", {}), ("time-energy", {"effort_weight": 1.0, "effort_limit": 30.0})):
-                problem = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal, **more)
+                problem = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal, arrive_only=True, **more)
                 yield f"{name} {1000 * mass:g} g {kind}", ad.solve_minimum_time(problem).duration
             gains = ad.PidGains(kp=30.0, ki=50.0, kd=10.0)
             run = ad.simulate_pid(

@@ -171,7 +171,7 @@ def time_optimality(
         trajectory = trajectory_from_path(robot, trajectory.t, trajectory.q, trajectory.v, name=trajectory.name)
     problem = MinimumTimeProblem(
         robot, q_start=trajectory.q[0], q_goal=trajectory.q[-1], v_start=trajectory.v[0], v_goal=trajectory.v[-1],
-        reserve=reserve, velocity_reserve=velocity_reserve,
+        reserve=reserve, velocity_reserve=velocity_reserve, arrive_only=True,
     )  # fmt: skip
     check = check_motion(robot, trajectory, problem.limits)
     idle, intervals = _idleness(problem.limits, trajectory)

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from armdyn.arguments import expect, function
-from armdyn.optimal.answer.assembly import assembled, failed
+from armdyn.optimal.answer.assembly import assembled, failed, goal_not_held
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.bound.lower_bound import lower_bound, soonest
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
@@ -61,6 +61,8 @@ def solve_minimum_time(
     options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
     if progress is not None:
         function(progress, "progress")
+    if len(problem.goals) == 1 and (unheld := problem.unheld) is not None:
+        return goal_not_held(problem, unheld, time.perf_counter() - started)
     if len(problem.goals) > 1:
         return _fastest_goal(problem, options, progress or (lambda text: None))
     with stopping(options.time_limit) as stop:

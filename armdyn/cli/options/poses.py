@@ -83,6 +83,7 @@ class GoalOptions:
         goal_pose: instead of a goal as joint positions.
         v_start: velocities at the start, as text; v_goal: at the goal.
         wrap: goals of endless joints count modulo 2π.
+        arrive_only: the arm need not stay at the goal.
     """
 
     panel: ClassVar[str] = PoseOptions.panel
@@ -108,6 +109,12 @@ class GoalOptions:
             help="Goals of endless joints (continuous: no position limits) count modulo 2π: take the faster way round.",
         ),
     ] = False
+    arrive_only: Annotated[
+        bool,
+        typer.Option(
+            "--arrive-only", help="The arm need not stay at the goal: brakes hold it where its motors cannot."
+        ),
+    ] = False
 
     def asked(self, robot: ad.Robot, name: str) -> dict[str, Any]:
         """The arguments of a `MinimumTimeProblem` that say from where to where.
@@ -129,6 +136,7 @@ class GoalOptions:
             "v_start": None if self.v_start is None else numbers(self.v_start, "--v-start"),
             "v_goal": None if self.v_goal is None else numbers(self.v_goal, "--v-goal"),
             "wrap": self.wrap,
+            "arrive_only": self.arrive_only,
         }
 
 

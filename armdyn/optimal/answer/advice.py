@@ -11,6 +11,10 @@ from armdyn.optimal.conditions.condition import Kept
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, ON_CURVE, Certificate, percent
 
+_HOLD = (
+    "choose a goal that its motors can hold, carry less `payload`, raise `effort_limit`, pass the goal in flight with "
+    "`v_goal`, or ask with `arrive_only` for a motion whose end something else holds"
+)
 _LITTLE = 0.1
 """A gap above that is one of a bound that torque limits make weak: the velocity limits decide next to nothing."""
 
@@ -27,6 +31,8 @@ def advice(problem: MinimumTimeProblem, certificate: Certificate, kept: Sequence
         kept: how it keeps the conditions along the way.
         arcs: its arcs were resolved.
     """
+    if problem.unheld is not None:
+        return {"holds": f"the arm cannot stay at the goal: {_HOLD}"}
     if not np.isfinite(certificate.goal_error):
         return {"lands": "no motion was found: raise `starts`, `time_limit` or `max_intervals`, or widen the limits"}
     lines = {}

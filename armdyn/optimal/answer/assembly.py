@@ -6,6 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.problem.checks import Unheld
+from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.proof.certificate import Certificate
 from armdyn.optimal.proof.deciding import deciding
@@ -13,6 +15,7 @@ from armdyn.optimal.refine.land import with_costates
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
+from armdyn.optimal.search.starts import spline
 from armdyn.optimal.task.task import Task
 
 _NEARLY = 1e-3
@@ -75,6 +78,29 @@ def failed(task: Task, found: Found, elapsed: float) -> Solution:
         iterations=found.iterations,
         solve_time=elapsed,
         worst_violation=worst,
+        moves=False,
+    )
+
+
+def goal_not_held(problem: MinimumTimeProblem, unheld: Unheld, elapsed: float) -> Solution:
+    """The answer to a goal where the arm cannot stay, found without a search.
+
+    Args:
+        problem: what was asked.
+        unheld: the joint that falls shortest.
+        elapsed: wall time [s].
+    """
+    guess = spline(problem, [])
+    return Solution(
+        success=False,
+        status=Status.GOAL_NOT_HELD,
+        message=f"the arm cannot stay at the goal: {unheld.words}",
+        problem=problem,
+        duration=guess.duration,
+        trajectory=guess,
+        certificate=Certificate(np.inf, np.inf, np.inf, remark=f"nothing was searched: {unheld.words}"),
+        solve_time=elapsed,
+        worst_violation=Violation("torque limit", unheld.joint, guess.duration, unheld.excess),
         moves=False,
     )
 

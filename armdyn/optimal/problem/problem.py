@@ -30,8 +30,10 @@ from armdyn.optimal.problem.checks import (
     check_motors,
     check_poses,
     check_scene,
+    Unheld,
     check_state,
     clear_goals,
+    unheld_joints,
     warn_if_not_held,
 )
 from armdyn.optimal.problem.limits import Reserve, resolved_limits
@@ -71,6 +73,8 @@ class MinimumTimeProblem:
         wrap: goals of endless joints, which turn and have no position limits, are meant modulo 2π: each is tried
             by the shorter and by the longer way round. Without, a joint goes to the very angle that was asked
             for: from 0 to 6 rad is nearly a whole turn, as where a cable must not be wound up.
+        arrive_only: the arm need not stay at the goal: brakes or a hand-over hold it. Without, a goal at rest that the
+            motors cannot hold is answered at once, with status "goal_not_held".
         goal_pose: instead of q_goal, where a frame is to be at the end; inverse kinematics choose among branches.
         via: poses, like q_start, that are passed through in this order, at any time and any velocity.
         obstacles: what the arm must keep clear of, in the world.
@@ -88,7 +92,7 @@ class MinimumTimeProblem:
             without a finite torque limit, no joint with a motor, or a goal pose out of reach.
 
     Warns:
-        ArmdynWarning: the actuators cannot hold the goal. A fast motion to it may exist all the same.
+        ArmdynWarning: the actuators cannot hold the goal; see `arrive_only`.
     """
 
     robot: Robot
@@ -106,6 +110,7 @@ class MinimumTimeProblem:
     effort_weight: float = 0.0
     relative_effort_weight: float = 0.0
     wrap: bool = False
+    arrive_only: bool = False
     goal_pose: GoalPose | None = None
     via: Sequence[ArrayLike | str] = ()
     obstacles: Sequence[Obstacle] = ()
@@ -124,7 +129,7 @@ class MinimumTimeProblem:
         self._resolve_ends()
         for name in ("effort_weight", "relative_effort_weight"):
             number(getattr(self, name), name, sign="not negative")
-        for name in ("wrap", "self_collision"):
+        for name in ("wrap", "arrive_only", "self_collision"):
             flag(getattr(self, name), name)
         object.__setattr__(self, "limits", self._resolve_limits())
         goals = [np.asarray(self.q_goal)]
@@ -142,7 +147,7 @@ class MinimumTimeProblem:
                 f"start and goal are the same state, q = {self.x_start[: self.robot.nv]}: nothing is to be moved"
             )
         self._resolve_course()
-        warn_if_not_held(self.robot, self.limits, self.holding_torque(), self.reserves.effort)
+        warn_if_not_held(self._unheld_at(np.asarray(self.q_goal)))
 
     def _words(self) -> list[str]:
         """What `repr` says."""
@@ -217,11 +222,26 @@ class MinimumTimeProblem:
             warnings.simplefilter("ignore", ArmdynWarning)
             return replace(self, **changes)
 
+    @property
+    def unheld(self) -> Unheld | None:
+        """The joint whose motor falls shortest of holding the goal, where the arm is to stay there; None: it can stay.
+
+        Joints without a motor are not asked: upright they are balanced by feedback.
+        """
+        if self.arrive_only or np.any(np.asarray(self.v_goal)):
+            return None
+        return next((one for one in self._unheld_at(np.asarray(self.q_goal)) if one.motor and one.beyond), None)
+
+    def _unheld_at(self, q: Array) -> list[Unheld]:
+        return unheld_joints(self.robot, self.limits, self._holding(q), self.reserves.effort)
+
     def holding_torque(self) -> Array:
         """Torque that holds the arm still at the goal [N m or N], shape (nv,)."""
+        return self._holding(np.asarray(self.q_goal))
+
+    def _holding(self, q: Array) -> Array:
         model = self.robot.model
-        q = self.robot.configuration(np.asarray(self.q_goal))
-        return np.array(pin.computeGeneralizedGravity(model, model.createData(), q))
+        return np.array(pin.computeGeneralizedGravity(model, model.createData(), self.robot.configuration(q)))
 
     def duration_bound(self) -> float:
         """No motion within the velocity limits is faster than this [s]; 0 without such limits."""
