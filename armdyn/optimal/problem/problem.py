@@ -24,13 +24,13 @@ from armdyn.models.values.limits import JointLimits
 from armdyn.models.values.per_joint import per_joint
 from armdyn.optimal.problem.asked import Asked
 from armdyn.optimal.problem.checks import (
+    Unheld,
     check_clear,
     check_conditions,
     check_limits,
     check_motors,
     check_poses,
     check_scene,
-    Unheld,
     check_state,
     clear_goals,
     unheld_joints,
