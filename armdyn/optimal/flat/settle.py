@@ -12,7 +12,7 @@ from armdyn.optimal.flat.equations import POINTS
 from armdyn.optimal.flat.follow import follow
 from armdyn.optimal.flat.posing import Room, Wanted, torque_rates
 from armdyn.optimal.flat.solve import Solved, solve_curve
-from armdyn.optimal.landing.pace import can_be_slowed, mended
+from armdyn.optimal.landing.pace import can_be_slowed, least_factor, mended
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -22,8 +22,8 @@ _MOST = 0.95
 """Part of half the torque's range that room may take."""
 _KEPT = -1.0
 """Excess of a rate that is zero, or has no limit."""
-_SLOWER = 10
-"""Rounds of slowing down: each takes off more than half of the excess."""
+_PACES = 3
+"""Rounds of slowing down: the first is exact but for friction, which the next knows at the new pace."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ def settle(task: Task, guess: Curve) -> Settled:
     iterations = solved.outcome.iterations
     for k in range(numbers.rounds):
         over, kept = excesses_of(task, solved.curve), checked(task, solved.curve, wanted.demands)
-        enough = numbers.little if problem.from_rest_to_rest else 0.0
+        enough = numbers.little if can_be_slowed(problem) else 0.0
         if (max(map(_worst, over)) <= enough and conditions_mended(task, kept)) or task.stop or not solved.converged:
             break
         task.tell(f"round {k + 1}: {solved.curve.duration:.6f} s, torques {_percent(over)} beyond between points")
@@ -77,7 +77,7 @@ def settle(task: Task, guess: Curve) -> Settled:
             break
         solved = again
     curve = solved.curve
-    if problem.from_rest_to_rest:
+    if can_be_slowed(problem):
         curve = _slowed(task, curve)
     excess = max(map(_worst, excesses_of(task, curve)))
     return Settled(curve, solved, wanted.demands, iterations, excess, checked(task, curve, wanted.demands))
@@ -187,13 +187,10 @@ def conditions_mended(task: Task, kept: Checked) -> bool:
 
 
 def _slowed(task: Task, curve: Curve) -> Curve:
-    """The same path, as much slower as its torques and speeds take to keep their limits."""
-    problem = task.problem
-    speeds = [leg.basis.factors(1)[:, None] * np.diff(leg.points, axis=0) / leg.duration for leg in curve.legs]
-    curve = curve.slower(max(1.0, float(np.max(np.abs(np.concatenate(speeds)) / problem.limits.velocity))))
-    for _ in range(_SLOWER):
-        beyond = max(map(_worst, excesses_of(task, curve)))
-        if beyond <= 0:
+    """The same path, as much slower as its torques and speeds take to keep their limits; as it is if no pace does."""
+    for _ in range(_PACES):
+        factor = least_factor(task.problem.robot, task.problem.limits, sampled(task, curve))
+        if factor == 1 or not np.isfinite(factor):
             break
-        curve = curve.slower(1 + 0.7 * beyond + 1e-6)
+        curve = curve.slower(factor)
     return curve

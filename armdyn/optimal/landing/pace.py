@@ -39,7 +39,7 @@ def mended(problem: MinimumTimeProblem, slowing: float, little: float) -> bool:
     return slowing <= 1 + (little if can_be_slowed(problem) else 0.0)
 
 
-def least_factor(robot: Robot, limits: JointLimits, motion: Trajectory, tolerance: float) -> float:
+def least_factor(robot: Robot, limits: JointLimits, motion: Trajectory, tolerance: float = 0.0) -> float:
     """Least factor on the duration with which a motion's path keeps limits of velocity and torque at its samples.
 
     A torque is g + τ_f + r/s² at the pace s, with what gravity and friction take and the rest r; friction is that of
