@@ -96,8 +96,7 @@ def test_limits_along_the_way_cost_time_and_are_kept(kind):
     motion = optimum.trajectory
     assert motion.duration > FREE * (1 + 1e-3)
     for kept in optimum.checked.kept:
-        # Frame speeds are allowed 1e-3, accelerations and jerks 2 %, which the replay's lines need for their corners.
-        assert kept.share is None or 0.97 < kept.share < 1.02
+        assert kept.share is None or 0.97 < kept.share <= 1 + 1e-6
     if "torque rate" in kind:
         rates = np.abs(np.diff(motion.tau, axis=0)) / np.diff(motion.t)[:, None]
         assert np.max(rates) <= 2000 * (1 + 1e-6)
@@ -292,7 +291,7 @@ def test_what_did_not_converge_says_so(asked):
 @pytest.mark.slow
 def test_a_goal_that_cannot_be_held_is_named():
     with pytest.warns(ad.ArmdynWarning, match="to hold the goal"):
-        problem = ur5(goal=[0, 0, 0, -1, -1.5, 0], effort_limit=[150, 10, 150, 28, 28, 28])
+        problem = ur5(goal=[0, 0, 0, -1, -1.5, 0], effort_limit=[150, 10, 150, 28, 28, 28], arrive_only=True)
     solution = ad.solve_minimum_time(problem)
     assert not solution.success
     assert solution.status in (Status.INFEASIBLE, Status.ITERATION_LIMIT)
