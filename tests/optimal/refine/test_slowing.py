@@ -92,6 +92,7 @@ def test_what_keeps_its_limits_stays_a_certified_extremal():
     assert slowed(Task.of(solution.problem), arcs) is arcs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("asked", [{"effort_weight": 1.0}, {"obstacles": [ad.Sphere((0.33, 0, -0.12), 0.05)]}])
 def test_other_strategies_end_in_the_same_slowing(asked):
     """Time and energy, and motions past obstacles, that exceed a speed limit by 2.8e-5, and an acceleration by 1e-4."""
