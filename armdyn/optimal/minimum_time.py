@@ -18,6 +18,7 @@ from armdyn.optimal.refine.bang import minimum_time
 from armdyn.optimal.refine.constrained import constrained
 from armdyn.optimal.refine.curves import curves
 from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.refine.slowing import slowed
 from armdyn.optimal.refine.smooth import time_energy
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.goals import GoalTried, screened
@@ -96,19 +97,25 @@ def _strategy(task: Task) -> Strategy:
 
 def _usable(task: Task, optima: list[Optimum], found: Found) -> tuple[list[Optimum], Found]:
     """The optima and, where none of them is usable, curves that begin near the best of them."""
-    tolerance = task.options.replay_tolerance
+    optima, tolerance = _slowed(task, optima), task.options.replay_tolerance
     good = any(one.landed(tolerance) and one.within_limits and not one.missed for one in optima)
     if good or task.stop or task.policy.curves.alone or not task.policy.curves.possible:
         return optima, found
     task.tell("nothing so far is usable: curves, which are motions whatever comes out")
     near = tuple(one.trajectory for one in optima if one.landed(_NEAR))
     more, besides = curves(task.with_options(guesses=near))
-    return [*optima, *more], replace(found, iterations=found.iterations + besides.iterations)
+    return [*optima, *_slowed(task, more)], replace(found, iterations=found.iterations + besides.iterations)
+
+
+def _slowed(task: Task, optima: list[Optimum]) -> list[Optimum]:
+    """Every optimum as slow as it must be: the one place where strategies end."""
+    return [slowed(task, one) for one in optima]
 
 
 def either(task: Task) -> tuple[list[Optimum], Found]:
     """Optima as curves and, unless these are proven to be as fast as can be, as arcs."""
     optima, found = curves(task)
+    optima = _slowed(task, optima)
     floor = task.floor()
     if optima and optima[-1].certificate.bounded(floor, optima[-1].trajectory.duration).ok and not optima[-1].missed:
         return optima, found

@@ -93,7 +93,9 @@ def _verdict_facts(solution: Solution) -> dict[str, str]:
     certificate = solution.certificate
     how = "yes" if certificate.replay == "open loop" else "yes, under feedback"
     facts = {"usable": f"{how}: it lands and keeps its limits" if solution.usable else "NO"}
-    if solution.usable:
+    if solution.feasible and solution.problem.unheld is not None:
+        facts["usable"] = f"NO: the arm cannot stay at the goal: {solution.problem.unheld.words}"
+    if solution.feasible:
         facts["certified"] = "yes" if solution.certified else "; ".join(("no", *certificate.reasons))
     if solution.arcs:
         adjoint = certificate.adjoint_error

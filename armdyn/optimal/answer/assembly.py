@@ -160,7 +160,9 @@ def _message(task: Task, status: Status, optimum: Optimum) -> str:
     if status is Status.SOLVED:
         reasons = "; ".join(certificate.reasons)
         verdict = f"not certified: {reasons}" if reasons else "certified"
-        return f"{duration:.9g} s; {replay_words(certificate)}; {verdict}"
+        unheld = task.problem.unheld
+        stays = "" if unheld is None else f"; not usable: the arm cannot stay at the goal: {unheld.words}"
+        return f"{duration:.9g} s; {replay_words(certificate)}; {verdict}{stays}"
     if status is Status.REPLAY_MISSED:
         tolerance = f"(tolerance {task.options.replay_tolerance:g} rad)"
         if certificate.replay == "segments" or not certificate.repeats:

@@ -33,7 +33,7 @@ class Solution:
     """A motion and how far to trust it.
 
     Attributes:
-        success: the solve was not stopped by Ctrl-C, and its motion is `usable`.
+        success: the solve was not stopped by Ctrl-C, and its motion is `feasible`.
         status: a `Status`.
         message: the same for people.
         problem: what was asked.
@@ -94,14 +94,19 @@ class Solution:
         return drawn(self)
 
     @property
-    def usable(self) -> bool:
-        """It lands, and keeps the limits and all conditions along the way: a motion for the arm, optimal or not."""
+    def feasible(self) -> bool:
+        """Whether the replay reaches the goal and keeps all limits and conditions. Says nothing about what follows."""
         return self.certificate.usable and not any(kept.reasons for kept in self.kept)
 
     @property
+    def usable(self) -> bool:
+        """Feasible, and the motors can hold the arm at the goal, where it is to rest there."""
+        return self.feasible and self.problem.unheld is None
+
+    @property
     def certified(self) -> bool:
-        """Usable, and extremal or proven to be within a thousandth of the least duration of all motions."""
-        return self.usable and self.certificate.ok
+        """Feasible, and extremal or proven to be within a thousandth of the least duration of all motions."""
+        return self.feasible and self.certificate.ok
 
     @property
     def lower_bound(self) -> float | None:
@@ -110,18 +115,18 @@ class Solution:
 
     @property
     def gap(self) -> float | None:
-        """How far this motion is above `lower_bound`, as a part of it; None without one, or if it is not usable."""
-        return self.certificate.gap if self.usable else None
+        """How far this motion is above `lower_bound`, as a part of it; None without one, or if it is not feasible."""
+        return self.certificate.gap if self.feasible else None
 
     @property
     def gap_proven(self) -> bool:
-        """`gap` is between a bound and a usable motion that ends on the goal."""
-        return self.usable and self.certificate.gap_proven
+        """`gap` is between a bound and a feasible motion that ends on the goal."""
+        return self.feasible and self.certificate.gap_proven
 
     @property
     def what_to_do(self) -> tuple[str, ...]:
-        """A line for each thing that is missing, of what may help; empty if the motion is certified."""
-        if self.certified:
+        """A line for each thing that is missing, of what may help; empty if it is usable and certified."""
+        if self.certified and self.usable:
             return ()
         return tuple(advice(self.problem, self.certificate, self.kept, self.phases is not None).values())
 

@@ -16,7 +16,7 @@ _MOST_LIMITS = 3
 def verdict(solution: Solution) -> str:
     """What can be said for a motion's optimality, in a few words."""
     if not solution.usable:
-        return "not usable"
+        return "certified, but cannot stay at the goal" if solution.certified else "not usable"
     gap = solution.gap if solution.gap_proven else None
     if solution.certificate.extremal:
         return "certified"

@@ -5,13 +5,12 @@ from functools import partial
 
 import numpy as np
 
-from armdyn.optimal.landing.rollout import dense, replay_of
+from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.problem.stop import Budget
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, HAMILTONIAN_TOLERANCE, certify
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.resolve import prepare_resolving, resolve
-from armdyn.optimal.refine.slowing import within_velocity_limits
 from armdyn.optimal.search.candidates import Found, find
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import solve_quickly
@@ -154,8 +153,8 @@ def _enough(task: Task, step: _Reached) -> bool:
 
 
 def _optimum(task: Task, step: _Reached) -> Optimum:
-    """The best of the meshes, within its limits; or what there is."""
-    problem, best, numbers = task.problem, step.best, task.policy.refinement
+    """The best of the meshes; or what there is."""
+    problem, best = task.problem, step.best
     if best is None:
         motion, (message, violation) = step.guess.trajectory, step.resisted
         remark = f"did not converge on {step.mesh} intervals ({message})"
@@ -164,14 +163,6 @@ def _optimum(task: Task, step: _Reached) -> Optimum:
         return Optimum(
             motion, certificate, motion.duration, mesh, iterations=step.iterations, worst_violation=violation
         )
-    if not best.within_limits and best.landed(task.options.replay_tolerance) and not task.stop:
-        given = best.trajectory
-        if best.phases is not None:  # a constant torque is one no longer when the motion is slower
-            given = replace(replay_of(task, dense(given, numbers.slow_samples)), name=given.name)
-        slower = within_velocity_limits(task, given, best.certificate.remark)
-        if slower is not None:
-            motion, certificate = slower
-            best = replace(best, trajectory=motion, certificate=certificate, cost=motion.duration, phases=None)
     return replace(best, iterations=step.iterations)
 
 

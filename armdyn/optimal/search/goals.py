@@ -56,14 +56,15 @@ def screened(
         for i, q in enumerate(problem.goals, start=1):
             branch = problem.variant(q_goal=q, goal_pose=None, wrap=False)
             branches.append(branch)
-            if stop or branch.duration_bound() > numbers.hopeless * min(durations, default=np.inf):
+            if stop or branch.unheld or branch.duration_bound() > numbers.hopeless * min(durations, default=np.inf):
                 durations.append(np.inf)
                 continue
             tell(f"goal {i} of {len(problem.goals)}")
             durations.append(_tried(task.about(branch)))
     order = sorted(range(len(branches)), key=lambda i: (durations[i], i))
     tried = [GoalTried(problem.goals[i], durations[i]) for i in order]
-    return [branches[i] for i in order[: numbers.goals_solved]], tried
+    held = [i for i in order if branches[i].unheld is None] or order
+    return [branches[i] for i in held[: numbers.goals_solved]], tried
 
 
 def _tried(task: Task) -> float:

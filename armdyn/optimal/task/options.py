@@ -108,7 +108,7 @@ class MinimumTimeOptions:
             object.__setattr__(self, "coarse_intervals", meshes)
         for name in ("intervals", "max_intervals", "max_iterations"):
             whole(getattr(self, name), name, least=1)
-        for name, most in (("starts", MAX_STARTS), ("refinements", MAX_STARTS), ("workers", math.inf)):
+        for name, most in (("starts", MAX_STARTS), ("refinements", MAX_STARTS), ("workers", None)):
             if getattr(self, name) is not None:
                 whole(getattr(self, name), name, least=1, most=most)
         whole(self.seed, "seed", least=0)

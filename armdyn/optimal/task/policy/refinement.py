@@ -41,8 +41,8 @@ class RefinementPolicy:
         1e-8, "rad or m", "goal error at which a replay has landed: a hundredth of what is certified", PAPER
     )
     stray: float = tuned(1e-6, "-", "|H| that is as good as it can be: a hundredth of what is certified", PAPER)
-    slowing: int = tuned(3, "rounds", "of slowing a motion down until its velocity limits hold", LARGE)
-    slow_samples: int = tuned(1000, "samples", "of a motion of arcs that is slowed down", "RR")
+    slowing: int = tuned(6, "rounds", "of slowing a motion down until it keeps all limits; most take one or two", LARGE)
+    slow_samples: int = tuned(1000, "samples", "of a motion that is slowed down or held against conditions", "RR")
 
 
 @dataclass(frozen=True, kw_only=True)
