@@ -130,7 +130,7 @@ def _by_switching(task: Task, arcs: list[Arc], motion: Trajectory, budget: Budge
     setting, found = setting_of(task, motion.duration), Settled(None, np.inf, "")
     best: Settled | None = None
     for schedule in schedules_of(setting, arcs, motion):
-        part = min(budget.left, task.policy.refinement.budget / 3)
+        part = min(budget.left, task.policy.refinement.budget / 2)
         own = Budget(task.stop, part)
         found = settled(replace(setting, budget=own), schedule, own)
         budget.spend(part - own.left)

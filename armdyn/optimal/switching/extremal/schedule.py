@@ -169,7 +169,7 @@ class Schedule:
     def orders(self, near: float) -> list[tuple[int, int]]:
         """Pairs of changes, no farther from each other than a time [s], that must not pass each other within a step.
 
-        Torques add up, so that the order in which two are switched makes no difference. Where a joint is held on a limit
+        Torques add up, so that the order in which two are switched does not matter. Where a joint is held on a limit
         of velocity from then on, or no longer, it does.
         """
         held, now = list[bool](), list(self.first)
