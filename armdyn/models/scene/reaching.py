@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 _STARTS = 80
 _STEPS = 100
-_REACHED = 1e-9
+REACHED = 1e-9
 """Error of a pose [m and rad] that counts as none: far below any encoder's, far above rounding."""
 _DISTINCT = 0.3
 """Solutions of which no joint is further off than this [rad or m] are one branch."""
@@ -89,7 +89,7 @@ def poses_reaching(
     for start in starts:
         q, error = _approach(robot, goal, frame, start, limits)
         size = float(np.linalg.norm(error))
-        if size <= _REACHED:
+        if size <= REACHED:
             found.append(_unwound(robot, q, near, limits))
         else:
             missed.append((float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))))
@@ -130,7 +130,7 @@ def _approach(robot: Robot, goal: GoalPose, frame: pin.Frame, start: Array, limi
     damping = 1e-3
     for _ in range(_STEPS):
         cost = float(error @ error)
-        if cost <= (_REACHED / 10) ** 2 or damping > 1e6:
+        if cost <= (REACHED / 10) ** 2 or damping > 1e6:
             break
         normal = jacobian.T @ jacobian + damping * cost * np.eye(q.size) + 1e-12 * np.eye(q.size)
         step = np.linalg.solve(normal, jacobian.T @ error)
