@@ -79,6 +79,12 @@ def failed(task: Task, found: Found, elapsed: float) -> Solution:
     )
 
 
+def with_certificate(solution: Solution, certificate: Certificate) -> Solution:
+    """The same motion with what a later check says of it, in its message, too."""
+    before, after = (_solved(one, solution.duration) for one in (solution.certificate, certificate))
+    return replace(solution, certificate=certificate, message=solution.message.replace(before, after))
+
+
 def _judged(task: Task, optimum: Optimum, bound: float | None) -> Optimum:
     """With all that its certificate is to know: when it has landed, the bound, the adjoint equations of an extremal."""
     certificate = replace(optimum.certificate, landing=task.options.replay_tolerance)
@@ -130,9 +136,7 @@ def _others(task: Task, best: float, known: Iterable[float], listed: Iterable[fl
 def _message(task: Task, status: Status, optimum: Optimum) -> str:
     certificate, duration = optimum.certificate, optimum.trajectory.duration
     if status is Status.SOLVED:
-        landed = f"{duration:.9g} s, replayed to within {certificate.goal_error:.1e} rad of the goal"
-        reasons = "; ".join(certificate.reasons)
-        return f"{landed}; not certified: {reasons}" if reasons else f"{landed}; certified"
+        return _solved(certificate, duration)
     if status is Status.REPLAY_MISSED:
         return (
             f"the torques that collocation found end {certificate.goal_error:.2g} rad from the goal when replayed "
@@ -148,3 +152,9 @@ def _message(task: Task, status: Status, optimum: Optimum) -> str:
         said += f"; {worst.constraint} of joint {worst.joint!r} exceeded by {worst.value:.2g} of it"
         said += f" at t = {worst.time:.4g} s"
     return said
+
+
+def _solved(certificate: Certificate, duration: float) -> str:
+    landed = f"{duration:.9g} s, replayed to within {certificate.goal_error:.1e} rad of the goal"
+    reasons = "; ".join(certificate.reasons)
+    return f"{landed}; not certified: {reasons}" if reasons else f"{landed}; certified"

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TypeVar
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,8 +13,10 @@ from armdyn.optimal.bound.leg import legs_of
 from armdyn.optimal.bound.leg_bound import leg_bound
 from armdyn.optimal.bound.pose_bound import pose_bound
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
+from armdyn.optimal.problem.turns import MOST_WAYS, endless
 
-T = TypeVar("T")
+_ROUNDED = 1e-12
+"""Share of a time by which sums and quotients of a few floats are rounded down."""
 
 
 @brief
@@ -40,12 +41,13 @@ class LowerBound:
 
 
 def lower_bound(problem: MinimumTimeProblem, stop: Callable[[], bool] | None = None) -> LowerBound | None:
-    """How fast no motion to `q_goal` can be: by momentum, over boxes nested in time.
+    """How fast no motion to the goal can be: by momentum, over boxes nested in time.
 
     Limits of torque, velocity, position and acceleration count, friction, via points and velocities at the ends.
     Whatever else is asked only makes motions slower. The kinematic bound is all there is if a joint has no velocity
-    limit: nothing then bounds the Coriolis forces by which it may help others. Further `goals`, other ways round or
-    branches, are motions of their own with bounds of their own.
+    limit: nothing then bounds the Coriolis forces by which it may help others. With `goal_pose` the bound holds for the
+    whole set of joint positions within the limits that reach the pose, with `wrap` for all ways round: it is not one of
+    the sampled `goals` alone.
 
     Far from both ends the boxes are wide, and what torque can do there is hardly limited. Where the fastest ramps send
     other joints away from their goals the bound hence misses what turning these back costs: some 2 % in one of ten
@@ -62,8 +64,10 @@ def lower_bound(problem: MinimumTimeProblem, stop: Callable[[], bool] | None = N
         ProblemError: problem is none.
         BridgeError: the dynamics have an operation that is not known in intervals.
     """
-    *legs, last = legs_of(expect_problem(problem))
     stop = stop or (lambda: False)
+    if expect_problem(problem).goal_pose is None and len(problem.goals) > 1:
+        return _soonest(problem, stop)
+    *legs, last = legs_of(problem)
     if problem.goal_pose is None:
         *bound, fastest = *leg_bound(last, stop), last.shortest
     else:
@@ -80,30 +84,37 @@ def lower_bound(problem: MinimumTimeProblem, stop: Callable[[], bool] | None = N
     )
 
 
-def soonest(
-    problem: MinimumTimeProblem, bound: Callable[[MinimumTimeProblem], T | None], seconds: Callable[[T], float]
-) -> T | None:
-    """The bound of that of all goals which may be reached soonest: no motion to any of them beats it.
-
-    Args:
-        problem: with one goal or several.
-        bound: of the same problem with one of the goals alone, as `lower_bound`; it is asked no more than there is to
-            ask, the goals that are nearest by velocity limits first.
-        seconds: what a bound says [s].
-
-    Returns:
-        None: some goal that may be the soonest has none.
-    """
-    least: T | None = None
-    alone = [problem.variant(q_goal=q, goal_pose=None, wrap=False) for q in problem.goals]
+def _soonest(problem: MinimumTimeProblem, stop: Callable[[], bool]) -> LowerBound | None:
+    """The least of the bounds of all ways round, those that velocity limits put nearest first; None: one has none."""
+    least: LowerBound | None = None
+    alone = [problem.variant(q_goal=q, wrap=False) for q in problem.goals]
     for one in sorted(alone, key=lambda one: one.duration_bound()):
-        if least is not None and one.duration_bound() >= seconds(least):
+        if least is not None and one.duration_bound() >= least.duration:
             break
-        found = bound(one)
+        found = lower_bound(one, stop)
         if found is None:
             return None
-        least = found if least is None else min(least, found, key=seconds)
-    return least
+        least = found if least is None else min(least, found, key=lambda bound: bound.duration)
+    untried = _other_turns(problem)
+    if least is None or untried >= least.duration:
+        return least
+    return replace(least, duration=untried, kinematic=min(least.kinematic, untried)) if untried > 0 else None
+
+
+def _other_turns(problem: MinimumTimeProblem) -> float:
+    """What velocity limits need at least for any way round that is not among a problem's goals [s], rounded down.
+
+    Each joint's listed goals are a turn apart. A way that is not listed has some joint a turn further out, or is one of
+    those that `ways_round` leaves off behind the last of its list.
+    """
+    goals, begin, speed = np.array(problem.goals), problem.poses[-2], problem.limits.velocity
+    first, last = goals.min(axis=0) - 2 * np.pi, goals.max(axis=0) + 2 * np.pi
+    beyond = np.maximum(np.minimum(begin - first, last - begin), 0.0) / speed
+    turning = endless(problem.robot, problem.limits)
+    least = float(np.min(beyond, where=turning, initial=np.inf))
+    if 2 ** int(np.sum(turning)) > MOST_WAYS:
+        least = min(least, float(np.max(np.abs(goals[-1] - begin) / speed)) if not problem.via else 0.0)
+    return (least + float(np.sum(problem.leg_bounds()[:-1]))) * (1 - _ROUNDED)
 
 
 def _sum_down(durations: list[float]) -> float:

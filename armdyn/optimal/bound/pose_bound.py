@@ -31,7 +31,7 @@ _SIZE = 0.02
 _FEW = 500
 """Boxes, so many at most are made smaller once more: of a continuum that a motion meets broadside there are more."""
 
-_TIMES, _REGIONS = 3, 10
+_TIMES, _REGIONS = 2, 4
 """Times T that are tried, and bounds by momentum for each: 0.05 to 0.5 s each for six or seven joints."""
 
 _WORTH = 2e-3

@@ -38,6 +38,9 @@ SWITCHING_TOLERANCE = 1e-4
 ADJOINT_TOLERANCE = 1e-4
 """Of what H feels of costates that are beside the adjoint equations: as of |H|, for the same reason. The paper's arms
 come to 2e-5 at the most, where a torque limit or a touch bends the motion within an interval."""
+TRANSVERSALITY_TOLERANCE = 1e-3
+"""Of the duration: what moving the goal by as much as the whole way would save at the rate of the end, along the joint
+positions that reach a goal pose. Moving it until that is zero saves some square of it."""
 LIMIT_TOLERANCE = 1e-6
 """Of a limit, as a part of it."""
 GAP_TOLERANCE = 1e-3
@@ -65,13 +68,16 @@ class Certificate:
         adjoint_error: how far the costates are from a solution of the adjoint equations along the replay, by an
             integration of its own: as a change of H; see `adjoint.adjoint_error`. None: not asked for, as of the
             candidates on the way to an answer, or there are no costates.
+        transversality: where many joint positions reach a goal pose: how fast the duration falls where the goal is moved
+            along them, by the costates at the end, as a share of the duration for as much as the whole way; infinite:
+            the costates are not known. None: the goal is a point.
         limit_violation: largest excess of a torque, velocity or position over its limit anywhere in the
             replay, relative to the limit (position: to the range).
         exceeded: which limit that is, of which joint, and when; None: all are kept.
         singular: some arc has a joint on no limit.
         idle: joints that time does not determine for most of the motion: their costates are zero.
         landing: the largest goal error that counts as landed [rad or m].
-        lower_bound: no motion is faster [s]; None: no bound is known.
+        lower_bound: no motion is faster [s], to whichever joint positions reach the goal; None: no bound is known.
         gap: how far this one is above it, as a part of it.
         remark: what there is to say besides, such as why there are no costates.
         t: times at which the costates are known [s], shape (K,).
@@ -85,6 +91,7 @@ class Certificate:
     hamiltonian_spread: float = float("inf")
     switching_violation: float = float("inf")
     adjoint_error: float | None = None
+    transversality: float | None = None
     singular: bool = False
     idle: tuple[str, ...] = ()
     remark: str = ""
@@ -120,7 +127,8 @@ class Certificate:
     def extremal(self) -> bool:
         """Its costates are known, and keep Pontryagin's conditions: |H|, signs, adjoint equations; it ends on the goal.
 
-        Of a candidate the adjoint equations are not asked: see `adjoint_error`.
+        Of a goal pose that a continuum of joint positions reaches, `transversality` is asked, too. Other branches that
+        reach the pose may be faster: they are motions of their own. Of a candidate the adjoint equations are not asked: see `adjoint_error`.
         A joint whose costates are zero keeps them, too: see `idle`.
         """
         return self.on_goal and not self._against_pontryagin
@@ -168,12 +176,21 @@ class Certificate:
         bound = number(lower_bound, "lower_bound", unit="s", sign="positive")
         return replace(self, lower_bound=bound, gap=duration / bound - 1)
 
+    def at_goal(self, transversality: float | None) -> Self:
+        """The same, with how fast the duration falls along the goal's continuum: see `transversality`."""
+        return replace(self, transversality=transversality)
+
     @property
     def _against_pontryagin(self) -> tuple[str, ...]:
         return _beyond(
             ("the Hamiltonian strays from 0 by {:.2g}", self.hamiltonian_spread, HAMILTONIAN_TOLERANCE),
             ("a switching function has the wrong sign by {:.2g}", self.switching_violation, SWITCHING_TOLERANCE),
             ("the costates stray from the adjoint equations by {:.2g}", self.adjoint_error or 0.0, ADJOINT_TOLERANCE),
+            (
+                "another joint position that reaches the goal pose is faster: transversality is missed by {:.2g}",
+                self.transversality or 0.0,
+                TRANSVERSALITY_TOLERANCE,
+            ),
         )
 
     @property
