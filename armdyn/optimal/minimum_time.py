@@ -13,6 +13,7 @@ from armdyn.optimal.answer.assembly import assembled, failed, with_certificate
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.bound.lower_bound import lower_bound
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
+from armdyn.optimal.problem.slow_limits import check_pace
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.optimal.proof.transversality import transversality
@@ -61,10 +62,11 @@ def solve_minimum_time(
         "interrupted".
 
     Raises:
-        ProblemError: problem, options or progress is something else.
+        ProblemError: problem, options or progress is something else, or a limit is so low that every motion takes more
+            than an hour.
     """
     started = time.perf_counter()
-    expect_problem(problem)
+    check_pace(expect_problem(problem))
     options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
     if progress is not None:
         function(progress, "progress")

@@ -23,7 +23,10 @@ class CurvePolicy:
     more_starts: int = tuned(6, "guesses", "where the first has come to nothing", "bravo7")
     slack: float = tuned(1.2, "of the time at the velocity limits", "duration of a guess that cruises", TRAINED)
     patience: int = by_kind(
-        "iterations", "of IPOPT; those that converge take 20 to 60, with conditions along the way up to 140", TRAINED
+        "iterations",
+        "of IPOPT; those that converge take 20 to 60, with conditions along the way up to 140, with Coulomb "
+        "friction up to 200",
+        TRAINED + ", xArm6",
     )
     barrier: float = tuned(0.1, "scaled", "IPOPT's mu_init from a straight guess", TRAINED)
     warm_barrier: float = tuned(1e-6, "scaled", "the same, where little has changed", TRAINED)
