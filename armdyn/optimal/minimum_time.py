@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from armdyn.arguments import expect, function
 from armdyn.optimal.answer.assembly import assembled, failed, with_certificate
+from armdyn.optimal.answer.slid_end import slid_end
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.bound.lower_bound import lower_bound
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
@@ -17,7 +18,6 @@ from armdyn.optimal.problem.slow_limits import check_pace
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.optimal.proof.transversality import transversality
-from armdyn.optimal.answer.slid_end import slid_end
 from armdyn.optimal.refine.bang import minimum_time
 from armdyn.optimal.refine.constrained import constrained
 from armdyn.optimal.refine.curves import curves
@@ -167,7 +167,7 @@ def _near(
 
 
 def _bound_of_all(problem: MinimumTimeProblem, solutions: list[Solution], seconds: float) -> float | None:
-    """Lower bound on the duration to any goal of the problem, not only to those that were tried [s]; None: none known."""
+    """Lower bound on the duration to any goal of the problem, tried or not [s]; None: none is known."""
     if any(solution.lower_bound is None for solution in solutions):
         return None
     with stopping(seconds) as stop:

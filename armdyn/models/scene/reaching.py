@@ -112,7 +112,7 @@ def poses_reaching(
 
 
 def free_directions(robot: Robot, goal: GoalPose, q: Array) -> Array:
-    """Orthonormal directions in which joint positions may move with the frame at its goal, shape (nv, k); k is 0 if none.
+    """Orthonormal directions of the joint positions that leave the frame at its goal, shape (nv, k); k is 0 if none.
 
     Args:
         robot: the arm.

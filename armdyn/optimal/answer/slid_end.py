@@ -1,4 +1,4 @@
-"""The end of a motion slid along the joint positions that reach a pose, to where the costates say that none is faster."""
+"""The end of a motion, slid along the joint positions that reach a pose as the costates say."""
 
 from collections.abc import Callable
 
@@ -41,9 +41,9 @@ def slid_end(best: Solution, goal: GoalPose, solve: Callable[[Solution, Array], 
         steepest = float(np.linalg.norm(slope))
         moved = slid(best.problem.robot, goal, q, -min(step, _FARTHEST) / steepest * slope, best.problem.limits)
         other = None if moved is None else solve(best, moved)
-        if moved is not None and other is None:
+        if moved is None or other is None:
             break
-        if other is None or not other.success or other.phases is None or other.duration >= best.duration:
+        if not other.success or other.phases is None or other.duration >= best.duration:
             step /= 4
             continue
         turned = end_slope(best.problem.robot, goal, moved, other.phases)

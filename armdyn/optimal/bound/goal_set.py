@@ -69,7 +69,7 @@ class GoalSet:
 
     @cached_property
     def levers(self) -> Array:
-        """How far, roughly, each joint can move the frame [m/rad or 1], or turn it [1], shape (nv,): what is cut first."""
+        """How far, roughly, each joint moves the frame [m/rad or 1] or turns it [1], shape (nv,): what is cut first."""
         robot, levers = self.dynamics.robot, np.zeros(self.dynamics.nv)
         beyond, offset = float(self.goal.oriented), robot.frame(self.goal.frame).placement.translation
         for joint in reversed(_chain(robot, self.goal)):
@@ -217,7 +217,7 @@ def _chain(robot: Robot, goal: GoalPose) -> list[int]:
 def _closure(dynamics: Dynamics, goal: GoalPose) -> LevelledFunction:
     """The equations of q: zero where the frame is at its goal, and there alone."""
     q, chain = ca.SX.sym("q", dynamics.nv), _chain(dynamics.robot, goal)
-    # By trial on UR5, Panda and Kinova: a cut in the middle, one joint later if the orientation counts, needs fewest boxes.
+    # By trial on UR5 and Panda: a cut in the middle, one joint later if the orientation counts, needs fewest boxes.
     own = chain[: min(len(chain) // 2 + goal.oriented, len(chain) - 1)]
     if own:
         at = slice(4 * (own[-1] - 1), 4 * own[-1])

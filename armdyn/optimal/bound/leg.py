@@ -29,9 +29,9 @@ class Leg:
     Attributes:
         dynamics: of the arm.
         q_start: [rad or m], shape (nv,).
-        q_goal: box that holds the goals [rad or m], each end of shape (nv,): a point, or many joint positions that reach
-            a pose.
-        closing: equations that hold at every goal, as affine forms over that box, shape (m, 1); None: all of the box.
+        q_goal: box that holds the goals [rad or m], each end of shape (nv,): a point, or many joint positions that
+            reach a pose.
+        closing: equations that hold at every goal, affine forms over that box, shape (m, 1); None: all of the box.
         v_start: [rad/s or m/s], shape (nv,); None: any within the limits, as at a via point.
         v_goal: likewise.
         velocity: limits, no less than the velocities at the ends, shape (nv,).
@@ -69,7 +69,7 @@ class Leg:
     def least_way(self, way: Array) -> float:
         """The least λᵀ Δq of all goals, rounded down, λ of shape (nv,).
 
-        Where equations d + S ε ± r = 0 hold, ε of the box's coordinates q = c + ρ ε, so do their combinations: for any w,
+        Where equations d + S ε ± r = 0 hold, with q = c + ρ ε in the box, so do their combinations: for any w,
         λᵀ q = λᵀ c + (λ ρ − Sᵀ w)ᵀ ε − wᵀ (d ± r). The w that solves for λ ρ leaves little of what the box allows.
         """
         least = (Interval.at(way) * self.away).sum(0).lower

@@ -1,4 +1,4 @@
-"""The bound of one leg: from velocity limits to boxes, multipliers and proof, again and again until little is gained."""
+"""The bound of one leg: boxes, multipliers and proof, again and again until little is gained."""
 
 from __future__ import annotations
 

@@ -6,8 +6,8 @@ cell's box, momentum changes from one cell to the next by what the forces' bound
     M_k+1 v_k+1 − M_k v_k ∈ ½ Δt_k [τ + e]_k + ½ Δt_k+1 [τ + e]_k+1,     Σ Δt_k v_k = θ Δq,     max θ.
 
 Where θ < 1 the duration is too short. Of many goals, Δq is that of their box's centre, and what is added within the box
-keeps the equations that hold at every goal, to first order. What M leaves open within a box, beyond what is linear there, is a momentum of
-the cell's own within bounds. Nothing is proven by it, for M v is not linear and a solver rounds; its multipliers are
+keeps the equations that hold at every goal, to first order. What M leaves open within a box, beyond what is linear
+there, is a momentum of the cell's own within bounds. Nothing is proven by it, for M v is not linear and a solver rounds; its multipliers are
 what `proof.py` takes. Limits of acceleration are rows of the same kind, with the unit matrix as inertia.
 """
 

@@ -68,7 +68,7 @@ class Certificate:
         adjoint_error: how far the costates are from a solution of the adjoint equations along the replay, by an
             integration of its own: as a change of H; see `adjoint.adjoint_error`. None: not asked for, as of the
             candidates on the way to an answer, or there are no costates.
-        transversality: where many joint positions reach a goal pose: how fast the duration falls where the goal is moved
+        transversality: where many joint positions reach a goal pose: how fast the duration falls where the goal moves
             along them, by the costates at the end, as a share of the duration for as much as the whole way; infinite:
             the costates are not known. None: the goal is a point.
         limit_violation: largest excess of a torque, velocity or position over its limit anywhere in the
@@ -128,7 +128,8 @@ class Certificate:
         """Its costates are known, and keep Pontryagin's conditions: |H|, signs, adjoint equations; it ends on the goal.
 
         Of a goal pose that a continuum of joint positions reaches, `transversality` is asked, too. Other branches that
-        reach the pose may be faster: they are motions of their own. Of a candidate the adjoint equations are not asked: see `adjoint_error`.
+        reach the pose may be faster: they are motions of their own.
+        Of a candidate the adjoint equations are not asked: see `adjoint_error`.
         A joint whose costates are zero keeps them, too: see `idle`.
         """
         return self.on_goal and not self._against_pontryagin
