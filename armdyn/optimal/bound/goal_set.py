@@ -206,7 +206,8 @@ def _halves(boxes: Interval, joint: NDArray[np.intp]) -> tuple[Interval, Interva
 
 def _chain(robot: Robot, goal: GoalPose) -> list[int]:
     """Joints between the world and the frame, in order."""
-    chain, joint = [], robot.frame(goal.frame).parentJoint
+    chain: list[int] = []
+    joint = robot.frame(goal.frame).parentJoint
     while joint:
         chain.insert(0, joint)
         joint = robot.model.parents[joint]

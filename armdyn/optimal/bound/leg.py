@@ -77,7 +77,7 @@ class Leg:
             return float(least)
         centre, slopes, rest = (part[..., 0] for part in self.closing.parts)
         scaled = Interval.at(way) * Interval.at(self.q_goal.radius)
-        w = np.linalg.lstsq(slopes.T, scaled.centre, rcond=_DEPENDENT)[0]
+        w = np.asarray(np.linalg.lstsq(slopes.T, scaled.centre, rcond=_DEPENDENT)[0], dtype=np.float64)
         left = (scaled - Interval.at(slopes.T).times(w[:, None])[:, 0]).magnitude
         beside = Interval.at(left).sum(0) + (Interval.at(w) * Interval(centre - rest, centre + rest).outward()).sum(0)
         middle = (Interval.at(way) * (Interval.at(self.q_goal.centre) - Interval.at(self.q_start))).sum(0)

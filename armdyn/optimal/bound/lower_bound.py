@@ -69,13 +69,14 @@ def lower_bound(problem: MinimumTimeProblem, stop: Callable[[], bool] | None = N
         return _soonest(problem, stop)
     *legs, last = legs_of(problem)
     if problem.goal_pose is None:
-        *bound, fastest = *leg_bound(last, stop), last.shortest
+        slowest, fastest = leg_bound(last, stop), last.shortest
     else:
-        *bound, fastest = pose_bound(problem, last, stop)
+        *ends, fastest = pose_bound(problem, last, stop)
+        slowest = (ends[0], int(ends[1]))
     kinematic = _sum_down([*(leg.shortest for leg in legs), fastest])
     if kinematic == 0:
         return None
-    found = [*(leg_bound(leg, stop) for leg in legs), tuple(bound)]
+    found = [*(leg_bound(leg, stop) for leg in legs), slowest]
     _, joint = max(found)
     return LowerBound(
         duration=max(_sum_down([duration for duration, _ in found]), kinematic),
