@@ -1,7 +1,8 @@
 """Transversality: whether a goal pose is reached at the best of the joint positions that reach it.
 
 The costates at the end are how the duration answers to the goal, ∂t_f/∂q = −ρ_q(t_f). Where a continuum of joint
-positions reaches a pose, an optimum has ρ_q(t_f) orthogonal to it (Bryson and Ho, Applied Optimal Control, section 2.8).
+positions reaches a pose, an optimum has ρ_q(t_f) orthogonal to it (Bryson and Ho, Applied Optimal Control,
+section 2.8).
 """
 
 import numpy as np

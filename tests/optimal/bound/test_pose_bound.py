@@ -57,11 +57,8 @@ def test_no_joint_position_that_reaches_the_pose_is_lost(name, seed, oriented):
     assert len(near)
     for q in near:
         assert np.any(np.all((boxes.lower <= q) & (q <= boxes.upper), axis=1))
-    # And it says something: most of what velocity limits let be reached is left out.
-    whole = goals.within(longest)
-    inside = np.random.default_rng(seed).uniform(whole.lower, whole.upper, (200, robot.nv))
-    held = np.any(np.all((boxes.lower <= inside[:, None]) & (inside[:, None] <= boxes.upper), axis=2), axis=1)
-    assert np.mean(held) < (0.95 if oriented else 0.5)
+    # And it says something: the time before which none is reached is no trifle.
+    assert least > 0.3 * np.min(times)
 
 
 def issue():
