@@ -107,6 +107,12 @@ def _as_replayed(task: Task, optimum: Optimum) -> Optimum:
     return replace(optimum, trajectory=motion, certificate=certificate)
 
 
+def with_certificate(solution: Solution, certificate: Certificate) -> Solution:
+    """The same motion with what a later check says of it, in its message, too."""
+    before, after = (_solved(one, solution.duration) for one in (solution.certificate, certificate))
+    return replace(solution, certificate=certificate, message=solution.message.replace(before, after))
+
+
 def _judged(task: Task, optimum: Optimum, bound: float | None) -> Optimum:
     """With all that its certificate is to know: when it has landed, the bound, the adjoint equations of an extremal."""
     certificate = replace(optimum.certificate, landing=task.options.replay_tolerance)
@@ -158,11 +164,9 @@ def _others(task: Task, best: float, known: Iterable[float], listed: Iterable[fl
 def _message(task: Task, status: Status, optimum: Optimum) -> str:
     certificate, duration = optimum.certificate, optimum.trajectory.duration
     if status is Status.SOLVED:
-        reasons = "; ".join(certificate.reasons)
-        verdict = f"not certified: {reasons}" if reasons else "certified"
         unheld = task.problem.unheld
         stays = "" if unheld is None else f"; not usable: the arm cannot stay at the goal: {unheld.words}"
-        return f"{duration:.9g} s; {replay_words(certificate)}; {verdict}{stays}"
+        return _solved(certificate, duration) + stays
     if status is Status.REPLAY_MISSED:
         tolerance = f"(tolerance {task.options.replay_tolerance:g} rad)"
         if certificate.replay == "segments" or not certificate.repeats:
@@ -181,3 +185,9 @@ def _message(task: Task, status: Status, optimum: Optimum) -> str:
         said += f"; {worst.constraint} of joint {worst.joint!r} exceeded by {worst.value:.2g} of it"
         said += f" at t = {worst.time:.4g} s"
     return said
+
+
+def _solved(certificate: Certificate, duration: float) -> str:
+    reasons = "; ".join(certificate.reasons)
+    verdict = f"not certified: {reasons}" if reasons else "certified"
+    return f"{duration:.9g} s; {replay_words(certificate)}; {verdict}"

@@ -41,6 +41,9 @@ come to 2e-5 at the most, where a torque limit or a touch bends the motion withi
 SEGMENT_TOLERANCE = 1e-7
 """Of the state at the end of a segment [rad or m, and per second], integrated from the motion's own sample before: a
 tenth of the goal's tolerance, and ten times what integrators of relative tolerance 1e-10 leave at 50 rad/s."""
+TRANSVERSALITY_TOLERANCE = 1e-3
+"""Of the duration: what moving the goal by as much as the whole way would save at the rate of the end, along the joint
+positions that reach a goal pose. Moving it until that is zero saves some square of it."""
 LIMIT_TOLERANCE = 1e-6
 """Of a limit, as a part of it."""
 GAP_TOLERANCE = 1e-3
@@ -70,6 +73,9 @@ class Certificate:
         adjoint_error: how far the costates are from a solution of the adjoint equations along the replay, by an
             integration of its own: as a change of H; see `adjoint.adjoint_error`. None: not asked for, as of the
             candidates on the way to an answer, or there are no costates.
+        transversality: where many joint positions reach a goal pose: how fast the duration falls where the goal moves
+            along them, by the costates at the end, as a share of the duration for as much as the whole way; infinite:
+            the costates are not known. None: the goal is a point.
         limit_violation: largest excess of a torque, velocity or position over its limit anywhere in the
             replay, relative to the limit (position: to the range).
         exceeded: which limit that is, of which joint, and when; None: all are kept.
@@ -84,7 +90,7 @@ class Certificate:
         segment_error: largest distance of a segment's end from the motion's next sample [rad or m, and per second].
         correction: largest torque that feedback adds [N m or N]; None: open loop.
         correction_share: the same as a part of half the joint's torque range; None likewise.
-        lower_bound: no motion is faster [s]; None: no bound is known.
+        lower_bound: no motion is faster [s], to whichever joint positions reach the goal; None: no bound is known.
         gap: how far this one is above it, as a part of it.
         remark: what there is to say besides, such as why there are no costates.
         t: times at which the costates are known [s], shape (K,).
@@ -98,6 +104,7 @@ class Certificate:
     hamiltonian_spread: float = float("inf")
     switching_violation: float = float("inf")
     adjoint_error: float | None = None
+    transversality: float | None = None
     singular: bool = False
     idle: tuple[str, ...] = ()
     remark: str = ""
@@ -143,6 +150,8 @@ class Certificate:
     def extremal(self) -> bool:
         """Its costates are known, and keep Pontryagin's conditions: |H|, signs, adjoint equations; it ends on the goal.
 
+        Of a goal pose that a continuum of joint positions reaches, `transversality` is asked, too. Other branches that
+        reach the pose may be faster: they are motions of their own.
         Of a candidate the adjoint equations are not asked: see `adjoint_error`.
         A joint whose costates are zero keeps them, too: see `idle`.
         """
@@ -192,12 +201,21 @@ class Certificate:
         bound = number(lower_bound, "lower_bound", unit="s", sign="positive")
         return replace(self, lower_bound=bound, gap=duration / bound - 1)
 
+    def at_goal(self, transversality: float | None) -> Self:
+        """The same, with how fast the duration falls along the goal's continuum: see `transversality`."""
+        return replace(self, transversality=transversality)
+
     @property
     def _against_pontryagin(self) -> tuple[str, ...]:
         return _beyond(
             ("the Hamiltonian strays from 0 by {:.2g}", self.hamiltonian_spread, HAMILTONIAN_TOLERANCE),
             ("a switching function has the wrong sign by {:.2g}", self.switching_violation, SWITCHING_TOLERANCE),
             ("the costates stray from the adjoint equations by {:.2g}", self.adjoint_error or 0.0, ADJOINT_TOLERANCE),
+            (
+                "another joint position that reaches the goal pose is faster: transversality is missed by {:.2g}",
+                self.transversality or 0.0,
+                TRANSVERSALITY_TOLERANCE,
+            ),
         )
 
     @property

@@ -1,6 +1,5 @@
 """How `solve_minimum_time` goes about it."""
 
-import math
 from dataclasses import dataclass
 
 from armdyn.arguments import expect, flag, number, one_of, several, whole

@@ -85,7 +85,7 @@ class Policy:
                 alone=motors and (joints > 3 or problem.relative_effort_weight > 0),
                 possible=motors,
                 cruises=speedy,
-                patience=300 if asked else 120,
+                patience=300 if asked or np.any(problem.robot.friction.coulomb) else 120,
                 shortest=_shortest(problem, speedy),
                 starts=6 if crowded else 1 if speedy else 4,
             ),
