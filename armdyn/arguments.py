@@ -157,8 +157,10 @@ def parts(value: object, name: str) -> Array:
         ProblemError: it is no list of such numbers.
     """
     array = numbers(value, name, "numbers from 0 to 1")
-    if array.ndim != 1 or not all(0 <= part <= 1 for part in array.tolist()):
+    if array.ndim != 1:
         raise ProblemError(f"{name} is {shown(value)}; expected numbers from 0 to 1")
+    if wrong := [part for part in array.tolist() if not 0 <= part <= 1]:
+        raise ProblemError(f"{name} has {wrong[0]:g}; expected 0 to 1")
     return array
 
 
@@ -249,11 +251,11 @@ def interval(
     """
     ends = several(value, name)
     if len(ends) != 2:
-        wanted = f"the least and the greatest{f' [{unit}]' if unit else ''}"
+        wanted = f"its least and its greatest{f' [{unit}]' if unit else ''}"
         raise ProblemError(f"{name} is {shown(value)}; expected {wanted}")
     low, high = (number(end, f"{name}[{i}]", unit=unit, sign=sign) for i, end in enumerate(ends))
     if low > high or (low == high and widths == "positive"):
-        raise ProblemError(f"{name} is {f'{low:g} to {high:g} {unit}'.rstrip()}; the least comes first")
+        raise ProblemError(f"{name} goes from {f'{low:g} to {high:g} {unit}'.rstrip()}; the least comes first")
     return low, high
 
 
