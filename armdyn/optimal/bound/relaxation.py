@@ -8,7 +8,8 @@ cell's box, momentum changes from one cell to the next by what the forces' bound
 Where θ < 1 the duration is too short. Of many goals, Δq is that of their box's centre, and what is added within the box
 keeps the equations that hold at every goal, to first order. What M leaves open within a box, beyond what is linear
 there, is a momentum of the cell's own within bounds. Nothing is proven by it, for M v is not linear and a solver
-rounds; its multipliers are what `proof.py` takes. Limits of acceleration are rows of the same kind, with the unit matrix as inertia.
+rounds; its multipliers are
+what `proof.py` takes. Limits of acceleration are rows of the same kind, with the unit matrix as inertia.
 """
 
 from __future__ import annotations
