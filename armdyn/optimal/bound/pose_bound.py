@@ -28,11 +28,15 @@ _SIZES = (0.05, 0.01, 0.002)
 _SIZE = 0.02
 """Of boxes [m, rad] that momentum is held against, before those that touch are taken together."""
 
-_FEW = 500
-"""Boxes, so many at most are made smaller once more: of a continuum that a motion meets broadside there are more."""
+_FEW, _SOON = 500, 0.3
+"""Where there are more boxes, those alone are made smaller that are reached within so much of the time between the
+bound and a goal that is known: that goal may be far from the soonest one."""
 
 _TIMES, _REGIONS = 2, 4
 """Times T that are tried, and bounds by momentum for each: 0.05 to 0.5 s each for six or seven joints."""
+
+_FURTHEST = 1.2
+"""Times the bound by velocity limits, which momentum is not asked to exceed."""
 
 _WORTH = 2e-3
 """Between the bound and a time that is no bound, as a share: less is not looked for."""
@@ -60,7 +64,8 @@ def pose_bound(problem: MinimumTimeProblem, leg: Leg, stop: Stop) -> tuple[float
     known, joint = kinematic, int(np.argmax(near.kinematic))
     if kinematic == 0 or not np.all(np.isfinite(leg.velocity)):
         return kinematic, joint, kinematic
-    longest, _ = leg_bound(near, stop)  # no bound of the set is above that of a goal in it
+    # No bound of the set is above that of a goal in it; that goal may be far from the soonest one.
+    longest = min(leg_bound(near, stop)[0], known * _FURTHEST)
     for _ in range(_TIMES):
         if stop() or longest < known * (1 + _WORTH):
             break
@@ -77,8 +82,10 @@ def _kinematic(goals: GoalSet, near: float, stop: Stop) -> float:
     """The time before which velocity limits let no motion reach the pose [s], that of a goal given; 0 says nothing."""
     known, boxes = 0.0, goals.within(near)
     for size in _SIZES:
-        if boxes is None or len(boxes.lower) > _FEW or stop():
+        if boxes is None or stop():
             break
+        if len(boxes.lower) > _FEW:  # too many to be made smaller: only what is reached soon
+            near = known + _SOON * (near - known)
         boxes, least = goals.enclosed(boxes, near, size, stop)
         known = max(known, least)
     return known
