@@ -149,11 +149,12 @@ def _fastest_goal(problem: MinimumTimeProblem, options: MinimumTimeOptions, tell
     until = started + options.time_limit
     if problem.goal_pose is not None and best.status is Status.SOLVED:
         best = slid_end(best, problem.goal_pose, partial(_near, options, until, tell))
-    left, n = until - time.perf_counter(), problem.robot.nv
-    tried.append(GoalTried(best.problem.x_goal[:n], best.duration, refined=True))
-    bound = _bound_of_all(problem, solutions, max(left, _LEAST_BOUND))
+    goal = best.problem.x_goal[: problem.robot.nv]
+    if best not in solutions:
+        tried.append(GoalTried(goal, best.duration, refined=True))
+    bound = _bound_of_all(problem, solutions, max(until - time.perf_counter(), _LEAST_BOUND))
     certificate = best.certificate.bounded(bound, best.duration).at_goal(
-        transversality(problem, problem.goal_pose, best.problem.x_goal[:n], best.phases)
+        transversality(problem, problem.goal_pose, goal, best.phases)
     )
     tried.sort(key=lambda goal: goal.duration)
     elapsed = time.perf_counter() - started

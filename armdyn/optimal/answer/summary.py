@@ -80,6 +80,7 @@ def _checks(certificate: Certificate) -> dict[str, object]:
         "hamiltonian_spread": _finite(certificate.hamiltonian_spread),
         "switching_violation": _finite(certificate.switching_violation),
         "adjoint_error": _finite(certificate.adjoint_error),
+        "transversality": _finite(certificate.transversality),
         "lands": certificate.lands,
         "keeps_limits": certificate.keeps_limits,
         "limit_violation": _finite(certificate.limit_violation),
