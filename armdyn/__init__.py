@@ -1,7 +1,7 @@
 """Time-optimal and closed-loop motion of robot arms, from a URDF."""
 
 from armdyn.errors import ArmdynError, ArmdynWarning
-from armdyn.lazy import facade
+from armdyn.lazy import draw_by, facade
 
 TYPE_CHECKING = False  # as typing has it, which takes longer to import than all of this
 if TYPE_CHECKING:
@@ -104,6 +104,8 @@ else:
             "trajectory": "Sample Samples Trajectory",
         },
     )
+
+draw_by("armdyn.show.values")
 
 __version__ = "0.1.0"
 

@@ -9,8 +9,9 @@ import math
 import os
 import reprlib
 from collections.abc import Callable, Iterable, Sequence
+from itertools import islice
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from armdyn.errors import ArmdynError, ProblemError
 
@@ -21,10 +22,20 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 Kind = TypeVar("Kind")
+Function = TypeVar("Function", bound=Callable[..., object])
 Sign = Literal["any", "not negative", "positive"]
 
 MOST_SHOWN = 100
 """Characters of a value that a message shows."""
+
+MOST_NUMBERS = 2**24
+"""Numbers of an array, more than the largest motion that may be saved has in one: larger ones are refused unread."""
+
+MOST_MEMBERS = 10_000
+"""Members of a list of arms, obstacles, names or the like: ten times what was ever needed."""
+
+MOST_SAMPLES = 1_000_000
+"""Samples or steps that one call may be asked for: seconds of work, and less than a gigabyte."""
 
 
 _RIGHT: dict[tuple[Sign, bool], str] = {
@@ -47,6 +58,7 @@ def shown(value: object) -> str:
     short.maxstring = short.maxother = short.maxlong = MOST_SHOWN
     try:
         plain = value.item() if isinstance(value, np.generic) else value
+        plain = plain[:MOST_SHOWN] if isinstance(plain, bytes | bytearray) else plain  # whose repr is made whole
         words = " ".join(short.repr(plain).split())
     except Exception:  # a stranger's object; and Python writes no integer of more than 4300 digits
         words = f"a {type(value).__name__}"
@@ -75,8 +87,16 @@ def expect(
 
 
 def text(value: object, name: str, *, error: type[ArmdynError] = ProblemError) -> str:
-    """The value, which is to be text."""
+    """The value, which is to be text that a file, or a library in C++, can hold.
+
+    Raises:
+        ArmdynError: as `error`; it is none, or has half a surrogate pair in it.
+    """
     if isinstance(value, str):
+        try:
+            value.encode()
+        except UnicodeEncodeError:
+            raise error(f"{name} is {shown(value)}; it must be text that UTF-8 can encode") from None
         return value
     raise error(f"{name} is {shown(value)}; it must be text")
 
@@ -94,27 +114,68 @@ def flag(value: object, name: str) -> bool:
     raise ProblemError(f"{name} is {shown(value)}; it must be True or False")
 
 
-def function(value: object, name: str) -> Callable[..., object]:
+def function(value: object, name: str, default: Function | None = None) -> Function:
     """The value, which is to be called.
 
+    Args:
+        value: as given.
+        name: of the argument.
+        default: what stands for None; None: nothing does.
+
     Raises:
-        ProblemError: it cannot be.
+        ProblemError: it cannot be called.
     """
+    if value is None and default is not None:
+        return default
     if callable(value):
-        return value
+        return value  # type: ignore[return-value]  # what it takes and returns shows when it is called
     raise ProblemError(f"{name} is {shown(value)}; it must be a function")
 
 
-def whole(value: object, name: str, least: int) -> int:
+def listener(value: object) -> Callable[[Any], None]:
+    """The argument `progress`; one that does nothing for None.
+
+    Raises:
+        ProblemError: it cannot be called.
+    """
+    return function(value, "progress", lambda told: None)
+
+
+def stopper(value: object) -> Callable[[], bool]:
+    """The argument `stop`; one that never stops for None.
+
+    Raises:
+        ProblemError: it cannot be called.
+    """
+    return function(value, "stop", lambda: False)
+
+
+def parts(value: object, name: str) -> Array:
+    """Numbers from 0 to 1, shape (n,).
+
+    Raises:
+        ProblemError: it is no list of such numbers.
+    """
+    array = numbers(value, name, "numbers from 0 to 1")
+    if array.ndim != 1:
+        raise ProblemError(f"{name} is {shown(value)}; expected numbers from 0 to 1")
+    if wrong := [part for part in array.tolist() if not 0 <= part <= 1]:
+        raise ProblemError(f"{name} has {wrong[0]:g}; expected 0 to 1")
+    return array
+
+
+def whole(value: object, name: str, least: int, most: int | None = None) -> int:
     """A whole number.
 
     Raises:
-        ProblemError: it is none, or less than the least.
+        ProblemError: it is none, less than the least or, if there is one, more than the most.
     """
     if isinstance(value, bool) or not isinstance(value, Integral):
         raise ProblemError(f"{name} is {shown(value)}; it must be a whole number of at least {least}")
     if value < least:
         raise ProblemError(f"{name} is {shown(value)}; it must be at least {least}")
+    if most is not None and int(value) > most:
+        raise ProblemError(f"{name} is {shown(value)}; it must be at most {most}")
     return int(value)
 
 
@@ -168,18 +229,59 @@ def numbers(value: object, name: str, expected: str = "numbers", *, error: type[
     return array
 
 
-def several(value: object, name: str, *, error: type[ArmdynError] = ProblemError) -> tuple[object, ...]:
-    """The members of a list or of what else can be gone through, but no text.
+def interval(
+    value: object,
+    name: str,
+    *,
+    unit: str = "",
+    sign: Sign = "any",
+    widths: Literal["any", "positive"] = "positive",
+) -> tuple[float, float]:
+    """Two numbers, the least and the greatest.
+
+    Args:
+        value: as given.
+        name: of the argument.
+        unit: in messages.
+        sign: that both must have.
+        widths: whether the greatest may be the least.
 
     Raises:
-        ArmdynError: as `error`; it is one thing.
+        ProblemError: it is not two finite numbers in order.
     """
-    if isinstance(value, Iterable) and not isinstance(value, str | bytes):
-        try:
-            return tuple(value)
-        except Exception as why:  # an array without dimensions; a stranger's iterator
-            raise error(f"{name} is {shown(value)}; it must be a list ({why})") from None
-    raise error(f"{name} is {shown(value)}; it must be a list")
+    ends = several(value, name)
+    if len(ends) != 2:
+        wanted = f"its least and its greatest{f' [{unit}]' if unit else ''}"
+        raise ProblemError(f"{name} is {shown(value)}; expected {wanted}")
+    low, high = (number(end, f"{name}[{i}]", unit=unit, sign=sign) for i, end in enumerate(ends))
+    if low > high or (low == high and widths == "positive"):
+        raise ProblemError(f"{name} goes from {f'{low:g} to {high:g} {unit}'.rstrip()}; the least comes first")
+    return low, high
+
+
+def several(
+    value: object, name: str, *, most: int = MOST_MEMBERS, error: type[ArmdynError] = ProblemError
+) -> tuple[object, ...]:
+    """The members of a list or of what else can be gone through, but no text.
+
+    Args:
+        value: as given; of one without end no more is read than the most.
+        name: of the argument.
+        most: members that there may be.
+        error: what is raised.
+
+    Raises:
+        ArmdynError: as `error`; it is one thing, or too many.
+    """
+    if not isinstance(value, Iterable) or isinstance(value, str | bytes):
+        raise error(f"{name} is {shown(value)}; it must be a list")
+    try:
+        members = tuple(islice(value, most + 1))
+    except Exception as why:  # an array without dimensions; a stranger's iterator
+        raise error(f"{name} is {shown(value)}; it must be a list ({why})") from None
+    if len(members) > most:
+        raise error(f"{name} is {shown(value)}; it must have at most {most} members")
+    return members
 
 
 def one_of(value: object, known: Sequence[str], name: str) -> str:
@@ -193,16 +295,20 @@ def one_of(value: object, known: Sequence[str], name: str) -> str:
     raise ProblemError(f"{name} is {shown(value)}; it is one of {', '.join(map(repr, known))}")
 
 
-def path(value: object, name: str, *, error: type[ArmdynError]) -> str:
-    """A path of the file system.
+def path(value: object, name: str, *, error: type[ArmdynError] = ProblemError) -> str:
+    """A path that the file system can have; whether there is such a file is not looked at.
 
     Raises:
         ArmdynError: as `error`; it is none.
     """
     try:
-        return os.fsdecode(value)  # type: ignore[arg-type]  # it refuses what is no path
-    except Exception:
-        raise error(f"{name} is {shown(value)}; it must be a path") from None
+        found = os.fsdecode(value)  # type: ignore[arg-type]  # it refuses what is no path
+        good = b"\0" not in os.fsencode(found)  # which refuses half a surrogate pair
+    except Exception:  # whatever a stranger's __fspath__ raises
+        good = False
+    if not good:
+        raise error(f"{name} is {shown(value)}; it must be a path")
+    return found
 
 
 def _real(value: object) -> Array | None:
@@ -210,6 +316,8 @@ def _real(value: object) -> Array | None:
     import numpy as np
 
     try:
+        if isinstance(value, str | bytes) or _count(value) > MOST_NUMBERS:
+            return None
         array = np.array(value)
         if array.dtype.kind == "O" and all(isinstance(x, Real) and not isinstance(x, bool) for x in array.flat):
             array = array.astype(float)  # fractions, integers beyond 64 bits
@@ -218,6 +326,16 @@ def _real(value: object) -> Array | None:
         return array.astype(float)
     except Exception:  # rows of different length, integers beyond floats, whatever a stranger's __array__ raises
         return None
+
+
+def _count(value: object) -> int:
+    """Numbers that an array of it would have; lists in lists are all as long as the first, or no array."""
+    count = 1
+    while isinstance(value, Sequence) and not isinstance(value, str | bytes) and 0 < count <= MOST_NUMBERS:
+        count *= len(value)
+        value = value[0] if value else None
+    size = getattr(value, "size", 1)  # of an array
+    return count * (size if isinstance(size, int) else 1)
 
 
 def _has_booleans(value: object) -> bool:

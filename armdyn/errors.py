@@ -12,6 +12,8 @@ _PART = 3
 """Letters that a part of a name has at least, for it to be meant."""
 _MANY = 12
 """Names that a message with a guess lists at most."""
+_MESSAGE = 1500
+"""Characters of a message: some twenty lines of a terminal, and more than a list of all arms of the library takes."""
 _LONGEST = 200
 """Letters of a name that are looked at, and shown."""
 
@@ -33,7 +35,13 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 class ArmdynError(Exception):
-    """Root of all errors that armdyn raises on purpose."""
+    """Root of all errors that armdyn raises on purpose. Its message is bounded, and can be written anywhere."""
+
+    def __str__(self) -> str:
+        """The message; of a long one, as with a path of 100,000 characters in it, both ends."""
+        told = str(self.args[0]) if self.args else ""  # no more than that: KeyError would print its repr
+        told = told.encode("utf-8", "backslashreplace").decode()  # half a surrogate pair cannot be written
+        return told if len(told) <= _MESSAGE else f"{told[: _MESSAGE // 2]} … {told[3 - _MESSAGE // 2 :]}"
 
 
 class SpecError(ArmdynError, ValueError):
@@ -81,10 +89,6 @@ class UnknownRobotError(ArmdynError, KeyError):
         """What makes it again in another process."""
         return type(self), (self.name, self.known, self.hint)
 
-    def __str__(self) -> str:
-        """The message itself: KeyError would print its repr."""
-        return str(self.args[0])
-
 
 class ProblemError(ArmdynError, ValueError):
     """A motion problem is ill-posed: wrong length, not finite, outside the limits, start = goal."""
@@ -98,6 +102,10 @@ class ResultError(ArmdynError, ValueError):
     """A result file cannot be read, or is of a version or in units that are not known."""
 
 
+_MOST_OF_A_PATH = 300
+"""Characters of a path that a message shows: longer names are hardly a file's."""
+
+
 class FileError(ArmdynError, OSError):
     """A file cannot be read, or a folder not be written to.
 
@@ -109,7 +117,10 @@ class FileError(ArmdynError, OSError):
     def __init__(self, path: str | os.PathLike[str], why: str):
         self.path = path
         self.why = why
-        super().__init__(f"{path}: {why}")
+        shown, half = str(path), _MOST_OF_A_PATH // 2
+        if len(shown) > _MOST_OF_A_PATH:
+            shown = f"{shown[:half]}…{shown[-half:]}"
+        super().__init__(f"{shown}: {why}")
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
         """What makes it again in another process."""

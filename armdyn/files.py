@@ -12,7 +12,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NoReturn
 
-from armdyn.errors import DiskFullError, FileError
+from armdyn.arguments import path as path_of
+from armdyn.arguments import shown
+from armdyn.errors import ArmdynError, DiskFullError, FileError, ProblemError
 
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _PIECE = 2**20
@@ -41,6 +43,10 @@ def read_bounded(path: str | os.PathLike[str], most: int) -> bytes:
         FileError: it is missing, no regular file, larger, or cannot be read.
     """
     try:
+        path = path_of(path, "path")
+    except ProblemError:
+        raise FileError(shown(path), "cannot be read (it must be a path)") from None
+    try:
         _refuse_irregular(path, Path(path).stat())
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY)
         try:
@@ -55,9 +61,8 @@ def read_bounded(path: str | os.PathLike[str], most: int) -> bytes:
         raise
     except FileNotFoundError:
         raise FileError(path, "no such file") from None
-    except (OSError, TypeError, ValueError) as error:
-        told = error.strerror if isinstance(error, OSError) else error
-        raise FileError(path, f"cannot be read ({told})") from None
+    except OSError as error:
+        raise FileError(path, f"cannot be read ({error.strerror})") from None
 
 
 def _refuse_irregular(path: str | os.PathLike[str], found: os.stat_result) -> None:
@@ -120,10 +125,10 @@ def write_whole(path: str | os.PathLike[str], data: bytes) -> Path:
 
     Raises:
         DiskFullError: there is no room for it.
-        OSError: the folder cannot be written.
+        FileError: the folder cannot be written.
     """
-    path = Path(path)
-    with _telling_full(path):
+    path = Path(path_of(path, "path"))
+    with _telling_unwritten(path):
         handle, scratch = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         try:
             with os.fdopen(handle, "wb") as file:
@@ -176,6 +181,23 @@ def probe_folder(folder: str | os.PathLike[str], *names: str) -> Path:
             with suppress(OSError, ValueError):
                 one.rmdir()
     return folder
+
+
+@contextmanager
+def _telling_unwritten(path: Path) -> Iterator[None]:
+    """Turns the system's errors while a file is written into those that say which file it is.
+
+    Raises:
+        DiskFullError: there is no room for it.
+        FileError: it cannot be written.
+    """
+    try:
+        with _telling_full(path):
+            yield
+    except ArmdynError:
+        raise
+    except OSError as error:  # no such folder, no right to it, a name too long
+        raise FileError(path, f"cannot be written ({error.strerror or error})") from error
 
 
 @contextmanager

@@ -6,14 +6,27 @@
 import sys
 from collections.abc import Callable, Mapping
 from importlib import import_module
+from typing import Any
+
+_drawn_by: list[str] = []
+
+
+def draw_by(module: str) -> None:
+    """Name the module that draws values: its `card`, `figure` and `report`. It is imported when a value is drawn.
+
+    Values of lower layers draw themselves through it, and neither import it nor know what it is called.
+    """
+    _drawn_by[:] = [module]
+
+
+def drawing() -> Any:
+    """The module that draws values; see `draw_by`."""
+    return import_module(_drawn_by[0])
 
 
 def drawn(value: object) -> str:
-    """A value as a notebook shows it, in HTML.
-
-    The floor that draws is found by its name, when a notebook asks: what computes neither needs nor loads it.
-    """
-    text: str = import_module("armdyn.show.notebook").card(value)
+    """A value as a notebook shows it, in HTML."""
+    text: str = drawing().card(value)
     return text
 
 
@@ -46,6 +59,6 @@ def facade(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], obje
         return value
 
     def names() -> list[str]:
-        return sorted({*vars(sys.modules[package]), *home_of})
+        return sorted(vars(sys.modules[package])["__all__"])  # no helpers, no modules that happen to be loaded
 
     return get, names

@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkProcess
@@ -17,8 +17,9 @@ from armdyn.exclusive import one_at_a_time
 Result = TypeVar("Result")
 Crew = Mapping[Connection, ForkProcess]
 
-_AGAIN = 5.0
-"""Who is still at work so long after an interrupt hears the next one [s]."""
+_GRACE = 0.75
+"""Who is still at work so long after an interrupt is interrupted once more, and after as long again killed [s]: whoever
+pressed Ctrl-C waits two seconds at most."""
 _PR_SET_PDEATHSIG = 1
 
 _ours: set[Connection] = set()
@@ -51,8 +52,8 @@ def as_they_end(
 ) -> Generator[Result]:
     """The jobs' results as `in_processes` gives them, but each as soon as it is there.
 
-    Who stops asking interrupts what is under way, and waits for it: a job hears SIGINT only where it listens, as
-    `solve_minimum_time` does, and else goes on to its end.
+    Who stops asking interrupts what is under way: a job hears SIGINT only where it listens, as `solve_minimum_time`
+    does. What does not end within 1.5 s is killed.
 
     Args:
         jobs: what is to be done.
@@ -257,13 +258,13 @@ def _hire(do: Callable[[Any], object], crew: dict[Connection, ForkProcess]) -> C
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _interrupt(workers: Iterable[ForkProcess]) -> None:
-    """Wait until they end. One that was not listening at the time, or does not end, is told again."""
-    while busy := [worker for worker in workers if worker.is_alive()]:
-        for worker in busy:
+def _interrupt(workers: Collection[ForkProcess]) -> None:
+    """Give them time to end. One that was not listening at the time, or does not end, is told again."""
+    for _ in range(2):
+        for worker in [worker for worker in workers if worker.is_alive()]:
             os.kill(worker.ident or os.getpid(), signal.SIGINT)
-        until = time.monotonic() + _AGAIN
-        for worker in busy:
+        until = time.monotonic() + _GRACE
+        for worker in workers:
             worker.join(max(0.0, until - time.monotonic()))
 
 
@@ -271,7 +272,8 @@ def _work(do: Callable[[Any], object], line: Connection, owner: int) -> None:
     try:
         _end_with(owner)
         signal.set_wakeup_fd(-1)  # an event loop's, of the owner
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # a `Stop` says so, or a job that listens
+        if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # by inheritance: it stays so
+            signal.signal(signal.SIGINT, lambda number, frame: None)  # a `Stop` says so, or a job that listens
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         for other in _ours:
             other.close()

@@ -1,5 +1,6 @@
 """What all tests share: how hypothesis searches, which tests come first, URDFs given as text."""
 
+import signal
 import subprocess
 
 import pytest
@@ -11,6 +12,9 @@ from armdyn.models import Robot
 settings.register_profile("armdyn", deadline=None, derandomize=True)
 settings.register_profile("search", deadline=None, max_examples=1000)  # --hypothesis-profile=search: others, and more
 settings.load_profile("armdyn")
+
+# A script's background job, or nohup, ignores SIGINT, and so would all processes that the tests interrupt.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(items):

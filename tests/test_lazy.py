@@ -111,3 +111,15 @@ def test_a_module_that_cannot_be_imported_says_why(tmp_path):
     for asked in ("broken.thing", "broken.part"):
         done = subprocess.run([sys.executable, "-c", f"{code}; {asked}"], capture_output=True, text=True, check=False)
         assert "ModuleNotFoundError: No module named 'no_such_module'" in done.stderr
+
+
+@pytest.mark.parametrize("name", FACADES)
+def test_dir_has_the_public_names_only(name):
+    package = importlib.import_module(name)
+    assert dir(package) == sorted(package.__all__)
+
+
+def test_a_value_is_drawn_by_what_the_package_names_and_not_before():
+    code = "from armdyn import *; Solution.plot, Solution.report; from armdyn import lazy"
+    assert not loaded(code) & {"armdyn.show.values", "armdyn.show", "matplotlib", "meshcat"}
+    assert "armdyn.show.values" in loaded(f"{code}; lazy.drawing()")

@@ -17,6 +17,7 @@ import typer
 
 from armdyn.cli import interrupts
 from armdyn.cli.interrupts import INTERRUPTED as INTERRUPTED
+from armdyn.cli.reports.asked import is_given
 from armdyn.cli.streams import BAD_INPUT as BAD_INPUT
 from armdyn.cli.streams import DISK_FULL as DISK_FULL
 from armdyn.errors import ArmdynError, ArmdynWarning, DiskFullError
@@ -148,7 +149,7 @@ def answering(as_json: bool) -> Iterator[Answer]:
         except DiskFullError as error:
             answer.disk_full(error)
         except ArmdynError as error:
-            answer.facts |= {"success": False, "status": "bad_input", "message": str(error)}
+            answer.facts |= {"success": False, "status": "bad_input", "message": _by_option(str(error))}
             answer.code = BAD_INPUT
         except OSError as error:
             if is_full(error):
@@ -179,6 +180,12 @@ def answering(as_json: bool) -> Iterator[Answer]:
     raise typer.Exit(answer.code)
 
 
+def _by_option(message: str) -> str:
+    """A message that begins with an argument, with the option instead where that was given on the command line."""
+    name, said, rest = message.partition(" is ")
+    return f"--{name.replace('_', '-')}{said}{rest}" if is_given(name) else message
+
+
 def _os_message(error: OSError) -> str:
     """What the operating system refuses, and of which file."""
     what = error.strerror or str(error) or type(error).__name__
@@ -188,11 +195,17 @@ def _os_message(error: OSError) -> str:
 @contextmanager
 def working(what: str, as_json: bool) -> Iterator[Callable[[str], None]]:
     """A spinner on standard error while something runs; the function it gives updates its words."""
+    interrupts.at(what)
     if as_json or console.quiet or not errors.is_terminal:
-        yield lambda text: None
+        yield lambda text: interrupts.at(f"{what}: {text}")
         return
     with errors.rich.status(escape(what)) as status:
-        yield lambda text: status.update(escape(f"{what}: {text}"))
+
+        def update(text: str) -> None:
+            interrupts.at(f"{what}: {text}")
+            status.update(escape(f"{what}: {text}"))
+
+        yield update
 
 
 def facts_table(title: str, facts: dict[str, str]) -> Table:

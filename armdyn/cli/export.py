@@ -10,6 +10,7 @@ import typer
 from armdyn.arguments import one_of
 from armdyn.cli.console import answering, console, escape
 from armdyn.cli.options.results import Json
+from armdyn.errors import ProblemError
 from armdyn.files import probe_folder, write_whole
 from armdyn.typed.numbers import number
 
@@ -66,6 +67,8 @@ def export(
 
         one_of(format, tuple(_SUFFIXES), "--format")
         ticks = None if rate.strip() == "own" else number(rate, "--rate")
+        if file.suffix.lower() != ".npz":
+            raise ProblemError(f"{file} is no .npz file; armdyn export takes the trajectory.npz that armdyn wrote")
         motion = Trajectory.load(file)
         name = file.with_suffix(_SUFFIXES[format]).name
         target = probe_folder(out or file.parent, name) / name

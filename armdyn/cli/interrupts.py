@@ -9,8 +9,10 @@ Nothing is imported here that takes time, such as typing and contextlib: until `
 from __future__ import annotations
 
 import _signal  # signal itself turns numbers into names on the way, which takes time
+import _thread
 import os
 import sys
+import time
 
 TYPE_CHECKING = False  # as typing has it
 if TYPE_CHECKING:
@@ -28,6 +30,11 @@ _ANSWER = (
     b'"message": "interrupted", "warnings": []}\n'
 )
 _SHOW_CURSOR = b"\x1b[?25h"  # a spinner hides it
+_CLEAR_LINE = b"\r\x1b[2K"  # of a spinner
+
+
+_PATIENCE = 0.5
+"""After which a command that is still at work says so [s]."""
 
 
 class _State:
@@ -35,6 +42,8 @@ class _State:
     """A command works: it hears of an interrupt as `KeyboardInterrupt`."""
     pressed = False
     """There was one."""
+    doing = ""
+    """What the command is at, in words."""
 
 
 class Guard:
@@ -67,13 +76,30 @@ class Guard:
 
 
 class Raised:
-    """Within it Ctrl-C raises `KeyboardInterrupt`, so that a command can put things in order."""
+    """Within it Ctrl-C raises `KeyboardInterrupt`, so that a command can put things in order.
+
+    Where that takes a while, a line says what is being finished; a second Ctrl-C ends the process, wherever it is.
+    """
 
     def __enter__(self) -> None:
         _State.working = True
+        if _signal.getsignal(_signal.SIGINT) is _on_interrupt:
+            reading, writing = os.pipe()
+            os.set_blocking(writing, False)
+            _signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+            _thread.start_new_thread(_watch, (reading,))
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         _State.working = False
+
+
+def at(what: str) -> None:
+    """Note what the command is doing, for the line that follows Ctrl-C.
+
+    Args:
+        what: in words.
+    """
+    _State.doing = what
 
 
 def pressed() -> bool:
@@ -94,6 +120,19 @@ def _on_interrupt(number: int, frame: FrameType | None) -> None:
         leave()
     _State.pressed = True
     raise KeyboardInterrupt
+
+
+def _watch(signals: int) -> None:
+    """Look out for Ctrl-C in a thread of its own: the main thread may be deep in a library that knows no signals."""
+    presses = 0
+    while presses < 2:
+        presses += os.read(signals, 1) == bytes([_signal.SIGINT])
+        time.sleep(_PATIENCE)
+        if presses == 1 and _State.working:
+            line = f"armdyn: interrupted; still finishing {_State.doing or 'its work'} (Ctrl-C again ends it at once)\n"
+            os.write(2, (_CLEAR_LINE if os.isatty(2) else b"") + line.encode("ascii", "backslashreplace"))
+    if _State.working:
+        leave()
 
 
 def _importing(frame: FrameType | None) -> bool:

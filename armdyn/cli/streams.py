@@ -43,7 +43,8 @@ def flushed(code: str | int | None) -> str | int | None:
 
         full = is_full(error)
         why = str(DiskFullError("standard output")) if full else f"standard output: {error.strerror}"
-        sys.stderr.write(f"armdyn: {why}\n")
+        if code != DISK_FULL:  # else the command has said so
+            sys.stderr.write(f"armdyn: {why}\n")
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # the interpreter tries once more
         return code or (DISK_FULL if full else BAD_INPUT)
     return code

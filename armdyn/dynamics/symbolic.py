@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from armdyn.arguments import flag
+from armdyn.arguments import expect, flag, numbers
 from armdyn.errors import BridgeError, SpecError
 from armdyn.exclusive import built_once
 from armdyn.models.robots.robot import Robot, expect_robot
@@ -146,6 +146,7 @@ class Dynamics:
         if self.payload_frame is None:
             raise SpecError("these Dynamics have no symbolic payload; give payload_frame")
         frame = self.robot.frame(self.payload_frame)
+        expect(inertia, pin.Inertia, "inertia", error=SpecError)
         return np.array(frame.placement.act(inertia).toDynamicParameters())
 
     def along(self, name: str, *rows: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -176,13 +177,20 @@ class Dynamics:
             raise SpecError(f"{name} takes {', '.join(function.name_in())}; got {len(arguments)} arguments")
         if any(isinstance(x, _CASADI) for x in arguments):
             return function(*arguments)
-        for x, expected in zip(arguments, function.name_in(), strict=True):
-            if np.size(x) != function.numel_in(expected):
-                raise SpecError(f"{name}: {expected} has {np.size(x)} numbers; expected {function.numel_in(expected)}")
-        out = np.array(function(*(np.asarray(x, dtype=float).ravel() for x in arguments)), dtype=float)
+        given = [_vector(x, f"{name}: {key}") for x, key in zip(arguments, function.name_in(), strict=True)]
+        for x, key in zip(given, function.name_in(), strict=True):
+            if x.size != function.numel_in(key):
+                raise SpecError(f"{name}: {key} has {x.size} numbers; expected {function.numel_in(key)}")
+        out = np.array(function(*given), dtype=float)
         if name.endswith("energy"):
             return float(out.item())
         return out if name in ("crba", "placements") else out.reshape(-1)
+
+
+def _vector(value: Value, name: str) -> NDArray[np.float64]:
+    """Numbers in a row; arrays of floats, which inner loops give, are looked at no further."""
+    known = isinstance(value, np.ndarray) and value.dtype == float
+    return np.ravel(value if known else numbers(value, name, error=SpecError))
 
 
 def bridge_versions() -> str:

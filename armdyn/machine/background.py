@@ -7,7 +7,7 @@ import tempfile
 import time
 from pathlib import Path
 
-_LONGEST = 400.0
+_LONGEST = 90.0
 """After which a builder that has left its mark is taken for dead [s]: longer than a compiler may take."""
 
 _awaited: set[Path] = set()

@@ -1,11 +1,12 @@
 """How long building a program may take: said where a solve begins, asked between what takes long to build."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
 _deadline: ContextVar[float] = ContextVar("deadline", default=float("inf"))
+_stopped: ContextVar[Callable[[], bool]] = ContextVar("stopped", default=lambda: False)
 
 
 class NoTimeError(Exception):
@@ -17,18 +18,19 @@ class LateError(Exception):
 
 
 @contextmanager
-def until(deadline: float) -> Iterator[None]:
-    """Within it building is to be done by a time of `time.perf_counter` [s]."""
-    token = _deadline.set(deadline)
+def until(deadline: float, stopped: Callable[[], bool] = lambda: False) -> Iterator[None]:
+    """Within it building is to be done by a time of `time.perf_counter` [s], or until it is stopped."""
+    tokens = _deadline.set(deadline), _stopped.set(stopped)
     try:
         yield
     finally:
-        _deadline.reset(token)
+        _deadline.reset(tokens[0])
+        _stopped.reset(tokens[1])
 
 
 def left() -> float:
-    """What is left [s]; infinite where nobody has said."""
-    return _deadline.get() - time.perf_counter()
+    """What is left [s]; 0 once it is stopped, infinite where nobody has said."""
+    return 0.0 if _stopped.get()() else _deadline.get() - time.perf_counter()
 
 
 def ask() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,9 +17,11 @@ from armdyn.models.values.limits import JointLimits
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.landing.limits import worst_violation
 from armdyn.optimal.landing.rollout import replay_torques
+from armdyn.optimal.landing.segments import Segments
 from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
+from armdyn.optimal.proof.repeat import OPEN_LOOP_GROWTH
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.trajectory import Trajectory
 
@@ -49,11 +51,20 @@ class MotionCheck:
         replay_error: how far from its own end the motion's torques lead when they are replayed [rad or m];
             infinite if the replay diverges. Large: torques and positions do not belong together, or
             the samples are too far apart to say.
+        growth: largest singular value of the derivative of the end state by the start state, open loop. Beyond
+            `OPEN_LOOP_GROWTH` the motion is unstable, and other integrators' replays end elsewhere.
     """
 
     feasible: bool
     worst_violation: Violation | None
     replay_error: float
+    growth: float
+
+    @property
+    def unstable(self) -> str:
+        """That other integrators do not repeat the replay, for people; empty where they do."""
+        said = f"; unstable open loop (growth {self.growth:.2g}): other integrators end elsewhere"
+        return said if self.growth > OPEN_LOOP_GROWTH else ""
 
     def facts(self) -> dict[str, object]:
         """As JSON says it; of a replay that diverges null."""
@@ -61,6 +72,7 @@ class MotionCheck:
             "feasible": self.feasible,
             "worst_violation": None if self.worst_violation is None else str(self.worst_violation),
             "replay_error": self.replay_error if np.isfinite(self.replay_error) else None,
+            "growth": self.growth if np.isfinite(self.growth) else None,
         }
 
 
@@ -84,7 +96,15 @@ def check_motion(robot: Robot, trajectory: Trajectory, limits: JointLimits | Non
         feasible=violation is None or violation.value <= FEASIBLE_TOLERANCE,
         worst_violation=violation,
         replay_error=float(np.max(np.abs(replay.q[-1] - trajectory.q[-1]))) if arrived else float("inf"),
+        growth=_growth(robot, trajectory),
     )
+
+
+def _growth(robot: Robot, motion: Trajectory) -> float:
+    """Open-loop growth, read off a thousand or two of the samples: see `MotionCheck`."""
+    few = np.append(np.arange(0, motion.t.size - 1, max(1, motion.t.size // 1000)), motion.t.size - 1)
+    thin = replace(motion, t=motion.t[few], q=motion.q[few], v=motion.v[few], tau=motion.tau[few])
+    return Segments.of(robot, thin, most=1).growth
 
 
 @brief
@@ -92,7 +112,7 @@ def check_motion(robot: Robot, trajectory: Trajectory, limits: JointLimits | Non
 class TimeOptimality(MotionCheck):
     """A motion, checked, beside the fastest one between the same two states.
 
-    It has what `MotionCheck` has: `feasible`, `worst_violation`, `replay_error`.
+    It has what `MotionCheck` has: `feasible`, `worst_violation`, `replay_error`, `growth`.
 
     Attributes:
         trajectory: the motion judged, its torques recomputed if it had none.
@@ -140,7 +160,7 @@ class TimeOptimality(MotionCheck):
             limits = f"limits: {word}; worst: {self.worst_violation}"
         names = self.solution.problem.robot.joint_names
         idle = ", ".join(f"{name} {100 * part:.0f} %" for name, part in zip(names, self.idle, strict=True))
-        return f"{head}\n{limits}\nreplay error: {self.replay_error:.2g}\nidle: {idle}"
+        return f"{head}\n{limits}\nreplay error: {self.replay_error:.2g}{self.unstable}\nidle: {idle}"
 
 
 def time_optimality(
@@ -150,6 +170,8 @@ def time_optimality(
     *,
     reserve: ArrayLike = 0.0,
     velocity_reserve: ArrayLike = 0.0,
+    acceleration_limit: ArrayLike | None = None,
+    jerk_limit: ArrayLike | None = None,
 ) -> TimeOptimality:
     """Compare a motion with the fastest one between its end states.
 
@@ -161,6 +183,9 @@ def time_optimality(
         reserve: part of every torque limit that the motion was to keep for feedback, and so does the fastest one
             that it is compared with: see `MinimumTimeProblem`.
         velocity_reserve: likewise of every velocity limit.
+        acceleration_limit: that the planner had to keep [rad/s² or m/s²], and so does the fastest one; whether the
+            trajectory itself keeps it is not checked.
+        jerk_limit: likewise [rad/s³ or m/s³].
 
     Raises:
         TrajectoryError: the trajectory is one of another robot.
@@ -171,7 +196,8 @@ def time_optimality(
         trajectory = trajectory_from_path(robot, trajectory.t, trajectory.q, trajectory.v, name=trajectory.name)
     problem = MinimumTimeProblem(
         robot, q_start=trajectory.q[0], q_goal=trajectory.q[-1], v_start=trajectory.v[0], v_goal=trajectory.v[-1],
-        reserve=reserve, velocity_reserve=velocity_reserve,
+        reserve=reserve, velocity_reserve=velocity_reserve, acceleration_limit=acceleration_limit,
+        jerk_limit=jerk_limit,
     )  # fmt: skip
     check = check_motion(robot, trajectory, problem.limits)
     idle, intervals = _idleness(problem.limits, trajectory)

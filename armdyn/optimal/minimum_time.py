@@ -6,18 +6,23 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
-from armdyn.arguments import expect, function
-from armdyn.optimal.answer.assembly import assembled, failed
+from armdyn.arguments import expect, listener
+from armdyn.optimal.answer.assembly import assembled, failed, with_certificate
+from armdyn.optimal.answer.slid_end import slid_end
 from armdyn.optimal.answer.solution import Solution
-from armdyn.optimal.bound.lower_bound import lower_bound, soonest
+from armdyn.optimal.bound.lower_bound import lower_bound
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
+from armdyn.optimal.problem.slow_limits import check_pace
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop, stopping
+from armdyn.optimal.proof.transversality import transversality
 from armdyn.optimal.refine.bang import minimum_time
 from armdyn.optimal.refine.constrained import constrained
 from armdyn.optimal.refine.curves import curves
 from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.refine.slowing import slowed
 from armdyn.optimal.refine.smooth import time_energy
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.goals import GoalTried, screened
@@ -25,9 +30,13 @@ from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task
 from armdyn.processes import beside
 
+_LEAST_BOUND = 1.0
+"""Time that the bound of all goals is given at least [s], whatever the search has left."""
+
 _NEAR = 0.1
 """Of the goal [rad or m]: a replay that ends there is a guess to begin with."""
 
+Array = NDArray[np.float64]
 Strategy = Callable[[Task], tuple[list[Optimum], Found]]
 """From a task to its optima, refined and replayed, and the search that they come from."""
 
@@ -40,8 +49,8 @@ def solve_minimum_time(
     """The fastest motion between two states, and how far to trust it.
 
     Many guesses are solved on a coarse mesh; the best different optima are solved finer, their arcs
-    resolved to exact switching times, their torques replayed through `pin.aba` by an independent
-    integrator, their costates checked. The fastest that lands is the answer. Arms of more than three joints move
+    resolved to exact switching times, their torques replayed through `pin.aba` by two independent
+    integrators, their costates checked. The fastest that lands is the answer. Arms of more than three joints move
     along curves instead, replayed all the same.
 
     Args:
@@ -54,17 +63,17 @@ def solve_minimum_time(
         "interrupted".
 
     Raises:
-        ProblemError: problem, options or progress is something else.
+        ProblemError: problem, options or progress is something else, or a limit is so low that every motion takes more
+            than an hour.
     """
     started = time.perf_counter()
-    expect_problem(problem)
+    check_pace(expect_problem(problem))
     options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
-    if progress is not None:
-        function(progress, "progress")
-    if len(problem.goals) > 1:
-        return _fastest_goal(problem, options, progress or (lambda text: None))
+    tell = listener(progress)
+    if problem.goal_pose is not None or len(problem.goals) > 1:
+        return _fastest_goal(problem, options, tell)
     with stopping(options.time_limit) as stop:
-        task = Task.of(problem, options, stop, progress)
+        task = Task.of(problem, options, stop, tell)
         with beside(partial(_floor, problem, stop), task.workers if _bounded(task) else 1) as floor:
             task = replace(task, floor=floor) if _bounded(task) else task
             optima, found = _usable(task, *_strategy(task)(task))
@@ -97,19 +106,25 @@ def _strategy(task: Task) -> Strategy:
 
 def _usable(task: Task, optima: list[Optimum], found: Found) -> tuple[list[Optimum], Found]:
     """The optima and, where none of them is usable, curves that begin near the best of them."""
-    tolerance = task.options.replay_tolerance
+    optima, tolerance = _slowed(task, optima), task.options.replay_tolerance
     good = any(one.landed(tolerance) and one.within_limits and not one.missed for one in optima)
     if good or task.stop or task.policy.curves.alone or not task.policy.curves.possible:
         return optima, found
     task.tell("nothing so far is usable: curves, which are motions whatever comes out")
     near = tuple(one.trajectory for one in optima if one.landed(_NEAR))
     more, besides = curves(task.with_options(guesses=near))
-    return [*optima, *more], replace(found, iterations=found.iterations + besides.iterations)
+    return [*optima, *_slowed(task, more)], replace(found, iterations=found.iterations + besides.iterations)
+
+
+def _slowed(task: Task, optima: list[Optimum]) -> list[Optimum]:
+    """Every optimum as slow as it must be: the one place where strategies end."""
+    return [slowed(task, one) for one in optima]
 
 
 def either(task: Task) -> tuple[list[Optimum], Found]:
     """Optima as curves and, unless these are proven to be as fast as can be, as arcs."""
     optima, found = curves(task)
+    optima = _slowed(task, optima)
     floor = task.floor()
     if optima and optima[-1].certificate.bounded(floor, optima[-1].trajectory.duration).ok and not optima[-1].missed:
         return optima, found
@@ -131,28 +146,36 @@ def _fastest_goal(problem: MinimumTimeProblem, options: MinimumTimeOptions, tell
         solutions.append(solve_minimum_time(branch, replace(options, time_limit=max(left, 1e-3)), tell))
         tried[i] = GoalTried(tried[i].q, solutions[-1].duration if solutions[-1].success else np.inf, refined=True)
     best = min(solutions, key=lambda solution: (not solution.success, not solution.moves, solution.duration))
-    certificate = best.certificate.bounded(_least(problem, branches, solutions), best.duration)
+    until = started + options.time_limit
+    if problem.goal_pose is not None and best.status is Status.SOLVED:
+        best = slid_end(best, problem.goal_pose, partial(_near, options, until, tell))
+    goal = best.problem.x_goal[: problem.robot.nv]
+    if best not in solutions:
+        tried.append(GoalTried(goal, best.duration, refined=True))
+    bound = _bound_of_all(problem, solutions, max(until - time.perf_counter(), _LEAST_BOUND))
+    certificate = best.certificate.bounded(bound, best.duration).at_goal(
+        transversality(problem, problem.goal_pose, goal, best.phases)
+    )
     tried.sort(key=lambda goal: goal.duration)
-    return replace(best, certificate=certificate, goals=tuple(tried), solve_time=time.perf_counter() - started)
+    elapsed = time.perf_counter() - started
+    return replace(with_certificate(best, certificate), goals=tuple(tried), solve_time=elapsed)
 
 
-def _least(problem: MinimumTimeProblem, branches: list[MinimumTimeProblem], solutions: list[Solution]) -> float | None:
-    """A duration that no motion to any of the goals beats [s]; None: none is known.
-
-    Args:
-        problem: with several goals.
-        branches: with the most promising of them alone.
-        solutions: of the first of these.
-    """
-    if not solutions or any(solution.lower_bound is None for solution in solutions):
+def _near(
+    options: MinimumTimeOptions, until: float, tell: Callable[[str], None], known: Solution, q: Array
+) -> Solution | None:
+    """The solution for a goal near that of another one, from its motion; None: the time is up."""
+    left = until - time.perf_counter()
+    if left <= 0:
         return None
-    solved = {np.asarray(branch.q_goal).tobytes(): one for branch, one in zip(branches, solutions, strict=False)}
+    tell("the goal moved along the joint positions that reach its pose")
+    options = replace(options, guesses=(known.trajectory,), starts=1, time_limit=left)
+    return solve_minimum_time(known.problem.variant(q_goal=q), options, tell)
 
-    def known(one: MinimumTimeProblem) -> float | None:
-        solution = solved.get(np.asarray(one.q_goal).tobytes())
-        if solution is not None:
-            return solution.lower_bound
-        bound = lower_bound(one)
-        return None if bound is None else bound.duration
 
-    return soonest(problem, known, float)
+def _bound_of_all(problem: MinimumTimeProblem, solutions: list[Solution], seconds: float) -> float | None:
+    """Lower bound on the duration to any goal of the problem, tried or not [s]; None: none is known."""
+    if any(solution.lower_bound is None for solution in solutions):
+        return None
+    with stopping(seconds) as stop:
+        return _floor(problem, stop)

@@ -62,7 +62,11 @@ def write_run(
     """
     tell = tell or (lambda text: None)
     folder.mkdir(parents=True, exist_ok=True)
-    own = {name: replace(motion, model_hash=robot.model_hash) for name, motion in motions.items()}
+    own = {
+        # What a controller follows was made for its own model of the arm.
+        name: motion if name == "reference" and motion.model_hash else replace(motion, model_hash=robot.model_hash)
+        for name, motion in motions.items()
+    }
     files = [motion.save(folder / f"{name}.npz") for name, motion in own.items()]
     if "figure" in parts:
         tell("drawing the figure")
@@ -74,14 +78,14 @@ def write_run(
         files += [save_figure(figure, folder / f"figure.{suffix}") for suffix in ("png", "pdf")]
     if "report" in parts:
         tell("writing the report")
-        files.append(_write_report(folder / "report.html", robot, motions, summary, title, obstacles))
+        files.append(write_report(folder / "report.html", robot, motions, summary, title, obstacles))
     result = folder / "result.json"
     names = [path.name for path in [*files, result]]
     scene = {"obstacles": [obstacle_entry(each) for each in obstacles]} if obstacles else {}
     return [*files, save_result(result, robot, {"title": title, **summary, **scene, "files": names})]
 
 
-def _write_report(
+def write_report(
     path: Path,
     robot: Robot,
     motions: Mapping[str, Trajectory],
@@ -89,7 +93,11 @@ def _write_report(
     title: str,
     obstacles: Sequence[Obstacle],
 ) -> Path:
-    """The page of a run: its first motion is judged, the others are its ghosts."""
+    """Write the page of a run; see `write_run`. Its first motion is judged, the others are its ghosts.
+
+    Raises:
+        FileError: the folder cannot be written.
+    """
     from armdyn.show.page.course import Move
     from armdyn.show.page.facts import Facts
     from armdyn.show.page.report import Subject, report_html, report_of

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from armdyn.arguments import expect
 from armdyn.errors import ProblemError
 from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Solution, Status, solve_minimum_time
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE
@@ -36,7 +37,7 @@ def continuation(
     Raises:
         ProblemError: the problems' robots differ in their joints.
     """
-    options = options or MinimumTimeOptions()
+    options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
     names = [problem.robot.joint_names for problem in problems]
     for k, own in enumerate(names):
         if own != names[0]:

@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from armdyn.arguments import expect, number, several
+from armdyn.arguments import listener, number, several
 from armdyn.brief import brief
 from armdyn.control import Loop, Lqr, Run
-from armdyn.control.loop.law import Controller
+from armdyn.control.loop.law import Controller, expect_controller
+from armdyn.control.loop.loop import expect_loop
 from armdyn.control.tracking.setup import Setup
 from armdyn.errors import ProblemError
-from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.robots.robot import Robot, expect_robot, expect_robots
 from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Solution, Status
 from armdyn.optimal.problem.problem import expect_problem
 from armdyn.studies.continuation import continuation
@@ -151,32 +152,22 @@ def reserve_curve(
         ProblemError: no problem; no reserve; something does not fit the robot.
     """
     expect_problem(problem)
-    tell = progress or (lambda text: None)
+    tell, loop = listener(progress), expect_loop(loop, Loop())
     levels = sorted({number(r, f"reserves[{i}]") for i, r in enumerate(several(reserves, "reserves"))})
     if not levels or not 0 <= levels[0] <= levels[-1] < 1:
         raise ProblemError(f"reserves are {tuple(levels)}; expected one or more, each at least 0 and below 1")
     whole = problem.variant(reserve=0.0, velocity_reserve=0.0)
     robot = replace(problem.robot, limits=whole.limits)  # feedback has all of what the problem has
-    arms = likely_plants(robot) if plants is None else tuple(expect_robot(plant) for plant in plants)
-    laws = (Lqr(),) if controllers is None else tuple(controllers)
+    arms = likely_plants(robot) if plants is None else expect_robots(plants, "plants")
+    followed_by = (Lqr(),) if controllers is None else several(controllers, "controllers")
+    laws = tuple(expect_controller(law, f"controllers[{i}]") for i, law in enumerate(followed_by))
     found = continuation([problem.variant(reserve=r) for r in levels], options, tell)
     solutions = {r: s for r, s in zip(levels, found, strict=False) if s.usable and s.status is not Status.INTERRUPTED}
     rows = []
     for controller in laws:
         for r, solution in solutions.items():
             tell(f"{type(controller).__name__}, reserve {r:g}")
-            setup = Setup.of(
-                robot, solution.trajectory, expect_law(controller), loop or Loop(), duration=duration, tolerance=0.005
-            )
+            setup = Setup.of(robot, solution.trajectory, controller, loop, duration=duration, tolerance=0.005)
             runs = tuple(setup.run(arm) for arm in arms)
             rows.append(Settling(r, controller, solution.duration, tuple(run.settled_time for run in runs), runs))
     return ReserveCurve(tuple(rows), solutions, arms)
-
-
-def expect_law(controller: object) -> Controller:
-    """The controller.
-
-    Raises:
-        ProblemError: it is none.
-    """
-    return expect(controller, Controller, "controllers", "Lqr(), ComputedTorque() or Pid(gains)")  # type: ignore[type-abstract]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armdyn.arguments import flag
 from armdyn.errors import MissingPackageError, TrajectoryError
 
 if TYPE_CHECKING:
@@ -102,7 +103,7 @@ def mjcf(samples: Samples, motors: bool) -> str:
     """See `Samples.to_mjcf`; its elements are those of https://mujoco.readthedocs.io/en/stable/XMLreference.html."""
     names = [_attribute(name) for name in _names(samples)]
     lines = [f"<mujoco model={_attribute(samples.name or 'motion')}>"]
-    if motors:
+    if flag(motors, "motors"):
         lines += ["  <actuator>", *(f"    <motor name={name} joint={name}/>" for name in names), "  </actuator>"]
     lines.append("  <keyframe>")
     for t, q, v, tau in zip(*(getattr(samples, what).tolist() for what in ("t", "q", "v", "tau")), strict=True):

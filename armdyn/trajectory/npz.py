@@ -24,6 +24,9 @@ _TEXTS = ("format", "units", "name", "model_hash")
 
 MAX_BYTES = 256 * 2**20
 """A trajectory whose arrays are larger is neither saved nor loaded [bytes]: 1.5 million samples of seven joints."""
+MAX_NUMBER = 1e12
+"""Largest number in a motion's file, in SI units: of a larger position [rad] less than 0.1 mrad is known, and what is
+computed of 1e308 overflows."""
 
 _HEADS = 2**20
 """That its file may have beside the arrays [bytes]."""
@@ -39,6 +42,7 @@ def write(
     joint_names: Sequence[str],
 ) -> Path:
     """Write a trajectory's arrays and texts; see `Trajectory.save`."""
+    path = path_of(path, "path of a trajectory", error=TrajectoryError)
     if sum(array.nbytes for array in arrays.values()) > MAX_BYTES:
         raise TrajectoryError(f"{path}: {arrays['t'].size} samples are more than {MAX_BYTES} bytes")
     said = {"format": _FORMAT, "units": _UNITS, **texts}
@@ -63,6 +67,8 @@ def read(path: str | os.PathLike[str], make: Callable[..., Made]) -> Made:
         raise TrajectoryError(str(error)) from None
     except TrajectoryError as error:
         raise TrajectoryError(f"{path}: {str(error)[:_LONGEST]}") from None
+    except zipfile.BadZipFile:
+        raise TrajectoryError(f"{path}: not a readable npz trajectory (it is no .npz file, or is cut off)") from None
     except Exception as error:  # a damaged file sets off all that zipfile, zlib and numpy can raise
         raise TrajectoryError(f"{path}: not a readable npz trajectory ({str(error)[:_LONGEST]})") from None
 
@@ -90,6 +96,23 @@ def numbers_of(file: zipfile.ZipFile, name: str) -> NDArray[np.float64]:
     return array.astype(float)
 
 
+def bounded(array: NDArray[np.float64], name: str) -> NDArray[np.float64]:
+    """A file's numbers, none of them too large to be reckoned with.
+
+    Args:
+        array: its first axis the samples.
+        name: of the array.
+
+    Raises:
+        TrajectoryError: one is; those that are not finite are for who makes a motion of them.
+    """
+    large = np.argwhere(np.isfinite(array) & (np.abs(array) > MAX_NUMBER))
+    if large.size:
+        value = array[tuple(large[0])]
+        raise TrajectoryError(f"{name} is {value:g} in sample {large[0][0]}; the most is {MAX_NUMBER:g}")
+    return array
+
+
 def _read(file: zipfile.ZipFile, make: Callable[..., Made]) -> Made:
     """What an npz file holds."""
     found = file.namelist()
@@ -112,12 +135,15 @@ def _read(file: zipfile.ZipFile, make: Callable[..., Made]) -> Made:
         raise TrajectoryError(f"joint_names has shape {names.shape}; expected (joints,)")
     if sum(_count(file, field) for field in _ARRAYS) * np.dtype(float).itemsize > MAX_BYTES:  # bytes become floats
         raise TrajectoryError(f"larger than {MAX_BYTES} bytes")
-    return make(
+    made = make(
         **{field: _member(file, field) for field in _ARRAYS},
         joint_names=tuple(map(str, names)),
         name=str(_member(file, "name", text=True)),
         model_hash=str(_member(file, "model_hash", text=True)) if new else "",
     )
+    for field in _ARRAYS:
+        bounded(getattr(made, field), field)
+    return made
 
 
 def _count(file: zipfile.ZipFile, name: str, text: bool = False) -> int:

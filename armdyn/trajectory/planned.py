@@ -108,7 +108,10 @@ def read_planned(path: str | os.PathLike[str], joint_names: Sequence[str]) -> Pl
     missing = [what for what in ("t", "q") if what not in found]
     if missing:
         raise TrajectoryError(f"{file}: there is no {' and no '.join(missing)}; {_usage()}")
-    return Planned(**found)
+    try:
+        return Planned(**{what: npz.bounded(array, what) for what, array in found.items()})
+    except TrajectoryError as error:
+        raise TrajectoryError(f"{file}: {error}") from None
 
 
 def _usage() -> str:

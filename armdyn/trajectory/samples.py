@@ -84,7 +84,7 @@ class Samples:
 
         Raises:
             DiskFullError: there is no room for it.
-            OSError: the folder cannot be written.
+            FileError: the folder cannot be written.
         """
         return write_whole(path, formats.csv_text(self).encode())
 

@@ -161,7 +161,7 @@ class Trajectory:
 
         Raises:
             DiskFullError: there is no room for it.
-            OSError: the folder cannot be written.
+            FileError: the folder cannot be written.
             TrajectoryError: it is larger than `MAX_BYTES`.
         """
         texts = {"name": self.name, "model_hash": self.model_hash}

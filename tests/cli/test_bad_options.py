@@ -1,11 +1,14 @@
 """What people type by mistake: exit code 2 and a message, before anything is solved."""
 
+import json
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 import armdyn as ad
 from armdyn.cli.app import app
+from cli.command import run_here
 
 POSES = ["--q-start", "--q-goal", "--via"]
 RESERVES = ["--reserve", "--velocity-reserve"]
@@ -86,3 +89,23 @@ def test_what_numbers_cannot_hold_is_bad_input(run, arguments):
     done = run(*arguments)
     assert done.exit_code == 2, done.output
     assert "internal error" not in done.output and done.output.strip()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("mintime", "rr", "--starts", "1000000000"), "--starts is 1000000000; it must be at most 100000"),
+        (("sweep", "rr", "--payload", "0", "--starts", "100001"), "--starts is 100001; it must be at most 100000"),
+        (("monte-carlo", "rr", "--count", str(10**12)), "--count is 1000000000000; it must be at most 1000000"),
+        (("mintime", "rr", "--seed", "-1"), "--seed is -1; it must be at least 0"),
+        (("export", "motion.csv"), "motion.csv is no .npz file; armdyn export takes the trajectory.npz that armdyn"),
+    ],
+)
+def test_what_is_too_much_is_said_by_its_option(arguments, message, tmp_path):
+    done = run_here(*arguments, "--json", "--out", tmp_path)
+    assert done.returncode == 2 and json.loads(done.stdout)["message"].startswith(message)
+
+
+def test_a_long_path_is_not_echoed_whole():
+    done = run_here("mintime", "rr", "--out", 40 * f"/{250 * 'a'}", "--json")
+    assert done.returncode == 2 and len(json.loads(done.stdout)["message"]) < 500

@@ -214,7 +214,17 @@ def test_not_converged_is_exit_3(tmp_path):
 @pytest.mark.slow
 def test_interrupt_is_exit_130_with_partial_results(tmp_path):
     # With 1 kg no search of so many guesses says early that it has seen enough: it takes minutes.
-    arguments = ["mintime", "rrr", "--payload", "1", "--starts", "5000", "--out", str(tmp_path / "run"), "--json"]
+    arguments = [
+        "mintime",
+        "rrr",
+        "--payload",
+        "1",
+        "--starts",
+        "5000",
+        "--out",
+        str(tmp_path / "run"),
+        "--json",
+    ]
     process = subprocess.Popen([*COMMAND, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     while not psutil.Process(process.pid).children() and process.poll() is None:  # the search has no workers yet
         time.sleep(0.05)

@@ -101,6 +101,36 @@ def test_a_job_in_the_background_hears_nothing():
     assert done.returncode == 0 and done.stdout.startswith("armdyn ")
 
 
+def test_a_line_says_what_is_still_being_finished():
+    then = (
+        "from armdyn.cli.console import working\n    from armdyn.optimal.problem.stop import stopping\n    import time"
+    )
+    then += "\n    with working('the motion', True), stopping(60):\n        press_again()\n        time.sleep(1.5)"
+    press = "press_again = lambda: os.kill(os.getpid(), signal.SIGINT)\nmodels.Robot.from_spec"
+    code = AT_CALL.replace("    os.kill(os.getpid(), signal.SIGINT)\n", "").replace("models.Robot.from_spec", press)
+    done = python(code.format(then=then))
+    line = "armdyn: interrupted; still finishing the motion (Ctrl-C again ends it at once)\n"
+    assert done.stderr.startswith(line)
+
+
+def test_a_second_one_ends_what_knows_no_signals():
+    then = "import ctypes, subprocess\n    from armdyn.optimal.problem.stop import stopping\n    with stopping(60):"
+    then += "\n        signal.pthread_sigmask(signal.SIG_BLOCK, {{signal.SIGINT}})  # of the main thread alone"
+    then += "\n        again = f'for k in 1 2; do sleep 1; kill -INT {os.getpid()}; done'"
+    then += "\n        subprocess.Popen(['sh', '-c', again])\n        ctypes.CDLL(None).sleep(100)"
+    then = then.replace("{{", "{").replace("}}", "}")
+    code = AT_CALL.replace("    os.kill(os.getpid(), signal.SIGINT)\n", "")
+    done = python(code.format(then=then))
+    assert done.returncode == 130 and done.stderr.endswith("armdyn: interrupted\n")
+
+
+def test_the_suite_hears_ctrl_c_also_where_it_is_ignored_by_inheritance():
+    own = f"{__file__}::test_within_a_command[pass]"
+    command = ["sh", "-c", 'trap "" INT; exec "$@"', "sh", sys.executable, "-m", "pytest", "-q", "-n", "0", own]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stdout
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("arguments", [["doctor"], ["--help"]], ids=str)
 def test_at_twenty_moments(arguments):

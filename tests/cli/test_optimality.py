@@ -92,3 +92,29 @@ def test_what_is_no_motion(motion, here, arguments, words):
     (here / "bad.csv").write_text("x,y\n1,2\n")
     (here / "moveit.json").write_text(json.dumps({"joint_names": ["a", "b"], "points": [{}, {}]}))
     assert words in answer(run_here("optimality", *arguments, *QUICK), 2)["message"]
+
+
+@pytest.mark.parametrize("column", [1, 2])
+@pytest.mark.parametrize("value", ["1e308", "-1e308", "1e13"])
+def test_numbers_that_nobody_can_reckon_with(motion, here, column, value):
+    rows = [[str(x) for x in (t, *q)] for t, q in zip(motion.t, motion.q, strict=True)]
+    rows[5][column] = value
+    (here / "large.csv").write_text("\n".join(",".join(row) for row in [["t", "q1", "q2"], *rows]))
+    told = answer(run_here("optimality", "rr", "large.csv", *QUICK), 2)
+    assert told["message"] == f"large.csv: q is {float(value):g} in sample 5; the most is 1e+12"
+
+
+def test_an_own_file_with_such_a_number(motion, here):
+    fields = dict(np.load(motion.save(here / "own.npz")))
+    fields["t"][-1] = 1e308
+    np.savez(here / "large.npz", **fields)
+    assert "the most is 1e+12" in answer(run_here("optimality", "rr", "large.npz", *QUICK), 2)["message"]
+
+
+def test_a_planner_is_measured_by_the_accelerations_that_it_had_to_keep(motion, here):
+    motion.save(here / "own.npz")
+    free, bound = (
+        answer(run_here("optimality", "rr", "own.npz", *QUICK, *limit))["optimal_duration"]
+        for limit in ((), ("--acceleration-limit", "30"))
+    )
+    assert 2 * np.sqrt(1.7 / 30) < bound < motion.duration and free < 0.7 * bound

@@ -251,3 +251,29 @@ def test_bad_input(tracked, tmp_path):
     ad.ramp(ad.Robot.from_spec(ad.ArmSpec.paper("r")), [0.0], [1.0], 0.5).save(tmp_path / "one.npz")
     told = answer(run_here("compare", tracked, tmp_path / "one.npz", "--json"), 2)
     assert "one arm only" in told["message"]
+
+
+def test_a_file_that_a_result_names_is_the_arm_if_it_is_the_very_one(tracked, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    answer(run_here("urdf", "rr", "--out", ".", "--json"))
+    poses = ("--q-start=-90deg,0", "--q-goal=-80deg,5deg")
+    answer(
+        run_here("mintime", "rr.urdf", *poses, "--starts", "1", "--no-figure", "--no-report", "--json", "--out", "a")
+    )
+    motion = ad.Trajectory.load("a/trajectory.npz")
+    table = np.column_stack([motion.t, motion.q])[np.concatenate([[True], np.diff(motion.t) > 1e-6])]
+    np.savetxt("other.csv", table, delimiter=",", header="t,q1,q2", comments="")
+    told = answer(run_here("compare", "a", "other.csv", "--json", "--out", "both"))
+    assert told["warnings"] == [] and len(told["motions"]) == 2
+    (tmp_path / "rr.urdf").write_text((tmp_path / "rr.urdf").read_text().replace('mass value="', 'mass value="1'))
+    done = run_here("compare", "a", "other.csv", "--json", "--out", "both")
+    assert "rr.urdf is not the arm that moved" in answer(done, 2)["warnings"][0]
+
+
+def test_a_motion_stands_beside_its_tracking_on_another_arm(tracked, tmp_path):
+    fast = ("--no-figure", "--no-report", "--json")
+    loop = ("--payload", "0.1", "--ramp", "0.5", "--plant-payload", "0.12")
+    answer(run_here("track", "rr", *loop, *fast, "--out", tmp_path / "real"))
+    for order in ((tracked, tmp_path / "real"), (tmp_path / "real", tracked)):
+        told = answer(run_here("compare", *order, "--json", "--out", tmp_path / "both"))
+        assert not any("another arm" in warning for warning in told["warnings"])

@@ -5,18 +5,22 @@ import re
 import shutil
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 
 import casadi as ca
 import numpy as np
+import psutil
 import pytest
 
 from armdyn.dynamics import Dynamics
 from armdyn.errors import ArmdynWarning
 from armdyn.files import write_sealed
+from armdyn.machine.cache import protected
 from armdyn.machine.compiled import compiled
 from armdyn.machine.deadline import NoTimeError, until
+from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.assembly import build_nlp
 from armdyn.optimal.task.scheme import Scheme
 from damaged_cache import DAMAGES, fuzz_cache, planted
@@ -302,3 +306,45 @@ def test_a_compiler_that_takes_too_long_is_left(own_cache, monkeypatch, tmp_path
     with until(time.perf_counter() + 0.2), pytest.raises(NoTimeError):
         compiled([function()], True)
     assert not any(own_cache.iterdir())
+
+
+def test_a_compiler_that_is_stopped_leaves_no_child(own_cache, monkeypatch, tmp_path):
+    child = tmp_path / "child"
+    monkeypatch.setenv("CC", script(tmp_path / "compiler", f"sleep 300 & echo $! > {child}; wait"))
+    monkeypatch.setattr("armdyn.machine.compiled._EACH", 0.0)
+    with until(time.perf_counter() + 1.0), pytest.raises(NoTimeError):
+        compiled([function()], True)
+    assert_ended(int(child.read_text()))
+
+
+def assert_ended(process, deadline=5.0):
+    until = time.monotonic() + deadline
+    while psutil.pid_exists(process) and psutil.Process(process).status() != psutil.STATUS_ZOMBIE:
+        assert time.monotonic() < until
+        time.sleep(0.01)
+
+
+def test_the_builder_in_the_background_leaves_no_child(own_cache, tmp_path):
+    child, library = tmp_path / "child", own_cache / "some.so"
+    compiler = script(tmp_path / "compiler", f"sleep 300 & echo $! > {child}; wait")
+    protected(own_cache)
+    code = "from armdyn.machine import builder, compiled; compiled._TIMEOUT = 0.5; builder.main()"
+    subprocess.run([sys.executable, "-c", code], input=f"{compiler}\n{library}\nint x;", text=True, timeout=60)
+    assert_ended(int(child.read_text()))
+
+
+def test_a_compiler_has_one_gibibyte(tmp_path, monkeypatch):
+    takes = f"exec {sys.executable} -c 'bytearray({{}} * 2**20)'"
+    for size, ends in ((1100, "exit 1"), (600, "exit 0")):
+        monkeypatch.setattr("armdyn.machine.compiled._told", set())
+        monkeypatch.setenv("CC", script(tmp_path / f"compiler{size}", takes.format(size)))
+        with pytest.warns(ArmdynWarning, match=ends):
+            compiled([function()], True)
+
+
+def test_an_interrupt_stops_the_compiler(own_cache, monkeypatch, tmp_path):
+    monkeypatch.setenv("CC", script(tmp_path / "compiler", "exec sleep 60"))
+    stop = Stop()
+    threading.Timer(0.3, stop.interrupt).start()
+    with until(np.inf, lambda: stop.interrupted), pytest.raises(NoTimeError):
+        compiled([function()], True)

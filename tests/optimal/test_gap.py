@@ -34,7 +34,8 @@ def test_an_optimum_has_ratio_one_and_no_idle_joint():
     assert result.ratio == pytest.approx(1, abs=1e-8)  # the same deterministic solve, of the same problem
     assert result.gap == pytest.approx(0, abs=1e-8)
     assert result.feasible
-    assert result.replay_error < 1e-6
+    assert result.replay_error < 1e-6 and 1 < result.growth < 1e4 and "unstable" not in str(result)
+    assert "unstable open loop (growth 2e+06)" in str(replace(result, growth=2e6))
     assert np.all(result.idle < 1e-3)  # bang-bang: a torque jumps over the middle of its range in no time
     assert all(not spans or max(b - a for a, b in spans) < 1e-3 for spans in result.idle_intervals)
 

@@ -145,8 +145,8 @@ def test_two_links_land_when_replayed():
     # Best known 0.21067170 s: a local solution may be slower, none may be faster.
     assert solution.duration > 0.2106717
     replay = ad.replay_torques(solution.problem.robot, solution.trajectory)
-    assert np.max(np.abs(replay.q[-1] - solution.problem.q_goal)) == pytest.approx(solution.replay_error, rel=1e-6)
-    assert solution.replay_error < 1e-3
+    # What is claimed is no better than this, and to what two integrators agree.
+    assert np.max(np.abs(replay.q[-1] - solution.problem.q_goal)) <= solution.replay_error < 1e-9
     assert np.max(np.abs(solution.trajectory.tau)) <= 3 * (1 + 1e-7)  # IPOPT's relaxed bounds
 
 

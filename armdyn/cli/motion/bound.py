@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from operator import attrgetter
-
 import armdyn as ad
 from armdyn.cli.console import answering, console, facts_table, working
 from armdyn.cli.options.course import CourseOptions
@@ -25,7 +23,9 @@ def bound(
     """A duration that no motion between two poses beats, proven.
 
     Velocity limits alone give one; torque limits add what speeding up and slowing down cost at least. All is
-    computed in intervals, rounded outward, in less than a second; no motion is searched for. Without velocity
+    computed in intervals, rounded outward; no motion is searched for. With --goal-pose the bound holds for all joint
+    positions within the limits that reach the pose, with --wrap for all ways round. It takes less than a second, for a
+    goal pose of six or seven joints some seconds. Without velocity
     limits there is no such bound, which is no error: the exit code is 0.
 
     [dim]armdyn bound panda --q-start ready --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5
@@ -33,12 +33,11 @@ def bound(
     """
     with answering(json) as answer:
         from armdyn.optimal.answer.summary import reserve_summary
-        from armdyn.optimal.bound.lower_bound import soonest
 
         problem, _ = problem_asked(robot, goal, payload, joints, course)
         arm = problem.robot
         with working(f"lower bound of {arm.name}", json):
-            found = soonest(problem, ad.lower_bound, attrgetter("duration"))
+            found = ad.lower_bound(problem)
         status = "unbounded" if found is None else "bounded"
         answer.facts |= {"success": True, "status": status, "files": []}
         answer.facts |= {"robot": arm.name, **friction_facts(arm), "reserve": reserve_summary(problem), **_facts(found)}

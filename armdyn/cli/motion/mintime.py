@@ -126,7 +126,7 @@ def mintime(
     """Fastest motion between two poses that the actuators allow.
 
     Searches many guesses, resolves the best to exact switching times, replays the torques through
-    Pinocchio's forward dynamics by an independent integrator, and checks Pontryagin's conditions.
+    Pinocchio's forward dynamics by two independent integrators, and checks Pontryagin's conditions.
     Where velocity limits shape the motion, and beyond three joints, it is a smooth curve that keeps all limits
     between its points, too, and a proven lower bound stands beside its duration.
     Exit code 0 means that the motion is usable: it lands and keeps its limits. 3: it is not, and the output says

@@ -11,6 +11,7 @@ import typer
 import armdyn as ad
 from armdyn.cli.console import INTERRUPTED, NOT_USABLE, answering, console, facts_table, working
 from armdyn.cli.motion.mintime import SolverOptions
+from armdyn.cli.options.course import RateOptions
 from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
@@ -32,6 +33,7 @@ def optimality(
     ],
     payload: PayloadOptions,
     joints: FastJointOptions,
+    rates: RateOptions,
     search: SolverOptions,
     results: ResultOptions,
 ) -> None:
@@ -41,7 +43,8 @@ def optimality(
     what the fastest motion takes. Torques that the file does not have come from inverse dynamics, velocities from a
     cubic spline, accelerations from differences. Joints of a ROS 2 message come in any order. Obstacles and a path that
     was to be kept are not looked at: the fastest motion is free to go another way. --reserve is what the planner was to
-    leave to feedback.
+    leave to feedback; --acceleration-limit and --jerk-limit are those that it had to keep, and bind the fastest motion
+    only: whether the planner's motion keeps them is not checked.
     Exit code 3: the motion breaks a limit, or no fastest one was found to compare it with.
 
     [dim]armdyn optimality panda planned.csv
@@ -59,7 +62,7 @@ def optimality(
         motion = motion_of(arm, file)
         folder = results.folder("optimality", robot.robot, MOTIONS)
         with working(f"fastest motion of {arm.name}", json) as progress:
-            found = ad.time_optimality(arm, motion, search.options(), **joints.kept())
+            found = ad.time_optimality(arm, motion, search.options(), **joints.kept(), **rates.kept())
             summary, solution = _facts(found), found.solution
             motions = {"trajectory": replace(found.trajectory, name=file.stem)}
             if solution.moves:
@@ -115,7 +118,7 @@ def _words(found: ad.TimeOptimality) -> dict[str, str]:
     worst = found.worst_violation
     kept = "kept" if worst is None else f"{'kept to within 0.1 %' if found.feasible else 'BROKEN'}; worst: {worst}"
     words["limits"] = kept
-    words["replayed torques end"] = f"{found.replay_error:.2g} rad or m from its end"
+    words["replayed torques end"] = f"{found.replay_error:.2g} rad or m from its end{found.unstable}"
     idle = [f"{name} {100 * part:.0f} %" for name, part in zip(names, found.idle, strict=True)]
     words["on no limit"] = ", ".join(idle) + " of the time"
     return words

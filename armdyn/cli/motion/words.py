@@ -63,14 +63,14 @@ def _facts(solution: Solution) -> dict[str, str]:
     """A solution in words."""
     import numpy as np
 
+    from armdyn.optimal.answer.words import replay_words
+
     certificate = solution.certificate
     facts = {"status": str(solution.status) if solution.success else solution.message}
     if solution.success:
         facts["duration"] = f"{solution.duration:.9f} s"
     if np.isfinite(certificate.goal_error):
-        facts["replay"] = (
-            f"{certificate.goal_error:.1e} rad and {certificate.goal_velocity_error:.1e} rad/s beside the goal"
-        )
+        facts["replay"] = f"{replay_words(certificate)}; velocity within {certificate.goal_velocity_error:.1e} rad/s"
     facts |= _verdict_facts(solution) | _course(solution)
     if solution.local_optima:
         others = ", ".join(f"{x:.4f}" for x in solution.local_optima[:5])
@@ -91,8 +91,11 @@ def _verdict_facts(solution: Solution) -> dict[str, str]:
     from armdyn.optimal.proof.certificate import percent
 
     certificate = solution.certificate
-    facts = {"usable": "yes: it lands and keeps its limits" if solution.usable else "NO"}
-    if solution.usable:
+    how = "yes" if certificate.replay == "open loop" else "yes, under feedback"
+    facts = {"usable": f"{how}: it lands and keeps its limits" if solution.usable else "NO"}
+    if solution.feasible and solution.problem.unheld is not None:
+        facts["usable"] = f"NO: the arm cannot stay at the goal: {solution.problem.unheld.words}"
+    if solution.feasible:
         facts["certified"] = "yes" if solution.certified else "; ".join(("no", *certificate.reasons))
     if solution.arcs:
         adjoint = certificate.adjoint_error

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import typer
@@ -20,6 +20,36 @@ if TYPE_CHECKING:
 
 SHAPES = {"box": (3, 1), "sphere": (1, 1), "capsule": (1, 2)}
 """How many sizes and how many places a shape has."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RateOptions:
+    """Limits of acceleration and jerk: the texts of the options."""
+
+    panel: ClassVar[str] = LIMITS
+
+    acceleration_limit: Annotated[
+        str | None,
+        typer.Option(metavar="A[,A…]", help="Acceleration limits \\[rad/s²]; by default none."),
+    ] = None
+    jerk_limit: Annotated[
+        str | None,
+        typer.Option(
+            metavar="J[,J…]",
+            help="Jerk limits \\[rad/s³]: the torque no longer jumps. By default none.",
+        ),
+    ] = None
+
+    def kept(self) -> dict[str, Any]:
+        """The arguments of a `MinimumTimeProblem` that they are.
+
+        Raises:
+            ProblemError: a text is not what its option takes.
+        """
+        return {
+            "acceleration_limit": one_or_more(self.acceleration_limit, "--acceleration-limit"),
+            "jerk_limit": one_or_more(self.jerk_limit, "--jerk-limit"),
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,19 +78,7 @@ class CourseOptions:
         bool, typer.Option("--self-collision", help="Keep the arm's links clear of each other, too.")
     ] = False
     clearance: Annotated[float, typer.Option(metavar="M", help="From obstacles, and between links \\[m].")] = 0.005
-    acceleration_limit: Annotated[
-        str | None,
-        typer.Option(metavar="A[,A…]", help="Acceleration limits \\[rad/s²]; by default none.", rich_help_panel=LIMITS),
-    ] = None
-    jerk_limit: Annotated[
-        str | None,
-        typer.Option(
-            metavar="J[,J…]",
-            help="Jerk limits \\[rad/s³]: the torque no longer jumps. By default none.",
-            rich_help_panel=LIMITS,
-        ),
-    ] = None
-
+    rates: RateOptions = field(default_factory=RateOptions)
     limit: Limits = None
 
     def asked(self, robot: Robot) -> dict[str, Any]:
@@ -77,8 +95,7 @@ class CourseOptions:
             "obstacles": obstacles_of(self.obstacle or ()),
             "self_collision": self.self_collision,
             "clearance": self.clearance,
-            "acceleration_limit": one_or_more(self.acceleration_limit, "--acceleration-limit"),
-            "jerk_limit": one_or_more(self.jerk_limit, "--jerk-limit"),
+            **self.rates.kept(),
             "conditions": limits_of(self.limit or ()),
         }
 

@@ -114,10 +114,11 @@ class ResultOptions:
         *,
         tell: Callable[[str], None],
     ) -> Written:
-        """Write what was asked for of motions; see `write_run`."""
+        """Write what was asked for of motions; see `write_run`. After Ctrl-C nothing is drawn, which takes seconds."""
         from armdyn.show.report import write_run
 
         begun = time.perf_counter()
         known = {**summary, **asked()}
-        files = write_run(folder, robot, motions, known, title, obstacles, parts=self._parts, tell=tell)
+        parts = [] if summary.get("status") == "interrupted" else self._parts
+        files = write_run(folder, robot, motions, known, title, obstacles, parts=parts, tell=tell)
         return Written(files=files, seconds=time.perf_counter() - begun)

@@ -55,6 +55,12 @@ def asked() -> dict[str, object]:
     return {"asked": {"command": shlex.join(words), "options": {name: plain(values[name]) for name in parameters}}}
 
 
+def is_given(name: str) -> bool:
+    """Whether the command that is running has an option of this name, which is not as by default."""
+    now = _RUNNING.get()
+    return now is not None and name in now[2] and now[2][name] != now[1][name].default
+
+
 def _typed(name: str, hint: Any, value: object) -> list[str]:
     """A parameter as it is typed."""
     values = list(value) if isinstance(value, (list, tuple)) else [value]

@@ -45,13 +45,20 @@ def read_moves(paths: Sequence[Path], wanted: Wanted) -> tuple[Subject, list[Mov
     moves = _named(results)
     if (robot := subject.robot) is not None:
         moves = [move if move.facts.values else replace(move, facts=checked(robot, move.motion)) for move in moves]
+        first, arms = _arms(results[0]), {"", robot.model_hash}
+        arms |= first if robot.model_hash in first else set()
         for one in results:
-            if one.motion.model_hash not in ("", robot.model_hash):
+            if not arms & _arms(one):
                 _warn(f"{one.path}: was computed for another arm, payload or friction than {subject.name}'s")
     if len(results) == 1 and results[0].reference is not None:
         return subject, [*moves, Move(results[0].reference.name or "reference", results[0].reference, Facts())]
     _tell_other_tasks(moves)
     return subject, moves
+
+
+def _arms(one: Saved) -> set[str]:
+    """`Robot.model_hash` of the arm that moved, and of the controller's model of it."""
+    return {one.motion.model_hash} | ({one.reference.model_hash} if one.reference else set())
 
 
 def _subject(paths: Sequence[Path], own: Sequence[Saved], wanted: Wanted) -> Subject:

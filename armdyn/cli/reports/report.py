@@ -83,8 +83,8 @@ def report(
     """One HTML page of saved results: the arm, its curves, and what is to be said of them.
 
     mintime, pid and track write it by themselves. Of several results the first is judged, and the others are its
-    ghosts. It is written beside a single result, else to results/report-ROBOT. Nothing in a result is executed; a robot
-    that is a file is not read because a result names it: name it by --robot.
+    ghosts. It is written beside a single result, else to results/report-ROBOT. Nothing in a result is executed. A
+    robot's file that a result names is drawn where it is here and makes the very arm that moved; else give --robot.
 
     [dim]armdyn report results/mintime-rr
     armdyn report results/mintime-rr results/pid-rr --until 0.5 --out results/both[/]

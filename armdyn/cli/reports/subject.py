@@ -1,7 +1,7 @@
 """The robot that moved, made again from what a result says of it, or from its name.
 
-A result may come from a stranger: a robot is made from a name that comes with armdyn, never from a path that a result
-names.
+A result may come from a stranger: a robot is made from a name that comes with armdyn, and from a file that a result
+names only if it makes the very arm that moved.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 import warnings
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from armdyn.models.scene.obstacles import Obstacle
 
 _NAME = re.compile(r"[a-z0-9_]{1,80}")
+_ROBOT_FILES = (".urdf", ".xml", ".mjcf")
 _MOST_OBSTACLES, _MOST_LOCKS = 200, 400
 
 
@@ -62,7 +64,8 @@ def subject_of(saved: Saved, wanted: Wanted) -> Subject:
 
     Args:
         saved: the result.
-        wanted: the robot as a user names it; else the one that the result names, if it comes with armdyn.
+        wanted: the robot as a user names it; else the one that the result names, if it comes with armdyn, or is a
+            file here that makes the very arm that moved.
 
     Raises:
         ArmdynError: the robot that the user named is none, or has other joints.
@@ -71,7 +74,7 @@ def subject_of(saved: Saved, wanted: Wanted) -> Subject:
         ArmdynWarning: the robot is not at hand.
     """
     options, model = saved.facts.part("asked").part("options"), saved.facts.part("model")
-    named = wanted.robot or _known(options.text("robot"))
+    named = wanted.robot or _known(options.text("robot")) or _file(options.text("robot"))
     count = saved.motion.v.shape[1]
     joints = saved.motion.joint_names or tuple(model.texts("joints")) or tuple(f"joint{k + 1}" for k in range(count))
     limits = _limits(model, count)
@@ -91,6 +94,9 @@ def subject_of(saved: Saved, wanted: Wanted) -> Subject:
         _warn(saved, f"the robot {named} cannot be made again, so that it is not drawn ({error})")
         return bare
     arm = arm if limits is None else replace(arm, limits=limits)
+    if wanted.robot is None and _file(named) and arm.model_hash != saved.motion.model_hash:
+        _warn(saved, f"{named} is not the arm that moved, so that it is not drawn: name the robot by --robot")
+        return bare
     return Subject.of(arm, obstacles_in(saved.facts))
 
 
@@ -101,6 +107,11 @@ def _warn(saved: Saved, what: str) -> None:
 def _known(name: str) -> str | None:
     """A name such as robots that come with armdyn have."""
     return name if _NAME.fullmatch(name) else None
+
+
+def _file(name: str) -> str | None:
+    """A file with a robot that is here."""
+    return name if name.lower().endswith(_ROBOT_FILES) and Path(name).is_file() else None
 
 
 def _built(name: str, facts: Facts, wanted: Wanted) -> Robot:
@@ -115,7 +126,7 @@ def _built(name: str, facts: Facts, wanted: Wanted) -> Robot:
     part = PartOptions(lock=locked or None, part=options.text("part") or None)
     if wanted.part.lock or wanted.part.part:
         part = wanted.part
-    if wanted.robot is not None or name in PAPER_ARMS:
+    if wanted.robot is not None or name in PAPER_ARMS or _file(name):
         arm = part.read(name, carried)
     else:
         arm = Robot.from_library(name, carried, part.locks(), arm=part.ends())

@@ -109,7 +109,7 @@ def run_file(path: str, options: StudyOptions, results: SweepResults, answer: An
         if options.parquet:
             files.append(write_parquet(rows, folder / "rows.parquet"))
         table = [flat(row) for row in rows.rows()] if sum(run.counts.values()) <= _MOST_DRAWN else []
-    if not results.no_figure and table:
+    if table and not (results.no_figure or run.interrupted):
         files += _drawn(study, table, folder, Path(path).stem)
     _answered(answer, study, run, files)
     if not results.output.json:

@@ -56,7 +56,7 @@ def sweep(
 
     A STUDY.toml says all of its motions itself: options of task, robot, limits and solver are for a ROBOT. Its cases
     are done side by side, on this machine or on a Dask cluster. Each row is on disk as soon as it has ended. Ctrl-C
-    leaves the tables and figures of the rows that there are; the same command goes on where it was stopped or killed.
+    leaves the tables of the rows that there are; the same command goes on where it was stopped or killed.
     Exit code 3: some cases were refused, are not usable, or ended in an error; their rows say why.
 
     [dim]armdyn sweep rr
@@ -99,10 +99,11 @@ def sweep(
             solutions = search.solve(problems, options, progress, keep)
             rows = [sweep_row(*pair) for pair in zip(masses, solutions, strict=False)]  # fewer after Ctrl-C
             title = f"{arms[0].name}: minimum time over payload"
-            progress("writing the table" if no_figure else "writing the table and the figure")
+            status = _status(solutions, len(problems))
+            figure = not no_figure and status != "interrupted"  # who pressed Ctrl-C does not wait for it
+            progress("writing the table and the figure" if figure else "writing the table")
             written = [motions[k] for k in sorted(motions)]
-            files = write_sweep(folder, solutions, rows, written, title, figure=not no_figure)
-        status = _status(solutions, len(problems))
+            files = write_sweep(folder, solutions, rows, written, title, figure=figure)
         missing = _missing(required, masses, solutions)
         answer.facts |= {
             "success": status == "done",

@@ -96,7 +96,8 @@ def track(
             run = ad.track(arm, asked, law, real, joined, reference.duration, tolerance=reference.tolerance)
             summary = {"robot": arm.name, "reference_duration": asked.duration, **run.summary()}
             title = f"{arm.name}: {controller.controller}, {_outcome(run)}"
-            motions = {"trajectory": _until(run.trajectory, run, asked), "reference": replace(asked, name="reference")}
+            followed = replace(asked, name="reference", model_hash=arm.model_hash)
+            motions = {"trajectory": _until(run.trajectory, run, asked), "reference": followed}
             written = results.write(folder, real, motions, summary, title, tell=progress)
         answer.facts |= {**summary, **written.facts}
         answer.code = 0 if run.settled else NOT_USABLE

@@ -27,8 +27,8 @@ ROBOT = (
 )  # fmt: skip
 PROBLEM = (
     "q_start", "q_goal", "v_start", "v_goal", "effort_limit", "velocity_limit", "position_limit", "reserve",
-    "velocity_reserve", "passive", "effort_weight", "relative_effort_weight", "wrap", "goal_pose", "via", "obstacles",
-    "self_collision", "clearance", "acceleration_limit", "jerk_limit", "conditions",
+    "velocity_reserve", "passive", "effort_weight", "relative_effort_weight", "wrap", "goal_pose", "via",
+    "obstacles", "self_collision", "clearance", "acceleration_limit", "jerk_limit", "conditions",
 )  # fmt: skip
 OPTIONS = ("effort", "starts", "time_limit", "max_intervals", "seed", "smooth")
 

@@ -88,7 +88,7 @@ class Lqr:
                 limit of torque; the Riccati equation has no solution.
         """
         expect_motors(expect_robot(robot), "a linear-quadratic regulator")
-        nv, delay, reference = robot.nv, loop.delay, reference_of(robot, ticks, loop)
+        nv, reference, delay = robot.nv, reference_of(robot, ticks, loop), loop.delay
         half, plant = half_range(robot), plant_steps(robot, ticks)
         asked = (per_joint(getattr(self, name), robot.joint_names, name, error=ProblemError) for name in _WEIGHTS)
         moving = np.arange(len(ticks.q)) / ticks.rate < ticks.duration

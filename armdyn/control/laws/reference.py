@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from armdyn.control.loop.loop import Loop
+from armdyn.arguments import expect
+from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.loop.ticks import Ticks
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
@@ -48,6 +49,8 @@ def reference_of(robot: Robot, ticks: Ticks, loop: Loop) -> Reference:
     Raises:
         ProblemError: another number of joints; another rate than the loop's.
     """
+    expect_loop(loop)
+    expect(ticks, Ticks, "ticks", "Ticks.of(robot, reference, loop.rate)")
     if ticks.q.shape[1] != robot.nv:
         raise ProblemError(f"the reference has {ticks.q.shape[1]} joints; {robot.name} has {robot.nv}")
     if ticks.rate != loop.rate:

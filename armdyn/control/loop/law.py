@@ -7,11 +7,15 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.arguments import expect, shown
 from armdyn.control.loop.loop import Loop
 from armdyn.control.loop.ticks import Ticks
+from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 
 Array = NDArray[np.float64]
+
+_SUCH_AS = "Lqr(), ComputedTorque() or Pid(gains)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,3 +53,14 @@ class Controller(Protocol):
         Raises:
             ProblemError: it does not fit the robot, or the loop.
         """
+
+
+def expect_controller(controller: object, name: str = "controller") -> Controller:
+    """The controller.
+
+    Raises:
+        ProblemError: it is none, or the class of one.
+    """
+    if isinstance(controller, type):  # whose law is a function, too, but takes the controller first
+        raise ProblemError(f"{name} is {shown(controller)}; it must be a value, {_SUCH_AS}")
+    return expect(controller, Controller, name, _SUCH_AS)  # type: ignore[type-abstract]

@@ -5,7 +5,7 @@ from typing import Literal, Self
 
 import numpy as np
 
-from armdyn.arguments import flag, number, one_of, whole
+from armdyn.arguments import expect, flag, number, one_of, whole
 from armdyn.errors import ProblemError
 
 Velocity = Literal["filtered", "observer", "exact"]
@@ -32,7 +32,8 @@ Hold = Literal["zoh", "continuous"]
 HOLDS: tuple[Hold, ...] = ("zoh", "continuous")
 
 _MOST_DELAY = 100
-_RATES = (1.0, 1e6)
+LEAST_RATE, MOST_RATE = 1.0, 1e6
+"""Of a loop [Hz]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,8 +78,8 @@ class Loop:
         one_of(self.velocity, VELOCITIES, "velocity")
         one_of(self.antiwindup, ANTIWINDUPS, "antiwindup")
         one_of(self.hold, HOLDS, "hold")
-        if not _RATES[0] <= self.rate <= _RATES[1]:
-            raise ProblemError(f"rate is {self.rate:g} Hz; expected {_RATES[0]:g} to {_RATES[1]:g} Hz")
+        if not LEAST_RATE <= self.rate <= MOST_RATE:
+            raise ProblemError(f"rate is {self.rate:g} Hz; expected {LEAST_RATE:g} to {MOST_RATE:g} Hz")
         if self.delay > _MOST_DELAY:
             raise ProblemError(f"delay is {self.delay} ticks; expected at most {_MOST_DELAY}")
         if self.hold == "continuous" and (self.delay or self.encoder or self.noise or self.velocity != "exact"):
@@ -110,3 +111,16 @@ class Loop:
         z² - (2 - l₁ - h l₂) z + 1 - l₁ = (z - pole)².
         """
         return 1 - self.pole**2, (1 - self.pole) ** 2 * self.rate
+
+
+def expect_loop(loop: object, default: Loop | None = None) -> Loop:
+    """The argument `loop`.
+
+    Args:
+        loop: as given.
+        default: what stands for None; None: nothing does.
+
+    Raises:
+        ProblemError: it is none.
+    """
+    return default if loop is None and default is not None else expect(loop, Loop, "loop", "Loop(rate=1000.0, delay=1)")

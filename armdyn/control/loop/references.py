@@ -19,8 +19,8 @@ _QUINTIC = Polynomial([0, 0, 0, 10, -15, 6])
 """From 0 to 1 with velocity and acceleration zero at both ends."""
 _PER_SECOND, _LEAST = 1000, 101
 """Samples of a ramp: its cubics are then within 1e-9 of the quintic's travel."""
-_MOST = 100.0
-"""Of a ramp's duration [s]."""
+_SHORTEST, _LONGEST = 1e-6, 100.0
+"""Of a ramp [s]."""
 _INSTANT = 1e-3
 """That a set point lasts [s]: it holds for good."""
 
@@ -35,12 +35,12 @@ def ramp(robot: Robot, q_start: ArrayLike, q_goal: ArrayLike, duration: float) -
         duration: [s].
 
     Raises:
-        ProblemError: wrong length or not finite; duration not positive or beyond 100 s.
+        ProblemError: wrong length or not finite; duration not within 1 µs to 100 s.
     """
     start, goal = pose_given(expect_robot(robot), q_start, "q_start"), pose_given(robot, q_goal, "q_goal")
     T = number(duration, "duration", unit="s", sign="positive")
-    if T > _MOST:
-        raise ProblemError(f"duration is {T:g} s; expected at most {_MOST:g} s")
+    if not _SHORTEST <= T <= _LONGEST:
+        raise ProblemError(f"duration is {T:g} s; expected {_SHORTEST:g} to {_LONGEST:g} s")
     s = np.linspace(0.0, 1.0, max(_LEAST, int(np.ceil(T * _PER_SECOND)) + 1))[:, None]
     q, v, a = (
         part * (goal - start) + offset

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import OdeSolution
 
-from armdyn.arguments import number, whole
+from armdyn.arguments import MOST_SAMPLES, number, whole
 from armdyn.brief import brief
 from armdyn.control.pid.approach import Approach
 from armdyn.control.pid.arrival import Arrival, ArrivalRule
@@ -25,6 +25,9 @@ from armdyn.models.values.per_joint import per_joint
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+
+_LONGEST = 1e4
+"""Of a simulation [s]: the integrator's most steps do not reach further."""
 
 
 @brief
@@ -86,13 +89,16 @@ class Move:
         """What was asked of a robot, checked; `v_start` None: it starts at rest.
 
         Raises:
-            ProblemError: no Robot; wrong length or not finite; duration not positive.
+            ProblemError: no Robot; wrong length or not finite; duration not positive or beyond 10,000 s.
         """
         rest = np.zeros(expect_robot(robot).nv)
         goal, start = pose_given(robot, q_goal, "q_goal"), pose_given(robot, q_start, "q_start")
         given = rest if v_start is None else v_start
         velocity = per_joint(given, robot.joint_names, "v_start", error=ProblemError, scalar=False)
-        return cls(start, goal, velocity, number(duration, "duration", unit="s", sign="positive"))
+        seconds = number(duration, "duration", unit="s", sign="positive")
+        if seconds > _LONGEST:
+            raise ProblemError(f"duration is {seconds:g} s; expected at most {_LONGEST:g} s")
+        return cls(start, goal, velocity, seconds)
 
 
 def simulate_pid(
@@ -130,8 +136,9 @@ def simulate_pid(
         dynamics: other equations of motion than the robot's own, which have its joints' friction.
 
     Raises:
-        ProblemError: no Robot; wrong length or not finite; duration or tolerance not positive; unknown form or rule;
-            fewer than two samples; dynamics without the functions that they have.
+        ProblemError: no Robot; wrong length or not finite; duration or tolerance not positive; duration beyond
+            10,000 s; unknown form or rule; less than two samples, or more than a million; dynamics without the
+            functions that they have.
     """
     move = Move.of(robot, q_start, q_goal, v_start, duration)
     arrival = Arrival(arrival_rule, arrival_tolerance)
@@ -158,9 +165,9 @@ def simulate(
         dynamics: other equations of motion than the robot's own.
 
     Raises:
-        ProblemError: the gains are for another number of joints; fewer than two samples.
+        ProblemError: the gains are for another number of joints; less than two samples, or more than a million.
     """
-    samples = whole(samples, "samples", least=2)
+    samples = whole(samples, "samples", least=2, most=MOST_SAMPLES)
     motion = motion_of(robot, dynamics)
     loop = PidLoop.of(robot, motion, controller, move.goal)
     growth = float(eigenvalues(closed_loop_matrix(motion, move.goal, controller))[0].real)

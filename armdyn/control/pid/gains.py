@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.arguments import expect, flag, number, one_of
+from armdyn.arguments import MOST_MEMBERS, expect, flag, number, one_of, whole
 from armdyn.errors import ProblemError
 from armdyn.models.values.per_joint import per_joint
 
@@ -55,6 +55,7 @@ class PidGains:
         Raises:
             ProblemError: the gains are for another number of joints.
         """
+        nv = whole(nv, "nv", least=1, most=MOST_MEMBERS)
         for name, value in vars(self).items():
             if isinstance(value, tuple) and len(value) != nv:
                 raise ProblemError(f"{name} has {len(value)} numbers; expected one, or {nv}, one per joint")

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.control.laws.linear import slopes
-from armdyn.control.loop.law import Controller, Law
-from armdyn.control.loop.loop import Loop
+from armdyn.control.loop.law import Controller, Law, expect_controller
+from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.loop.ticks import Ticks
 from armdyn.dynamics import inverse_dynamics
 from armdyn.errors import ProblemError
@@ -151,13 +151,13 @@ class Rest:
             ProblemError: the goal, the controller or the plant does not fit the robot, or the controller the loop.
         """
         expect_robot(robot)
-        arm = robot if plant is None else expect_robot(plant)
+        arm = robot if plant is None else expect_robot(plant, "plant")
         if arm.nv != robot.nv:
             raise ProblemError(f"the plant {arm.name} has {arm.nv} joints; the controller's model has {robot.nv}")
         goal = pose_given(robot, q_goal, "q_goal")
         rest = np.zeros(robot.nv)
         holding = inverse_dynamics(arm)(goal, rest, rest)
-        law = controller.law(robot, ticks_at_rest(robot, goal, loop.rate), loop)
+        law = expect_controller(controller).law(robot, ticks_at_rest(robot, goal, expect_loop(loop).rate), loop)
         return cls(
             Plant.of(arm, goal, holding),
             Plant.of(robot, goal, holding),

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.arguments import expect
 from armdyn.control.stability.sampled import SampledLoop
 from armdyn.errors import ProblemError
 
@@ -52,10 +53,9 @@ def loop_margins(loop: SampledLoop) -> tuple[Margins, ...]:
         One per joint.
 
     Raises:
-        ProblemError: the loop is unstable, and has no margins.
+        ProblemError: loop is no SampledLoop, or unstable, and has no margins.
     """
-    if loop.radius >= 1:
-        raise ProblemError(f"the loop is unstable, with a spectral radius of {loop.radius:.4g}: it has no margins")
+    _expect_stable(loop)
     return tuple(_margins(loop, joint) for joint in range(loop.torque.shape[1]))
 
 
@@ -70,10 +70,9 @@ def multiloop_disk(loop: SampledLoop) -> float:
         loop: see `sampled_loop`.
 
     Raises:
-        ProblemError: the loop is unstable.
+        ProblemError: loop is no SampledLoop, or unstable.
     """
-    if loop.radius >= 1:
-        raise ProblemError(f"the loop is unstable, with a spectral radius of {loop.radius:.4g}: it has no margins")
+    _expect_stable(loop)
     one = np.eye(loop.torque.shape[1])
     z = np.exp(1j * _frequencies(loop) * loop.period)
     response = loop.felt @ np.linalg.solve(z[:, None, None] * np.eye(len(loop.carried)) - loop.carried, loop.torque)
@@ -94,6 +93,13 @@ def broken(loop: SampledLoop, joint: int) -> tuple[Array, Array, Array]:
     others = np.arange(loop.torque.shape[1]) != joint
     A = loop.carried + loop.torque[:, others] @ loop.felt[others]
     return A, loop.torque[:, [joint]], -loop.felt[[joint]]
+
+
+def _expect_stable(loop: object) -> None:
+    """Refuse what is no sampled loop, and one without margins."""
+    radius = expect(loop, SampledLoop, "loop", "what sampled_loop(robot, q_goal, controller, loop) returns").radius
+    if radius >= 1:
+        raise ProblemError(f"the loop is unstable, with a spectral radius of {radius:.4g}: it has no margins")
 
 
 def _margins(loop: SampledLoop, joint: int) -> Margins:

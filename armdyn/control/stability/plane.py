@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from armdyn.arguments import number, numbers
 from armdyn.brief import brief
 from armdyn.control.laws.pid import Pid
-from armdyn.control.loop.loop import Loop
+from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.pid.gains import ContinuousPid, Form, PidGains
 from armdyn.control.pid.motion import motion_of
 from armdyn.control.pid.poles import closed_loop_matrix, eigenvalues
@@ -69,7 +69,7 @@ def gain_plane(
     """
     goal = pose_given(expect_robot(robot), q_goal, "q_goal")
     p, d = _increasing(kp, "kp"), _increasing(kd, "kd")
-    i, motion, how = number(ki, "ki", sign="not negative"), motion_of(robot, None), Loop() if loop is None else loop
+    i, motion, how = number(ki, "ki", sign="not negative"), motion_of(robot, None), expect_loop(loop, Loop())
     growth, radius = np.empty((d.size, p.size)), np.empty((d.size, p.size))
     one, two = (Rest.of(robot, goal, Pid(PidGains(x, i, x), form, feedforward=False), how) for x in (1.0, 2.0))
     for place in np.ndindex(growth.shape):

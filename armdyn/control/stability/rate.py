@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.arguments import number, whole
+from armdyn.arguments import interval, whole
 from armdyn.control.loop.law import Controller
-from armdyn.control.loop.loop import Loop
+from armdyn.control.loop.loop import LEAST_RATE, MOST_RATE, Loop, expect_loop
 from armdyn.control.stability.linear import BeyondNumbersError, Rest, continuous_matrix
 from armdyn.control.stability.sampled import sampled_loop
 from armdyn.errors import ProblemError
@@ -68,7 +68,7 @@ def sampled_stability(
         ProblemError: something does not fit the robot, or the controller the loop.
     """
     try:
-        return _stability(robot, q_goal, controller, loop, plant)
+        return _stability(robot, q_goal, controller, expect_loop(loop), plant)
     except BeyondNumbersError as error:
         return SampledStability(float("inf"), False, None, None, f"unstable: {error}")
 
@@ -135,10 +135,10 @@ def slowest_stable_rate(
     Raises:
         ProblemError: something does not fit the robot; a continuous loop; rates out of order.
     """
-    base = replace(Loop() if loop is None else loop, delay=whole(delay, "delay", least=0))
-    low, high = (number(rate, "rates", unit="Hz", sign="positive") for rate in rates)
-    if low >= high:
-        raise ProblemError(f"rates are {low:g} to {high:g} Hz; the first must be the less")
+    base = replace(expect_loop(loop, Loop()), delay=whole(delay, "delay", least=0))
+    low, high = interval(rates, "rates", unit="Hz", sign="positive")
+    if low < LEAST_RATE or high > MOST_RATE:
+        raise ProblemError(f"rates are {low:g} to {high:g} Hz; expected some of {LEAST_RATE:g} to {MOST_RATE:g} Hz")
 
     def stable(rate: float) -> bool:
         try:
@@ -181,7 +181,7 @@ def _continuous_growth(
 
 def _sticking_and_sliding(plant: Robot) -> list[Robot]:
     """The arm, and where it has Coulomb friction also the arm without it."""
-    arm = expect_robot(plant)
+    arm = expect_robot(plant, "plant")
     return [arm, arm.with_friction(friction=0.0)] if np.any(arm.friction.coulomb) else [arm]
 
 

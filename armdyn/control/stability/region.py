@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.arguments import number, numbers, one_of
+from armdyn.arguments import interval, number, numbers, one_of
 from armdyn.brief import brief
 from armdyn.control.pid.gains import DEFAULT_GAINS, FORMS, ContinuousPid, Form, PidGains
 from armdyn.control.pid.motion import EquationsOfMotion, motion_of
@@ -80,8 +80,9 @@ class GainRegion:
 
     def polynomial(self, kp: float, ki: float, kd: float) -> tuple[float, ...]:
         """Its characteristic polynomial, highest power first; of degree 2 without ki."""
-        cubic = (self.inertia, kd + self.damping, kp + self.stiffness, ki)
-        return cubic if ki else cubic[:3]
+        p, i, d = (number(gain, name) for gain, name in ((kp, "kp"), (ki, "ki"), (kd, "kd")))
+        cubic = (self.inertia, d + self.damping, p + self.stiffness, i)
+        return cubic if i else cubic[:3]
 
     def stable(self, kp: ArrayLike, ki: ArrayLike, kd: ArrayLike) -> NDArray[np.bool_]:
         """Whether it is stable with such gains, of one shape or shapes that broadcast."""
@@ -130,11 +131,9 @@ def least_stable_factor(
     from scipy.optimize import brentq
 
     goal = pose_given(expect_robot(robot), q_goal, "q_goal")
-    low, high = (number(factor, "factors", sign="positive") for factor in factors)
-    if low >= high:
-        raise ProblemError(f"factors are {low:g} to {high:g}; the first must be the less")
+    low, high = interval(factors, "factors", sign="positive")
     motion = motion_of(robot, dynamics)
-    kp, ki, kd = gains.per_joint(robot.nv)
+    kp, ki, kd = ContinuousPid(gains, form).gains.per_joint(robot.nv)
 
     def growth(log_factor: float) -> float:
         factor = float(np.exp(log_factor))

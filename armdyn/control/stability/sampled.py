@@ -8,9 +8,10 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armdyn.arguments import expect
 from armdyn.brief import brief
 from armdyn.control.loop.law import Controller
-from armdyn.control.loop.loop import Loop
+from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.stability.linear import BeyondNumbersError, Rest
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
@@ -60,7 +61,8 @@ class SampledLoop:
             ProblemError: a continuous loop.
             BeyondNumbersError: gains or period are too large.
         """
-        if loop.hold != "zoh":
+        expect(rest, Rest, "rest", "Rest.of(robot, q_goal, controller, loop)")
+        if expect_loop(loop).hold != "zoh":
             raise ProblemError('a loop with hold="continuous" has no ticks; `continuous_matrix` says what it does')
         law, h, nv = rest.law, loop.period, rest.plant.B.shape[1]
         memory = {"exact": 0, "filtered": nv, "observer": 2 * nv}[loop.velocity]

@@ -7,9 +7,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.arguments import number
+from armdyn.arguments import parts as parts_of
 from armdyn.brief import brief
-from armdyn.errors import ProblemError
 
 Array = NDArray[np.float64]
 
@@ -64,10 +63,7 @@ class Envelope:
         Raises:
             ProblemError: a part is not in 0 to 1.
         """
-        for part in parts:
-            if not 0 <= number(part, "parts") <= 1:
-                raise ProblemError(f"parts has {part:g}; expected 0 to 1")
-        own = np.sort(np.array(parts, dtype=float))
+        own = np.sort(parts_of(parts, "parts"))
         quantiles = np.quantile(errors, own, axis=0, method="inverted_cdf").astype(float)
         low, high = errors.min(axis=0).astype(float), errors.max(axis=0).astype(float)
         return cls(t, low, high, own, quantiles, joint_names, duration, tolerance, len(errors))

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, number
-from armdyn.control.loop.law import Controller, Law
-from armdyn.control.loop.loop import Loop
+from armdyn.control.loop.law import Controller, Law, expect_controller
+from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.loop.ticks import Ticks
 from armdyn.control.pid.equations import diverged_beyond, expect_motors
 from armdyn.control.tracking.run import Run, run_of
@@ -66,8 +66,8 @@ class Setup:
         expect_robot(robot)
         expect_motors(robot, "a controller")
         expect(reference, Trajectory, "reference", "a Trajectory, such as solution.trajectory or ramp(…)")
-        expect(controller, Controller, "controller", "Lqr(), ComputedTorque() or Pid(gains)")  # type: ignore[type-abstract]
-        expect(loop, Loop, "loop", "Loop(rate=1000.0, delay=1)")
+        expect_controller(controller)
+        expect_loop(loop)
         ticks = Ticks.of(robot, reference, loop.rate)
         start = np.concatenate([reference.q[0], reference.v[0]])
         if q_start is not None:
@@ -100,7 +100,7 @@ class Setup:
             ProblemError: the arm has another number of joints.
         """
         nv, loop = self.robot.nv, self.loop
-        if expect_robot(plant).nv != nv:
+        if expect_robot(plant, "plant").nv != nv:
             raise ProblemError(f"the plant, {plant.name}, has {plant.nv} joints; {self.robot.name} has {nv}")
         body = plant_of(plant)
         model = plant_of(self.robot) if loop.velocity == "observer" else None

@@ -9,7 +9,7 @@ from typing import Self
 
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import expect
+from armdyn.arguments import expect, several
 from armdyn.brief import brief
 from armdyn.models.reading.meshes import mesh_folders
 from armdyn.models.reading.urdf_arm import check_inertia, joint_limits, read_arm
@@ -223,10 +223,19 @@ class Robot(ModelReaders):
         )
 
 
-def expect_robot(robot: object) -> Robot:
+def expect_robot(robot: object, name: str = "robot") -> Robot:
     """The robot.
 
     Raises:
         ProblemError: it is none; with how to come by one.
     """
-    return expect(robot, Robot, "robot", f"use {READERS}")
+    return expect(robot, Robot, name, f"use {READERS}")
+
+
+def expect_robots(robots: object, name: str) -> tuple[Robot, ...]:
+    """The robots of a list.
+
+    Raises:
+        ProblemError: it is no list, or has something else in it.
+    """
+    return tuple(expect_robot(robot, f"{name}[{i}]") for i, robot in enumerate(several(robots, name)))

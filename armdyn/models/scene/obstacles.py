@@ -3,7 +3,7 @@
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -15,6 +15,8 @@ from armdyn.files import read_json
 
 Array = NDArray[np.float64]
 Point = tuple[float, float, float]
+Placement: TypeAlias = ArrayLike | pin.SE3
+"""A position [m], shape (3,), or a pose, shape (4, 4) or `pin.SE3`."""
 
 _MAX_FILE = 2**20
 _LONGEST_NAME = 200
@@ -89,7 +91,7 @@ class Box:
     """
 
     size: Point
-    placement: Any
+    placement: Placement
     _: KW_ONLY
     name: str = "box"
 
@@ -111,7 +113,7 @@ class Box:
 Obstacle = Sphere | Capsule | Box
 
 
-def homogeneous(placement: Any, what: str) -> Array:
+def homogeneous(placement: Placement, what: str) -> Array:
     """A position, shape (3,), or a pose, shape (4, 4) or `pin.SE3`, as a matrix of shape (4, 4) [m].
 
     Raises:

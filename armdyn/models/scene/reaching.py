@@ -1,7 +1,6 @@
 """Inverse kinematics: joint positions that bring a frame of an arm to a pose."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -11,15 +10,17 @@ from armdyn.arguments import text
 from armdyn.brief import brief
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
-from armdyn.models.scene.obstacles import homogeneous
+from armdyn.models.scene.obstacles import Placement, homogeneous
 from armdyn.models.values.limits import JointLimits
 
 Array = NDArray[np.float64]
 
 _STARTS = 80
 _STEPS = 100
-_REACHED = 1e-9
+REACHED = 1e-9
 """Error of a pose [m and rad] that counts as none: far below any encoder's, far above rounding."""
+_DEPENDENT = 1e-6
+"""Singular values of a frame's Jacobian below this share of the greatest: joints that move together leave it there."""
 _DISTINCT = 0.3
 """Solutions of which no joint is further off than this [rad or m] are one branch."""
 
@@ -36,18 +37,18 @@ class GoalPose:
     """
 
     frame: str
-    placement: Any
+    placement: Placement
 
     def __post_init__(self) -> None:
         text(self.frame, "frame of a goal pose")
-        pose = homogeneous(self.placement, f"goal pose of {self.frame!r}")
+        pose = homogeneous(self.placement, f"placement of the goal pose of {self.frame!r}")
         rows = pose[:3, 3].tolist() if np.shape(self.placement) == (3,) else map(tuple, pose.tolist())
         object.__setattr__(self, "placement", tuple(rows))
 
     @property
     def oriented(self) -> bool:
         """Whether it says an orientation, too."""
-        return len(self.placement) == 4
+        return np.ndim(self.placement) == 2
 
     @property
     def pose(self) -> pin.SE3:
@@ -89,7 +90,7 @@ def poses_reaching(
     for start in starts:
         q, error = _approach(robot, goal, frame, start, limits)
         size = float(np.linalg.norm(error))
-        if size <= _REACHED:
+        if size <= REACHED:
             found.append(_unwound(robot, q, near, limits))
         else:
             missed.append((float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))))
@@ -107,6 +108,26 @@ def poses_reaching(
         if all(np.max(np.abs(q - other)) > _DISTINCT for other in kept):
             kept.append(q)
     return kept[:most]
+
+
+def free_directions(robot: Robot, goal: GoalPose, q: Array) -> Array:
+    """Orthonormal directions of the joint positions that leave the frame at its goal, shape (nv, k); k is 0 if none.
+
+    Args:
+        robot: the arm.
+        goal: where the frame is.
+        q: joint positions that reach it [rad or m], shape (nv,).
+    """
+    _, jacobian = _error(robot, goal, robot.frame(goal.frame), robot.model.createData(), q)
+    _, sizes, rows = np.linalg.svd(jacobian)
+    rank = int(np.sum(sizes > _DEPENDENT * sizes[0]))
+    return np.asarray(rows[rank:].T)
+
+
+def slid(robot: Robot, goal: GoalPose, q: Array, step: Array, limits: JointLimits) -> Array | None:
+    """The joint positions near q + step that reach the goal, too; None: none was found. Each of shape (nv,)."""
+    moved, error = _approach(robot, goal, robot.frame(goal.frame), q + step, limits)
+    return moved if np.linalg.norm(error) <= REACHED else None
 
 
 def _error(robot: Robot, goal: GoalPose, frame: pin.Frame, data: pin.Data, q: Array) -> tuple[Array, Array]:
@@ -130,7 +151,7 @@ def _approach(robot: Robot, goal: GoalPose, frame: pin.Frame, start: Array, limi
     damping = 1e-3
     for _ in range(_STEPS):
         cost = float(error @ error)
-        if cost <= (_REACHED / 10) ** 2 or damping > 1e6:
+        if cost <= (REACHED / 10) ** 2 or damping > 1e6:
             break
         normal = jacobian.T @ jacobian + damping * cost * np.eye(q.size) + 1e-12 * np.eye(q.size)
         step = np.linalg.solve(normal, jacobian.T @ error)

@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.arguments import numbers, several, shown
+from armdyn.arguments import numbers, several, shown, text
 from armdyn.brief import brief
 from armdyn.errors import ArmdynError, SpecError, did_you_mean
 
@@ -73,10 +73,12 @@ class JointLimits:
         Raises:
             ArmdynError: as `error`; there is no such joint.
         """
-        names = several(passive, "passive", error=error)
+        names = [
+            text(name, f"passive[{i}]", error=error) for i, name in enumerate(several(passive, "passive", error=error))
+        ]
         for name in names:
             if name not in joints:
-                meant = did_you_mean(str(name), joints)
+                meant = did_you_mean(name, joints)
                 raise error(f"passive: there is no joint {shown(name)}{meant}; there are {', '.join(joints)}")
         motors = np.array([name not in names for name in joints])
         return replace(

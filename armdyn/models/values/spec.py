@@ -80,7 +80,7 @@ class ArmSpec:
             raise SpecError(f"name of an arm is {shown(self.name)}; a URDF can have no such characters")
         links = several(self.links, "links of an arm", error=SpecError)
         if not links:
-            raise SpecError("an arm needs at least one link")
+            raise SpecError("links is empty: an arm needs at least one link")
         links = tuple(expect(link, LinkSpec, f"links[{i}] of an arm", error=SpecError) for i, link in enumerate(links))
         object.__setattr__(self, "links", links)
         for field, unit in (("position_limit", "rad"), ("velocity_limit", "rad/s"), ("effort_limit", "N m")):
@@ -137,9 +137,10 @@ class Payload:
             SpecError: not finite, of another shape, or no body has such an inertia.
         """
         mass = number(mass, "payload mass", unit="kg", sign="not negative", error=SpecError)
-        centre = numbers(com if offset is None else offset, "payload com", "three finite numbers [m]", error=SpecError)
+        called, given = ("com", com) if offset is None else ("offset", offset)
+        centre = numbers(given, f"payload {called}", "three finite numbers [m]", error=SpecError)
         if centre.shape != (3,) or not np.all(np.isfinite(centre)):
-            raise SpecError(f"payload com is {shown(centre)} m; it must be three finite numbers")
+            raise SpecError(f"payload {called} is {shown(centre)} m; it must be three finite numbers")
         if frame is not None:
             text(frame, "payload frame", error=SpecError)
         object.__setattr__(self, "mass", mass)

@@ -8,9 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from armdyn.optimal.conditions.condition import Kept
+from armdyn.optimal.landing.pace import can_be_slowed
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, ON_CURVE, Certificate, percent
 
+_HOLD = (
+    "choose a goal that its motors can hold, carry less `payload`, raise `effort_limit`, or pass the goal in flight "
+    "with `v_goal`"
+)
 _LITTLE = 0.1
 """A gap above that is one of a bound that torque limits make weak: the velocity limits decide next to nothing."""
 
@@ -27,27 +32,39 @@ def advice(problem: MinimumTimeProblem, certificate: Certificate, kept: Sequence
         kept: how it keeps the conditions along the way.
         arcs: its arcs were resolved.
     """
-    if not np.isfinite(certificate.goal_error):
+    if not np.isfinite(certificate.goal_error) and certificate.growth is None:
         return {"lands": "no motion was found: raise `starts`, `time_limit` or `max_intervals`, or widen the limits"}
     lines = {}
-    if not certificate.lands:
+    if not certificate.lands and certificate.replay == "segments":
+        lines["lands"] = "open loop it is unstable: keep a `reserve` of the torque limits for feedback"
+    elif not certificate.lands:
         lines["lands"] = (
             "it does not land: raise `max_intervals`; light links at strong motors may want their rotors' inertia, "
             "`armature`"
         )
     if not certificate.keeps_limits:
-        lines["limits"] = _for_limits(certificate)
+        lines["limits"] = _for_limits(certificate) + _not_slowed(problem)
     if missed := [each.name for each in kept if each.reasons]:
         lines["conditions"] = (
             f"it does not keep {', '.join(missed)}: raise `max_intervals`, or ask for a little more than is needed"
+            + _not_slowed(problem)
         )
     if lines:
         return lines
+    if problem.unheld is not None:
+        return {"holds": f"the arm cannot stay at the goal: {_HOLD}"}
     if not certificate.extremal and not (certificate.remark == ON_CURVE and not arcs and certificate.gap is not None):
         lines["extremal"] = _for_extremal(problem, certificate, arcs)
     if not certificate.gap_proven or certificate.gap is None or certificate.gap > GAP_TOLERANCE:
         lines["gap"] = _for_gap(problem, certificate)
     return lines
+
+
+def _not_slowed(problem: MinimumTimeProblem) -> str:
+    if can_be_slowed(problem):
+        return ""
+    why = "a joint has no motor" if problem.from_rest_to_rest else "it begins or ends in flight"
+    return f"; it cannot be slowed down as a whole, since {why}"
 
 
 def _for_limits(certificate: Certificate) -> str:

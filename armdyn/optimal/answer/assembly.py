@@ -6,9 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.answer.words import replay_words
+from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.proof.certificate import Certificate
 from armdyn.optimal.proof.deciding import deciding
+from armdyn.optimal.proof.repeat import repeated
 from armdyn.optimal.refine.land import with_costates
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import Found
@@ -29,18 +32,19 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, b
         elapsed: wall time [s].
         bound: no motion is faster [s], as is proven; None: no bound is known. It says nothing where effort is paid for.
     """
-    best, *others = sorted(optima, key=lambda optimum: (_rank(task, optimum), optimum.cost))
+    best, *others = _repeated(task, optima)
     best = _judged(task, best, bound)
     certificate, duration = best.certificate, best.trajectory.duration
     status = _status(task, best)
     missed = best.missed
     if task.stop.late and status is Status.SOLVED and not certificate.ok:
         missed = (*missed, f"the time limit of {task.options.time_limit:g} s ended the search")
+    met = "" if certificate.ok else found.met
     known = [duration, *(optimum.trajectory.duration for optimum in others), *found.slower]
     return Solution(
         success=status is Status.SOLVED,
         status=status,
-        message="; ".join((_message(task, status, best), *missed)),
+        message="; ".join((_message(task, status, best), *missed, *([met] if met else []))),
         problem=task.problem,
         duration=duration,
         trajectory=best.trajectory,
@@ -56,6 +60,7 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, b
         kept=best.checked.kept if best.checked else (),
         via_times=best.via_times,
         moves=_moves(task, best),
+        met=met,
         decides=best.decides or (deciding(task.problem, best.phases) if best.phases else ()),
     )
 
@@ -77,6 +82,35 @@ def failed(task: Task, found: Found, elapsed: float) -> Solution:
         worst_violation=worst,
         moves=False,
     )
+
+
+def _repeated(task: Task, optima: list[Optimum]) -> list[Optimum]:
+    """The optima, best first, of which the first is judged by an integrator of another family: `proof.repeat`.
+
+    One that does not stand that test makes room for the next.
+    """
+    left, judged = sorted(optima, key=lambda optimum: (_rank(task, optimum), optimum.cost)), list[Optimum]()
+    for k, optimum in enumerate(left):
+        judged.append(_as_replayed(task, optimum))
+        if _rank(task, judged[k]) <= _rank(task, optimum):
+            return [judged[k], *judged[:k], *left[k + 1 :]]
+    return sorted(judged, key=lambda optimum: (_rank(task, optimum), optimum.cost))
+
+
+def _as_replayed(task: Task, optimum: Optimum) -> Optimum:
+    """With its certificate judged, and with the states that its torques lead to where its own are a mesh's."""
+    motion = optimum.trajectory
+    certificate = repeated(task.problem, motion, optimum.certificate)
+    if not certificate.repeats and (replay := replay_of(task, motion)).t[-1] == motion.t[-1]:
+        motion = replace(replay, name=motion.name)
+        certificate = repeated(task.problem, motion, optimum.certificate)
+    return replace(optimum, trajectory=motion, certificate=certificate)
+
+
+def with_certificate(solution: Solution, certificate: Certificate) -> Solution:
+    """The same motion with what a later check says of it, in its message, too."""
+    before, after = (_solved(one, solution.duration) for one in (solution.certificate, certificate))
+    return replace(solution, certificate=certificate, message=solution.message.replace(before, after))
 
 
 def _judged(task: Task, optimum: Optimum, bound: float | None) -> Optimum:
@@ -130,13 +164,16 @@ def _others(task: Task, best: float, known: Iterable[float], listed: Iterable[fl
 def _message(task: Task, status: Status, optimum: Optimum) -> str:
     certificate, duration = optimum.certificate, optimum.trajectory.duration
     if status is Status.SOLVED:
-        landed = f"{duration:.9g} s, replayed to within {certificate.goal_error:.1e} rad of the goal"
-        reasons = "; ".join(certificate.reasons)
-        return f"{landed}; not certified: {reasons}" if reasons else f"{landed}; certified"
+        unheld = task.problem.unheld
+        stays = "" if unheld is None else f"; not usable: the arm cannot stay at the goal: {unheld.words}"
+        return _solved(certificate, duration) + stays
     if status is Status.REPLAY_MISSED:
+        tolerance = f"(tolerance {task.options.replay_tolerance:g} rad)"
+        if certificate.replay == "segments" or not certificate.repeats:
+            return f"{replay_words(certificate)} {tolerance}"
         return (
             f"the torques that collocation found end {certificate.goal_error:.2g} rad from the goal when replayed "
-            f"(tolerance {task.options.replay_tolerance:g} rad)"
+            f"{tolerance}; open-loop growth {certificate.growth:.2g}"
         )
     said = status.replace("_", " ")
     if _moves(task, optimum):
@@ -148,3 +185,9 @@ def _message(task: Task, status: Status, optimum: Optimum) -> str:
         said += f"; {worst.constraint} of joint {worst.joint!r} exceeded by {worst.value:.2g} of it"
         said += f" at t = {worst.time:.4g} s"
     return said
+
+
+def _solved(certificate: Certificate, duration: float) -> str:
+    reasons = "; ".join(certificate.reasons)
+    verdict = f"not certified: {reasons}" if reasons else "certified"
+    return f"{duration:.9g} s; {replay_words(certificate)}; {verdict}"

@@ -1,9 +1,14 @@
 """What comes out of a solve, converged or not."""
 
+from __future__ import annotations
+
+import os
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from armdyn.brief import brief, called
-from armdyn.lazy import drawn
+from armdyn.lazy import drawing, drawn
 from armdyn.models.scene.collision import Clearance
 from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.answer.words import paragraph, verdict
@@ -18,6 +23,9 @@ from armdyn.optimal.proof.sensitivity import Sensitivities, sensitivities
 from armdyn.optimal.search.goals import GoalTried
 from armdyn.trajectory import Trajectory
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 @brief
 @dataclass(frozen=True, eq=False)
@@ -25,7 +33,7 @@ class Solution:
     """A motion and how far to trust it.
 
     Attributes:
-        success: the solve was not stopped by Ctrl-C, and its motion is `usable`.
+        success: the solve was not stopped by Ctrl-C, and its motion is `feasible`.
         status: a `Status`.
         message: the same for people.
         problem: what was asked.
@@ -47,6 +55,7 @@ class Solution:
         moves: its torques lead to the goal, keep all conditions and, to a thousandth, all limits: where `success` is
             missing it is the best so far; else it is no motion, and `duration` says nothing.
         decides: how much of the time each limit decides, most first; empty if that is not known.
+        met: how many different optima the guesses met, and how often the best, of a curve that is not certified.
     """
 
     success: bool
@@ -69,6 +78,7 @@ class Solution:
     goals: tuple[GoalTried, ...] = ()
     moves: bool = True
     decides: tuple[Share, ...] = ()
+    met: str = ""
 
     def __str__(self) -> str:
         """A paragraph: duration, verdict, what decides the time, the bound."""
@@ -84,14 +94,19 @@ class Solution:
         return drawn(self)
 
     @property
-    def usable(self) -> bool:
-        """It lands, and keeps the limits and all conditions along the way: a motion for the arm, optimal or not."""
+    def feasible(self) -> bool:
+        """Whether the replay reaches the goal and keeps all limits and conditions. Says nothing about what follows."""
         return self.certificate.usable and not any(kept.reasons for kept in self.kept)
 
     @property
+    def usable(self) -> bool:
+        """Feasible, and the motors can hold the arm at the goal, where it is to rest there."""
+        return self.feasible and self.problem.unheld is None
+
+    @property
     def certified(self) -> bool:
-        """Usable, and extremal or proven to be within a thousandth of the least duration of all motions."""
-        return self.usable and self.certificate.ok
+        """Feasible, and extremal or proven to be within a thousandth of the least duration of all motions."""
+        return self.feasible and self.certificate.ok
 
     @property
     def lower_bound(self) -> float | None:
@@ -100,18 +115,18 @@ class Solution:
 
     @property
     def gap(self) -> float | None:
-        """How far this motion is above `lower_bound`, as a part of it; None without one."""
-        return self.certificate.gap
+        """How far this motion is above `lower_bound`, as a part of it; None without one, or if it is not feasible."""
+        return self.certificate.gap if self.feasible else None
 
     @property
     def gap_proven(self) -> bool:
-        """`gap` is between a bound and a usable motion that ends on the goal."""
-        return self.usable and self.certificate.gap_proven
+        """`gap` is between a bound and a feasible motion that ends on the goal."""
+        return self.feasible and self.certificate.gap_proven
 
     @property
     def what_to_do(self) -> tuple[str, ...]:
-        """A line for each thing that is missing, of what may help; empty if the motion is certified."""
-        if self.certified:
+        """A line for each thing that is missing, of what may help; empty if it is usable and certified."""
+        if self.certified and self.usable:
             return ()
         return tuple(advice(self.problem, self.certificate, self.kept, self.phases is not None).values())
 
@@ -124,6 +139,31 @@ class Solution:
     def replay_velocity_error(self) -> float:
         """Largest joint velocity error of the replay at the goal [rad/s or m/s]."""
         return self.certificate.goal_velocity_error
+
+    def plot(self) -> Figure:
+        """Position, velocity and torque of every joint over time, with the limits and the switching times.
+
+        Returns:
+            A figure of matplotlib's, which pyplot does not know: `figure.savefig("motion.pdf")`.
+        """
+        figure: Figure = drawing().figure(self)
+        return figure
+
+    def report(self, path: str | os.PathLike[str]) -> Path:
+        """Write the report: one HTML file with the arm that moves, its curves, the verdict and what it rests on.
+
+        Args:
+            path: of the file, such as "report.html".
+
+        Returns:
+            The path written, as given.
+
+        Raises:
+            FileError: it cannot be written.
+            DiskFullError: there is no room for it.
+        """
+        written: Path = drawing().report(self, path)
+        return written
 
     def sensitivities(self) -> Sensitivities | None:
         """How t_f answers to payload and limits; None if the arcs were not resolved."""

@@ -70,11 +70,17 @@ def reserve_summary(problem: MinimumTimeProblem) -> dict[str, list[float]] | Non
 def _checks(certificate: Certificate) -> dict[str, object]:
     return {
         "ok": certificate.ok,
+        "replay": certificate.replay,
+        "growth": _finite(certificate.growth),
+        "segment_error": _finite(certificate.segment_error),
+        "correction": _finite(certificate.correction),
+        "correction_share": _finite(certificate.correction_share),
         "goal_error": _finite(certificate.goal_error),
         "goal_velocity_error": _finite(certificate.goal_velocity_error),
         "hamiltonian_spread": _finite(certificate.hamiltonian_spread),
         "switching_violation": _finite(certificate.switching_violation),
         "adjoint_error": _finite(certificate.adjoint_error),
+        "transversality": _finite(certificate.transversality),
         "lands": certificate.lands,
         "keeps_limits": certificate.keeps_limits,
         "limit_violation": _finite(certificate.limit_violation),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from armdyn.optimal.proof.certificate import GAP_TOLERANCE, percent
+from armdyn.optimal.proof.certificate import GAP_TOLERANCE, Certificate, percent
 
 if TYPE_CHECKING:
     from armdyn.optimal.answer.solution import Solution
@@ -16,7 +16,7 @@ _MOST_LIMITS = 3
 def verdict(solution: Solution) -> str:
     """What can be said for a motion's optimality, in a few words."""
     if not solution.usable:
-        return "not usable"
+        return "certified, but cannot stay at the goal" if solution.certified else "not usable"
     gap = solution.gap if solution.gap_proven else None
     if solution.certificate.extremal:
         return "certified"
@@ -27,12 +27,32 @@ def verdict(solution: Solution) -> str:
 def paragraph(solution: Solution) -> str:
     """A solution for who prints it: duration, verdict, what decides the time, the bound, how it was found."""
     said = [_found(solution), _checked(solution), _decided(solution), _bounded(solution)]
-    if solution.local_optima:
+    if solution.met:
+        said.append(f"{solution.met[0].upper()}{solution.met[1:]}.")
+    elif solution.local_optima:
         others = len(solution.local_optima)
         said.append(f"{others} other optim{'a were' if others > 1 else 'um was'} met.")
     said.append(f"It was solved in {solution.solve_time:.1f} s, {solution.iterations} iterations.")
     said += [f"What you can do: {line}." for line in solution.what_to_do]
     return " ".join(filter(None, said))
+
+
+def replay_words(certificate: Certificate) -> str:
+    """What the replay of a motion has shown: open loop, or by segments and under feedback."""
+    growth = "" if certificate.growth is None else f"{certificate.growth:.2g}"
+    if certificate.replay == "open loop":
+        grown = f" (growth {growth})" if growth else ""
+        apart = "" if certificate.repeats else f"; a segment ends {certificate.segment_error:.1e} from the next sample"
+        return f"open-loop replay ends within {certificate.goal_error:.1e} rad of the goal{grown}{apart}"
+    segments = f"every segment replayed to within {certificate.segment_error:.1e} rad or rad/s"
+    unstable = f"open loop the motion is unstable (growth {growth})"
+    if certificate.correction is None or certificate.correction_share is None:
+        return f"{segments}; {unstable}, and a replay under feedback leaves it"
+    return (
+        f"{segments}; {unstable}, under feedback it ends within {certificate.goal_error:.1e} rad of the goal with "
+        f"corrections of at most {certificate.correction:.1e} N m "
+        f"({certificate.correction_share:.1e} of half the torque range)"
+    )
 
 
 def _found(solution: Solution) -> str:
@@ -49,7 +69,7 @@ def _checked(solution: Solution) -> str:
         return ""
     if not solution.usable:
         return f"It is not usable: {solution.message}."
-    ends = f"its torques, replayed, end {certificate.goal_error:.1e} rad or m from the goal"
+    ends = replay_words(certificate)
     if solution.certified:
         why = (
             "Pontryagin's conditions hold along it"

@@ -108,7 +108,7 @@ def _positions(leg: Leg, side: Array, v: Interval, longest: float) -> Interval:
     k = len(side)
     lengths = Interval.at(side[:, None])
     onward = Interval.at(leg.q_start) + (lengths * v[:k]).running()
-    back = Interval.at(leg.q_goal) - (lengths * v[:k:-1]).running()
+    back = leg.q_goal - (lengths * v[:k:-1]).running()
     passed = Interval.at(side).running()
     left = (Interval.at(longest) - passed - passed[-1]).upper  # until the other side's cells begin
     far = Interval.at(np.maximum(left, 0.0)[:, None]) * Interval(-leg.velocity, leg.velocity)

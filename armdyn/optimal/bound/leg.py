@@ -11,11 +11,15 @@ from numpy.typing import NDArray
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.models.values.friction import JointFriction
 from armdyn.models.values.limits import JointLimits
-from armdyn.optimal.bound.enclosure.interval import Interval, down
+from armdyn.optimal.bound.enclosure.affine import Affine
+from armdyn.optimal.bound.enclosure.interval import Interval, down, joined
 from armdyn.optimal.bound.terms import terms_over
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 
 Array = NDArray[np.float64]
+
+_DEPENDENT = 1e-6
+"""Singular values of equations below this share of the greatest count as zero: they depend on each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +29,9 @@ class Leg:
     Attributes:
         dynamics: of the arm.
         q_start: [rad or m], shape (nv,).
-        q_goal: likewise.
+        q_goal: box that holds the goals [rad or m], each end of shape (nv,): a point, or many joint positions that
+            reach a pose.
+        closing: equations that hold at every goal, affine forms over that box, shape (m, 1); None: all of the box.
         v_start: [rad/s or m/s], shape (nv,); None: any within the limits, as at a via point.
         v_goal: likewise.
         velocity: limits, no less than the velocities at the ends, shape (nv,).
@@ -36,13 +42,14 @@ class Leg:
 
     dynamics: Dynamics
     q_start: Array
-    q_goal: Array
+    q_goal: Interval
     v_start: Array | None
     v_goal: Array | None
     velocity: Array
     acceleration: Array
     position: Interval
     torque: JointLimits
+    closing: Affine | None = None
 
     @property
     def friction(self) -> JointFriction:
@@ -52,12 +59,29 @@ class Leg:
     @cached_property
     def inertia(self) -> Interval:
         """M at the start and at the goal [kg m²], shape (2, nv, nv)."""
-        return terms_over(self.dynamics, Interval.at(np.array([self.q_start, self.q_goal]))).inertia
+        return terms_over(self.dynamics, joined([Interval.at(self.q_start)[None], self.q_goal[None]])).inertia
 
     @property
     def away(self) -> Interval:
         """From start to goal [rad or m], shape (nv,)."""
-        return Interval.at(self.q_goal) - Interval.at(self.q_start)
+        return self.q_goal - Interval.at(self.q_start)
+
+    def least_way(self, way: Array) -> float:
+        """The least λᵀ Δq of all goals, rounded down, λ of shape (nv,).
+
+        Where equations d + S ε ± r = 0 hold, with q = c + ρ ε in the box, so do their combinations: for any w,
+        λᵀ q = λᵀ c + (λ ρ − Sᵀ w)ᵀ ε − wᵀ (d ± r). The w that solves for λ ρ leaves little of what the box allows.
+        """
+        least = (Interval.at(way) * self.away).sum(0).lower
+        if self.closing is None:
+            return float(least)
+        centre, slopes, rest = (part[..., 0] for part in self.closing.parts)
+        scaled = Interval.at(way) * Interval.at(self.q_goal.radius)
+        w = np.asarray(np.linalg.lstsq(slopes.T, scaled.centre, rcond=_DEPENDENT)[0], dtype=np.float64)
+        left = (scaled - Interval.at(slopes.T).times(w[:, None])[:, 0]).magnitude
+        beside = Interval.at(left).sum(0) + (Interval.at(w) * Interval(centre - rest, centre + rest).outward()).sum(0)
+        middle = (Interval.at(way) * (Interval.at(self.q_goal.centre) - Interval.at(self.q_start))).sum(0)
+        return float(np.maximum(least, (middle - beside).lower))
 
     @property
     def kinematic(self) -> Array:
@@ -87,7 +111,7 @@ def legs_of(problem: MinimumTimeProblem) -> tuple[Leg, ...]:
         Leg(
             dynamics=dynamics,
             q_start=poses[i],
-            q_goal=poses[i + 1],
+            q_goal=Interval.at(poses[i + 1]),
             v_start=v_start if i == 0 else None,
             v_goal=v_goal if i == last else None,
             velocity=np.max([limits.velocity, np.abs(v_start), np.abs(v_goal)], axis=0),

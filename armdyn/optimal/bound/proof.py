@@ -7,7 +7,7 @@ Of every motion of duration T within the cells' boxes, and for any multipliers �
 for the integral of d/dt (wᵀ p) is between. With w linear within each cell the integrand's supremum over a cell's
 boxes is convex in w, so that its mean at both ends of the cell is no less than its mean over it. In the middle cell
 w is constant and the integrand at most some ρ. A motion of duration h + c, h that of all other cells, can make the
-way only if λᵀ Δq ≤ S + ρ c; hence c is bounded from below.
+way only if λᵀ Δq ≤ S + ρ c; hence c is bounded from below. Of many goals the one with the least λᵀ Δq counts.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def proven(leg: Leg, cells: Cells, forces: Forces, by: Multipliers) -> float:
     mean = (rates[:, 0] + rates[:, 1] + accelerated[:-1] + accelerated[1:]) * Interval.at(0.5)
     made = (lengths * mean).sum(0) + _at_ends(leg, by)
     middle = forces[k : k + 1].rate(w[k][:, None], way[:, None])[0, 0] + accelerated[k]
-    left = (way * leg.away).sum(0).lower - made.upper
+    left = leg.least_way(by.way) - made.upper
     if left <= 0:
         return 0.0
     if middle.upper <= 0:

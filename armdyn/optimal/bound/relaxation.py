@@ -5,9 +5,11 @@ cell's box, momentum changes from one cell to the next by what the forces' bound
 
     M_k+1 v_k+1 − M_k v_k ∈ ½ Δt_k [τ + e]_k + ½ Δt_k+1 [τ + e]_k+1,     Σ Δt_k v_k = θ Δq,     max θ.
 
-Where θ < 1 the duration is too short. What M leaves open within a box, beyond what is linear there, is a momentum of
-the cell's own within bounds. Nothing is proven by it, for M v is not linear and a solver rounds; its multipliers are
-what `proof.py` takes. Limits of acceleration are rows of the same kind, with the unit matrix as inertia.
+Where θ < 1 the duration is too short. Of many goals, Δq is that of their box's centre, and what is added within the box
+keeps the equations that hold at every goal, to first order. What M leaves open within a box, beyond what is linear
+there, is a momentum of the cell's own within bounds. Nothing is proven by it, for M v is not linear and a solver
+rounds; its multipliers are what `proof.py` takes. Limits of acceleration are rows of the same kind, with the unit
+matrix as inertia.
 """
 
 from __future__ import annotations
@@ -96,27 +98,32 @@ def relaxed(leg: Leg, cells: Cells, forces: Forces, duration: float) -> Multipli
         kinds.append(_rows(leg, cells, units, Interval(-most, most), duration))
     times = np.insert(cells.lengths, cells.middle, max(duration - np.sum(cells.lengths), 0.0))
     ways = hstack([eye(nv) * (time / duration) for time in times])
-    away = (leg.q_goal - leg.q_start) / (duration * leg.velocity)
+    away = leg.away.centre / (duration * leg.velocity)
     slacks = len(kinds) * nodes * nv
+    closing = np.zeros((0, nv)) if leg.closing is None else leg.closing.slopes[:, :, 0]
+    free = np.zeros((nv, 0)) if leg.closing is None else np.diag(leg.q_goal.radius / (duration * leg.velocity))
     matrix = hstack(
         [
             vstack([ways, *(rows.matrix for rows in kinds)]),
             vstack([csr_matrix((nv, slacks)), -eye(slacks)]),
             vstack([csr_matrix((nv, len(kinds) * (nodes - 1) * nv)), block_diag([rows.shift for rows in kinds])]),
-            vstack([csr_matrix(-away[:, None]), csr_matrix((slacks, 1))]),
+            vstack([csr_matrix(np.column_stack([-free, -away])), csr_matrix((slacks, free.shape[1] + 1))]),
         ]
     )
+    closed = csr_matrix(np.pad(closing, ((0, 0), (matrix.shape[1] - 1 - nv, 1))))
     speeds = np.stack([cells.v.lower / leg.velocity, cells.v.upper / leg.velocity], axis=-1).reshape(-1, 2)
     others = (*(rows.change for rows in kinds), *(rows.open for rows in kinds))
-    bounds = np.concatenate([speeds, *others, [[-np.inf, np.inf]]])
+    bounds = np.concatenate([speeds, *others, np.tile([-1.0, 1.0], (free.shape[1], 1)), [[-np.inf, np.inf]]])
     cost = np.zeros(len(bounds))
     cost[-1] = -1.0
-    given = np.concatenate([np.zeros(nv), *(rows.given for rows in kinds)])
-    solved = linprog(cost, A_eq=csr_matrix(matrix), b_eq=given, bounds=bounds, method="highs", options=_EXACT)
+    given = np.concatenate([np.zeros(nv), *(rows.given for rows in kinds), np.zeros(len(closing))])
+    solved = linprog(
+        cost, A_eq=csr_matrix(vstack([matrix, closed])), b_eq=given, bounds=bounds, method="highs", options=_EXACT
+    )
     if solved.status != 0:
         return None
     marginals = np.asarray(solved.eqlin.marginals)
-    parts = np.split(-marginals[nv:], len(kinds))
+    parts = np.split(-marginals[nv : nv + slacks], len(kinds))
     found = [part.reshape(nodes, nv) / rows.scale for part, rows in zip(parts, kinds, strict=True)]
     return Multipliers(
         way=marginals[:nv] / (duration * leg.velocity),

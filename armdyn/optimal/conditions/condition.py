@@ -53,6 +53,8 @@ class Kept:
         worst: where it is violated most; None: the condition is kept.
         missed: what `stricter` needs to know, as the condition chooses.
         clearance: where the motion comes nearest to touching, where it is to keep clear.
+        order: power of the duration by which the share falls on the same path: 1 of a speed, 2 of an acceleration, 3 of
+            a jerk; 0: no slower motion keeps the condition.
     """
 
     name: str
@@ -62,6 +64,14 @@ class Kept:
     worst: Violation | None = None
     missed: Array = field(default_factory=lambda: np.empty(0))
     clearance: Clearance | None = None
+    order: int = 0
+
+    @property
+    def slowing(self) -> float:
+        """Factor on the duration with which the same path keeps the condition; 1 if it is kept, inf if none helps."""
+        if not self.reasons:
+            return 1.0
+        return self.share ** (1 / self.order) if self.order and self.share else np.inf
 
 
 @dataclass(frozen=True, eq=False)

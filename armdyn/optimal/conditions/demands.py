@@ -36,6 +36,11 @@ class Checked:
         return tuple(reason for kept in self.kept for reason in kept.reasons)
 
     @property
+    def slowing(self) -> float:
+        """Factor on the duration with which the same path keeps all of them; 1 if they are kept, inf if none helps."""
+        return max((kept.slowing for kept in self.kept), default=1.0)
+
+    @property
     def worst(self) -> Violation | None:
         """What is violated most; None if all are kept."""
         found = [kept.worst for kept in self.kept if kept.worst is not None]

@@ -1,4 +1,4 @@
-"""Torques that are linear between samples and move the arm along a curve.
+"""Torques that are linear between samples and move the arm along a curve, or another motion.
 
 Open loop an arm is as unstable as an upside-down pendulum: what lines between samples miss of a curve's torque would
 grow. They are laid so that their impulses are the curve's to the fourth order, and computed torque takes off the rest,
@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.numeric import joint_inertia
-from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.landing.rollout import under_linear_torque
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -19,23 +18,22 @@ from armdyn.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 
-def follow(task: Task, curve: Curve) -> Trajectory:
-    """The motion of the arm under torques within their limits that keep it to a curve.
+def follow(task: Task, wanted: Trajectory) -> Trajectory:
+    """The motion of the arm under torques within their limits that keep it to another motion.
 
     Args:
         task: its robot and its torque limits.
-        curve: the motion.
+        wanted: samples of that motion and the torques that it takes, which are smooth between jumps.
 
     Returns:
         States and torques, which fit each other; it ends early where the arm was lost, with two samples at least.
     """
     problem, numbers = task.problem, task.policy.curves
     robot, limits, n = problem.robot, problem.limits, problem.robot.nv
-    wanted = curve.trajectory(robot, numbers.samples, numbers.steps, jumps=not problem.continuous_torque)
     # Where rates of the torque are limited it is the curve's: the better lines change more steeply at their corners.
     t, jumps, tau = wanted.t, wanted.jumps, wanted.tau.copy() if problem.continuous_torque else _lines(wanted)
     tau = np.clip(tau, limits.effort_lower, limits.effort_upper)
-    reached, bandwidth = under_linear_torque(robot), numbers.bandwidth / curve.duration
+    reached, bandwidth = under_linear_torque(robot), numbers.bandwidth / wanted.duration
     inertia = joint_inertia(robot)
     x = np.empty((t.size, 2 * n))
     x[0] = np.concatenate([problem.q_start, problem.v_start])

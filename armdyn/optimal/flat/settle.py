@@ -9,20 +9,21 @@ from numpy.typing import NDArray
 from armdyn.optimal.conditions.demands import Checked, Demands
 from armdyn.optimal.flat.curve import Curve, Leg
 from armdyn.optimal.flat.equations import POINTS
+from armdyn.optimal.flat.follow import follow
 from armdyn.optimal.flat.posing import Room, Wanted, torque_rates
 from armdyn.optimal.flat.solve import Solved, solve_curve
+from armdyn.optimal.landing.pace import can_be_slowed, least_factor, mended
 from armdyn.optimal.task.task import Task
+from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_SAMPLES = 8
-"""Of an interval, of the motion that conditions along the way are checked on."""
 _MOST = 0.95
 """Part of half the torque's range that room may take."""
 _KEPT = -1.0
 """Excess of a rate that is zero, or has no limit."""
-_SLOWER = 10
-"""Rounds of slowing down: each takes off more than half of the excess."""
+_PACES = 3
+"""Rounds of slowing down: the first is exact but for friction, which the next knows at the new pace."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +63,8 @@ def settle(task: Task, guess: Curve) -> Settled:
     iterations = solved.outcome.iterations
     for k in range(numbers.rounds):
         over, kept = excesses_of(task, solved.curve), checked(task, solved.curve, wanted.demands)
-        enough = numbers.little if problem.from_rest_to_rest else 0.0
-        if (max(map(_worst, over)) <= enough and not kept.reasons) or task.stop or not solved.converged:
+        enough = numbers.little if can_be_slowed(problem) else 0.0
+        if (max(map(_worst, over)) <= enough and conditions_mended(task, kept)) or task.stop or not solved.converged:
             break
         task.tell(f"round {k + 1}: {solved.curve.duration:.6f} s, torques {_percent(over)} beyond between points")
         rooms = wanted.rooms or (Room(),) * len(over)
@@ -76,7 +77,7 @@ def settle(task: Task, guess: Curve) -> Settled:
             break
         solved = again
     curve = solved.curve
-    if problem.from_rest_to_rest:
+    if can_be_slowed(problem):
         curve = _slowed(task, curve)
     excess = max(map(_worst, excesses_of(task, curve)))
     return Settled(curve, solved, wanted.demands, iterations, excess, checked(task, curve, wanted.demands))
@@ -168,18 +169,28 @@ def checked(task: Task, curve: Curve, demands: Demands) -> Checked:
     """
     if not demands.conditions:
         return Checked(())
-    motion = curve.trajectory(task.problem.robot, _SAMPLES, 0, jumps=not task.problem.continuous_torque)
+    motion = sampled(task, curve)
+    if not can_be_slowed(task.problem):  # nothing later mends what feedback to the curve adds
+        motion = follow(task, motion)
     return demands.check(task.problem, motion, curve.passing)
 
 
+def sampled(task: Task, curve: Curve) -> Trajectory:
+    """A curve's samples, between which the torques of its motion are lines."""
+    numbers, problem = task.policy.curves, task.problem
+    return curve.trajectory(problem.robot, numbers.samples, numbers.steps, jumps=not problem.continuous_torque)
+
+
+def conditions_mended(task: Task, kept: Checked) -> bool:
+    """Whether conditions are kept, or will be by slowing down at little cost."""
+    return mended(task.problem, kept.slowing, task.policy.conditions.slower)
+
+
 def _slowed(task: Task, curve: Curve) -> Curve:
-    """The same path, as much slower as its torques and speeds take to keep their limits."""
-    problem = task.problem
-    speeds = [leg.basis.factors(1)[:, None] * np.diff(leg.points, axis=0) / leg.duration for leg in curve.legs]
-    curve = curve.slower(max(1.0, float(np.max(np.abs(np.concatenate(speeds)) / problem.limits.velocity))))
-    for _ in range(_SLOWER):
-        beyond = max(map(_worst, excesses_of(task, curve)))
-        if beyond <= 0:
+    """The same path, as much slower as its torques and speeds take to keep their limits; as it is if no pace does."""
+    for _ in range(_PACES):
+        factor = least_factor(task.problem.robot, task.problem.limits, sampled(task, curve))
+        if factor == 1 or not np.isfinite(factor):
             break
-        curve = curve.slower(1 + 0.7 * beyond + 1e-6)
+        curve = curve.slower(factor)
     return curve

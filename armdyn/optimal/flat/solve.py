@@ -83,10 +83,13 @@ def _solver(task: Task, shape: Shape, rows: tuple[Rows, ...], warm: bool) -> Ipo
     if arrived():
         forget()
     numbers, options = task.policy.curves, task.options
-    more: dict[str, float | str] = {"mu_init": numbers.barrier}
+    flat = {"tol": numbers.accepted, "constr_viol_tol": numbers.accepted, "obj_change_tol": numbers.tolerance}
+    still: dict[str, float | str] = {f"acceptable_{name}": value for name, value in flat.items()}
+    still["acceptable_iter"] = numbers.accepted_after
+    more = still | {"mu_init": numbers.barrier}
     if warm:
         pushes = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
-        more = {"mu_init": numbers.warm_barrier, "warm_start_init_point": "yes"}
+        more = still | {"mu_init": numbers.warm_barrier, "warm_start_init_point": "yes"}
         more |= {f"warm_start_{push}": _WARM for push in pushes}
     patience = min(options.max_iterations, numbers.patience)
     settings = IpoptSettings(numbers.tolerance, patience, options.verbose, tuple(more.items()))

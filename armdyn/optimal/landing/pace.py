@@ -12,9 +12,63 @@ from numpy.typing import NDArray
 
 from armdyn.dynamics.numeric import forward_dynamics, inverse_dynamics
 from armdyn.models.robots.robot import Robot
+from armdyn.models.values.limits import JointLimits
+from armdyn.optimal.landing.limits import excesses
+from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.trajectory import Sample, Trajectory
 
 Array = NDArray[np.float64]
+
+
+def can_be_slowed(problem: MinimumTimeProblem) -> bool:
+    """Whether a motion of a problem may be slowed down as a whole: it begins and ends at rest, with a motor everywhere.
+
+    A slower motion begins and ends at lower velocities; gravity asks of a joint without a motor what it has not.
+    """
+    return problem.from_rest_to_rest and not np.any(problem.limits.passive)
+
+
+def mended(problem: MinimumTimeProblem, slowing: float, little: float) -> bool:
+    """Whether what a motion exceeds is mended by slowing it down, at little cost.
+
+    Args:
+        problem: of the motion.
+        slowing: factor on the duration that it takes; 1: nothing is exceeded.
+        little: part of the duration that it may cost.
+    """
+    return slowing <= 1 + (little if can_be_slowed(problem) else 0.0)
+
+
+def least_factor(robot: Robot, limits: JointLimits, motion: Trajectory, tolerance: float = 0.0) -> float:
+    """Least factor on the duration with which a motion's path keeps limits of velocity and torque at its samples.
+
+    A torque is g + τ_f + r/s² at the pace s, with what gravity and friction take and the rest r; friction is that of
+    the motion's own pace.
+
+    Args:
+        robot: that moves.
+        limits: that hold.
+        motion: from rest to rest.
+        tolerance: excess, as a part of a limit, that counts as none.
+
+    Returns:
+        1 if they are kept; inf if no pace keeps them: gravity alone exceeds a limit where the motion leads.
+    """
+    torque, velocity, _ = excesses(limits, motion)
+    factor = 1 + velocity.share if velocity.share > tolerance else 1.0
+    if torque.share <= tolerance:
+        return factor
+    inverse, nothing = inverse_dynamics(robot), np.zeros(robot.nv)
+    for k in np.flatnonzero(np.any(torque.beyond > 0, axis=1)):
+        tau, lost = motion.tau[k], robot.friction.torque(motion.v[k])
+        held = inverse(motion.q[k], nothing, nothing) + lost
+        rest = tau - held
+        room = np.where(tau > limits.effort_upper, limits.effort_upper - held, held - limits.effort_lower)
+        over = (tau > limits.effort_upper) | (tau < limits.effort_lower)
+        if np.any(room[over] <= 0):
+            return np.inf
+        factor = max(factor, float(np.sqrt(np.max(np.abs(rest[over]) / room[over]))))
+    return factor
 
 
 def paced(motion: Trajectory, factor: float) -> Trajectory:

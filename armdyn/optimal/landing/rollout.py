@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
-from armdyn.arguments import expect, number
+from armdyn.arguments import expect, number, stopper
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.errors import TrajectoryError
 from armdyn.models.robots.robot import Robot, expect_robot
@@ -44,11 +44,11 @@ def replay_torques(
         well-posed dynamics takes some ten thousand; a tenth of that after `stop` said so.
 
     Raises:
-        ProblemError: no Robot, or rtol not positive.
+        ProblemError: no Robot, rtol not positive, or stop no function.
         TrajectoryError: no Trajectory, or of another number of joints.
     """
     _check(robot, trajectory, rtol)
-    states = _followed(robot, trajectory, rtol, stop)
+    states = _followed(robot, trajectory, rtol, stopper(stop))
     x, n = np.array(states if len(states) > 1 else 2 * states), robot.nv
     m = len(x)
     return Trajectory(
@@ -57,7 +57,7 @@ def replay_torques(
     )  # fmt: skip
 
 
-def _followed(robot: Robot, trajectory: Trajectory, rtol: float, stop: Callable[[], bool] | None) -> list[Array]:
+def _followed(robot: Robot, trajectory: Trajectory, rtol: float, stop: Callable[[], bool]) -> list[Array]:
     """States at the samples, as far as `replay_torques` goes."""
     acceleration, n = forward_dynamics(robot), robot.nv
 
@@ -65,7 +65,7 @@ def _followed(robot: Robot, trajectory: Trajectory, rtol: float, stop: Callable[
         return np.concatenate([x[n:], acceleration(x[:n], x[n:], tau + (t - start) * slope)])
 
     def enough(evaluations: int) -> bool:
-        return spent + evaluations >= (_MOST_WHEN_LATE if stop is not None and stop() else _MOST_EVALUATIONS)
+        return spent + evaluations >= (_MOST_WHEN_LATE if stop() else _MOST_EVALUATIONS)
 
     t, torque, jumps = trajectory.t, trajectory.tau, trajectory.jumps
     steps, change = np.diff(t), np.diff(torque, axis=0)

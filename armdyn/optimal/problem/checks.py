@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,9 +98,9 @@ def check_poses(poses: Array) -> None:
 
 def check_scene(obstacles: Sequence[Obstacle], clearance: float) -> None:
     """Refuse what is no obstacle, and no clearance."""
-    for obstacle in obstacles:
+    for i, obstacle in enumerate(obstacles):
         if not isinstance(obstacle, Obstacle):
-            raise ProblemError(f"obstacle {shown(obstacle)} is no Sphere, Capsule or Box")
+            raise ProblemError(f"obstacles[{i}] is {shown(obstacle)}; it must be a Sphere, a Capsule or a Box")
     number(clearance, "clearance", unit="m", sign="not negative")
 
 
@@ -136,26 +137,52 @@ def clear_goals(model: CollisionModel, goals: Sequence[Array], clearance: float)
     return clear
 
 
-def warn_if_not_held(robot: Robot, limits: JointLimits, torque: Array, reserve: Array) -> None:
-    """Warn of a goal that cannot be held within the limits.
+@dataclass(frozen=True)
+class Unheld:
+    """A joint whose torque limit is below the torque that holds the goal at rest.
+
+    Attributes:
+        joint: its name.
+        excess: of the torque over the limit, as a part of the limit's size.
+        motor: it has one.
+        beyond: beyond the actuator itself, not only beyond what a reserve leaves of it.
+        words: torque and limit, with units.
+    """
+
+    joint: str
+    excess: float
+    motor: bool
+    beyond: bool
+    words: str
+
+
+def unheld_joints(robot: Robot, limits: JointLimits, torque: Array, reserve: Array) -> list[Unheld]:
+    """Joints that cannot hold the arm at rest within the limits, largest excess first.
 
     Args:
         robot: the arm.
         limits: that hold for the motion.
-        torque: what would hold the goal [N m or N], shape (nv,).
+        torque: what holds the arm at rest [N m or N], shape (nv,); dry friction takes its part of it.
         reserve: parts of the torque limits that these are less by, shape (nv,).
     """
+    found = []
+    _, coulomb = robot.friction.per_joint(robot.nv)
     for i, joint in enumerate(robot.joint_names):
         bound = limits.effort_upper[i] if torque[i] > 0 else limits.effort_lower[i]
-        room = _ROUNDING * limits.effort_size[i]
-        if abs(torque[i]) > abs(bound) + room:
-            kept = "" if limits.passive[i] else kept_words(reserve[i], bound, "N m")
-            most = "it has no motor" if limits.passive[i] else f"its limit is {bound:.4g} N m{kept}"
-            held = kept and abs(torque[i]) <= abs(bound) / (1 - reserve[i]) + room
-            then = "staying there takes of the reserve" if held else "staying there is beyond this actuator"
-            warnings.warn(
-                f"joint {joint!r} needs {torque[i]:.4g} N m to hold the goal but {most}: "
-                f"a motion to the goal may exist, {then}",
-                ArmdynWarning,
-                stacklevel=4,
-            )
+        room, unit = coulomb[i] + _ROUNDING * limits.effort_size[i], "N" if robot.slides[i] else "N m"
+        if abs(torque[i]) <= abs(bound) + room:
+            continue
+        kept = "" if limits.passive[i] else kept_words(reserve[i], bound, unit)
+        most = "it has no motor" if limits.passive[i] else f"its limit is {bound:.4g} {unit}{kept}"
+        own = abs(bound) / (1 - reserve[i])
+        excess = (abs(torque[i]) - abs(bound)) / limits.effort_size[i]
+        words = f"joint {joint!r} needs {torque[i]:.4g} {unit} to hold the goal but {most}"
+        found.append(Unheld(joint, float(excess), not limits.passive[i], bool(abs(torque[i]) > own + room), words))
+    return sorted(found, key=lambda one: -one.excess)
+
+
+def warn_if_not_held(unheld: Sequence[Unheld]) -> None:
+    """Warn of a goal that cannot be held within the limits."""
+    for one in unheld:
+        then = "staying there is beyond this actuator" if one.beyond else "staying there takes of the reserve"
+        warnings.warn(f"{one.words}: a motion to the goal may exist, {then}", ArmdynWarning, stacklevel=4)

@@ -24,6 +24,7 @@ from armdyn.models.values.limits import JointLimits
 from armdyn.models.values.per_joint import per_joint
 from armdyn.optimal.problem.asked import Asked
 from armdyn.optimal.problem.checks import (
+    Unheld,
     check_clear,
     check_conditions,
     check_limits,
@@ -32,6 +33,7 @@ from armdyn.optimal.problem.checks import (
     check_scene,
     check_state,
     clear_goals,
+    unheld_joints,
     warn_if_not_held,
 )
 from armdyn.optimal.problem.limits import Reserve, resolved_limits
@@ -88,7 +90,7 @@ class MinimumTimeProblem:
             without a finite torque limit, no joint with a motor, or a goal pose out of reach.
 
     Warns:
-        ArmdynWarning: the actuators cannot hold the goal. A fast motion to it may exist all the same.
+        ArmdynWarning: the actuators cannot hold the goal; see `unheld`.
     """
 
     robot: Robot
@@ -142,7 +144,7 @@ class MinimumTimeProblem:
                 f"start and goal are the same state, q = {self.x_start[: self.robot.nv]}: nothing is to be moved"
             )
         self._resolve_course()
-        warn_if_not_held(self.robot, self.limits, self.holding_torque(), self.reserves.effort)
+        warn_if_not_held(self._unheld_at(np.asarray(self.q_goal)))
 
     def _words(self) -> list[str]:
         """What `repr` says."""
@@ -209,6 +211,7 @@ class MinimumTimeProblem:
 
     def beside_goal(self, motion: Trajectory) -> Array:
         """How far a motion's last state (q, v) is from the goal's, shape (2 nv,)."""
+        expect(motion, Trajectory, "motion")
         return np.concatenate([motion.q[-1], motion.v[-1]]) - self.x_goal
 
     def variant(self, **changes: Any) -> Self:
@@ -217,11 +220,26 @@ class MinimumTimeProblem:
             warnings.simplefilter("ignore", ArmdynWarning)
             return replace(self, **changes)
 
+    @property
+    def unheld(self) -> Unheld | None:
+        """The joint whose motor falls shortest of holding the goal, where the arm is to stay there; None: it can stay.
+
+        Joints without a motor are not asked: upright they are balanced by feedback.
+        """
+        if np.any(np.asarray(self.v_goal)):
+            return None
+        return next((one for one in self._unheld_at(np.asarray(self.q_goal)) if one.motor and one.beyond), None)
+
+    def _unheld_at(self, q: Array) -> list[Unheld]:
+        return unheld_joints(self.robot, self.limits, self._holding(q), self.reserves.effort)
+
     def holding_torque(self) -> Array:
         """Torque that holds the arm still at the goal [N m or N], shape (nv,)."""
+        return self._holding(np.asarray(self.q_goal))
+
+    def _holding(self, q: Array) -> Array:
         model = self.robot.model
-        q = self.robot.configuration(np.asarray(self.q_goal))
-        return np.array(pin.computeGeneralizedGravity(model, model.createData(), q))
+        return np.array(pin.computeGeneralizedGravity(model, model.createData(), self.robot.configuration(q)))
 
     def duration_bound(self) -> float:
         """No motion within the velocity limits is faster than this [s]; 0 without such limits."""

@@ -56,12 +56,42 @@ class Stop:
         return self.interrupted or self.late
 
 
+class Budget(Stop):
+    """A `Stop` that also says so once a number of integrator steps is spent.
+
+    Steps, not seconds: they are the same on every machine, so that the same seed gives the same answer.
+
+    Attributes:
+        left: steps that may still be taken.
+    """
+
+    def __init__(self, stop: Stop, steps: float = np.inf):
+        super().__init__(stop.deadline)
+        self._flag, self.left = stop._flag, steps
+
+    def spend(self, steps: float) -> None:
+        """Take steps off the budget."""
+        self.left -= steps
+
+    @property
+    def word(self) -> str:
+        """Why it stopped, for people."""
+        return super().word if super().__bool__() else "the budget of integrator steps is spent"
+
+    def __bool__(self) -> bool:
+        return super().__bool__() or self.left <= 0
+
+
 @contextmanager
 def stopping(seconds: float) -> Iterator[Stop]:
-    """Within it Ctrl-C and the clock set a `Stop` instead of raising; a second Ctrl-C raises."""
+    """Within it Ctrl-C and the clock set a `Stop` instead of raising; a second Ctrl-C raises.
+
+    Where SIGINT is ignored (`nohup`, a job in the background of a script), it stays so.
+    """
     stop = Stop(time.perf_counter() + seconds)
-    if threading.current_thread() is not threading.main_thread():
-        yield stop  # only the main thread gets signals
+    in_main_thread = threading.current_thread() is threading.main_thread()  # which alone gets signals
+    if not in_main_thread or signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        yield stop
         return
 
     def on_interrupt(number: int, frame: FrameType | None) -> None:

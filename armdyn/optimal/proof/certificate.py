@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,12 @@ SWITCHING_TOLERANCE = 1e-4
 ADJOINT_TOLERANCE = 1e-4
 """Of what H feels of costates that are beside the adjoint equations: as of |H|, for the same reason. The paper's arms
 come to 2e-5 at the most, where a torque limit or a touch bends the motion within an interval."""
+SEGMENT_TOLERANCE = 1e-7
+"""Of the state at the end of a segment [rad or m, and per second], integrated from the motion's own sample before: a
+tenth of the goal's tolerance, and ten times what integrators of relative tolerance 1e-10 leave at 50 rad/s."""
+TRANSVERSALITY_TOLERANCE = 1e-3
+"""Of the duration: what moving the goal by as much as the whole way would save at the rate of the end, along the joint
+positions that reach a goal pose. Moving it until that is zero saves some square of it."""
 LIMIT_TOLERANCE = 1e-6
 """Of a limit, as a part of it."""
 GAP_TOLERANCE = 1e-3
@@ -56,7 +62,9 @@ class Certificate:
     it is certified, `ok`.
 
     Attributes:
-        goal_error: largest joint position error of the replay at the goal [rad or m].
+        goal_error: largest joint position error at the goal [rad or m]: open loop the worst of two integrators of
+            different families, and what their accuracy grows to; by segments that of the replay under feedback. Of
+            candidates on the way to an answer: of `replay_torques` alone.
         goal_velocity_error: the same for the velocities [rad/s or m/s].
         hamiltonian_spread: largest |H| at the knots; 0 at an optimum.
         switching_violation: what H could still fall by if one torque went to a limit that it is not on, by
@@ -65,13 +73,24 @@ class Certificate:
         adjoint_error: how far the costates are from a solution of the adjoint equations along the replay, by an
             integration of its own: as a change of H; see `adjoint.adjoint_error`. None: not asked for, as of the
             candidates on the way to an answer, or there are no costates.
+        transversality: where many joint positions reach a goal pose: how fast the duration falls where the goal moves
+            along them, by the costates at the end, as a share of the duration for as much as the whole way; infinite:
+            the costates are not known. None: the goal is a point.
         limit_violation: largest excess of a torque, velocity or position over its limit anywhere in the
             replay, relative to the limit (position: to the range).
         exceeded: which limit that is, of which joint, and when; None: all are kept.
         singular: some arc has a joint on no limit.
         idle: joints that time does not determine for most of the motion: their costates are zero.
         landing: the largest goal error that counts as landed [rad or m].
-        lower_bound: no motion is faster [s]; None: no bound is known.
+        replay: "open loop": the torques alone lead to the goal, by whatever integrator. "segments": without feedback
+            the motion is too unstable for that; every segment between samples was integrated from the motion's own
+            state, and the motion was replayed under feedback (`proof.repeat`).
+        growth: largest singular value of the derivative of the end state by the start state, open loop, with states in
+            rad or m, and per second. None, as the next: not asked for, as of candidates.
+        segment_error: largest distance of a segment's end from the motion's next sample [rad or m, and per second].
+        correction: largest torque that feedback adds [N m or N]; None: open loop.
+        correction_share: the same as a part of half the joint's torque range; None likewise.
+        lower_bound: no motion is faster [s], to whichever joint positions reach the goal; None: no bound is known.
         gap: how far this one is above it, as a part of it.
         remark: what there is to say besides, such as why there are no costates.
         t: times at which the costates are known [s], shape (K,).
@@ -85,11 +104,17 @@ class Certificate:
     hamiltonian_spread: float = float("inf")
     switching_violation: float = float("inf")
     adjoint_error: float | None = None
+    transversality: float | None = None
     singular: bool = False
     idle: tuple[str, ...] = ()
     remark: str = ""
     exceeded: Violation | None = None
     landing: float = REPLAY_TOLERANCE
+    replay: Literal["open loop", "segments"] = "open loop"
+    growth: float | None = None
+    segment_error: float | None = None
+    correction: float | None = None
+    correction_share: float | None = None
     lower_bound: float | None = None
     gap: float | None = None
     t: Array = field(default_factory=lambda: np.empty(0), repr=False)
@@ -98,8 +123,13 @@ class Certificate:
 
     @property
     def lands(self) -> bool:
-        """Its replay ends near enough to the goal to be used."""
-        return self.goal_error <= self.landing
+        """Its replay ends near enough to the goal to be used, and its states are those that its torques lead to."""
+        return self.goal_error <= self.landing and self.repeats
+
+    @property
+    def repeats(self) -> bool:
+        """Every segment ends within `SEGMENT_TOLERANCE` of the next sample; of candidates this is not asked."""
+        return self.segment_error is None or self.segment_error <= SEGMENT_TOLERANCE
 
     @property
     def keeps_limits(self) -> bool:
@@ -114,12 +144,14 @@ class Certificate:
     @property
     def on_goal(self) -> bool:
         """Its replay ends so near the goal that its duration is that of a motion there."""
-        return self.goal_error <= GOAL_TOLERANCE
+        return self.goal_error <= GOAL_TOLERANCE and self.repeats
 
     @property
     def extremal(self) -> bool:
         """Its costates are known, and keep Pontryagin's conditions: |H|, signs, adjoint equations; it ends on the goal.
 
+        Of a goal pose that a continuum of joint positions reaches, `transversality` is asked, too. Other branches that
+        reach the pose may be faster: they are motions of their own.
         Of a candidate the adjoint equations are not asked: see `adjoint_error`.
         A joint whose costates are zero keeps them, too: see `idle`.
         """
@@ -145,6 +177,7 @@ class Certificate:
             return (self.remark or "there is no motion to check",)
         wrong = _beyond(
             ("the replay misses the goal by {:.2g} rad", self.goal_error, min(GOAL_TOLERANCE, self.landing)),
+            ("a segment ends {:.2g} from the next sample", self.segment_error or 0.0, SEGMENT_TOLERANCE),
             ("a limit is exceeded by {:.2g} of it", self.limit_violation, LIMIT_TOLERANCE),
         )
         if np.isfinite(self.hamiltonian_spread):
@@ -168,12 +201,21 @@ class Certificate:
         bound = number(lower_bound, "lower_bound", unit="s", sign="positive")
         return replace(self, lower_bound=bound, gap=duration / bound - 1)
 
+    def at_goal(self, transversality: float | None) -> Self:
+        """The same, with how fast the duration falls along the goal's continuum: see `transversality`."""
+        return replace(self, transversality=transversality)
+
     @property
     def _against_pontryagin(self) -> tuple[str, ...]:
         return _beyond(
             ("the Hamiltonian strays from 0 by {:.2g}", self.hamiltonian_spread, HAMILTONIAN_TOLERANCE),
             ("a switching function has the wrong sign by {:.2g}", self.switching_violation, SWITCHING_TOLERANCE),
             ("the costates stray from the adjoint equations by {:.2g}", self.adjoint_error or 0.0, ADJOINT_TOLERANCE),
+            (
+                "another joint position that reaches the goal pose is faster: transversality is missed by {:.2g}",
+                self.transversality or 0.0,
+                TRANSVERSALITY_TOLERANCE,
+            ),
         )
 
     @property

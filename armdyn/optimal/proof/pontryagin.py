@@ -1,5 +1,7 @@
 """Pontryagin's conditions at the knots of a solution whose arcs are known."""
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -66,12 +68,13 @@ def _worst_pull(phases: Phases) -> float:
         fast = [-outward(mode) * phases.state_pull[k, :, 1, i] for k, mode in enumerate(modes) if mode in VELOCITY]
         inside = np.array([mode in POSITION for mode in modes])
         sign = np.array([outward(mode) for mode in modes])
+        fast += _velocity_blows(phases, i)
         stages, knots = _position_pulls(phases, i, inside)
         met = np.zeros(K - 1)  # at the knots between intervals: in contact on either side, or touching
         met[inside[1:]], met[inside[:-1]] = sign[1:][inside[1:]], sign[:-1][inside[:-1]]
         for a, arc in enumerate(phases.arcs[:-1]):
             for joint, mode in arc.touches:
-                if joint == i:
+                if joint == i and mode in POSITION:
                     met[np.flatnonzero(phases.arc_of == a)[-1]] = outward(mode)
         near = [-sign[k] * stages[k] for k in np.flatnonzero(inside)] + [-(met * knots)[met != 0]]
         for pulls in (fast, near):
@@ -79,6 +82,19 @@ def _worst_pull(phases: Phases) -> float:
                 every = np.concatenate(pulls)
                 worst = max(worst, -np.min(every) / max(np.max(np.abs(every)), 1e-300))
     return worst
+
+
+def _velocity_blows(phases: Phases, i: int) -> list[Array]:
+    """Pulls of a velocity limit at once, outward: where a joint meets it, leaves it, or touches it."""
+    blows: list[Array] = []
+    for a, (here, after) in enumerate(pairwise(phases.arcs)):
+        at = [
+            mode for mode in (here.modes[i], after.modes[i]) if mode in VELOCITY and here.modes[i] is not after.modes[i]
+        ]
+        at += [mode for joint, mode in here.touches if joint == i and mode in VELOCITY]
+        knot = np.flatnonzero(phases.arc_of == a)[-1:]
+        blows += [-outward(mode) * phases.knot_pull[knot, 1, i] for mode in at]
+    return blows
 
 
 def _position_pulls(phases: Phases, i: int, inside: NDArray[np.bool_]) -> tuple[Array, Array]:

@@ -5,12 +5,12 @@ from functools import partial
 
 import numpy as np
 
-from armdyn.optimal.landing.rollout import dense, replay_of
+from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.status import Violation
+from armdyn.optimal.problem.stop import Budget
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, HAMILTONIAN_TOLERANCE, certify
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.resolve import prepare_resolving, resolve
-from armdyn.optimal.refine.slowing import within_velocity_limits
 from armdyn.optimal.search.candidates import Found, find
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import solve_quickly
@@ -50,7 +50,7 @@ def refined(task: Task, found: Found) -> list[Optimum]:
     few, many = Ladder(options.intervals), Ladder(options.max_intervals)
 
     def climbed(k: int) -> _Reached:
-        return _up(task, few if k else many, _first(task, attempts[k]))
+        return _up(task, few if k else many, _first(task, attempts[k], numbers.budget * 2 / 3 ** (k + 1)))
 
     optima: list[Optimum] = []
     beaten = np.inf
@@ -80,6 +80,7 @@ class _Reached:
         best: of the meshes so far; None: none has converged.
         iterations: of all.
         resisted: what the last mesh says if it did not converge, and what it violates most.
+        left: integrator steps that its arcs may still take.
     """
 
     guess: Attempt
@@ -87,15 +88,18 @@ class _Reached:
     best: Optimum | None = None
     iterations: int = 0
     resisted: tuple[str, Violation | None] = ("", None)
+    left: float = np.inf
 
 
-def _first(task: Task, attempt: Attempt) -> _Reached:
+def _first(task: Task, attempt: Attempt, budget: float) -> _Reached:
     """The first mesh."""
     if attempt.intervals != task.options.intervals:
-        return _on(task, task.options.intervals, _Reached(attempt))
+        return _on(task, task.options.intervals, _Reached(attempt, left=budget))
     if not attempt.usable:
-        return _Reached(attempt, attempt.intervals, resisted=(attempt.message, attempt.worst_violation))
-    return _Reached(attempt, attempt.intervals, _read(task, attempt))
+        resisted = attempt.message, attempt.worst_violation
+        return _Reached(attempt, attempt.intervals, resisted=resisted, left=budget)
+    best, left = _read(task, attempt, budget)
+    return _Reached(attempt, attempt.intervals, best, left=left)
 
 
 def _on(task: Task, mesh: int, step: _Reached) -> _Reached:
@@ -105,10 +109,10 @@ def _on(task: Task, mesh: int, step: _Reached) -> _Reached:
     if not attempt.usable:
         resisted = attempt.message, attempt.worst_violation
         return replace(step, mesh=mesh, iterations=iterations, resisted=resisted)
-    best = _read(task, attempt)
+    best, left = _read(task, attempt, step.left)
     if step.best is not None and _quality(step.best) <= _quality(best):
         best = step.best
-    return _Reached(attempt, mesh, best, iterations)
+    return _Reached(attempt, mesh, best, iterations, left=left)
 
 
 def _up(task: Task, ladder: Ladder, step: _Reached) -> _Reached:
@@ -126,13 +130,14 @@ def _resolvable(task: Task) -> bool:
     return task.options.arcs and task.scheme.control == "constant"
 
 
-def _read(task: Task, attempt: Attempt) -> Optimum:
-    """What a mesh's solution comes to."""
+def _read(task: Task, attempt: Attempt, left: float) -> tuple[Optimum, float]:
+    """What a mesh's solution comes to within a budget of integrator steps, and what is left of it."""
     motion = attempt.trajectory
     if _resolvable(task):
-        return replace(resolve(task, attempt), iterations=0)
+        budget = Budget(task.stop, left)
+        return replace(resolve(task, attempt, budget), iterations=0), budget.left
     certificate = certify(task.problem, replay_of(task, motion), None, "arcs were not asked for")
-    return Optimum(motion, certificate, motion.duration, attempt.intervals)
+    return Optimum(motion, certificate, motion.duration, attempt.intervals), left
 
 
 def _enough(task: Task, step: _Reached) -> bool:
@@ -142,12 +147,14 @@ def _enough(task: Task, step: _Reached) -> bool:
     certificate, numbers = step.best.certificate, task.policy.refinement
     extremal = certificate.goal_error <= GOAL_TOLERANCE and certificate.hamiltonian_spread <= HAMILTONIAN_TOLERANCE
     landed = step.best.landed(task.options.replay_tolerance)
+    if landed and step.left <= 0:  # hopeless
+        return True
     return certificate.ok or (landed and not task.options.arcs) or (numbers.extremal_is_enough and extremal)
 
 
 def _optimum(task: Task, step: _Reached) -> Optimum:
-    """The best of the meshes, within its limits; or what there is."""
-    problem, best, numbers = task.problem, step.best, task.policy.refinement
+    """The best of the meshes; or what there is."""
+    problem, best = task.problem, step.best
     if best is None:
         motion, (message, violation) = step.guess.trajectory, step.resisted
         remark = f"did not converge on {step.mesh} intervals ({message})"
@@ -156,14 +163,6 @@ def _optimum(task: Task, step: _Reached) -> Optimum:
         return Optimum(
             motion, certificate, motion.duration, mesh, iterations=step.iterations, worst_violation=violation
         )
-    if not best.within_limits and best.landed(task.options.replay_tolerance) and not task.stop:
-        given = best.trajectory
-        if best.phases is not None:  # a constant torque is one no longer when the motion is slower
-            given = replace(replay_of(task, dense(given, numbers.slow_samples)), name=given.name)
-        slower = within_velocity_limits(task, given, best.certificate.remark)
-        if slower is not None:
-            motion, certificate = slower
-            best = replace(best, trajectory=motion, certificate=certificate, cost=motion.duration, phases=None)
     return replace(best, iterations=step.iterations)
 
 

@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armdyn.optimal.conditions.demands import Demands
+from armdyn.optimal.conditions.demands import Checked, Demands
 from armdyn.optimal.conditions.registry import conditions_of
-from armdyn.optimal.landing.rollout import replay_of
+from armdyn.optimal.landing.pace import mended
+from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.proof.certificate import certify
 from armdyn.optimal.refine.bang import minimum_time
 from armdyn.optimal.refine.optimum import Optimum
-from armdyn.optimal.refine.slowing import slower
 from armdyn.optimal.refine.smooth import time_energy, trajectory_cost
 from armdyn.optimal.search.candidates import Found, find
 from armdyn.optimal.solve.attempt import Attempt
@@ -62,7 +62,7 @@ def _clear_anyway(task: Task) -> tuple[list[Optimum], Found] | None:
     demands = Demands.of(problem)
     checked = [replace(one, checked=demands.check(problem, one.trajectory, np.array(one.via_times))) for one in optima]
     best = min(checked, key=lambda one: (not one.landed(task.options.replay_tolerance), one.cost))
-    return None if best.missed else (checked, found)
+    return (checked, found) if best.checked is None or _mended(task, best.checked) else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,27 +94,15 @@ def settled(task: Task, attempt: Attempt) -> Optimum:
             if not tried.usable:
                 break
             attempt = tried
-        replay = replay_of(task, attempt.trajectory)
+        replay = _replayed(task, attempt)
         found = _judged(task, replay, attempt)
         best = found if best is None or _rank(task, found) <= _rank(task, best) else best
         reasons = found.checked.reasons if found.checked else ()
         task.tell("; ".join((f"round {k + 1}: {attempt.trajectory.duration:.4f} s", *reasons)))
         mesh = None if task.stop else _next(task, mesh, found, replay, attempt)
     if best is None:
-        best = _judged(task, replay_of(task, attempt.trajectory), attempt)
-    return replace(_within_limits(task, best, attempt), iterations=iterations)
-
-
-def _within_limits(task: Task, best: Optimum, attempt: Attempt) -> Optimum:
-    """The same path, a little slower, where the motion exceeds velocity limits between knots, and that mends it."""
-    if best.within_limits or any(_faults(task, best)) or not task.problem.from_rest_to_rest:
-        return best
-    for motion, replay in slower(task, best.trajectory):
-        passing = np.array(best.via_times) * (motion.duration / best.trajectory.duration)
-        found = _judged(task, replay, replace(attempt, intervals=best.intervals, passing=passing))
-        if found.within_limits:
-            return best if any(_faults(task, found)) else found
-    return best
+        best = _judged(task, _replayed(task, attempt), attempt)
+    return replace(best, iterations=iterations)
 
 
 def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: Attempt) -> _Mesh | None:
@@ -133,14 +121,23 @@ def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: 
 
 
 def _faults(task: Task, optimum: Optimum) -> tuple[bool, bool]:
-    """Whether it misses a condition, and the goal."""
-    missed = optimum.checked is not None and bool(optimum.checked.reasons)
+    """Whether it misses a condition, by more than slowing down mends at little cost, and the goal."""
+    missed = optimum.checked is not None and not _mended(task, optimum.checked)
     return missed, optimum.certificate.goal_error > task.policy.conditions.near
+
+
+def _mended(task: Task, checked: Checked) -> bool:
+    return mended(task.problem, checked.slowing, task.policy.conditions.slower)
 
 
 def _rank(task: Task, optimum: Optimum) -> tuple[bool, bool, float]:
     """Sorts: those that keep the conditions first, then those that land, then by duration."""
     return (*_faults(task, optimum), optimum.trajectory.duration)
+
+
+def _replayed(task: Task, attempt: Attempt) -> Trajectory:
+    """The replay, with samples so near each other that what is read between them is what the arm does."""
+    return replay_of(task, dense(attempt.trajectory, task.policy.refinement.slow_samples))
 
 
 def _judged(task: Task, replay: Trajectory, attempt: Attempt) -> Optimum:

@@ -10,21 +10,21 @@ from numpy.typing import NDArray
 from armdyn.errors import ProblemError
 from armdyn.machine.background import awaited
 from armdyn.machine.deadline import LateError
-from armdyn.optimal.conditions.demands import Checked, Demands
+from armdyn.optimal.conditions.demands import Demands
 from armdyn.optimal.conditions.registry import conditions_of
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.follow import follow
 from armdyn.optimal.flat.posing import Wanted
-from armdyn.optimal.flat.settle import Settled, checked, settle
+from armdyn.optimal.flat.settle import Settled, checked, conditions_mended, sampled, settle
 from armdyn.optimal.flat.solve import prepare_curve
-from armdyn.optimal.landing.limits import limit_violation, worst_violation
-from armdyn.optimal.landing.rollout import replay_of
+from armdyn.optimal.landing.limits import worst_violation
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.proof.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE, certify
+from armdyn.optimal.proof.certificate import GAP_TOLERANCE, ON_CURVE, certify
 from armdyn.optimal.proof.deciding import Share
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.smooth import trajectory_cost
 from armdyn.optimal.search.candidates import Found
+from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.search.starts import detours, spline, straight_curve
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.task.task import Task
@@ -40,8 +40,6 @@ _LEAST_SHARE = 1e-4
 """Of the time: less is what IPOPT's barrier leaves of no share at all."""
 _IDLE = 1e-2
 """Of the time: a joint whose limits decide less moves as it likes for most of it."""
-_ROUNDS = 3
-"""Of slowing down what exceeds a limit by less than the replay is beside the curve."""
 
 
 def curves(task: Task) -> tuple[list[Optimum], Found]:
@@ -65,17 +63,46 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
         return [], Found((), failed=(unbegun,))
     if awaited():
         task.tell("its machine code is being built in the background, once: later solves are faster")
-    found.sort(key=lambda one: (one.excess > _HOPELESS, bool(one.checked.reasons), one.curve.duration))
+    found.sort(key=lambda one: (one.excess > _HOPELESS, not conditions_mended(task, one.checked), one.curve.duration))
     if found[0].excess > _HOPELESS:
         return [], Found((), failed=(_failed(task, found[0]),), iterations=sum(one.iterations for one in found))
     optima: list[Optimum] = []
     for one in found:
         task.tell(f"replaying a motion of {one.curve.duration:.6f} s")
         optima.append(_landed(task, one))
-        if task.stop or (optima[-1].landed(task.options.replay_tolerance) and not optima[-1].missed):
+        kept = optima[-1].checked is None or conditions_mended(task, optima[-1].checked)
+        if task.stop or (optima[-1].landed(task.options.replay_tolerance) and kept):
             break
     others = tuple(one.curve.duration for one in found[len(optima) :])
-    return optima, Found((), listed=others, iterations=sum(one.iterations for one in found[len(optima) :]))
+    iterations = sum(one.iterations for one in found[len(optima) :])
+    return optima, Found((), listed=others, iterations=iterations, met=_met(task, found))
+
+
+def _met(task: Task, found: Sequence[Settled]) -> str:
+    """How many different optima the guesses have met, for people; empty where a bound says how good the best is.
+
+    Args:
+        task: the problem.
+        found: curves that the guesses led to, the best first.
+    """
+    durations = [one.curve.duration for one in found if one.excess <= _HOPELESS and not one.checked.reasons]
+    if len(found) < 2 or not durations or _enough(task, found[0]):
+        return ""
+    return optima_met(durations, len(found), task.policy.same.mesh)
+
+
+def optima_met(durations: Sequence[float], guesses: int, same: float) -> str:
+    """How many different optima some guesses have met, in words.
+
+    Args:
+        durations: of the motions that guesses led to [s].
+        guesses: of which some may have led to none.
+        same: durations that differ by no more than this part are one optimum's.
+    """
+    optima = grouped(sorted(durations), within(same))
+    several = f"{len(optima)} different optima were" if len(optima) > 1 else "one optimum was"
+    times = f"the best one {len(optima[0])} times of {guesses} guesses"
+    return f"{several} met, {times}; other seeds may find a faster one"
 
 
 def _without_obstacles(task: Task) -> tuple[list[Settled], bool]:
@@ -88,7 +115,7 @@ def _without_obstacles(task: Task) -> tuple[list[Settled], bool]:
     (best,) = _settled(task.about(free), _guesses(task.about(free), 1)[:1])
     demands = Demands.of(problem)
     kept = checked(task, best.curve, demands)
-    if kept.reasons:
+    if not conditions_mended(task, kept):
         return [settle(task, best.curve)], False
     return [replace(best, demands=demands, checked=kept)], True
 
@@ -139,7 +166,7 @@ def _settled(task: Task, guesses: Sequence[Curve]) -> list[Settled]:
 
 def _enough(task: Task, settled: Settled) -> bool:
     """Whether other guesses have nothing to give: a proven bound is near."""
-    if settled.checked.reasons or _trouble(settled):
+    if not conditions_mended(task, settled.checked) or _trouble(settled):
         return False
     floor = task.floor()
     return floor is not None and settled.curve.duration <= (1 + GAP_TOLERANCE) * floor
@@ -187,14 +214,9 @@ def _deciding(task: Task, settled: Settled) -> tuple[Share, ...]:
 def _landed(task: Task, settled: Settled) -> Optimum:
     """A curve's motion, replayed."""
     problem, curve = task.problem, settled.curve
-    for k in range(_ROUNDS + 1):
-        replay = replace(replay_of(task, follow(task, curve)), name="minimum time")
-        looked = settled.demands.check(problem, replay, curve.passing) if settled.demands.conditions else None
-        over, rates = limit_violation(problem.limits, replay), 0.0 if looked is None else _rate_excess(looked)
-        kept = over <= LIMIT_TOLERANCE and rates <= 0
-        if kept or max(over, rates) > _HOPELESS or not problem.from_rest_to_rest or task.stop or k == _ROUNDS:
-            break
-        curve = curve.slower(1 + max(1.5 * over, 0.7 * rates))
+    # `follow` integrates as `replay_torques` does, sample by sample; `proof.repeat` judges by another integrator.
+    replay = replace(follow(task, sampled(task, curve)), name="minimum time")
+    looked = settled.demands.check(problem, replay, curve.passing) if settled.demands.conditions else None
     outcome = settled.solved.outcome
     remark = ON_CURVE if settled.solved.converged else f"the curve did not converge ({outcome.message})"
     shares = _deciding(task, settled)
@@ -210,9 +232,3 @@ def _landed(task: Task, settled: Settled) -> Optimum:
         via_times=tuple(map(float, curve.passing)),
         decides=shares,
     )
-
-
-def _rate_excess(looked: Checked) -> float:
-    """How far conditions that are not kept exceed what a slower motion has less of, as a part of their limits."""
-    over = [kept.share - 1 for kept in looked.kept if kept.reasons and kept.share is not None]
-    return max(over, default=0.0)

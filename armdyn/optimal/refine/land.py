@@ -9,6 +9,7 @@ from armdyn.optimal.arcs.posing import Kept, PhaseAim
 from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.aim import Aim
+from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.proof.adjoint import adjoint_error
 from armdyn.optimal.proof.certificate import certify
 from armdyn.optimal.proof.pontryagin import pontryagin
@@ -52,19 +53,20 @@ def with_costates(task: Task, optimum: Optimum) -> Optimum:
     return replace(optimum, certificate=replace(optimum.certificate, adjoint_error=error))
 
 
-def land_extremal(task: Task, extremal: Extremal, intervals: int) -> Optimum:
+def land_extremal(task: Task, extremal: Extremal, intervals: int, stop: Stop) -> Optimum:
     """Aim an extremal beside the goal, by what its torques as lines do not say, until its replay is on it; certify it.
 
     Args:
         task: what is solved.
         extremal: of it.
         intervals: of the mesh that it was read from.
+        stop: asked before it is marched in finer steps.
     """
     problem, policy, n, aim = task.problem, task.policy, task.problem.robot.nv, Aim()
     for _ in range(policy.refinement.aims):
         phases = phases_of(ended(extremal, aim.at_goal(n)), policy.arcs)
         astray = float(np.max(np.abs(pontryagin(problem, phases)[0]))) > policy.refinement.stray
-        if astray and (more := finer(extremal, task.stop)) is not None:
+        if astray and not stop and (more := finer(extremal, stop)) is not None:
             extremal = more
             continue
         replay = replay_of(task, phases.torques)

@@ -55,4 +55,4 @@ class Optimum:
 
     def landed(self, tolerance: float) -> bool:
         """Whether its replay ends within a tolerance of the goal [rad or m]."""
-        return self.certificate.goal_error <= tolerance
+        return self.certificate.goal_error <= tolerance and self.certificate.repeats

@@ -1,5 +1,7 @@
 """From a mesh's solution to its arcs: the structure whose switching functions agree with its modes."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from armdyn.optimal.arcs.arc import Arc, Mode, merged
@@ -9,6 +11,7 @@ from armdyn.optimal.arcs.posing import PhaseAim
 from armdyn.optimal.arcs.solving import prepare_phases, solve_phases
 from armdyn.optimal.arcs.structure import by_sign, with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.landing.aim import aimed
+from armdyn.optimal.problem.stop import Budget
 from armdyn.optimal.program.unknowns import mesh
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE, SWITCHING_TOLERANCE, certify
 from armdyn.optimal.proof.pontryagin import pontryagin
@@ -24,19 +27,22 @@ from armdyn.trajectory import Trajectory
 Structure = tuple[tuple[tuple[Mode, ...], tuple[tuple[int, Mode], ...]], ...]
 
 
-def resolve(task: Task, attempt: Attempt) -> Optimum:
+def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optimum:
     """The arcs of a mesh's solution, or its own motion and why they resist.
 
     Args:
         task: what is solved.
         attempt: a collocation solution with constant torques between its knots.
+        budget: of the integrator's steps that may be spent; None: as many as it takes.
     """
     motion, known, remark = attempt.trajectory, list[Optimum](), f"{task.stop.word} before the arcs were read"
     if not task.stop:
         arcs = _arcs_of(task, attempt)
-        if has_switching(task) and (extremal := _by_switching(task, arcs, motion)) is not None:
-            known.append(land_extremal(task, extremal, attempt.intervals))
-        if not known or (not known[0].certificate.ok and np.any(np.isfinite(task.problem.limits.velocity))):
+        if has_switching(task):
+            own = budget or Budget(task.stop)
+            extremal, remark = _by_switching(task, arcs, motion, own)
+            known += [land_extremal(task, extremal, attempt.intervals, own)] if extremal else []
+        if not known or (not known[0].certificate.ok and _at_speed(task, motion, known[0].trajectory)):
             phases, remark = _structure(task, arcs, motion)
             if phases is not None:
                 known.append(land(task, phases, remark, attempt.intervals))
@@ -44,11 +50,19 @@ def resolve(task: Task, attempt: Attempt) -> Optimum:
     certified = [one for one in known if one.certificate.ok]
     if certified:
         return certified[0]
+    if known and not _rank(known[0])[0] and known[0].trajectory.duration <= motion.duration:
+        return known[0]  # usable, and the mesh's own motion is slower
     landed, replay = aimed(task, motion)
     certificate = certify(task.problem, replay, None, remark)
     on_mesh = Optimum(landed, certificate, landed.duration, attempt.intervals)
     # Arcs that are not certified are worth having only if their motion is the better one.
     return min((*known, on_mesh), key=_rank)
+
+
+def _at_speed(task: Task, *motions: Trajectory) -> bool:
+    """Whether one of some motions reaches a velocity limit, which extremals know nothing of."""
+    near = (1 - task.policy.arcs.near_speed) * task.problem.limits.velocity
+    return any(bool(np.any(np.abs(motion.v) >= near)) for motion in motions)
 
 
 def _rank(optimum: Optimum) -> tuple[bool, float]:
@@ -108,17 +122,26 @@ def _structure(task: Task, arcs: list[Arc], motion: Trajectory) -> tuple[Phases 
     return last, "the switching structure did not settle"
 
 
-def _by_switching(task: Task, arcs: list[Arc], motion: Trajectory) -> Extremal | None:
-    """The extremal that a structure comes to when it is mended, or what is nearest to one; None: nothing lands."""
-    setting = setting_of(task, motion.duration)
+def _by_switching(task: Task, arcs: list[Arc], motion: Trajectory, budget: Budget) -> tuple[Extremal | None, str]:
+    """The extremal that a structure comes to when it is mended, or what is nearest to one; and what it lacks.
+
+    None: nothing lands, or time does not determine what some joint does.
+    """
+    setting, found = setting_of(task, motion.duration), Settled(None, np.inf, "")
     best: Settled | None = None
     for schedule in schedules_of(setting, arcs, motion):
-        found = settled(setting, schedule, task.stop)
+        part = min(budget.left, task.policy.refinement.budget / 2)
+        own = Budget(task.stop, part)
+        found = settled(replace(setting, budget=own), schedule, own)
+        budget.spend(part - own.left)
         if found.extremal is not None and (best is None or found.wrong < best.wrong):
             best = found
-        if (best is not None and best.wrong <= SWITCHING_TOLERANCE) or task.stop:
+        if (best is not None and best.wrong <= SWITCHING_TOLERANCE) or budget:
             break
-    return best.extremal if best and best.extremal and not leaves_idle(best.extremal, SWITCHING_TOLERANCE) else None
+    if best is None or best.extremal is None:
+        return None, found.why
+    idle = leaves_idle(best.extremal, SWITCHING_TOLERANCE)
+    return (None, "time leaves a joint idle") if idle else (best.extremal, best.why)
 
 
 def _named(arcs: tuple[Arc, ...] | list[Arc]) -> Structure:

@@ -1,78 +1,76 @@
-"""A mesh's solution keeps velocity limits at its knots; slowed down a little it keeps them between knots, too."""
+"""A motion that exceeds a limit, along the same path at the highest pace that keeps all of them."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from armdyn.optimal.landing.aim import aimed
-from armdyn.optimal.landing.limits import overspeed
-from armdyn.optimal.landing.pace import paced, paced_torques
-from armdyn.optimal.landing.pieces import Pieces
-from armdyn.optimal.landing.rollout import replay_of
-from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE, Certificate, certify
+from armdyn.optimal.conditions.demands import Demands
+from armdyn.optimal.flat.follow import follow
+from armdyn.optimal.landing.limits import excesses
+from armdyn.optimal.landing.pace import can_be_slowed, least_factor, paced, paced_torques
+from armdyn.optimal.landing.rollout import dense, replay_of
+from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE, certify, percent
+from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.refine.smooth import trajectory_cost
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
-
-def slower(task: Task, motion: Trajectory) -> Iterator[tuple[Trajectory, Trajectory]]:
-    """The same path at a lower and lower speed, as what the last replay exceeds velocity limits by asks for.
-
-    Args:
-        task: of which the problem is from rest to rest.
-        motion: any.
-
-    Yields:
-        Motions and their replays, a few.
-    """
-    problem, replay = task.problem, replay_of(task, motion)
-    for _ in range(task.policy.refinement.slowing):
-        if task.stop:
-            return
-        factor = 1 + overspeed(problem.limits, replay)
-        motion = replace(paced(motion, factor), tau=paced_torques(problem.robot, motion, motion.tau, factor))
-        replay = replay_of(task, motion)
-        yield motion, replay
+_ASTRAY = 1e-7
+"""So far [rad or m] beside the path's own end a slower motion may end: a tenth of what is on the goal."""
 
 
-def within_velocity_limits(task: Task, motion: Trajectory, remark: str) -> tuple[Trajectory, Certificate] | None:
-    """The same path at a slightly lower speed, so that no velocity limit is exceeded anywhere.
+def slowed(task: Task, optimum: Optimum) -> Optimum:
+    """The optimum, slower by the least factor with which its replay keeps all limits and conditions.
+
+    Every strategy ends here. The optimum itself, arcs and all, comes back where it exceeds nothing, does not land,
+    cannot be slowed down (`can_be_slowed`), or where no slower motion keeps what it exceeds: limits of positions,
+    clearances, via points.
 
     Args:
-        task: of which the problem is from rest to rest.
-        motion: a mesh's solution, or one of arcs whose samples are `dense`.
-        remark: what there is to say against it already.
-
-    Returns:
-        The motion and its certificate; None if it would exceed another limit, or not land, or does not begin and
-        end at rest.
+        task: what is solved.
+        optimum: replayed and certified.
     """
-    if not task.problem.from_rest_to_rest:
-        return None
-    kept: list[tuple[Trajectory, Certificate]] = []
-    for motions in (slower(task, motion), _slower_and_aimed(task, motion)):
-        for slowed, replay in motions:
-            certificate = certify(task.problem, replay, None, remark)
-            if certificate.limit_violation <= LIMIT_TOLERANCE:
-                kept.append((slowed, certificate))
-                break
-        if kept and kept[0][1].goal_error <= GOAL_TOLERANCE:
+    numbers, factor = task.policy.refinement, _factor(task, optimum)
+    if factor == 1 or not (np.isfinite(factor) and can_be_slowed(task.problem)):
+        return optimum
+    if not optimum.landed(task.options.replay_tolerance):
+        return optimum
+    path, whole = replay_of(task, dense(optimum.trajectory, numbers.slow_samples)), 1.0
+    for _ in range(numbers.slowing):
+        whole *= factor
+        found = _at_pace(task, optimum, path, whole)
+        factor = _factor(task, found)
+        lost = found.certificate.goal_error > max(GOAL_TOLERANCE, optimum.certificate.goal_error + _ASTRAY)
+        if factor == 1 and not lost:
+            return found
+        if lost or not np.isfinite(factor) or task.stop:
             break
-    kept.sort(key=lambda pair: pair[1].goal_error)
-    return kept[0] if kept and kept[0][1].goal_error <= task.options.replay_tolerance else None
+    return optimum
 
 
-def _slower_and_aimed(task: Task, motion: Trajectory) -> Iterator[tuple[Trajectory, Trajectory]]:
-    """As `slower`, with torques that are constant between knots as the motion's are, and brought onto the goal."""
-    problem, limits, pieces = task.problem, task.problem.limits, Pieces.of(motion)
-    if pieces is None:
-        return
-    middles, replay, factor = motion((pieces.t[:-1] + pieces.t[1:]) / 2), replay_of(task, motion), 1.0
-    for _ in range(task.policy.refinement.slowing):
-        if task.stop:
-            return
-        factor *= 1 + overspeed(limits, replay)
-        tau = paced_torques(problem.robot, middles, pieces.tau, factor)
-        held = Pieces(factor * pieces.t, np.clip(tau, limits.effort_lower, limits.effort_upper))
-        slowed, replay = aimed(task, held.trajectory(paced(motion, factor), task.policy.landing.samples))
-        yield slowed, replay
+def _factor(task: Task, optimum: Optimum) -> float:
+    """Factor on the duration with which it would keep all that is asked; 1 if it does, inf if no factor is known."""
+    limits, motion = task.problem.limits, optimum.trajectory
+    if excesses(limits, motion)[2].share > LIMIT_TOLERANCE:
+        return np.inf
+    conditions = optimum.checked.slowing if optimum.checked else 1.0
+    return max(conditions, least_factor(task.problem.robot, limits, motion, LIMIT_TOLERANCE))
+
+
+def _at_pace(task: Task, optimum: Optimum, path: Trajectory, factor: float) -> Optimum:
+    """The optimum's path in so many times its duration, replayed."""
+    problem = task.problem
+    wanted = replace(paced(path, factor), tau=paced_torques(problem.robot, path, path.tau, factor))
+    motion = replace(follow(task, wanted), name=optimum.trajectory.name)
+    passing = factor * np.array(optimum.via_times)
+    remark = optimum.certificate.remark or f"slowed down by {percent(factor - 1)} to keep its limits: no extremal"
+    certificate = replace(certify(problem, motion, None, remark), idle=optimum.certificate.idle)
+    return replace(
+        optimum,
+        trajectory=motion,
+        certificate=certificate,
+        cost=trajectory_cost(motion, problem.effort_weights()),
+        phases=None,
+        checked=None if optimum.checked is None else Demands.of(problem).check(problem, motion, passing),
+        via_times=tuple(passing.tolist()),
+    )

@@ -33,6 +33,7 @@ class Found:
         listed: durations of the others on coarse meshes [s].
         slower: durations of those that were told apart better, and were not worth more [s].
         iterations: of IPOPT.
+        met: how many different optima the guesses have met, for people, where nothing else says how good the best is.
     """
 
     attempts: tuple[Attempt, ...]
@@ -41,6 +42,7 @@ class Found:
     listed: tuple[float, ...] = ()
     slower: tuple[float, ...] = ()
     iterations: int = 0
+    met: str = ""
 
 
 @dataclass(frozen=True, eq=False)

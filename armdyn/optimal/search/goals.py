@@ -14,6 +14,7 @@ from armdyn.optimal.flat.posing import Wanted
 from armdyn.optimal.flat.solve import solve_curve
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import stopping
+from armdyn.optimal.search.sliding import slid_goals
 from armdyn.optimal.search.starts import spline, straight_curve
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.options import MinimumTimeOptions
@@ -53,17 +54,20 @@ def screened(
     with stopping(options.time_limit / 3) as stop:
         task = Task.of(problem, options, stop, tell)
         numbers = task.policy.search
-        for i, q in enumerate(problem.goals, start=1):
+        goals = [*slid_goals(problem), *problem.goals]
+        for i, q in enumerate(goals, start=1):
             branch = problem.variant(q_goal=q, goal_pose=None, wrap=False)
             branches.append(branch)
-            if stop or branch.duration_bound() > numbers.hopeless * min(durations, default=np.inf):
+            if stop or branch.unheld or branch.duration_bound() > numbers.hopeless * min(durations, default=np.inf):
                 durations.append(np.inf)
                 continue
-            tell(f"goal {i} of {len(problem.goals)}")
+            tell(f"goal {i} of {len(goals)}")
             durations.append(_tried(task.about(branch)))
     order = sorted(range(len(branches)), key=lambda i: (durations[i], i))
-    tried = [GoalTried(problem.goals[i], durations[i]) for i in order]
-    return [branches[i] for i in order[: numbers.goals_solved]], tried
+    order = sorted(order, key=lambda i: branches[i].unheld is not None)  # those where the arm can stay first
+    tried = [GoalTried(goals[i], durations[i]) for i in order]
+    held = [i for i in order if branches[i].unheld is None] or order
+    return [branches[i] for i in held[: numbers.goals_solved]], tried
 
 
 def _tried(task: Task) -> float:

@@ -69,7 +69,7 @@ def search(task: Task, count: int, grounds: Grounds, beside: Sequence[Job] = ())
         task.tell(f"search: guess {len(own)} of {count}{best}")
         # An optimum has another duration on another mesh, and counts on each: safer than to match them.
         asked = task.options.effort != "thorough" and len(own) % max(1, count // _LOOKS) == 0
-        if task.stop or (asked and enough(len(solved), len(distinct(own, task.policy.same.coarse)))):
+        if task.stop or (asked and enough(len(solved), len(distinct(own, task.policy.same.coarse)), numbers.least)):
             break
     return attempts
 
@@ -86,15 +86,19 @@ def _done(jobs: Sequence[Job]) -> list[Attempt]:
     return [job() for job in jobs]
 
 
-def enough(solved: int, optima: int) -> bool:
+def enough(solved: int, optima: int, least: int = 0) -> bool:
     """Whether so many guesses have probably met all optima.
 
     The expected number of optima is optima (solved - 1) / (solved - optima - 2), whatever their basins'
     sizes (Boender and Rinnooy Kan, Bayesian stopping rules for multistart, 1987): stop where it is
     nearer to those seen than to one more.
 
+    That takes any sizes of basins for as likely. A basin of a share p is missed by n guesses with probability (1 - p)ⁿ,
+    however often they have met the others.
+
     Args:
         solved: guesses that converged.
         optima: that they led to.
+        least: guesses that are needed in any case.
     """
-    return solved > optima + 2 and optima * (solved - 1) <= (optima + 0.5) * (solved - optima - 2)
+    return solved >= least and solved > optima + 2 and optima * (solved - 1) <= (optima + 0.5) * (solved - optima - 2)

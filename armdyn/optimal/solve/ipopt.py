@@ -191,7 +191,7 @@ def in_time(task: Task, build: Callable[[Scheme], S]) -> S:
         LateError: the time is up before that of what takes seconds to build is ready.
     """
     stop = task.stop
-    with until(stop.deadline):
+    with until(stop.deadline, lambda: stop.interrupted):
         if not stop.hurried:
             try:
                 return build(task.scheme)

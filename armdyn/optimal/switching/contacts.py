@@ -1,11 +1,11 @@
-"""Contacts with position limits: whether torques can hold them, whether limits push, and what becomes of the others."""
+"""Contacts with limits of position and velocity: whether torques can hold them, and whether limits push."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.arcs.arc import OPPOSITE, POSITION, Mode, outward, stretches
+from armdyn.optimal.arcs.arc import OPPOSITE, POSITION, VELOCITY, Mode, outward, stretches
 from armdyn.optimal.switching.costates import NODES, Whole
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.limits import state_at
@@ -15,15 +15,20 @@ Array = NDArray[np.float64]
 
 _BEYOND = 1e-6
 """Of a torque's range: by so much more than it has a joint cannot be held."""
-_INWARD = 1e-4
-"""Of a contact's largest pull: as is certified."""
+_INWARD = 5e-5
+"""Of a contact's largest pull: half of what is certified, which is seen at other places of it."""
 _WHOLE = 0.02
 """Of a contact: what is left of it at an end is not worth another contact."""
 _LEAST = 0.1
 """The least part of a contact that is let go at first."""
 _END = 0.25
 """The part that is let go where its beginning or its end would rather be."""
-_TOWARDS = {Mode.POSITION_UPPER: Mode.UPPER, Mode.POSITION_LOWER: Mode.LOWER}
+_TOWARDS = {
+    Mode.POSITION_UPPER: Mode.UPPER,
+    Mode.POSITION_LOWER: Mode.LOWER,
+    Mode.VELOCITY_UPPER: Mode.UPPER,
+    Mode.VELOCITY_LOWER: Mode.LOWER,
+}
 """The torque that presses a joint against its limit."""
 
 
@@ -31,7 +36,8 @@ def with_contacts(extremal: Extremal, settled: bool = True) -> Schedule | None:
     """The schedule without parts of contacts that cannot be held or would rather be let go; None: there are none.
 
     A joint that takes more torque than it has is given all of it, and touches at most. One that a limit would have to
-    pull back against is let go: inward torque takes it off, outward torque brings it back, a bounce.
+    pull back against is let go: inward torque takes it off, outward torque brings it back, a bounce. Off a limit of
+    velocity it is slowed down and sped up again.
 
     Args:
         extremal: whose contacts are looked at, one at a time.
@@ -39,7 +45,7 @@ def with_contacts(extremal: Extremal, settled: bool = True) -> Schedule | None:
     """
     schedule, whole = extremal.schedule, None
     for segment in schedule.segments():
-        if segment.begin < 0 or schedule.changes[segment.begin].mode not in POSITION:
+        if segment.begin < 0 or schedule.changes[segment.begin].mode not in _TOWARDS:
             continue
         whole = whole or Whole.of(extremal)
         contact = _Contact.of(extremal, whole, segment)
@@ -48,8 +54,11 @@ def with_contacts(extremal: Extremal, settled: bool = True) -> Schedule | None:
         if (weak := contact.weak) is not None:
             return _let_go(extremal, segment, weak.part, [(0.0, weak.mode)])
         if settled and (part := contact.unwilling) is not None:
-            towards = _TOWARDS[schedule.changes[segment.begin].mode]
+            mode = schedule.changes[segment.begin].mode
+            towards = _TOWARDS[mode]
             away = OPPOSITE[towards]
+            if mode in VELOCITY:
+                return _let_go(extremal, segment, part, [(0.0, away), (0.5, towards)])
             return _let_go(extremal, segment, part, [(0.0, away), (0.25, towards), (0.75, away)])
     return None
 
@@ -90,7 +99,8 @@ class _Contact:
         change = schedule.changes[segment.begin]
         begin, end = schedule.span(segment)
         middle = (whole.t[:-1] + whole.t[1:]) / 2
-        own = np.flatnonzero((middle > begin) & (middle < end) & whole.position[:, change.joint])
+        held = whole.velocity if change.mode in VELOCITY else whole.position
+        own = np.flatnonzero((middle > begin) & (middle < end) & held[:, change.joint])
         if not own.size:
             return None
         i, sign, lengths = change.joint, outward(change.mode), np.diff(whole.t)
@@ -100,10 +110,13 @@ class _Contact:
         costate, K = whole.costate[:, :, i], lengths.size
         knots = range(int(own[0]), int(own[-1]) + 2)
         blows = [costate[k - 1, -1] - costate[k, 0] if 0 < k < K else 0.0 for k in knots]
+        place = i
+        if change.mode in VELOCITY:  # a limit of velocity is entered and left without a blow
+            place, blows = len(schedule.first) + i, [0.0] * len(knots)
         return cls(
             ((t - begin) / (end - begin)).ravel(),
             torque.ravel(),
-            -sign * whole.pulls[own, :, i].ravel() * (end - begin),
+            -sign * whole.pulls[own, :, place].ravel() * (end - begin),
             sign * np.array(blows),
         )
 
@@ -154,14 +167,15 @@ def _let_go(
     begin, end = schedule.span(segment)
     a, b = (begin + each * (end - begin) for each in part)
     touch = Change(contact.joint, contact.mode, touch=True)
+    touches = contact.mode in POSITION
     more = [(a + s * (b - a), Change(contact.joint, mode)) for s, mode in steps]
     gone = []
     if part[0] == 0:
         gone.append(segment.begin)
-        more = [(a, touch), *more]
+        more = [(a, touch), *more] if touches else more
     if part[1] < 1:
         more.append((b, Change(contact.joint, contact.mode)))
-    elif part[0] > 0 or len(steps) > 1:
+    elif touches and (part[0] > 0 or len(steps) > 1):
         more.append((b, touch))
     every = [(time, change, state_at(extremal.march, time)) for time, change in more]
     return schedule.without_changes(gone).with_changes(every).without(())

@@ -90,6 +90,7 @@ class Whole:
         switching: S, shape (K, stages + 1, nv).
         pulls: of held limits on ρ per second, shape (K, stages + 1, 2 nv).
         position: joints on a limit of position, shape (K, nv).
+        velocity: on one of velocity, likewise.
     """
 
     t: Array
@@ -99,6 +100,7 @@ class Whole:
     switching: Array
     pulls: Array
     position: NDArray[np.bool_]
+    velocity: NDArray[np.bool_]
 
     @classmethod
     def of(cls, extremal: Extremal) -> Self:
@@ -107,7 +109,7 @@ class Whole:
         at = _At.of(extremal, grid)
         costate, pulls = _adjoined(at, np.diff(grid.t), robot.nv)
         switching = np.asarray(np.linalg.solve(at.inertia, costate[..., robot.nv :, None])[..., 0], float)
-        return cls(grid.t, at.x, _torques(at, robot), costate, switching, pulls, at.position)
+        return cls(grid.t, at.x, _torques(at, robot), costate, switching, pulls, at.position, at.velocity)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,19 +13,21 @@ from armdyn.optimal.switching.extremal.flow import Flow, flow_of
 from armdyn.optimal.switching.extremal.limits import BEYOND, excess, with_limits
 from armdyn.optimal.switching.extremal.march import Setting
 from armdyn.optimal.switching.extremal.model import Linear
-from armdyn.optimal.switching.extremal.schedule import Schedule
+from armdyn.optimal.switching.extremal.schedule import Schedule, Structure
 from armdyn.optimal.switching.signs import with_signs, without_unwanted, wrong_signs
 from armdyn.optimal.switching.singular import idle_fall, with_longer_course, with_singular, with_stays
 from armdyn.optimal.task.task import Task
 
-_ROUNDS = 12
-"""Of mending."""
+_ROUNDS = 40
+"""Of mending: where a contact is left by bounces that grow shorter and shorter, each takes two."""
 _LEAST = 5e-5
 """By how much H must fall for another stay, or a longer course: half of what is certified."""
 _DRIFT = 1e-5
 """Of H along an arc: a tenth of what is certified; beyond it the steps are too long."""
 _ASTRAY = 1e-3
 """The same where no extremal was found: then that may be why."""
+_SHORTER = 1e-11
+"""Of the duration: what mending a contact gains at least, or it is left."""
 _PATIENCE, _BETTER = 3, 0.7
 """Rounds in a row that come no nearer than by so much: more go in circles."""
 
@@ -45,14 +47,16 @@ class Settled:
     why: str
 
     def or_else(self, linear: Linear | None, why: str) -> Self:
-        """This or, where nothing better is known, a motion that lands within its limits but is no extremal.
+        """This or, where no extremal is known, the fastest motion that lands within its limits.
 
         Args:
             linear: the motion, if there is one.
             why: it is not.
         """
-        if self.extremal is not None or linear is None or excess(linear.march) > BEYOND:
+        if np.isfinite(self.wrong) or linear is None or excess(linear.march) > BEYOND:
             return self if self.extremal else replace(self, why=why)
+        if self.extremal is not None and self.extremal.schedule.duration <= linear.march.schedule.duration:
+            return self
         return replace(self, extremal=Extremal(linear), why=why)
 
 
@@ -88,8 +92,10 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
     """
     best, mended, stale = Settled(None, np.inf, "nothing was tried"), False, 0
     chattering: tuple[Schedule, int] | None = None
-    refused = set[int]()
+    refused, seen = set[int](), dict[Structure, float]()
     for _ in range(_ROUNDS):
+        while schedule.size + 1 > setting.most_arcs and setting.finer is not None:
+            setting = setting.finer
         found = fastest(setting, schedule, stop)
         finer, enough = setting.finer, _DRIFT if isinstance(found, Extremal) else _ASTRAY
         if found.linear is not None and found.linear.drift > enough and finer is not None and not stop:
@@ -105,7 +111,12 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
             (schedule, hovering), chattering = chattering, None
             refused.add(hovering)
             continue
-        if limited := with_limits(found.march) or without_unwanted(found) or with_contacts(found):
+        structure, duration = found.schedule.structure, found.schedule.duration
+        again = duration > (1 - _SHORTER) * seen.get(structure, np.inf)  # mended contacts came out as they were
+        limited = with_limits(found.march) or without_unwanted(found)
+        if limited is None and not again:
+            seen[structure], limited = duration, with_contacts(found)
+        if limited is not None:
             schedule, best = limited, best.or_else(found.linear, "limits of position are not settled")
             continue
         wrong, idle = wrong_signs(found, _LEAST), max([0.0, *(idle_fall(found, k) for k in found.schedule.courses)])
@@ -142,5 +153,6 @@ def leaves_idle(extremal: Extremal, tolerance: float) -> bool:
     march, limits = extremal.march, extremal.march.setting.problem.limits
     ranges = limits.effort_upper - limits.effort_lower
     idle = (np.abs(extremal.switching) * ranges <= tolerance) & (ranges > 0)
-    shares = np.tile(march.h, 2) @ (idle & ~np.tile(march.torques.felt > 0, (2, 1))) / 2
+    elsewhere = (march.torques.felt > 0) | (march.torques.held > 0)
+    shares = np.tile(march.h, 2) @ (idle & ~np.tile(elsewhere, (2, 1))) / 2
     return bool(np.any(shares > extremal.schedule.duration / 2))

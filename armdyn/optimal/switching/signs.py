@@ -5,13 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, Mode, outward, stretches
+from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, VELOCITY, Mode, outward, stretches
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.limits import state_at
 from armdyn.optimal.switching.extremal.schedule import Change, Schedule
 
 Array = NDArray[np.float64]
 
+_MET = 1e-7
+"""Of the duration: a joint that is on a limit of velocity for less touches it."""
 _WORSE = 0.05
 """Of the worst: stretches that fall short of that wait for another round."""
 
@@ -81,7 +83,12 @@ def with_signs(extremal: Extremal, wrong: list[Wrong], schedule: Schedule | None
 
 
 def without_unwanted(extremal: Extremal) -> Schedule | None:
-    """The schedule without touches that the motion would rather not make; None: it wants them all."""
+    """The schedule without touches that the motion would rather not make; None: it wants them all.
+
+    A limit of velocity that is met for no time at all is touched, too.
+    """
+    if (slow := _without_idle_speeds(extremal)) is not None:
+        return slow
     size = extremal.march.start.shape[1]
     gone: set[int] = set()
     for (k, j, _), multiplier in zip(extremal.march.held_states, extremal.multipliers[size:], strict=True):
@@ -89,3 +96,20 @@ def without_unwanted(extremal: Extremal) -> Schedule | None:
         if change.touch and change.mode in POSITION and j < size // 2 and outward(change.mode) * multiplier < 0:
             gone.add(k)
     return extremal.schedule.without_changes(gone) if gone else None
+
+
+def _without_idle_speeds(extremal: Extremal) -> Schedule | None:
+    """The schedule without stays of no length on limits of velocity that do not hold the motion back; None: all do."""
+    schedule, size = extremal.schedule, extremal.march.start.shape[1]
+    pulls = {
+        k: outward(schedule.changes[k].mode) * multiplier
+        for (k, _, _), multiplier in zip(extremal.march.held_states, extremal.multipliers[size:], strict=True)
+        if schedule.changes[k].mode in VELOCITY
+    }
+    short = _MET * schedule.duration
+    gone = []
+    for segment in schedule.segments():
+        begin, end = schedule.span(segment)
+        if segment.begin in pulls and end - begin <= short and pulls[segment.begin] <= 0:
+            gone.append(segment)
+    return schedule.without(gone) if gone else None

@@ -10,6 +10,8 @@ from armdyn.optimal.task.scheme import Control, DynamicsForm
 from armdyn.optimal.task.tableau import TABLEAUS
 from armdyn.trajectory import Trajectory
 
+MAX_STARTS = 10**5
+"""Guesses of one search, at most: a hundred times what `effort="thorough"` has; they are drawn before it begins."""
 REPLAY_TOLERANCE = 1e-3
 """Default of `MinimumTimeOptions.replay_tolerance` [rad or m]: about a millimetre at the tip, which a controller makes
 up for."""
@@ -46,7 +48,7 @@ class MinimumTimeOptions:
         effort: how much is searched: "quick" solves a third of the guesses, "thorough" five times as many and all of
             them, and refines three times as many optima (docs/search.md); likewise of curves, and where effort is paid
             for, which have numbers of their own.
-        starts: guesses of the global search, whatever the effort.
+        starts: guesses of the global search, whatever the effort; at most 100,000.
         seed: of the guesses after the first; the same seed gives the same answer.
         refinements: so many of the optima found are refined, slower ones than a certified one, too; None: these are
             listed as the mesh has them.
@@ -105,9 +107,9 @@ class MinimumTimeOptions:
             object.__setattr__(self, "coarse_intervals", meshes)
         for name in ("intervals", "max_intervals", "max_iterations"):
             whole(getattr(self, name), name, least=1)
-        for name in ("starts", "refinements", "workers"):
+        for name, most in (("starts", MAX_STARTS), ("refinements", MAX_STARTS), ("workers", None)):
             if getattr(self, name) is not None:
-                whole(getattr(self, name), name, least=1)
+                whole(getattr(self, name), name, least=1, most=most)
         whole(self.seed, "seed", least=0)
         for name in ("replay_tolerance", "tolerance", "time_limit"):
             number(getattr(self, name), name, sign="positive", finite=False)

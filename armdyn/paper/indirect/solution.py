@@ -15,6 +15,7 @@ from armdyn.optimal.arcs.phases import TABLEAU, Phases
 from armdyn.optimal.landing.limits import excesses
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
+from armdyn.optimal.task.options import MAX_STARTS
 from armdyn.paper.indirect.bang_bang import BangBangExtremal, BangBangProblem
 from armdyn.paper.indirect.boundary import BoundaryProblem, Extremal
 from armdyn.paper.indirect.canonical import columns
@@ -71,7 +72,7 @@ class IndirectOptions:
         for name in ("intervals", "max_nodes", "continuations"):
             whole(getattr(self, name), name, least=1)
         if self.starts is not None:
-            whole(self.starts, "starts", least=1)
+            whole(self.starts, "starts", least=1, most=MAX_STARTS)
         whole(self.seed, "seed", least=0)
         for name in ("tolerance", "time_limit"):
             number(getattr(self, name), name, sign="positive", finite=False)

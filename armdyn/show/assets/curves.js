@@ -55,7 +55,7 @@ const armdynCurves = (host, course, names, seek, zooms) => {
   const dash = k => (k ? [[6, 3], [2, 3], [9, 3, 2, 3], [4, 4]][(k - 1) % 4] : undefined);
   const charts = {}, axis = 52;
   let time = 0;
-  const width = () => Math.max(host.clientWidth, 240), height = () => (innerWidth < 700 ? 168 : 190);
+  const width = () => Math.max(host.clientWidth, 240), height = () => (innerWidth < 700 ? 168 : Math.min(Math.max(.16 * innerHeight, 130), 190));
   const font = "11px system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
   const axes = (last, more) => [
     { stroke: () => palette.soft, grid: { stroke: () => palette.grid, width: 1 }, ticks: { show: false }, font, size: 22,
@@ -189,7 +189,7 @@ const armdynCurves = (host, course, names, seek, zooms) => {
       make("i", key, "", `key ${kind}`);
       key.append(word);
     }
-    const box = make("div", figure), rows = course.moves.length * joints, row = rows > 12 ? 14 : 22;
+    const box = make("div", figure), rows = course.moves.length * joints, row = rows > 12 ? 14 : rows > 8 ? 17 : 22;
     const u = new uPlot({
       width: width(), height: rows * row + 46, padding: [6, 10, 0, 0], legend: { show: false }, cursor: { ...cursor, points: { show: false } },
       scales: { x: { time: false, range: () => zoom.span }, y: { range: () => [0, rows] } },

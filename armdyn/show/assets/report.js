@@ -11,14 +11,15 @@
   const data = JSON.parse(el("armdyn-data").textContent), { course, labels } = data;
   const bytes = text => Uint8Array.from(atob(text), c => c.charCodeAt(0));
   const unpacked = text => new Response(new Blob([bytes(text)]).stream().pipeThrough(new DecompressionStream("gzip"))).json();
-  const number = armdynNumber, dark = matchMedia("(prefers-color-scheme: dark)");
+  const number = armdynNumber, seconds = time => number(time, duration < 100 ? 4 : 2);  // as the page says times elsewhere
+  const dark = matchMedia("(prefers-color-scheme: dark)");
 
   let scene = null;
   const curves = armdynCurves(el("plots"), course, labels, to => player.hold(to), zoomed);
   const duration = curves.duration, player = armdynPlayer(duration, data.speed, show, () => curves.span);
 
   // The arm.
-  const called = k => `${course.moves[k].name}, ${data.cut[k] ? "first " : ""}${+course.moves[k].duration.toPrecision(4)} s`;
+  const called = k => `${course.moves[k].name}, ${data.cut[k] ? "first " : ""}${seconds(course.moves[k].duration)} s`;
   const line = (key, k) => {  // as its curves are drawn
     const [svg, path] = ["svg", "path"].map(tag => document.createElementNS("http:" + "//www.w3.org/2000/svg", tag));
     svg.setAttribute("viewBox", "0 0 26 4");
@@ -100,25 +101,24 @@
     tick.title = `${number(t, 6)} s: ${joints.map(j => labels[j]).join(", ")}`;
   });
   if (course.moves.length > 1) course.moves.forEach(move => place(make("u", ticks), move.duration));
-  const digits = duration < 2 ? 4 : 2;
-  const precise = xs => Math.max(0, Math.min(4, 3 - Math.floor(Math.log10(Math.max(1e-3, ...xs)))));
-  const most = kind => labels.map((_, j) => precise([Math.max(...course.moves[0][kind][j].map(x => Math.abs(x ?? 0)))]));
-  const places = { q: labels.map(() => 3), v: most("v"), tau: most("tau") };
+  const most = kind => Math.max(1e-3, ...course.moves[0][kind].map(xs => xs.reduce((so, x) => Math.max(so, Math.abs(x ?? 0)), 0)));
+  const precise = kind => Math.max(0, Math.min(3, 4 - Math.floor(Math.log10(most(kind)))));
+  const places = { q: 3, v: precise("v"), tau: precise("tau") };
 
   function show(time) {
     if (scene) scene.show(time);
     curves.at(time);
     rows.forEach(({ cells, fill, on }, j) => {
       ["q", "v", "tau"].forEach((kind, i) => {
-        cells[i].textContent = `${number(curves.values(kind, j, time), places[kind][j])} ${curves.unit(kind, j)}`;
+        cells[i].textContent = `${number(curves.values(kind, j, time), places[kind])} ${curves.unit(kind, j)}`;
       });
       const torque = curves.values("tau", j, time);
       const part = full[j] ? (torque < 0 ? -torque / full[j][0] : torque / full[j][1]) || 0 : 0;
       fill.style.transform = `scaleX(${Math.max(-1, Math.min(1, part))})`;
       on.textContent = said[curves.on(j, Math.min(time, course.moves[0].duration * (1 - 1e-9)))];
     });
-    el("scrubber").setAttribute("aria-valuetext", `${number(time, digits)} s`);
-    el("clock").textContent = `${number(time, digits)} / ${number(duration, digits)} s`;
+    el("scrubber").setAttribute("aria-valuetext", `${seconds(time)} s`);
+    el("clock").textContent = `${seconds(time)} / ${seconds(duration)} s`;
   }
   function zoomed(from, to) {  // what is seen of the time, on the slider
     const part = el("part");

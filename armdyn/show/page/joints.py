@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.models.values.limits import JointLimits
-from armdyn.show.markup import Html, element, join, table
+from armdyn.show.markup import Html, element, join
 from armdyn.show.page.course import Move
-from armdyn.show.page.sections import Section, td, th
+from armdyn.show.page.sections import Section, stacked, td, th
 from armdyn.show.page.verdict import Tile, seconds, verdict_of
 from armdyn.trajectory import Trajectory
 
@@ -41,9 +41,8 @@ def joint_section(move: Move, joints: Sequence[str], limits: JointLimits, slidin
     """What each joint does in a motion, beside its limits."""
     _, q, v, tau = dense(move.motion)
     switching = [len(times) for times in move.motion.switch_times]
-    head = [
-        [th(text) for text in ("joint", "from", "to", "fastest", "of its limit", "strongest", "of its limit", "jumps")]
-    ]
+    words = ("joint", "from", "to", "fastest", "of its limit", "strongest", "of its limit", "jumps")
+    head = [th(word) for word in words]
     rows = []
     for j, name in enumerate(joints):
         turn, force = ("m", "N") if sliding[j] else ("rad", "N m")
@@ -54,7 +53,7 @@ def joint_section(move: Move, joints: Sequence[str], limits: JointLimits, slidin
             td(f"{np.abs(v[:, j]).max():.4g} {turn}/s"), _share(speed),
             td(f"{np.abs(tau[:, j]).max():.4g} {force}"), _share(torque), td(str(switching[j])),
         ])  # fmt: skip
-    return Section("joints", "Joint by joint", table(head, rows), wide=True)
+    return Section("joints", "Joint by joint", stacked(head, rows), wide=True)
 
 
 @dataclass(frozen=True)
@@ -151,7 +150,7 @@ def comparison_section(rows: Sequence[Compared]) -> Section | None:
         "Work is ∫ Σ |τ q̇| dt, what the joints give and take; fastest and strongest: the most that a joint takes "
         "of its limit. A closed loop is at the goal when it has come to stay, by its own rule."
     )
-    parts = [table([[th(word) for word in words]], body), element("p", told, class_="note")]
+    parts = [stacked([th(word) for word in words], body), element("p", told, class_="note")]
     return Section("comparison", "Side by side", join(parts), wide=True)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import re
 import shlex
 from collections.abc import Mapping, Sequence
@@ -100,7 +101,7 @@ def sensitivity_section(facts: Facts, joints: Sequence[str]) -> Section | None:
     columns = [by.numbers(name) for name in ("effort_upper", "effort_lower", "velocity")]
     if by.number("payload_mass") is None or any(len(column) != len(joints) for column in columns):
         return None
-    head = [[th("joint"), *map(th, ("upper torque limit", "lower torque limit", "speed limit"))]]
+    head = [th("joint"), *map(th, ("upper torque limit", "lower torque limit", "speed limit"))]
     # The lower limit is a negative number: further down is less of it.
     signed = [columns[0], [None if x is None else -x for x in columns[1]], columns[2]]
     rows = [
@@ -109,7 +110,7 @@ def sensitivity_section(facts: Facts, joints: Sequence[str]) -> Section | None:
     ]
     gram = by.number("payload_mass") or 0.0
     told = f"1 g more at the tip costs {gram:.3g} ms. One N m (or N) more torque, one rad/s (or m/s) more speed, in ms:"
-    return Section("sensitivities", "Sensitivities", join([element("p", told), table(head, rows)]))
+    return Section("sensitivities", "Sensitivities", join([element("p", told), stacked(head, rows)]))
 
 
 def optima_section(facts: Facts, duration: float) -> Section | None:
@@ -154,8 +155,8 @@ def course_section(facts: Facts) -> Section | None:
         ]
         for one in facts.parts("conditions") if one.number("share") is not None
     ]  # fmt: skip
-    heads = [[th("limit"), th("worst", class_="words"), th("of it"), th("kept")]]
-    body = [*([table(heads, worst)] if worst else []), *([listed(rows)] if rows else [])]
+    heads = [th("limit"), th("worst", class_="words"), th("of it"), th("kept")]
+    body = [*([stacked(heads, worst)] if worst else []), *([listed(rows)] if rows else [])]
     return Section("course", "Conditions along the way", join(body)) if body else None
 
 
@@ -233,6 +234,16 @@ def listed(rows: Sequence[tuple[str, str]]) -> Html:
         "dl",
         *(join([element("dt", name), element("dd", value)]) for name, value in rows if value),
     )
+
+
+def stacked(head: Sequence[Html], rows: Sequence[Sequence[Html]]) -> Html:
+    """A table whose rows are blocks where the screen is narrow; there each cell says its column, as the head does."""
+    columns = [html.escape(re.sub(r"<[^>]*>", "", cell)) for cell in head]
+    named = [
+        [Html(cell.replace("<td", f'<td data-column="{column}"', 1)) for cell, column in zip(row, columns, strict=True)]
+        for row in rows
+    ]
+    return table([head], named, class_="stacked")
 
 
 def th(text: str, scope: str = "col", **attributes: str) -> Html:

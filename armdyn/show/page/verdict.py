@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from armdyn.optimal.proof.certificate import percent
+from armdyn.optimal.answer.words import replay_words
+from armdyn.optimal.proof.certificate import Certificate, percent
+from armdyn.optimal.proof.repeat import OPEN_LOOP_GROWTH
 from armdyn.show.page.facts import Facts
 
 Level = Literal["good", "fair", "bad", "none"]
@@ -93,7 +95,8 @@ def tiles_of(facts: Facts, duration: float) -> list[Tile]:
     ):
         if name in facts:
             value = facts.number(name)
-            tiles.append(Tile(label, "–" if value is None else f"{scale * value:.4g}{unit}", note))
+            told = "–" if value is None else f"{scale * value:.4g}{unit}"
+            tiles.append(Tile(label, seconds(value) if unit == " s" else told, note))
     return tiles
 
 
@@ -109,7 +112,8 @@ def _of_minimum_time(facts: Facts) -> Verdict:
         found = facts.number("duration") is not None
         headline = "Not usable" if found else "No motion found"
         return Verdict("bad", headline, facts.text("message"), checks, advice)
-    lands = "It lands on the goal and keeps its limits"
+    feedback = "Under feedback it" if certificate.text("replay") == "segments" else "It"
+    lands = f"{feedback} lands on the goal and keeps its limits"
     if not facts.true("certified"):
         reasons = "; ".join(certificate.texts("reasons"))
         said = f"{lands}: a motion for the arm. That none is faster is not shown{f': {reasons}' if reasons else ''}."
@@ -125,10 +129,9 @@ def _of_minimum_time(facts: Facts) -> Verdict:
 def _checks(facts: Facts) -> list[tuple[str, bool | None, str]]:
     """What was checked of a minimum-time motion."""
     c = facts.part("certificate")
-    beside = f"{_small(c.number('goal_error'))} rad and {_small(c.number('goal_velocity_error'))} rad/s beside the goal"
     exceeded = c.number("limit_violation")
     checks: list[tuple[str, bool | None, str]] = [
-        ("lands", c.true("lands"), f"its torques, replayed by another integrator, end {beside}"),
+        ("lands", c.true("lands"), _replay(c)),
         (
             "keeps its limits",
             c.true("keeps_limits"),
@@ -160,6 +163,22 @@ def _checks(facts: Facts) -> list[tuple[str, bool | None, str]]:
     return checks
 
 
+def _replay(certificate: Facts) -> str:
+    """What the replay has shown, as the solver says it."""
+    goal, velocity = certificate.number("goal_error"), certificate.number("goal_velocity_error")
+    said = Certificate(
+        goal_error=float("inf") if goal is None else goal,
+        goal_velocity_error=float("inf") if velocity is None else velocity,
+        limit_violation=0.0,
+        replay="segments" if certificate.text("replay") == "segments" else "open loop",
+        growth=certificate.number("growth"),
+        segment_error=certificate.number("segment_error"),
+        correction=certificate.number("correction"),
+        correction_share=certificate.number("correction_share"),
+    )
+    return f"{replay_words(said)}; velocity within {said.goal_velocity_error:.1e} rad/s"
+
+
 def _of_pid(facts: Facts) -> Verdict:
     arrival, settling = facts.number("arrival_time"), facts.number("settling_time")
     rule, growth = facts.text("arrival_rule").replace("_", " "), facts.number("max_real_eigenvalue")
@@ -183,8 +202,10 @@ def _of_given(facts: Facts) -> Verdict:
 
 def _possible(facts: Facts) -> tuple[tuple[str, bool | None, str], ...]:
     """Whether the arm can do a motion that came from elsewhere."""
-    worst, end = facts.text("worst_violation"), facts.number("replay_error")
+    worst, end, growth = facts.text("worst_violation"), facts.number("replay_error"), facts.number("growth")
     led = "they diverge" if end is None else f"replayed without feedback, they end {_small(end)} rad or m beside it"
+    if growth is not None and growth > OPEN_LOOP_GROWTH:
+        led += f"; unstable open loop (growth {growth:.2g}): other integrators end elsewhere"
     return (
         ("keeps its limits", facts.true("feasible"), f"worst: {worst}" if worst else "none is exceeded"),
         ("its torques lead to its end", None, led),

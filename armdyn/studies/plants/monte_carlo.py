@@ -2,13 +2,14 @@
 
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 import numpy as np
 
+from armdyn.arguments import listener
 from armdyn.arguments import path as path_of
 from armdyn.control.laws.lqr import Lqr
 from armdyn.control.loop.law import Controller
@@ -66,22 +67,25 @@ def monte_carlo(
         FileError: it cannot be read or written.
         DiskFullError: there is no room for a row.
     """
+    tell = listener(progress)
     question = Question(robot, reference, controller, plants, loop, options)
     kept: AbstractContextManager[RowFile | None] = nullcontext(None)
     if file is not None:
-        kept = row_file(path_of(file, "file", error=ResultError), question.asked())
+        file = path_of(file, "file", error=ResultError)
+        kept = row_file(file, question.asked())
     with kept as rows, stopping(np.inf) as stop:
         known = {} if rows is None else _known(question, rows)
-        missing = [k for k in range(options.count) if k not in known]
+        count = options.count - sum(k < options.count for k in known)
+        missing = (k for k in range(options.count) if k not in known)
         began, told = time.monotonic(), -np.inf
         for done, row in enumerate(_rows(question, missing, stop), start=1):
             if rows is not None:
                 rows.append(row)
             known[row.k] = row
-            if progress and time.monotonic() - told > _TOLD_EVERY:
+            if time.monotonic() - told > _TOLD_EVERY:
                 told = time.monotonic()
-                left = (told - began) * (len(missing) - done) / done
-                progress(f"{len(known)} of {options.count} arms, {left:.0f} s left")
+                left = (told - began) * (count - done) / done
+                tell(f"{len(known)} of {options.count} arms, {left:.0f} s left")
     there = tuple(known[k] for k in sorted(known) if k < options.count)
     return MonteCarlo(question, there, None if file is None else Path(file))
 
@@ -98,13 +102,13 @@ def _known(question: Question, rows: RowFile) -> dict[int, Row]:
     return {row.k: row for row in rows.rows}
 
 
-def _rows(question: Question, numbers: Sequence[int], stop: Stop) -> Iterator[Row]:
+def _rows(question: Question, numbers: Iterator[int], stop: Stop) -> Iterator[Row]:
     """Rows as they end, in threads; none is begun after a stop."""
     workers = question.options.workers or os.cpu_count() or 1
-    waiting, under_way = iter(numbers), set[Future[Row]]()
+    under_way = set[Future[Row]]()
     with ThreadPoolExecutor(workers) as pool:
         while True:
-            while not stop and len(under_way) < _AHEAD * workers and (k := next(waiting, None)) is not None:
+            while not stop and len(under_way) < _AHEAD * workers and (k := next(numbers, None)) is not None:
                 under_way.add(pool.submit(question.row, k))
             if not under_way:
                 return

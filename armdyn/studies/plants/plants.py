@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from armdyn.arguments import Sign, number, several, whole
+from armdyn.arguments import MOST_MEMBERS, Sign, interval, number, whole
 from armdyn.errors import ProblemError
 from armdyn.models.robots.arm import payload_inertia
 from armdyn.models.robots.robot import Robot, expect_robot
@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 Range = tuple[float, float]
 """Least and greatest; all between are equally likely."""
 
+MAX_ARMS = 10**6
+"""Arms of one study, at most: the rows of those that have ended are kept in memory."""
 _RANGES: tuple[tuple[str, str, Sign], ...] = (
     ("payload", "times its mass", "positive"),
     ("coulomb", "N m or N", "not negative"),
@@ -75,7 +77,7 @@ class Plants:
 
     def __post_init__(self) -> None:
         for name, unit, sign in _RANGES:
-            object.__setattr__(self, name, _range(getattr(self, name), name, unit, sign))
+            object.__setattr__(self, name, interval(getattr(self, name), name, unit=unit, sign=sign, widths="any"))
         object.__setattr__(self, "start", number(self.start, "start", unit="rad or m", sign="not negative"))
         object.__setattr__(self, "seed", whole(self.seed, "seed", least=0))
 
@@ -88,6 +90,7 @@ class Plants:
             k: from 0.
             nv: number of joints.
         """
+        nv = whole(nv, "nv", least=1, most=MOST_MEMBERS)
         random = np.random.default_rng([self.seed, whole(k, "k", least=0)])
         parts = random.random(1 + 3 * nv)
         noise = int(random.integers(2**31))
@@ -111,7 +114,9 @@ class Plants:
             ProblemError: it carries no payload that could differ.
         """
         self.check(robot)
-        return tuple(self.draw(k, robot.nv).arm(robot) for k in range(whole(count, "count", least=0)))
+        return tuple(
+            self.draw(k, robot.nv).arm(robot) for k in range(whole(count, "count", least=0, most=MOST_MEMBERS))
+        )
 
     def corners(self, robot: Robot) -> tuple[Robot, ...]:
         """The arms at the ends of the ranges, and with the payload in the middle: six, or less where one has no width.
@@ -172,16 +177,6 @@ def with_payload_times(robot: Robot, factor: float) -> Robot:
     moments = tuple(factor * part for part in load.inertia)
     carried = Payload(mass=factor * load.mass, com=load.com, inertia=moments, frame=load.frame)
     return replace(robot, model=model, payload=carried)
-
-
-def _range(value: object, name: str, unit: str, sign: Sign) -> Range:
-    ends = several(value, name)
-    if len(ends) != 2:
-        raise ProblemError(f"{name} is {value!r}; expected its least and its greatest [{unit}], such as (0.8, 1.2)")
-    least, greatest = (number(end, f"{name}[{i}]", unit=unit, sign=sign) for i, end in enumerate(ends))
-    if least > greatest:
-        raise ProblemError(f"{name} goes from {least:g} to {greatest:g} {unit}; the least comes first")
-    return least, greatest
 
 
 def _between(ends: Range, part: Array) -> Array:

@@ -15,7 +15,7 @@ from armdyn.control.loop.loop import Loop
 from armdyn.control.tracking.run import Run
 from armdyn.control.tracking.setup import Setup
 from armdyn.models.robots.robot import Robot, expect_robot
-from armdyn.studies.plants.plants import Plants
+from armdyn.studies.plants.plants import MAX_ARMS, Plants
 from armdyn.studies.plants.rows import Row, named
 from armdyn.trajectory import Trajectory
 
@@ -29,7 +29,7 @@ class MonteCarloOptions:
     """How many arms, and how each is watched.
 
     Attributes:
-        count: of arms.
+        count: of arms; at most a million.
         duration: how long each is watched [s]; see `track`.
         tolerance: of a joint's distance from the goal, to be settled [rad or m].
         workers: threads; None: one per core. The loop runs in C, without the interpreter's lock.
@@ -44,7 +44,7 @@ class MonteCarloOptions:
     workers: int | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "count", whole(self.count, "count", least=1))
+        object.__setattr__(self, "count", whole(self.count, "count", least=1, most=MAX_ARMS))
         object.__setattr__(self, "duration", number(self.duration, "duration", unit="s", sign="positive"))
         object.__setattr__(self, "tolerance", number(self.tolerance, "tolerance", unit="rad", sign="positive"))
         if self.workers is not None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arguments import number
+from armdyn.arguments import parts as parts_of
 from armdyn.brief import brief
 from armdyn.control.tracking.envelope import Envelope
 from armdyn.control.tracking.run import Run
@@ -109,10 +110,7 @@ class MonteCarlo:
             ProblemError: one is not; there are no rows.
         """
         self._some()
-        for part in parts:
-            if not 0 <= number(part, "parts") <= 1:
-                raise ProblemError(f"parts has {part:g}; expected 0 to 1")
-        return np.asarray(np.quantile(self.settled_times, parts, method="inverted_cdf"))
+        return np.asarray(np.quantile(self.settled_times, parts_of(parts, "parts"), method="inverted_cdf"))
 
     @property
     def worst(self) -> Row:

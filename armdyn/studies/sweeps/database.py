@@ -14,12 +14,14 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
+from armdyn.arguments import path as path_of
 from armdyn.errors import ArmdynError, DiskFullError, FileError, ResultError
 from armdyn.studies.plants.rows import differences
 from armdyn.studies.sweeps.tasks.settings import Value
 
 Sync = Literal["full", "normal"]
 """When a row is on the disk itself: "full", before the next begins; "normal", when the system writes it."""
+SYNCS: tuple[Sync, ...] = ("full", "normal")
 
 _ID = 0x61726D73
 """SQLite's application_id of such a file: "arms"."""
@@ -152,7 +154,9 @@ def database(path: str | os.PathLike[str], asked: Mapping[str, object], sync: Sy
         FileError: it cannot be read or written.
         ResultError: it is no such file, answers another study, is damaged, or another process is at it.
     """
-    path = Path(path)
+    path = Path(path_of(path, "file", error=ResultError))
+    if not path.name:
+        raise FileError(path, "cannot be written (it is a folder); give the path of a file")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         lock = path.with_name(f"{path.name}.lock").open("ab")
@@ -176,9 +180,10 @@ def reading(path: str | os.PathLike[str]) -> Iterator[Database]:
         FileError: there is no such file.
         ResultError: it is none of a study, or damaged.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise FileError(path, "no such file")
+    path = Path(path_of(path, "file", error=ResultError))
+    with _telling(path):
+        if not path.is_file():
+            raise FileError(path, "no such file")
     with _connected(path) as connection:
         with _telling(path):
             connection.execute("PRAGMA query_only = ON")
@@ -253,5 +258,7 @@ def _telling(path: Path) -> Iterator[None]:
         if "full" in str(error):
             raise DiskFullError(path) from None
         raise FileError(path, f"cannot be used ({error})") from None
+    except OSError as error:
+        raise FileError(path, f"cannot be used ({error.strerror})") from None
     except (sqlite3.DatabaseError, ValueError) as error:
         raise ResultError(f"{path}: no study's file, or damaged ({error})") from None

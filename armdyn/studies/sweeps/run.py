@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from armdyn.arguments import expect
+from armdyn.arguments import expect, flag, function, listener, one_of
 from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.studies.sweeps.crews.crew import Case, Crew, Ended
 from armdyn.studies.sweeps.crews.local import local_crew
-from armdyn.studies.sweeps.database import Database, Row, Sync, database
+from armdyn.studies.sweeps.database import SYNCS, Database, Row, Sync, database
 from armdyn.studies.sweeps.neighbours import Neighbours
 from armdyn.studies.sweeps.pace import Pace
 from armdyn.studies.sweeps.study import Study
@@ -100,7 +100,10 @@ def run_study(
         FileError: it cannot be read or written.
         DiskFullError: there is no room for a row.
     """
-    expect(study, Study, "study")
+    expect(study, Study, "study", "read_study(path)")
+    function(crew, "crew")
+    tell, again = listener(progress), flag(again, "again")
+    one_of(sync, SYNCS, "sync")
     began = time.monotonic()
     with database(file, study.asked(), sync) as rows:
         if again:
@@ -109,7 +112,7 @@ def run_study(
         with stopping(np.inf) as stop:
             if len(before) < len(study):
                 with crew(study.task) as who:
-                    _Sweep(study, rows, who, stop, progress or (lambda told: None), before).run()
+                    _Sweep(study, rows, who, stop, tell, before).run()
         there = rows.counts()
     done = sum(there.values())
     return StudyRun(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.arguments import expect, flag, number, one_of, several, text
+from armdyn.arguments import expect, flag, interval, number, one_of, several, text
 from armdyn.brief import brief
 from armdyn.control.laws.computed_torque import ComputedTorque
 from armdyn.control.laws.lqr import Lqr
@@ -19,6 +19,7 @@ from armdyn.control.loop.references import ramp
 from armdyn.control.pid.gains import FORMS, Form, PidGains
 from armdyn.dynamics import Dynamics
 from armdyn.errors import ProblemError
+from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.trajectory import Trajectory
 
@@ -54,7 +55,7 @@ class Parameter:
         for end in ("low", "high"):
             object.__setattr__(self, end, number(getattr(self, end), f"{end} of {self.name}", sign="positive"))
         if self.low >= self.high:
-            raise ProblemError(f"{self.name} goes from {self.low:g} to {self.high:g}; the least comes first")
+            raise ProblemError(f"low of {self.name} is {self.low:g}, high {self.high:g}; low must be the less")
 
 
 @brief
@@ -116,7 +117,7 @@ class ControllerFamily:
         """
         one_of(form, FORMS, "form")
         nv = expect_robot(robot).nv
-        inertia = np.diag(Dynamics(robot).crba(np.asarray(q_goal, dtype=float)))
+        inertia = np.diag(Dynamics(robot).crba(pose_given(robot, q_goal, "q_goal")))
         scale = inertia if form == "torque" else np.ones(nv)
         Pid(PidGains(1.0, 1.0, 1.0), form, feedforward, gravity)  # which refuses what does not go together
         if flag(shared, "shared"):
@@ -170,10 +171,7 @@ class Ramps:
     duration: tuple[float, float] = (0.1, 1.0)
 
     def __post_init__(self) -> None:
-        ends = several(self.duration, "duration")
-        if len(ends) != 2:
-            raise ProblemError(f"duration is {self.duration!r}; expected the least and the greatest [s]")
-        object.__setattr__(self, "duration", (self.parameter.low, self.parameter.high))
+        object.__setattr__(self, "duration", interval(self.duration, "duration", unit="s", sign="positive"))
 
     @property
     def parameter(self) -> Parameter:
@@ -182,7 +180,8 @@ class Ramps:
 
     def reference(self, robot: Robot, values: Values) -> Trajectory:
         """The one of a duration."""
-        return ramp(robot, self.q_start, self.q_goal, values["ramp"])
+        duration = expect(values, Mapping, "values", '{"ramp": 0.5}').get("ramp")  # type: ignore[type-abstract]
+        return ramp(robot, self.q_start, self.q_goal, number(duration, "values: ramp", unit="s", sign="positive"))
 
 
 def chosen(family: ControllerFamily, reference: Trajectory | Ramps) -> tuple[Parameter, ...]:

@@ -9,13 +9,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.arguments import expect, number, one_of, several, whole
+from armdyn.arguments import expect, listener, number, one_of, whole
 from armdyn.brief import brief
 from armdyn.control.loop.law import Controller
-from armdyn.control.loop.loop import Loop
+from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.tracking.setup import Setup
 from armdyn.errors import ProblemError
-from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.robots.robot import Robot, expect_robot, expect_robots
 from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.studies.tuning.families import ControllerFamily, Ramps, Values, by_name, chosen
 from armdyn.studies.tuning.index import INDICES, Index, Worth, worth
@@ -141,14 +141,15 @@ def tune(
     expect(family, ControllerFamily, "family", "such as ControllerFamily.pid(robot, q_goal)")
     if not isinstance(reference, Trajectory):
         expect(reference, Ramps, "reference", "a Trajectory or Ramps(q_start, q_goal)")
-    expect(loop, Loop, "loop", "Loop(rate=1000.0, delay=1)")
+    expect_loop(loop)
     expect(options, TuneOptions, "options", 'TuneOptions(index="settled")')
-    on, off = (_arms(arms, name) for arms, name in ((plants, "plants"), (held_out, "held_out")))
+    on, off = (expect_robots(arms, name) for arms, name in ((plants, "plants"), (held_out, "held_out")))
     if not on:
         raise ProblemError("plants are none; expected some arms, such as Plants(payload=(0.8, 1.2)).corners(robot)")
+    tell = listener(progress)
     search = _Search(expect_robot(robot), reference, family, on, loop, options)
     with stopping(options.time_limit) as stop, ThreadPoolExecutor(options.workers or os.cpu_count() or 1) as pool:
-        status = search.go(stop, pool, progress or (lambda text: None))
+        status = search.go(stop, pool, tell)
         if search.best is None:
             raise ProblemError(f"no controller was run: {search.refused or 'the search was stopped at once'}")
         own, x = search.best
@@ -166,10 +167,6 @@ def tune(
         status=status,
         message=_message(status, own, others, options.overshoot),
     )
-
-
-def _arms(arms: Sequence[Robot], name: str) -> tuple[Robot, ...]:
-    return tuple(expect(arm, Robot, f"{name}[{i}]", "an arm") for i, arm in enumerate(several(arms, name)))
 
 
 @dataclass(eq=False)

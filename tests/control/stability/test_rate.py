@@ -149,7 +149,7 @@ def test_absurd_gains_are_unstable_and_no_error(gain, loop):
 
 def test_bad_input():
     robot, poses = example("R Ex4")
-    with pytest.raises(ProblemError, match="the first must be the less"):
+    with pytest.raises(ProblemError, match="the least comes first"):
         slowest_stable_rate(robot, poses["q_goal"], TORQUE, rates=(100.0, 10.0))
     with pytest.raises(ProblemError, match="delay is -1"):
         slowest_stable_rate(robot, poses["q_goal"], TORQUE, -1)

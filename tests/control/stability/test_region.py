@@ -133,5 +133,5 @@ def test_bad_input():
         GainRegion.of(loaded_arm("r", "tip", 0), [0.0], "voltage")
     with pytest.raises(ProblemError, match="inertia"):
         GainRegion(0.0, 1.0)
-    with pytest.raises(ProblemError, match="the first must be the less"):
+    with pytest.raises(ProblemError, match="the least comes first"):
         least_stable_factor(rr, poses["q_goal"], factors=(2.0, 1.0))

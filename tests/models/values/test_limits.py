@@ -34,7 +34,7 @@ def test_without_motors():
 
 
 @pytest.mark.parametrize(
-    ("passive", "words"), [(["d"], "there are a, b, c"), ("a", "must be a list"), ([3], "joint 3")]
+    ("passive", "words"), [(["d"], "there are a, b, c"), ("a", "must be a list"), ([3], r"passive\[0\] is 3")]
 )
 def test_what_is_no_joint(passive, words):
     with pytest.raises(ProblemError, match=words):

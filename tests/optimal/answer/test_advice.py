@@ -16,7 +16,8 @@ FAST = Violation("velocity limit", "joint2", 0.05, 5.6e-4)
 
 
 def said(certificate, kept=(), arcs=False, **asked):
-    return advice(paper_problem("rr", **asked), certificate, kept, arcs)
+    problem = paper_problem("rr").variant(**asked)
+    return advice(problem, certificate, kept, arcs)
 
 
 @pytest.mark.parametrize(
@@ -32,6 +33,16 @@ def test_what_is_not_usable_is_to_become_so_first(certificate, thing, words):
     lines = said(certificate)
     assert list(lines) == [thing]
     assert all(word in lines[thing] for word in words)
+
+
+@pytest.mark.parametrize(
+    ("asked", "why"),
+    [({"v_goal": [0.1, 0]}, "in flight"), ({"passive": ["joint2"], "q_goal": [0.1, -0.1]}, "no motor"), ({}, None)],
+)
+@pytest.mark.filterwarnings("ignore::armdyn.ArmdynWarning")
+def test_why_a_motion_could_not_be_slowed_down(asked, why):
+    line = said(replace(LANDED, limit_violation=5.6e-4, exceeded=FAST), **asked)["limits"]
+    assert f"{why}" in line if why else "slowed down" not in line
 
 
 def test_all_that_is_missing_of_usable_is_named():

@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 import armdyn as ad
 from armdyn.errors import ProblemError
-from armdyn.optimal.bound.lower_bound import soonest
+from armdyn.optimal.bound.lower_bound import _other_turns
 from optimal.bound.arms import ARMS, random_problem
 from problems import cart, paper_arm, paper_problem
 
@@ -196,16 +196,15 @@ def test_limits_out_of_all_proportion_do_no_harm(limit):
     assert found.kinematic <= found.duration < np.inf
 
 
-def test_the_soonest_of_goals_is_asked_no_more_than_there_is_to_ask():
-    problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[1.0], effort_limit=[10.0], velocity_limit=2.0)
-    object.__setattr__(problem, "goals", (np.array([3.0]), np.array([1.0]), np.array([1.1])))
-    asked = []
-
-    def bound(one):
-        asked.append(float(one.q_goal[0]))
-        return asked[-1] / 2 + 0.2  # what velocity says, and so much more
-
-    # Three metres take 1.5 s at least, and one takes 0.7 s by what was found.
-    assert soonest(problem, bound, float) == pytest.approx(0.7)
-    assert asked == [1.0, 1.1]
-    assert soonest(problem, lambda one: None, float) is None
+def test_all_ways_round_are_covered_those_that_are_not_tried_too():
+    problem = ad.MinimumTimeProblem(
+        paper_arm("rr").with_limits(None, 6.0), q_start=[0.0, 0.0], q_goal=[3.0, 0.5], wrap=True,
+        position_limit=([-np.inf, -3.0], [np.inf, 3.0]),
+    )  # fmt: skip
+    found, ways = ad.lower_bound(problem), [problem.variant(q_goal=q, wrap=False) for q in problem.goals]
+    assert len(ways) == 2
+    assert found.duration == min(ad.lower_bound(way).duration for way in ways)
+    # Tried are 3 and 3 - 2 pi rad; the next ones are 3 + 2 pi and 3 - 4 pi, at 6 rad/s.
+    assert _other_turns(problem) == pytest.approx((3.0 + 2 * np.pi) / 6.0)
+    object.__setattr__(problem, "goals", problem.goals[1:])
+    assert _other_turns(problem) == pytest.approx(3.0 / 6.0)

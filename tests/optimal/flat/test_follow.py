@@ -9,6 +9,7 @@ import armdyn as ad
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.follow import follow
+from armdyn.optimal.flat.settle import sampled
 from armdyn.optimal.landing.rollout import replay_torques, under_linear_torque
 from armdyn.optimal.task.task import Task
 from optimal.flat.bends import problem
@@ -30,7 +31,7 @@ def gentle(posed, duration, intervals=12):
 def test_states_and_torques_fit_and_land(kind, jumps):
     posed = problem(kind)
     job, curve = Task.of(posed), gentle(posed, 0.9)
-    motion = follow(job, curve)
+    motion = follow(job, sampled(job, curve))
     assert motion.duration == pytest.approx(curve.duration, rel=1e-15)
     assert np.count_nonzero(motion.jumps) == jumps
     limits = posed.limits
@@ -53,7 +54,7 @@ def test_torque_limits_that_saturate_are_not_exceeded():
     curve = gentle(posed, 3.0)  # 1.28 N where 1 N is the limit: 10 / √3 d/T² at most
     wanted = curve.legs[0].torques(posed.robot, np.linspace(0, 1, 200))
     assert np.max(np.abs(wanted)) > 1.2
-    motion = follow(Task.of(posed), curve)
+    motion = follow(Task.of(posed), sampled(Task.of(posed), curve))
     assert np.max(motion.tau) == 1.0 and np.min(motion.tau) == -1.0
     replay = replay_torques(posed.robot, motion)
     # Samples of one constant torque are replayed in one step of the integrator: to its tolerance of 1e-10.
@@ -62,7 +63,7 @@ def test_torque_limits_that_saturate_are_not_exceeded():
 
 def test_a_motion_in_flight_begins_in_flight():
     posed = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0], v_start=[0.3])
-    motion = follow(Task.of(posed), gentle(posed, 6.0))
+    motion = follow(Task.of(posed), sampled(Task.of(posed), gentle(posed, 6.0)))
     np.testing.assert_array_equal(motion.v[0], [0.3])
     # The curve begins at rest: feedback, 160 times as fast as the motion, brings the cart onto it.
     assert np.max(np.abs(posed.beside_goal(motion))) < 1e-6
@@ -70,7 +71,7 @@ def test_a_motion_in_flight_begins_in_flight():
 
 def test_torques_that_may_not_jump_end_with_what_holds_the_arm():
     posed = problem("torque rate")
-    motion = follow(Task.of(posed), gentle(posed, 0.9))
+    motion = follow(Task.of(posed), sampled(Task.of(posed), gentle(posed, 0.9)))
     np.testing.assert_allclose(motion.tau[-1], posed.holding_torque(), atol=1e-9)  # the curve's end, to rounding
 
 
@@ -82,7 +83,7 @@ def test_lines_have_the_impulses_of_the_torque():
     misses = []
     for samples in (4, 8):
         few = replace(job, policy=job.policy.changed("curves", samples=samples, steps=1, bandwidth=0.0))
-        misses.append(np.max(np.abs(posed.beside_goal(follow(few, curve)))))
+        misses.append(np.max(np.abs(posed.beside_goal(follow(few, sampled(few, curve))))))
         plain = curve.trajectory(posed.robot, samples, 1)
         naive = np.max(np.abs(posed.beside_goal(replay_torques(posed.robot, plain))))
         assert misses[-1] < naive / 5 or naive < 1e-9
@@ -99,6 +100,6 @@ def test_a_motion_that_is_lost_ends_early(monkeypatch, steps):
         return lambda t, x, tau: reached(t, x, tau) if next(left, None) is not None else np.full_like(x, np.nan)
 
     monkeypatch.setattr("armdyn.optimal.flat.follow.under_linear_torque", lost)
-    motion = follow(Task.of(posed), gentle(posed, 0.9))
+    motion = follow(Task.of(posed), sampled(Task.of(posed), gentle(posed, 0.9)))
     assert motion.t.size == max(steps + 1, 2)
     assert np.all(np.isfinite(motion.q)) and np.all(np.isfinite(motion.v))

@@ -6,6 +6,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
+from armdyn.optimal.search.goals import screened
 from problems import POSES, paper_arm, paper_problem
 
 
@@ -59,6 +60,48 @@ def test_goal_that_cannot_be_held_is_a_warning():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         paper_problem("rr", 0.2)
+
+
+def test_a_motion_to_a_goal_that_cannot_be_held_is_not_usable():
+    """1 kg at RR's tip takes 5.51 N m at the goal, where a motor has 3: the fastest motion there falls down again."""
+    with pytest.warns(ad.ArmdynWarning):
+        problem = paper_problem("rr", 1.0)
+    solution = ad.solve_minimum_time(problem)
+    assert solution.success and solution.feasible and solution.certified and not solution.usable
+    assert "joint 'joint1' needs 5.51 N m to hold the goal but its limit is 3 N m" in solution.message
+    (advice,) = solution.what_to_do
+    assert "`payload`" in advice and "`v_goal`" in advice
+    assert problem.unheld.excess == pytest.approx((5.510426069386133 - 3) / 3, rel=1e-9)
+
+
+def test_what_stays_may_be_held_by_friction_a_reserve_or_something_else():
+    def unheld(**more):
+        robot = more.pop("robot", paper_arm("rr", 1.0))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return ad.MinimumTimeProblem(robot, q_start=POSES["rr"][0], q_goal=POSES["rr"][1], **more).unheld
+
+    assert unheld().joint == "joint1"
+    assert unheld(v_goal=[0.1, 0]) is None  # it does not stay
+    assert unheld(effort_limit=5.52) is None
+    assert unheld(effort_limit=5.5) is not None
+    assert unheld(effort_limit=5.52, reserve=0.5) is None  # feedback has the rest of the motor
+    assert unheld(robot=paper_arm("rr", 1.0).with_friction(friction=2.6)) is None  # dry friction holds the rest
+    assert unheld(passive=("joint1",)) is None  # it has no motor to hold it
+
+
+def test_of_a_goal_pose_the_branches_that_can_be_held_are_solved():
+    robot = paper_arm("rr")
+    pose = ad.GoalPose("tip", [0.35, 0, 0.1])
+    free = ad.MinimumTimeProblem(robot, q_start=POSES["rr"][0], goal_pose=pose)
+    needed = [float(np.max(np.abs(free.variant(q_goal=q, goal_pose=None).holding_torque()))) for q in free.goals]
+    assert abs(needed[0] - needed[1]) > 0.05
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        problem = free.variant(effort_limit=sum(needed) / 2)
+    branches, tried = screened(problem, ad.MinimumTimeOptions(), lambda text: None)
+    assert len(branches) == 1 and branches[0].unheld is None and len(tried) == 2
+    np.testing.assert_array_equal(branches[0].q_goal, free.goals[int(np.argmin(needed))])
 
 
 def test_values_are_frozen():

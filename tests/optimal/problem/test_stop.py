@@ -66,3 +66,13 @@ def test_forks_see_an_interruption():
         stop.interrupt()
     process.join()
     assert answers == [False, True]
+
+
+def test_what_is_ignored_stays_so():
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as nohup, or a background job of a script
+    try:
+        with stopping(3600.0) as stop:
+            os.kill(os.getpid(), signal.SIGINT)
+            assert not stop
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -5,6 +5,8 @@ import pinocchio as pin
 import pytest
 
 import armdyn as ad
+from armdyn.models.scene.reaching import free_directions, slid
+from armdyn.optimal.proof.transversality import end_slope, transversality
 from armdyn.optimal.search.goals import screened
 from problems import paper_arm
 
@@ -46,3 +48,26 @@ def test_eight_branches_of_a_ur5_are_compared_as_coarse_curves():
     # Velocity limits alone put all other branches behind it.
     others = [problem.variant(q_goal=q, goal_pose=None) for q in problem.goals if np.any(q != solution.problem.q_goal)]
     assert len(others) == 7 and all(other.duration_bound() > solution.duration for other in others)
+
+
+def test_an_extremal_end_is_orthogonal_to_the_joint_positions_that_reach_its_pose():
+    robot = paper_arm("rrr")
+    start, goal = np.split(np.random.default_rng(1).uniform(-1.5, 1.5, 6), 2)
+    pose = ad.GoalPose(robot.tip, placement(robot, goal).translation)
+    problem = ad.MinimumTimeProblem(robot, q_start=start, goal_pose=pose)
+    solution = ad.solve_minimum_time(problem)
+    certificate = solution.certificate
+    assert certificate.extremal == (certificate.transversality < 1e-3)
+    assert certificate.extremal and solution.certified
+    # Either neighbour along the goals is slower, and what the costates miss by says how much at a goal further on.
+    q = solution.problem.x_goal[:3]
+    (free,) = free_directions(robot, pose, q).T
+    for side in (-0.03, 0.03):
+        near = slid(robot, pose, q, side * free, problem.limits)
+        options = ad.MinimumTimeOptions(guesses=(solution.trajectory,), starts=1)
+        other = ad.solve_minimum_time(problem.variant(q_goal=near, goal_pose=None), options)
+        assert other.certificate.extremal and other.duration > solution.duration
+        missed = transversality(problem, pose, near, other.phases)
+        assert missed > 1e-3 and not other.certificate.at_goal(missed).extremal
+        slope = end_slope(robot, pose, near, other.phases)
+        assert slope @ (near - q) > 0

@@ -1,11 +1,13 @@
 """Structures mended: what is missing is put in, what hovers becomes singular, limits are met."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Mode
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.stop import Budget, Stop
 from armdyn.optimal.switching.costates import phases_of
 from armdyn.optimal.switching.extremal.descent import ended
 from armdyn.optimal.switching.extremal.schedule import Schedule, Segment
@@ -60,3 +62,16 @@ def test_a_motion_has_the_states_of_its_steps():
     # Steps of eighth order against the replay's integrator, whose tolerance is 1e-10.
     np.testing.assert_allclose(replay.q[-1], solution.problem.q_goal, atol=1e-8)
     np.testing.assert_allclose(motion.q[-1], solution.problem.q_goal, atol=1e-8)
+
+
+def test_refinement_stops_when_its_budget_is_spent():
+    solution = solved("rrr")
+    task = Task.of(solution.problem, MinimumTimeOptions(compile=False))
+    budget = Budget(Stop(), 50)
+    own = replace(setting_of(task, solution.duration), budget=budget)
+    given = Schedule.of(solution.phases.arcs, solution.phases.torques)
+    apart = replace(given, times=given.times * 0.98)  # it lands beside the optimum, and has to go down
+    found = settled(own, apart, budget)
+    assert found.why == "the budget of integrator steps is spent"
+    assert -50 * own.steps < budget.left <= 0  # the landing that was begun has ended
+    assert settled(replace(own, budget=None), apart, Stop()).why == ""

@@ -189,3 +189,13 @@ def test_table_7_is_told_by_robot_example_and_torque():
     assert page.count("<table") == 3  # time optimal, PID, reasons
     tau = re.escape(formula(r"\tau_1"))
     assert re.search(rf'<td class="first">R</td><td class="line">4</td><td class="line">{tau}</td>', page)
+
+
+@pytest.mark.slow
+def test_all_of_the_navigation_is_seen_on_a_phone(written):
+    folder, _ = written
+    with open_page(folder / "index.html", 390, 844, ready=READY) as (page, _, _):
+        assert page.evaluate(
+            "[...document.querySelectorAll('nav a')].every(a => a.getBoundingClientRect().right <= 390)"
+        )
+        assert page.evaluate("document.documentElement.scrollWidth") == 390

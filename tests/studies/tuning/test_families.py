@@ -51,11 +51,11 @@ def test_the_duration_of_a_ramp_is_chosen_too():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: ad.Parameter("kp", 2.0, 1.0), "kp goes from 2 to 1; the least comes first"),
+        (lambda: ad.Parameter("kp", 2.0, 1.0), "low of kp is 2, high 1; low must be the less"),
         (lambda: ad.Parameter("kp", 0.0, 1.0), "low of kp is 0.0; it must be positive and finite"),
         (lambda: ad.ControllerFamily("none", (), lambda x: ad.Lqr()), "parameters are none"),
         (lambda: ad.ControllerFamily("two", (ad.Parameter("a", 1, 2),) * 2, lambda x: ad.Lqr()), "of different names"),
-        (lambda: ad.Ramps([0], [1], (0.5, 0.2)), "ramp goes from 0.5 to 0.2"),
+        (lambda: ad.Ramps([0], [1], (0.5, 0.2)), "duration goes from 0.5 to 0.2 s"),
         (lambda: ad.ControllerFamily.pid(ROBOT, GOAL, form="linear"), "form is 'linear'"),
         (lambda: ad.ControllerFamily.pid(ROBOT, GOAL, gravity=True), "compensates gravity itself"),
     ],

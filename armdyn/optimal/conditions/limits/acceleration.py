@@ -1,6 +1,6 @@
 """Limits of the joints' accelerations."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import casadi as ca
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.conditions.condition import Condition, Kept, Knots, Path
-from armdyn.optimal.conditions.limits.rates import accelerations, kept_by_joints
+from armdyn.optimal.conditions.limits.rates import accelerations, kept_by_joints, stricter_part
 from armdyn.optimal.conditions.rows import Rows, RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.interval import Stages
@@ -19,7 +19,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class AccelerationLimit(Condition):
-    """No joint accelerates by more than `problem.acceleration_limit`."""
+    """No joint accelerates by more than `problem.acceleration_limit`.
+
+    Attributes:
+        part: of the limit, that the program is asked to keep: `stricter` lowers it.
+    """
+
+    part: float = 1.0
 
     name = "acceleration limits"
 
@@ -30,7 +36,7 @@ class AccelerationLimit(Condition):
 
     def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array]:
         """Of the second."""
-        return 2, np.asarray(problem.acceleration_limit)
+        return 2, self.part * np.asarray(problem.acceleration_limit)
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
         """At the stages of every interval, as parts of the limits."""
@@ -38,12 +44,20 @@ class AccelerationLimit(Condition):
 
     def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
         """One either way."""
-        return (RowValues(-1, 1, 1 / np.asarray(problem.acceleration_limit)),)
+        return (RowValues(-self.part, self.part, 1 / np.asarray(problem.acceleration_limit)),)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> Kept:
-        """By forward dynamics, at five points of every sample."""
-        t, a = accelerations(problem.robot, motion)
-        return kept_by_joints(problem.robot, "acceleration", "/s²", t, a, np.asarray(problem.acceleration_limit))
+        """By forward dynamics, within every sample."""
+        t, a, _ = accelerations(problem.robot, motion)
+        return kept_by_joints(problem.robot, "acceleration", 2, t, a, np.asarray(problem.acceleration_limit))
+
+    def stricter(self, problem: MinimumTimeProblem, kept: Kept) -> Self:
+        """By what the replay exceeds it."""
+        return replace(self, part=stricter_part(self.part, kept))
+
+    def on_finer_mesh(self) -> Self:
+        """As it was: the excess between the points is a fraction there."""
+        return replace(self, part=1.0)
 
     def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
         """As its bends allow."""

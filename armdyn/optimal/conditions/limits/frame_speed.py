@@ -14,20 +14,16 @@ from armdyn.arguments import number, text
 from armdyn.errors import ProblemError, SpecError
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.conditions.condition import Condition, Kept, Knots, Path
-from armdyn.optimal.conditions.limits.rates import pieces
+from armdyn.optimal.conditions.limits.rates import pieces, stricter_part
 from armdyn.optimal.conditions.rows import Rows, RowValues, StageRows
 from armdyn.optimal.problem.checks import SLOWEST
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.program.interval import Stages
+from armdyn.optimal.task.policy.landing import ConditionsPolicy
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
-
-_TOLERANCE = 1e-3
-"""Of the limit, as a part of it: the mesh keeps it at its stages, not between; 0.25 mm/s of the standard's 250."""
-_LEAST = 0.9
-"""The limit is not asked for more strictly than this part of it: a mesh that needs more is too coarse."""
 
 
 @dataclass(frozen=True)
@@ -95,16 +91,15 @@ class FrameSpeedLimit(Condition):
         share = float(np.max(speeds)) / self.limit
         said = f"{np.max(speeds):.5g} m/s at most, at t = {t[np.argmax(speeds)]:.4g} s"
         name, of = f"speed of {self.frame!r}", f"{said}, of {self.limit:g} m/s"
-        if share <= 1 + _TOLERANCE:
-            return Kept(name, of, share)
+        if share <= 1 + ConditionsPolicy.rate_tolerance:
+            return Kept(name, of, share, order=1)
         reason = f"frame {self.frame!r} moves at {said}; the limit is {self.limit:g} m/s"
         worst = Violation("frame speed limit", str(self.frame), float(t[np.argmax(speeds)]), share - 1)
-        return Kept(name, of, share, (reason,), worst)
+        return Kept(name, of, share, (reason,), worst, order=1)
 
     def stricter(self, problem: MinimumTimeProblem, kept: Kept) -> Self:
         """By what the speed exceeds the limit between the stages; less so, where too much was taken off."""
-        fitting = float(np.clip(self.part / max(float(kept.share or 1), 1e-6), _LEAST, 1))
-        return replace(self, part=fitting) if kept.reasons or fitting > self.part else self
+        return replace(self, part=stricter_part(self.part, kept))
 
     def on_finer_mesh(self) -> Self:
         """As it was: the excess between the stages is a fraction there."""

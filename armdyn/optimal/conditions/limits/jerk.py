@@ -1,6 +1,6 @@
 """Limits of the joints' jerks."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import casadi as ca
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.conditions.condition import Condition, Kept, Knots
-from armdyn.optimal.conditions.limits.rates import accelerations, kept_by_joints
+from armdyn.optimal.conditions.limits.rates import accelerations, kept_by_joints, stricter_part
 from armdyn.optimal.conditions.rows import Rows, RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.interval import Stages
@@ -19,7 +19,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class JerkLimit(Condition):
-    """No joint's acceleration changes faster than `problem.jerk_limit`; before and after the motion it is zero."""
+    """No joint's acceleration changes faster than `problem.jerk_limit`; before and after the motion it is zero.
+
+    Attributes:
+        part: of the limit, that the program is asked to keep: `stricter` lowers it.
+    """
+
+    part: float = 1.0
 
     name = "jerk limits"
     continuous_torque = True
@@ -31,7 +37,7 @@ class JerkLimit(Condition):
 
     def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array]:
         """Of the third."""
-        return 3, np.asarray(problem.jerk_limit)
+        return 3, self.part * np.asarray(problem.jerk_limit)
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
         """Differences between the stages as parts of the limits; the accelerations at both ends."""
@@ -43,13 +49,21 @@ class JerkLimit(Condition):
 
     def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
         """One either way; zero."""
-        return RowValues(-1, 1, 1 / np.asarray(problem.jerk_limit)), RowValues(0, 0), RowValues(0, 0)
+        own = RowValues(-self.part, self.part, 1 / np.asarray(problem.jerk_limit))
+        return own, RowValues(0, 0), RowValues(0, 0)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> Kept:
-        """By differences of forward dynamics, between five points of every sample."""
-        t, a = accelerations(problem.robot, motion)
-        jerks = np.diff(a, axis=1) / np.diff(t, axis=1)[..., None]
-        return kept_by_joints(problem.robot, "jerk", "/s³", t[:, :-1], jerks, np.asarray(problem.jerk_limit))
+        """By the slope of forward dynamics, within every sample."""
+        t, _, jerks = accelerations(problem.robot, motion)
+        return kept_by_joints(problem.robot, "jerk", 3, t, jerks, np.asarray(problem.jerk_limit))
+
+    def stricter(self, problem: MinimumTimeProblem, kept: Kept) -> Self:
+        """By what the replay exceeds it."""
+        return replace(self, part=stricter_part(self.part, kept))
+
+    def on_finer_mesh(self) -> Self:
+        """As it was: the excess between the points is a fraction there."""
+        return replace(self, part=1.0)
 
 
 def _jerks(stages: Stages, over_limit: ca.SX) -> ca.SX:

@@ -108,9 +108,9 @@ class TorqueRateLimit(Condition):
                 reasons.append(f"the torque {end} with a jump of {100 * np.max(beside):.2g} % of its limit")
         unit, most = "N/s" if problem.robot.slides[i] else "N m/s", np.broadcast_to(limit, rates.shape[1:])[i]
         said = f"{share * most:.5g} of {most:.5g} {unit} at most, by {joint!r} at t = {motion.t[k]:.4g} s"
-        return Kept(
-            self.name, said, share, tuple(reasons), max(worst, key=lambda violation: violation.value, default=None)
-        )
+        most_violated = max(worst, key=lambda violation: violation.value, default=None)
+        jumps = any(one.constraint == "jump of the torque" for one in worst)
+        return Kept(self.name, said, share, tuple(reasons), most_violated, order=0 if jumps else 1)
 
     def _held(self, problem: MinimumTimeProblem, x: Array) -> tuple[Array, Array]:
         """What holds the arm in a state [N m or N], and how far from it each torque may be: 0, or inf if it is free."""

@@ -12,9 +12,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.arcs.arc import VELOCITY
+from armdyn.optimal.problem.stop import Budget, Stop
 from armdyn.optimal.switching.extremal.landing import landed, moved_by
-from armdyn.optimal.switching.extremal.limits import BEYOND, excess, with_limits
+from armdyn.optimal.switching.extremal.limits import BEYOND, beyond_position, excess, with_limits
 from armdyn.optimal.switching.extremal.march import March, Setting
 from armdyn.optimal.switching.extremal.model import Linear, Model, lengths_of
 from armdyn.optimal.switching.extremal.schedule import Schedule
@@ -33,6 +34,8 @@ _FAR_BEYOND = 0.3
 """The same for a motion as it lands first."""
 _DEAR = 0.05
 """Of the duration: what touches may take at most."""
+_SLOW = 0.5
+"""The same for velocity limits alone, which the motion was beyond for long."""
 _TOUCHES = 3
 """Times that touches are put in: one may bring about another."""
 _RADIUS = 0.03
@@ -118,7 +121,11 @@ def fastest(setting: Setting, schedule: Schedule, stop: Stop) -> Extremal | Resi
         if not np.all(np.isfinite(model.parabola.bend)):
             return Resisted("the motion beside it leaves what numbers can hold", linear)
         if linear.slope <= _FLAT:
-            return Extremal(linear)
+            other = _other_order(setting, linear)
+            if other is None:
+                return Extremal(linear)
+            linear = other
+            continue
         step = model.step(radius)
         while True:
             if step.promised < _WORTH * schedule.duration or radius < _NARROW * schedule.duration:
@@ -136,6 +143,16 @@ def fastest(setting: Setting, schedule: Schedule, stop: Stop) -> Extremal | Resi
         assert after is not None  # noqa: S101 - else nothing is gained
         linear = _without_vanished(setting, _within_limits(setting, linear, step.by, after))
     return Resisted(f"{_STEPS} steps did not reach an extremal", linear)
+
+
+def _other_order(setting: Setting, linear: Linear) -> Linear | None:
+    """The same motion with two changes at one time in the other order, if it can be shortened from there."""
+    for k, after in linear.ties:
+        swapped = landed(setting, linear.march.schedule.swapped(k, after), _AGAIN)
+        longer = swapped is None or swapped.march.schedule.duration > (1 + _VANISHED) * linear.march.schedule.duration
+        if swapped is not None and not longer and swapped.slope > _FLAT:
+            return swapped
+    return None
 
 
 def _within_limits(setting: Setting, linear: Linear, by: Array, after: Linear) -> Linear:
@@ -164,9 +181,10 @@ def _within_limits(setting: Setting, linear: Linear, by: Array, after: Linear) -
 def _touching(setting: Setting, linear: Linear) -> Linear:
     """The motion with touches of the limits of position that it exceeds, if one with them is near."""
     for _ in range(_TOUCHES):
-        schedule = with_limits(linear.march) if excess(linear.march) <= _FAR_BEYOND else None
+        schedule = with_limits(linear.march) if beyond_position(linear.march) <= _FAR_BEYOND else None
         touching = landed(setting, schedule) if schedule else None
-        if touching is None or touching.march.schedule.duration > (1 + _DEAR) * linear.march.schedule.duration:
+        dear = _DEAR if beyond_position(linear.march) > BEYOND else _SLOW
+        if touching is None or touching.march.schedule.duration > (1 + dear) * linear.march.schedule.duration:
             return linear
         linear = touching
     return linear
@@ -195,6 +213,8 @@ def finer(extremal: Extremal, stop: Stop) -> Extremal | None:
         stop: asked before every step along a tangent.
     """
     setting = extremal.march.setting.finer
+    if setting is not None and isinstance(stop, Budget):
+        setting = replace(setting, budget=stop)
     found = fastest(setting, extremal.schedule, stop) if setting else None
     return found if isinstance(found, Extremal) else None
 
@@ -202,14 +222,19 @@ def finer(extremal: Extremal, stop: Stop) -> Extremal | None:
 def _stepped(setting: Setting, linear: Linear, by: Array) -> Linear | None:
     """The motion after a step along the tangent."""
     schedule, joined = moved_by(linear, by, 1.0)
-    return landed(setting, schedule, _AGAIN, joined)
+    return landed(setting, schedule, _AGAIN, joined, tied=True)
 
 
 def _without_vanished(setting: Setting, linear: Linear) -> Linear:
-    """The same motion without segments whose length has gone to nothing."""
+    """The same motion without segments whose length has gone to nothing.
+
+    On a limit of velocity they stay: a joint may have to meet it just where its torque switches.
+    """
     schedule = linear.march.schedule
-    segments = list(schedule.segments())
-    gone = np.flatnonzero(lengths_of(schedule) @ schedule.unknowns < _VANISHED * schedule.duration)
-    if not gone.size:
-        return linear
-    return landed(setting, schedule.without(segments[k] for k in gone), _AGAIN) or linear
+    lengths = lengths_of(schedule) @ schedule.unknowns
+    short = [
+        segment
+        for segment, length in zip(schedule.segments(), lengths, strict=True)
+        if length < _VANISHED * schedule.duration and schedule.mode_of(segment) not in VELOCITY
+    ]
+    return (landed(setting, schedule.without(short), _AGAIN) or linear) if short else linear

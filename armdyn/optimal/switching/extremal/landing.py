@@ -22,6 +22,8 @@ _SWING = 0.3
 """Of `March.unit`: states are moved by no more at once."""
 _RANK = 1e-12
 """Of the largest singular value: rounding, of equations that an arm in the open answers to a millionfold."""
+_TIED = 1e-12
+"""Of the duration: a change that comes earlier than the one before by no more has not passed it, but for rounding."""
 _KEPT = 0.2
 """Part of a segment that one correction leaves at least."""
 
@@ -32,6 +34,7 @@ def landed(
     rounds: int = _ROUNDS,
     joined: NDArray[np.bool_] | None = None,
     in_one: bool = False,
+    tied: bool = False,
 ) -> Linear | None:
     """A motion that ends in the goal and keeps what is held, by the least change; None: none is near.
 
@@ -41,6 +44,7 @@ def landed(
         rounds: of Newton's method.
         joined: its changes whose states are not theirs, see `March.of`.
         in_one: none are, now and later: the motion stays in one piece.
+        tied: changes at one time stay together.
     """
     joined = np.ones(schedule.size, bool) if in_one else joined
     for k in range(rounds + 1):
@@ -54,7 +58,7 @@ def landed(
             return None
         if linear.infeasible <= _CLOSED:
             return linear
-        by, whole = _correction(linear)
+        by, whole = _correction(linear, tied)
         most = float(np.max(np.abs(by[: schedule.size + 1]))) / schedule.duration
         if k == rounds or most > _FAR:
             return None
@@ -64,7 +68,7 @@ def landed(
     return None
 
 
-def _correction(linear: Linear) -> tuple[Array, float]:
+def _correction(linear: Linear, tied: bool) -> tuple[Array, float]:
     """What closes gaps and misses, to first order, and leaves a part of every segment; and how much of it may be.
 
     The least change, of the times as parts of the duration and of the states: an arm in the open answers to a time a
@@ -78,6 +82,11 @@ def _correction(linear: Linear) -> tuple[Array, float]:
     moved = np.concatenate([np.zeros(width), _STATES * (linear.gap[:-1] / unit).ravel()])
     least = np.where(planes.lengths, _KEPT * now, 0.0)
     held: list[int] = []
+    first = now.size - len(planes.orders)
+    least[first:] = -np.inf  # in which order changes come, the equations decide
+    if tied:
+        held += [first + int(k) for k in np.flatnonzero(np.abs(now[first:]) <= _TIED * schedule.duration)]
+        least[held] = 0.0
     while True:
         equations = np.vstack([linear.jacobian, planes.rows[held]])
         by = _least_change(equations, np.concatenate([-linear.residual, (least - now)[held]]), changes, moved)
@@ -112,6 +121,9 @@ def moved_by(linear: Linear, by: Array, part: float) -> tuple[Schedule, NDArray[
     schedule = linear.march.schedule
     states = schedule.states + (linear.reach[:-1] @ by + part * linear.gap[:-1])
     by, m = by.copy(), schedule.size
-    by[:m] = np.clip(schedule.times + by[:m], 0.0, schedule.duration + by[m]) - schedule.times
-    order = np.argsort(schedule.times + by[:m], kind="stable")
+    times = np.clip(schedule.times + by[:m], 0.0, schedule.duration + by[m])
+    later = np.maximum.accumulate(times)
+    times = np.where(later - times <= _TIED * schedule.duration, later, times)
+    by[:m] = times - schedule.times
+    order = np.argsort(times, kind="stable")
     return schedule.moved(by, states), order != np.arange(schedule.size)

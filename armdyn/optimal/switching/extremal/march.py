@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import POSITION, VELOCITY, Mode, outward
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.stop import Budget
 from armdyn.optimal.switching.extremal.flow import STEPS, Flow
 from armdyn.optimal.switching.extremal.schedule import Schedule
 from armdyn.optimal.switching.extremal.torques.steps import Torques
@@ -37,6 +38,8 @@ class Setting:
         course: what a coefficient of 1 in a free torque's course is [N m], shape (nv,): as much as a change's time that
             is moved by a second.
         offset: how far beside the goal it is to end, in (q, v), shape (2 nv,).
+        steps: of a march.
+        budget: what marches spend their steps of; None: nobody counts.
     """
 
     problem: MinimumTimeProblem
@@ -45,6 +48,7 @@ class Setting:
     course: Array
     offset: Array | float = 0.0
     steps: int = STEPS
+    budget: Budget | None = None
 
     @property
     def most_arcs(self) -> int:
@@ -126,6 +130,8 @@ class March:
             begins[first[joined]] = False
         body = np.tile(setting.body, (arc.size, 1))
         columns = own, begins.astype(float), h, *torques.tau
+        if setting.budget is not None:
+            setting.budget.spend(arc.size * len(torques.layers))
         answer = np.zeros((arc.size, own.shape[1], 2, torques.felt.shape[1]))
         for felt in torques.layers:
             end, through, along, rate = setting.flow.marched(*columns, felt, torques.held, body)

@@ -17,6 +17,8 @@ _DIFFERENCE = 1e-6
 """Of the duration, for a tangent of length 1: between what rounds off and what is cut off."""
 _SHORT = 1e-2
 """Of the duration: segments shorter than that may vanish in one step; longer ones shrink by a tenth first."""
+_ASIDE = 0.1
+"""Of the duration: changes farther from each other do not meet within a step."""
 _RANK = 1e-10
 """Of the largest singular value: rounding."""
 
@@ -69,9 +71,13 @@ class Linear:
     @cached_property
     def planes(self) -> "Planes":
         """What must not become negative."""
-        lengths, (room, by_room) = lengths_of(self.march.schedule), self.march.room
-        now = np.concatenate([lengths @ self.march.schedule.unknowns, room])
-        return Planes(now, np.vstack([lengths, by_room]), np.arange(now.size) < len(lengths))
+        schedule, lengths, (room, by_room) = self.march.schedule, lengths_of(self.march.schedule), self.march.room
+        orders = schedule.orders(_ASIDE * schedule.duration)
+        apart = np.zeros((len(orders), schedule.width))
+        for row, (k, after) in zip(apart, orders, strict=True):
+            row[k], row[after] = -1.0, 1.0
+        now = np.concatenate([lengths @ schedule.unknowns, room, apart @ schedule.unknowns])
+        return Planes(now, np.vstack([lengths, by_room, apart]), np.arange(now.size) < len(lengths), tuple(orders))
 
     @cached_property
     def tangents(self) -> Array:
@@ -79,13 +85,14 @@ class Linear:
         return null_space(self.jacobian)
 
     @cached_property
-    def _answer(self) -> tuple[float, Array]:
-        """What the duration answers along the tangents beside what planes hold back; and multipliers."""
+    def _answer(self) -> tuple[float, Array, Array]:
+        """Slope of the duration along the tangents beside what planes hold back; multipliers; those of tight planes."""
         gradient = np.zeros(self.jacobian.shape[1])
         gradient[self.march.schedule.size] = 1.0
         tight = self.planes.rows[self.planes.now <= TIGHT]
         pull, slope = held_back(self.tangents @ gradient, tight @ self.tangents.T)
-        return slope, np.asarray(np.linalg.lstsq(self.jacobian.T, pull @ tight - gradient, rcond=_RANK)[0], float)
+        multipliers = np.linalg.lstsq(self.jacobian.T, pull @ tight - gradient, rcond=_RANK)[0]
+        return slope, np.asarray(multipliers, float), pull
 
     @property
     def slope(self) -> float:
@@ -96,6 +103,16 @@ class Linear:
     def multipliers(self) -> Array:
         """Of the equations, shape (equations,)."""
         return self._answer[1]
+
+    @property
+    def ties(self) -> list[tuple[int, int]]:
+        """Changes at one time whose order holds the motion back: in the other order it may be shorter."""
+        planes = self.planes
+        tight = np.flatnonzero(planes.now <= TIGHT)
+        first = planes.now.size - len(planes.orders)
+        return [
+            planes.orders[k - first] for k, pull in zip(tight, self._answer[2], strict=True) if k >= first and pull > 0
+        ]
 
     @cached_property
     def costates(self) -> tuple[Array, Array]:
@@ -168,14 +185,17 @@ class Planes:
     """Numbers that must not become negative.
 
     Attributes:
-        now: lengths of segments [s], and what free torques are from their limits, in parts of `Setting.course`; (n,).
+        now: lengths of segments [s], what free torques are from their limits, in parts of `Setting.course`, and times
+            between changes [s]; shape (n,).
         rows: by the unknowns, shape (n, width).
         lengths: which are lengths, shape (n,).
+        orders: the last of them are times between these changes, whose order matters [s].
     """
 
     now: Array
     rows: Array
     lengths: NDArray[np.bool_]
+    orders: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,15 +8,20 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.arcs.arc import BANG, OPPOSITE, Arc, Mode, merged
+from armdyn.optimal.arcs.arc import BANG, OPPOSITE, VELOCITY, Arc, Mode, merged
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.switching.extremal.torques.course import Course
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
+_MET = 1e-7
+"""Of the duration: a joint that is on a limit of velocity for less touches it."""
 _SAMPLES = 50
 """Of a torque in an arc."""
+
+
+Structure = tuple[tuple[Mode, ...], tuple[tuple[int, Mode, bool], ...]]
 
 
 @dataclass(frozen=True)
@@ -89,6 +94,11 @@ class Schedule:
         return cls(arcs[0].modes, tuple(changes), np.array(times), np.hstack([at.q, at.v]), duration)
 
     @property
+    def structure(self) -> Structure:
+        """Modes at the start, and all changes in turn, without their times."""
+        return self.first, tuple((change.joint, change.mode, change.touch) for change in self.changes)
+
+    @property
     def size(self) -> int:
         """m, the number of changes."""
         return len(self.changes)
@@ -156,10 +166,45 @@ class Schedule:
             if own:
                 yield from (Segment(a, b) for a, b in pairwise([-1, *own, self.size]))
 
+    def orders(self, near: float) -> list[tuple[int, int]]:
+        """Pairs of changes, no farther from each other than a time [s], that must not pass each other within a step.
+
+        Torques add up, so that the order in which two are switched does not matter. Where a joint is held on a limit
+        of velocity from then on, or no longer, it does.
+        """
+        held, now = list[bool](), list(self.first)
+        for change in self.changes:
+            before = now[change.joint]
+            if not change.touch:
+                now[change.joint] = change.mode
+            held.append(not change.touch and (before in VELOCITY or change.mode in VELOCITY))
+        return [
+            (k, after)
+            for k in range(self.size)
+            for after in range(k + 1, self.size)
+            if (held[k] or held[after])
+            and self.times[after] - self.times[k] <= near
+            and self.changes[k].joint != self.changes[after].joint
+        ]
+
+    def swapped(self, k: int, after: int) -> Self:
+        """With two changes, and what lies between them, at one time, and the two in the other order."""
+        order = [*range(k), after, *range(k + 1, after), k, *range(after + 1, self.size)]
+        times = self.times.copy()
+        times[k : after + 1] = np.mean(times[k : after + 1])
+        changes = tuple(self.changes[each] for each in order)
+        return replace(self, changes=changes, times=times, states=self.states[order])
+
     def span(self, segment: Segment) -> tuple[float, float]:
         """When a segment begins and ends [s]."""
         edges = [*self.times.tolist(), self.duration, 0.0]  # the start is at −1
         return edges[segment.begin], edges[segment.end]
+
+    def mode_of(self, segment: Segment) -> Mode:
+        """The mode that a joint is in during a segment."""
+        if segment.begin < 0:
+            return self.first[self.changes[segment.end].joint]
+        return self.changes[segment.begin].mode
 
     def end_of(self, begin: int) -> int:
         """The change that ends the segment which a change begins, by their numbers; m: the goal."""
@@ -211,7 +256,14 @@ class Schedule:
             touches: tuple[tuple[int, Mode], ...] = ()
             if k < self.size and self.changes[k].touch:
                 touches = ((self.changes[k].joint, self.changes[k].mode),)
-            if t1 - t0 > 1e-12 * self.duration or (touches and not out):
+            if t1 - t0 <= _MET * self.duration:
+                met = [
+                    (i, mode)
+                    for i, mode in enumerate(modes)
+                    if mode in VELOCITY and out and mode is not out[-1].modes[i]
+                ]
+                touches += tuple(each for each in met if each not in (*touches, *(out[-1].touches if out else ())))
+            if t1 - t0 > (_MET if touches else 1e-12) * self.duration or (touches and not out):
                 out.append(Arc(t1 - t0, modes, touches))
             elif touches:
                 out[-1] = replace(out[-1], touches=out[-1].touches + touches)

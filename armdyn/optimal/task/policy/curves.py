@@ -23,11 +23,22 @@ class CurvePolicy:
     more_starts: int = tuned(6, "guesses", "where the first has come to nothing", "bravo7")
     slack: float = tuned(1.2, "of the time at the velocity limits", "duration of a guess that cruises", TRAINED)
     patience: int = by_kind(
-        "iterations", "of IPOPT; those that converge take 20 to 60, with conditions along the way up to 140", TRAINED
+        "iterations",
+        "of IPOPT; those that converge take 20 to 60, with conditions along the way up to 140, with Coulomb "
+        "friction up to 200",
+        TRAINED + ", xArm6",
     )
     barrier: float = tuned(0.1, "scaled", "IPOPT's mu_init from a straight guess", TRAINED)
     warm_barrier: float = tuned(1e-6, "scaled", "the same, where little has changed", TRAINED)
     tolerance: float = tuned(1e-7, "scaled", "of IPOPT", TRAINED)
+    accepted: float = tuned(
+        1e-5,
+        "scaled",
+        "error that is accepted where the duration no longer falls: with Coulomb friction joints with time to spare "
+        "drift on about where their velocity turns its sign; torques are computed anew from the curve, and slowed down",
+        "xArm6 with the friction of its URDF",
+    )
+    accepted_after: int = tuned(8, "iterations", "in a row; those that converge need 3", "xArm6")
     in_flight: float = tuned(
         1e-5, "of a limit", "kept from velocity limits where a motion in flight at an end cannot be slowed down", "UR5"
     )

@@ -41,5 +41,12 @@ class ConditionsPolicy:
         0.2, "of the motion", "in which capsules too near at a given pose come away", "Panda: self-collision"
     )
     rate_tolerance: float = tuned(
-        0.02, "of a limit", "of acceleration and jerk, which the mesh keeps at its points", "RR"
+        1e-6, "of a limit", "of acceleration, jerk and frame speed: as of all other limits", "by definition"
+    )
+    rate_spare: float = tuned(
+        1e-4, "of a limit", "asked for besides, where a program is to be stricter by what its replay exceeds", "UR5"
+    )
+    least_part: float = tuned(0.9, "of a limit", "that a program is asked for: one that needs less is too coarse", "RR")
+    slower: float = tuned(
+        2e-3, "of the duration", "that slowing down may cost before a program is asked more strictly", "RR, UR5, Panda"
     )

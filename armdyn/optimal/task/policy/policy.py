@@ -68,6 +68,7 @@ class Policy:
             ),
             search=SearchPolicy(
                 starts=_by_joints(joints, 1, 12, 16) if crowded else starts,
+                least=60 if many else 0,
                 meshes=(15, 25) if motors else (25, 35),
                 neighbour_starts=_by_joints(joints, *((1, 4, 6, 1) if problem.pays_effort else (1, 8, 12, 1))),
                 spread=0.0 if many else 1.5 if joints == 3 else 1.0,
@@ -84,7 +85,7 @@ class Policy:
                 alone=motors and (joints > 3 or problem.relative_effort_weight > 0),
                 possible=motors,
                 cruises=speedy,
-                patience=300 if asked else 120,
+                patience=300 if asked or np.any(problem.robot.friction.coulomb) else 120,
                 shortest=_shortest(problem, speedy),
                 starts=6 if crowded else 1 if speedy else 4,
             ),

@@ -1,4 +1,6 @@
-"""Limits of position on the way down: what exceeds them touches them."""
+"""Limits of position and velocity on the way down: what exceeds them touches them, or is held on them."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.switching.extremal.descent import Extremal, fastest
 from armdyn.optimal.switching.extremal.limits import BEYOND, excess, state_at, with_limits
 from armdyn.optimal.switching.extremal.march import March
-from armdyn.optimal.switching.extremal.schedule import Schedule
+from armdyn.optimal.switching.extremal.schedule import Change, Schedule
 from armdyn.optimal.switching.settle import setting_of
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task
@@ -55,3 +57,31 @@ def test_touches_are_found_on_the_way():
     assert excess(found.march) <= BEYOND
     assert sum(change.touch for change in found.schedule.changes) == 2
     assert found.schedule.duration == pytest.approx(solution.duration, rel=1e-7)
+
+
+def test_a_velocity_limit_that_is_overlooked_is_kept():
+    # Up to 0.8 m/s at 1 m/s², cruise, down: t = d/v + v/a. The bang-bang motion, of 2 √2 s, reaches √2 m/s.
+    problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0], velocity_limit=0.8)
+    setting = setting_of(Task.of(problem, MinimumTimeOptions(compile=False)), 3.0)
+    t = np.linspace(0, 2 * np.sqrt(2), 41)
+    v = np.minimum(t, t[-1] - t)
+    q = np.where(t < np.sqrt(2), t**2 / 2, 2 - (t[-1] - t) ** 2 / 2)
+    guess = ad.Trajectory(t, q[:, None], v[:, None], np.sign(np.sqrt(2) - t)[:, None])
+    bang = Schedule.of([Arc(np.sqrt(2), (U,)), Arc(np.sqrt(2), (L,))], guess)
+    assert excess(March.of(setting, bang)) == pytest.approx(np.sqrt(2) / 0.8 - 1, rel=1e-9)
+    found = fastest(setting, bang, Stop())
+    assert isinstance(found, Extremal)
+    assert [arc.modes[0] for arc in found.schedule.arcs()] == [U, Mode.VELOCITY_UPPER, L]
+    assert found.schedule.duration == pytest.approx(2 / 0.8 + 0.8, rel=1e-9)
+    assert excess(found.march) <= BEYOND
+
+
+def test_changes_pass_each_other_unless_a_joint_is_held():
+    states = np.zeros((3, 4))
+    changes = Change(0, L), Change(1, Mode.VELOCITY_UPPER), Change(0, U)
+    schedule = Schedule((U, U), changes, np.array([1.0, 1.1, 3.0]), states, 4.0)
+    assert schedule.orders(0.5) == [(0, 1)]
+    assert replace(schedule, changes=(changes[0], Change(1, L), changes[2])).orders(4.0) == []
+    swapped = schedule.swapped(0, 1)
+    assert swapped.changes == (changes[1], changes[0], changes[2])
+    np.testing.assert_allclose(swapped.times, [1.05, 1.05, 3.0])

@@ -1,0 +1,236 @@
+"""Boxes that hold every joint position which brings a frame to a pose, by branch and prune in intervals.
+
+A frame is at its goal if the chain of joints closes: with the chain cut at a joint between, R_A, p_A the placement of
+that joint in the world, R_B, p_B the frame's in it, and R, p the goal's,
+
+    R_Aᵀ (p − p_A) = p_B    and, with an orientation,    R_A = R R_Bᵀ.
+
+No term has joints of both halves, which leaves affine forms a small part of the second-order terms that the whole
+chain has. Over a box every equation is c + Σ s_k ε_k ± r = 0; combinations of them, such as those that solve for one
+joint, narrow the box or leave nothing of it (R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval
+Analysis, 2009, chapter 8). What is neither empty nor small is cut in two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.dynamics.symbolic import Dynamics
+from armdyn.exclusive import built_once
+from armdyn.models.robots.robot import Robot
+from armdyn.models.scene.reaching import REACHED, GoalPose
+from armdyn.optimal.bound.enclosure.affine import Affine
+from armdyn.optimal.bound.enclosure.instructions import LevelledFunction
+from armdyn.optimal.bound.enclosure.interval import Interval, down, joined, rounding, up
+
+Array = NDArray[np.float64]
+
+_TOLERANCE = 10 * REACHED
+"""Of every equation [m and of a rotation's entries]: inverse kinematics that end within `REACHED` are in the set,
+whatever the lever between the cut and the frame (below 9 m)."""
+
+_BATCH = 500
+"""Boxes that are evaluated at once: arrays of some 10 MB."""
+
+_MOST_BOXES = 60_000
+"""Of one enclosure: 3 to 6 s. Positions of UR5 and Panda need 200 to 12,000, full poses 10,000 to 25,000, some of
+a Panda's more than 50,000."""
+
+_PASSES = 2
+"""Over all combinations, each of which may profit from what the others have narrowed."""
+
+_DAMPING = 1e-6
+"""Share of the equations' size that keeps the combinations solvable where they depend on each other."""
+
+
+@dataclass(frozen=True, eq=False)
+class GoalSet:
+    """The set of joint positions within limits that bring a frame to a pose, as far as speeds lead in a given time.
+
+    Attributes:
+        dynamics: of the arm.
+        goal: where which frame is to be.
+        q_start: where the motion begins [rad or m], shape (nv,).
+        velocity: limits [rad/s or m/s], infinite where there is none, shape (nv,).
+        position: limits, each end of shape (nv,).
+    """
+
+    dynamics: Dynamics
+    goal: GoalPose
+    q_start: Array
+    velocity: Array
+    position: Interval
+
+    @cached_property
+    def levers(self) -> Array:
+        """How far, roughly, each joint moves the frame [m/rad or 1] or turns it [1], shape (nv,): what is cut first."""
+        robot, levers = self.dynamics.robot, np.zeros(self.dynamics.nv)
+        beyond, offset = float(self.goal.oriented), robot.frame(self.goal.frame).placement.translation
+        for joint in reversed(_chain(robot, self.goal)):
+            axis = np.ravel(robot.model.joints[joint].createData().S)
+            levers[joint - 1] = 1.0 if np.any(axis[:3]) else beyond + np.linalg.norm(np.cross(axis[3:], offset))
+            beyond, offset = beyond + float(np.linalg.norm(offset)), robot.model.jointPlacements[joint].translation
+        return levers
+
+    def times(self, boxes: Interval) -> Array:
+        """What every joint needs at its greatest speed to enter a box [s], rounded down, shape (boxes, nv)."""
+        away = (boxes - Interval.at(self.q_start)).mignitude
+        return np.maximum(down(away / self.velocity), 0.0)
+
+    def within(self, duration: float) -> Interval | None:
+        """One box of all that may be reached in so long [s], shape (1, nv); None: it is not bounded."""
+        far = np.where(
+            np.isinf(self.velocity), np.inf, up(np.where(np.isinf(self.velocity), 1, self.velocity) * duration)
+        )
+        near = Interval.at(self.q_start) + Interval(-far, far)
+        lower, upper = np.maximum(near.lower, self.position.lower), np.minimum(near.upper, self.position.upper)
+        # A joint without a limit of velocity turns for nothing: one turn of it holds all there is.
+        free = np.isinf(self.velocity) & ~self.dynamics.robot.slides & (upper - lower > 2 * np.pi)
+        begin = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - 7.0, self.q_start - 3.5))
+        lower, upper = np.where(free, begin, lower), np.where(free, begin + 7.0, upper)
+        return Interval(lower[None], upper[None]) if np.all(np.isfinite(upper - lower)) else None
+
+    def enclosed(
+        self, boxes: Interval, duration: float, small: float, stop: Callable[[], bool]
+    ) -> tuple[Interval, float]:
+        """Boxes that hold the whole set, as far as it may be reached in some time, and the time before which none is.
+
+        Args:
+            boxes: that hold it, shape (boxes, nv).
+            duration: joint positions that velocity limits put further away than this [s] are left out.
+            small: boxes in which no joint moves the frame by more than this [m, or rad of its orientation] are kept.
+            stop: asked now and then; once it is true, what is not yet examined is kept.
+
+        Returns:
+            The boxes, shape (boxes, nv), perhaps none; and the least of `times` over all of them, or the duration [s].
+        """
+        closing, levers, examined = _closure(self.dynamics, self.goal), self.levers, 0
+        kept: list[Interval] = [boxes[:0]]
+        while len(boxes.lower) and examined < _MOST_BOXES and not stop():
+            order = np.argsort(np.max(self.times(boxes), axis=1), kind="stable")
+            now, later = boxes[order[:_BATCH]], boxes[order[_BATCH:]]
+            examined += len(now.lower)
+            now = narrowed(now, closing(Affine.over(now.turned((1, 0)))))
+            now = now[np.max(self.times(now), axis=1) < duration]
+            reach = (now.upper - now.lower) * levers
+            wide = np.max(reach, axis=1, initial=0.0) > small
+            kept.append(now[~wide])
+            boxes = joined([later, *_halves(now[wide], np.argmax(reach[wide], axis=1))])
+        found = joined([*kept, boxes])
+        return found, float(np.min(np.max(self.times(found), axis=1), initial=duration))
+
+    def cut(self, boxes: Interval) -> list[Interval]:
+        """Boxes, shape (boxes, nv), in two groups: where they lie along the joint in which they move the frame most."""
+        lower, upper = np.min(boxes.lower, axis=0), np.max(boxes.upper, axis=0)
+        joint = int(np.argmax((upper - lower) * self.levers))
+        beyond = boxes.centre[:, joint] > (lower[joint] + upper[joint]) / 2
+        return [part for part in (boxes[~beyond], boxes[beyond]) if len(part.lower)]
+
+    def closure_over(self, box: Interval) -> Affine:
+        """The equations over one box, shape (nv,), as affine forms that hold zero where the frame is at its goal."""
+        forms = _closure(self.dynamics, self.goal)(Affine.over(box[:, None]))
+        return Affine(forms.centre, forms.slopes, forms.rest + _TOLERANCE)
+
+
+def narrowed(boxes: Interval, forms: Affine) -> Interval:
+    """What is left of boxes where equations hold: those without any such point are dropped.
+
+    Args:
+        boxes: shape (boxes, nv).
+        forms: of the equations, in ε of `Affine.over`: zero within `_TOLERANCE`.
+    """
+    centre, slopes = forms.centre.T, np.ascontiguousarray(forms.slopes.transpose(2, 0, 1))
+    rest, (m, nv) = forms.rest.T + _TOLERANCE, slopes.shape[1:]
+    normal = slopes @ slopes.transpose(0, 2, 1)
+    damping = _DAMPING * np.trace(normal, axis1=1, axis2=2) + 1e-30
+    solved = np.linalg.solve(
+        normal + damping[:, None, None] * np.eye(m), np.concatenate([slopes, centre[..., None]], 2)
+    )
+    # Any combinations will do: for each joint the one that solves for it, then that of the error, then the rows alone.
+    w = np.concatenate([solved.transpose(0, 2, 1), np.broadcast_to(np.eye(m), (len(centre), m, m))], axis=1)
+    sizes = np.abs(centre) + np.sum(np.abs(slopes), axis=2) + rest
+    value, row, beside = (w @ centre[..., None])[..., 0], w @ slopes, (np.abs(w) @ rest[..., None])[..., 0]
+    beside = beside + rounding(2 * (m + nv), (np.abs(w) @ sizes[..., None])[..., 0])
+    lower, upper = -np.ones((len(centre), nv)), np.ones((len(centre), nv))
+    possible, sign = np.ones(len(centre), dtype=bool), np.sign(row)
+    safe = np.where(row == 0, 1.0, row)
+    for _ in range(_PASSES):
+        ends = row * lower[:, None], row * upper[:, None]
+        least, most = np.minimum(*ends), np.maximum(*ends)
+        low, high = (
+            (-value - beside - np.sum(most, axis=2))[..., None],
+            (beside - value - np.sum(least, axis=2))[..., None],
+        )
+        possible &= ~np.any((low > 0) | (high < 0), axis=(1, 2))
+        first, last = (low + most) / safe, (high + least) / safe
+        away = 1e-12 * (1 + np.maximum(np.abs(first), np.abs(last)))  # for the rounding of sum and quotient
+        first, last = np.where(sign > 0, first, last) - away, np.where(sign > 0, last, first) + away
+        lower = np.maximum(lower, np.max(np.where(sign == 0, -1.0, first), axis=1))
+        upper = np.minimum(upper, np.min(np.where(sign == 0, 1.0, last), axis=1))
+        possible &= ~np.any(lower > upper, axis=1)
+        lower, upper = np.minimum(lower, 1.0), np.maximum(upper, -1.0)
+    middle, radius = boxes.centre, boxes.radius
+    beside = rounding(8, np.abs(middle) + radius)
+    inner = Interval(middle + radius * lower - beside, middle + radius * upper + beside)
+    return boxes.meet(inner)[possible]
+
+
+def clusters(boxes: Interval) -> list[Interval]:
+    """Groups of boxes, shape (boxes, nv), each of whose hull touches that of no other."""
+    groups: list[tuple[Array, Array, list[int]]] = []
+    for k, (lower, upper) in enumerate(zip(boxes.lower, boxes.upper, strict=True)):
+        members, apart = [k], []
+        for first, last, others in groups:
+            if np.all((first <= upper) & (lower <= last)):
+                lower, upper, members = np.minimum(lower, first), np.maximum(upper, last), members + others
+            else:
+                apart.append((first, last, others))
+        groups = [*apart, (lower, upper, members)]
+    return [boxes[np.array(members)] for _, _, members in groups]
+
+
+def _halves(boxes: Interval, joint: NDArray[np.intp]) -> tuple[Interval, Interval]:
+    """Boxes, each cut in the middle of one joint's range."""
+    cut = np.arange(boxes.lower.shape[1]) == joint[:, None]
+    middle = boxes.centre
+    return Interval(boxes.lower, np.where(cut, middle, boxes.upper)), Interval(
+        np.where(cut, middle, boxes.lower), boxes.upper
+    )
+
+
+def _chain(robot: Robot, goal: GoalPose) -> list[int]:
+    """Joints between the world and the frame, in order."""
+    chain: list[int] = []
+    joint = robot.frame(goal.frame).parentJoint
+    while joint:
+        chain.insert(0, joint)
+        joint = robot.model.parents[joint]
+    return chain
+
+
+@built_once(maxsize=16)
+def _closure(dynamics: Dynamics, goal: GoalPose) -> LevelledFunction:
+    """The equations of q: zero where the frame is at its goal, and there alone."""
+    q, chain = ca.SX.sym("q", dynamics.nv), _chain(dynamics.robot, goal)
+    # By trial on UR5 and Panda: a cut in the middle, one joint later if the orientation counts, needs fewest boxes.
+    own = chain[: min(len(chain) // 2 + goal.oriented, len(chain) - 1)]
+    if own:
+        at = slice(4 * (own[-1] - 1), 4 * own[-1])
+        inner = dynamics.placements(q)[:, at]
+        outer_q = ca.vertcat(*(0.0 if i + 1 in own else q[i] for i in range(dynamics.nv)))
+        fixed = dynamics.placements(np.zeros(dynamics.nv))[:, at]
+    else:
+        inner, outer_q, fixed = ca.horzcat(ca.SX.eye(3), ca.SX.zeros(3)), q, np.eye(3, 4)
+    rotation, origin = dynamics.frame_placement(outer_q, goal.frame)
+    back = ca.SX(fixed[:, :3].T.copy())
+    rotation, origin = back @ rotation, back @ (origin - fixed[:, 3])
+    rows = [inner[:, :3].T @ (goal.pose.translation - inner[:, 3]) - origin]
+    if goal.oriented:
+        rows.append(ca.vec(inner[:, :3] - ca.SX(goal.pose.rotation.copy()) @ rotation.T))
+    return LevelledFunction.of(ca.Function("closure", [q], [ca.cse(ca.densify(ca.vertcat(*rows)))]))

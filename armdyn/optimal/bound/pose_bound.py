@@ -1,0 +1,142 @@
+"""Lower bound on the duration to a goal pose: of all joint positions that reach it, not of some.
+
+Velocity limits say before which time none of them is reached (`GoalSet.enclosed`). For more, momentum bounds the time
+to all goals in a box at once. A goal that velocity limits put further away than some time T is not reached before T;
+those that are nearer are enclosed by boxes, and the least of T and of these boxes' bounds holds for the whole set.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armdyn.arguments import expect
+from armdyn.models.scene.reaching import GoalPose
+from armdyn.optimal.bound.enclosure.interval import Interval
+from armdyn.optimal.bound.goal_set import GoalSet, clusters
+from armdyn.optimal.bound.leg import Leg
+from armdyn.optimal.bound.leg_bound import leg_bound
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+
+Stop = Callable[[], bool]
+
+_SIZES = (0.05, 0.01, 0.002)
+"""Of boxes [m, rad] that velocity limits are held against, one after the other: the last is some 1e-3 of a way."""
+
+_SIZE = 0.02
+"""Of boxes [m, rad] that momentum is held against, before those that touch are taken together."""
+
+_FEW, _SOON = 500, 0.3
+"""Where there are more boxes, those alone are made smaller that are reached within so much of the time between the
+bound and a goal that is known: that goal may be far from the soonest one."""
+
+_TIMES, _REGIONS = 2, 4
+"""Times T that are tried, and bounds by momentum for each: 0.05 to 0.5 s each for six or seven joints."""
+
+_FURTHEST = 1.2
+"""Times the bound by velocity limits, which momentum is not asked to exceed."""
+
+_WORTH = 2e-3
+"""Between the bound and a time that is no bound, as a share: less is not looked for."""
+
+_ISOLATED = 1e-6
+"""Half width of a box [rad or m] up to which it is as good as a point."""
+
+
+def pose_bound(problem: MinimumTimeProblem, leg: Leg, stop: Stop) -> tuple[float, int, float]:
+    """Lower bound on the last leg's duration to any joint position that reaches the pose.
+
+    Args:
+        problem: with a goal pose.
+        leg: its last leg, to any of the goals.
+        stop: polled now and then; once it is true, the bound that is proven so far is returned.
+
+    Returns:
+        The bound [s], the joint that decides it, and the bound by velocity limits alone [s]; 0 says nothing.
+    """
+    goals = GoalSet(
+        leg.dynamics, expect(problem.goal_pose, GoalPose, "goal_pose"), leg.q_start, leg.velocity, leg.position
+    )
+    near = min((replace(leg, q_goal=Interval.at(q)) for q in problem.goals), key=lambda one: one.shortest)
+    kinematic = _kinematic(goals, near.shortest, stop)
+    known, joint = kinematic, int(np.argmax(near.kinematic))
+    if kinematic == 0 or not np.all(np.isfinite(leg.velocity)):
+        return kinematic, joint, kinematic
+    # No bound of the set is above that of a goal in it; that goal may be far from the soonest one.
+    longest = min(leg_bound(near, stop)[0], known * _FURTHEST)
+    for _ in range(_TIMES):
+        if stop() or longest < known * (1 + _WORTH):
+            break
+        middle = (known + longest) / 2
+        bound, decides = _before(goals, leg, middle, (known, joint), stop)
+        if bound > known:
+            known, joint = bound, decides
+        if bound < middle:
+            longest = middle
+    return known, joint, kinematic
+
+
+def _kinematic(goals: GoalSet, near: float, stop: Stop) -> float:
+    """The time before which velocity limits let no motion reach the pose [s], that of a goal given; 0 says nothing."""
+    known, boxes = 0.0, goals.within(near)
+    for size in _SIZES:
+        if boxes is None or stop():
+            break
+        if len(boxes.lower) > _FEW:  # too many to be made smaller: only what is reached soon
+            near = known + _SOON * (near - known)
+        boxes, least = goals.enclosed(boxes, near, size, stop)
+        known = max(known, least)
+    return known
+
+
+@dataclass(frozen=True, eq=False)
+class _Region:
+    """Some boxes that touch, and what is proven of all goals in them.
+
+    Attributes:
+        bound: lower bound on the duration [s], and the joint that decides it.
+        boxes: shape (boxes, nv).
+        tried: by momentum, so that only smaller regions can raise the bound.
+    """
+
+    bound: tuple[float, int]
+    boxes: Interval
+    tried: bool = False
+
+    @property
+    def hull(self) -> Interval:
+        """One box that holds all, each end of shape (nv,)."""
+        return Interval(np.min(self.boxes.lower, axis=0), np.max(self.boxes.upper, axis=0))
+
+
+def _before(goals: GoalSet, leg: Leg, longest: float, known: tuple[float, int], stop: Stop) -> tuple[float, int]:
+    """Bound by boxes of all goals that may be reached in some time [s], that time at most, and the joint that decides.
+
+    The region with the least bound is improved first: by momentum, and then by cutting it in two.
+    """
+    whole = goals.within(longest)
+    if whole is None:
+        return known
+    boxes, _ = goals.enclosed(whole, longest, _SIZE, stop)
+    regions = [_Region(known, part) for part in clusters(boxes)]
+    tries = 0
+    while regions and tries < _REGIONS and not stop():
+        regions.sort(key=lambda region: region.bound)
+        least = regions[0]
+        if least.bound[0] >= longest or (least.tried and len(least.boxes.lower) == 1):
+            break
+        if least.tried:
+            regions[:1] = [_Region(least.bound, part) for part in goals.cut(least.boxes)]
+            continue
+        regions[0] = _Region(_by_momentum(goals, leg, least, stop), least.boxes, tried=True)
+        tries += 1
+    return min([region.bound for region in regions], default=(longest, known[1]))
+
+
+def _by_momentum(goals: GoalSet, leg: Leg, region: _Region, stop: Stop) -> tuple[float, int]:
+    """Bound of all goals in a region, and the joint that decides it."""
+    hull = region.hull
+    closing = None if np.max(hull.radius) < _ISOLATED else goals.closure_over(hull)
+    return leg_bound(replace(leg, q_goal=hull, closing=closing), stop, region.bound[0])

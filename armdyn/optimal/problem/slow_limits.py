@@ -1,0 +1,39 @@
+"""Limits so low that no motion within them is worth a search."""
+
+import numpy as np
+
+from armdyn.errors import ProblemError
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+
+LONGEST = 3600.0
+"""Motions that take longer at the least are not solved [s]: a limit in a wrong unit, rather than a motion."""
+
+
+def check_pace(problem: MinimumTimeProblem) -> None:
+    """Refuse limits of velocity, acceleration or jerk that let no motion to the goal take less than `LONGEST`.
+
+    Raises:
+        ProblemError: with the limit, the joint, the least duration and the limit that would be enough.
+    """
+    none = np.full(problem.robot.nv, np.inf)
+    net = np.abs(problem.poses[-1] - problem.poses[0])
+    asked = {
+        "velocity": (problem.limits.velocity, np.sum(np.abs(np.diff(problem.poses, axis=0)), axis=0), 1.0),
+        # From rest to rest: half of the way speeding up; with a jerk limit, in four ramps of the acceleration.
+        "acceleration": (problem.acceleration_limit, net, 4.0),
+        "jerk": (problem.jerk_limit, net, 32.0),
+    }
+    for order, (name, (limit, way, factor)) in enumerate(asked.items(), start=1):
+        if order > 1 and not problem.from_rest_to_rest:
+            break
+        limit = none if limit is None else np.asarray(limit)
+        least = (factor * way / limit) ** (1 / order)
+        joint = int(np.argmax(least))
+        if least[joint] > LONGEST:
+            unit = "m" if problem.robot.slides[joint] else "rad"
+            per = f"{unit}/s{('', '²', '³')[order - 1]}"
+            raise ProblemError(
+                f"joint {problem.robot.joint_names[joint]!r} has {name} limit {limit[joint]:g} {per}: its way of "
+                f"{way[joint]:.4g} {unit} takes {least[joint]:.3g} s at least, more than {LONGEST:g} s; give "
+                f"{name}_limit={factor * way[joint] / LONGEST**order:.2g} or more"
+            )

@@ -1,0 +1,134 @@
+"""Whether others can repeat a motion's replay: segment defects, open-loop growth, and a replay under feedback.
+
+Without feedback an error of a state grows along the motion, on a heavy arm with light wrists by 10¹⁰ and more. Then no
+two integrators agree on the end state, and a replay that lands says nothing but that the torques were computed by
+the same integrator. What everybody can repeat are the segments between samples, and a replay under feedback.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.dynamics.numeric import joint_inertia
+from armdyn.models.robots.robot import Robot
+from armdyn.models.values.limits import JointLimits
+from armdyn.optimal.landing.limits import worst_violation
+from armdyn.optimal.landing.segments import Segments, ticked
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, Certificate
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+ACCURACY = 1e-11
+"""Error [rad or m, and per second] that integrators of relative tolerance 1e-10 to 1e-12, started anew at every sample,
+leave in a state: ten times what scipy's DOP853 and Radau were seen to differ by on segments of the library's arms."""
+OPEN_LOOP_GROWTH = 0.1 * GOAL_TOLERANCE / ACCURACY
+"""Largest growth, 1e4, of a motion that is judged by its open-loop replay: beyond, the integrators' accuracy times the
+growth is more than a tenth of what the replay is to show."""
+FEEDBACK_BANDWIDTH = 40.0
+"""Of the feedback [rad/s], 6 Hz: the position loops of industrial arms have 5 to 15 Hz; the library's arms diverge open
+loop at 5 to 12 1/s."""
+FEEDBACK_TICK = 15e-3
+"""Longest time for which a correction is held [s]: 0.6 over the bandwidth. At 1 over the bandwidth the sampled loop
+would become unstable, and arms' controllers run at 100 Hz and more."""
+
+_NEAR = 1e-5
+"""Largest distance of a state from the motion [rad or m, and per second] under feedback: to first order in the defects
+it is then right to 1e-10 times the dynamics' second derivatives."""
+_LEFT = "a replay under feedback leaves the motion, and open loop it is unstable"
+
+
+def repeated(problem: MinimumTimeProblem, motion: Trajectory, certificate: Certificate) -> Certificate:
+    """Judge a motion by what an integrator of another family makes of its torques.
+
+    Open loop up to `OPEN_LOOP_GROWTH`: the goal errors are the worse of both integrators', plus growth times
+    `ACCURACY`. Beyond: those of a replay under feedback, `under_feedback`, and the limits must be kept by it, too.
+
+    Args:
+        problem: goal and limits.
+        motion: states and torques.
+        certificate: of the replay of the same motion by `replay_torques`, or of the motion itself if it is a replay.
+    """
+    robot, n = problem.robot, problem.robot.nv
+    segments = Segments.of(robot, motion)
+    judged = replace(certificate, growth=segments.growth, segment_error=segments.largest + ACCURACY)
+    beside = problem.beside_goal(motion)
+    if segments.growth <= OPEN_LOOP_GROWTH:
+        missed = np.abs(beside + segments.end()) + segments.growth * ACCURACY
+        return replace(
+            judged,
+            goal_error=max(certificate.goal_error, float(np.max(missed[:n]))),
+            goal_velocity_error=max(certificate.goal_velocity_error, float(np.max(missed[n:]))),
+        )
+    judged = replace(judged, replay="segments")
+    followed = under_feedback(robot, problem.limits, motion, segments)
+    if followed is None:
+        return replace(judged, goal_error=np.inf, goal_velocity_error=np.inf, remark=_LEFT)
+    exceeded = worst_violation(problem.limits, followed.motion, robot.joint_names)
+    if exceeded is None or exceeded.value <= certificate.limit_violation:
+        exceeded = certificate.exceeded
+    missed = np.abs(problem.beside_goal(followed.motion)) + ACCURACY
+    return replace(
+        judged,
+        goal_error=float(np.max(missed[:n])),
+        goal_velocity_error=float(np.max(missed[n:])),
+        limit_violation=exceeded.value if exceeded else certificate.limit_violation,
+        exceeded=exceeded,
+        correction=float(np.max(followed.correction)),
+        correction_share=float(np.max(followed.correction / problem.limits.effort_size)),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """A replay under feedback.
+
+    Attributes:
+        motion: states and torques, corrections included, at the ticks. A torque is that at the start of its tick.
+        correction: largest torque that feedback adds to each joint [N m or N], shape (nv,): from the deviations, and
+            as much as deviations by `ACCURACY` would add.
+    """
+
+    motion: Trajectory
+    correction: Array
+
+
+def under_feedback(robot: Robot, limits: JointLimits, motion: Trajectory, segments: Segments) -> Followed | None:
+    """Replay a motion under computed torque, which is held from tick to tick.
+
+    tau = tau_k(t) − M(q_k) (2 ω (v − v_k) + ω² (q − q_k)) within the torque limits; q_k and v_k are the motion's own
+    states at its samples, and at ticks between these where they are more than `FEEDBACK_TICK` apart; ω is
+    `FEEDBACK_BANDWIDTH`. The states are the motion's own and, to first order, what the defects of the segments make of
+    them: exact to rounding where these are small.
+
+    Args:
+        robot: the arm.
+        limits: of the torques.
+        motion: states and torques.
+        segments: of the motion.
+
+    Returns:
+        None: it leaves the motion, because torque limits leave no room for corrections or a segment has too large a
+        defect.
+    """
+    ticks = ticked(robot, motion, FEEDBACK_TICK)
+    if ticks is not motion:
+        segments = Segments.of(robot, ticks)
+    n, inertia = robot.nv, joint_inertia(robot)
+    lowest = np.minimum(limits.effort_lower - np.minimum(ticks.tau[:-1], ticks.tau[1:]), 0)
+    highest = np.maximum(limits.effort_upper - np.maximum(ticks.tau[:-1], ticks.tau[1:]), 0)
+    stiffness, damping = FEEDBACK_BANDWIDTH**2, 2 * FEEDBACK_BANDWIDTH
+    beside, correction, largest = np.zeros((ticks.t.size, 2 * n)), np.zeros((ticks.t.size, n)), np.zeros(n)
+    for k, state in enumerate(beside[:-1]):
+        M = inertia(ticks.q[k])
+        wanted = -M @ (damping * state[n:] + stiffness * state[:n])
+        correction[k] = np.clip(wanted, lowest[k], highest[k])
+        unseen = (damping + stiffness) * ACCURACY * np.sum(np.abs(M), axis=1)
+        largest = np.maximum(largest, np.abs(correction[k]) + unseen)
+        beside[k + 1] = segments.through[k] @ state + segments.forced[k] @ correction[k] + segments.defect[k]
+        if not np.max(np.abs(beside[k + 1])) <= _NEAR:
+            return None
+    x = np.concatenate([ticks.q, ticks.v], axis=1) + beside
+    return Followed(replace(ticks, q=x[:, :n], v=x[:, n:], tau=ticks.tau + correction), largest)

@@ -1,0 +1,46 @@
+"""Transversality: whether a goal pose is reached at the best of the joint positions that reach it.
+
+The costates at the end are how the duration answers to the goal, ∂t_f/∂q = −ρ_q(t_f). Where a continuum of joint
+positions reaches a pose, an optimum has ρ_q(t_f) orthogonal to it (Bryson and Ho, Applied Optimal Control,
+section 2.8).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.models.robots.robot import Robot
+from armdyn.models.scene.reaching import GoalPose, free_directions
+from armdyn.optimal.arcs.phases import Phases
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+
+Array = NDArray[np.float64]
+
+
+def end_slope(robot: Robot, goal: GoalPose, q: Array, phases: Phases) -> Array:
+    """How the duration changes where the goal moves along the joint positions that reach a pose [s/rad], shape (nv,).
+
+    Args:
+        robot: the arm.
+        goal: where a frame is to be.
+        q: joint positions at the goal [rad or m], shape (nv,).
+        phases: of the motion there, with costates.
+    """
+    free = free_directions(robot, goal, q)
+    return np.asarray(-free @ (free.T @ phases.costate[-1, : robot.nv]))
+
+
+def transversality(problem: MinimumTimeProblem, goal: GoalPose | None, q: Array, phases: Phases | None) -> float | None:
+    """How far the costates at the end are from transversality, see `Certificate.transversality`.
+
+    Args:
+        problem: whose motion it is.
+        goal: where a frame is to be; None: the goal is a point.
+        q: joint positions at the goal [rad or m], shape (nv,).
+        phases: of the motion there, with costates; None: they are not known.
+    """
+    if goal is None or not free_directions(problem.robot, goal, q).size:
+        return None
+    if phases is None:
+        return float("inf")
+    way = np.linalg.norm(q - problem.poses[-2])
+    return float(np.linalg.norm(end_slope(problem.robot, goal, q, phases)) * way / phases.duration)

@@ -1,0 +1,37 @@
+"""Values of lower layers, drawn: `armdyn.lazy.draw_by` names this module, `armdyn.lazy.drawing` imports it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from armdyn.arguments import path as path_of
+from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.answer.summary import minimum_time_summary
+from armdyn.show.notebook.cards import card as card
+from armdyn.show.plots import plot_trajectories
+from armdyn.show.report import write_report
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def figure(solution: Solution) -> Figure:
+    """See `Solution.plot`."""
+    problem = solution.problem
+    unresolved = () if solution.arcs else (0,)
+    return plot_trajectories(
+        [solution.trajectory], limits=problem.limits, title=_title(solution), unresolved=unresolved
+    )
+
+
+def report(solution: Solution, path: str | os.PathLike[str]) -> Path:
+    """See `Solution.report`."""
+    problem, file = solution.problem, Path(path_of(path, "path"))
+    motions, summary = {"minimum time": solution.trajectory}, minimum_time_summary(solution)
+    return write_report(file, problem.robot, motions, summary, _title(solution), problem.obstacles)
+
+
+def _title(solution: Solution) -> str:
+    return f"{solution.problem.robot.name}: minimum time"

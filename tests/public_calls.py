@@ -1,0 +1,249 @@
+"""Every public call with arguments that are right, and quick: what is tried with others begins here."""
+
+import inspect
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+import armdyn as ad
+from armdyn.control.loop.ticks import Ticks
+from armdyn.control.stability.linear import Rest
+from armdyn.studies.sweeps.crews.local import local_crew
+from oracles import two_links
+from toys import squares
+
+Right = dict[str, Any]
+
+
+class Hostile:
+    """Raises at whatever is asked of it."""
+
+    def _refuse(self, *_):
+        raise RuntimeError("no")
+
+    __array__ = __len__ = __iter__ = __repr__ = __float__ = __index__ = __fspath__ = __bool__ = __eq__ = _refuse
+    __hash__ = object.__hash__
+
+
+NONSENSE = (
+    None, "rr", "1.5", "", b"1", 1j, [1, 2j], [[1.0], [1.0, 2.0]], ["1", "2"], [None, 1.0], {}, {"a": 1}, {1.0},
+    object(), Hostile(), [Hostile()], np.array(["a", "b"]), np.array([True, False]), np.array([1j, 2]),
+    np.array([None, 1]), np.array("2026-01-01", dtype="datetime64"), [True, 1.0], Ellipsis, ad.Robot, ad, np.ma.masked,
+)  # fmt: skip
+"""Nothing of it is a number, an array of numbers, or what else is asked for."""
+
+SPEC = ad.ArmSpec.paper("rr")
+RR = ad.Robot.from_spec(SPEC, ad.Payload.at_last_com(SPEC, 0.1))
+START, GOAL, PATH = [0.0, 0.0], [1.0, -0.5], np.zeros((4, 2))
+PROBLEM = ad.MinimumTimeProblem(RR, q_start=START, q_goal=GOAL)
+MOTION = ad.ramp(RR, START, GOAL, 0.2)
+OPTIONS = ad.MinimumTimeOptions(effort="quick", time_limit=1e-3)
+LOOP, PID = ad.Loop(), ad.Pid()
+PLANTS, ARMS = ad.Plants(), ad.MonteCarloOptions(count=1, duration=0.1, workers=1)
+TUNING = ad.TuneOptions(duration=0.1, members=2, generations=1, time_limit=1.0, workers=1)
+LINK = {"length": 0.25, "com": 0.1, "mass": 0.2, "inertia": 1e-3}
+LIMITS = ("position_lower", "position_upper", "velocity", "effort_lower", "effort_upper")
+READING = {"payload": None, "lock": None, "effort_limit": None, "velocity_limit": None, "armature": None}
+FRICTION = {"damping": 0.0, "friction": 0.0, "friction_width": 0.05, "arm": None}
+POLE = """<mujoco><worldbody><body name="pole"><joint name="hinge" axis="0 1 0" range="-90 90"/>
+<geom type="capsule" fromto="0 0 0 0 0 1" size="0.1"/></body></worldbody><actuator><motor joint="hinge"
+ctrlrange="-9 9"/></actuator></mujoco>"""
+STUDY = """task = "track"
+[arms.rr]
+q_start = [0.0, 0.0]
+q_goal = [0.1, 0.0]
+[vary]
+kp = [1.0, 2.0]
+[track]
+controller = "pid"
+"""
+AT_REST = {"robot": RR, "q_goal": GOAL, "controller": PID, "loop": LOOP, "plant": None}
+PASSED = {"problem": PROBLEM, "motion": MOTION, "passing": np.zeros((0, 2))}
+
+
+@cache
+def solution() -> ad.Solution:
+    """A small one."""
+    arm = ad.Robot.from_spec(ad.ArmSpec.paper("r"))
+    return ad.solve_minimum_time(
+        ad.MinimumTimeProblem(arm, q_start=[0.0], q_goal=[0.5]), ad.MinimumTimeOptions(starts=2)
+    )
+
+
+def defaults(made: Callable[..., object]) -> Right:
+    """What a call takes where nothing is given."""
+    return {name: one.default for name, one in inspect.signature(made).parameters.items()}
+
+
+def values() -> dict[Callable[..., object], Right]:
+    """The classes that are made by who uses them."""
+    return {
+        ad.LinkSpec: LINK,
+        ad.ArmSpec: {"name": "a", "links": [ad.LinkSpec(**LINK)], "position_limit": 3.0, "velocity_limit": 9.0}
+        | {"effort_limit": 3.0},
+        ad.Payload: {"mass": 1.0, "com": (0, 0, 0), "inertia": (0, 0, 0), "frame": None, "offset": None},
+        ad.Sphere: {"center": (0, 0, 0), "radius": 1.0, "name": "ball"},
+        ad.Capsule: {"a": (0, 0, 0), "b": (0, 0, 1), "radius": 1.0, "name": "post"},
+        ad.Box: {"size": (1, 1, 1), "placement": (0, 0, 0), "name": "box"},
+        ad.GoalPose: {"frame": "tip", "placement": (0, 0, 0)},
+        ad.JointLimits: {name: [1.0, 1.0] for name in LIMITS},
+        ad.FrameSpeedLimit: {"limit": 1.0, "frame": None, "part": 1.0},
+        ad.TorqueRateLimit: {"limit": 1.0},
+        ad.PidGains: {"kp": 1.0, "ki": 1.0, "kd": 1.0},
+        ad.Pid: defaults(ad.Pid),
+        ad.Lqr: defaults(ad.Lqr),
+        ad.ComputedTorque: defaults(ad.ComputedTorque),
+        ad.Loop: defaults(ad.Loop),
+        ad.Plants: defaults(ad.Plants),
+        ad.MonteCarloOptions: defaults(ad.MonteCarloOptions),
+        ad.TuneOptions: defaults(ad.TuneOptions),
+        ad.Parameter: {"name": "kp", "low": 1.0, "high": 2.0},
+        ad.ControllerFamily: {"name": "mine", "parameters": (ad.Parameter("kp", 1.0, 2.0),), "controller": ad.Pid},
+        ad.Ramps: {"q_start": START, "q_goal": GOAL, "duration": (0.1, 1.0)},
+        ad.GainRegion: {"inertia": 1.0, "stiffness": 1.0, "damping": 0.0},
+        ad.Trajectory: {"t": [0.0, 1.0], "q": np.zeros((2, 1)), "v": np.zeros((2, 1)), "tau": np.zeros((2, 1))}
+        | {"joint_names": ("a",), "name": "", "model_hash": ""},
+        ad.Robot: {name: getattr(RR, name) for name in inspect.signature(ad.Robot).parameters},
+        ad.Dynamics: {"robot": RR, "payload_frame": None, "free_last_body": False},
+        ad.MinimumTimeOptions: defaults(ad.MinimumTimeOptions),
+        ad.MinimumTimeProblem: defaults(ad.MinimumTimeProblem) | {"robot": RR, "q_start": START, "q_goal": GOAL},
+    }
+
+
+def functions(folder: Path) -> dict[Callable[..., object], Right]:
+    """The functions.
+
+    Args:
+        folder: for the files that they write.
+    """
+    study = folder / "study.toml"
+    study.write_text(STUDY)
+    ad.run_study(squares(1), folder / "done.sqlite")
+    return {
+        ad.characteristic_polynomial: {"matrix": np.eye(2)},
+        ad.routh_table: {"polynomial": [1.0, 2.0, 3.0]},
+        ad.closed_loop_eigenvalues: {"robot": RR, "q_goal": GOAL, "gains": ad.PidGains(1, 1, 1), "form": "torque"}
+        | {"dynamics": None},
+        ad.cluster_crew: {"address": "node:8786"},
+        ad.gain_plane: {"robot": RR, "q_goal": GOAL, "kp": [1.0, 2.0], "kd": [1.0, 2.0], "ki": 1.0, "form": "torque"}
+        | {"loop": None},
+        ad.least_stable_factor: {"robot": RR, "q_goal": GOAL, "gains": ad.PidGains(1, 1, 1), "form": "torque"}
+        | {"dynamics": None, "factors": (0.9, 1.1)},
+        ad.likely_plants: {"robot": RR},
+        ad.loop_margins: {"loop": ad.sampled_loop(RR, GOAL, ad.Lqr(), LOOP)},
+        ad.multiloop_disk: {"loop": ad.sampled_loop(RR, GOAL, ad.Lqr(), LOOP)},
+        ad.lower_bound: {"problem": PROBLEM, "stop": None},
+        ad.monte_carlo: {"robot": RR, "reference": MOTION, "controller": PID, "plants": PLANTS, "loop": LOOP}
+        | {"options": ARMS, "file": None, "progress": None},
+        ad.ramp: {"robot": RR, "q_start": START, "q_goal": GOAL, "duration": 1.0},
+        ad.read_study: {"path": study},
+        ad.replay_torques: {"robot": RR, "trajectory": MOTION, "rtol": 1e-6, "stop": None},
+        ad.reserve_curve: {"problem": PROBLEM, "controllers": [PID], "plants": [RR], "reserves": [0.1], "loop": None}
+        | {"duration": 0.1, "options": OPTIONS, "progress": None},
+        ad.run_study: {"study": squares(1), "file": folder / "done.sqlite", "crew": local_crew, "progress": None}
+        | {"again": False, "sync": "full"},
+        ad.sampled_loop: AT_REST,
+        ad.sampled_stability: AT_REST,
+        ad.set_point: {"robot": RR, "q_goal": GOAL},
+        ad.simulate_pid: {"robot": RR, "q_start": START, "q_goal": GOAL, "v_start": None, "gains": ad.PidGains(9, 9, 9)}
+        | {"duration": 0.01, "form": "computed_torque", "saturate": None, "arrival_tolerance": 0.005}
+        | {"arrival_rule": "first_crossing", "samples": 2, "dynamics": None},
+        ad.slowest_stable_rate: {
+            "robot": RR,
+            "q_goal": GOAL,
+            "controller": PID,
+            "delay": 1,
+            "plant": None,
+            "loop": None,
+        }
+        | {"rates": (900.0, 1000.0)},
+        ad.solve_minimum_time: {"problem": PROBLEM, "options": OPTIONS, "progress": None},
+        ad.study_table: {"file": folder / "done.sqlite"},
+        ad.time_optimality: {"robot": RR, "trajectory": MOTION, "options": OPTIONS, "reserve": 0.0}
+        | {"velocity_reserve": 0.0},
+        ad.track: {"robot": RR, "reference": MOTION, "controller": PID, "plant": None, "loop": LOOP, "duration": 0.1}
+        | {"tolerance": 0.005, "q_start": None},
+        ad.trajectory_from_path: {"robot": RR, "t": [0, 1, 2, 3], "q": PATH, "v": None, "a": None, "name": ""},
+        ad.tune: {"robot": RR, "reference": MOTION, "family": ad.ControllerFamily.lqr(), "plants": [RR], "held_out": ()}
+        | {"loop": LOOP, "options": TUNING, "progress": None},
+        ad.urdf_from_spec: {"spec": SPEC, "payload": None},
+    }
+
+
+def methods(folder: Path) -> dict[Callable[..., object], Right]:
+    """Methods that take something, of values that are there."""
+    arm, pole = folder / "arm.urdf", folder / "pole.xml"
+    arm.write_text(two_links())
+    pole.write_text(POLE)
+    dynamics = ad.Dynamics(RR)
+    ticks, region, study = (
+        Ticks.of(RR, MOTION, 1000.0),
+        ad.GainRegion(1.0, 1.0),
+        ad.monte_carlo(RR, MOTION, options=ARMS),
+    )
+    return {
+        solution().report: {"path": folder / "report.html"},
+        ad.ArmSpec.paper: {"arm": "r"},
+        ad.Payload.at_last_com: {"spec": SPEC, "mass": 1.0},
+        ad.Robot.from_urdf_string: {"text": two_links(), "package_dirs": (), "source": "it"} | READING | FRICTION,
+        ad.Robot.from_urdf: {"path": arm, "package_dirs": ()} | READING | FRICTION,
+        ad.Robot.from_library: {"name": "acrobot"} | READING | FRICTION,
+        ad.Robot.from_mjcf: {"path": pole, "payload": None, "lock": None, "arm": None},
+        ad.Robot.from_mjcf_string: {"text": POLE, "payload": None, "lock": None, "arm": None, "source": "it"},
+        ad.Robot.from_model: {"model": RR.model, "limits": RR.limits, "name": None, "payload": None, "lock": None}
+        | {"arm": None},
+        ad.Robot.from_spec: {"spec": SPEC, "payload": None},
+        RR.with_limits: {"effort_limit": 1.0, "velocity_limit": 1.0},
+        RR.with_friction: {"damping": 1.0, "friction": 1.0, "width": 1.0},
+        RR.with_armature: {"armature": 1.0},
+        RR.with_passive: {"joints": [RR.joint_names[0]]},
+        RR.frame: {"name": "tip"},
+        RR.pose: {"name": "zero"},
+        RR.configuration: {"q": START},
+        ad.Trajectory.load: {"path": MOTION.save(folder / "saved.npz")},
+        MOTION.__call__: {"time": 0.1},
+        MOTION.resample: {"rate": 100.0},
+        MOTION.save: {"path": folder / "motion.npz"},
+        MOTION.to_csv: {"path": folder / "motion.csv"},
+        MOTION.resample(100.0).to_csv: {"path": folder / "samples.csv"},
+        MOTION.resample(100.0).to_mjcf: {"motors": True},
+        PROBLEM.variant: {"reserve": 0.1, "q_start": START},
+        PROBLEM.beside_goal: {"motion": MOTION},
+        ad.PidGains(1, 1, 1).per_joint: {"nv": 2},
+        PID.law: {"robot": RR, "ticks": ticks, "loop": LOOP},
+        ad.Lqr().law: {"robot": RR, "ticks": ticks, "loop": LOOP},
+        ad.ComputedTorque().law: {"robot": RR, "ticks": ticks, "loop": LOOP},
+        dynamics.aba: {"q": START, "v": START, "tau": START},
+        dynamics.rnea: {"q": START, "v": START, "a": START},
+        dynamics.nle: {"q": START, "v": START},
+        dynamics.crba: {"q": START},
+        dynamics.gravity: {"q": START},
+        dynamics.kinetic_energy: {"q": START, "v": START},
+        dynamics.potential_energy: {"q": START},
+        dynamics.placements: {"q": START},
+        dynamics.frame_placement: {"q": START, "frame": "tip"},
+        ad.Dynamics(RR, "tip").payload_parameters: {"inertia": pin.Inertia.Random()},
+        ad.Loop.ideal: {"saturate": True},
+        ad.SampledLoop.of: {"rest": Rest.of(RR, GOAL, PID, LOOP), "loop": LOOP},
+        ad.GainRegion.of: {"robot": solution().problem.robot, "q_goal": [0.1], "form": "torque"},
+        region.polynomial: {"kp": 1.0, "ki": 1.0, "kd": 1.0},
+        region.stable: {"kp": 1.0, "ki": 1.0, "kd": 1.0},
+        region.least_kd: {"kp": 1.0, "ki": 1.0},
+        PLANTS.draw: {"k": 1, "nv": 2},
+        PLANTS.arms: {"robot": RR, "count": 1},
+        PLANTS.corners: {"robot": RR},
+        PLANTS.check: {"robot": RR},
+        ad.ControllerFamily.pid: {"robot": RR, "q_goal": GOAL, "form": "torque", "feedforward": True, "gravity": False}
+        | {"shared": True},
+        ad.Ramps(START, GOAL).reference: {"robot": RR, "values": {"ramp": 0.5}},
+        study.envelope: {"parts": (0.5,)},
+        study.quantiles: {"parts": (0.5,)},
+        study.plant: {"k": 0},
+        study.run: {"k": 0},
+        study.success: {"within": 1.0},
+        study.summary: {"within": 1.0},
+    }
