@@ -107,7 +107,7 @@ else:
 
 draw_by("armdyn.show.values")
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "Arc",
