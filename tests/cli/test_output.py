@@ -70,7 +70,7 @@ def test_an_out_that_cannot_be_written_is_refused_before_the_work(command, here,
     for out, words in {
         "file": "a file is in the way",
         "file/below/it": "a file is in the way",
-        "x" * 300: "File name too long",
+        "x" * 260: "File name too long",
         "/proc/self/results": "cannot be written to",
     }.items():
         answer = run(*COMMANDS[command], "--out", out, code=2)
