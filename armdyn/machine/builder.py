@@ -6,7 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from armdyn.files import write_sealed
-from armdyn.machine.compiled import CompilerError, built
+from armdyn.machine.compiler import CompilerError, built
 
 _NICE = 10
 """Whoever solves meanwhile goes first."""
