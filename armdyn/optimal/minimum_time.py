@@ -28,7 +28,7 @@ from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.goals import GoalTried, screened
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task
-from armdyn.processes import beside
+from armdyn.parallel import beside
 
 _LEAST_BOUND = 1.0
 """Time that the bound of all goals is given at least [s], whatever the search has left."""

@@ -9,7 +9,7 @@ from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction
 from armdyn.cli.options.poses import GoalOptions
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
-from armdyn.cli.typed.asked import problem_asked
+from armdyn.cli.parsing.requests import problem_asked
 
 
 def bound(

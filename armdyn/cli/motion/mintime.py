@@ -18,9 +18,9 @@ from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction
 from armdyn.cli.options.poses import GoalOptions
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+from armdyn.cli.parsing.panels import SOLVER
+from armdyn.cli.parsing.requests import problem_asked
 from armdyn.cli.tracking.reserves import reserve_choice, reserve_facts, write_reserves
-from armdyn.cli.typed.asked import problem_asked
-from armdyn.cli.typed.panels import SOLVER
 from armdyn.errors import ProblemError
 from armdyn.optimal.task.effort import Effort
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from armdyn.cli.typed.panels import TASK
+from armdyn.cli.parsing.panels import TASK
 from armdyn.errors import ProblemError
-from armdyn.typed.numbers import number
+from armdyn.parsing.numbers import number
 
 if TYPE_CHECKING:
     from armdyn.optimal import Solution

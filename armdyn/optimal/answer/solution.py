@@ -7,20 +7,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from armdyn.brief import brief, called
 from armdyn.lazy import drawing, drawn
 from armdyn.models.scene.collision import Clearance
 from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.answer.words import paragraph, verdict
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.phases import Phases
-from armdyn.optimal.conditions.condition import Kept
+from armdyn.optimal.path_constraints.constraint import Kept
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.proof.certificate import Certificate
 from armdyn.optimal.proof.deciding import Share
 from armdyn.optimal.proof.sensitivity import Sensitivities, sensitivities
 from armdyn.optimal.search.goals import GoalTried
+from armdyn.reprs import brief, called
 from armdyn.trajectory import Trajectory
 
 if TYPE_CHECKING:

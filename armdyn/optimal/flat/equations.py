@@ -6,9 +6,9 @@ from functools import partial
 import casadi as ca
 import numpy as np
 
+from armdyn.codegen.compiled import compiled
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.exclusive import built_once
-from armdyn.machine.compiled import compiled
+from armdyn.locks import built_once
 from armdyn.optimal.flat.basis import DEGREE
 from armdyn.optimal.program.interval import IntervalFunctions, Stages, differentiated, nonzeros_of
 

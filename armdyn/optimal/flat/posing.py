@@ -8,13 +8,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from armdyn.optimal.conditions.condition import Condition, Knots
-from armdyn.optimal.conditions.demands import Demands
-from armdyn.optimal.conditions.rows import Rows, RowValues, spread
 from armdyn.optimal.flat.basis import Basis
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.equations import POINTS, CurveInterval
 from armdyn.optimal.flat.program import Shape
+from armdyn.optimal.path_constraints.constraint import Condition, Knots
+from armdyn.optimal.path_constraints.rows import Rows, RowValues, spread
+from armdyn.optimal.path_constraints.tightened import Demands
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.task import Task
 

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.exclusive import built_once
-from armdyn.optimal.conditions.rows import RowFunctions, Rows
+from armdyn.locks import built_once
 from armdyn.optimal.flat.basis import DEGREE
 from armdyn.optimal.flat.equations import (
     POINTS,
@@ -21,6 +20,7 @@ from armdyn.optimal.flat.equations import (
     torque_equations,
     torque_rate_equations,
 )
+from armdyn.optimal.path_constraints.rows import RowFunctions, Rows
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.program.blocks import Block, program_of
 from armdyn.optimal.program.interval import IntervalFunctions

@@ -6,13 +6,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.conditions.demands import Checked, Demands
 from armdyn.optimal.flat.curve import Curve, Leg
 from armdyn.optimal.flat.equations import POINTS
 from armdyn.optimal.flat.follow import follow
 from armdyn.optimal.flat.posing import Room, Wanted, torque_rates
 from armdyn.optimal.flat.solve import Solved, solve_curve
 from armdyn.optimal.landing.pace import can_be_slowed, least_factor, mended
+from armdyn.optimal.path_constraints.tightened import Checked, Demands
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 

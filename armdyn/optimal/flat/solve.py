@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass, replace
 
-from armdyn.exclusive import forget
-from armdyn.machine.background import arrived
-from armdyn.optimal.conditions.rows import Rows
+from armdyn.codegen.background import arrived
+from armdyn.locks import forget
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.posing import Wanted, pose, rows_of, shape_of
 from armdyn.optimal.flat.program import Shape, build
+from armdyn.optimal.path_constraints.rows import Rows
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, Outcome, in_time

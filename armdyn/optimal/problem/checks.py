@@ -12,9 +12,9 @@ from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.collision import CollisionModel
 from armdyn.models.scene.obstacles import Obstacle
-from armdyn.models.values.limits import JointLimits
-from armdyn.optimal.problem.asked import Asked
-from armdyn.optimal.problem.limits import kept_words
+from armdyn.models.values.joint_limits import JointLimits
+from armdyn.optimal.problem.constraint_spec import Asked
+from armdyn.optimal.problem.planning_limits import kept_words
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,6 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, flag, number, several
-from armdyn.brief import brief, called, several_numbers
 from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.lazy import drawn
 from armdyn.models.robots.poses import pose_given
@@ -20,9 +19,8 @@ from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.scene.collision import collision_model
 from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.scene.reaching import GoalPose, poses_reaching
-from armdyn.models.values.limits import JointLimits
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.per_joint import per_joint
-from armdyn.optimal.problem.asked import Asked
 from armdyn.optimal.problem.checks import (
     Unheld,
     check_clear,
@@ -36,8 +34,10 @@ from armdyn.optimal.problem.checks import (
     unheld_joints,
     warn_if_not_held,
 )
-from armdyn.optimal.problem.limits import Reserve, resolved_limits
+from armdyn.optimal.problem.constraint_spec import Asked
+from armdyn.optimal.problem.planning_limits import Reserve, resolved_limits
 from armdyn.optimal.problem.turns import endless, ways_round
+from armdyn.reprs import brief, called, several_numbers
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]

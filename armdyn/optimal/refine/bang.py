@@ -16,7 +16,7 @@ from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import solve_quickly
 from armdyn.optimal.task.ladder import Ladder
 from armdyn.optimal.task.task import Task
-from armdyn.processes import in_processes
+from armdyn.parallel import in_processes
 
 
 def minimum_time(task: Task) -> tuple[list[Optimum], Found]:

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armdyn.optimal.conditions.demands import Checked, Demands
-from armdyn.optimal.conditions.registry import conditions_of
 from armdyn.optimal.landing.pace import mended
 from armdyn.optimal.landing.rollout import dense, replay_of
+from armdyn.optimal.path_constraints.registry import conditions_of
+from armdyn.optimal.path_constraints.tightened import Checked, Demands
 from armdyn.optimal.proof.certificate import certify
 from armdyn.optimal.refine.bang import minimum_time
 from armdyn.optimal.refine.optimum import Optimum

@@ -7,17 +7,17 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.codegen.background import awaited
+from armdyn.codegen.deadline import LateError
 from armdyn.errors import ProblemError
-from armdyn.machine.background import awaited
-from armdyn.machine.deadline import LateError
-from armdyn.optimal.conditions.demands import Demands
-from armdyn.optimal.conditions.registry import conditions_of
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.follow import follow
 from armdyn.optimal.flat.posing import Wanted
 from armdyn.optimal.flat.settle import Settled, checked, conditions_mended, sampled, settle
 from armdyn.optimal.flat.solve import prepare_curve
-from armdyn.optimal.landing.limits import worst_violation
+from armdyn.optimal.landing.limit_violations import worst_violation
+from armdyn.optimal.path_constraints.registry import conditions_of
+from armdyn.optimal.path_constraints.tightened import Demands
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, ON_CURVE, certify
 from armdyn.optimal.proof.deciding import Share
@@ -28,7 +28,7 @@ from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.search.starts import detours, spline, straight_curve
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.task.task import Task
-from armdyn.processes import in_processes
+from armdyn.parallel import in_processes
 
 Array = NDArray[np.float64]
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from armdyn.optimal.arcs.phases import Phases
-from armdyn.optimal.conditions.demands import Checked
+from armdyn.optimal.path_constraints.tightened import Checked
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.proof.certificate import Certificate
 from armdyn.optimal.proof.deciding import Share

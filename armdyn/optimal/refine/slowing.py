@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from armdyn.optimal.conditions.demands import Demands
 from armdyn.optimal.flat.follow import follow
-from armdyn.optimal.landing.limits import excesses
+from armdyn.optimal.landing.limit_violations import excesses
 from armdyn.optimal.landing.pace import can_be_slowed, least_factor, paced, paced_torques
 from armdyn.optimal.landing.rollout import dense, replay_of
+from armdyn.optimal.path_constraints.tightened import Demands
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE, certify, percent
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.smooth import trajectory_cost

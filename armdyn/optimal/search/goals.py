@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.brief import brief
-from armdyn.machine.deadline import LateError
-from armdyn.optimal.conditions.demands import Demands
+from armdyn.codegen.deadline import LateError
 from armdyn.optimal.flat.posing import Wanted
 from armdyn.optimal.flat.solve import solve_curve
+from armdyn.optimal.path_constraints.tightened import Demands
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import stopping
 from armdyn.optimal.search.sliding import slid_goals
@@ -19,6 +18,7 @@ from armdyn.optimal.search.starts import spline, straight_curve
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task
+from armdyn.reprs import brief
 
 Array = NDArray[np.float64]
 

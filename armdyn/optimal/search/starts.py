@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
 from armdyn.dynamics.numeric import inverse_dynamics
-from armdyn.optimal.conditions.condition import Path
-from armdyn.optimal.conditions.registry import conditions_of
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
+from armdyn.optimal.path_constraints.constraint import Path
+from armdyn.optimal.path_constraints.registry import conditions_of
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.search.swings import swinging_time, swings
+from armdyn.optimal.search.swing_up import swinging_time, swings
 from armdyn.optimal.task.policy.search import SearchPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory

@@ -5,12 +5,12 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.codegen.deadline import LateError
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.machine.deadline import LateError
-from armdyn.optimal.conditions.condition import Knots
-from armdyn.optimal.conditions.demands import Demands, numbers_of, row_bounds
-from armdyn.optimal.conditions.legs import Legs, legs_of
-from armdyn.optimal.conditions.rows import Rows, with_rows
+from armdyn.optimal.path_constraints.constraint import Knots
+from armdyn.optimal.path_constraints.legs import Legs, legs_of
+from armdyn.optimal.path_constraints.rows import Rows, with_rows
+from armdyn.optimal.path_constraints.tightened import Demands, numbers_of, row_bounds
 from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status

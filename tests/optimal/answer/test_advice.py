@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armdyn.optimal.answer.advice import advice
-from armdyn.optimal.conditions.condition import Kept
+from armdyn.optimal.path_constraints.constraint import Kept
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.proof.certificate import ON_CURVE, Certificate
 from problems import paper_problem, solved

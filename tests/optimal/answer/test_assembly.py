@@ -8,8 +8,8 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.answer.assembly import assembled, failed
 from armdyn.optimal.answer.summary import minimum_time_summary
-from armdyn.optimal.conditions.condition import Kept
-from armdyn.optimal.conditions.demands import Checked
+from armdyn.optimal.path_constraints.constraint import Kept
+from armdyn.optimal.path_constraints.tightened import Checked
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.proof.certificate import Certificate

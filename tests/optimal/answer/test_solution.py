@@ -8,7 +8,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.answer.summary import minimum_time_summary
-from armdyn.optimal.conditions.condition import Kept
+from armdyn.optimal.path_constraints.constraint import Kept
 from armdyn.optimal.proof.repeat import ACCURACY
 from problems import solved
 

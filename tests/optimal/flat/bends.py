@@ -3,10 +3,10 @@
 import numpy as np
 
 import armdyn as ad
-from armdyn.optimal.conditions.demands import Demands
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.posing import Wanted
+from armdyn.optimal.path_constraints.tightened import Demands
 from armdyn.optimal.task.task import Task
 from problems import POSES, paper_arm
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.conditions.demands import Demands
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.equations import POINTS
 from armdyn.optimal.flat.posing import Wanted
 from armdyn.optimal.flat.settle import excesses_of, settle
 from armdyn.optimal.flat.solve import solve_curve
+from armdyn.optimal.path_constraints.tightened import Demands
 from armdyn.optimal.task.task import Task
 from optimal.flat.bends import bent, task
 from problems import cart

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.conditions.demands import Demands
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.posing import Wanted
 from armdyn.optimal.flat.solve import solve_curve
+from armdyn.optimal.path_constraints.tightened import Demands
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.task.task import Task
 from problems import cart

@@ -10,7 +10,7 @@ from armdyn.errors import ProblemError
 from armdyn.models.scene.collision import CollisionModel
 from armdyn.models.scene.obstacles import Box, Sphere
 from armdyn.models.scene.reaching import GoalPose
-from armdyn.optimal.conditions.demands import Demands
+from armdyn.optimal.path_constraints.tightened import Demands
 from problems import POSES, cart, paper_arm, paper_problem, solve
 
 START, GOAL = POSES["rr"]

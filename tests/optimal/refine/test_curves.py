@@ -8,7 +8,7 @@ import pytest
 import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.models.scene.collision import CollisionModel
-from armdyn.optimal.landing.limits import limit_violation
+from armdyn.optimal.landing.limit_violations import limit_violation
 from armdyn.optimal.landing.rollout import replay_torques
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop

@@ -5,11 +5,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import armdyn as ad
-from armdyn.optimal.conditions.demands import Demands
 from armdyn.optimal.landing.aim import aimed
-from armdyn.optimal.landing.limits import limit_violation
+from armdyn.optimal.landing.limit_violations import limit_violation
 from armdyn.optimal.landing.pace import can_be_slowed, least_factor
 from armdyn.optimal.landing.rollout import dense, replay_of
+from armdyn.optimal.path_constraints.tightened import Demands
 from armdyn.optimal.proof.certificate import certify
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.slowing import slowed

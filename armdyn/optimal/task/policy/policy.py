@@ -10,7 +10,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.curves import CurvePolicy
 from armdyn.optimal.task.policy.landing import ConditionsPolicy, LandingPolicy
-from armdyn.optimal.task.policy.nature import speed_shapes
+from armdyn.optimal.task.policy.problem_class import speed_shapes
 from armdyn.optimal.task.policy.refinement import (
     ArcsPolicy,
     IndirectPolicy,
