@@ -12,6 +12,7 @@ from armdyn.optimal.conditions.limits.jerk import JerkLimit
 from armdyn.optimal.conditions.limits.torque_rate import TorqueRateLimit
 from armdyn.optimal.conditions.via import ViaPoints
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.typed.numbers import numbers
 
 CONDITIONS: tuple[type[Condition], ...] = (
     Obstacles,
@@ -52,3 +53,17 @@ def condition_named(name: str) -> type[Condition]:
         hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
         raise ProblemError(f"--limit: no limit is called {name!r}; {hint}")
     return known[name]
+
+
+def condition_from(text: str) -> Condition:
+    """The condition that a text such as "tip-speed=0.25@tool0" asks for.
+
+    Raises:
+        ProblemError: it asks for none; in the words of --limit.
+    """
+    name, equals, rest = text.partition("=")
+    kind = condition_named(name.strip())
+    values, at, frame = rest.partition("@")
+    if not equals or (at and not frame.strip()):
+        raise ProblemError(f"--limit {text!r}: write {name}={kind.metavar}, with numbers")
+    return kind.of_option(numbers(values, f"--limit {name}"), frame.strip() or None)
