@@ -13,10 +13,10 @@ from armdyn.models.robots.robot import Robot
 from armdyn.models.robots.tables import robot_from
 from armdyn.models.scene.obstacles import obstacle_from, pose_of
 from armdyn.models.scene.reaching import GoalPose
-from armdyn.optimal.conditions.registry import condition_from
+from armdyn.optimal.path_constraints.registry import condition_from
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.options import MinimumTimeOptions
-from armdyn.typed.toml import Table, read_toml
+from armdyn.parsing.toml import Table, read_toml
 
 TABLES = ("robot", "problem", "options")
 OPTIONS = ("effort", "starts", "time_limit", "max_intervals", "seed", "smooth")

@@ -9,11 +9,11 @@ import typer
 
 import armdyn as ad
 from armdyn import models
-from armdyn.cli.typed.panels import ROBOT
-from armdyn.cli.typed.positions import position, sliding_locks
+from armdyn.cli.parsing.panels import ROBOT
+from armdyn.cli.parsing.positions import position, sliding_locks
 from armdyn.errors import ProblemError, SpecError
 from armdyn.models.robots.source import RobotSource
-from armdyn.typed.numbers import numbers
+from armdyn.parsing.numbers import numbers
 
 TAKE_FILES = "mintime, bound, sweep, track, monte-carlo, tune and pid"
 """Commands that take a problem file for a robot."""

@@ -11,11 +11,10 @@ from typing import NamedTuple, Self, Unpack
 import pinocchio as pin
 
 from armdyn.arguments import expect, several, text
-from armdyn.brief import brief
 from armdyn.errors import SpecError
 from armdyn.models.mjcf.document import check_mjcf_text, parse_mjcf, read_mjcf
 from armdyn.models.mjcf.reading import read_mjcf_arm
-from armdyn.models.reading.given import read_model
+from armdyn.models.reading.from_pinocchio import read_model
 from armdyn.models.reading.meshes import mesh_folders
 from armdyn.models.reading.urdf_arm import Reading, check_inertia, read_arm
 from armdyn.models.reading.urdf_xml import check_urdf_text, file_path, read_urdf
@@ -25,9 +24,10 @@ from armdyn.models.robots.library import BENCHMARKS, library_arm
 from armdyn.models.robots.options import RobotKeywords, RobotOptions, robot_options
 from armdyn.models.robots.source import RobotSource
 from armdyn.models.values.friction import FRICTION_WIDTH
-from armdyn.models.values.limits import JointLimits
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.spec import ArmSpec, Payload
 from armdyn.models.values.urdf import urdf_from_spec
+from armdyn.reprs import brief
 
 Locks = Mapping[str, float]
 UNNAMED = "model"

@@ -14,7 +14,7 @@ from armdyn.errors import SpecError, UnknownRobotError
 from armdyn.models.mjcf.document import is_mjcf
 from armdyn.models.robots.descriptions import Description, described, is_description
 from armdyn.models.robots.library import library_names
-from armdyn.models.values.limits import JointLimits
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.spec import PAPER_ARMS, ArmSpec
 
 Format = Literal["spec", "library", "urdf", "mjcf", "model"]

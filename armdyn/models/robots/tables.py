@@ -19,9 +19,9 @@ from armdyn.models.robots.options import RobotOptions
 from armdyn.models.robots.poses import position_of
 from armdyn.models.robots.robot import Robot
 from armdyn.models.robots.source import RobotSource
-from armdyn.models.values.limits import JointLimits
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.spec import PAPER_ARMS, ArmSpec, LinkSpec, Payload
-from armdyn.typed.toml import Table
+from armdyn.parsing.toml import Table
 
 _SOURCES = ("name", "urdf", "mjcf", "spec")
 _NUMBERS = ("effort_limit", "velocity_limit", "armature", "damping", "friction", "friction_width", "passive")
