@@ -14,7 +14,6 @@ if TYPE_CHECKING:
         Margins,
         Pid,
         PidGains,
-        PidRun,
         RouthTable,
         Run,
         SampledLoop,
@@ -81,7 +80,7 @@ else:
     __getattr__, __dir__ = facade(
         __name__,
         {
-            "control": "ComputedTorque GainPlane GainRegion Loop Lqr Margins Pid PidGains PidRun RouthTable "
+            "control": "ComputedTorque GainPlane GainRegion Loop Lqr Margins Pid PidGains RouthTable "
             "Run SampledLoop SampledStability characteristic_polynomial closed_loop_eigenvalues "
             "gain_plane least_stable_factor loop_margins multiloop_disk ramp routh_table "
             "sampled_loop sampled_stability set_point simulate_pid slowest_stable_rate track",
@@ -138,7 +137,6 @@ __all__ = [
     "Payload",
     "Pid",
     "PidGains",
-    "PidRun",
     "Plants",
     "Ramps",
     "ReserveCurve",
