@@ -69,7 +69,7 @@ if TYPE_CHECKING:
     from armdyn.studies.plants.question import MonteCarloOptions
     from armdyn.studies.plants.result import MonteCarlo
     from armdyn.studies.reserve import ReserveCurve, likely_plants, reserve_curve
-    from armdyn.studies.sweeps.crews.cluster import cluster_crew
+    from armdyn.studies.sweeps.executors.dask_cluster import cluster_crew
     from armdyn.studies.sweeps.export import study_table
     from armdyn.studies.sweeps.reading import read_study
     from armdyn.studies.sweeps.run import run_study
@@ -93,7 +93,7 @@ else:
             "studies.plants.plants": "Plants",
             "studies.plants.question": "MonteCarloOptions",
             "studies.plants.result": "MonteCarlo",
-            "studies.sweeps.crews.cluster": "cluster_crew",
+            "studies.sweeps.executors.dask_cluster": "cluster_crew",
             "studies.sweeps.export": "study_table",
             "studies.sweeps.reading": "read_study",
             "studies.sweeps.run": "run_study",

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, interval, number, numbers, one_of
-from armdyn.brief import brief
 from armdyn.control.laws.pid import DEFAULT_GAINS, FORMS, Form, PidGains
 from armdyn.control.stability.poles import ArmAtGoal, closed_loop_matrix, eigenvalues
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.reprs import brief
 
 Array = NDArray[np.float64]
 
