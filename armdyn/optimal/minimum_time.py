@@ -97,9 +97,9 @@ def _strategy(task: Task) -> Strategy:
     problem, numbers = task.problem, task.policy.curves
     if numbers.alone:
         return curves
-    if numbers.cruises and numbers.possible and not problem.along_the_way:
+    if numbers.cruises and numbers.possible and not problem.path_constraint_names:
         return either
-    if problem.along_the_way:
+    if problem.path_constraint_names:
         return constrained
     return time_energy if problem.pays_effort else minimum_time
 

@@ -73,8 +73,8 @@ def _problem(problem: MinimumTimeProblem) -> Html:
     names = problem.robot.joint_names
     ends = {"start": problem.q_start, "goal": problem.q_goal}
     facts = {"to do": "from start to goal in minimum time" + (" and effort" if problem.pays_effort else "")}
-    if problem.along_the_way:
-        facts["along the way"] = ", ".join(problem.along_the_way)
+    if problem.path_constraint_names:
+        facts["along the way"] = ", ".join(problem.path_constraint_names)
     if problem.reserves.any:
         facts["kept for feedback"] = "part of the limits; those below are what is left"
     title = f"Minimum time of {problem.robot.name}"

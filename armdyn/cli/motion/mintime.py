@@ -12,7 +12,7 @@ import armdyn as ad
 from armdyn.cli.console import INTERRUPTED, NOT_AS_REQUIRED, NOT_USABLE, answering, console, facts_table, working
 from armdyn.cli.motion.requirements import Require, missing_of, requirements_of
 from armdyn.cli.motion.words import missing_words, solution_words, title_words
-from armdyn.cli.options.course import CourseOptions
+from armdyn.cli.options.course import PathConstraintOptions
 from armdyn.cli.options.groups import given
 from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.poses import GoalOptions
@@ -118,7 +118,7 @@ def mintime(
     payload: PayloadOptions,
     robot: RobotOptions,
     joints: FastJointOptions,
-    course: CourseOptions,
+    course: PathConstraintOptions,
     search: SearchOptions,
     results: ResultOptions,
     require: Require = None,

@@ -79,7 +79,7 @@ def _why(one: Requirement, solution: Solution) -> str:
         return "; ".join(solution.certificate.reasons)
     if one.kind == "gap" and solution.gap_proven and solution.gap is not None:
         return f"the gap is {percent(solution.gap)}"
-    lines = advice(solution.problem, solution.certificate, solution.kept, solution.phases is not None)
+    lines = advice(solution.problem, solution.certificate, solution.constraint_reports, solution.phases is not None)
     return lines.get(one.kind, "; ".join(solution.certificate.reasons))
 
 

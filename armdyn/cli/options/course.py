@@ -53,7 +53,7 @@ class RateOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CourseOptions:
+class PathConstraintOptions:
     """Via points, obstacles, limits of acceleration and jerk: the texts of the options."""
 
     panel: ClassVar[str] = SCENE
@@ -96,7 +96,7 @@ class CourseOptions:
             "self_collision": self.self_collision,
             "clearance": self.clearance,
             **self.rates.kept(),
-            "conditions": limits_of(self.limit or ()),
+            "path_constraints": limits_of(self.limit or ()),
         }
 
 

@@ -1,4 +1,4 @@
-"""`--limit`: the conditions along the way that have a name of their own."""
+"""`--limit`: the path constraints that have a name of their own."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers
 
 if TYPE_CHECKING:
-    from armdyn.optimal.path_constraints.constraint import Condition
+    from armdyn.optimal.path_constraints.constraint import PathConstraint
 
 
 def _explained(texts: list[str] | None) -> list[str] | None:
@@ -38,18 +38,18 @@ Limits = Annotated[
 ]
 
 
-def limits_of(texts: Sequence[str]) -> list[Condition]:
+def limits_of(texts: Sequence[str]) -> list[PathConstraint]:
     """Conditions as --limit says them.
 
     Raises:
         ProblemError: a text is none.
     """
-    from armdyn.optimal.path_constraints.registry import condition_named
+    from armdyn.optimal.path_constraints.registry import path_constraint_named
 
     found = []
     for text in texts:
         name, equals, rest = text.partition("=")
-        kind = condition_named(name.strip())
+        kind = path_constraint_named(name.strip())
         values, at, frame = rest.partition("@")
         if not equals or (at and not frame.strip()):
             raise ProblemError(f"--limit {text!r}: write {name}={kind.metavar}, with numbers")

@@ -28,7 +28,7 @@ ROBOT = (
 PROBLEM = (
     "q_start", "q_goal", "v_start", "v_goal", "effort_limit", "velocity_limit", "position_limit", "reserve",
     "velocity_reserve", "passive", "effort_weight", "relative_effort_weight", "wrap", "goal_pose", "via",
-    "obstacles", "self_collision", "clearance", "acceleration_limit", "jerk_limit", "conditions",
+    "obstacles", "self_collision", "clearance", "acceleration_limit", "jerk_limit", "path_constraints",
 )  # fmt: skip
 OPTIONS = ("effort", "starts", "time_limit", "max_intervals", "seed", "smooth")
 
@@ -38,7 +38,7 @@ _WORDS = {
     "via": "via",
     "goal pose": "goal_pose",
     "obstacle": "obstacles",
-    "--limit": "conditions",
+    "--limit": "path_constraints",
     "payload": "payload",
     "--lock": "lock",
     "no robot": "name",
@@ -193,18 +193,20 @@ def _asked(table: Table, robot: ad.Robot) -> dict[str, Any]:
             asked[key] = positions_of(robot, asked[key], key)
     if "q_start" not in asked:
         raise table.error("", f"[problem] has no q_start: {robot.nv} positions of {', '.join(robot.joint_names)}")
-    for key in ("via", "obstacles", "conditions"):
+    for key in ("via", "obstacles", "path_constraints"):
         if key in asked and not isinstance(asked[key], list):
             raise table.error(key, f"{key} is {shown(asked[key])}; it must be a list")
     if "via" in asked:
         asked["via"] = [positions_of(robot, q, "via") for q in asked["via"]]
     if "obstacles" in asked:
         asked["obstacles"] = [obstacle_from(one, f"obstacle {i + 1}") for i, one in enumerate(asked["obstacles"])]
-    if "conditions" in asked:
-        texts = asked["conditions"]
+    if "path_constraints" in asked:
+        texts = asked["path_constraints"]
         if not all(isinstance(text, str) for text in texts):
-            raise table.error("conditions", f"conditions is {shown(texts)}; they are texts such as 'tip-speed=0.25'")
-        asked["conditions"] = limits_of(texts)
+            raise table.error(
+                "path_constraints", f"path_constraints is {shown(texts)}; they are texts such as 'tip-speed=0.25'"
+            )
+        asked["path_constraints"] = limits_of(texts)
     if "goal_pose" in asked:
         pose = _named(table, "goal_pose", ("frame", "position", "quaternion", "rpy"))
         at = pose.get("position", ())

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import armdyn as ad
-from armdyn.cli.options.course import CourseOptions
+from armdyn.cli.options.course import PathConstraintOptions
 from armdyn.cli.options.joints import FastJointOptions, JointOptions
 from armdyn.cli.options.poses import GoalOptions, PoseOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
@@ -19,7 +19,11 @@ if TYPE_CHECKING:
 
 
 def problem_asked(
-    robot: RobotOptions, goal: GoalOptions, payload: PayloadOptions, joints: FastJointOptions, course: CourseOptions
+    robot: RobotOptions,
+    goal: GoalOptions,
+    payload: PayloadOptions,
+    joints: FastJointOptions,
+    course: PathConstraintOptions,
 ) -> tuple[ad.MinimumTimeProblem, Mapping[str, Any]]:
     """The problem that the command line asks, or a problem file; and the solver's options that a file has.
 

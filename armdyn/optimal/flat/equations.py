@@ -165,7 +165,7 @@ def torque_end_equations(joints: int) -> IntervalFunctions:
 
 @dataclass(frozen=True)
 class CurveInterval:
-    """An interval of a curve, as conditions along the way see it: stages at its ends and Gauss's points.
+    """An interval of a curve, as path constraints see it: stages at its ends and Gauss's points.
 
     Its unknowns: the window's control points, the leg's duration, the torques at Gauss's points.
     Its parameters: coefficients of the window's B-splines by powers of the part of the interval, shape

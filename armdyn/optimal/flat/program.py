@@ -126,7 +126,7 @@ class Shape:
 
 @built_once(maxsize=32)
 def build(dynamics: Dynamics, shape: Shape, rows: tuple[Rows, ...], asked: bool | None) -> Program:
-    """The program of curves: torques and rates leg by leg, where legs meet, then conditions along the way.
+    """The program of curves: torques and rates leg by leg, where legs meet, then path constraints.
 
     Args:
         dynamics: with a free last body.

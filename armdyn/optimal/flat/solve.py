@@ -25,7 +25,7 @@ class Solved:
         curve: where it ended: a motion, whether it converged or not.
         outcome: IPOPT's own words and multipliers.
         shape: of the program.
-        rows: of its conditions along the way.
+        rows: of its path constraints.
         guessed: duration that the guess had, with which the program measures time [s].
     """
 
@@ -53,8 +53,8 @@ def solve_curve(task: Task, guess: Curve, wanted: Wanted, near: Solved | None = 
     Raises:
         LateError: the time is up before the program is built.
     """
-    shape = shape_of(task.problem, guess, wanted.demands)
-    rows = rows_of(task.problem, wanted.demands)
+    shape = shape_of(task.problem, guess, wanted.constraints)
+    rows = rows_of(task.problem, wanted.constraints)
     near = near if near is not None and (near.shape, near.rows) == (shape, rows) else None
     solver = _solver(task, shape, rows, warm=near is not None)
     posed = pose(task, guess, wanted, shape)
@@ -73,7 +73,7 @@ def prepare_curve(task: Task, guess: Curve, wanted: Wanted) -> None:
 
     Args and raises: as of `solve_curve`.
     """
-    shape, rows = shape_of(task.problem, guess, wanted.demands), rows_of(task.problem, wanted.demands)
+    shape, rows = shape_of(task.problem, guess, wanted.constraints), rows_of(task.problem, wanted.constraints)
     for warm in (False, True):
         _solver(task, shape, rows, warm)
 

@@ -1,7 +1,7 @@
-"""What a condition along the way is: one class in one file.
+"""What a path constraint is: one class in one file.
 
 The program that is solved asks for it at the points of a mesh (`rows`, `values`), the replayed motion is looked at
-everywhere (`check`), and what is missing between the points is asked for more strictly (`stricter`).
+everywhere (`check`), and what is missing between the points is asked for more strictly (`tightened`).
 """
 
 from __future__ import annotations
@@ -42,19 +42,19 @@ class Knots:
 
 
 @dataclass(frozen=True, eq=False)
-class Kept:
-    """How a motion keeps a condition, looked at everywhere.
+class ConstraintReport:
+    """How a motion keeps a constraint, looked at everywhere.
 
     Attributes:
-        name: of the condition.
+        name: of the constraint.
         said: the same in a few words, with units.
         share: the largest value of what is limited, as a part of its limit; None if nothing is.
-        reasons: what does not hold, for people; empty: the condition is kept.
-        worst: where it is violated most; None: the condition is kept.
-        missed: what `stricter` needs to know, as the condition chooses.
+        reasons: what does not hold, for people; empty: the constraint is kept.
+        worst: where it is violated most; None: the constraint is kept.
+        missed: what `tightened` needs to know, as the constraint chooses.
         clearance: where the motion comes nearest to touching, where it is to keep clear.
         order: power of the duration by which the share falls on the same path: 1 of a speed, 2 of an acceleration, 3 of
-            a jerk; 0: no slower motion keeps the condition.
+            a jerk; 0: no slower motion keeps the constraint.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Kept:
 
     @property
     def slowing(self) -> float:
-        """Factor on the duration with which the same path keeps the condition; 1 if it is kept, inf if none helps."""
+        """Factor on the duration with which the same path keeps the constraint; 1 if it is kept, inf if none helps."""
         if not self.reasons:
             return 1.0
         return self.share ** (1 / self.order) if self.order and self.share else np.inf
@@ -89,10 +89,10 @@ class Path:
     ddq: Array
 
 
-class Condition(ABC):
-    """A condition along the way, as strict as it has to be.
+class PathConstraint(ABC):
+    """A path constraint, as strict as it has to be.
 
-    A frozen dataclass; `stricter` returns another. All but `check` may be left as it is here.
+    A frozen dataclass; `tightened` returns another. All but `check` may be left as it is here.
 
     Attributes:
         name: for people, in the plural.
@@ -111,13 +111,13 @@ class Condition(ABC):
     goes_round: ClassVar[bool] = False
 
     @classmethod
-    def asked_by(cls, problem: MinimumTimeProblem) -> Self | None:
-        """The condition that a problem's own keyword asks for, if it has one and that is given."""
+    def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
+        """The constraint that a problem's own keyword asks for, if it has one and that is given."""
         return None
 
     @classmethod
     def of_option(cls, values: list[float], frame: str | None) -> Self:
-        """The condition that `--limit NAME=VALUES[@FRAME]` asks for.
+        """The constraint that `--limit NAME=VALUES[@FRAME]` asks for.
 
         Raises:
             ProblemError: the values are too many, or it takes no frame.
@@ -125,7 +125,7 @@ class Condition(ABC):
         raise NotImplementedError(f"{cls.__name__} has no option")
 
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
-        """See `Asked.on`."""
+        """See `PathConstraintSpec.on`."""
         return self
 
     def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array] | None:
@@ -151,8 +151,8 @@ class Condition(ABC):
         return ()
 
     @abstractmethod
-    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> Kept:
-        """How a motion keeps the condition, looked at everywhere, without the collocation's help.
+    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
+        """How a motion keeps the constraint, looked at everywhere, without the collocation's help.
 
         Args:
             problem: what is asked.
@@ -160,7 +160,7 @@ class Condition(ABC):
             passing: when it should be at the via points [s], shape (vias,).
         """
 
-    def stricter(self, problem: MinimumTimeProblem, kept: Kept) -> Self:
+    def tightened(self, problem: MinimumTimeProblem, kept: ConstraintReport) -> Self:
         """The same, asked for more strictly where a motion of the mesh did not keep it between the points."""
         return self
 
@@ -173,5 +173,5 @@ class Condition(ABC):
         return 0.0
 
     def depth(self, problem: MinimumTimeProblem, q: Array) -> float:
-        """How far a pose is from what the condition forbids [m]; negative inside."""
+        """How far a pose is from what the constraint forbids [m]; negative inside."""
         return np.inf

@@ -1,11 +1,11 @@
-"""All conditions along the way. To add one: write its file, and its line here."""
+"""All path constraints. To add one: write its file, and its line here."""
 
 from difflib import get_close_matches
 
 from armdyn.errors import ProblemError
 from armdyn.optimal.path_constraints.clearance.obstacles import Obstacles
 from armdyn.optimal.path_constraints.clearance.self_collision import SelfCollision
-from armdyn.optimal.path_constraints.constraint import Condition
+from armdyn.optimal.path_constraints.constraint import PathConstraint
 from armdyn.optimal.path_constraints.limits.acceleration import AccelerationLimit
 from armdyn.optimal.path_constraints.limits.frame_speed import FrameSpeedLimit
 from armdyn.optimal.path_constraints.limits.jerk import JerkLimit
@@ -13,7 +13,7 @@ from armdyn.optimal.path_constraints.limits.torque_rate import TorqueRateLimit
 from armdyn.optimal.path_constraints.via import ViaPoints
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 
-CONDITIONS: tuple[type[Condition], ...] = (
+PATH_CONSTRAINTS: tuple[type[PathConstraint], ...] = (
     Obstacles,
     SelfCollision,
     ViaPoints,
@@ -24,23 +24,23 @@ CONDITIONS: tuple[type[Condition], ...] = (
 )
 
 
-def conditions_of(problem: MinimumTimeProblem) -> tuple[Condition, ...]:
-    """What a problem asks along the way: by its keywords, and as `conditions`."""
-    by_keyword = (kind.asked_by(problem) for kind in CONDITIONS)
-    found = [condition for condition in by_keyword if condition is not None]
-    for condition in problem.conditions:
-        if not isinstance(condition, Condition):
-            raise ProblemError(f"{condition!r} has a name, but no rows and no check: derive it from Condition")
-        found.append(condition)
+def path_constraints_of(problem: MinimumTimeProblem) -> tuple[PathConstraint, ...]:
+    """What a problem asks along the way: by its keywords, and as `path_constraints`."""
+    by_keyword = (kind.from_problem(problem) for kind in PATH_CONSTRAINTS)
+    found = [constraint for constraint in by_keyword if constraint is not None]
+    for constraint in problem.path_constraints:
+        if not isinstance(constraint, PathConstraint):
+            raise ProblemError(f"{constraint!r} has a name, but no rows and no check: derive it from PathConstraint")
+        found.append(constraint)
     return tuple(found)
 
 
-def options() -> dict[str, type[Condition]]:
+def options() -> dict[str, type[PathConstraint]]:
     """Those that `--limit NAME=…` knows, by name."""
-    return {kind.option: kind for kind in CONDITIONS if kind.option}
+    return {kind.option: kind for kind in PATH_CONSTRAINTS if kind.option}
 
 
-def condition_named(name: str) -> type[Condition]:
+def path_constraint_named(name: str) -> type[PathConstraint]:
     """The one that `--limit NAME=…` means.
 
     Raises:

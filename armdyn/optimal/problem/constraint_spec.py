@@ -1,4 +1,4 @@
-"""What a problem knows of the conditions that it is given: no more than this."""
+"""What a problem knows of the constraints that it is given: no more than this."""
 
 from typing import Protocol, Self, runtime_checkable
 
@@ -11,8 +11,8 @@ Array = NDArray[np.float64]
 
 
 @runtime_checkable
-class Asked(Protocol):
-    """A condition along the way, as `MinimumTimeProblem.conditions` takes it.
+class PathConstraintSpec(Protocol):
+    """A path constraint, as `MinimumTimeProblem.path_constraints` takes it.
 
     Attributes:
         name: for people, in the plural: "torque-rate limits".

@@ -23,7 +23,7 @@ def minimum_time(task: Task) -> tuple[list[Optimum], Found]:
     """Optima with arcs, in the order of their durations on the mesh, and the search they come from.
 
     Args:
-        task: without a weight on effort, and without conditions along the way.
+        task: without a weight on effort, and without path constraints.
     """
     found = find(task)
     if not found.attempts:

@@ -68,10 +68,10 @@ def test_the_example_of_the_docs_is_a_problem(write):
     problem = problem_of(write(example)).problem
     assert np.array_equal(problem.q_start, ad.Robot.from_library("panda").pose("ready"))
     assert problem.robot.payload.mass == 0.5 and len(problem.via) == 1 and problem.obstacles[0].radius == 0.1
-    assert problem.conditions[0].limit == 2.5 and np.all(np.asarray(problem.reserve) == 0.05)
+    assert problem.path_constraints[0].limit == 2.5 and np.all(np.asarray(problem.reserve) == 0.05)
     # What is commented out there is right, too.
     other = example.replace('# lock = { panda_joint7 = "45deg" }   arm', 'lock = { panda_joint7 = "45deg" }\narm')
-    other = re.sub(r"(?m)^(q_goal|via|reserve|conditions).*$", "", other).replace("# goal_pose", "goal_pose")
+    other = re.sub(r"(?m)^(q_goal|via|reserve|path_constraints).*$", "", other).replace("# goal_pose", "goal_pose")
     other = re.sub(r"}   instead.*", "}", re.sub(r"\[\[problem.obstacles.*?\n\n", "", other, flags=re.S))
     other = (
         other.replace('q_start = "ready"', "q_start = [0, -0.785, 0, -2.356, 0, 1.571]")
@@ -120,7 +120,7 @@ def test_a_file_reaches_nothing_outside_its_folder(write, tmp_path):
         ("q_start = ", "wrap = 1\nq_start = ", "line 6: wrap is 1; it must be True or False"),
         ("q_start = ", "via = 1\nq_start = ", "line 6: via is 1; it must be a list"),
         ("q_start = ", "obstacles = [1]\nq_start = ", 'line 6: obstacle 1: "type" is None'),
-        ("q_start = ", "conditions = ['x']\nq_start = ", "line 6: --limit: no limit is called 'x'"),
+        ("q_start = ", "path_constraints = ['x']\nq_start = ", "line 6: --limit: no limit is called 'x'"),
         ("q_start = ", "#", "line 5: [problem] has no q_start: 2 positions of joint1, joint2"),
         ("payload =", "lock = { joint1 = 1 }\npayload =", "line 3: --lock: 'rr' has no joints to lock"),
         ("payload =", "arm = 'x'\npayload =", "line 3: arm is 'x'; it is two joints or links"),

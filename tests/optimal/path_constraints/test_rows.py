@@ -11,7 +11,7 @@ from armdyn.optimal.path_constraints.clearance.pairs import distances_at
 from armdyn.optimal.path_constraints.constraint import Knots
 from armdyn.optimal.path_constraints.legs import legs_of
 from armdyn.optimal.path_constraints.rows import with_rows
-from armdyn.optimal.path_constraints.tightened import Demands, numbers_of, row_bounds
+from armdyn.optimal.path_constraints.tightened import TightenedConstraints, numbers_of, row_bounds
 from armdyn.optimal.program.assembly import build_nlp
 from armdyn.optimal.program.interval import Collocated
 from armdyn.optimal.search.starts import spline
@@ -24,8 +24,10 @@ KNOTS = Knots(np.array([0.0, 0.5, 1.0]), (0, 2))
 
 def test_a_plain_problem_has_no_rows_and_one_leg():
     problem = paper_problem("rr")
-    demands = Demands.of(problem)
-    assert demands.conditions == () and demands.rows(problem) == () and problem.along_the_way == ()
+    constraints = TightenedConstraints.of(problem)
+    assert (
+        constraints.path_constraints == () and constraints.rows(problem) == () and problem.path_constraint_names == ()
+    )
     assert legs_of(problem, spline(problem, []), 40).intervals == (40,)
 
 
@@ -39,11 +41,11 @@ def test_derivatives(method, form):
         obstacles=[Sphere((0.6, 0, 0.1), 0.05), Capsule((0.5, 0, 0.5), (0, 0, 0.6), 0.01), Box((1, 1, 0.1), (0, 0, 1))],
         acceleration_limit=100,
         jerk_limit=1e4,
-        conditions=[ad.FrameSpeedLimit(0.5), ad.FrameSpeedLimit(0.5, "link2"), ad.TorqueRateLimit([20.0, 30.0])],
+        path_constraints=[ad.FrameSpeedLimit(0.5), ad.FrameSpeedLimit(0.5, "link2"), ad.TorqueRateLimit([20.0, 30.0])],
     )
-    scheme, demands = Scheme(method, "linear", form, compile=False), Demands.of(problem)
-    dynamics, rows, N = ad.Dynamics(problem.robot, free_last_body=True), demands.rows(problem), KNOTS.intervals
-    values = demands.values(problem, KNOTS)
+    scheme, constraints = Scheme(method, "linear", form, compile=False), TightenedConstraints.of(problem)
+    dynamics, rows, N = ad.Dynamics(problem.robot, free_last_body=True), constraints.rows(problem), KNOTS.intervals
+    values = constraints.values(problem, KNOTS)
     nlp = build_nlp(dynamics, scheme, N)
     more = with_rows(nlp, dynamics, rows)
     x, p, f, g = (more.functions[name] for name in "xpfg")
@@ -74,14 +76,14 @@ def test_derivatives(method, form):
 
 def test_one_program_serves_all_numbers():
     def problem(z, speed, rate):
-        conditions = [ad.FrameSpeedLimit(speed), ad.TorqueRateLimit(rate)]
+        path_constraints = [ad.FrameSpeedLimit(speed), ad.TorqueRateLimit(rate)]
         ball = Sphere((0.6, 0, z), 0.05)
         return ad.MinimumTimeProblem(
-            paper_arm("rr"), q_start=START, q_goal=GOAL, obstacles=[ball], conditions=conditions
+            paper_arm("rr"), q_start=START, q_goal=GOAL, obstacles=[ball], path_constraints=path_constraints
         )
 
     first, second = problem(0.1, 1, 20.0), problem(0.2, 2, [30.0, np.inf])
-    rows = [Demands.of(each).rows(each) for each in (first, second)]
+    rows = [TightenedConstraints.of(each).rows(each) for each in (first, second)]
     assert rows[0] == rows[1] and hash(rows[0]) == hash(rows[1])
     function = distances_at(ad.Dynamics(first.robot), rows[0][0].pairs, rows[0][0].kinds)
     here = np.array(function([0, 0], scene_of(first))).ravel()

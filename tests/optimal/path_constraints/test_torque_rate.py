@@ -14,8 +14,8 @@ from problems import POSES, cart, paper_arm, solve
 START, GOAL = POSES["rr"]
 
 
-def rr(*conditions):
-    return ad.MinimumTimeProblem(paper_arm("rr"), q_start=START, q_goal=GOAL, conditions=conditions)
+def rr(*path_constraints):
+    return ad.MinimumTimeProblem(paper_arm("rr"), q_start=START, q_goal=GOAL, path_constraints=path_constraints)
 
 
 @pytest.mark.parametrize(
@@ -27,7 +27,7 @@ def rr(*conditions):
     ],
 )
 def test_a_cart_takes_the_time_of_its_double_s(rate, duration):
-    problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0], conditions=[ad.TorqueRateLimit(rate)])
+    problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0], path_constraints=[ad.TorqueRateLimit(rate)])
     solution = solve(problem)
     # Corners fall between knots: `settle` stops where a mesh twice as fine changes less than 5e-4.
     assert solution.duration == pytest.approx(duration, rel=5e-4)
@@ -62,14 +62,14 @@ def test_none_at_all_changes_nothing_but_the_control():
 def test_a_jump_of_the_torque_is_seen():
     jumping = ad.solve_minimum_time(rr(), ad.MinimumTimeOptions(arcs=False, starts=1)).trajectory
     problem = rr(ad.TorqueRateLimit(1e6))
-    kept = problem.conditions[0].check(problem, jumping, np.empty(0))
+    kept = problem.path_constraints[0].check(problem, jumping, np.empty(0))
     assert kept.share > 1e6 and "changes" in kept.reasons[0] and "begins with a jump" in kept.reasons[1]
     assert kept.worst.constraint == "torque-rate limit" and kept.worst.value == kept.share - 1
 
 
 def test_a_motion_that_begins_in_flight_begins_with_any_torque():
     problem = ad.MinimumTimeProblem(
-        paper_arm("rr"), q_start=START, q_goal=GOAL, v_start=[2.0, 0.0], conditions=[ad.TorqueRateLimit(50.0)]
+        paper_arm("rr"), q_start=START, q_goal=GOAL, v_start=[2.0, 0.0], path_constraints=[ad.TorqueRateLimit(50.0)]
     )
     solution = solve(problem, starts=4)
     model = problem.robot.model

@@ -11,18 +11,18 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.models.scene.collision import CollisionModel
 from armdyn.optimal.path_constraints.clearance.distance import numbers_of
 from armdyn.optimal.path_constraints.clearance.pairs import Pair, PairRows, distances_at
-from armdyn.optimal.path_constraints.constraint import Condition, Kept, Knots
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, PathConstraint
 from armdyn.optimal.path_constraints.rows import Rows, RowValues
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
-from armdyn.optimal.task.policy.landing import ConditionsPolicy
+from armdyn.optimal.task.policy.landing import PathConstraintPolicy
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Clearance(Condition):
+class ClearanceConstraint(PathConstraint):
     """Pairs keep `problem.clearance`.
 
     Attributes:
@@ -30,8 +30,8 @@ class Clearance(Condition):
         points: of every interval, at which distances are asked for.
     """
 
-    margins: Array | float = ConditionsPolicy.margin
-    points: int = ConditionsPolicy.points
+    margins: Array | float = PathConstraintPolicy.margin
+    points: int = PathConstraintPolicy.points
 
     goes_round = True
 
@@ -66,31 +66,31 @@ class Clearance(Condition):
         low = np.broadcast_to(need, (*at.shape, need.size)).copy()
         for knot, q in zip(knots.given, problem.poses, strict=True):
             short = np.maximum(need - np.array(function(q, scene)).ravel() + 1e-6, 0)
-            share = np.maximum(1 - np.abs(at - knots.when[knot]) / ConditionsPolicy.ramp, 0)
+            share = np.maximum(1 - np.abs(at - knots.when[knot]) / PathConstraintPolicy.ramp, 0)
             low = np.minimum(low, need - short * share[..., None])
             if knot < at.shape[1]:
                 low[0, knot] = -np.inf  # this pose is given
         return tuple(RowValues(least, np.inf, np.append(s, scene)) for s, least in zip(part, low, strict=True))
 
-    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> Kept:
+    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """By coal on the real geometry, in steps that miss nothing."""
         model = self.model(problem)
         if not model.pairs:
-            return Kept(self.name, "nothing that could touch")
+            return ConstraintReport(self.name, "nothing that could touch")
         clearance, nearest = model.along(motion)
         near = clearance.distance < problem.clearance
         reasons = (f"{clearance}; clearance is {1e3 * problem.clearance:g} mm",) if near else ()
         missed, short = problem.clearance - nearest, problem.clearance - clearance.distance
         worst = Violation("clearance", clearance.body, clearance.time, short) if near else None
-        return Kept(self.name, str(clearance), None, reasons, worst, missed, clearance)
+        return ConstraintReport(self.name, str(clearance), None, reasons, worst, missed, clearance)
 
-    def stricter(self, problem: MinimumTimeProblem, kept: Kept) -> Self:
+    def tightened(self, problem: MinimumTimeProblem, kept: ConstraintReport) -> Self:
         """Raise the margins of pairs that come too near; ask at more points where something is hit all the same."""
         pairs = self.pairs(problem)
         if not kept.reasons or not pairs:
             return self
-        deep = kept.clearance is not None and kept.clearance.distance < -ConditionsPolicy.deep
-        if deep and self.points < ConditionsPolicy.most_points:
+        deep = kept.clearance is not None and kept.clearance.distance < -PathConstraintPolicy.deep
+        if deep and self.points < PathConstraintPolicy.most_points:
             return replace(self, points=2 * self.points)
         short: dict[tuple[str, str], float] = {}
         for names, missed in zip(self.model(problem).pairs, kept.missed, strict=True):
@@ -101,7 +101,7 @@ class Clearance(Condition):
         ]
         missing = np.array([short.get((pair.link, other), 0.0) for pair, other in zip(pairs, others, strict=True)])
         margins = np.broadcast_to(self.margins, missing.shape) + np.where(
-            missing > 0, missing + ConditionsPolicy.spare, 0
+            missing > 0, missing + PathConstraintPolicy.spare, 0
         )
         return replace(self, margins=margins)
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from armdyn.models.scene.bodies import capsules
 from armdyn.models.scene.collision import CollisionModel, collision_model
-from armdyn.optimal.path_constraints.clearance.clearance import Clearance, scene_of
+from armdyn.optimal.path_constraints.clearance.clearance import ClearanceConstraint, scene_of
 from armdyn.optimal.path_constraints.clearance.pairs import Pair, PairRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 
@@ -16,13 +16,13 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Obstacles(Clearance):
+class Obstacles(ClearanceConstraint):
     """The arm keeps clear of `problem.obstacles`."""
 
     name = "obstacles"
 
     @classmethod
-    def asked_by(cls, problem: MinimumTimeProblem) -> Self | None:
+    def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
         """By its keyword."""
         return cls() if problem.obstacles else None
 

@@ -10,19 +10,19 @@ from armdyn.locks import built_once
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.bodies import capsules
 from armdyn.models.scene.collision import CollisionModel, collision_model
-from armdyn.optimal.path_constraints.clearance.clearance import Clearance
+from armdyn.optimal.path_constraints.clearance.clearance import ClearanceConstraint
 from armdyn.optimal.path_constraints.clearance.pairs import Pair, distances_at
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 
 
 @dataclass(frozen=True, eq=False)
-class SelfCollision(Clearance):
+class SelfCollision(ClearanceConstraint):
     """Links that need not touch keep clear of each other."""
 
     name = "self-collision"
 
     @classmethod
-    def asked_by(cls, problem: MinimumTimeProblem) -> Self | None:
+    def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
         """By its keyword."""
         return cls() if problem.self_collision else None
 

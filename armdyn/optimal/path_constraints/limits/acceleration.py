@@ -7,8 +7,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.path_constraints.constraint import Condition, Kept, Knots, Path
-from armdyn.optimal.path_constraints.limits.rates import accelerations, kept_by_joints, stricter_part
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, Path, PathConstraint
+from armdyn.optimal.path_constraints.limits.rates import accelerations, kept_by_joints, tightened_part
 from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.interval import Stages
@@ -18,11 +18,11 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class AccelerationLimit(Condition):
+class AccelerationLimit(PathConstraint):
     """No joint accelerates by more than `problem.acceleration_limit`.
 
     Attributes:
-        part: of the limit, that the program is asked to keep: `stricter` lowers it.
+        part: of the limit, that the program is asked to keep: `tightened` lowers it.
     """
 
     part: float = 1.0
@@ -30,7 +30,7 @@ class AccelerationLimit(Condition):
     name = "acceleration limits"
 
     @classmethod
-    def asked_by(cls, problem: MinimumTimeProblem) -> Self | None:
+    def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
         """By its keyword."""
         return None if problem.acceleration_limit is None else cls()
 
@@ -46,14 +46,14 @@ class AccelerationLimit(Condition):
         """One either way."""
         return (RowValues(-self.part, self.part, 1 / np.asarray(problem.acceleration_limit)),)
 
-    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> Kept:
+    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """By forward dynamics, within every sample."""
         t, a, _ = accelerations(problem.robot, motion)
         return kept_by_joints(problem.robot, "acceleration", 2, t, a, np.asarray(problem.acceleration_limit))
 
-    def stricter(self, problem: MinimumTimeProblem, kept: Kept) -> Self:
+    def tightened(self, problem: MinimumTimeProblem, kept: ConstraintReport) -> Self:
         """By what the replay exceeds it."""
-        return replace(self, part=stricter_part(self.part, kept))
+        return replace(self, part=tightened_part(self.part, kept))
 
     def on_finer_mesh(self) -> Self:
         """As it was: the excess between the points is a fraction there."""

@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.models.robots.robot import Robot
-from armdyn.optimal.path_constraints.constraint import Kept
+from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.problem.status import Violation
-from armdyn.optimal.task.policy.landing import ConditionsPolicy
+from armdyn.optimal.task.policy.landing import PathConstraintPolicy
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -56,7 +56,7 @@ def accelerations(robot: Robot, motion: Trajectory) -> tuple[Array, Array, Array
     return start[:, None] + steps[:, None] * _PLACES, _VALUES @ a, jerks
 
 
-def kept_by_joints(robot: Robot, what: str, order: int, t: Array, values: Array, limits: Array) -> Kept:
+def kept_by_joints(robot: Robot, what: str, order: int, t: Array, values: Array, limits: Array) -> ConstraintReport:
     """How a derivative of the positions keeps its limits.
 
     Args:
@@ -73,19 +73,21 @@ def kept_by_joints(robot: Robot, what: str, order: int, t: Array, values: Array,
     unit = f"{'m' if robot.slides[i] else 'rad'}/s{_POWERS[order]}"
     said = f"{seen[k, i]:.5g} of {limits[i]:.5g} {unit} at most, by {joint!r} at t = {when:.4g} s"
     name = f"{what} limits"
-    if share <= 1 + ConditionsPolicy.rate_tolerance:
-        return Kept(name, said, share, order=order)
+    if share <= 1 + PathConstraintPolicy.rate_tolerance:
+        return ConstraintReport(name, said, share, order=order)
     reason = f"joint {joint!r} exceeds its {what} limit by {100 * (share - 1):.2g} % at t = {when:.4g} s"
-    return Kept(name, said, share, (reason,), Violation(f"{what} limit", joint, when, share - 1), order=order)
+    return ConstraintReport(
+        name, said, share, (reason,), Violation(f"{what} limit", joint, when, share - 1), order=order
+    )
 
 
-def stricter_part(part: float, kept: Kept) -> float:
+def tightened_part(part: float, kept: ConstraintReport) -> float:
     """Part of a limit that a program is asked to keep, so that the replay of its next solution keeps the whole.
 
     Args:
         part: asked for so far.
         kept: how the replay keeps the limit.
     """
-    spare = ConditionsPolicy.rate_spare if kept.reasons else 0.0
-    fitting = float(np.clip((1 - spare) * part / max(float(kept.share or 1), 1e-6), ConditionsPolicy.least_part, 1))
+    spare = PathConstraintPolicy.rate_spare if kept.reasons else 0.0
+    fitting = float(np.clip((1 - spare) * part / max(float(kept.share or 1), 1e-6), PathConstraintPolicy.least_part, 1))
     return fitting if kept.reasons or fitting > part else part

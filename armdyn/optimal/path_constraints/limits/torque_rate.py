@@ -14,7 +14,7 @@ from armdyn.arguments import numbers
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.per_joint import per_joint
-from armdyn.optimal.path_constraints.constraint import Condition, Kept, Knots
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, PathConstraint
 from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
@@ -30,7 +30,7 @@ _TOLERANCE = 1e-6
 
 @brief
 @dataclass(frozen=True, eq=False)
-class TorqueRateLimit(Condition):
+class TorqueRateLimit(PathConstraint):
     """No joint's torque changes faster than this.
 
     Where the motion begins or ends at rest, so does the torque, with what holds the arm there, if the actuator can.
@@ -85,7 +85,7 @@ class TorqueRateLimit(Condition):
         ends = [RowValues(-free, free, hold) for hold, free in (self._held(problem, x) for x in _ends(problem))]
         return (RowValues(-1, 1, 1 / np.asarray(self.limit)), *ends)
 
-    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> Kept:
+    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """Between every two samples: the replay's torques are linear there."""
         # A jump of the torque takes no time that a number could hold.
         limit = np.asarray(self.limit)
@@ -110,7 +110,7 @@ class TorqueRateLimit(Condition):
         said = f"{share * most:.5g} of {most:.5g} {unit} at most, by {joint!r} at t = {motion.t[k]:.4g} s"
         most_violated = max(worst, key=lambda violation: violation.value, default=None)
         jumps = any(one.constraint == "jump of the torque" for one in worst)
-        return Kept(self.name, said, share, tuple(reasons), most_violated, order=0 if jumps else 1)
+        return ConstraintReport(self.name, said, share, tuple(reasons), most_violated, order=0 if jumps else 1)
 
     def _held(self, problem: MinimumTimeProblem, x: Array) -> tuple[Array, Array]:
         """What holds the arm in a state [N m or N], and how far from it each torque may be: 0, or inf if it is free."""
