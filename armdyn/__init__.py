@@ -1,7 +1,8 @@
 """Time-optimal and closed-loop motion of robot arms, from a URDF."""
 
 from armdyn.errors import ArmdynError, ArmdynWarning
-from armdyn.lazy import draw_by, facade
+from armdyn.lazy import facade
+from armdyn.rendering import Renderer, register_renderer
 
 TYPE_CHECKING = False  # as typing has it, which takes longer to import than all of this
 if TYPE_CHECKING:
@@ -104,7 +105,14 @@ else:
         },
     )
 
-draw_by("armdyn.show.values")
+
+def _renderer() -> Renderer:
+    from armdyn.show import values
+
+    return values
+
+
+register_renderer(_renderer)
 
 __version__ = "0.2.0"
 

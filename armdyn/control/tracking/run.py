@@ -12,8 +12,8 @@ from armdyn.control.loop.ticks import Ticks
 from armdyn.control.stability.rate import SampledStability
 from armdyn.control.tracking.arrival import ArrivalRule
 from armdyn.dynamics.driven import Driven
-from armdyn.lazy import drawn
 from armdyn.models.robots.robot import Robot
+from armdyn.rendering import renderer
 from armdyn.reprs import brief, called
 from armdyn.trajectory import Trajectory
 
@@ -81,7 +81,7 @@ class Run:
 
     def _repr_html_(self) -> str:
         """What a notebook shows: a table and a picture."""
-        return drawn(self)
+        return renderer().card(self)
 
     @property
     def settled(self) -> bool:
