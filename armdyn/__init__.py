@@ -1,7 +1,8 @@
 """Time-optimal and closed-loop motion of robot arms, from a URDF."""
 
 from armdyn.errors import ArmdynError, ArmdynWarning
-from armdyn.lazy import draw_by, facade
+from armdyn.lazy import facade
+from armdyn.rendering import Renderer, register_renderer
 
 TYPE_CHECKING = False  # as typing has it, which takes longer to import than all of this
 if TYPE_CHECKING:
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
         Margins,
         Pid,
         PidGains,
-        PidRun,
         RouthTable,
         Run,
         SampledLoop,
@@ -83,7 +83,7 @@ else:
     __getattr__, __dir__ = facade(
         __name__,
         {
-            "control": "ComputedTorque GainPlane GainRegion Loop Lqr Margins Pid PidGains PidRun RouthTable "
+            "control": "ComputedTorque GainPlane GainRegion Loop Lqr Margins Pid PidGains RouthTable "
             "Run SampledLoop SampledStability characteristic_polynomial closed_loop_eigenvalues "
             "gain_plane least_stable_factor loop_margins multiloop_disk ramp routh_table "
             "sampled_loop sampled_stability set_point simulate_pid slowest_stable_rate track",
@@ -108,7 +108,14 @@ else:
         },
     )
 
-draw_by("armdyn.show.values")
+
+def _renderer() -> Renderer:
+    from armdyn.show import values
+
+    return values
+
+
+register_renderer(_renderer)
 
 __version__ = "0.2.0"
 
@@ -141,7 +148,6 @@ __all__ = [
     "Payload",
     "Pid",
     "PidGains",
-    "PidRun",
     "Plants",
     "Ramps",
     "ReserveCurve",

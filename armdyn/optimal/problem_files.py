@@ -13,7 +13,7 @@ from armdyn.models.robots.robot import Robot
 from armdyn.models.robots.tables import robot_from
 from armdyn.models.scene.obstacles import obstacle_from, pose_of
 from armdyn.models.scene.reaching import GoalPose
-from armdyn.optimal.path_constraints.registry import condition_from
+from armdyn.optimal.path_constraints.registry import path_constraint_from
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.parsing.toml import Table, read_toml
@@ -29,7 +29,7 @@ _WORDS = {
     "via": "via",
     "goal pose": "goal_pose",
     "obstacle": "obstacles",
-    "--limit": "conditions",
+    "--limit": "path_constraints",
 }
 """Words in messages, to the key that they are about."""
 
@@ -118,18 +118,20 @@ def _arguments(table: Table, robot: Robot) -> dict[str, Any]:
             given[key] = positions_of(robot, given[key], key)
     if "q_start" not in given:
         raise table.error("", f"[problem] has no q_start: {robot.nv} positions of {', '.join(robot.joint_names)}")
-    for key in ("via", "obstacles", "conditions"):
+    for key in ("via", "obstacles", "path_constraints"):
         if key in given and not isinstance(given[key], list):
             raise table.error(key, f"{key} is {shown(given[key])}; it must be a list")
     if "via" in given:
         given["via"] = [positions_of(robot, q, "via") for q in given["via"]]
     if "obstacles" in given:
         given["obstacles"] = [obstacle_from(one, f"obstacle {i + 1}") for i, one in enumerate(given["obstacles"])]
-    if "conditions" in given:
-        texts = given["conditions"]
+    if "path_constraints" in given:
+        texts = given["path_constraints"]
         if not all(isinstance(text, str) for text in texts):
-            raise table.error("conditions", f"conditions is {shown(texts)}; they are texts such as 'tip-speed=0.25'")
-        given["conditions"] = [condition_from(text) for text in texts]
+            raise table.error(
+                "path_constraints", f"path_constraints is {shown(texts)}; they are texts such as 'tip-speed=0.25'"
+            )
+        given["path_constraints"] = [path_constraint_from(text) for text in texts]
     limit = given.get("effort_limit")
     if isinstance(limit, list) and len(limit) == 2 and all(isinstance(end, list) for end in limit):
         given["effort_limit"] = tuple(limit)  # (lower, upper)

@@ -160,7 +160,7 @@ def assert_same(one, other):
             assert dict(a.locked) == dict(b.locked)
         elif own.name == "limits":
             assert_fields(a, b)
-        elif own.name in ("obstacles", "conditions"):
+        elif own.name in ("obstacles", "path_constraints"):
             assert list(map(type, a)) == list(map(type, b))
             for mine, its in zip(a, b, strict=True):
                 assert_fields(mine, its)

@@ -90,7 +90,7 @@ class PathConstraintOptions:
         Raises:
             ProblemError: a text is not what its option takes.
         """
-        from armdyn.optimal.path_constraints.registry import condition_from
+        from armdyn.optimal.path_constraints.registry import path_constraint_from
 
         return {
             "via": [positions(text, "--via", robot) for text in self.via or ()],
@@ -98,7 +98,7 @@ class PathConstraintOptions:
             "self_collision": self.self_collision,
             "clearance": self.clearance,
             **self.rates.kept(),
-            "conditions": [condition_from(text) for text in self.limit or ()],
+            "path_constraints": [path_constraint_from(text) for text in self.limit or ()],
         }
 
 

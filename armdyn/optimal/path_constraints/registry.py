@@ -55,7 +55,7 @@ def path_constraint_named(name: str) -> type[PathConstraint]:
     return known[name]
 
 
-def condition_from(text: str) -> PathConstraint:
+def path_constraint_from(text: str) -> PathConstraint:
     """The constraint that a text such as "tip-speed=0.25@tool0" asks for.
 
     Raises:
