@@ -97,6 +97,9 @@ class Arm:
             raise SpecError(
                 f"a robot of {self.model.nv} joints has {len(names)} joint names and {self.limits.velocity.size} limits"
             )
+        expect(self.options, RobotOptions, "options of a robot", error=SpecError)
+        if self.origin is not None:
+            expect(self.origin, RobotSource, "origin of a robot", error=SpecError)
         if self.payload is not None:
             expect(self.payload, Payload, "payload", "Payload(mass=…)", error=SpecError)
 

@@ -60,7 +60,8 @@ class Robot(Arm):
         Raises:
             ArmdynError: see the reader of that source.
         """
-        given = options or RobotOptions()
+        expect(source, RobotSource, "source", 'such as RobotSource.named("panda")', error=SpecError)
+        given = robot_options(None, None, options, {})
         parsed = _parsed(source, given)
         reading, own_friction = parsed.reading, None if source.format in ("library", "spec") else "urdf"
         robot = cls(

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.arguments import expect, flag, number, several
+from armdyn.arguments import expect, flag, number, path, several
 from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
@@ -231,7 +231,9 @@ class MinimumTimeProblem:
                 given[own.name] = _plain(value)
         if isinstance(self.effort_limit, tuple) and len(self.effort_limit) == 2:
             given["effort_limit"] = [np.broadcast_to(end, self.robot.nv).tolist() for end in self.effort_limit]
-        return to_toml({"robot": robot_table(self.robot, folder), "problem": given})
+        return to_toml(
+            {"robot": robot_table(self.robot, None if folder is None else path(folder, "folder")), "problem": given}
+        )
 
     def beside_goal(self, motion: Trajectory) -> Array:
         """How far a motion's last state (q, v) is from the goal's, shape (2 nv,)."""
