@@ -11,7 +11,7 @@ from armdyn.files import write_whole
 from armdyn.models import Robot
 from armdyn.models.scene.obstacles import Obstacle
 from armdyn.optimal.answer.summary import minimum_time_summary
-from armdyn.show.page.course import Move
+from armdyn.show.page.course import ShownMotion
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.report import Replay, Report, Subject, report_html, report_of
 from armdyn.trajectory import Trajectory
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 def write_html(
     robot: Robot,
-    trajectories: Sequence[Trajectory | Solution | Move],
+    trajectories: Sequence[Trajectory | Solution | ShownMotion],
     path: str | os.PathLike[str],
     *,
     fps: float = 60,
@@ -38,7 +38,7 @@ def write_html(
     Args:
         robot: what moves.
         trajectories: one or more motions of it; they start together. The page gives the verdict on a `Solution`, and on
-            a `Move` with facts.
+            a `ShownMotion` with facts.
         path: the HTML file.
         fps: frames per second of playing time that are stored; the page interpolates between them.
         slow_motion: how many times slower than real time it plays at first; None: about 4 s in all.
@@ -58,7 +58,7 @@ def write_html(
 
 def replay_of(
     robot: Robot,
-    trajectories: Sequence[Trajectory | Solution | Move],
+    trajectories: Sequence[Trajectory | Solution | ShownMotion],
     *,
     fps: float = 60,
     slow_motion: float | None = None,
@@ -69,9 +69,9 @@ def replay_of(
     return report_of(Subject.of(robot, obstacles), moves, replay=Replay(fps, slow_motion))
 
 
-def _move(one: Trajectory | Solution | Move, k: int) -> Move:
-    if isinstance(one, Move):
+def _move(one: Trajectory | Solution | ShownMotion, k: int) -> ShownMotion:
+    if isinstance(one, ShownMotion):
         return one
     if isinstance(one, Trajectory):
-        return Move(one.name or f"trajectory {k + 1}", one, Facts())
-    return Move(one.trajectory.name or f"trajectory {k + 1}", one.trajectory, Facts(minimum_time_summary(one)))
+        return ShownMotion(one.name or f"trajectory {k + 1}", one, Facts())
+    return ShownMotion(one.trajectory.name or f"trajectory {k + 1}", one.trajectory, Facts(minimum_time_summary(one)))

@@ -17,7 +17,7 @@ import armdyn as ad
 from armdyn.errors import ArmdynWarning, ProblemError, TrajectoryError
 from armdyn.models.reading import meshes
 from armdyn.show import replay, visuals
-from armdyn.show.page.course import Move
+from armdyn.show.page.course import ShownMotion
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.verdict import verdict_of
 from problems import paper_arm, solved
@@ -104,7 +104,7 @@ def test_several_trajectories_move_apart(tmp_path):
 
 def test_it_gives_the_verdict_on_each_motion():
     robot, run = motion()
-    made = replay.replay_of(robot, [solved("rr"), run, Move("saved", run, Facts(FACTS))])
+    made = replay.replay_of(robot, [solved("rr"), run, ShownMotion("saved", run, Facts(FACTS))])
     levels, headlines = zip(*made.data["verdicts"], strict=True)
     assert levels == ("good", "none", "fair")
     assert headlines[0] and not headlines[1] and headlines[2]
@@ -114,7 +114,7 @@ def test_it_gives_the_verdict_on_each_motion():
 def test_the_verdict_is_seen(tmp_path):
     robot, run = motion()
     facts = Facts({"arrival_rule": "<b>", "arrival_time": 0.3, "message": "<b>late</b>"})
-    path = replay.write_html(robot, [Move("saved", run, facts), run], tmp_path / "rr.html")
+    path = replay.write_html(robot, [ShownMotion("saved", run, facts), run], tmp_path / "rr.html")
     with open_page(path) as (page, _, errors):
         assert page.locator(".run small").all_inner_texts() == [verdict_of(facts).headline]
         assert "<b>late</b>" in page.locator(".verdict").inner_text()

@@ -44,12 +44,12 @@ def replay(
     """
     with answering(output.json) as answer:
         from armdyn.cli.reports.subject import obstacles_in
-        from armdyn.show.page.course import Move
+        from armdyn.show.page.course import ShownMotion
         from armdyn.show.replay import write_html
 
         arm = robot.read(payload.carried())
         saved = [_saved(path, arm) for path in trajectories]
-        motions = [Move(one.motion.name or one.path.stem, one.motion, one.facts) for one in saved]
+        motions = [ShownMotion(one.motion.name or one.path.stem, one.motion, one.facts) for one in saved]
         obstacles = obstacles_in(saved[0].facts)
         folder = output.folder("replay", robot.robot, ["replay.html"])
         slow = None if slow_motion is None else number(slow_motion, "--slow-motion")

@@ -21,7 +21,7 @@ from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.markup import Html, element, fill, join, script_json
 from armdyn.show.page.assets import asset, script, viewer_script
-from armdyn.show.page.course import Move, course_data, until
+from armdyn.show.page.course import ShownMotion, course_data, until
 from armdyn.show.page.joints import (
     Compared,
     compared,
@@ -112,7 +112,7 @@ class Report:
 
 def report_of(
     subject: Subject,
-    moves: Sequence[Move],
+    moves: Sequence[ShownMotion],
     title: str = "",
     end: float | None = None,
     replay: Replay | None = None,
@@ -164,7 +164,9 @@ def report_of(
     )
 
 
-def _sections(subject: Subject, moves: Sequence[Move], verdict: Verdict, rows: Sequence[Compared]) -> list[Section]:
+def _sections(
+    subject: Subject, moves: Sequence[ShownMotion], verdict: Verdict, rows: Sequence[Compared]
+) -> list[Section]:
     facts, duration = moves[0].facts, moves[0].motion.duration
     others = [(k, move) for k, move in enumerate(moves) if k]
     sections = [
@@ -183,7 +185,7 @@ def _sections(subject: Subject, moves: Sequence[Move], verdict: Verdict, rows: S
     return [section for section in sections if section is not None]
 
 
-def _data(subject: Subject, moves: Sequence[Move], end: float | None, replay: Replay | None) -> dict[str, Any]:
+def _data(subject: Subject, moves: Sequence[ShownMotion], end: float | None, replay: Replay | None) -> dict[str, Any]:
     """Data of the scripts: curves up to a time, the span seen at first [s], the scene, compressed."""
     seen = worth_seeing(moves, end) if replay is None else None
     shown = [replace(move, motion=until(move.motion, end)) for move in moves]
