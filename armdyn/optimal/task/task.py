@@ -32,7 +32,7 @@ class Task:
         options: what the user chose.
         policy: what depends on the kind of problem, and the tuned numbers.
         stop: asked every few iterations.
-        tell: told in words what is being tried.
+        progress: called with a line of text on what is being tried.
         lower_bound: returns the proven lower bound on the duration [s], and may wait for it; None: none is known.
     """
 
@@ -42,7 +42,7 @@ class Task:
     options: MinimumTimeOptions
     policy: Policy
     stop: Stop = field(default_factory=Stop)
-    tell: Callable[[str], None] = _silently
+    progress: Callable[[str], None] = _silently
     lower_bound: Callable[[], float | None] = _unknown
 
     @classmethod
@@ -51,7 +51,7 @@ class Task:
         problem: MinimumTimeProblem,
         options: MinimumTimeOptions | None = None,
         stop: Stop | None = None,
-        tell: Callable[[str], None] | None = None,
+        progress: Callable[[str], None] | None = None,
     ) -> Self:
         """The task that a problem and a user's options make.
 
@@ -59,7 +59,7 @@ class Task:
             problem: what is to be solved.
             options: by default, `MinimumTimeOptions()`.
             stop: by default nothing stops it.
-            tell: by default nobody is told.
+            progress: by default nobody is told.
 
         Raises:
             ProblemError: a guess in the options moves other joints.
@@ -77,7 +77,7 @@ class Task:
             options,
             policy,
             Stop() if stop is None else stop,
-            tell or _silently,
+            progress or _silently,
         )
 
     def about(self, problem: MinimumTimeProblem) -> Self:

@@ -10,7 +10,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.curves import CurvePolicy
 from armdyn.optimal.task.policy.landing import LandingPolicy, PathConstraintPolicy
-from armdyn.optimal.task.policy.problem_class import speed_shapes
+from armdyn.optimal.task.policy.problem_class import is_speed_limited
 from armdyn.optimal.task.policy.refinement import (
     ArcsPolicy,
     IndirectPolicy,
@@ -57,13 +57,13 @@ class Policy:
     def of(cls, problem: MinimumTimeProblem) -> Self:
         """The policy for a problem, by its joints, its limits and its path constraints."""
         motors = not np.any(problem.limits.passive)
-        speedy = speed_shapes(problem)
+        speed_limited = is_speed_limited(problem)
         joints, asked = problem.robot.nv, bool(problem.path_constraint_names)
         crowded = bool(problem.obstacles) or problem.self_collision
         many = joints == 3 and motors and not asked and not problem.pays_effort  # optima, hundreds
         starts = _by_joints(joints, 1, 16 if motors else 40, 140 if many else 100)
         return cls(
-            strategy=_strategy(problem, motors, speedy),
+            strategy=_strategy(problem, motors, speed_limited),
             program=ProgramPolicy(
                 linear=problem.continuous_torque,
                 condensed=not asked,
@@ -86,10 +86,10 @@ class Policy:
             smooth=SmoothPolicy(starts=_by_joints(joints, 2, 16, 24), refined=10 if joints == 2 else 6),
             indirect=IndirectPolicy(starts=_by_joints(joints, 1, 6, 16)),
             curves=CurvePolicy(
-                cruises=speedy,
+                cruises=speed_limited,
                 patience=300 if asked or np.any(problem.robot.friction.coulomb) else 120,
-                shortest=_shortest(problem, speedy),
-                starts=6 if crowded else 1 if speedy else 4,
+                shortest=_shortest(problem, speed_limited),
+                starts=6 if crowded else 1 if speed_limited else 4,
             ),
         )
 
@@ -120,9 +120,9 @@ def _strategy(problem: MinimumTimeProblem, motors: bool, speed_limited: bool) ->
     )
 
 
-def _shortest(problem: MinimumTimeProblem, speedy: bool) -> float:
+def _shortest(problem: MinimumTimeProblem, speed_limited: bool) -> float:
     """The first interval of a curve: torques that may not jump ramp more slowly than velocity limits are reached."""
-    if not speedy:
+    if not speed_limited:
         return 1.0
     return 2e-3 if problem.continuous_torque else 3e-4
 
