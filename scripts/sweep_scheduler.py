@@ -14,9 +14,9 @@ from functools import partial
 from pathlib import Path
 
 import armdyn as ad
-from armdyn.studies.sweeps.crews.local import local_crew
-from armdyn.studies.sweeps.study import Axis, Study
-from armdyn.studies.sweeps.tasks.task import Outcome
+from armdyn.studies.executors.local import local_processes
+from armdyn.studies.study import Axis, Study
+from armdyn.studies.tasks.task import CaseResult
 
 
 @dataclass(frozen=True)
@@ -27,16 +27,16 @@ class Sleep:
     motion: int = 0
 
     @property
-    def uses_neighbours(self):
-        """Motions are sent to neighbours."""
-        return self.motion > 0
+    def neighbours(self):
+        """Whether motions are sent to neighbours."""
+        return "add" if self.motion else "off"
 
-    def work(self, settings, guess):
+    def work(self, settings, guess, revisit=False):
         """Sleep."""
         if self.seconds:
             time.sleep(self.seconds)
         facts, motion = {f"fact_{i}": 0.123456789 for i in range(8)}, os.urandom(self.motion)
-        return Outcome(status="slept", good=True, message="x" * 70, facts=facts, motion=motion)
+        return CaseResult(status="slept", good=True, message="x" * 70, facts=facts, motion=motion)
 
     def asked(self):
         """What the rows say that they answer."""
@@ -47,7 +47,7 @@ class Sleep:
 def crews(cluster, workers):
     """Who works: processes of this machine, or a Dask cluster of as many."""
     if not cluster:
-        yield partial(local_crew, workers=workers)
+        yield partial(local_processes, workers=workers)
         return
     from distributed import LocalCluster
 

@@ -12,7 +12,7 @@ import pinocchio as pin
 import armdyn as ad
 from armdyn.control.loop.ticks import Ticks
 from armdyn.control.stability.linear import Rest
-from armdyn.studies.sweeps.crews.local import local_crew
+from armdyn.studies.executors.local import local_processes
 from oracles import two_links
 from toys import squares
 
@@ -144,7 +144,7 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
         ad.replay_torques: {"robot": RR, "trajectory": MOTION, "rtol": 1e-6, "stop": None},
         ad.reserve_curve: {"problem": PROBLEM, "controllers": [PID], "plants": [RR], "reserves": [0.1], "loop": None}
         | {"duration": 0.1, "options": OPTIONS, "progress": None},
-        ad.run_study: {"study": squares(1), "file": folder / "done.sqlite", "crew": local_crew, "progress": None}
+        ad.run_study: {"study": squares(1), "file": folder / "done.sqlite", "crew": local_processes, "progress": None}
         | {"again": False, "sync": "full"},
         ad.sampled_loop: AT_REST,
         ad.sampled_stability: AT_REST,

@@ -14,8 +14,8 @@ from armdyn.cli.console import DONE, INTERRUPTED, NOT_USABLE, Answer, console, e
 from armdyn.cli.options.results import NoFigure, OutputOptions
 
 if TYPE_CHECKING:
-    from armdyn.studies.sweeps.run import CrewOf, Progress, StudyRun
-    from armdyn.studies.sweeps.study import Study
+    from armdyn.studies.run import CrewOf, Progress, StudyRun
+    from armdyn.studies.study import Study
 
 ROWS = "study.sqlite"
 FIGURES = ("curve", "map", "pareto")
@@ -61,13 +61,13 @@ class StudyOptions:
         from functools import partial
 
         from armdyn.errors import ProblemError
-        from armdyn.studies.sweeps.crews.local import local_crew
+        from armdyn.studies.executors.local import local_processes
 
         if self.scheduler is None:
-            return partial(local_crew, workers=self.workers)
+            return partial(local_processes, workers=self.workers)
         if self.workers is not None:
             raise ProblemError("--workers are processes of this machine; a --scheduler has its own")
-        from armdyn.studies.sweeps.crews.cluster import cluster_crew
+        from armdyn.studies.executors.dask_cluster import cluster_crew
 
         return cluster_crew(self.scheduler)
 
@@ -92,10 +92,10 @@ def run_file(path: str, options: StudyOptions, results: SweepResults, answer: An
     Raises:
         ArmdynError: it is no study, or cannot be done.
     """
-    from armdyn.studies.sweeps.database import reading
-    from armdyn.studies.sweeps.export import flat, write_csv, write_parquet
-    from armdyn.studies.sweeps.reading import read_study
-    from armdyn.studies.sweeps.run import run_study
+    from armdyn.studies.rows import read_rows
+    from armdyn.studies.tables import flat, write_csv, write_parquet
+    from armdyn.studies.reading import read_study
+    from armdyn.studies.run import run_study
 
     study, crew = read_study(path), options.crew()
     figures = [] if results.no_figure else [f"{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")]
@@ -139,7 +139,7 @@ def _answered(answer: Answer, study: Study, run: StudyRun, files: Sequence[Path]
 def _drawn(study: Study, table: list[dict[str, Any]], folder: Path, title: str) -> list[Path]:
     from armdyn.show.plots import save_figure
     from armdyn.show.sweeps.figures import figures_of
-    from armdyn.studies.sweeps.tasks.settings import label
+    from armdyn.studies.settings import label
 
     settings = {axis.name: axis.kind for axis in study.axes}
     drawn = figures_of(table, settings, _OUTCOMES[str(study.task.asked()["task"])], named=label, title=title)
@@ -148,7 +148,7 @@ def _drawn(study: Study, table: list[dict[str, Any]], folder: Path, title: str) 
 
 def _words(study: Study, run: StudyRun, table: Sequence[Mapping[str, Any]], files: Sequence[Path]) -> dict[str, str]:
     """A study in words."""
-    from armdyn.studies.sweeps.tasks.settings import label
+    from armdyn.studies.settings import label
 
     there = sum(run.counts.values())
     told = {
@@ -169,7 +169,7 @@ def _words(study: Study, run: StudyRun, table: Sequence[Mapping[str, Any]], file
 
 
 def _said(name: str, value: float | str) -> str:
-    from armdyn.studies.sweeps.tasks.settings import unit_of
+    from armdyn.studies.settings import unit_of
 
     return f"{name} {value}" if isinstance(value, str) else f"{name} {value:g} {unit_of(name)}".rstrip()
 
