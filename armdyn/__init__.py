@@ -65,15 +65,15 @@ if TYPE_CHECKING:
         time_optimality,
         trajectory_from_path,
     )
-    from armdyn.studies.monte_carlo import monte_carlo
-    from armdyn.studies.plants import Plants
-    from armdyn.studies.plant_study import MonteCarloOptions
-    from armdyn.studies.monte_carlo_result import MonteCarlo
-    from armdyn.studies.reserve import ReserveCurve, likely_plants, reserve_curve
     from armdyn.studies.executors.dask_cluster import cluster_crew
-    from armdyn.studies.tables import study_table
+    from armdyn.studies.monte_carlo import monte_carlo
+    from armdyn.studies.monte_carlo_result import MonteCarlo
+    from armdyn.studies.plant_study import MonteCarloOptions
+    from armdyn.studies.plants import Plants
     from armdyn.studies.reading import read_study
+    from armdyn.studies.reserve import ReserveCurve, likely_plants, reserve_curve
     from armdyn.studies.run import run_study
+    from armdyn.studies.tables import study_table
     from armdyn.studies.tuning.families import ControllerFamily, Parameter, Ramps
     from armdyn.studies.tuning.tune import Tuned, TuneOptions, tune
     from armdyn.trajectory import Sample, Samples, Trajectory

@@ -87,8 +87,14 @@ WRONG = [
     (lambda: ad.MinimumTimeProblem(RR, q_start=START, q_goal=[True, False]), "q_goal is "),
     (lambda: ad.MinimumTimeProblem(RR, q_start=START, goal_pose="tip"), "goal_pose is 'tip'; it must be a GoalPose"),
     (lambda: ad.MinimumTimeProblem(RR, q_start=START, q_goal=GOAL, wrap="no"), "wrap is 'no'; it must be True or F"),
-    (lambda: ad.MinimumTimeProblem(RR, q_start=START, q_goal=GOAL, conditions=[ad.Sphere]), r"conditions\[0\] = "),
-    (lambda: ad.MinimumTimeProblem(RR, q_start=START, q_goal=GOAL, conditions=1), "conditions is 1; it must be a list"),
+    (
+        lambda: ad.MinimumTimeProblem(RR, q_start=START, q_goal=GOAL, path_constraints=[ad.Sphere]),
+        r"path_constraints\[0\] = ",
+    ),
+    (
+        lambda: ad.MinimumTimeProblem(RR, q_start=START, q_goal=GOAL, path_constraints=1),
+        "path_constraints is 1; it must be a list",
+    ),
     (lambda: ad.MinimumTimeOptions(method="euler"), "method is 'euler'; it is one of 'lobatto3'|method is 'euler'"),
     (lambda: ad.MinimumTimeOptions(control="stage"), "control is 'stage'; it is one of 'linear', 'constant'"),
     (lambda: ad.MinimumTimeOptions(dynamics="both"), "dynamics is 'both'; it is one of"),

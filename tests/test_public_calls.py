@@ -52,7 +52,7 @@ RESULTS = {
 INNER = {
     *(
         "along",
-        "asked_by",
+        "from_problem",
         "at_goal",
         "bounded",
         "check",
@@ -63,7 +63,7 @@ INNER = {
         "of_option",
         "on",
     ),
-    *("rows", "stricter", "torque_rate_limit", "values", "with_stability", "without_motors"),
+    *("rows", "tightened", "torque_rate_limit", "values", "with_stability", "without_motors"),
     "from_description",  # takes a package, and the internet
 }
 """Methods that the pipeline asks of conditions and answers, with values that it has made."""

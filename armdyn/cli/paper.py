@@ -13,7 +13,7 @@ from armdyn.cli.console import INTERRUPTED, NOT_USABLE, answering, console, erro
 from armdyn.cli.options.results import Json
 from armdyn.control.pid.arrival import ARRIVAL_RULES
 from armdyn.files import probe_folder, write_whole
-from armdyn.typed.numbers import numbers
+from armdyn.parsing.numbers import numbers
 
 if TYPE_CHECKING:
     from rich.progress import Progress

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from armdyn.models.scene.obstacles import Box, Capsule, Sphere
     from armdyn.models.scene.reaching import GoalPose
     from armdyn.models.values.friction import JointFriction
-    from armdyn.models.values.limits import JointLimits
+    from armdyn.models.values.joint_limits import JointLimits
     from armdyn.models.values.spec import PAPER_ARMS, ArmSpec, LinkSpec, Payload
     from armdyn.models.values.urdf import urdf_from_spec
 else:
@@ -17,7 +17,7 @@ else:
         __name__,
         {
             "values.friction": "JointFriction",
-            "values.limits": "JointLimits",
+            "values.joint_limits": "JointLimits",
             "scene.obstacles": "Box Capsule Sphere",
             "scene.reaching": "GoalPose",
             "robots.robot": "Robot",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from armdyn.arguments import path as path_of
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.answer.summary import minimum_time_summary
-from armdyn.show.notebook.cards import card as card
+from armdyn.show.cards import card as card
 from armdyn.show.plots import plot_trajectories
 from armdyn.show.report import write_report
 

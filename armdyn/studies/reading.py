@@ -9,12 +9,12 @@ from typing import Any
 
 from armdyn.arguments import shown
 from armdyn.errors import ProblemError
+from armdyn.parsing.toml import Table, read_toml
 from armdyn.studies.arms import arms_of
 from armdyn.studies.rows import Value
 from armdyn.studies.settings import ARM, POSES, ArmProblems, ArmRecipe, check_setting
 from armdyn.studies.study import MAX_AXES, METHODS, Axis, Study
 from armdyn.studies.tasks.registry import TASKS
-from armdyn.typed.toml import Table, read_toml
 
 _MAX_VALUES = 10_000
 _MAX_POSES = 64

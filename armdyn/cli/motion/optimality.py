@@ -15,7 +15,7 @@ from armdyn.cli.options.course import RateOptions
 from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
-from armdyn.cli.reports.given import motion_of
+from armdyn.cli.reports.foreign_trajectories import motion_of
 from armdyn.errors import ProblemError
 
 MOTIONS = ("trajectory", "optimum")

@@ -14,10 +14,10 @@ from armdyn.cli.options.joints import JointOptions, friction_facts, friction_wor
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
-from armdyn.cli.typed.asked import arm_asked
+from armdyn.cli.parsing.requests import arm_asked
 from armdyn.control.pid.arrival import ARRIVAL_RULES, ArrivalRule
 from armdyn.errors import ProblemError
-from armdyn.typed.numbers import numbers
+from armdyn.parsing.numbers import numbers
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,12 +10,12 @@ import typer
 
 import armdyn as ad
 from armdyn import models
-from armdyn.cli.typed.panels import ROBOT
-from armdyn.cli.typed.positions import position, sliding_locks
+from armdyn.cli.parsing.panels import ROBOT
+from armdyn.cli.parsing.positions import position, sliding_locks
 from armdyn.errors import ProblemError, SpecError, UnknownRobotError
 from armdyn.models.mjcf.document import is_mjcf
 from armdyn.models.robots.descriptions import is_description
-from armdyn.typed.numbers import numbers
+from armdyn.parsing.numbers import numbers
 
 TAKE_FILES = "mintime, bound, sweep, track, monte-carlo, tune and pid"
 """Commands that take a problem file for a robot."""

@@ -11,9 +11,9 @@ import armdyn as ad
 from armdyn import models
 from armdyn.cli.options.groups import given
 from armdyn.cli.options.robot import PayloadPlace, RobotOptions, known_names
-from armdyn.cli.typed.panels import SOLVER
+from armdyn.cli.parsing.panels import SOLVER
 from armdyn.errors import ProblemError
-from armdyn.typed.numbers import numbers
+from armdyn.parsing.numbers import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -92,10 +92,10 @@ def run_file(path: str, options: StudyOptions, results: SweepResults, answer: An
     Raises:
         ArmdynError: it is no study, or cannot be done.
     """
-    from armdyn.studies.rows import read_rows
-    from armdyn.studies.tables import flat, write_csv, write_parquet
     from armdyn.studies.reading import read_study
+    from armdyn.studies.rows import read_rows
     from armdyn.studies.run import run_study
+    from armdyn.studies.tables import flat, write_csv, write_parquet
 
     study, crew = read_study(path), options.crew()
     figures = [] if results.no_figure else [f"{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")]
@@ -137,8 +137,8 @@ def _answered(answer: Answer, study: Study, run: StudyRun, files: Sequence[Path]
 
 
 def _drawn(study: Study, table: list[dict[str, Any]], folder: Path, title: str) -> list[Path]:
+    from armdyn.show.figures.sweeps import figures_of
     from armdyn.show.plots import save_figure
-    from armdyn.show.sweeps.figures import figures_of
     from armdyn.studies.settings import label
 
     settings = {axis.name: axis.kind for axis in study.axes}

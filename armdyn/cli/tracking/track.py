@@ -15,9 +15,9 @@ from armdyn.cli.options.joints import FastJointOptions, friction_words
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+from armdyn.cli.parsing.panels import TASK
+from armdyn.cli.parsing.requests import ArmAsked, arm_asked
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions, PlantOptions
-from armdyn.cli.typed.asked import ArmAsked, arm_asked
-from armdyn.cli.typed.panels import TASK
 from armdyn.errors import ProblemError
 
 

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import OdeSolution
 
 from armdyn.arguments import MOST_SAMPLES, number, whole
-from armdyn.brief import brief
 from armdyn.control.pid.approach import Approach
 from armdyn.control.pid.arrival import Arrival, ArrivalRule
 from armdyn.control.pid.equations import PidLoop, Status, integrate
@@ -22,6 +21,7 @@ from armdyn.models import Robot
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import expect_robot
 from armdyn.models.values.per_joint import per_joint
+from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]

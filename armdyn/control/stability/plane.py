@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import number, numbers
-from armdyn.brief import brief
 from armdyn.control.laws.pid import Pid
 from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.pid.gains import ContinuousPid, Form, PidGains
@@ -19,6 +18,7 @@ from armdyn.control.stability.sampled import SampledLoop
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.reprs import brief
 
 Array = NDArray[np.float64]
 

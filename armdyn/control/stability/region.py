@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import interval, number, numbers, one_of
-from armdyn.brief import brief
 from armdyn.control.pid.gains import DEFAULT_GAINS, FORMS, ContinuousPid, Form, PidGains
 from armdyn.control.pid.motion import EquationsOfMotion, motion_of
 from armdyn.control.pid.poles import closed_loop_matrix, eigenvalues
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.reprs import brief
 
 Array = NDArray[np.float64]
 

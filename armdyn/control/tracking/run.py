@@ -8,12 +8,12 @@ from typing import Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.brief import brief, called
 from armdyn.control.loop.ticks import Ticks
 from armdyn.control.stability.rate import SampledStability
 from armdyn.dynamics.driven import Driven
 from armdyn.lazy import drawn
 from armdyn.models.robots.robot import Robot
+from armdyn.reprs import brief, called
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from armdyn.errors import UrdfError
 from armdyn.models.reading.joints import JointTree, Place
 from armdyn.models.reading.urdf_check import check_inertias, dynamics_urdf, parse_urdf
 from armdyn.models.reading.urdf_xml import shown
-from armdyn.models.values.limits import JointLimits
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.urdf import TIP
 
 Array = NDArray[np.float64]

@@ -11,7 +11,6 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, several, shown, text
-from armdyn.brief import brief, called
 from armdyn.errors import SpecError, did_you_mean
 from armdyn.lazy import drawn
 from armdyn.models.reading.urdf_arm import configuration
@@ -19,10 +18,11 @@ from armdyn.models.reading.urdf_check import LARGEST
 from armdyn.models.robots.identity import model_hash
 from armdyn.models.robots.poses import named_poses, pose_named
 from armdyn.models.values.friction import FrictionValue, JointFriction
-from armdyn.models.values.limits import JointLimits
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.per_joint import per_joint
 from armdyn.models.values.spec import Payload
 from armdyn.models.values.urdf import TIP, positive_tensor
+from armdyn.reprs import brief, called
 
 Array = NDArray[np.float64]
 

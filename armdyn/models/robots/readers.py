@@ -11,11 +11,11 @@ from armdyn.arguments import expect, path, several, shown, text
 from armdyn.errors import SpecError
 from armdyn.models.mjcf.document import check_mjcf_text, parse_mjcf, read_mjcf
 from armdyn.models.mjcf.reading import read_mjcf_arm
-from armdyn.models.reading.given import read_model
+from armdyn.models.reading.from_pinocchio import read_model
 from armdyn.models.reading.urdf_arm import Reading, check_inertia, joint_limits
 from armdyn.models.reading.urdf_xml import file_path
 from armdyn.models.robots.arm import Arm
-from armdyn.models.values.limits import JointLimits
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.spec import Payload
 
 UNNAMED = "model"

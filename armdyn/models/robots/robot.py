@@ -10,7 +10,6 @@ from typing import Self
 from numpy.typing import ArrayLike
 
 from armdyn.arguments import expect, several
-from armdyn.brief import brief
 from armdyn.models.reading.meshes import mesh_folders
 from armdyn.models.reading.urdf_arm import check_inertia, joint_limits, read_arm
 from armdyn.models.reading.urdf_xml import check_urdf_text, file_path, read_urdf
@@ -21,6 +20,7 @@ from armdyn.models.robots.readers import ModelReaders, expect_ends, expect_folde
 from armdyn.models.values.friction import FRICTION_WIDTH, FrictionValue
 from armdyn.models.values.spec import ArmSpec, Payload
 from armdyn.models.values.urdf import urdf_from_spec
+from armdyn.reprs import brief
 
 
 @brief

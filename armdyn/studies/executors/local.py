@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
-from armdyn.processes import Workers, workers_of
+from armdyn.parallel import Workers, workers_of
 from armdyn.studies.executors.executor import Ended, Executor, StudyCase, run_in_turn
 from armdyn.studies.tasks.task import StudyTask
 

@@ -16,11 +16,11 @@ from armdyn.control.loop.references import ramp
 from armdyn.control.pid.gains import PidGains
 from armdyn.errors import ProblemError
 from armdyn.optimal import MinimumTimeOptions, Status, solve_minimum_time
+from armdyn.parsing.toml import Table
 from armdyn.studies.rows import Value
 from armdyn.studies.settings import SIGNS, ArmProblems
 from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, Neighbours, finite
 from armdyn.trajectory import Trajectory
-from armdyn.typed.toml import Table
 
 _REMEMBERED = 16
 """References that a process keeps."""

@@ -15,11 +15,11 @@ from armdyn.optimal.proof.certificate import GAP_TOLERANCE
 from armdyn.optimal.refine.smooth import trajectory_cost
 from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.policy.search import SamePolicy
+from armdyn.parsing.toml import Table
 from armdyn.studies.rows import StudyRow, Value
 from armdyn.studies.settings import SIGNS, ProblemSource
 from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, Neighbours, finite, motion_bytes, motion_from
 from armdyn.trajectory import Trajectory
-from armdyn.typed.toml import Table
 
 NEIGHBOURS: tuple[Neighbours, ...] = ("add", "lead", "off", "chain")
 
@@ -125,7 +125,7 @@ def _chain_facts(solution: Solution) -> dict[str, Any]:
     by, weight = solution.sensitivities(), solution.problem.effort_weight
     certificate = solution.certificate
     reasons = "; ".join(certificate.reasons)
-    help_ = advice(solution.problem, certificate, solution.kept, solution.phases is not None)
+    help_ = advice(solution.problem, certificate, solution.constraint_reports, solution.phases is not None)
     return {
         "ms_per_gram": by.payload_mass if by else None,
         "landed": solution.success,
