@@ -1,7 +1,8 @@
 """Time-optimal and closed-loop motion of robot arms, from a URDF."""
 
 from armdyn.errors import ArmdynError, ArmdynWarning
-from armdyn.lazy import draw_by, facade
+from armdyn.lazy import facade
+from armdyn.rendering import Renderer, register_renderer
 
 TYPE_CHECKING = False  # as typing has it, which takes longer to import than all of this
 if TYPE_CHECKING:
@@ -65,15 +66,15 @@ if TYPE_CHECKING:
         time_optimality,
         trajectory_from_path,
     )
-    from armdyn.studies.executors.dask_cluster import cluster_crew
     from armdyn.studies.monte_carlo import monte_carlo
-    from armdyn.studies.monte_carlo_result import MonteCarlo
-    from armdyn.studies.plant_study import MonteCarloOptions
     from armdyn.studies.plants import Plants
-    from armdyn.studies.reading import read_study
+    from armdyn.studies.plant_study import MonteCarloOptions
+    from armdyn.studies.monte_carlo_result import MonteCarlo
     from armdyn.studies.reserve import ReserveCurve, likely_plants, reserve_curve
-    from armdyn.studies.run import run_study
+    from armdyn.studies.executors.dask_cluster import cluster_crew
     from armdyn.studies.tables import study_table
+    from armdyn.studies.reading import read_study
+    from armdyn.studies.run import run_study
     from armdyn.studies.tuning.families import ControllerFamily, Parameter, Ramps
     from armdyn.studies.tuning.tune import Tuned, TuneOptions, tune
     from armdyn.trajectory import Sample, Samples, Trajectory
@@ -105,7 +106,14 @@ else:
         },
     )
 
-draw_by("armdyn.show.values")
+
+def _renderer() -> Renderer:
+    from armdyn.show import values
+
+    return values
+
+
+register_renderer(_renderer)
 
 __version__ = "0.2.0"
 

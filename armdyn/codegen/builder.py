@@ -5,7 +5,7 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-from armdyn.codegen.compiled import CompilerError, built
+from armdyn.codegen.compiler import CompilerError, built
 from armdyn.files import write_sealed
 
 _NICE = 10

@@ -1,4 +1,4 @@
-"""Values of lower layers, drawn: `armdyn.lazy.draw_by` names this module, `armdyn.lazy.drawing` imports it."""
+"""Renderer of values: notebook cards, figures and reports; registered in `armdyn.rendering`."""
 
 from __future__ import annotations
 

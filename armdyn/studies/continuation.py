@@ -116,7 +116,7 @@ def _digest(problem: MinimumTimeProblem) -> str:
         "goals": [goal.tolist() for goal in problem.goals], "start": problem.x_start.tolist(),
         "end": problem.x_goal.tolist(), "weights": problem.effort_weights().tolist(), "wrap": problem.wrap,
         "via": [np.asarray(q).tolist() for q in problem.via], "obstacles": repr(problem.obstacles),
-        "clearance": [problem.self_collision, problem.clearance], "conditions": repr(problem.conditions),
+        "clearance": [problem.self_collision, problem.clearance], "path_constraints": repr(problem.path_constraints),
         "rates": repr((problem.acceleration_limit, problem.jerk_limit)),
     }  # fmt: skip
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()

@@ -260,7 +260,7 @@ def script(path, text):
 def test_any_compiler_that_fails_is_done_without(does, said, tmp_path, own_cache, monkeypatch):
     monkeypatch.setenv("CC", script(tmp_path / "compiler", does))
     if "0.2" in said:
-        monkeypatch.setattr("armdyn.codegen.compiled._TIMEOUT", 0.2)
+        monkeypatch.setattr("armdyn.codegen.compiler._TIMEOUT", 0.2)
     plain = function()
     with pytest.warns(ArmdynWarning) as warned:
         assert compiled([plain], True) == [plain]
@@ -271,7 +271,7 @@ def test_any_compiler_that_fails_is_done_without(does, said, tmp_path, own_cache
 def test_compiler_that_hung_is_not_asked_again(tmp_path, monkeypatch):
     asked = tmp_path / "asked"
     monkeypatch.setenv("CC", script(tmp_path / "compiler", f"echo >> {asked}; sleep 10"))
-    monkeypatch.setattr("armdyn.codegen.compiled._TIMEOUT", 1.0)
+    monkeypatch.setattr("armdyn.codegen.compiler._TIMEOUT", 1.0)
     with pytest.warns(ArmdynWarning, match="took longer than 1 s"):
         for _ in range(2):
             compiled([function()], True)
@@ -328,7 +328,7 @@ def test_the_builder_in_the_background_leaves_no_child(own_cache, tmp_path):
     child, library = tmp_path / "child", own_cache / "some.so"
     compiler = script(tmp_path / "compiler", f"sleep 300 & echo $! > {child}; wait")
     protected(own_cache)
-    code = "from armdyn.codegen import builder, compiled; compiled._TIMEOUT = 0.5; builder.main()"
+    code = "from armdyn.codegen import builder, compiler; compiler._TIMEOUT = 0.5; builder.main()"
     subprocess.run([sys.executable, "-c", code], input=f"{compiler}\n{library}\nint x;", text=True, timeout=60)
     assert_ended(int(child.read_text()))
 

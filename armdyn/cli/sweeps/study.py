@@ -14,7 +14,8 @@ from armdyn.cli.console import DONE, INTERRUPTED, NOT_USABLE, Answer, console, e
 from armdyn.cli.options.results import NoFigure, OutputOptions
 
 if TYPE_CHECKING:
-    from armdyn.studies.run import CrewOf, Progress, StudyRun
+    from armdyn.studies.executors.executor import ExecutorOf
+    from armdyn.studies.run import Progress, StudyRun
     from armdyn.studies.study import Study
 
 ROWS = "study.sqlite"
@@ -52,7 +53,7 @@ class StudyOptions:
     ] = "full"
     parquet: Annotated[bool, typer.Option("--parquet", help="Write rows.parquet, too (needs pyarrow).")] = False
 
-    def crew(self) -> CrewOf:
+    def crew(self) -> ExecutorOf:
         """Who works.
 
         Raises:
@@ -92,10 +93,10 @@ def run_file(path: str, options: StudyOptions, results: SweepResults, answer: An
     Raises:
         ArmdynError: it is no study, or cannot be done.
     """
-    from armdyn.studies.reading import read_study
     from armdyn.studies.rows import read_rows
-    from armdyn.studies.run import run_study
     from armdyn.studies.tables import flat, write_csv, write_parquet
+    from armdyn.studies.reading import read_study
+    from armdyn.studies.run import run_study
 
     study, crew = read_study(path), options.crew()
     figures = [] if results.no_figure else [f"{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")]
@@ -104,7 +105,7 @@ def run_file(path: str, options: StudyOptions, results: SweepResults, answer: An
     folder.mkdir(parents=True, exist_ok=True)
     with _bar(Path(path).name, len(study), results.output.json) as tell:
         run = run_study(study, folder / ROWS, crew, tell, again=options.again, sync=options.sync)
-    with reading(run.file) as rows:
+    with read_rows(run.file) as rows:
         files = [run.file, write_csv(rows, folder / "rows.csv")]
         if options.parquet:
             files.append(write_parquet(rows, folder / "rows.parquet"))

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from armdyn.control.loop.ticks import Ticks
 from armdyn.control.stability.rate import SampledStability
 from armdyn.dynamics.driven import Driven
-from armdyn.lazy import drawn
 from armdyn.models.robots.robot import Robot
+from armdyn.rendering import renderer
 from armdyn.reprs import brief, called
 from armdyn.trajectory import Trajectory
 
@@ -72,7 +72,7 @@ class Run:
 
     def _repr_html_(self) -> str:
         """What a notebook shows: a table and a picture."""
-        return drawn(self)
+        return renderer().card(self)
 
     @property
     def settled(self) -> bool:

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, several, shown, text
 from armdyn.errors import SpecError, did_you_mean
-from armdyn.lazy import drawn
 from armdyn.models.reading.urdf_arm import configuration
 from armdyn.models.reading.urdf_check import LARGEST
 from armdyn.models.robots.identity import model_hash
@@ -22,6 +21,7 @@ from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.per_joint import per_joint
 from armdyn.models.values.spec import Payload
 from armdyn.models.values.urdf import TIP, positive_tensor
+from armdyn.rendering import renderer
 from armdyn.reprs import brief, called
 
 Array = NDArray[np.float64]
@@ -103,7 +103,7 @@ class Arm:
 
     def _repr_html_(self) -> str:
         """What a notebook shows: a table and a picture."""
-        return drawn(self)
+        return renderer().card(self)
 
     @property
     def nv(self) -> int:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from armdyn.lazy import drawing, drawn
 from armdyn.models.scene.collision import Clearance
 from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.answer.words import paragraph, verdict
@@ -20,6 +19,7 @@ from armdyn.optimal.proof.certificate import Certificate
 from armdyn.optimal.proof.deciding import Share
 from armdyn.optimal.proof.sensitivity import Sensitivities, sensitivities
 from armdyn.optimal.search.goals import GoalTried
+from armdyn.rendering import renderer
 from armdyn.reprs import brief, called
 from armdyn.trajectory import Trajectory
 
@@ -91,7 +91,7 @@ class Solution:
 
     def _repr_html_(self) -> str:
         """What a notebook shows: a table and a picture."""
-        return drawn(self)
+        return renderer().card(self)
 
     @property
     def feasible(self) -> bool:
@@ -146,8 +146,7 @@ class Solution:
         Returns:
             A figure of matplotlib's, which pyplot does not know: `figure.savefig("motion.pdf")`.
         """
-        figure: Figure = drawing().figure(self)
-        return figure
+        return renderer().figure(self)
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write the report: one HTML file with the arm that moves, its curves, the verdict and what it rests on.
@@ -162,8 +161,7 @@ class Solution:
             FileError: it cannot be written.
             DiskFullError: there is no room for it.
         """
-        written: Path = drawing().report(self, path)
-        return written
+        return renderer().report(self, path)
 
     def sensitivities(self) -> Sensitivities | None:
         """How t_f answers to payload and limits; None if the arcs were not resolved."""

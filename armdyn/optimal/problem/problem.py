@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, flag, number, several
 from armdyn.errors import ArmdynWarning, ProblemError
-from armdyn.lazy import drawn
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.scene.collision import collision_model
@@ -37,6 +36,7 @@ from armdyn.optimal.problem.checks import (
 from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
 from armdyn.optimal.problem.planning_limits import Reserve, resolved_limits
 from armdyn.optimal.problem.turns import endless, ways_round
+from armdyn.rendering import renderer
 from armdyn.reprs import brief, called, several_numbers
 from armdyn.trajectory import Trajectory
 
@@ -154,7 +154,7 @@ class MinimumTimeProblem:
 
     def _repr_html_(self) -> str:
         """What a notebook shows: a table and a picture."""
-        return drawn(self)
+        return renderer().card(self)
 
     @property
     def reserves(self) -> Reserve:
