@@ -15,7 +15,6 @@ if TYPE_CHECKING:
         Margins,
         Pid,
         PidGains,
-        PidRun,
         RouthTable,
         Run,
         SampledLoop,
@@ -66,15 +65,15 @@ if TYPE_CHECKING:
         time_optimality,
         trajectory_from_path,
     )
-    from armdyn.studies.monte_carlo import monte_carlo
-    from armdyn.studies.plants import Plants
-    from armdyn.studies.plant_study import MonteCarloOptions
-    from armdyn.studies.monte_carlo_result import MonteCarlo
-    from armdyn.studies.reserve import ReserveCurve, likely_plants, reserve_curve
     from armdyn.studies.executors.dask_cluster import cluster_crew
-    from armdyn.studies.tables import study_table
+    from armdyn.studies.monte_carlo import monte_carlo
+    from armdyn.studies.monte_carlo_result import MonteCarlo
+    from armdyn.studies.plant_study import MonteCarloOptions
+    from armdyn.studies.plants import Plants
     from armdyn.studies.reading import read_study
+    from armdyn.studies.reserve import ReserveCurve, likely_plants, reserve_curve
     from armdyn.studies.run import run_study
+    from armdyn.studies.tables import study_table
     from armdyn.studies.tuning.families import ControllerFamily, Parameter, Ramps
     from armdyn.studies.tuning.tune import Tuned, TuneOptions, tune
     from armdyn.trajectory import Sample, Samples, Trajectory
@@ -82,7 +81,7 @@ else:
     __getattr__, __dir__ = facade(
         __name__,
         {
-            "control": "ComputedTorque GainPlane GainRegion Loop Lqr Margins Pid PidGains PidRun RouthTable "
+            "control": "ComputedTorque GainPlane GainRegion Loop Lqr Margins Pid PidGains RouthTable "
             "Run SampledLoop SampledStability characteristic_polynomial closed_loop_eigenvalues "
             "gain_plane least_stable_factor loop_margins multiloop_disk ramp routh_table "
             "sampled_loop sampled_stability set_point simulate_pid slowest_stable_rate track",
@@ -146,7 +145,6 @@ __all__ = [
     "Payload",
     "Pid",
     "PidGains",
-    "PidRun",
     "Plants",
     "Ramps",
     "ReserveCurve",

@@ -96,7 +96,7 @@ def test_runs_are_one_line(solution):
     run = ad.track(solution.problem.robot, solution.trajectory, ad.Lqr(), duration=0.5)
     assert is_line(repr(run)) and "2 joints" in repr(run.trajectory)
     paper = ad.simulate_pid(solution.problem.robot, q_start=[0, 0], q_goal=[0.1, 0.1], duration=0.2)
-    assert is_line(repr(paper)) and "not_settled" in repr(paper)
+    assert is_line(repr(paper)) and "not settled" in repr(paper)
 
 
 def public_dataclasses():

@@ -1,8 +1,9 @@
-"""A study's rows as one table: CSV, or Parquet where pyarrow is there."""
+"""Rows of a study as one table: CSV, or Parquet with pyarrow."""
 
 from __future__ import annotations
 
 import csv
+import json
 import os
 import tempfile
 from collections.abc import Iterator
@@ -20,10 +21,14 @@ _PIECE = 10_000
 
 
 def flat(row: StudyRow) -> dict[str, Any]:
-    """A row with a column for each setting and each fact; a fact of a setting's name is called fact_NAME."""
+    """The row with a column for each setting and each fact; a fact of a setting's name is called fact_NAME.
+
+    Lists and tables are texts in JSON.
+    """
     facts = {name if name not in row.settings else f"fact_{name}": value for name, value in row.facts.items()}
     first, last = ({name: getattr(row, name) for name in names} for names in (_FIRST, _LAST))
-    return {**first, **row.settings, **facts, **last}
+    found = {**first, **row.settings, **facts, **last}
+    return {name: json.dumps(value) if isinstance(value, list | dict) else value for name, value in found.items()}
 
 
 def study_table(file: str | os.PathLike[str]) -> list[dict[str, Any]]:

@@ -109,7 +109,10 @@ def test_no_file_beyond_the_studys_folder(study, tmp_path, place):
         (VARY, "line 1: no arm"),
         (ARM, "line 1: nothing varies"),
         (ARM + VARY + "[paylod]\n", "line 6: no table 'paylod' at the top; known: task"),
-        ("task = 'drive'\n" + ARM + VARY, "line 1: task is 'drive'; it is one of 'minimum-time', 'track'"),
+        (
+            "task = 'drive'\n" + ARM + VARY,
+            "line 1: task is 'drive'; it is one of 'minimum-time', 'track', 'monte-carlo'",
+        ),
         (ARM + "[vary]\npaylod = [1]\n", "line 5: paylod is no setting; did you mean 'payload'"),
         (ARM + "[vary]\npayload = 1\n", "line 5: payload is 1; write a list, or {from"),
         (ARM + "[vary]\npayload = [1, 'two']\n", "line 5: payload is 'two' kg; it must be|line 5: payload is 'two'"),

@@ -20,9 +20,7 @@ if TYPE_CHECKING:
 
 ROWS = "study.sqlite"
 FIGURES = ("curve", "map", "pareto")
-_OUTCOMES = {"minimum-time": ("duration_s", "torque_squared"), "track": ("settled_time_s", "peak_error")}
-"""Of each task the number that counts, and one that it is weighed against."""
-_ANSWERS = {"usable", "settled", "not_settled", "diverged", "failed"}
+_ANSWERS = {"usable", "settled", "not_settled", "diverged", "failed", "done"}
 """Statuses of cases that were done: an arm that does not settle is an answer."""
 _MOST_DRAWN = 100_000
 """Rows of a figure, at most."""
@@ -93,10 +91,10 @@ def run_file(path: str, options: StudyOptions, results: SweepResults, answer: An
     Raises:
         ArmdynError: it is no study, or cannot be done.
     """
-    from armdyn.studies.rows import read_rows
-    from armdyn.studies.tables import flat, write_csv, write_parquet
     from armdyn.studies.reading import read_study
+    from armdyn.studies.rows import read_rows
     from armdyn.studies.run import run_study
+    from armdyn.studies.tables import flat, write_csv, write_parquet
 
     study, crew = read_study(path), options.crew()
     figures = [] if results.no_figure else [f"{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")]
@@ -143,7 +141,7 @@ def _drawn(study: Study, table: list[dict[str, Any]], folder: Path, title: str) 
     from armdyn.studies.settings import label
 
     settings = {axis.name: axis.kind for axis in study.axes}
-    drawn = figures_of(table, settings, _OUTCOMES[str(study.task.asked()["task"])], named=label, title=title)
+    drawn = figures_of(table, settings, _outcomes(study), named=label, title=title)
     return [save_figure(figure, folder / f"{name}.{kind}") for name, figure in drawn.items() for kind in ("png", "pdf")]
 
 
@@ -157,7 +155,7 @@ def _words(study: Study, run: StudyRun, table: Sequence[Mapping[str, Any]], file
         + ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in run.counts.items()),
         "this run": f"{run.done_here} rows in {run.seconds:.1f} s",
     }
-    main = _OUTCOMES[str(study.task.asked()["task"])][0]
+    main = _outcomes(study)[0]
     numbers = [row for row in table if row.get(main) is not None]
     if numbers:
         for word, pick in (("least", min), ("most", max)):
@@ -167,6 +165,13 @@ def _words(study: Study, run: StudyRun, table: Sequence[Mapping[str, Any]], file
     for row in [row for row in table if row["status"] not in _ANSWERS][:3]:
         told[f"case {row['k']}"] = f"{row['status'].replace('_', ' ')}: {row['message']}"
     return told | {"results": str(files[0].parent), "written": ", ".join(file.name for file in files)}
+
+
+def _outcomes(study: Study) -> tuple[str, str]:
+    """Columns of the number that the task is about, and of one that it is weighed against."""
+    from armdyn.studies.tasks.registry import TASKS
+
+    return TASKS[str(study.task.asked()["task"])].outcomes
 
 
 def _said(name: str, value: float | str) -> str:

@@ -9,11 +9,10 @@ from typing import Any, ClassVar, Self
 from armdyn.arguments import number, one_of
 from armdyn.control.laws.computed_torque import ComputedTorque
 from armdyn.control.laws.lqr import Lqr
-from armdyn.control.laws.pid import Pid
+from armdyn.control.laws.pid import Pid, PidGains
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop
 from armdyn.control.loop.references import ramp
-from armdyn.control.pid.gains import PidGains
 from armdyn.errors import ProblemError
 from armdyn.optimal import MinimumTimeOptions, Status, solve_minimum_time
 from armdyn.parsing.toml import Table

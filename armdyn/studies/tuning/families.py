@@ -12,10 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from armdyn.arguments import expect, flag, interval, number, one_of, several, text
 from armdyn.control.laws.computed_torque import ComputedTorque
 from armdyn.control.laws.lqr import Lqr
-from armdyn.control.laws.pid import Pid
+from armdyn.control.laws.pid import FORMS, Form, Pid, PidGains
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.references import ramp
-from armdyn.control.pid.gains import FORMS, Form, PidGains
 from armdyn.dynamics import Dynamics
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from matplotlib.contour import QuadContourSet
 
-from armdyn.control.laws.pid import Pid
+from armdyn.control.laws.pid import Pid, PidGains
 from armdyn.control.loop.loop import Loop
-from armdyn.control.pid.gains import PidGains
 from armdyn.control.stability.plane import gain_plane
 from armdyn.control.stability.region import GainRegion
 from armdyn.control.stability.sampled import sampled_loop

@@ -5,14 +5,10 @@ import numpy as np
 import pytest
 
 from armdyn.control import PidGains, closed_loop_eigenvalues
-from armdyn.control.pid.gains import DEFAULT_GAINS, ContinuousPid
-from armdyn.control.pid.motion import motion_of
-from armdyn.control.pid.poles import closed_loop_matrix, eigenvalues
+from armdyn.control.laws.pid import DEFAULT_GAINS
+from armdyn.control.stability.poles import ArmAtGoal, closed_loop_matrix
 from armdyn.dynamics import Dynamics
 from armdyn.errors import ProblemError
-from armdyn.models import ArmSpec, Payload
-from armdyn.paper.closed_form import PlanarArm
-from armdyn.paper.printed.equations import PrintedArm
 from oracles import PinDynamics, robot_named
 from pid_loops import POSES, example
 
@@ -68,7 +64,7 @@ def test_matrix_is_the_jacobian_of_the_loop(name, form):
     rest = np.concatenate([held / ki, goal, np.zeros(n)])
     assert np.abs(np.array(ca.Function("f", [x], [rate])(rest))).max() < 1e-9
     expected = np.array(ca.Function("A", [x], [ca.jacobian(rate, x)])(rest))
-    got = closed_loop_matrix(motion_of(robot, None), goal, ContinuousPid(PidGains(kp, ki, kd), form))
+    got = closed_loop_matrix(ArmAtGoal.of(robot, goal, form), kp, ki, kd)
     # Two exact derivatives: what is left is rounding, times the condition of D.
     np.testing.assert_allclose(got, expected, atol=1e-10 * np.abs(expected).max())
 
@@ -79,16 +75,6 @@ def test_computed_torque_is_a_triple_integrator_per_joint():
     # s³ + kd s² + kp s + ki, once per joint; triple roots of a block matrix are good to the cube root of eps.
     expected = np.repeat(np.roots([1, 10, 30, 50]), 3)
     np.testing.assert_allclose(np.sort_complex(got), np.sort_complex(expected), atol=1e-5)
-
-
-def test_a_derivative_of_the_wrong_sign_is_unstable():
-    """Eqs (28) to (30) as printed, + k_D θ̇."""
-    robot, poses = example("R Ex4", "mM", 100.6)
-    motion, goal = motion_of(robot, None), np.array(poses["q_goal"])
-    for form in ("acceleration", "computed_torque"):
-        largest = eigenvalues(closed_loop_matrix(motion, goal, ContinuousPid(form=form, error_rate=1.0)))[0].real
-        assert largest > 5
-    np.testing.assert_allclose(largest, np.roots([1, -10, 30, 50]).real.max(), atol=1e-9)
 
 
 def test_poles_that_the_default_gains_are_said_to_have():
@@ -102,25 +88,6 @@ def test_without_integral_gain_its_state_is_left_out():
     values = closed_loop_eigenvalues(robot, poses["q_goal"], PidGains(30, [50, 0], 10))
     assert values.shape == (5,)
     assert values[0].real < 0
-
-
-@pytest.mark.parametrize("form", ["acceleration", "torque"])
-def test_given_equations_of_motion(form):
-    """The five-point stencil on hand-derived equations against Pinocchio's analytic derivatives."""
-    robot, poses = example("RRR Ex6", grams=100.6)
-    arm = PlanarArm.from_spec(ArmSpec.paper("rrr"), Payload(mass=0.1006))
-    goal, controller = np.array(poses["q_goal"]), ContinuousPid(form=form)
-    own, given = (closed_loop_matrix(motion_of(robot, d), goal, controller) for d in (None, arm))
-    # The stencil's rounding, times the condition of D: 4e-10 of the largest entry measured.
-    np.testing.assert_allclose(given, own, rtol=0, atol=5e-9 * np.abs(own).max())
-
-
-@pytest.mark.parametrize(("grams", "expected"), [(0, -1.393593196865138), (100.6, -1.3583095355056778)])
-def test_equation_7_as_printed_is_stable(grams, expected):
-    robot, poses = example("RRR Ex6")
-    arm = PrintedArm.from_spec(ArmSpec.paper("rrr"), grams / 1000)
-    largest = closed_loop_eigenvalues(robot, poses["q_goal"], dynamics=arm)[0].real
-    assert largest == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Gains and controllers: what they accept, and how they reach the joints."""
+"""Gains of a PID controller: accepted values, one number per joint."""
 
 import dataclasses
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armdyn.control import PidGains
-from armdyn.control.pid.gains import DEFAULT_GAINS, ContinuousPid
+from armdyn.control.laws.pid import DEFAULT_GAINS
 from armdyn.errors import ProblemError
 
 
@@ -44,21 +44,3 @@ def test_gains_of_different_lengths():
 def test_gains_of_another_robot():
     with pytest.raises(ProblemError, match="kp has 2 numbers"):
         PidGains(kp=[1, 2], ki=1, kd=1).per_joint(3)
-
-
-def test_what_saturates():
-    assert ContinuousPid(form="torque").saturates and not ContinuousPid(form="torque", saturate=False).saturates
-    assert not ContinuousPid().saturates and ContinuousPid(saturate=True).saturates
-
-
-def test_the_error_falls_as_fast_as_the_joint_moves():
-    """ė = -v of a goal at rest, so that the derivative term brakes; `error_rate` says otherwise."""
-    gains = PidGains(1, 2, [3, 4])
-    np.testing.assert_array_equal(ContinuousPid(gains).coefficients(2), [[1, 1], [2, 2], [3, 4]])
-    np.testing.assert_array_equal(ContinuousPid(gains, error_rate=1.0).coefficients(2), [[1, 1], [2, 2], [-3, -4]])
-
-
-@pytest.mark.parametrize(("change", "match"), [({"form": "volt"}, "form"), ({"error_rate": np.nan}, "error_rate")])
-def test_bad_controllers(change, match):
-    with pytest.raises(ProblemError, match=match):
-        ContinuousPid(**change)
