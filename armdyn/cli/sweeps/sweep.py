@@ -10,7 +10,7 @@ from armdyn.cli.motion.requirements import Require, requirements_of
 from armdyn.cli.options.joints import FastJointOptions
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.parsing.positions import degrees_are_on
-from armdyn.cli.parsing.problem_file import is_problem_file, is_study_file, problem_of, refuse_beside_a_file
+from armdyn.cli.parsing.problem_file import is_problem_file, is_study_file, problem_file, refuse_beside_a_file
 from armdyn.cli.sweeps.options import PayloadsOptions, SweepOptions, SweptOptions
 from armdyn.cli.sweeps.payloads import run_payloads
 from armdyn.cli.sweeps.study import StudyOptions, SweepResults, run_file
@@ -78,8 +78,8 @@ def _problems(
     masses = payloads.masses(robot.robot)
     if is_problem_file(robot.robot):
         refuse_beside_a_file(robot.robot, poses, payloads.place, robot.part, joints)
-        posed = problem_of(robot.robot)
-        return {mass: posed.loaded(mass) for mass in masses}, posed.options
+        file = problem_file(robot.robot)
+        return {mass: file.made(mass) for mass in masses}, file.options
     arms = {mass: joints.fit(robot.read(payloads.place.carried(mass))) for mass in masses}
     start, goal = (read(arms[masses[0]], robot.robot, "minimum_time") for read in (poses.start, poses.goal))
     kept = joints.kept()
