@@ -67,7 +67,7 @@ if TYPE_CHECKING:
         time_optimality,
         trajectory_from_path,
     )
-    from armdyn.studies.executors.dask_cluster import cluster_crew
+    from armdyn.studies.executors.dask_cluster import dask_executor
     from armdyn.studies.monte_carlo import monte_carlo
     from armdyn.studies.monte_carlo_result import MonteCarlo
     from armdyn.studies.plant_study import MonteCarloOptions
@@ -97,7 +97,7 @@ else:
             "studies.plants": "Plants",
             "studies.plant_study": "MonteCarloOptions",
             "studies.monte_carlo_result": "MonteCarlo",
-            "studies.executors.dask_cluster": "cluster_crew",
+            "studies.executors.dask_cluster": "dask_executor",
             "studies.tables": "study_table",
             "studies.reading": "read_study",
             "studies.run": "run_study",
@@ -171,7 +171,7 @@ __all__ = [
     "__version__",
     "characteristic_polynomial",
     "closed_loop_eigenvalues",
-    "cluster_crew",
+    "dask_executor",
     "gain_plane",
     "least_stable_factor",
     "likely_plants",

@@ -45,7 +45,7 @@ class Square:
         mark.touch()
         return False
 
-    def asked(self):
+    def description(self):
         return {"task": "square"}
 
 

@@ -37,7 +37,7 @@ class GivenProblems:
         """Problem of a case."""
         return self.problems[settings[self.setting]]
 
-    def asked(self) -> dict[str, object]:
+    def description(self) -> dict[str, object]:
         """Checksums of the problems."""
         return {"problems": {f"{value:g}": _digest(problem) for value, problem in self.problems.items()}}
 
@@ -46,7 +46,7 @@ def chain(
     setting: str,
     problems: Mapping[float, MinimumTimeProblem],
     options: MinimumTimeOptions,
-    tell: Callable[[str], None] | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> Study:
     """The study of a chain of problems, to be done in this process.
 
@@ -54,9 +54,11 @@ def chain(
         setting: name of what varies.
         problems: by its values.
         options: of every search; `starts` holds for all, if it is given. A time limit is each search's own.
-        tell: called with the progress of a search in words.
+        progress: called with the progress of a search in words.
     """
-    task = MinimumTimeTask(problems=GivenProblems(setting, problems), options=options, neighbours="chain", tell=tell)
+    task = MinimumTimeTask(
+        problems=GivenProblems(setting, problems), options=options, neighbours="chain", progress=progress
+    )
     return Study(task=task, axes=(Axis(name=setting, values=tuple(problems)),))
 
 
@@ -92,7 +94,7 @@ def continuation(
             raise ProblemError(f"problems[{k}] moves {', '.join(own)}; the first moves {', '.join(names[0])}")
     if not problems:
         return ()
-    found, tell = dict[int, Solution](), listener(progress)
+    found, progress = dict[int, Solution](), listener(progress)
 
     def keep(row: StudyRow, result: CaseResult) -> None:
         found[row.k] = result.value
@@ -101,7 +103,7 @@ def continuation(
 
     study = chain(
         "problem", {float(k): one for k, one in enumerate(problems)}, options,
-        progress and (lambda text: tell(f"{len(found) + (len(found) < len(problems))} of {len(problems)}: {text}")),
+        progress and (lambda text: progress(f"{len(found) + (len(found) < len(problems))} of {len(problems)}: {text}")),
     )  # fmt: skip
     with row_store(None, {}) as rows, stopping(np.inf) as stop, in_process(study.task) as executor:
         run_cases(study, rows, executor, stop, ended=keep)

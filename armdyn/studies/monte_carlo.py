@@ -61,14 +61,14 @@ def monte_carlo(
         FileError: the file cannot be read or written.
         DiskFullError: the disk is full.
     """
-    tell = listener(progress)
+    progress = listener(progress)
     study = PlantStudy(robot, reference, controller, plants, loop, options)
 
     def told(now: Progress) -> None:
         left = "" if now.left is None else f", {now.left[1]:.0f} s left"
-        tell(f"{now.done} of {now.cases} arms{left}")
+        progress(f"{now.done} of {now.cases} arms{left}")
 
-    asked = {} if file is None else study.asked()
+    asked = {} if file is None else study.description()
     with row_store(file, asked, "normal") as rows, stopping(np.inf) as stop:
         with in_process(study, options.workers or os.cpu_count()) as executor:
             run_cases(study, rows, executor, stop, told)

@@ -167,7 +167,7 @@ class PlantStudy(Cases):
         facts["overshoot"] = overshoot
         return CaseResult(status=str(run.status), good=run.settled, message=run.message, facts=facts)
 
-    def asked(self) -> dict[str, object]:
+    def description(self) -> dict[str, object]:
         """All that a row depends on, besides its number, as JSON.
 
         Raises:

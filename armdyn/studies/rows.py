@@ -133,7 +133,11 @@ class RowStore:
 
 @contextmanager
 def row_store(
-    path: str | os.PathLike[str] | None, asked: Mapping[str, object], sync: Sync = "full", *, replace: bool = False
+    path: str | os.PathLike[str] | None,
+    description: Mapping[str, object],
+    sync: Sync = "full",
+    *,
+    replace: bool = False,
 ) -> Iterator[RowStore]:
     """Open the rows of a study: new ones, or those of an earlier run.
 
@@ -207,7 +211,7 @@ def _connected(path: Path) -> Iterator[sqlite3.Connection]:
         connection.close()
 
 
-def _begin(connection: sqlite3.Connection, path: Path, asked: Mapping[str, object], replace: bool) -> None:
+def _begin(connection: sqlite3.Connection, path: Path, description: Mapping[str, object], replace: bool) -> None:
     """Make the tables of a new file, or check that an old one belongs to the same study."""
     here = json.loads(json.dumps(asked, allow_nan=False))
     if connection.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]:

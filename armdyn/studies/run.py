@@ -85,7 +85,7 @@ class ChainTask(StudyTask, Protocol):
 def run_study(
     study: Study,
     file: str | os.PathLike[str],
-    crew: ExecutorOf = local_processes,
+    executor: ExecutorOf = local_processes,
     progress: Callable[[Progress], None] | None = None,
     *,
     again: bool = False,
@@ -99,7 +99,7 @@ def run_study(
     Args:
         study: its task and cases.
         file: SQLite, for the rows.
-        crew: executor for a task: `local_processes`, `in_process`, or `cluster_crew(address)`.
+        executor: executor for a task: `local_processes`, `in_process`, or `dask_executor(address)`.
         progress: called with the progress.
         again: do cases once more whose workers died, or whose work raised an unexpected exception.
         sync: when a row is on the disk itself, see `row_store`.
@@ -110,17 +110,17 @@ def run_study(
         DiskFullError: the disk is full.
     """
     expect(study, Cases, "study", "read_study(path)")
-    function(crew, "crew")
-    tell, again = listener(progress), flag(again, "again")
+    function(executor, "executor")
+    progress, again = listener(progress), flag(again, "again")
     one_of(sync, SYNCS, "sync")
     began = time.monotonic()
-    with row_store(file, study.asked(), sync) as rows, stopping(np.inf) as stop:
+    with row_store(file, study.description(), sync) as rows, stopping(np.inf) as stop:
         if again:
             rows.forget((DIED, ERROR))
         before = len(rows.numbers())
         if before < len(study) or study.comes_back:
-            with crew(study.task) as executor:
-                run_cases(study, rows, executor, stop, tell)
+            with executor(study.task) as executor:
+                run_cases(study, rows, executor, stop, progress)
         counts = rows.counts()
     done = sum(counts.values())
     return StudyRun(
@@ -134,7 +134,7 @@ def run_cases(
     rows: RowStore,
     executor: Executor,
     stop: Stop,
-    tell: Callable[[Progress], None] = lambda progress: None,
+    progress: Callable[[Progress], None] = lambda progress: None,
     ended: Callable[[StudyRow, CaseResult], None] = lambda row, result: None,
 ) -> None:
     """Do the cases that have no row yet, until all have one or `stop` is set.
@@ -144,10 +144,10 @@ def run_cases(
         rows: where they are kept.
         executor: of the cases' task.
         stop: set by Ctrl-C, or at a deadline.
-        tell: called with the progress.
+        progress: called with the progress.
         ended: called with each new row and its result.
     """
-    run = _Run(cases, rows, executor, stop, tell, ended)
+    run = _Run(cases, rows, executor, stop, progress, ended)
     run.forward()
     if cases.comes_back and not stop:
         run.back()
@@ -161,7 +161,7 @@ class _Run:
     rows: RowStore
     executor: Executor
     stop: Stop
-    tell: Callable[[Progress], None]
+    progress: Callable[[Progress], None]
     ended: Callable[[StudyRow, CaseResult], None]
     deaths: dict[int, int] = field(default_factory=dict)
     waiting: deque[int] = field(default_factory=deque)
@@ -195,7 +195,7 @@ class _Run:
                 self._give(motions)  # cases that wait for these rows
             if not left or time.monotonic() - told > _TOLD:
                 told, count = time.monotonic(), len(self.cases)
-                self.tell(
+                self.progress(
                     Progress(
                         cases=count, done=count - left, bad=bad, left=time_left.left(left), workers=self.executor.size
                     )

@@ -109,7 +109,7 @@ class ArmRecipe:
             found[pose] = q
         return found
 
-    def asked(self) -> dict[str, object]:
+    def description(self) -> dict[str, object]:
         """As JSON says it; a file by its checksum."""
         text = self.text
         if self.source in ("urdf", "mjcf"):
@@ -136,7 +136,7 @@ class ProblemSource(Protocol):
     def problem(self, settings: Mapping[str, Value]) -> MinimumTimeProblem:
         """Problem of a case."""
 
-    def asked(self) -> Mapping[str, object]:
+    def description(self) -> Mapping[str, object]:
         """All that the problems depend on, as JSON."""
 
 
@@ -195,9 +195,9 @@ class ArmProblems:
         arm = self.arm(own)
         return json.dumps([arm.source, arm.text, self.ends(own), sorted(self.settings(own).items())])
 
-    def asked(self) -> dict[str, object]:
+    def description(self) -> dict[str, object]:
         """All that the problems depend on, as JSON."""
-        return {"arms": {arm.name: arm.asked() for arm in self.arms}, "fixed": dict(sorted(self.fixed.items()))}
+        return {"arms": {arm.name: arm.description() for arm in self.arms}, "fixed": dict(sorted(self.fixed.items()))}
 
 
 def check_setting(name: str, value: object, signs: Mapping[str, Sign], arms: Sequence[ArmRecipe]) -> Value:

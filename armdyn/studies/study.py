@@ -93,7 +93,7 @@ class Axis:
         n = self.levels
         return (np.arange(n) + 0.5) / n if self.values else np.linspace(0.0, 1.0, n)
 
-    def asked(self) -> dict[str, object]:
+    def description(self) -> dict[str, object]:
         """The axis as JSON."""
         if self.values:
             return {"values": list(self.values)}
@@ -118,7 +118,7 @@ class Cases:
         """Settings of a case."""
         raise NotImplementedError
 
-    def asked(self) -> Mapping[str, object]:
+    def description(self) -> Mapping[str, object]:
         """All that the rows depend on, as JSON."""
         raise NotImplementedError
 
@@ -197,12 +197,12 @@ class Study(Cases):
         """Settings of a case."""
         return {axis.name: axis.value(place) for axis, place in zip(self.axes, self.points[k], strict=True)}
 
-    def asked(self) -> Mapping[str, object]:
+    def description(self) -> Mapping[str, object]:
         """All that the rows depend on, as JSON; the places by their checksum."""
         return {
             "format": FORMAT,
-            "task": self.task.asked(),
-            "vary": {axis.name: axis.asked() for axis in self.axes},
+            "task": self.task.description(),
+            "vary": {axis.name: axis.description() for axis in self.axes},
             "sample": {"method": self.method, "count": len(self), "seed": self.seed},
             "places": hashlib.sha256(np.ascontiguousarray(self.points, dtype="<f8").tobytes()).hexdigest(),
         }

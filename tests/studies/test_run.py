@@ -116,7 +116,10 @@ def test_a_case_has_no_second_row(tmp_path):
     study = squares(3)
     run_study(study, tmp_path / "s.sqlite", TWO)
     row = rows_of(tmp_path / "s.sqlite")[1]
-    with row_store(tmp_path / "s.sqlite", study.asked()) as rows, pytest.raises(ResultError, match="a row already"):
+    with (
+        row_store(tmp_path / "s.sqlite", study.description()) as rows,
+        pytest.raises(ResultError, match="a row already"),
+    ):
         rows.append([row], {})
 
 
@@ -133,9 +136,9 @@ def test_one_at_a_time(tmp_path, monkeypatch):
     monkeypatch.setattr("armdyn.studies.rows._PATIENCE", 0.1)
     study = squares(2)
     with (
-        row_store(tmp_path / "s.sqlite", study.asked()),
+        row_store(tmp_path / "s.sqlite", study.description()),
         pytest.raises(ResultError, match="another process is at this study"),
-        row_store(tmp_path / "s.sqlite", study.asked()),
+        row_store(tmp_path / "s.sqlite", study.description()),
     ):
         pass
 

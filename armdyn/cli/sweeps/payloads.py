@@ -63,15 +63,15 @@ def run_payloads(
     arm, figure = first.robot, not results.no_figure
     folder = results.output.folder("sweep", name, [ROWS, *map(motion_name, problems), *table_names(figure=figure)])
     folder.mkdir(parents=True, exist_ok=True)
-    with working(f"minimum times of {arm.name}", results.output.json) as tell:
-        found, motions = _solved(folder, problems, options, tell)
+    with working(f"minimum times of {arm.name}", results.output.json) as progress:
+        found, motions = _solved(folder, problems, options, progress)
         status = _status(found, len(problems))
         if not found:
             answer.interrupted()
             return
         rows = [_line(row) for row in found]
         figure = figure and status != "interrupted"  # who pressed Ctrl-C does not wait for it
-        tell("writing the table and the figure" if figure else "writing the table")
+        progress("writing the table and the figure" if figure else "writing the table")
         files = write_sweep(folder, arm, rows, motions, f"{arm.name}: minimum time over payload", figure=figure)
     missing = [text for row in found for text in _missing(required, row)]
     answer.facts |= {
@@ -95,7 +95,7 @@ def run_payloads(
 
 
 def _solved(
-    folder: Path, problems: Mapping[float, ad.MinimumTimeProblem], options: ad.MinimumTimeOptions, tell: Any
+    folder: Path, problems: Mapping[float, ad.MinimumTimeProblem], options: ad.MinimumTimeOptions, progress: Any
 ) -> tuple[list[StudyRow], list[Path]]:
     """Rows and files of motions, by payload; after Ctrl-C with the motion that was found so far."""
     from armdyn.optimal.problem.stop import stopping
@@ -121,8 +121,8 @@ def _solved(
         if result.value.success:
             save(row.k, result.value.trajectory)
 
-    study = chain("payload", problems, options, lambda text: tell(f"{len(files) + 1} of {len(problems)}: {text}"))
-    with row_store(folder / ROWS, study.asked(), replace=True) as rows, stopping(np.inf) as stop:
+    study = chain("payload", problems, options, lambda text: progress(f"{len(files) + 1} of {len(problems)}: {text}"))
+    with row_store(folder / ROWS, study.description(), replace=True) as rows, stopping(np.inf) as stop:
         with in_process(study.task) as executor:
             run_cases(study, rows, executor, stop, ended=keep)
         found = partial | {row.k: row for row in rows.rows()}

@@ -51,7 +51,7 @@ class StudyOptions:
     ] = "full"
     parquet: Annotated[bool, typer.Option("--parquet", help="Write rows.parquet, too (needs pyarrow).")] = False
 
-    def crew(self) -> ExecutorOf:
+    def executor(self) -> ExecutorOf:
         """Who works.
 
         Raises:
@@ -66,9 +66,9 @@ class StudyOptions:
             return partial(local_processes, workers=self.workers)
         if self.workers is not None:
             raise ProblemError("--workers are processes of this machine; a --scheduler has its own")
-        from armdyn.studies.executors.dask_cluster import cluster_crew
+        from armdyn.studies.executors.dask_cluster import dask_executor
 
-        return cluster_crew(self.scheduler)
+        return dask_executor(self.scheduler)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,13 +96,13 @@ def run_file(path: str, options: StudyOptions, results: SweepResults, answer: An
     from armdyn.studies.run import run_study
     from armdyn.studies.tables import flat, write_csv, write_parquet
 
-    study, crew = read_study(path), options.crew()
+    study, executor = read_study(path), options.executor()
     figures = [] if results.no_figure else [f"{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")]
     names = ["rows.csv", *(["rows.parquet"] if options.parquet else []), *figures]
     folder = results.output.folder("sweep", path, [ROWS, *names])
     folder.mkdir(parents=True, exist_ok=True)
-    with _bar(Path(path).name, len(study), results.output.json) as tell:
-        run = run_study(study, folder / ROWS, crew, tell, again=options.again, sync=options.sync)
+    with _bar(Path(path).name, len(study), results.output.json) as progress:
+        run = run_study(study, folder / ROWS, executor, progress, again=options.again, sync=options.sync)
     with read_rows(run.file) as rows:
         files = [run.file, write_csv(rows, folder / "rows.csv")]
         if options.parquet:
@@ -171,7 +171,7 @@ def _outcomes(study: Study) -> tuple[str, str]:
     """Columns of the number that the task is about, and of one that it is weighed against."""
     from armdyn.studies.tasks.registry import TASKS
 
-    return TASKS[str(study.task.asked()["task"])].outcomes
+    return TASKS[str(study.task.description()["task"])].outcomes
 
 
 def _said(name: str, value: float | str) -> str:

@@ -82,7 +82,7 @@ def _problems(
         return {mass: file.made(mass) for mass in masses}, file.options
     arms = {mass: joints.fit(robot.read(payloads.place.carried(mass))) for mass in masses}
     start, goal = (read(arms[masses[0]], robot.robot, "minimum_time") for read in (poses.start, poses.goal))
-    kept = joints.kept()
+    kept = joints.problem_arguments()
     return {mass: ad.MinimumTimeProblem(arm, q_start=start, q_goal=goal, **kept) for mass, arm in arms.items()}, {}
 
 

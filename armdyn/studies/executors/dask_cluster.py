@@ -39,7 +39,7 @@ _GONE = 180.0
 workers a case kills at once, time and again, looks like that for half a minute."""
 
 
-def cluster_crew(address: str) -> ExecutorOf:
+def dask_executor(address: str) -> ExecutorOf:
     """Executor of `run_study` that sends cases to the workers of a Dask scheduler.
 
     The workers need the same version of armdyn, and no files: robots are sent with the cases. One thread per worker is

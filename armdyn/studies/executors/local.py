@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
-from armdyn.parallel import Workers, workers_of
+from armdyn.parallel import ForkPool, fork_pool
 from armdyn.studies.executors.executor import Ended, Executor, StudyCase, run_in_turn
 from armdyn.studies.tasks.task import StudyTask
 
@@ -15,7 +15,7 @@ from armdyn.studies.tasks.task import StudyTask
 class LocalProcesses:
     """Processes of this machine, each with one case at a time."""
 
-    def __init__(self, workers: Workers[Ended]):
+    def __init__(self, workers: ForkPool[Ended]):
         self._workers = workers
         self._begun_from: dict[int, int | None] = {}
 
@@ -56,5 +56,5 @@ def local_processes(task: StudyTask, workers: int | None = None) -> Iterator[Exe
     def do(case: StudyCase) -> Ended:
         return next(run_in_turn(task, [case], 0.0))
 
-    with workers_of(do, workers or len(os.sched_getaffinity(0))) as forks:
+    with fork_pool(do, workers or len(os.sched_getaffinity(0))) as forks:
         yield LocalProcesses(forks)

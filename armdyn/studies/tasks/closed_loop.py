@@ -89,10 +89,10 @@ class ClosedLoopTask:
                 task.check([name])
         return task
 
-    def asked(self) -> dict[str, object]:
+    def description(self) -> dict[str, object]:
         """The task as JSON."""
         own = {name: finite(x) if isinstance(x := getattr(self, name), float) else x for name in self.own}
-        return {"task": self.name, **self.problems.asked(), **own}
+        return {"task": self.name, **self.problems.description(), **own}
 
     def check(self, names: Sequence[str]) -> None:
         """Refuse settings of another controller or another reference.

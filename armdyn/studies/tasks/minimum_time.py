@@ -32,7 +32,7 @@ class MinimumTimeTask:
         problems: problem of each case.
         options: of every search; with neighbours "chain" its workers count, else each search has one.
         neighbours: see `Neighbours`.
-        tell: called with the progress of a search in this process, in words.
+        progress: called with the progress of a search in this process, in words.
     """
 
     name: ClassVar = "minimum-time"
@@ -43,7 +43,7 @@ class MinimumTimeTask:
     problems: ProblemSource
     options: MinimumTimeOptions = field(default_factory=MinimumTimeOptions)
     neighbours: Neighbours = "add"
-    tell: Callable[[str], None] | None = None
+    progress: Callable[[str], None] | None = None
 
     def __post_init__(self) -> None:
         one_of(self.neighbours, NEIGHBOURS, "neighbours")
@@ -52,7 +52,7 @@ class MinimumTimeTask:
     @classmethod
     def read(cls, table: Table, problems: ProblemSource, names: Mapping[str, Table]) -> Self:
         """The task that a table [search] describes."""
-        table.only(("effort", "starts", "seed", "time_limit", "neighbours"))
+        table.only(("search", "starts", "seed", "time_limit", "neighbours"))
         given: dict[str, Any] = {name: value for name, value in table.values.items() if name != "neighbours"}
         with table.telling():
             options = MinimumTimeOptions(**given)
@@ -68,7 +68,7 @@ class MinimumTimeTask:
             if self.neighbours != "add":
                 search = Policy.of(problem).search
                 options = replace(options, starts=1 if revisit else search.guesses(options, search.neighbour_starts))
-        solution = solve_minimum_time(problem, options, self.tell)
+        solution = solve_minimum_time(problem, options, self.progress)
         facts = _facts(solution)
         if self.neighbours == "chain":
             facts |= _chain_facts(solution)
@@ -83,11 +83,11 @@ class MinimumTimeTask:
             value=solution,
         )
 
-    def asked(self) -> dict[str, object]:
+    def description(self) -> dict[str, object]:
         """The task as JSON."""
-        options = {name: getattr(self.options, name) for name in ("effort", "starts", "seed", "time_limit")}
+        options = {name: getattr(self.options, name) for name in ("search", "starts", "seed", "time_limit")}
         search = {**options, "neighbours": self.neighbours}
-        return {"task": self.name, **self.problems.asked(), "search": search}
+        return {"task": self.name, **self.problems.description(), "search": search}
 
     def promising(self, row: StudyRow, later: StudyRow) -> bool:
         """Whether the later optimum is of another branch, and the row is not proven to be about as fast as can be."""

@@ -66,7 +66,7 @@ class StudyTask(Protocol):
             revisit: the case has a row already, and only the guess is new; of neighbours "chain" alone.
         """
 
-    def asked(self) -> Mapping[str, object]:
+    def description(self) -> Mapping[str, object]:
         """All that a result depends on besides the settings, as JSON."""
 
 

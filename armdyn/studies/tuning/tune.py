@@ -158,12 +158,12 @@ def tune(
     on, off = (expect_robots(arms, name) for arms, name in ((plants, "plants"), (held_out, "held_out")))
     if not on:
         raise ProblemError("plants are none; expected some arms, such as Plants(payload=(0.8, 1.2)).corners(robot)")
-    tell = listener(progress)
+    progress = listener(progress)
     search = GainSearch(expect_robot(robot), reference, family, on, loop, options)
-    asked = {} if file is None else search.asked()
+    asked = {} if file is None else search.description()
     with stopping(options.time_limit) as stop, row_store(file, asked, "normal", replace=True) as rows:
         with in_process(search, options.workers or os.cpu_count()) as executor:
-            status = search.go(rows, executor, stop, tell)
+            status = search.go(rows, executor, stop, progress)
         if search.best is None:
             raise ProblemError(f"no controller was run: {search.refused or 'the search was stopped at once'}")
         own, values = search.best
@@ -219,7 +219,7 @@ class GainSearch(Cases):
             return CaseResult(status="refused", message=str(error))
         return CaseResult(status="run", good=found.settled == found.count, message=str(found), facts=asdict(found))
 
-    def asked(self) -> dict[str, object]:
+    def description(self) -> dict[str, object]:
         """All that the rows depend on, as JSON."""
         options = {name: value for name, value in asdict(self.options).items() if name not in ("time_limit", "workers")}
         given = self.reference
@@ -235,7 +235,7 @@ class GainSearch(Cases):
             **options,
         }
 
-    def go(self, rows: RowStore, executor: Executor, stop: Stop, tell: Callable[[str], None]) -> TuningStatus:
+    def go(self, rows: RowStore, executor: Executor, stop: Stop, progress: Callable[[str], None]) -> TuningStatus:
         """Search, and return the way in which the search ended."""
         from scipy.optimize import differential_evolution
 
@@ -258,7 +258,7 @@ class GainSearch(Cases):
         def told(x: Array, convergence: float) -> bool:
             if self.best is not None:
                 self.history.append(self.best[0].cost(options.overshoot))
-                tell(f"generation {len(self.history)} of {options.generations}: {self.best[0]}")
+                progress(f"generation {len(self.history)} of {options.generations}: {self.best[0]}")
             return bool(stop)
 
         found = differential_evolution(

@@ -116,7 +116,7 @@ def test_what_json_and_sqlite_cannot_say_is_made_sayable():
 
 def test_a_warning_stands_in_the_row_and_not_on_the_terminal(recwarn):
     # A tenth of the motor's torque holds the arm at the start, hanging, and not at the goal.
-    task = MinimumTimeTask(problems=ArmProblems(arms=(R,)), options=ad.MinimumTimeOptions(starts=1, effort="quick"))
+    task = MinimumTimeTask(problems=ArmProblems(arms=(R,)), options=ad.MinimumTimeOptions(starts=1, search="quick"))
     outcome, _ = result_of(task, {"payload": 1.0, "effort_limit": 1.5}, b"")
     assert "needs" in outcome.facts["warning"] and "to hold the goal" in outcome.facts["warning"] and not recwarn
     assert "warning" not in result_of(task, {}, b"")[0].facts
