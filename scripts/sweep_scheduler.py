@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 
 import armdyn as ad
-from armdyn.studies.executors.local import local_processes
+from armdyn.studies.executors.local import local_executor
 from armdyn.studies.study import Axis, Study
 from armdyn.studies.tasks.task import CaseResult
 
@@ -47,7 +47,7 @@ class Sleep:
 def crews(cluster, workers):
     """Who works: processes of this machine, or a Dask cluster of as many."""
     if not cluster:
-        yield partial(local_processes, workers=workers)
+        yield partial(local_executor, workers=workers)
         return
     from distributed import LocalCluster
 

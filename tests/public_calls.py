@@ -12,7 +12,7 @@ import pinocchio as pin
 import armdyn as ad
 from armdyn.control.loop.ticks import Ticks
 from armdyn.control.stability.linear import Rest
-from armdyn.studies.executors.local import local_processes
+from armdyn.studies.executors.local import local_executor
 from oracles import two_links
 from toys import squares
 
@@ -150,7 +150,7 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
         ad.run_study: {
             "study": squares(1),
             "file": folder / "done.sqlite",
-            "executor": local_processes,
+            "executor": local_executor,
             "progress": None,
         }
         | {"again": False, "sync": "full"},

@@ -94,17 +94,17 @@ def continuation(
             raise ProblemError(f"problems[{k}] moves {', '.join(own)}; the first moves {', '.join(names[0])}")
     if not problems:
         return ()
-    found, progress = dict[int, Solution](), listener(progress)
+    found, tell = dict[int, Solution](), listener(progress)
 
     def keep(row: StudyRow, result: CaseResult) -> None:
         found[row.k] = result.value
         if done:
             done(row.k, result.value)
 
-    study = chain(
-        "problem", {float(k): one for k, one in enumerate(problems)}, options,
-        progress and (lambda text: progress(f"{len(found) + (len(found) < len(problems))} of {len(problems)}: {text}")),
-    )  # fmt: skip
+    def count(text: str) -> None:
+        tell(f"{min(len(found) + 1, len(problems))} of {len(problems)}: {text}")
+
+    study = chain("problem", {float(k): one for k, one in enumerate(problems)}, options, count)
     with row_store(None, {}) as rows, stopping(np.inf) as stop, in_process(study.task) as executor:
         run_cases(study, rows, executor, stop, ended=keep)
     return tuple(found[k] for k in sorted(found))

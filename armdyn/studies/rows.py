@@ -146,7 +146,7 @@ def row_store(
 
     Args:
         path: of the file, whose folder is made; next to it lie SQLite's -wal and -shm, and a .lock. None: in memory.
-        asked: the study, as JSON.
+        description: of the study, as JSON.
         sync: see above.
         replace: rows of another study are deleted instead of refused.
 
@@ -162,7 +162,7 @@ def row_store(
         with _errors(here):
             connection.execute("PRAGMA journal_mode = WAL")
             connection.execute(f"PRAGMA synchronous = {'FULL' if sync == 'full' else 'NORMAL'}")
-            _begin(connection, here, asked, replace)
+            _begin(connection, here, description, replace)
         yield RowStore(here, connection)
 
 
@@ -213,7 +213,7 @@ def _connected(path: Path) -> Iterator[sqlite3.Connection]:
 
 def _begin(connection: sqlite3.Connection, path: Path, description: Mapping[str, object], replace: bool) -> None:
     """Make the tables of a new file, or check that an old one belongs to the same study."""
-    here = json.loads(json.dumps(asked, allow_nan=False))
+    here = json.loads(json.dumps(description, allow_nan=False))
     if connection.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]:
         _check_kind(connection, path)
         there = json.loads(connection.execute("SELECT asked FROM study").fetchone()[0])

@@ -15,7 +15,7 @@ import numpy as np
 from armdyn.arguments import expect, flag, function, listener, one_of
 from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.studies.executors.executor import Ended, Executor, ExecutorOf, StudyCase
-from armdyn.studies.executors.local import local_processes
+from armdyn.studies.executors.local import local_executor
 from armdyn.studies.rows import SYNCS, RowStore, StudyRow, Sync, row_store
 from armdyn.studies.study import Cases, Study
 from armdyn.studies.tasks.task import ERROR, INTERRUPTED, CaseResult, StudyTask
@@ -85,7 +85,7 @@ class ChainTask(StudyTask, Protocol):
 def run_study(
     study: Study,
     file: str | os.PathLike[str],
-    executor: ExecutorOf = local_processes,
+    executor: ExecutorOf = local_executor,
     progress: Callable[[Progress], None] | None = None,
     *,
     again: bool = False,
@@ -99,7 +99,7 @@ def run_study(
     Args:
         study: its task and cases.
         file: SQLite, for the rows.
-        executor: executor for a task: `local_processes`, `in_process`, or `dask_executor(address)`.
+        executor: executor for a task: `local_executor`, `in_process`, or `dask_executor(address)`.
         progress: called with the progress.
         again: do cases once more whose workers died, or whose work raised an unexpected exception.
         sync: when a row is on the disk itself, see `row_store`.
@@ -119,8 +119,8 @@ def run_study(
             rows.forget((DIED, ERROR))
         before = len(rows.numbers())
         if before < len(study) or study.comes_back:
-            with executor(study.task) as executor:
-                run_cases(study, rows, executor, stop, progress)
+            with executor(study.task) as opened:
+                run_cases(study, rows, opened, stop, progress)
         counts = rows.counts()
     done = sum(counts.values())
     return StudyRun(

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from armdyn.errors import FileError, ResultError
-from armdyn.studies.executors.local import local_processes
+from armdyn.studies.executors.local import local_executor
 from armdyn.studies.rows import read_rows, row_store
 from armdyn.studies.run import run_study
 from armdyn.studies.settings import ARM
@@ -20,7 +20,7 @@ from armdyn.studies.study import Axis, Study
 from armdyn.studies.time_left import TimeLeft
 from toys import Square, squares
 
-TWO = partial(local_processes, workers=2)
+TWO = partial(local_executor, workers=2)
 HERE = Path(__file__).parents[1]
 
 
@@ -79,9 +79,9 @@ import sys
 sys.path.insert(0, {here!r})
 from functools import partial
 from toys import squares
-from armdyn.studies.executors.local import local_processes
+from armdyn.studies.executors.local import local_executor
 from armdyn.studies.run import run_study
-run_study(squares(60, seconds=0.02), {file!r}, partial(local_processes, workers=2))
+run_study(squares(60, seconds=0.02), {file!r}, partial(local_executor, workers=2))
 """
 
 
@@ -162,7 +162,7 @@ def test_a_case_begins_with_the_nearest_that_is_ready(tmp_path):
     arms = Axis(name=ARM, values=("p", "q"))
     numbers = Axis(name="x", low=0.0, high=9.0, count=10)
     study = Study(task=Square(neighbours="add"), axes=(arms, numbers))
-    run = run_study(study, tmp_path / "s.sqlite", partial(local_processes, workers=1))
+    run = run_study(study, tmp_path / "s.sqlite", partial(local_executor, workers=1))
     for row in rows_of(run.file):
         # One at a time, in order: the last one of the same arm is ready, and nothing is nearer.
         before = None if row.settings["x"] == 0 else row.k - 1

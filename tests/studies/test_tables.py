@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 import armdyn as ad
-from armdyn.studies.executors.local import local_processes
+from armdyn.studies.executors.local import local_executor
 from armdyn.studies.rows import read_rows
 from armdyn.studies.tables import study_table, write_csv, write_parquet
 from toys import squares
@@ -15,7 +15,7 @@ from toys import squares
 
 @pytest.fixture
 def file(tmp_path):
-    return ad.run_study(squares(7, refused=(2,)), tmp_path / "s.sqlite", partial(local_processes, workers=2)).file
+    return ad.run_study(squares(7, refused=(2,)), tmp_path / "s.sqlite", partial(local_executor, workers=2)).file
 
 
 def test_csv_and_parquet_say_the_same(file, tmp_path):

@@ -60,10 +60,10 @@ class StudyOptions:
         from functools import partial
 
         from armdyn.errors import ProblemError
-        from armdyn.studies.executors.local import local_processes
+        from armdyn.studies.executors.local import local_executor
 
         if self.scheduler is None:
-            return partial(local_processes, workers=self.workers)
+            return partial(local_executor, workers=self.workers)
         if self.workers is not None:
             raise ProblemError("--workers are processes of this machine; a --scheduler has its own")
         from armdyn.studies.executors.dask_cluster import dask_executor

@@ -32,12 +32,12 @@ class LocalProcesses:
         """Send cases to an idle process."""
         for case in cases:
             self._begun_from[case.k] = case.begun_from
-            self._workers.give(case.k, case)
+            self._workers.submit(case.k, case)
 
     def ended(self, seconds: float) -> list[Ended]:
         """Wait for reports."""
         found = list[Ended]()
-        for k, process, result in self._workers.ended(seconds):
+        for k, process, result in self._workers.finished(seconds):
             begun_from = self._begun_from.pop(k)
             one = result[0] if result else Ended(k=k, result=None, begun_from=begun_from)
             found.append(replace(one, worker=f"process {process}"))
@@ -45,7 +45,7 @@ class LocalProcesses:
 
 
 @contextmanager
-def local_processes(task: StudyTask, workers: int | None = None) -> Iterator[Executor]:
+def local_executor(task: StudyTask, workers: int | None = None) -> Iterator[Executor]:
     """Fork processes for a study; they end with this process, however it ends.
 
     Args:
