@@ -94,7 +94,7 @@ def continuation(
             raise ProblemError(f"problems[{k}] moves {', '.join(own)}; the first moves {', '.join(names[0])}")
     if not problems:
         return ()
-    found, tell = dict[int, Solution](), listener(progress)
+    found, progress = dict[int, Solution](), listener(progress)
 
     def keep(row: StudyRow, result: CaseResult) -> None:
         found[row.k] = result.value
@@ -102,7 +102,7 @@ def continuation(
             done(row.k, result.value)
 
     def count(text: str) -> None:
-        tell(f"{min(len(found) + 1, len(problems))} of {len(problems)}: {text}")
+        progress(f"{min(len(found) + 1, len(problems))} of {len(problems)}: {text}")
 
     study = chain("problem", {float(k): one for k, one in enumerate(problems)}, options, count)
     with row_store(None, {}) as rows, stopping(np.inf) as stop, in_process(study.task) as executor:
