@@ -68,4 +68,6 @@ def test_a_range_may_be_symbolic():
     for limits in (LIMITS, FallingTorque(LOWER, UPPER, top=2.0)):
         both = ca.Function("range", [q, v], [*map(ca.SX, limits.range(q, v))])
         at = np.array([0.5, -1.0, 2.0])
-        assert np.allclose(np.hstack([np.array(end) for end in both(at, at)]).T, np.broadcast_to(limits.range(at, at), (2, 3)))
+        assert np.allclose(
+            np.hstack([np.array(end) for end in both(at, at)]).T, np.broadcast_to(limits.range(at, at), (2, 3))
+        )
