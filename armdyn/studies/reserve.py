@@ -114,7 +114,7 @@ def likely_plants(robot: Robot) -> tuple[Robot, ...]:
         Six, or two of a robot without a payload.
     """
     damping, coulomb = expect_robot(robot).friction.per_joint(robot.nv)
-    size = np.minimum(np.abs(robot.limits.effort_lower), np.abs(robot.limits.effort_upper))
+    size = np.minimum(np.abs(robot.limits.actuators.lower), np.abs(robot.limits.actuators.upper))
     size = np.where(np.isfinite(size), size, 0.0)
     carries = robot.payload is not None and robot.payload.mass > 0
     loaded = [with_payload_times(robot, factor) for factor in _LOADS] if carries else [robot]

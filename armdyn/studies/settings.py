@@ -9,8 +9,6 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, Literal, Protocol
 
-import numpy as np
-
 from armdyn.arguments import Sign, number, shown
 from armdyn.errors import ProblemError, did_you_mean
 from armdyn.models.robots.poses import position_of
@@ -94,7 +92,7 @@ class ArmRecipe:
         robot = self.robot(_number(settings, "payload") or 0.0)
         robot = robot.with_limits(_number(settings, "effort_limit"), _number(settings, "velocity_limit"))
         if (scale := _number(settings, "effort_scale")) is not None:
-            robot = robot.with_limits(scale * np.maximum(robot.limits.effort_upper, -robot.limits.effort_lower), None)
+            robot = robot.with_limits(scale * robot.limits.actuators.strongest, None)
         if (scale := _number(settings, "velocity_scale")) is not None:
             robot = robot.with_limits(None, scale * robot.limits.velocity)
         return robot.with_friction(_number(settings, "damping"), _number(settings, "friction"), None)
