@@ -172,10 +172,10 @@ def _failed(task: Task, refined: RefinedCurve) -> Attempt:
     problem, result = task.problem, refined.solved.result
     motion = refined.curve.trajectory(problem.robot, 1, 0)
     hold, limits = problem.holding_torque(), problem.limits
-    over = np.maximum(hold - limits.effort_upper, limits.effort_lower - hold)
+    over = limits.actuators.excess(hold, np.asarray(problem.q_goal), np.zeros_like(hold))
     message, j = result.message, int(np.argmax(over))
     if over[j] > 0:
-        name, most = problem.robot.joint_names[j], limits.effort_upper[j]
+        name, most = problem.robot.joint_names[j], limits.actuators.upper[j]
         message += f"; joint {name!r} takes {abs(hold[j]):.3g} to be held at the goal, of {most:.3g} N m or N"
     status = Status.INFEASIBLE if result.status is Status.SOLVED else result.status
     worst = worst_violation(limits, motion, problem.robot.joint_names, dense=1)
@@ -188,10 +188,10 @@ def _deciding(task: Task, refined: RefinedCurve) -> tuple[Share, ...]:
     if problem.pays_effort or not solved.converged:
         return ()
     names, by_joint = problem.robot.joint_names, dict[str, Array]()
-    half = (problem.limits.effort_upper - problem.limits.effort_lower) / 2
+    half = problem.limits.actuators.half_range
     for leg in shape.legs:
         torques, pull = shape.torques(leg), solved.result.lam_x[shape.torques(leg)]
-        size = np.where(pull > 0, problem.limits.effort_upper, problem.limits.effort_lower) / half
+        size = np.where(pull > 0, problem.limits.actuators.upper, problem.limits.actuators.lower) / half
         parts = {"torque limit": np.sum(pull * size, axis=0)} if torques.size else {}
         for order in shape.orders:
             parts[_LIMITS[order]] = np.sum(np.abs(solved.result.lam_g[shape.rates(leg, order)]), axis=0)
