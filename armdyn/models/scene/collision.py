@@ -1,8 +1,7 @@
-"""How far an arm is from obstacles and from itself: coal, through Pinocchio, on the real geometry."""
+"""Distances of an arm from obstacles and from itself, on the real geometry, by coal through Pinocchio."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -10,31 +9,25 @@ from numpy.typing import ArrayLike, NDArray
 
 from armdyn.locks import built_once, one_at_a_time
 from armdyn.models.robots.robot import Robot
-from armdyn.models.scene.bodies import Body, bodies
-from armdyn.models.scene.obstacles import Capsule, Obstacle, Sphere
-from armdyn.trajectory import Trajectory
+from armdyn.models.scene.balls import Balls
+from armdyn.models.scene.bodies import bodies
+from armdyn.models.scene.geometry import scene_geometry
+from armdyn.models.scene.obstacles import Obstacle
 
 Array = NDArray[np.float64]
-
-_PIECES = 200
-"""Of a motion, at least looked at."""
-_POSES = 60
-_ALWAYS = 0.95
-"""Bodies that touch in this part of so many random poses, or more, are built so."""
-_FINEST = 1e-4
-"""Shortest step along a motion, as a part of it."""
+Index = NDArray[np.int_]
 
 
 @dataclass(frozen=True)
 class Clearance:
-    """Where a motion comes nearest to touching something.
+    """Where a motion comes nearest to a contact.
 
     Attributes:
         distance: between the two bodies [m]; negative: they overlap.
         time: in the motion [s].
         body: name of the arm's link.
         other: of the obstacle, or of another link.
-        sure: the arm moves less between two looks than it is away, so that no contact is missed.
+        sure: whether it is proven that every pair keeps the clearance asked for between the samples, too.
     """
 
     distance: float
@@ -52,11 +45,23 @@ class Clearance:
         return f"{self.bodies()} at t = {self.time:.4g} s"
 
 
-class CollisionModel:
-    """Distances between an arm's collision geometry, obstacles, and its own links, by coal.
+@dataclass(frozen=True, eq=False)
+class NearPairs:
+    """Pairs of a scene that are near each other at one pose, the nearest first.
 
-    Links whose joints are neighbours are not compared, nor links that touch in 95 % of all poses: they are
-    built so.
+    Attributes:
+        pairs: their indices, shape (m,).
+        distances: [m], shape (m,); negative: they overlap.
+        gradients: of the distances by the joint positions [m/rad or m/m], shape (m, nv).
+    """
+
+    pairs: Index
+    distances: Array
+    gradients: Array
+
+
+class CollisionModel:
+    """Distances between an arm's collision geometry, obstacles, and its own links.
 
     Attributes:
         robot: the arm.
@@ -64,42 +69,87 @@ class CollisionModel:
         pairs: of names, in the order of `distances`.
     """
 
-    def __init__(self, robot: Robot, obstacles: Sequence[Obstacle] = (), self_collision: bool = False):
+    def __init__(
+        self,
+        robot: Robot,
+        obstacles: Sequence[Obstacle] = (),
+        self_collision: bool = False,
+        allowed: Collection[tuple[str, str]] = (),
+    ):
         """Build the geometry.
+
+        Args:
+            robot: the arm.
+            obstacles: in the world.
+            self_collision: whether pairs of links count.
+            allowed: pairs of names that may touch.
 
         Raises:
             ProblemError: the robot has no geometry, or a mesh of it cannot be read.
         """
         self.robot, self.obstacles = robot, tuple(obstacles)
-        own = bodies(robot)
-        self._model = pin.GeometryModel()
-        for i, body in enumerate(own):
-            self._add(f"{i} {body.name}", body.joint, body.placement, body.geometry)
-        for i, obstacle in enumerate(self.obstacles):
-            self._add(f"obstacle {i}", 0, *_solid(obstacle))
-        indices: list[tuple[int, int]] = []
-        if self_collision:
-            indices += _apart(robot)
-        indices += [(i, len(own) + k) for i, body in enumerate(own) if body.joint for k in range(len(self.obstacles))]
-        self._connect(indices)
-        names = [body.name for body in own] + [obstacle.name for obstacle in self.obstacles]
-        self.pairs = tuple((names[i], names[j]) for i, j in indices)
-        self._reach = _reach(robot, own)
+        scene = scene_geometry(robot, self.obstacles, self_collision, allowed)
+        self.pairs = tuple((scene.names[i], scene.names[j]) for i, j in scene.pairs)
+        self._scene, self._balls = scene, Balls.of(bodies(robot), scene)
+        self._joints = np.array([solid.parentJoint for solid in scene.model.geometryObjects], dtype=int)[scene.pairs]
+        self._data, self._geometry = robot.model.createData(), pin.GeometryData(scene.model)
+        self._broadphase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
+            robot.model, scene.model, self._geometry
+        )
 
-    def _add(self, name: str, joint: int, placement: Array, geometry: Any) -> None:
-        self._model.addGeometryObject(pin.GeometryObject(name, joint, pin.SE3(placement), geometry))
+    @property
+    def joints(self) -> Index:
+        """Indices in `robot.model.joints` of the two joints that carry each pair, shape (pairs, 2); 0 is the world."""
+        return self._joints
 
-    def _connect(self, indices: Sequence[tuple[int, int]]) -> None:
-        for i, j in indices:
-            self._model.addCollisionPair(pin.CollisionPair(i, j))
-        self._data, self._geometry = self.robot.model.createData(), pin.GeometryData(self._model)
-
-    def distances(self, q: ArrayLike) -> Array:
-        """Of every pair [m], shape (pairs,), at joint positions q [rad or m], shape (nv,); negative: they overlap."""
-        configuration = self.robot.configuration(np.asarray(q))
+    def is_free(self, q: ArrayLike) -> bool:
+        """Whether no pair overlaps at joint positions q [rad or m], shape (nv,)."""
         with one_at_a_time:  # the work space is the model's
-            pin.computeDistances(self.robot.model, self._data, self._model, self._geometry, configuration)
-            return np.array([result.min_distance for result in self._geometry.distanceResults])
+            self._place(q)
+            self._broadphase.update(False)
+            return not pin.computeCollisions(self._broadphase, True)
+
+    def distances(self, q: ArrayLike, within: float = np.inf) -> Array:
+        """Distances of all pairs.
+
+        Args:
+            q: joint positions [rad or m], shape (nv,).
+            within: a pair that is farther apart than this [m] may be given a lower bound on its distance, which is
+                larger than this.
+
+        Returns:
+            Distances [m], shape (pairs,); negative: they overlap.
+        """
+        with one_at_a_time:
+            out, near = self._near(q, within)
+            out[near] = [self._geometry.distanceResults[int(k)].min_distance for k in near]
+        return out
+
+    def distances_of(self, pairs: Index, q: ArrayLike) -> Array:
+        """Distances of some pairs [m], of the shape of their indices, at joint positions q [rad or m], shape (nv,)."""
+        with one_at_a_time:
+            self._place(q)
+            for k in pairs:
+                pin.computeDistance(self._scene.model, self._geometry, int(k))
+            results = self._geometry.distanceResults
+            return np.array([results[int(k)].min_distance for k in pairs])
+
+    def near(self, q: ArrayLike, within: float, most: int) -> NearPairs:
+        """The nearest pairs and how their distances change.
+
+        Args:
+            q: joint positions [rad or m], shape (nv,).
+            within: pairs no farther apart than this [m].
+            most: so many pairs at most.
+        """
+        with one_at_a_time:
+            distances, near = self._near(q, within)
+            distances[near] = [self._geometry.distanceResults[int(k)].min_distance for k in near]
+            near = near[np.argsort(distances[near], kind="stable")][:most]
+            near = near[distances[near] <= within]
+            pin.computeJointJacobians(self.robot.model, self._data)
+            gradients = np.array([self._gradient(int(k)) for k in near]).reshape(near.size, self.robot.model.nv)
+        return NearPairs(near, distances[near], gradients)
 
     def nearest(self, q: ArrayLike, time: float = 0.0) -> Clearance:
         """The pair that is nearest at joint positions q [rad or m], shape (nv,)."""
@@ -107,102 +157,38 @@ class CollisionModel:
         k = int(np.argmin(distances))
         return Clearance(float(distances[k]), time, *self.pairs[k])
 
-    def along(self, motion: Trajectory) -> tuple[Clearance, Array]:
-        """Where a motion comes nearest, and each pair's least distance [m], shape (pairs,).
+    def _near(self, q: ArrayLike, within: float) -> tuple[Array, Index]:
+        """Lower bounds on all distances, and the pairs whose bound is not larger than `within`, computed by coal."""
+        self._place(q)
+        bounds = self._balls.bounds(self._data.oMi)
+        near = np.flatnonzero(bounds <= within)
+        for k in near:
+            pin.computeDistance(self._scene.model, self._geometry, int(k))
+        return bounds, near
 
-        Steps are no longer than it takes the fastest point of the arm to get where the nearest thing is
-        (conservative advancement, Mirtich 1996), a two-hundredth of the motion at most and a ten-thousandth
-        at least.
-        """
-        start, end = float(motion.t[0]), float(motion.t[-1])
-        fastest = self._speeds(motion)
-        best = self.nearest(motion.q[0])
-        least = np.full(len(self.pairs), np.inf)
-        time, sure = start, True
-        while True:
-            distances = self.distances(motion(time).q)
-            least = np.minimum(least, distances)
-            k = int(np.argmin(distances))
-            if distances[k] < best.distance:
-                best = Clearance(float(distances[k]), time - start, *self.pairs[k])
-            if time >= end:
-                break
-            # Two bodies of the arm may approach each other, hence half the way each.
-            until = distances[k] / (2 * fastest) if fastest > 0 else np.inf
-            shortest = _FINEST * (end - start)
-            sure = bool(sure and until >= shortest)
-            time = min(time + float(np.clip(until, shortest, (end - start) / _PIECES)), end)
-        return Clearance(best.distance, best.time, best.body, best.other, sure), least
+    def _place(self, q: ArrayLike) -> None:
+        configuration = self.robot.configuration(np.asarray(q))
+        pin.updateGeometryPlacements(self.robot.model, self._data, self._scene.model, self._geometry, configuration)
 
-    def _speeds(self, motion: Trajectory) -> float:
-        """No point of the arm is ever faster than this along a motion [m/s]."""
-        return float(np.max(np.nan_to_num(np.abs(motion.v) @ self._reach, nan=np.inf)))
+    def _gradient(self, k: int) -> Array:
+        """Gradient of a pair's distance by q, shape (nv,): the normal times the velocities of the nearest points."""
+        result = self._geometry.distanceResults[k]
+        normal, out = np.array(result.normal), np.zeros(self.robot.model.nv)  # coal's normal is a view
+        ends = (-1.0, result.getNearestPoint1()), (1.0, result.getNearestPoint2())
+        for joint, (sign, point) in zip(self._joints[k], ends, strict=True):
+            if joint:
+                jacobian = pin.getJointJacobian(self.robot.model, self._data, int(joint), pin.LOCAL_WORLD_ALIGNED)
+                arm = point - self._data.oMi[int(joint)].translation
+                out += sign * (normal @ jacobian[:3] + np.cross(arm, normal) @ jacobian[3:])
+        return out
 
 
 @built_once(maxsize=16)
-def collision_model(robot: Robot, obstacles: tuple[Obstacle, ...], self_collision: bool) -> CollisionModel:
+def collision_model(
+    robot: Robot,
+    obstacles: tuple[Obstacle, ...],
+    self_collision: bool,
+    allowed: tuple[tuple[str, str], ...] = (),
+) -> CollisionModel:
     """A `CollisionModel`, built once for the same arguments."""
-    return CollisionModel(robot, obstacles, self_collision)
-
-
-def _solid(obstacle: Obstacle) -> tuple[Array, Any]:
-    """An obstacle's placement in the world, shape (4, 4), and coal's geometry."""
-    import coal
-
-    placement = np.eye(4)
-    if isinstance(obstacle, Sphere):
-        placement[:3, 3] = obstacle.center
-        return placement, coal.Sphere(obstacle.radius)
-    if isinstance(obstacle, Capsule):
-        a, b = np.array(obstacle.a), np.array(obstacle.b)
-        length = float(np.linalg.norm(b - a))
-        placement[:3, 3] = (a + b) / 2
-        if length > 0:
-            placement[:3, :3] = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), b - a).matrix()
-        return placement, coal.Capsule(obstacle.radius, length)
-    return obstacle.pose, coal.Box(*obstacle.size)
-
-
-@built_once(maxsize=16)
-def _apart(robot: Robot) -> tuple[tuple[int, int], ...]:
-    """Pairs of the arm's bodies that can touch and need not: neither on neighbouring joints nor always touching."""
-    own = bodies(robot)
-    parents = robot.model.parents
-    model = CollisionModel(robot)
-    candidates = [
-        (i, j)
-        for j in range(len(own))
-        for i in range(j)
-        if own[i].joint != own[j].joint
-        and parents[own[j].joint] != own[i].joint
-        and parents[own[i].joint] != own[j].joint
-    ]
-    if not candidates:
-        return ()
-    model._connect(candidates)
-    random = np.random.default_rng(0)
-    limits = robot.limits
-    low, high = np.maximum(limits.position_lower, -np.pi), np.minimum(limits.position_upper, np.pi)
-    low, high = np.minimum(low, high), np.maximum(low, high)
-    touching = np.mean([model.distances(random.uniform(low, high)) <= 0 for _ in range(_POSES)], axis=0)
-    return tuple(pair for pair, share in zip(candidates, touching, strict=True) if share < _ALWAYS)
-
-
-def _reach(robot: Robot, own: Sequence[Body]) -> Array:
-    """How far from each joint anything that it moves can be [m], 1 for a sliding joint, shape (nv,)."""
-    model = robot.model
-    beyond = np.zeros(model.njoints)
-    for body in own:
-        ends = np.array([body.capsule.a, body.capsule.b])
-        beyond[body.joint] = max(beyond[body.joint], float(np.max(np.linalg.norm(ends, axis=1))) + body.capsule.radius)
-    slides = np.zeros(model.njoints, dtype=bool)
-    for j in range(model.njoints - 1, 0, -1):
-        slides[j] = bool(np.any(np.ravel(model.joints[j].createData().S)[:3]))
-        slack = 0.0
-        if slides[j]:
-            ends = np.array([robot.limits.position_lower[j - 1], robot.limits.position_upper[j - 1]])
-            slack = float(np.max(np.abs(ends)))
-        parent = model.parents[j]
-        step = float(np.linalg.norm(model.jointPlacements[j].translation))
-        beyond[parent] = max(beyond[parent], beyond[j] + step + slack)
-    return np.where(slides, 1.0, beyond)[1:]
+    return CollisionModel(robot, obstacles, self_collision, allowed)

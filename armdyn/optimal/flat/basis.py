@@ -18,21 +18,25 @@ DEGREE = 4
 """Of positions: accelerations are quadratic between breaks, and torques have no corners."""
 
 
-def graded(intervals: int, shortest: float) -> Array:
+def graded(intervals: int, shortest: float, longest: float = 1.0) -> Array:
     """Breaks from 0 to 1 whose distances grow by one factor from both ends to the middle, shape (intervals + 1,).
 
     Args:
         intervals: their number.
         shortest: length of the first and the last, as a part of the whole.
+        longest: the same of any interval; it is exceeded if the intervals are too few.
     """
     steps = np.minimum(np.arange(intervals), np.arange(intervals)[::-1])
 
-    def beyond(growth: float) -> float:
-        return float(np.log(shortest * np.sum(np.exp(growth * steps))))
+    def lengths(growth: float) -> Array:
+        return np.minimum(shortest * np.exp(np.minimum(growth * steps, 700.0)), longest)
 
-    can_grow = intervals > 2 and beyond(0.0) < 0
+    def beyond(growth: float) -> float:
+        return float(np.log(np.sum(lengths(growth))))
+
+    can_grow = intervals > 2 and beyond(0.0) < 0 and intervals * longest > 1
     growth = brentq(beyond, 0.0, -np.log(shortest)) if can_grow else 0.0
-    ends = np.cumsum(np.exp(growth * steps))
+    ends = np.cumsum(lengths(growth))
     return np.append(0.0, ends / ends[-1])
 
 

@@ -1,5 +1,6 @@
 """A motion as a curve: legs of control points, each with its duration."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -67,12 +68,32 @@ class Curve:
             basis: of every leg.
             durations: of the legs [s], shape (legs,), or one for all.
         """
+        ends = zip(problem.poses[:-1], problem.poses[1:], strict=True)
+        return cls.along([np.array(pair) for pair in ends], basis, durations, np.ones(problem.robot.nv))
+
+    @classmethod
+    def along(cls, paths: Sequence[Array], basis: Basis, durations: ArrayLike, speed: Array) -> Self:
+        """Along paths of straight segments, gaining speed, cruising, losing it.
+
+        Args:
+            paths: of every leg, joint positions [rad or m], shape (n, nv).
+            basis: of every leg.
+            durations: of the legs [s], shape (legs,), or one for all.
+            speed: scales of the joints against each other [rad/s or m/s], shape (nv,).
+        """
         s = np.minimum(basis.places, 1 - basis.places)
         half = np.where(s < _RAMP, s**2 / (2 * _RAMP), s - _RAMP / 2) / (1 - _RAMP)
-        part = np.where(basis.places < 0.5, half, 1 - half)[:, None]
-        lengths = np.broadcast_to(durations, len(problem.poses) - 1)
-        ends = zip(problem.poses[:-1], problem.poses[1:], lengths, strict=True)
-        return cls(tuple(CurveLeg(basis, (1 - part) * a + part * b, float(T)) for a, b, T in ends))
+        part = np.where(basis.places < 0.5, half, 1 - half)
+        legs = []
+        for path, duration in zip(paths, np.broadcast_to(durations, len(paths)), strict=True):
+            marks = np.append(0.0, np.cumsum(np.max(np.abs(np.diff(path, axis=0)) / speed, axis=1)))
+            points = np.column_stack([np.interp(part * marks[-1], marks, column) for column in path.T])
+            legs.append(CurveLeg(basis, points, float(duration)))
+        return cls(tuple(legs))
+
+    def on(self, basis: Basis) -> Self:
+        """About the same motion with another basis in all legs."""
+        return replace(self, legs=tuple(CurveLeg(basis, leg.at(basis.places)[0], leg.duration) for leg in self.legs))
 
     @classmethod
     def near(cls, motion: Trajectory, basis: Basis, passing: Array | None = None) -> Self:

@@ -1,6 +1,6 @@
 """The nonlinear program of curves: where its unknowns stand, and the blocks that it is made of."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.optimal.flat.basis import DEGREE
+from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.equations import (
     POINTS,
     WINDOW,
@@ -25,6 +26,7 @@ from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.program.blocks import Block, program_of
 from armdyn.optimal.program.interval import IntervalFunctions
 
+Array = NDArray[np.float64]
 Index = NDArray[np.int_]
 
 
@@ -69,6 +71,19 @@ class CurveLayout:
         """Where its torques stand, shape (intervals * POINTS, joints)."""
         size = self.intervals[leg] * POINTS * self.joints
         return self.duration(leg) + 1 + np.arange(size).reshape(-1, self.joints)
+
+    def curve(self, guess: Curve, x: Array) -> Curve:
+        """The curve of unknowns x, shape (size,), with the bases of a guess."""
+        legs = tuple(
+            replace(leg, points=x[self.points(k)], duration=float(x[self.duration(k)]))
+            for k, leg in enumerate(guess.legs)
+        )
+        return Curve(legs)
+
+    def torque_rows(self, leg: int) -> Index:
+        """Where the equations of the torques stand, shape (intervals * POINTS, joints)."""
+        first = sum(self._equations(before) for before in range(leg))
+        return first + np.arange(self.intervals[leg] * POINTS * self.joints).reshape(-1, self.joints)
 
     def rates(self, leg: int, order: int) -> Index:
         """Where the equations of a derivative's control points stand, shape (their number, joints)."""

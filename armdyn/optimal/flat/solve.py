@@ -1,12 +1,15 @@
-"""The fastest curve near a guess, by IPOPT."""
+"""The fastest curve near a guess: by IPOPT, or among obstacles by sequential convexification."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from math import inf
 
 from armdyn.codegen.background import arrived
 from armdyn.locks import forget
+from armdyn.optimal.flat.clearance_rows import clearance_rows
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.nlp_data import CurveSpec, assemble_curve, curve_layout, rows_of
 from armdyn.optimal.flat.program import CurveLayout, build
+from armdyn.optimal.flat.sequential import CurveProgram, Sequential, built
 from armdyn.optimal.path_constraints.rows import Rows
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Program
@@ -42,7 +45,7 @@ class Solved:
 
 
 def solve_curve(task: Task, guess: Curve, spec: CurveSpec, near: Solved | None = None) -> Solved:
-    """One call of IPOPT.
+    """Solve one program of curves.
 
     Args:
         task: what is to be solved, and how.
@@ -54,6 +57,9 @@ def solve_curve(task: Task, guess: Curve, spec: CurveSpec, near: Solved | None =
         LateError: the time is up before the program is built.
     """
     shape = curve_layout(task.problem, guess, spec.constraints)
+    if spec.constraints.asked_distances(task.problem) is not None:
+        numbers = task.policy.sequential
+        return solve_among_obstacles(task, guess, spec, numbers.fine_trust, numbers.enough)
     rows = rows_of(task.problem, spec.constraints)
     near = near if near is not None and (near.shape, near.rows) == (shape, rows) else None
     solver = _solver(task, shape, rows, warm=near is not None)
@@ -61,11 +67,31 @@ def solve_curve(task: Task, guess: Curve, spec: CurveSpec, near: Solved | None =
     result = solver.solve(
         nlp_data.x, nlp_data.p, nlp_data.x_bounds, nlp_data.g_bounds, task.stop, None if near is None else near.result
     )
-    legs = tuple(
-        replace(leg, points=result.x[shape.points(k)], duration=float(result.x[shape.duration(k)]))
-        for k, leg in enumerate(guess.legs)
-    )
-    return Solved(Curve(legs), result, shape, rows, guess.duration)
+    return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration)
+
+
+def solve_among_obstacles(
+    task: Task, guess: Curve, spec: CurveSpec, trust: float, enough: float, beaten: float = inf
+) -> Solved:
+    """Solve a program of curves that keep distances.
+
+    Args:
+        task: what is to be solved, and how.
+        guess: where it starts.
+        spec: what is asked of the curve.
+        trust: first radius of the trust region [rad or m].
+        enough: relative change of the merit at which the sequence ends.
+        beaten: a duration [s]: a sequence that is not near it after a few steps ends.
+    """
+    problem, numbers = task.problem, task.policy.sequential
+    shape, rows = curve_layout(problem, guess, spec.constraints), rows_of(problem, spec.constraints)
+    program, cost = in_time(task, lambda scheme: built(task.dynamics, shape, rows, scheme.compile))
+    asked = spec.constraints.asked_distances(problem)
+    near = None if asked is None else clearance_rows(asked, guess, numbers)
+    data = assemble_curve(task, guess, spec, shape)
+    own = CurveProgram(program, cost, data, shape, guess, problem.limits.velocity, near)
+    result = Sequential(own, numbers, task.stop).solve(trust, enough, beaten)
+    return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration)
 
 
 def prepare_curve(task: Task, guess: Curve, spec: CurveSpec) -> None:

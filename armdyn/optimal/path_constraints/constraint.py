@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
-from armdyn.models.scene.collision import Clearance
+from armdyn.models.scene.collision import Clearance, CollisionModel
 from armdyn.optimal.path_constraints.rows import Rows, RowValues
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
@@ -90,6 +90,23 @@ class Path:
     ddq: Array
 
 
+@dataclass(frozen=True, eq=False)
+class AskedDistances:
+    """Distances that pairs of bodies keep.
+
+    Attributes:
+        model: of the scene.
+        clearance: that every pair keeps [m].
+        most: that can be asked of each pair [m], shape (pairs,), not less than the clearance.
+        places: parts of every leg's duration at which they are asked for besides even ones.
+    """
+
+    model: CollisionModel
+    clearance: float
+    most: Array
+    places: tuple[Array, ...]
+
+
 class PathConstraint(ABC):
     """A path constraint, as strict as it has to be.
 
@@ -101,7 +118,7 @@ class PathConstraint(ABC):
         option: its name in `--limit NAME=…`; empty: it cannot be given there.
         metavar: what `…` stands for, with its unit in the help.
         help: one line of that help.
-        goes_round: guesses should go round what it forbids; `depth` says how deep they are in it.
+        goes_round: ways round obstacles have to be planned.
     """
 
     name: ClassVar[str]
@@ -147,6 +164,10 @@ class PathConstraint(ABC):
         """
         return None
 
+    def asked_distances(self, problem: MinimumTimeProblem) -> AskedDistances | None:
+        """Distances between bodies, if it asks for just these: curves keep them without rows of the program."""
+        return None
+
     def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
         """Which rows the program needs."""
         return ()
@@ -176,7 +197,3 @@ class PathConstraint(ABC):
     def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
         """A guess along this path should take no less [s]."""
         return 0.0
-
-    def depth(self, problem: MinimumTimeProblem, q: Array) -> float:
-        """How far a pose is from what the constraint forbids [m]; negative inside."""
-        return np.inf

@@ -3,8 +3,7 @@
 from difflib import get_close_matches
 
 from armdyn.errors import ProblemError
-from armdyn.optimal.path_constraints.clearance.obstacles import Obstacles
-from armdyn.optimal.path_constraints.clearance.self_collision import SelfCollision
+from armdyn.optimal.path_constraints.clearance import KeepsClear
 from armdyn.optimal.path_constraints.constraint import PathConstraint
 from armdyn.optimal.path_constraints.limits.acceleration import AccelerationLimit
 from armdyn.optimal.path_constraints.limits.frame_speed import FrameSpeedLimit
@@ -15,8 +14,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.parsing.numbers import numbers
 
 PATH_CONSTRAINTS: tuple[type[PathConstraint], ...] = (
-    Obstacles,
-    SelfCollision,
+    KeepsClear,
     ViaPoints,
     AccelerationLimit,
     JerkLimit,
@@ -34,6 +32,11 @@ def path_constraints_of(problem: MinimumTimeProblem) -> tuple[PathConstraint, ..
             raise ProblemError(f"{constraint!r} has a name, but no rows and no check: derive it from PathConstraint")
         found.append(constraint)
     return tuple(found)
+
+
+def is_crowded(problem: MinimumTimeProblem) -> bool:
+    """Whether a problem asks for distances between bodies, so that ways have to be planned."""
+    return any(constraint.goes_round for constraint in path_constraints_of(problem))
 
 
 def options() -> dict[str, type[PathConstraint]]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.models.scene.collision import Clearance
-from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, PathConstraint
+from armdyn.optimal.path_constraints.constraint import AskedDistances, ConstraintReport, Knots, PathConstraint
 from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.path_constraints.rows import Rows, RowValues, spread
 from armdyn.optimal.problem.aim import Aim
@@ -69,6 +69,11 @@ class TightenedConstraints:
     def of(cls, problem: MinimumTimeProblem) -> Self:
         """As strict as the problem itself."""
         return cls(path_constraints_of(problem))
+
+    def asked_distances(self, problem: MinimumTimeProblem) -> AskedDistances | None:
+        """Distances between bodies that one of them asks for; None: none does."""
+        found = (constraint.asked_distances(problem) for constraint in self.path_constraints)
+        return next((asked for asked in found if asked is not None), None)
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
         """The rows that a program needs besides the equations of motion."""

@@ -16,7 +16,7 @@ from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.robots.tables import robot_table
-from armdyn.models.scene.collision import collision_model
+from armdyn.models.scene.collision import CollisionModel, collision_model
 from armdyn.models.scene.obstacles import Obstacle, obstacle_entry, pose_entry
 from armdyn.models.scene.reaching import GoalPose, poses_reaching
 from armdyn.models.values.joint_limits import JointLimits
@@ -79,6 +79,7 @@ class MinimumTimeProblem:
         obstacles: what the arm must keep clear of, in the world.
         self_collision: whether its links must keep clear of each other, too.
         clearance: how far, at least [m].
+        allowed_contacts: pairs of names, of links and obstacles, that may touch.
         acceleration_limit: [rad/s² or m/s²]: one number or one per joint; None: none.
         jerk_limit: likewise [rad/s³ or m/s³]; with one, the acceleration is zero at both ends.
         path_constraints: what else is asked along the way, such as `FrameSpeedLimit(0.25)` or `TorqueRateLimit(50.0)`.
@@ -114,6 +115,7 @@ class MinimumTimeProblem:
     obstacles: Sequence[Obstacle] = ()
     self_collision: bool = False
     clearance: float = 0.005
+    allowed_contacts: tuple[tuple[str, str], ...] = ()
     acceleration_limit: ArrayLike | None = None
     jerk_limit: ArrayLike | None = None
     path_constraints: Sequence[PathConstraintSpec] = ()
@@ -174,6 +176,11 @@ class MinimumTimeProblem:
             **{constraint.name: True for constraint in self.path_constraints},
         }
         return tuple(name for name, wanted in asked.items() if wanted)
+
+    def collision_model(self) -> CollisionModel:
+        """The arm among its obstacles."""
+        contacts = tuple(tuple(pair) for pair in self.allowed_contacts)
+        return collision_model(self.robot, tuple(self.obstacles), self.self_collision, contacts)
 
     @property
     def continuous_torque(self) -> bool:
@@ -313,7 +320,7 @@ class MinimumTimeProblem:
         """Drop goals in contact; complain of a start, a via point, or all goals."""
         if not (self.obstacles or self.self_collision):
             return
-        model = collision_model(self.robot, tuple(self.obstacles), self.self_collision)
+        model = self.collision_model()
         fixed = [("start", np.asarray(self.q_start)), *((f"via[{i}]", np.asarray(q)) for i, q in enumerate(self.via))]
         fixed += [("goal", np.asarray(self.q_goal))] if self.goal_pose is None else []
         check_clear(model, fixed, self.clearance)

@@ -15,13 +15,14 @@ from armdyn.optimal.flat.nlp_data import CurveSpec
 from armdyn.optimal.flat.refinement import RefinedCurve, constraints_mended, refine_curve, reports_on, sampled
 from armdyn.optimal.flat.solve import prepare_curve
 from armdyn.optimal.landing.limit_violations import worst_violation
-from armdyn.optimal.path_constraints.registry import path_constraints_of
+from armdyn.optimal.path_constraints.registry import is_crowded
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, ON_CURVE, certify
 from armdyn.optimal.proof.deciding import Share
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.smooth import trajectory_cost
+from armdyn.optimal.refine.ways import refined_ways
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.search.starts import spline, straight_curve, via_guesses
@@ -47,18 +48,19 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
     Args:
         task: any problem.
     """
-    numbers = task.policy.curves
+    numbers, crowded = task.policy.curves, is_crowded(task.problem)
+    starts = task.policy.search.guesses(task.options, numbers.starts)
     try:
-        found, clear = _without_obstacles(task)
-        if not (clear or (found and _enough(task, found[0]))):
-            found += _refined(task, _guesses(task, task.policy.search.guesses(task.options, numbers.starts)))
-        if len(found) == 1 and not (clear or task.stop) and _trouble(found[0]):
+        found = refined_ways(task) if crowded else _refined(task, _guesses(task, starts))
+        if len(found) == 1 and not (crowded or task.stop) and _trouble(found[0]):
             found += _refined(task, _guesses(task, numbers.more_starts)[1:])
     except LateError:
         unbegun = Attempt.unbegun(task.stop, spline(task.problem, []), task.policy.curves.intervals)
         return [], Found((), failed=(unbegun,))
     if awaited():
         task.progress("its machine code is being built in the background, once: later solves are faster")
+    if not found:
+        return [], Found((), failed=(_no_way(task),))
     found.sort(key=lambda one: (one.excess > _HOPELESS, not constraints_mended(task, one.reports), one.curve.duration))
     if found[0].excess > _HOPELESS:
         return [], Found((), failed=(_failed(task, found[0]),), iterations=sum(one.iterations for one in found))
@@ -99,21 +101,6 @@ def optima_met(durations: Sequence[float], guesses: int, same: float) -> str:
     several = f"{len(optima)} different optima were" if len(optima) > 1 else "one optimum was"
     times = f"the best one {len(optima[0])} times of {guesses} guesses"
     return f"{several} met, {times}; other seeds may find a faster one"
-
-
-def _without_obstacles(task: Task) -> tuple[list[RefinedCurve], bool]:
-    """The fastest curve of all, if it is clear of what is to be kept clear of; else what it leads to; and which."""
-    problem = task.problem
-    if not any(constraint.goes_round for constraint in path_constraints_of(problem)):
-        return [], False
-    task.progress("the way without obstacles")
-    free = problem.variant(obstacles=(), self_collision=False)
-    (best,) = _refined(task.about(free), _guesses(task.about(free), 1)[:1])
-    constraints = TightenedConstraints.of(problem)
-    kept = reports_on(task, best.curve, constraints)
-    if not constraints_mended(task, kept):
-        return [refine_curve(task, best.curve)], False
-    return [replace(best, constraints=constraints, reports=kept)], True
 
 
 def _trouble(refined: RefinedCurve) -> bool:
@@ -165,6 +152,13 @@ def _enough(task: Task, refined: RefinedCurve) -> bool:
         return False
     bound = task.lower_bound()
     return bound is not None and refined.curve.duration <= (1 + GAP_TOLERANCE) * bound
+
+
+def _no_way(task: Task) -> Attempt:
+    """No way round the obstacles was found."""
+    message = "no collision-free path was found within the planner's budget of collision checks"
+    motion = spline(task.problem, [])
+    return Attempt(Status.INFEASIBLE, message, motion, task.policy.curves.intervals, 0, None)
 
 
 def _failed(task: Task, refined: RefinedCurve) -> Attempt:

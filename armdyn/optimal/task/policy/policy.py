@@ -18,6 +18,7 @@ from armdyn.optimal.task.policy.refinement import (
     SmoothPolicy,
 )
 from armdyn.optimal.task.policy.search import ProgramPolicy, SamePolicy, SearchPolicy
+from armdyn.optimal.task.policy.sequential import SequentialPolicy
 from armdyn.optimal.task.policy.strategy import Method, StrategyPolicy
 from armdyn.optimal.task.policy.tuned import rows
 from armdyn.optimal.task.scheme import Scheme
@@ -39,6 +40,7 @@ class Policy:
         path_constraints: what is asked along the way.
         indirect: the second approach.
         curves: motions as curves.
+        sequential: curves among obstacles.
     """
 
     strategy: StrategyPolicy
@@ -52,6 +54,7 @@ class Policy:
     path_constraints: PathConstraintPolicy = field(default_factory=PathConstraintPolicy)
     indirect: IndirectPolicy
     curves: CurvePolicy
+    sequential: SequentialPolicy = field(default_factory=SequentialPolicy)
 
     @classmethod
     def of(cls, problem: MinimumTimeProblem) -> Self:

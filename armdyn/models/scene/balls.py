@@ -1,0 +1,91 @@
+"""Lower bounds on the distances of a scene's pairs: balls around parts of the links, boxes around obstacles.
+
+A few hundred bounds take a tenth of a millisecond; coal then computes the distances of the few pairs that are near.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.models.scene.bodies import Body
+from armdyn.models.scene.geometry import SceneGeometry
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int_]
+
+BALLS = 3
+"""Balls along the axis of every link's capsule: with three a Panda's far pairs are told apart from its near ones."""
+
+
+@dataclass(frozen=True, eq=False)
+class Balls:
+    """Balls that contain the arm's bodies, and oriented boxes that contain the obstacles.
+
+    Attributes:
+        joints: index of the joint that carries each body, shape (bodies,).
+        centers: of the balls in the joint's frame [m], shape (bodies, BALLS, 3).
+        radii: of each body's balls [m], shape (bodies,).
+        rotations: of the obstacles' boxes, shape (obstacles, 3, 3).
+        middles: of the boxes in the world [m], shape (obstacles, 3).
+        halves: half of the boxes' edges [m], shape (obstacles, 3).
+        pairs: indices of the two solids of every pair, shape (pairs, 2).
+    """
+
+    joints: Index
+    centers: Array
+    radii: Array
+    rotations: Array
+    middles: Array
+    halves: Array
+    pairs: Index
+
+    @classmethod
+    def of(cls, own: tuple[Body, ...], scene: SceneGeometry) -> "Balls":
+        """Those of a scene."""
+        ends = np.array([[body.capsule.a, body.capsule.b] for body in own])
+        part = (np.arange(BALLS) + 0.5) / BALLS
+        half_step = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / (2 * BALLS)
+        boxes = [_box(scene.model.geometryObjects[k]) for k in range(scene.links, len(scene.names))]
+        rotations, middles, halves = zip(*boxes, strict=True) if boxes else ((), (), ())
+        return cls(
+            joints=np.array([body.joint for body in own]),
+            centers=ends[:, :1] + part[:, None] * (ends[:, 1:] - ends[:, :1]),
+            radii=np.array([body.capsule.radius for body in own]) + half_step,
+            rotations=np.array(rotations).reshape(-1, 3, 3),
+            middles=np.array(middles).reshape(-1, 3),
+            halves=np.array(halves).reshape(-1, 3),
+            pairs=scene.pairs,
+        )
+
+    def bounds(self, frames: Any) -> Array:
+        """Lower bounds on the distances of all pairs [m], shape (pairs,).
+
+        Args:
+            frames: placements of the joints in the world, as `pin.Data.oMi`.
+        """
+        turned = np.array([frame.rotation for frame in frames])[self.joints]
+        moved = np.array([frame.translation for frame in frames])[self.joints]
+        centers = np.einsum("bij,bkj->bki", turned, self.centers) + moved[:, None]
+        links = len(self.joints)
+        first, second = self.pairs.T
+        out, own = np.empty(len(self.pairs)), second < links
+        a, b = first[own], second[own]
+        gaps = centers[a][:, :, None] - centers[b][:, None]
+        out[own] = np.sqrt(np.min(np.sum(gaps**2, axis=-1), axis=(1, 2))) - self.radii[a] - self.radii[b]
+        if len(self.middles):
+            inside = np.einsum("oji,bkoj->bkoi", self.rotations, centers[:, :, None] - self.middles)
+            beyond = np.maximum(np.abs(inside) - self.halves, 0)
+            away = np.sqrt(np.min(np.sum(beyond**2, axis=-1), axis=1)) - self.radii[:, None]
+            out[~own] = away[first[~own], second[~own] - links]
+        return out
+
+
+def _box(solid: Any) -> tuple[Array, Array, Array]:
+    """Rotation, middle and half edges of the box around an obstacle, along the obstacle's own axes."""
+    solid.geometry.computeLocalAABB()
+    around, placement = solid.geometry.aabb_local, solid.placement
+    low, high = np.array(around.min_), np.array(around.max_)
+    middle = placement.rotation @ ((low + high) / 2) + placement.translation
+    return np.array(placement.rotation), middle, (high - low) / 2

@@ -1,0 +1,129 @@
+"""Collision geometry of an arm among obstacles, as Pinocchio and coal take it, and the pairs that could touch."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from armdyn.locks import built_once
+from armdyn.models.robots.robot import Robot
+from armdyn.models.scene.bodies import Body, bodies
+from armdyn.models.scene.obstacles import Capsule, Obstacle, Sphere
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int_]
+
+_POSES = 60
+_ALWAYS = 0.95
+"""Bodies that touch in this part of so many random poses, or more, are built so."""
+
+
+@dataclass(frozen=True, eq=False)
+class SceneGeometry:
+    """Solids and the pairs of them whose distance counts.
+
+    Attributes:
+        model: geometry of Pinocchio, with the pairs.
+        names: of links and obstacles, in the order of `model.geometryObjects`.
+        pairs: indices of the two solids of every pair, shape (pairs, 2).
+        links: how many of the solids are the arm's; they come first.
+    """
+
+    model: pin.GeometryModel
+    names: tuple[str, ...]
+    pairs: Index
+    links: int
+
+
+def scene_geometry(
+    robot: Robot,
+    obstacles: Sequence[Obstacle] = (),
+    self_collision: bool = False,
+    allowed: Collection[tuple[str, str]] = (),
+) -> SceneGeometry:
+    """Build the geometry of a scene.
+
+    Pairs of links are those of `apart`; links that do not move are not compared with obstacles.
+
+    Args:
+        robot: the arm.
+        obstacles: in the world.
+        self_collision: whether pairs of links count.
+        allowed: pairs of names, in any order, that may touch.
+
+    Raises:
+        ProblemError: the robot has no geometry, or a mesh of it cannot be read.
+    """
+    own = bodies(robot)
+    pairs = list(apart(robot)) if self_collision else []
+    pairs += [(i, len(own) + k) for i, body in enumerate(own) if body.joint for k in range(len(obstacles))]
+    return _assembled(robot, own, obstacles, pairs, allowed)
+
+
+def _assembled(
+    robot: Robot,
+    own: Sequence[Body],
+    obstacles: Sequence[Obstacle],
+    pairs: Sequence[tuple[int, int]],
+    allowed: Collection[tuple[str, str]] = (),
+) -> SceneGeometry:
+    model = pin.GeometryModel()
+    for i, body in enumerate(own):
+        model.addGeometryObject(pin.GeometryObject(f"{i} {body.name}", body.joint, pin.SE3(body.placement), body.geometry))
+    for k, obstacle in enumerate(obstacles):
+        placement, geometry = solid(obstacle)
+        model.addGeometryObject(pin.GeometryObject(f"obstacle {k}", 0, pin.SE3(placement), geometry))
+    names = (*(body.name for body in own), *(obstacle.name for obstacle in obstacles))
+    touching = {frozenset(pair) for pair in allowed}
+    kept = [(i, j) for i, j in pairs if frozenset((names[i], names[j])) not in touching]
+    for i, j in kept:
+        model.addCollisionPair(pin.CollisionPair(i, j))
+    return SceneGeometry(model, names, np.array(kept, dtype=int).reshape(-1, 2), len(own))
+
+
+def solid(obstacle: Obstacle) -> tuple[Array, Any]:
+    """An obstacle's placement in the world, shape (4, 4) [m], and coal's geometry."""
+    import coal
+
+    placement = np.eye(4)
+    if isinstance(obstacle, Sphere):
+        placement[:3, 3] = obstacle.center
+        return placement, coal.Sphere(obstacle.radius)
+    if isinstance(obstacle, Capsule):
+        a, b = np.array(obstacle.a), np.array(obstacle.b)
+        length = float(np.linalg.norm(b - a))
+        placement[:3, 3] = (a + b) / 2
+        if length > 0:
+            placement[:3, :3] = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), b - a).matrix()
+        return placement, coal.Capsule(obstacle.radius, length)
+    return obstacle.pose, coal.Box(*obstacle.size)
+
+
+@built_once(maxsize=16)
+def apart(robot: Robot) -> tuple[tuple[int, int], ...]:
+    """Pairs of the arm's bodies that can touch and need not: neither on neighbouring joints nor always touching."""
+    own, parents = bodies(robot), robot.model.parents
+    candidates = [
+        (i, j)
+        for j in range(len(own))
+        for i in range(j)
+        if own[i].joint != own[j].joint
+        and parents[own[j].joint] != own[i].joint
+        and parents[own[i].joint] != own[j].joint
+    ]
+    if not candidates:
+        return ()
+    scene = _assembled(robot, own, (), candidates)
+    data, geometry = robot.model.createData(), pin.GeometryData(scene.model)
+    random, limits = np.random.default_rng(0), robot.limits
+    low, high = np.maximum(limits.position_lower, -np.pi), np.minimum(limits.position_upper, np.pi)
+    low, high = np.minimum(low, high), np.maximum(low, high)
+    count = np.zeros(len(candidates))
+    for _ in range(_POSES):
+        configuration = robot.configuration(random.uniform(low, high))
+        pin.computeCollisions(robot.model, data, scene.model, geometry, configuration, False)
+        count += [result.isCollision() for result in geometry.collisionResults]
+    return tuple(pair for pair, share in zip(candidates, count / _POSES, strict=True) if share < _ALWAYS)

@@ -1,0 +1,78 @@
+"""The arm keeps clear of obstacles and of itself."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.models.scene.collision import CollisionModel
+from armdyn.models.scene.proof_of_clearance import prove_clearance
+from armdyn.optimal.path_constraints.constraint import AskedDistances, ConstraintReport, PathConstraint
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Violation
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_AT_ENDS = 0.98
+"""Part of a pair's distance at a given pose that is proven along the motion, where that is less than the clearance."""
+_LEFT = 0.7
+"""Part of a pair's distance at a given pose that the program asks of it: the motion need not begin along a wall."""
+
+
+@dataclass(frozen=True, eq=False)
+class KeepsClear(PathConstraint):
+    """Pairs of bodies keep `problem.clearance`.
+
+    Attributes:
+        places: parts of each leg's duration at which distances are asked for besides even ones.
+    """
+
+    places: tuple[Array, ...] = ()
+
+    name = "clearance"
+    goes_round = True
+
+    @classmethod
+    def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
+        """By the keywords `obstacles` and `self_collision`."""
+        return cls() if problem.obstacles or problem.self_collision else None
+
+    def asked_distances(self, problem: MinimumTimeProblem) -> AskedDistances:
+        """The clearance and a little more; of a pair that is nearer at a given pose, part of that distance."""
+        model, ends = _model_and_ends(problem)
+        places = self.places or tuple(np.empty(0) for _ in problem.poses[1:])
+        return AskedDistances(model, problem.clearance, np.maximum(problem.clearance, _LEFT * ends), places)
+
+    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
+        """By coal on the real geometry, proven between the samples."""
+        model, ends = _model_and_ends(problem)
+        if not model.pairs:
+            return ConstraintReport(self.name, "no pair of bodies could touch")
+        proof = prove_clearance(model, motion, np.minimum(problem.clearance, _AT_ENDS * ends))
+        clearance, need = proof.nearest, f"clearance is {1e3 * problem.clearance:g} mm"
+        reasons = (f"{clearance}; {need}",) if proof.missed else ()
+        if not (reasons or clearance.sure):
+            reasons = (f"{clearance}, and it is not proven that {need} at all times",)
+        short = problem.clearance - clearance.distance
+        worst = Violation("clearance", clearance.body, clearance.time, short) if reasons else None
+        marks = np.concatenate([motion.t[:1], passing, motion.t[-1:]])
+        leg = np.clip(np.searchsorted(marks, proof.missed, side="right") - 1, 0, marks.size - 2)
+        part = (np.array(proof.missed) - marks[leg]) / np.diff(marks)[leg]
+        missed = np.column_stack([leg, part])
+        return ConstraintReport(self.name, str(clearance), None, reasons, worst, missed, clearance)
+
+    def tightened(self, problem: MinimumTimeProblem, kept: ConstraintReport) -> Self:
+        """Ask for distances at the times at which they were missed, too."""
+        if not kept.missed.size:
+            return self
+        own = self.places or tuple(np.empty(0) for _ in problem.poses[1:])
+        leg, part = kept.missed.T
+        return replace(self, places=tuple(np.append(places, part[leg == k]) for k, places in enumerate(own)))
+
+
+def _model_and_ends(problem: MinimumTimeProblem) -> tuple[CollisionModel, Array]:
+    """The scene, and the least distance of every pair at the given poses [m], shape (pairs,)."""
+    model = problem.collision_model()
+    return model, np.min([model.distances(q) for q in problem.poses], axis=0)

@@ -1,1 +1,0 @@
-"""Keeping clear of obstacles, and of oneself."""

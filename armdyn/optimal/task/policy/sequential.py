@@ -1,0 +1,47 @@
+"""Numbers of sequential convexification."""
+
+from dataclasses import dataclass
+
+from armdyn.optimal.task.policy.tuned import tuned
+
+TRAINED = "MotionBenchMaker, Panda, problems 10 to 14 of seven sets"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SequentialPolicy:
+    """How curves among obstacles are laid out and iterated."""
+
+    intervals: int = tuned(56, "intervals", "of the last mesh", TRAINED)
+    shortest: float = tuned(2e-3, "of a leg", "first and last interval of the last mesh", TRAINED)
+    longest: float = tuned(0.025, "of a leg", "longest interval of the last mesh: a link passes an edge in it", TRAINED)
+    coarse: int = tuned(32, "intervals", "of the mesh on which ways are compared", TRAINED)
+    coarse_shortest: float = tuned(3e-3, "of a leg", "first and last interval of the coarse mesh", TRAINED)
+    coarse_longest: float = tuned(0.05, "of a leg", "longest interval of the coarse mesh", TRAINED)
+    poses: int = tuned(64, "poses", "of a leg at which distances are asked for", TRAINED)
+    coarse_poses: int = tuned(48, "poses", "the same on the coarse mesh", TRAINED)
+    within: float = tuned(0.1, "m", "pairs farther apart than this are not in a step's reach", TRAINED)
+    pairs: int = tuned(16, "pairs", "the nearest, at every pose", TRAINED)
+    spare: float = tuned(5e-4, "m", "asked beyond the clearance, so that it is kept between the poses", TRAINED)
+    ways: int = tuned(3, "ways", "compared on the coarse mesh, the shortest first", TRAINED)
+    near_bound: float = tuned(1.02, "of the time at the velocity limits", "a way so fast needs no other", TRAINED)
+    hopeless: float = tuned(1.05, "of the fastest way", "a way that is slower after the eager steps is left", TRAINED)
+    steps: int = tuned(30, "steps", "at most", TRAINED)
+    eager: int = tuned(4, "steps", "taken whatever they do: 6 instead of 29 to the end", TRAINED)
+    trust: float = tuned(0.3, "rad or m", "radius of the trust region, first and largest", TRAINED)
+    fine_trust: float = tuned(0.1, "rad or m", "first radius where the curve has moved little", TRAINED)
+    least_trust: float = tuned(1e-4, "rad or m", "radius at which no step is better", TRAINED)
+    slower: float = tuned(0.5, "of a duration", "most that it grows in a step", TRAINED)
+    faster: float = tuned(0.25, "of a duration", "most that it falls in a step", TRAINED)
+    shrink: float = tuned(3.0, "-", "factor by which the radius falls after a step that is not taken", TRAINED)
+    least_gain: float = tuned(0.1, "of the promised", "gain of a step that is taken", "Nocedal and Wright")
+    poor: float = tuned(0.25, "of the promised", "gain below which the radius falls", "Nocedal and Wright")
+    good: float = tuned(0.75, "of the promised", "gain above which the radius grows", "Nocedal and Wright")
+    jump: float = tuned(0.3, "s", "price of new overlaps (30 mm) at which an eager step is not taken", TRAINED)
+    torque: float = tuned(0.1, "s", "price of a torque beyond its limit by half its range at a point; 2 stalls", TRAINED)
+    distance: float = tuned(10.0, "s/m", "price of a distance that is missing at a pose", TRAINED)
+    other: float = tuned(0.1, "s", "price of another row beyond its limit by its scale", TRAINED)
+    torque_left: float = tuned(0.5, "of half the range", "sum over the points that slowing down mends later", TRAINED)
+    distance_left: float = tuned(1e-3, "m", "sum over the poses that later rounds mend", TRAINED)
+    coarse_enough: float = tuned(3e-3, "of the merit", "change that ends the iteration on the coarse mesh", TRAINED)
+    enough: float = tuned(1e-3, "of the merit", "the same on the last mesh", TRAINED)
+    smooth: float = tuned(1e-5, "s", "weight of squared accelerations over velocity limits; costs 0.2 %", TRAINED)

@@ -1,0 +1,109 @@
+"""Several collision-free joint paths between two poses, the shortest first."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.planning.rrt_connect import IsFree, OutOfChecks, PlannerOptions, connect, length, shortened
+
+Array = NDArray[np.float64]
+
+NEAR_STRAIGHT = 1.03
+"""A path that takes no more than this times the straight line's time is not worth a second one."""
+ENOUGH = 8_000
+"""Checks [1] after which one path is enough if the next attempts find none: as many as four usual attempts."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointSpace:
+    """Where joints may be.
+
+    Attributes:
+        is_free: whether joint positions [rad or m], shape (n,), are free of collisions.
+        lower: joint positions [rad or m], shape (n,), finite.
+        upper: likewise.
+        speed: velocity limits [rad/s or m/s], shape (n,), finite: they scale the joints against each other.
+    """
+
+    is_free: Callable[[Array], bool]
+    lower: Array
+    upper: Array
+    speed: Array
+
+
+class _Budget:
+    """Counts collision checks, of one attempt and of all."""
+
+    def __init__(self, space: JointSpace, checks: int):
+        self._space, self.left, self.attempt = space, checks, 0
+
+    def is_free(self, point: Array) -> bool:
+        if self.attempt <= 0 or self.left <= 0:
+            raise OutOfChecks
+        self.attempt -= 1
+        self.left -= 1
+        return self._space.is_free(point * self._space.speed)
+
+
+def plan_paths(
+    space: JointSpace,
+    start: Array,
+    goal: Array,
+    seed: int = 0,
+    options: PlannerOptions | None = None,
+    stop: Callable[[], bool] = lambda: False,
+) -> tuple[Array, ...]:
+    """Plan collision-free paths.
+
+    Args:
+        space: joint positions and what is free of them.
+        start: [rad or m], shape (n,), free.
+        goal: likewise.
+        seed: of the random points; the same seed gives the same paths.
+        options: how finely and how long.
+        stop: whether to give up.
+
+    Returns:
+        Joint positions of each path, shape (m, n), by the time that they take at the velocity limits; empty if none
+        was found within the options' checks.
+    """
+    options = PlannerOptions() if options is None else options
+    ends, bounds = (start / space.speed, goal / space.speed), (space.lower / space.speed, space.upper / space.speed)
+    straight = float(np.max(np.abs(ends[1] - ends[0])))
+    budget, checks, attempt = _Budget(space, options.checks), options.first_checks, 0
+    found: list[Array] = []
+    while len(found) < options.paths and budget.left > 0 and not stop():
+        path = _attempt(budget, checks, (ends, bounds), [seed, attempt], options)
+        attempt += 1
+        if path is None:
+            checks = int(checks * options.growth)
+            if found and options.checks - budget.left > ENOUGH:
+                break
+            continue
+        found.append(path)
+        if length(path) < NEAR_STRAIGHT * straight:
+            break
+    return tuple(path * space.speed for path in sorted(found, key=length))
+
+
+def _attempt(
+    budget: _Budget,
+    checks: int,
+    frame: tuple[tuple[Array, Array], tuple[Array, Array]],
+    seed: list[int],
+    options: PlannerOptions,
+) -> Array | None:
+    """One path, shortened as far as the attempt's checks last; None: none was found."""
+    budget.attempt = checks
+    is_free: IsFree = budget.is_free
+    try:
+        path = connect(is_free, *frame, seed, options)
+    except OutOfChecks:
+        return None
+    budget.attempt = checks
+    try:
+        return shortened(is_free, path, [*seed, 1], options)
+    except OutOfChecks:
+        return path
