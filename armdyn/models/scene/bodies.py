@@ -37,6 +37,8 @@ class Body:
         placement: of the geometry in the joint's frame, shape (4, 4) [m].
         geometry: coal's.
         capsule: that contains it, in the joint's frame.
+        points: in the joint's frame [m], shape (m, 3): balls around them have a convex hull that contains it.
+        radius: of these balls [m].
     """
 
     name: str
@@ -44,6 +46,8 @@ class Body:
     placement: Array
     geometry: Any
     capsule: Capsule
+    points: Array
+    radius: float
 
 
 @built_once(maxsize=16)
@@ -75,8 +79,9 @@ def bodies(robot: Robot) -> tuple[Body, ...]:
                         f"{robot.source}: link {name!r} cannot be kept clear of anything: {error}"
                     ) from None
                 for geometry, points, thickness in shapes:
-                    capsule = _around(points @ at[:3, :3].T + at[:3, 3], thickness)
-                    found.append(Body(name, int(frame.parentJoint), at, geometry, capsule))
+                    moved = points @ at[:3, :3].T + at[:3, 3]
+                    capsule = _around(moved, thickness)
+                    found.append(Body(name, int(frame.parentJoint), at, geometry, capsule, moved, thickness))
         if any(body.joint for body in found):
             return tuple(found)
     raise ProblemError(
@@ -109,7 +114,7 @@ def _shapes(element: Element, folders: tuple[str, ...]) -> Iterator[tuple[Any, A
         elif shape.tag == "mesh":
             path = resolve_mesh(str(shape.get("filename", "")), folders)
             for mesh, _ in load_meshes(path, numbers(shape.get("scale"), 3, 1.0)):
-                yield _triangles(mesh), np.asarray(mesh.vertices), 0.0
+                yield _triangles(mesh), np.asarray(mesh.convex_hull.vertices), 0.0
 
 
 def _triangles(mesh: Any) -> Any:

@@ -13,6 +13,7 @@ from armdyn.models.scene.balls import Balls
 from armdyn.models.scene.bodies import bodies
 from armdyn.models.scene.geometry import scene_geometry
 from armdyn.models.scene.obstacles import Obstacle
+from armdyn.models.scene.separation import gap, hulls
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
@@ -91,6 +92,7 @@ class CollisionModel:
         scene = scene_geometry(robot, self.obstacles, self_collision, allowed)
         self.pairs = tuple((scene.names[i], scene.names[j]) for i, j in scene.pairs)
         self._scene, self._balls = scene, Balls.of(bodies(robot), scene)
+        self._hulls = hulls(robot, scene)
         self._joints = np.array([solid.parentJoint for solid in scene.model.geometryObjects], dtype=int)[scene.pairs]
         self._data, self._geometry = robot.model.createData(), pin.GeometryData(scene.model)
         self._broadphase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
@@ -133,6 +135,28 @@ class CollisionModel:
                 pin.computeDistance(self._scene.model, self._geometry, int(k))
             results = self._geometry.distanceResults
             return np.array([results[int(k)].min_distance for k in pairs])
+
+    def gaps(self, pairs: Index, q: ArrayLike, v: ArrayLike, times: Array) -> Array:
+        """Gaps of some pairs along their present normals if their points went on at their present velocities.
+
+        Args:
+            pairs: indices, shape (m,).
+            q: joint positions [rad or m], shape (nv,).
+            v: joint velocities [rad/s or m/s], shape (nv,).
+            times: from now [s], shape (k,).
+
+        Returns:
+            [m], shape (m, k).
+        """
+        with one_at_a_time:
+            self.distances_of(pairs, q)
+            pin.forwardKinematics(self.robot.model, self._data, self.robot.configuration(np.asarray(q)), np.asarray(v))
+            results = self._geometry.distanceResults
+            return np.array([self._gap(int(k), np.array(results[int(k)].normal), times) for k in pairs])
+
+    def _gap(self, k: int, normal: Array, times: Array) -> Array:
+        first, second = self._scene.pairs[k]
+        return gap(self._data, self.robot.model, (self._hulls[first], self._hulls[second]), normal, times)
 
     def near(self, q: ArrayLike, within: float, most: int) -> NearPairs:
         """The nearest pairs and how their distances change.

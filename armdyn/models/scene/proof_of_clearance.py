@@ -1,8 +1,10 @@
-"""Proof that a motion keeps its clearances between the samples, too: bisection per pair, by bounds on the speed.
+"""Proof that a motion keeps its clearances between the samples, too: bisection per pair, by bounds on speed and
+acceleration.
 
-Two bodies whose relative motion between two times is at most L are apart by (d0 + d1 - L) / 2 at least in between,
-where d0 and d1 are their distances at these times (conservative advancement; Schwarzer, Saha, Latombe, "Adaptive dynamic
-collision checking", IEEE Transactions on Robotics 21(3), 2005).
+Two bodies whose relative motion between two times is at most L are apart by (d0 + d1 - L) / 2 at least in between
+(Schwarzer, Saha, Latombe, "Adaptive dynamic collision checking", IEEE Transactions on Robotics 21(3), 2005). Where that
+is not enough, the plane between them at either end is moved with the velocities of their points: what accelerations add
+falls with the square of the time.
 """
 
 from dataclasses import dataclass, replace
@@ -10,18 +12,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.models.robots.robot import Robot
-from armdyn.models.scene.bodies import bodies
 from armdyn.models.scene.collision import Clearance, CollisionModel
+from armdyn.models.scene.separation import MotionBounds, chain_of, reaches
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
 
 PIECES = 64
-"""Equal parts of a motion that are looked at first."""
+"""Equal parts of a motion that are looked at first: most need no second look at an arm's usual speeds."""
 MOST = 20_000
-"""Poses looked at before the proof is given up: a Panda that slides along a wall 0.1 mm farther than asked takes 1,500."""
+"""Pairs looked at again before the proof is given up: among shelves it takes a few hundred."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,12 +31,10 @@ class ClearanceProof:
 
     Attributes:
         nearest: where the nearest pair is nearest; `sure` if every pair keeps what is asked at all times.
-        least: least distance found of every pair, or a lower bound where it is far [m], shape (pairs,).
         missed: times at which a pair is nearer than asked [s], increasing.
     """
 
     nearest: Clearance
-    least: Array
     missed: tuple[float, ...]
 
 
@@ -47,8 +46,10 @@ def prove_clearance(model: CollisionModel, motion: Trajectory, asked: ArrayLike)
         motion: between its samples joints follow cubics, as `Trajectory` interpolates them.
         asked: distances to be kept [m], shape (pairs,) or one for all.
     """
-    search = _Search(model, motion, np.broadcast_to(np.asarray(asked, dtype=float), (len(model.pairs),)))
-    return search.run()
+    if not model.pairs:
+        nowhere = Clearance(np.inf, float(motion.t[0]), "nothing", "nothing", True)
+        return ClearanceProof(nowhere, ())
+    return _Search(model, motion, np.broadcast_to(np.asarray(asked, dtype=float), (len(model.pairs),))).run()
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,20 +66,23 @@ class _Piece:
     pairs: Index
     distances: Array
 
+    def only(self, which: NDArray[np.bool_]) -> "_Piece":
+        """The same with some of the pairs."""
+        return _Piece(self.ends, self.pairs[which], self.distances[:, which])
+
 
 class _Search:
     """Work space of one proof."""
 
     def __init__(self, model: CollisionModel, motion: Trajectory, asked: Array):
         self.model, self.motion, self.asked = model, motion, asked
+        self.bounds = MotionBounds.of(model.robot, motion)
         # Bounds on the relative motion of every pair until each sample [m], shape (n, pairs).
-        self.moved = _travel(motion) @ relative_reach(model).T
-        self.least, self.missed, self.looks = np.full(asked.size, np.inf), set[float](), 0
+        self.moved = self.bounds.travel @ relative_reach(model).T
+        self.missed, self.looks = set[float](), 0
         self.nearest = model.nearest(motion.q[0], float(motion.t[0]))
 
     def run(self) -> ClearanceProof:
-        if not self.model.pairs:
-            return ClearanceProof(replace(self.nearest, sure=True), self.least, ())
         todo, sure = self._pieces(), True
         while todo:
             piece = self._left(todo.pop())
@@ -89,20 +93,21 @@ class _Search:
                 sure = False
                 continue
             at = self._look(middle, piece.pairs, self.model.distances_of(piece.pairs, self.motion(middle).q))
+            self.looks += at.size
             todo += [
                 _Piece((a, middle), piece.pairs, np.array([piece.distances[0], at])),
                 _Piece((middle, b), piece.pairs, np.array([at, piece.distances[1]])),
             ]
         nearest = replace(self.nearest, sure=sure and not self.missed)
-        return ClearanceProof(nearest, self.least, tuple(sorted(self.missed)))
+        return ClearanceProof(nearest, tuple(sorted(self.missed)))
 
     def _pieces(self) -> list[_Piece]:
         """Equal parts of the motion, with all pairs."""
         times = np.linspace(self.motion.t[0], self.motion.t[-1], PIECES + 1)
-        every = np.arange(self.asked.size)
+        every, poses = np.arange(self.asked.size), self.motion(times).q
         # A pair that is farther away than it moves in four pieces needs no more than a bound.
         far = 4 / PIECES * float(np.max(self.moved[-1])) + float(np.max(self.asked))
-        at = [self._look(float(t), every, self.model.distances(q, far)) for t, q in zip(times, self.motion(times).q, strict=True)]
+        at = [self._look(float(t), every, self.model.distances(q, far)) for t, q in zip(times, poses, strict=True)]
         return [
             _Piece((float(a), float(b)), every, np.array(ends))
             for a, b, *ends in zip(times[:-1], times[1:], at[:-1], at[1:], strict=True)
@@ -110,16 +115,27 @@ class _Search:
 
     def _left(self, piece: _Piece) -> _Piece | None:
         """The pairs of a piece that are not proven, without those that are known to miss; None: there are none."""
-        asked, moved = self.asked[piece.pairs], self._moved(piece)
-        open_ = (np.sum(piece.distances, axis=0) - moved < 2 * asked) & (np.min(piece.distances, axis=0) >= asked)
+        asked = self.asked[piece.pairs]
+        open_ = (np.sum(piece.distances, axis=0) - self._moved(piece) < 2 * asked) & (
+            np.min(piece.distances, axis=0) >= asked
+        )
         if not np.any(open_):
             return None
-        return _Piece(piece.ends, piece.pairs[open_], piece.distances[:, open_])
+        left = piece.only(open_)
+        proven = self._separated(left, left.ends[0], 1.0) & self._separated(left, left.ends[1], -1.0)
+        return None if np.all(proven) else left.only(~proven)
+
+    def _separated(self, piece: _Piece, end: float, sign: float) -> NDArray[np.bool_]:
+        """Which pairs keep their distances in the half of a piece at one of its ends, shape (m,)."""
+        half, at = (piece.ends[1] - piece.ends[0]) / 2, self.motion(end)
+        first, last = self._steps(piece)
+        most = np.max(self.bounds.acceleration[first : last + 1], axis=0)
+        gaps = self.model.gaps(piece.pairs, at.q, at.v, np.array([0.0, sign * half]))
+        added = np.sum(most[self.model.joints[piece.pairs]], axis=1) * half**2 / 2
+        return np.asarray(np.min(gaps, axis=1) - added >= self.asked[piece.pairs])
 
     def _look(self, time: float, pairs: Index, distances: Array) -> Array:
         """Take note of distances at a time [m], shape (m,)."""
-        self.looks += 1
-        self.least[pairs] = np.minimum(self.least[pairs], distances)
         k = int(np.argmin(distances))
         if distances[k] < self.nearest.distance:
             self.nearest = Clearance(float(distances[k]), time, *self.model.pairs[pairs[k]])
@@ -127,70 +143,31 @@ class _Search:
             self.missed.add(time)
         return distances
 
+    def _steps(self, piece: _Piece) -> tuple[int, int]:
+        """The first and the last step of the motion that a piece lies in."""
+        t = self.motion.t
+        first, last = np.searchsorted(t, piece.ends, side="right") - 1
+        return int(np.clip(first, 0, t.size - 2)), int(np.clip(last, 0, t.size - 2))
+
     def _moved(self, piece: _Piece) -> Array:
         """Bounds on the relative motion of its pairs in a piece [m], shape (m,)."""
-        t = self.motion.t
-        at = np.array(piece.ends)
-        k = np.clip(np.searchsorted(t, at, side="right") - 1, 0, t.size - 2)
-        part = ((at - t[k]) / (t[k + 1] - t[k]))[:, None]
+        t, k = self.motion.t, np.array(self._steps(piece))
+        part = ((np.array(piece.ends) - t[k]) / (t[k + 1] - t[k]))[:, None]
         first, second = self.moved[k][:, piece.pairs], self.moved[k + 1][:, piece.pairs]
         start, end = first + part * (second - first)
         return np.asarray(end - start)
 
 
-def _travel(motion: Trajectory) -> Array:
-    """Bounds on how far each joint has travelled until each sample [rad or m], shape (n, nv).
-
-    The velocity of a cubic is a parabola, which lies within its three Bézier coefficients.
-    """
-    steps = np.diff(motion.t)[:, None]
-    v0, v1 = motion.v[:-1], motion.v[1:]
-    middle = 3 * np.diff(motion.q, axis=0) / steps - v0 - v1
-    most = np.max(np.abs([v0, middle, v1]), axis=0) * steps
-    return np.vstack([np.zeros((1, most.shape[1])), np.cumsum(most, axis=0)])
-
-
 def relative_reach(model: CollisionModel) -> Array:
-    """How far a point of a pair's body moves relative to the other body, per joint travel.
+    """How far a point of a pair's body moves relative to the other body at most, per joint travel.
 
     Returns:
         [m/rad], or 1 for a sliding joint, shape (pairs, nv); 0 for joints that move both bodies or none.
     """
-    robot = model.robot
-    reach = _reach(robot)
+    robot, reach = model.robot, reaches(model.robot)
     out = np.zeros((len(model.pairs), robot.model.nv))
-    chains = [set(_chain(robot, joint)) for joint in range(robot.model.njoints)]
+    chains = [set(chain_of(robot, joint)) for joint in range(robot.model.njoints)]
     for k, (first, second) in enumerate(model.joints):
         for joint in chains[first] ^ chains[second]:
-            body = first if joint in chains[first] else second
-            out[k, joint - 1] = reach[body, joint - 1]
-    return out
-
-
-def _chain(robot: Robot, joint: int) -> list[int]:
-    """A joint and those that carry it, without the world."""
-    out = []
-    while joint:
-        out.append(joint)
-        joint = int(robot.model.parents[joint])
-    return out
-
-
-def _reach(robot: Robot) -> Array:
-    """Farthest distance of the bodies on a joint from the axis of another that carries them [m], shape (njoints, nv)."""
-    model = robot.model
-    beyond = np.zeros(model.njoints)
-    for body in bodies(robot):
-        ends = np.array([body.capsule.a, body.capsule.b])
-        beyond[body.joint] = max(beyond[body.joint], float(np.max(np.linalg.norm(ends, axis=1))) + body.capsule.radius)
-    out = np.zeros((model.njoints, model.nv))
-    for last in range(1, model.njoints):
-        far = beyond[last]
-        for joint in _chain(robot, last):
-            slides = robot.slides[joint - 1]
-            out[last, joint - 1] = 1.0 if slides else far
-            far += float(np.linalg.norm(model.jointPlacements[joint].translation))
-            if slides:
-                ends = robot.limits.position_lower[joint - 1], robot.limits.position_upper[joint - 1]
-                far += float(np.max(np.abs(ends)))
+            out[k, joint - 1] = reach[first if joint in chains[first] else second, joint - 1]
     return out

@@ -1,6 +1,7 @@
 """Curves among obstacles: planned ways, the fastest of them on a coarse mesh, refined on a fine one."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,7 +84,9 @@ def refined_ways(task: Task) -> list[RefinedCurve]:
             best = solved
     if best is None:
         return []
-    return [refine_curve(task, best.curve.on(Basis(graded(numbers.intervals, numbers.shortest, numbers.longest))))]
+    fine = Basis(graded(numbers.intervals, numbers.shortest, numbers.longest))
+    refined = refine_curve(task, best.curve.on(fine))
+    return [replace(refined, curve=refined.curve.slower(1 + numbers.kept))]
 
 
 def _guess(task: Task, way: Sequence[Array]) -> Curve:

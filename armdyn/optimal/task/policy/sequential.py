@@ -44,4 +44,5 @@ class SequentialPolicy:
     distance_left: float = tuned(1e-3, "m", "sum over the poses that later rounds mend", TRAINED)
     coarse_enough: float = tuned(3e-3, "of the merit", "change that ends the iteration on the coarse mesh", TRAINED)
     enough: float = tuned(1e-3, "of the merit", "the same on the last mesh", TRAINED)
+    kept: float = tuned(2e-5, "of the duration", "slower than velocity limits allow, for following the curve", TRAINED)
     smooth: float = tuned(1e-5, "s", "weight of squared accelerations over velocity limits; costs 0.2 %", TRAINED)

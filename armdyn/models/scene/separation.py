@@ -1,0 +1,163 @@
+"""How the gap between two bodies closes: separating planes that move with the bodies' points.
+
+Along a direction n the gap is the least n.x of one body less the largest n.y of the other. It is no larger than their
+distance, and equal to it where n is the normal of their nearest points and both are convex.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from armdyn.models.robots.robot import Robot
+from armdyn.models.scene.bodies import bodies
+from armdyn.models.scene.geometry import SceneGeometry
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int_]
+
+
+@dataclass(frozen=True, eq=False)
+class Hull:
+    """A solid inside the convex hull of equal balls.
+
+    Attributes:
+        joint: index of the joint that carries it; 0 is the world.
+        points: centres of the balls in the joint's frame [m], shape (m, 3).
+        radius: of the balls [m].
+    """
+
+    joint: int
+    points: Array
+    radius: float
+
+
+def hulls(robot: Robot, scene: SceneGeometry) -> tuple[Hull, ...]:
+    """Convex hulls of all solids of a scene, in the order of its names."""
+    own = [Hull(body.joint, body.points, body.radius) for body in bodies(robot)]
+    return (*own, *(_hull(solid) for solid in list(scene.model.geometryObjects)[scene.links :]))
+
+
+_ROUND = 24
+"""Corners of the polygon around a cylinder's circle."""
+
+
+def _hull(solid: Any) -> Hull:
+    """Of an obstacle, in the world."""
+    import coal
+
+    shape, radius = solid.geometry, 0.0
+    if isinstance(shape, coal.Box):
+        points = np.array(np.meshgrid(*([-1.0, 1.0],) * 3)).reshape(3, -1).T * np.array(shape.halfSide)
+    elif isinstance(shape, coal.Sphere):
+        points, radius = np.zeros((1, 3)), float(shape.radius)
+    elif isinstance(shape, coal.Capsule):
+        points, radius = np.array([[0, 0, -shape.halfLength], [0, 0, shape.halfLength]]), float(shape.radius)
+    elif isinstance(shape, coal.Cylinder):
+        angle = np.linspace(0, 2 * np.pi, _ROUND, endpoint=False)
+        circle = shape.radius / np.cos(np.pi / _ROUND) * np.array([np.cos(angle), np.sin(angle), 0 * angle]).T
+        points = np.vstack([circle + np.array([0, 0, end]) for end in (-shape.halfLength, shape.halfLength)])
+    else:
+        points = np.array(shape.points())
+    return Hull(0, points @ solid.placement.rotation.T + solid.placement.translation, radius)
+
+
+def gap(data: pin.Data, model: pin.Model, pair: tuple[Hull, Hull], normal: Array, times: Array) -> Array:
+    """Gap along a direction if the points of two bodies went on at their present velocities.
+
+    Args:
+        data: with placements and velocities of the joints.
+        model: of the arm.
+        pair: the two bodies.
+        normal: unit vector from the first to the second, shape (3,).
+        times: from now [s], shape (k,).
+
+    Returns:
+        [m], shape (k,).
+    """
+    first, second = (_along(data, model, body, normal, times) for body in pair)
+    return np.min(second, axis=1) - np.max(first, axis=1) - pair[0].radius - pair[1].radius
+
+
+def _along(data: pin.Data, model: pin.Model, body: Hull, normal: Array, times: Array) -> Array:
+    """Coordinates of a body's points along a direction at times from now [m], shape (k, m)."""
+    frame: Any = data.oMi[body.joint]
+    arms = body.points @ frame.rotation.T
+    at = arms @ normal + float(frame.translation @ normal)
+    if not body.joint:
+        return np.broadcast_to(at, (times.size, at.size))
+    velocity = pin.getVelocity(model, data, body.joint, pin.LOCAL_WORLD_ALIGNED)
+    turning = np.cross(normal, velocity.angular)  # n . (w x r) = (n x w) . r
+    speed = arms @ turning + float(velocity.linear @ normal)
+    return np.asarray(at + times[:, None] * speed)
+
+
+@dataclass(frozen=True, eq=False)
+class MotionBounds:
+    """Bounds on the motion of the bodies on every joint between the samples of a trajectory.
+
+    Attributes:
+        travel: how far each joint has come until each sample at most [rad or m], shape (n, nv).
+        acceleration: of any point of the bodies on each joint in each step [m/s²], shape (n - 1, njoints).
+    """
+
+    travel: Array
+    acceleration: Array
+
+    @classmethod
+    def of(cls, robot: Robot, motion: Trajectory) -> "MotionBounds":
+        """Those of a motion, between whose samples joints follow cubics.
+
+        The velocity of a cubic lies within its three Bézier coefficients, the acceleration is linear. A point's
+        acceleration is J a plus the second derivatives of its position times the velocities, and the second derivative by
+        two joints is no longer than the arm to the axis of the outer one.
+        """
+        h = np.diff(motion.t)[:, None]
+        mean, v0, v1 = np.diff(motion.q, axis=0) / h, motion.v[:-1], motion.v[1:]
+        v = np.max(np.abs([v0, 3 * mean - v0 - v1, v1]), axis=0)
+        a = np.max(np.abs([6 * mean - 4 * v0 - 2 * v1, -6 * mean + 2 * v0 + 4 * v1]), axis=0) / h
+        jumps = motion.jumps
+        v[jumps], a[jumps] = np.maximum(np.abs(v0), np.abs(v1))[jumps], 0.0
+        reach, out = reaches(robot), np.zeros((len(h), robot.model.njoints))
+        for body in range(1, robot.model.njoints):
+            carried = reach[body]
+            chain = [joint - 1 for joint in sorted(chain_of(robot, body))]
+            out[:, body] = a @ carried
+            for i, outer in enumerate(chain):  # joints are numbered from the base outwards
+                inner = np.sum(v[:, chain[:i]], axis=1)
+                out[:, body] += carried[outer] * v[:, outer] * (v[:, outer] + 2 * inner)
+        return cls(np.vstack([np.zeros((1, v.shape[1])), np.cumsum(v * h, axis=0)]), out)
+
+
+def chain_of(robot: Robot, joint: int) -> list[int]:
+    """A joint and those that carry it, outermost first, without the world."""
+    out = []
+    while joint:
+        out.append(joint)
+        joint = int(robot.model.parents[joint])
+    return out
+
+
+def reaches(robot: Robot) -> Array:
+    """Farthest distance of the bodies on a joint from the axis of one that carries them [m], shape (njoints, nv).
+
+    It is 1 for a sliding joint, and 0 for joints that do not carry them.
+    """
+    model, beyond = robot.model, np.zeros(robot.model.njoints)
+    for body in bodies(robot):
+        far = float(np.max(np.linalg.norm(body.points, axis=1))) + body.radius
+        beyond[body.joint] = max(beyond[body.joint], far)
+    out = np.zeros((model.njoints, model.nv))
+    for last in range(1, model.njoints):
+        far = beyond[last]
+        for joint in chain_of(robot, last):
+            slides = robot.slides[joint - 1]
+            out[last, joint - 1] = 1.0 if slides else far
+            far += float(np.linalg.norm(model.jointPlacements[joint].translation))
+            if slides:
+                ends = robot.limits.position_lower[joint - 1], robot.limits.position_upper[joint - 1]
+                far += float(np.max(np.abs(ends)))
+    return out
