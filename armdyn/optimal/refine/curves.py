@@ -40,8 +40,6 @@ _LEAST_SHARE = 1e-4
 """Of the time: less is what IPOPT's barrier leaves of no share at all."""
 _IDLE = 1e-2
 """Of the time: a joint whose limits decide less moves as it likes for most of it."""
-_AGAIN = 2.0
-"""Times the slowing that a replay's limits take: the next replay is as far beside its curve, elsewhere."""
 
 
 def curves(task: Task) -> tuple[list[Optimum], Found]:
@@ -218,7 +216,7 @@ def _landed(task: Task, refined: RefinedCurve) -> Optimum:
         # Where friction jumps the replay is further beside its curve: more than `refine.slowing` could lead to the goal.
         factor = least_factor(problem.robot, problem.limits, replay, LIMIT_TOLERANCE)
         if 1 < factor < 1 + _HOPELESS:
-            curve = curve.slower(1 + _AGAIN * (factor - 1))
+            curve = curve.slower(1 + task.policy.curves.slower_again * (factor - 1))
             replay = follow(task, sampled(task, curve))
     replay = replace(replay, name="minimum time")
     looked = refined.constraints.check(problem, replay, curve.passing) if refined.constraints.path_constraints else None

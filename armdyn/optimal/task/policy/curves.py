@@ -53,6 +53,9 @@ class CurvePolicy:
         "multiplies the samples where Coulomb friction jumps between them: the replay ends 3 times nearer",
         "xArm6",
     )
+    slower_again: float = tuned(
+        2.0, "-", "times the slowing that the limits take: the next replay is as far off its curve elsewhere", "xArm6"
+    )
     coarser_after_interrupt: int = tuned(
         2, "-", "divides both after Ctrl-C: half the time to replay, and still within 1e-6 rad of the goal", "Panda"
     )
