@@ -1,6 +1,7 @@
 """The one value that leaves every solver and every simulation, and what others read of it."""
 
 from armdyn.trajectory.samples import Samples as Samples
+from armdyn.trajectory.value import HOLDS as HOLDS
 from armdyn.trajectory.value import LEAST_STEP as LEAST_STEP
 from armdyn.trajectory.value import Sample as Sample
 from armdyn.trajectory.value import Trajectory as Trajectory

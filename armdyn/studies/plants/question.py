@@ -127,7 +127,7 @@ class Question:
 
 def _digest(motion: Trajectory) -> str:
     """A hash of a motion's samples."""
-    digest = hashlib.sha256()
+    digest = hashlib.sha256(b"" if motion.hold == "linear" else motion.hold.encode())
     for array in (motion.t, motion.q, motion.v, motion.tau):
         digest.update(repr(array.shape).encode() + array.tobytes())
     return digest.hexdigest()
