@@ -44,6 +44,7 @@ if TYPE_CHECKING:
         LinkSpec,
         Payload,
         Robot,
+        RobotOptions,
         Sphere,
         urdf_from_spec,
     )
@@ -60,6 +61,7 @@ if TYPE_CHECKING:
         TimeOptimality,
         TorqueRateLimit,
         lower_bound,
+        read_problem,
         replay_torques,
         solve_minimum_time,
         time_optimality,
@@ -86,10 +88,11 @@ else:
             "gain_plane least_stable_factor loop_margins multiloop_disk ramp routh_table "
             "sampled_loop sampled_stability set_point simulate_pid slowest_stable_rate track",
             "dynamics": "Dynamics",
-            "models": "ArmSpec Box Capsule GoalPose JointLimits LinkSpec Payload Robot Sphere urdf_from_spec",
+            "models": "ArmSpec Box Capsule GoalPose JointLimits LinkSpec Payload Robot RobotOptions Sphere "
+            "urdf_from_spec",
             "optimal": "Arc Certificate FrameSpeedLimit LowerBound MinimumTimeOptions MinimumTimeProblem Sensitivities "
             "Solution Status TimeOptimality TorqueRateLimit "
-            "lower_bound replay_torques solve_minimum_time time_optimality trajectory_from_path",
+            "lower_bound read_problem replay_torques solve_minimum_time time_optimality trajectory_from_path",
             "studies.plants.monte_carlo": "monte_carlo",
             "studies.plants.plants": "Plants",
             "studies.plants.question": "MonteCarloOptions",
@@ -149,6 +152,7 @@ __all__ = [
     "Ramps",
     "ReserveCurve",
     "Robot",
+    "RobotOptions",
     "RouthTable",
     "Run",
     "Sample",
@@ -176,6 +180,7 @@ __all__ = [
     "monte_carlo",
     "multiloop_disk",
     "ramp",
+    "read_problem",
     "read_study",
     "replay_torques",
     "reserve_curve",

@@ -146,6 +146,7 @@ def test_whatever_it_is_given_it_does_its_work_or_says_what_is_wrong(table, call
     for call, right in calls[table].items():
         call(**right)
         annotations = {name: one.annotation for name, one in inspect.signature(call).parameters.items()}
+        annotations |= ad.RobotOptions.__annotations__ if "keywords" in annotations else {}
         for name in right:
             where = f"{call.__qualname__}({name})"
             with little_memory(wrong, where):

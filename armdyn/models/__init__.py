@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from armdyn.lazy import facade
 
 if TYPE_CHECKING:
+    from armdyn.models.robots.options import RobotOptions
     from armdyn.models.robots.robot import Robot
     from armdyn.models.scene.obstacles import Box, Capsule, Sphere
     from armdyn.models.scene.reaching import GoalPose
@@ -20,6 +21,7 @@ else:
             "values.joint_limits": "JointLimits",
             "scene.obstacles": "Box Capsule Sphere",
             "scene.reaching": "GoalPose",
+            "robots.options": "RobotOptions",
             "robots.robot": "Robot",
             "values.spec": "PAPER_ARMS ArmSpec LinkSpec Payload",
             "values.urdf": "urdf_from_spec",
@@ -37,6 +39,7 @@ __all__ = [
     "LinkSpec",
     "Payload",
     "Robot",
+    "RobotOptions",
     "Sphere",
     "urdf_from_spec",
 ]

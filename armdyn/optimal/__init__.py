@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from armdyn.optimal.path_constraints.limits.torque_rate import TorqueRateLimit
     from armdyn.optimal.problem.problem import MinimumTimeProblem
     from armdyn.optimal.problem.status import Status, Violation
+    from armdyn.optimal.problem_files import read_problem
     from armdyn.optimal.proof.certificate import Certificate
     from armdyn.optimal.proof.sensitivity import Sensitivities
     from armdyn.optimal.task.options import MinimumTimeOptions
@@ -32,6 +33,7 @@ else:
             "minimum_time": "solve_minimum_time",
             "problem.problem": "MinimumTimeProblem",
             "problem.status": "Status Violation",
+            "problem_files": "read_problem",
             "proof.certificate": "Certificate",
             "proof.sensitivity": "Sensitivities",
             "task.options": "MinimumTimeOptions",
@@ -53,6 +55,7 @@ __all__ = [
     "TorqueRateLimit",
     "Violation",
     "lower_bound",
+    "read_problem",
     "replay_torques",
     "solve_minimum_time",
     "time_optimality",

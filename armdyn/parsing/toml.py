@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import tomllib
@@ -197,3 +198,52 @@ def _lines(text: str) -> dict[tuple[str, ...], int]:
 
 def _names(dotted: str) -> tuple[str, ...]:
     return tuple(name.strip("\"'") for name in re.findall(_NAME, dotted))
+
+
+def to_toml(tables: Mapping[str, Mapping[str, Any]]) -> str:
+    """Tables of numbers, flags, texts, lists and tables as TOML; doubles with all their digits.
+
+    Args:
+        tables: by name; a list of tables in one becomes an array of tables.
+    """
+    lines = []
+    for name, values in tables.items():
+        several = {key: value for key, value in values.items() if _is_tables(value)}
+        lines += [
+            f"[{name}]",
+            *(f"{_key(key)} = {_value(one)}" for key, one in values.items() if key not in several),
+            "",
+        ]
+        for key, entries in several.items():
+            for entry in entries:
+                lines += [
+                    f"[[{name}.{_key(key)}]]",
+                    *(f"{_key(own)} = {_value(one)}" for own, one in entry.items()),
+                    "",
+                ]
+    return "\n".join(lines)
+
+
+def _is_tables(value: object) -> bool:
+    return isinstance(value, list | tuple) and bool(value) and all(isinstance(one, Mapping) for one in value)
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _value(name)
+
+
+def _value(value: object) -> str:
+    """A value in TOML."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return repr(value)  # "inf" and "nan" are TOML's words, too
+    if isinstance(value, str):
+        if "\n" in value and "'''" not in value and not re.search(r"[\x00-\x08\x0b-\x1f\x7f]", value):
+            return f"'''\n{value}'''"
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(f'{_key(key)} = {_value(one)}' for key, one in value.items())} }}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_value, value))}]"
+    raise ProblemError(f"TOML has no value such as {shown(value)}")

@@ -8,14 +8,14 @@ from armdyn.cli.options.course import PathConstraintOptions
 from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.poses import GoalOptions
 from armdyn.cli.options.results import Json
-from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.cli.parsing.requests import problem_asked
 
 
 def bound(
     goal: GoalOptions,
     payload: PayloadOptions,
-    robot: RobotOptions,
+    robot: RobotArgument,
     joints: FastJointOptions,
     course: PathConstraintOptions,
     json: Json = False,

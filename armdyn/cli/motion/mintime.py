@@ -17,7 +17,7 @@ from armdyn.cli.options.groups import given
 from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.poses import GoalOptions
 from armdyn.cli.options.results import ResultOptions
-from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.cli.parsing.panels import SOLVER
 from armdyn.cli.parsing.requests import problem_asked
 from armdyn.cli.tracking.reserves import reserve_choice, reserve_facts, write_reserves
@@ -116,7 +116,7 @@ class SearchOptions(SolverOptions):
 def mintime(
     goal: GoalOptions,
     payload: PayloadOptions,
-    robot: RobotOptions,
+    robot: RobotArgument,
     joints: FastJointOptions,
     course: PathConstraintOptions,
     search: SearchOptions,

@@ -13,7 +13,7 @@ from armdyn.cli.console import NOT_USABLE, answering, console, facts_table, work
 from armdyn.cli.options.joints import JointOptions, friction_facts, friction_words
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import ResultOptions
-from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.cli.parsing.requests import arm_asked
 from armdyn.control.tracking.arrival import ARRIVAL_RULES, ArrivalRule
 from armdyn.errors import ProblemError
@@ -75,7 +75,7 @@ class LoopOptions:
 def pid(
     poses: PoseOptions,
     payload: PayloadOptions,
-    robot: RobotOptions,
+    robot: RobotArgument,
     joints: JointOptions,
     loop: LoopOptions,
     results: ResultOptions,

@@ -11,7 +11,7 @@ import typer
 import armdyn as ad
 from armdyn.cli.console import answering, console, escape, working
 from armdyn.cli.options.results import OutputOptions
-from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.errors import ArmdynWarning, TrajectoryError
 from armdyn.parsing.numbers import number
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def replay(
-    robot: RobotOptions,
+    robot: RobotArgument,
     trajectories: Annotated[
         list[Path],
         typer.Argument(

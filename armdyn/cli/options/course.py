@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import typer
 
-from armdyn.cli.options.path_limits import Limits, limits_of
+from armdyn.cli.options.path_limits import Limits
 from armdyn.cli.parsing.panels import LIMITS, SCENE, TASK
 from armdyn.cli.parsing.positions import positions
 from armdyn.errors import ProblemError
@@ -90,13 +90,15 @@ class PathConstraintOptions:
         Raises:
             ProblemError: a text is not what its option takes.
         """
+        from armdyn.optimal.path_constraints.registry import path_constraint_from
+
         return {
             "via": [positions(text, "--via", robot) for text in self.via or ()],
             "obstacles": obstacles_of(self.obstacle or ()),
             "self_collision": self.self_collision,
             "clearance": self.clearance,
             **self.rates.kept(),
-            "path_constraints": limits_of(self.limit or ()),
+            "path_constraints": [path_constraint_from(text) for text in self.limit or ()],
         }
 
 

@@ -10,16 +10,17 @@ import armdyn as ad
 from armdyn.cli.options.course import PathConstraintOptions
 from armdyn.cli.options.joints import FastJointOptions, JointOptions
 from armdyn.cli.options.poses import GoalOptions, PoseOptions
-from armdyn.cli.options.robot import PayloadOptions, RobotOptions
-from armdyn.cli.parsing.problem_file import Posed, is_problem_file, problem_of, refuse_beside_a_file
+from armdyn.cli.options.robot import PayloadOptions, RobotArgument
+from armdyn.cli.parsing.problem_file import is_problem_file, problem_file, refuse_beside_a_file
 from armdyn.errors import ProblemError
 
 if TYPE_CHECKING:
+    from armdyn.optimal.problem_files import ProblemFile
     from armdyn.paper import Kind
 
 
 def problem_asked(
-    robot: RobotOptions,
+    robot: RobotArgument,
     goal: GoalOptions,
     payload: PayloadOptions,
     joints: FastJointOptions,
@@ -32,8 +33,8 @@ def problem_asked(
     """
     if is_problem_file(robot.robot):
         refuse_beside_a_file(robot.robot, goal, payload, robot.part, joints, course)
-        posed = problem_of(robot.robot)
-        return posed.problem, posed.options
+        file = problem_file(robot.robot)
+        return file.made(), file.options
     arm = joints.fit(robot.read(payload.carried()))
     asked = {**goal.asked(arm, robot.robot), **joints.kept(), **course.asked(arm)}
     return ad.MinimumTimeProblem(arm, **asked), {}
@@ -49,20 +50,22 @@ class ArmAsked:
         poses: of the command line.
         payload: likewise.
         joints: likewise.
-        posed: what a problem file says; None: the command line says all.
+        file: the problem file; None: the command line says all.
+        problem: of the file.
     """
 
     arm: ad.Robot
-    robot: RobotOptions
+    robot: RobotArgument
     poses: PoseOptions
     payload: PayloadOptions
     joints: JointOptions | FastJointOptions
-    posed: Posed | None
+    file: ProblemFile | None = None
+    problem: ad.MinimumTimeProblem | None = None
 
     def carrying(self, mass: float | None) -> ad.Robot:
         """The same arm with another mass [kg] where its payload is; None: with its own."""
-        if self.posed is not None:
-            return self.posed.carrying(mass)
+        if self.file is not None:
+            return self.file.made_robot(mass)
         return self.joints.fit(
             self.robot.read(self.payload.place.carried(self.payload.payload if mass is None else mass))
         )
@@ -76,11 +79,11 @@ class ArmAsked:
         Raises:
             ProblemError: one is missing, or a problem file asks for more than that.
         """
-        if self.posed is None:
+        if self.problem is None:
             return self.poses.start(self.arm, self.robot.robot, kind), self.poses.goal(self.arm, self.robot.robot, kind)
         import numpy as np
 
-        problem, name = self.posed.problem, self.robot.robot
+        problem, name = self.problem, self.robot.robot
         if np.any(problem.v_start) or np.any(problem.v_goal):
             raise ProblemError(f"{name} has v_start or v_goal; here the arm goes from rest to rest")
         return np.asarray(problem.q_start).tolist(), np.asarray(problem.q_goal).tolist()
@@ -91,15 +94,15 @@ class ArmAsked:
         Raises:
             ArmdynError: there is no such problem.
         """
-        if self.posed is not None:
-            return self.posed.problem, ad.MinimumTimeOptions(**self.posed.options)
+        if self.file is not None and self.problem is not None:
+            return self.problem, ad.MinimumTimeOptions(**self.file.options)
         start, goal = self.ends()
         kept = self.joints.kept() if isinstance(self.joints, FastJointOptions) else {}
         return ad.MinimumTimeProblem(self.arm, q_start=start, q_goal=goal, **kept), ad.MinimumTimeOptions()
 
 
 def arm_asked(
-    robot: RobotOptions, poses: PoseOptions, payload: PayloadOptions, joints: JointOptions | FastJointOptions
+    robot: RobotArgument, poses: PoseOptions, payload: PayloadOptions, joints: JointOptions | FastJointOptions
 ) -> ArmAsked:
     """The arm that the command line names, or a problem file.
 
@@ -108,7 +111,8 @@ def arm_asked(
     """
     if is_problem_file(robot.robot):
         refuse_beside_a_file(robot.robot, poses, payload, robot.part, joints)
-        posed = problem_of(robot.robot)
-        return ArmAsked(posed.problem.robot, robot, poses, payload, joints, posed)
+        file = problem_file(robot.robot)
+        problem = file.made()
+        return ArmAsked(problem.robot, robot, poses, payload, joints, file, problem)
     arm = joints.fit(robot.read(payload.carried()))
-    return ArmAsked(arm, robot, poses, payload, joints, None)
+    return ArmAsked(arm, robot, poses, payload, joints)

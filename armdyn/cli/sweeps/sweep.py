@@ -21,7 +21,7 @@ from armdyn.cli.motion.words import options_of
 from armdyn.cli.options.joints import FastJointOptions, reserve_words
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.parsing.positions import degrees_are_on
-from armdyn.cli.parsing.problem_file import is_problem_file, is_study_file, problem_of, refuse_beside_a_file
+from armdyn.cli.parsing.problem_file import is_problem_file, is_study_file, problem_file, refuse_beside_a_file
 from armdyn.cli.sweeps.options import PayloadsOptions, SweepOptions, SweptOptions
 from armdyn.cli.sweeps.study import StudyOptions, SweepResults, run_file
 from armdyn.errors import ProblemError
@@ -139,8 +139,8 @@ def _problems(
     """
     if is_problem_file(robot.robot):
         refuse_beside_a_file(robot.robot, poses, payloads.place, robot.part, joints)
-        posed = problem_of(robot.robot)
-        return [posed.loaded(mass) for mass in masses], posed.options
+        file = problem_file(robot.robot)
+        return [file.made(mass) for mass in masses], file.options
     arms = [joints.fit(robot.read(payloads.place.carried(mass))) for mass in masses]
     start, goal = (read(arms[0], robot.robot, "minimum_time") for read in (poses.start, poses.goal))
     return [ad.MinimumTimeProblem(arm, q_start=start, q_goal=goal, **joints.kept()) for arm in arms], {}

@@ -20,7 +20,7 @@ from armdyn.cli.console import (
 from armdyn.cli.options.joints import FastJointOptions
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import NoFigure, OutputOptions
-from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.cli.parsing.panels import TASK
 from armdyn.cli.parsing.requests import arm_asked
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions
@@ -101,7 +101,7 @@ class CountOptions:
 def monte_carlo(
     poses: PoseOptions,
     payload: PayloadOptions,
-    robot: RobotOptions,
+    robot: RobotArgument,
     joints: FastJointOptions,
     reference: ReferenceOptions,
     controller: ControllerOptions,

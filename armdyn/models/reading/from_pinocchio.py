@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from armdyn.arguments import shown as told
 from armdyn.errors import SpecError, UnsupportedJointError, UrdfError, did_you_mean
 from armdyn.models.reading.joints import in_bounds
-from armdyn.models.reading.urdf_arm import Reading, call_again
+from armdyn.models.reading.urdf_arm import Reading, call_again, joint_limits
 from armdyn.models.reading.urdf_check import LARGEST, inertia_fault
 from armdyn.models.reading.urdf_xml import shown
 from armdyn.models.values.urdf import TIP
@@ -50,7 +50,7 @@ def read_model(
     if reduced.nv == 0:
         raise UrdfError(source, "has no moving joint")
     _check(reduced, source)
-    return Reading(model=reduced, locked=locked, tip=_tip(reduced, arm))
+    return Reading(model=reduced, locked=locked, tip=_tip(reduced, arm), limits=joint_limits(reduced))
 
 
 def _joints(model: pin.Model) -> dict[str, int]:

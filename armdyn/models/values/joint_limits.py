@@ -80,6 +80,8 @@ class JointLimits:
             if name not in joints:
                 meant = did_you_mean(name, joints)
                 raise error(f"passive: there is no joint {shown(name)}{meant}; there are {', '.join(joints)}")
+        if not names:
+            return self
         motors = np.array([name not in names for name in joints])
         return replace(
             self,

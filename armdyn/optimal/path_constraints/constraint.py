@@ -13,6 +13,7 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.collision import Clearance
 from armdyn.optimal.path_constraints.rows import Rows, RowValues
@@ -123,6 +124,10 @@ class PathConstraint(ABC):
             ProblemError: the values are too many, or it takes no frame.
         """
         raise NotImplementedError(f"{cls.__name__} has no option")
+
+    def option_text(self) -> str:
+        """See `PathConstraintSpec.option_text`."""
+        raise ProblemError(f"{self!r} has no text that --limit or a problem file could say it by: give option_text")
 
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
         """See `PathConstraintSpec.on`."""

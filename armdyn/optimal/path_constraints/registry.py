@@ -12,6 +12,7 @@ from armdyn.optimal.path_constraints.limits.jerk import JerkLimit
 from armdyn.optimal.path_constraints.limits.torque_rate import TorqueRateLimit
 from armdyn.optimal.path_constraints.via import ViaPoints
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.parsing.numbers import numbers
 
 PATH_CONSTRAINTS: tuple[type[PathConstraint], ...] = (
     Obstacles,
@@ -52,3 +53,17 @@ def path_constraint_named(name: str) -> type[PathConstraint]:
         hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
         raise ProblemError(f"--limit: no limit is called {name!r}; {hint}")
     return known[name]
+
+
+def path_constraint_from(text: str) -> PathConstraint:
+    """The constraint that a text such as "tip-speed=0.25@tool0" asks for.
+
+    Raises:
+        ProblemError: it asks for none; in the words of --limit.
+    """
+    name, equals, rest = text.partition("=")
+    kind = path_constraint_named(name.strip())
+    values, at, frame = rest.partition("@")
+    if not equals or (at and not frame.strip()):
+        raise ProblemError(f"--limit {text!r}: write {name}={kind.metavar}, with numbers")
+    return kind.of_option(numbers(values, f"--limit {name}"), frame.strip() or None)

@@ -25,6 +25,14 @@ class PathConstraintSpec(Protocol):
     @property
     def continuous_torque(self) -> bool: ...  # noqa: D102
 
+    def option_text(self) -> str:
+        """The constraint as --limit and problem files say it, such as "tip-speed=0.25@tool0".
+
+        Raises:
+            ProblemError: no text says it.
+        """
+        ...
+
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
         """The same for an arm, checked against it and against the motion's ends.
 

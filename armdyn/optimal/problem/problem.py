@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from typing import Any, Self
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.arguments import expect, flag, number, several
+from armdyn.arguments import expect, flag, number, path, several
 from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.robots.tables import robot_table
 from armdyn.models.scene.collision import collision_model
-from armdyn.models.scene.obstacles import Obstacle
+from armdyn.models.scene.obstacles import Obstacle, obstacle_entry, pose_entry
 from armdyn.models.scene.reaching import GoalPose, poses_reaching
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.per_joint import per_joint
@@ -36,6 +38,7 @@ from armdyn.optimal.problem.checks import (
 from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
 from armdyn.optimal.problem.planning_limits import Reserve, resolved_limits
 from armdyn.optimal.problem.turns import endless, ways_round
+from armdyn.parsing.toml import to_toml
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called, several_numbers
 from armdyn.trajectory import Trajectory
@@ -209,6 +212,29 @@ class MinimumTimeProblem:
         """Weights of the squared torques in J, shape (nv,) [1/(N m)²]."""
         return self.effort_weight + self.relative_effort_weight / self.limits.effort_size**2
 
+    def to_toml(self, folder: str | os.PathLike[str] | None = None) -> str:
+        """This problem as a problem file, which `read_problem` reads; docs/problem_files.md.
+
+        Args:
+            folder: in which the file will be: a robot's file inside it is named. Else the text of the robot's URDF or
+                MJCF becomes part of the problem file; its meshes do not.
+
+        Raises:
+            SpecError: the robot is of Pinocchio's model, or was changed by hand.
+            ProblemError: a condition has no text, see `PathConstraint.option_text`.
+        """
+        given = {}
+        for own in fields(self):
+            value = getattr(self, own.name)
+            found = own.name == "q_goal" and self.goal_pose is not None  # by inverse kinematics
+            if own.init and own.name != "robot" and not found and not _is_default(value, own.default):
+                given[own.name] = _plain(value)
+        if isinstance(self.effort_limit, tuple) and len(self.effort_limit) == 2:
+            given["effort_limit"] = [np.broadcast_to(end, self.robot.nv).tolist() for end in self.effort_limit]
+        return to_toml(
+            {"robot": robot_table(self.robot, None if folder is None else path(folder, "folder")), "problem": given}
+        )
+
     def beside_goal(self, motion: Trajectory) -> Array:
         """How far a motion's last state (q, v) is from the goal's, shape (2 nv,)."""
         expect(motion, Trajectory, "motion")
@@ -315,6 +341,28 @@ class MinimumTimeProblem:
         if kept.any:  # which may leave no velocity worth its name
             check_limits(robot, left)
         return left
+
+
+def _is_default(value: object, default: object) -> bool:
+    """Whether a field is as if it had not been given; no velocity is rest."""
+    if isinstance(value, tuple | list) or value is None:
+        return not value
+    if isinstance(value, np.ndarray):
+        return bool(np.all(value == (0.0 if default is None else default)))
+    return value == default
+
+
+def _plain(value: Any) -> Any:
+    """A field's value in numbers, texts, lists and tables."""
+    if isinstance(value, GoalPose):
+        return {"frame": value.frame, **pose_entry(value.pose.homogeneous, turned=value.oriented)}
+    if isinstance(value, Obstacle):
+        return obstacle_entry(value)
+    if isinstance(value, PathConstraintSpec):
+        return value.option_text()
+    if isinstance(value, tuple | list):
+        return [_plain(one) for one in value]
+    return np.asarray(value).tolist()
 
 
 def expect_problem(problem: object) -> MinimumTimeProblem:

@@ -57,6 +57,10 @@ class FrameSpeedLimit(PathConstraint):
             raise ProblemError(f"--limit {cls.option} has {len(values)} numbers; give one, and it again per frame")
         return cls(values[0], frame)
 
+    def option_text(self) -> str:
+        """With all digits."""
+        return f"{self.option}={float(self.limit)!r}" + (f"@{self.frame}" if self.frame else "")
+
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
         """With the frame's name; start and goal are not too fast already."""
         frame = robot.tip if self.frame is None else self.frame

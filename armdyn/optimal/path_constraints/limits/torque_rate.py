@@ -59,6 +59,10 @@ class TorqueRateLimit(PathConstraint):
             raise ProblemError(f"--limit {cls.option}: it limits joints, not frame {frame!r}; leave @{frame} out")
         return cls(values[0] if len(values) == 1 else values)
 
+    def option_text(self) -> str:
+        """With all digits."""
+        return f"{self.option}={','.join(map(repr, np.ravel(self.limit).tolist()))}"
+
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
         """One number per joint, all positive."""
         what, unit = "TorqueRateLimit", "N m/s"
