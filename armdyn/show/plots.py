@@ -177,7 +177,7 @@ def _draw(panels: Sequence[Panel], trajectory: Trajectory, style: Style) -> None
     for panel in panels:
         time, values = curves[panel.quantity]
         steps = "steps-post" if panel.quantity == "torque" and trajectory.hold == "zero-order" else "default"
-        look = {"linestyle": style, "linewidth": 1.7, "zorder": 3, "drawstyle": steps}
+        look: dict[str, Any] = {"linestyle": style, "linewidth": 1.7, "zorder": 3, "drawstyle": steps}
         for joint in panel.joints:
             panel.axes.plot(time, values[:, joint], color=color(joint), **look)
         panel.axes.axvline(trajectory.t[-1], color=INK, linestyle=style, linewidth=0.6, alpha=0.35, zorder=1)
