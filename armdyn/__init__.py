@@ -72,7 +72,7 @@ if TYPE_CHECKING:
     from armdyn.studies.plants.question import MonteCarloOptions
     from armdyn.studies.plants.result import MonteCarlo
     from armdyn.studies.reserve import ReserveCurve, likely_plants, reserve_curve
-    from armdyn.studies.sweeps.executors.dask_cluster import cluster_crew
+    from armdyn.studies.sweeps.executors.dask_cluster import dask_executor
     from armdyn.studies.sweeps.export import study_table
     from armdyn.studies.sweeps.reading import read_study
     from armdyn.studies.sweeps.run import run_study
@@ -97,7 +97,7 @@ else:
             "studies.plants.plants": "Plants",
             "studies.plants.question": "MonteCarloOptions",
             "studies.plants.result": "MonteCarlo",
-            "studies.sweeps.executors.dask_cluster": "cluster_crew",
+            "studies.sweeps.executors.dask_cluster": "dask_executor",
             "studies.sweeps.export": "study_table",
             "studies.sweeps.reading": "read_study",
             "studies.sweeps.run": "run_study",
@@ -171,7 +171,7 @@ __all__ = [
     "__version__",
     "characteristic_polynomial",
     "closed_loop_eigenvalues",
-    "cluster_crew",
+    "dask_executor",
     "gain_plane",
     "least_stable_factor",
     "likely_plants",

@@ -10,7 +10,7 @@ import numpy as np
 
 from armdyn.errors import ProblemError
 from armdyn.studies.sweeps.study import Axis, Study
-from armdyn.studies.sweeps.tasks.task import Outcome
+from armdyn.studies.sweeps.tasks.task import CaseOutcome
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Square:
             raise ZeroDivisionError("one over nothing")
         motion = np.array([settings["x"]]).tobytes() if self.uses_neighbours else b""
         begun = float(np.frombuffer(guess)[0]) if guess else None
-        return Outcome(status="squared", good=True, facts={"square": x * x, "begun": begun}, motion=motion)
+        return CaseOutcome(status="squared", good=True, facts={"square": x * x, "begun": begun}, motion=motion)
 
     def _marked(self, x):
         mark = Path(self.marks) / f"{x}"
@@ -45,7 +45,7 @@ class Square:
         mark.touch()
         return False
 
-    def asked(self):
+    def description(self):
         return {"task": "square"}
 
 

@@ -28,7 +28,7 @@ from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.goals import GoalTried, screened
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task
-from armdyn.parallel import beside
+from armdyn.parallel import concurrently
 
 _LEAST_BOUND = 1.0
 """Time that the bound of all goals is given at least [s], whatever the search has left."""
@@ -56,7 +56,7 @@ def solve_minimum_time(
     Args:
         problem: what is to be solved.
         options: defaults suit arms of one to seven joints.
-        progress: told in words what is being tried.
+        progress: called with a line of text on what is being tried.
 
     Returns:
         A `Solution`; look at `success` and `certificate`. Ctrl-C returns the best so far, with status
@@ -69,12 +69,12 @@ def solve_minimum_time(
     started = time.perf_counter()
     check_pace(expect_problem(problem))
     options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
-    tell = listener(progress)
+    progress = listener(progress)
     if problem.goal_pose is not None or len(problem.goals) > 1:
-        return _fastest_goal(problem, options, tell)
+        return _fastest_goal(problem, options, progress)
     with stopping(options.time_limit) as stop:
-        task = Task.of(problem, options, stop, tell)
-        with beside(partial(_floor, problem, stop), task.workers if _bounded(task) else 1) as floor:
+        task = Task.of(problem, options, stop, progress)
+        with concurrently(partial(_floor, problem, stop), task.workers if _bounded(task) else 1) as floor:
             task = replace(task, floor=floor) if _bounded(task) else task
             optima, found = _usable(task, *_strategy(task)(task))
             least = task.floor()
@@ -110,7 +110,7 @@ def _usable(task: Task, optima: list[Optimum], found: Found) -> tuple[list[Optim
     good = any(one.landed(tolerance) and one.within_limits and not one.missed for one in optima)
     if good or task.stop or task.policy.curves.alone or not task.policy.curves.possible:
         return optima, found
-    task.tell("nothing so far is usable: curves, which are motions whatever comes out")
+    task.progress("nothing so far is usable: curves, which are motions whatever comes out")
     near = tuple(one.trajectory for one in optima if one.landed(_NEAR))
     more, besides = curves(task.with_options(guesses=near))
     return [*optima, *_slowed(task, more)], replace(found, iterations=found.iterations + besides.iterations)
@@ -133,22 +133,24 @@ def either(task: Task) -> tuple[list[Optimum], Found]:
     return [*optima, *more], replace(besides, listed=listed, iterations=found.iterations + besides.iterations)
 
 
-def _fastest_goal(problem: MinimumTimeProblem, options: MinimumTimeOptions, tell: Callable[[str], None]) -> Solution:
+def _fastest_goal(
+    problem: MinimumTimeProblem, options: MinimumTimeOptions, progress: Callable[[str], None]
+) -> Solution:
     """The best of the solutions for the most promising goals, and the durations of all."""
     started = time.perf_counter()
-    branches, tried = screened(problem, options, tell)
+    branches, tried = screened(problem, options, progress)
     solutions: list[Solution] = []
     for i, branch in enumerate(branches):
         left = options.time_limit - (time.perf_counter() - started)
         if solutions and (left <= 0 or solutions[-1].status is Status.INTERRUPTED):
             break
-        tell(f"goal {i + 1} of the {len(branches)} best")
-        solutions.append(solve_minimum_time(branch, replace(options, time_limit=max(left, 1e-3)), tell))
+        progress(f"goal {i + 1} of the {len(branches)} best")
+        solutions.append(solve_minimum_time(branch, replace(options, time_limit=max(left, 1e-3)), progress))
         tried[i] = GoalTried(tried[i].q, solutions[-1].duration if solutions[-1].success else np.inf, refined=True)
     best = min(solutions, key=lambda solution: (not solution.success, not solution.moves, solution.duration))
     until = started + options.time_limit
     if problem.goal_pose is not None and best.status is Status.SOLVED:
-        best = slid_end(best, problem.goal_pose, partial(_near, options, until, tell))
+        best = slid_end(best, problem.goal_pose, partial(_near, options, until, progress))
     goal = best.problem.x_goal[: problem.robot.nv]
     if best not in solutions:
         tried.append(GoalTried(goal, best.duration, refined=True))
@@ -162,15 +164,15 @@ def _fastest_goal(problem: MinimumTimeProblem, options: MinimumTimeOptions, tell
 
 
 def _near(
-    options: MinimumTimeOptions, until: float, tell: Callable[[str], None], known: Solution, q: Array
+    options: MinimumTimeOptions, until: float, progress: Callable[[str], None], known: Solution, q: Array
 ) -> Solution | None:
     """The solution for a goal near that of another one, from its motion; None: the time is up."""
     left = until - time.perf_counter()
     if left <= 0:
         return None
-    tell("the goal moved along the joint positions that reach its pose")
+    progress("the goal moved along the joint positions that reach its pose")
     options = replace(options, guesses=(known.trajectory,), starts=1, time_limit=left)
-    return solve_minimum_time(known.problem.variant(q_goal=q), options, tell)
+    return solve_minimum_time(known.problem.variant(q_goal=q), options, progress)
 
 
 def _bound_of_all(problem: MinimumTimeProblem, solutions: list[Solution], seconds: float) -> float | None:

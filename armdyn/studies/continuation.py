@@ -28,7 +28,7 @@ def continuation(
     Args:
         problems: in an order in which neighbours resemble each other.
         options: of every solve; `starts` is that of all, if it is given. A time limit is each solve's own.
-        progress: told in words what is being tried.
+        progress: called with a line of text on what is being tried.
         done: told the number and the solution of a problem, again where the way back finds a faster one.
 
     Returns:

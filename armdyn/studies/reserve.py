@@ -143,7 +143,7 @@ def reserve_curve(
         loop: how controllers are joined to the arms; None: `Loop()`.
         duration: how long each arm is watched [s]; see `track`.
         options: of the searches.
-        progress: told in words what is being done.
+        progress: called with a line of text on what is being done.
 
     Returns:
         What there is after Ctrl-C, too.
@@ -152,7 +152,7 @@ def reserve_curve(
         ProblemError: no problem; no reserve; something does not fit the robot.
     """
     expect_problem(problem)
-    tell, loop = listener(progress), expect_loop(loop, Loop())
+    progress, loop = listener(progress), expect_loop(loop, Loop())
     levels = sorted({number(r, f"reserves[{i}]") for i, r in enumerate(several(reserves, "reserves"))})
     if not levels or not 0 <= levels[0] <= levels[-1] < 1:
         raise ProblemError(f"reserves are {tuple(levels)}; expected one or more, each at least 0 and below 1")
@@ -161,12 +161,12 @@ def reserve_curve(
     arms = likely_plants(robot) if plants is None else expect_robots(plants, "plants")
     followed_by = (Lqr(),) if controllers is None else several(controllers, "controllers")
     laws = tuple(expect_controller(law, f"controllers[{i}]") for i, law in enumerate(followed_by))
-    found = continuation([problem.variant(reserve=r) for r in levels], options, tell)
+    found = continuation([problem.variant(reserve=r) for r in levels], options, progress)
     solutions = {r: s for r, s in zip(levels, found, strict=False) if s.usable and s.status is not Status.INTERRUPTED}
     rows = []
     for controller in laws:
         for r, solution in solutions.items():
-            tell(f"{type(controller).__name__}, reserve {r:g}")
+            progress(f"{type(controller).__name__}, reserve {r:g}")
             setup = Setup.of(robot, solution.trajectory, controller, loop, duration=duration, tolerance=0.005)
             runs = tuple(setup.run(arm) for arm in arms)
             rows.append(Settling(r, controller, solution.duration, tuple(run.settled_time for run in runs), runs))

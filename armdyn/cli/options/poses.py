@@ -109,7 +109,7 @@ class GoalOptions:
         ),
     ] = False
 
-    def asked(self, robot: ad.Robot, name: str) -> dict[str, Any]:
+    def problem_arguments(self, robot: ad.Robot, name: str) -> dict[str, Any]:
         """The arguments of a `MinimumTimeProblem` that say from where to where.
 
         Args:

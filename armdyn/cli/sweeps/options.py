@@ -75,7 +75,7 @@ class SweepOptions:
         Args:
             problems: in the order of their masses.
             options: of a problem file, by name; those of the command line go before.
-            progress: told in words what is being tried.
+            progress: called with a line of text on what is being tried.
             done: told of each solution.
         """
         from armdyn.studies.continuation import continuation

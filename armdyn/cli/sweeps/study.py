@@ -14,7 +14,7 @@ from armdyn.cli.console import DONE, INTERRUPTED, NOT_USABLE, Answer, console, e
 from armdyn.cli.options.results import NoFigure, OutputOptions
 
 if TYPE_CHECKING:
-    from armdyn.studies.sweeps.run import CrewOf, Progress, StudyRun
+    from armdyn.studies.sweeps.run import ExecutorFactory, Progress, StudyRun
     from armdyn.studies.sweeps.study import Study
 
 ROWS = "study.sqlite"
@@ -52,7 +52,7 @@ class StudyOptions:
     ] = "full"
     parquet: Annotated[bool, typer.Option("--parquet", help="Write rows.parquet, too (needs pyarrow).")] = False
 
-    def crew(self) -> CrewOf:
+    def executor(self) -> ExecutorFactory:
         """Who works.
 
         Raises:
@@ -61,15 +61,15 @@ class StudyOptions:
         from functools import partial
 
         from armdyn.errors import ProblemError
-        from armdyn.studies.sweeps.executors.local import local_crew
+        from armdyn.studies.sweeps.executors.local import local_executor
 
         if self.scheduler is None:
-            return partial(local_crew, workers=self.workers)
+            return partial(local_executor, workers=self.workers)
         if self.workers is not None:
             raise ProblemError("--workers are processes of this machine; a --scheduler has its own")
-        from armdyn.studies.sweeps.executors.dask_cluster import cluster_crew
+        from armdyn.studies.sweeps.executors.dask_cluster import dask_executor
 
-        return cluster_crew(self.scheduler)
+        return dask_executor(self.scheduler)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,13 +97,13 @@ def run_file(path: str, options: StudyOptions, results: SweepResults, answer: An
     from armdyn.studies.sweeps.reading import read_study
     from armdyn.studies.sweeps.run import run_study
 
-    study, crew = read_study(path), options.crew()
+    study, executor = read_study(path), options.executor()
     figures = [] if results.no_figure else [f"{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")]
     names = ["rows.csv", *(["rows.parquet"] if options.parquet else []), *figures]
     folder = results.output.folder("sweep", path, [ROWS, *names])
     folder.mkdir(parents=True, exist_ok=True)
-    with _bar(Path(path).name, len(study), results.output.json) as tell:
-        run = run_study(study, folder / ROWS, crew, tell, again=options.again, sync=options.sync)
+    with _bar(Path(path).name, len(study), results.output.json) as progress:
+        run = run_study(study, folder / ROWS, executor, progress, again=options.again, sync=options.sync)
     with reading(run.file) as rows:
         files = [run.file, write_csv(rows, folder / "rows.csv")]
         if options.parquet:
@@ -142,7 +142,7 @@ def _drawn(study: Study, table: list[dict[str, Any]], folder: Path, title: str) 
     from armdyn.studies.sweeps.tasks.settings import label
 
     settings = {axis.name: axis.kind for axis in study.axes}
-    drawn = figures_of(table, settings, _OUTCOMES[str(study.task.asked()["task"])], named=label, title=title)
+    drawn = figures_of(table, settings, _OUTCOMES[str(study.task.description()["task"])], named=label, title=title)
     return [save_figure(figure, folder / f"{name}.{kind}") for name, figure in drawn.items() for kind in ("png", "pdf")]
 
 
@@ -156,7 +156,7 @@ def _words(study: Study, run: StudyRun, table: Sequence[Mapping[str, Any]], file
         + ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in run.counts.items()),
         "this run": f"{run.done_here} rows in {run.seconds:.1f} s",
     }
-    main = _OUTCOMES[str(study.task.asked()["task"])][0]
+    main = _OUTCOMES[str(study.task.description()["task"])][0]
     numbers = [row for row in table if row.get(main) is not None]
     if numbers:
         for word, pick in (("least", min), ("most", max)):

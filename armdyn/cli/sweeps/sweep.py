@@ -143,7 +143,7 @@ def _problems(
         return [file.made(mass) for mass in masses], file.options
     arms = [joints.fit(robot.read(payloads.place.carried(mass))) for mass in masses]
     start, goal = (read(arms[0], robot.robot, "minimum_time") for read in (poses.start, poses.goal))
-    return [ad.MinimumTimeProblem(arm, q_start=start, q_goal=goal, **joints.kept()) for arm in arms], {}
+    return [ad.MinimumTimeProblem(arm, q_start=start, q_goal=goal, **joints.problem_arguments()) for arm in arms], {}
 
 
 def _refuse_others(

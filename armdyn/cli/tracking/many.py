@@ -22,7 +22,7 @@ from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import NoFigure, OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.cli.parsing.panels import TASK
-from armdyn.cli.parsing.requests import arm_asked
+from armdyn.cli.parsing.requests import requested_arm
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions
 from armdyn.cli.tracking.track import ReferenceOptions, no_motion
 from armdyn.errors import ProblemError
@@ -122,7 +122,7 @@ def monte_carlo(
     armdyn monte-carlo rrr --payload 0.1006 --ramp 0.5 --friction-range 0,0.06 --at-least 0.99[/]
     """
     with answering(output.json) as answer:
-        own = arm_asked(robot, poses, payload, joints)
+        own = requested_arm(robot, poses, payload, joints)
         model = own.arm
         law, joined, plants = controller.chosen(), loop.joined(), arms.plants(model)
         options = ad.MonteCarloOptions(count=study.count, duration=reference.duration, tolerance=reference.tolerance)

@@ -16,7 +16,7 @@ from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.cli.parsing.panels import SOLVER
-from armdyn.cli.parsing.requests import arm_asked
+from armdyn.cli.parsing.requests import requested_arm
 from armdyn.cli.tracking.controllers import CONTROLLERS, LoopOptions
 from armdyn.cli.tracking.many import ArmsOptions, range_of
 
@@ -52,7 +52,7 @@ class FamilyOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SearchOptions:
+class TuningOptions:
     """What is made small, and how long it is searched; see `TuneOptions`."""
 
     panel: ClassVar[str] = SOLVER
@@ -88,7 +88,7 @@ def tune(
     robot: RobotArgument,
     joints: JointOptions,
     family: FamilyOptions,
-    search: SearchOptions,
+    search: TuningOptions,
     loop: LoopOptions,
     arms: ArmsOptions,
     output: OutputOptions,
@@ -104,7 +104,7 @@ def tune(
     armdyn tune rrr --payload 0.1006 --ramp-range 0.2,0.6 --controller computed-torque[/]
     """
     with answering(output.json) as answer:
-        asked = arm_asked(robot, poses, payload, joints)
+        asked = requested_arm(robot, poses, payload, joints)
         model, (start, goal) = asked.arm, asked.ends()
         plants, options = arms.plants(model), search.options()
         folder = output.folder("tune", robot.robot, ["reference.npz", "result.json"])

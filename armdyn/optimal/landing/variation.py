@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class _Step:
+class _LinearizedStep:
     """How a state at the end of a constant torque follows from its start, to first order.
 
     Attributes:
@@ -53,7 +53,7 @@ def sensitivity(robot: Robot, pieces: Pieces, replay: Trajectory, count: int) ->
     return by_torque, by_time
 
 
-def _steps(robot: Robot, pieces: Pieces, motion: Trajectory, count: int) -> list[_Step]:
+def _steps(robot: Robot, pieces: Pieces, motion: Trajectory, count: int) -> list[_LinearizedStep]:
     """From every piece's start to its end, along a motion; `count` steps over the whole, about."""
     n, duration = robot.nv, pieces.t[-1]
     model, data, friction = robot.model, robot.model.createData(), robot.friction
@@ -77,7 +77,7 @@ def _steps(robot: Robot, pieces: Pieces, motion: Trajectory, count: int) -> list
             own = part[: 2 * n, : 2 * n]
             through, forced = own @ through, own @ forced + part[: 2 * n, 2 * n :]
             stretched = own @ stretched + h * rate
-        found.append(_Step(through, forced, stretched))
+        found.append(_LinearizedStep(through, forced, stretched))
     return found
 
 

@@ -20,7 +20,7 @@ from armdyn.optimal.refine.smooth import time_energy, trajectory_cost
 from armdyn.optimal.search.candidates import Found, find
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.direct import solve_on_mesh
-from armdyn.optimal.task.ladder import Ladder
+from armdyn.optimal.task.mesh_refinement import MeshRefinement
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -41,7 +41,7 @@ def constrained(task: Task) -> tuple[list[Optimum], Found]:
         if optima and (task.stop or attempt.trajectory.duration >= best):
             listed.append(attempt.trajectory.duration)
             continue
-        task.tell(f"optimum {len(optima) + 1}, about {attempt.trajectory.duration:.4f} s")
+        task.progress(f"optimum {len(optima) + 1}, about {attempt.trajectory.duration:.4f} s")
         optima.append(settled(task, attempt))
     return optima, replace(found, listed=tuple(listed))
 
@@ -52,7 +52,7 @@ def _clear_anyway(task: Task) -> tuple[list[Optimum], Found] | None:
     if not any(constraint.goes_round for constraint in path_constraints_of(problem)):
         return None
     free = task.about(problem.variant(obstacles=(), self_collision=False))
-    task.tell("the way without obstacles")
+    task.progress("the way without obstacles")
     if free.problem.path_constraint_names:
         optima, found = constrained(free)
     else:
@@ -100,7 +100,7 @@ def settled(task: Task, attempt: Attempt) -> Optimum:
         found = _judged(task, replay, attempt)
         best = found if best is None or _rank(task, found) <= _rank(task, best) else best
         reasons = found.reports.reasons if found.reports else ()
-        task.tell("; ".join((f"round {k + 1}: {attempt.trajectory.duration:.4f} s", *reasons)))
+        task.progress("; ".join((f"round {k + 1}: {attempt.trajectory.duration:.4f} s", *reasons)))
         mesh = None if task.stop else _next(task, mesh, found, replay, attempt)
     if best is None:
         best = _judged(task, _replayed(task, attempt), attempt)
@@ -110,7 +110,7 @@ def settled(task: Task, attempt: Attempt) -> Optimum:
 def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: Attempt) -> _Mesh | None:
     """What to ask of the next mesh; None: nothing, it is well, or no mesh mends it."""
     numbers, problem, duration = task.policy.path_constraints, task.problem, found.trajectory.duration
-    finer = Ladder(task.options.max_intervals).above(mesh.intervals)
+    finer = MeshRefinement(task.options.max_intervals).above(mesh.intervals)
     if not any(_faults(task, found)):
         if finer is None or abs(duration / mesh.settled - 1) < numbers.settled:
             return None

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from armdyn.errors import ProblemError
 from armdyn.optimal.arcs.arc import Arc, Mode
+from armdyn.optimal.arcs.nlp_data import PhaseAim
 from armdyn.optimal.arcs.phases import TABLEAU, Phases, Unresolved
-from armdyn.optimal.arcs.posing import PhaseAim
 from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.arcs.structure import with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -24,9 +24,9 @@ from armdyn.optimal.refine.land import land, with_costates
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
-from armdyn.optimal.search.multistart import Grounds, search
+from armdyn.optimal.search.multistart import SearchSettings, search
 from armdyn.optimal.solve.attempt import Attempt
-from armdyn.optimal.task.ladder import Ladder
+from armdyn.optimal.task.mesh_refinement import MeshRefinement
 from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -53,7 +53,7 @@ def time_energy(task: Task) -> tuple[list[Optimum], Found]:
     landed: list[Optimum] = []
     for phases in settling.optima():
         paid = cost(task.problem, phases)
-        task.tell(f"replaying an optimum of J = {paid:.4f} s")
+        task.progress(f"replaying an optimum of J = {paid:.4f} s")
         landed.append(replace(_landed(task, phases), cost=paid))
         if landed[-1].landed(options.replay_tolerance) or task.stop:
             break
@@ -115,7 +115,7 @@ def _searched(task: Task, starts: int) -> list[Attempt]:
     numbers = task.policy.smooth
     linear = replace(task, scheme=replace(task.scheme, method="lobatto3", control="linear"))
     coarse = [DirectOptions(task.policy.program.coarse_tolerance, numbers.iterations)]
-    return search(linear, starts, Grounds([numbers.coarse], coarse))
+    return search(linear, starts, SearchSettings([numbers.coarse], coarse))
 
 
 def _none_of(task: Task, attempts: Sequence[Attempt], resisted: Sequence[Attempt]) -> list[Attempt]:
@@ -226,7 +226,9 @@ class _Settling:
         """Another structure, or a finer mesh; where neither converges, or is to be had, what is rough is let go."""
         numbers, rough = self._task.policy.smooth, stray >= self._task.policy.smooth.rough
         better: Phases | Unresolved | None = None if rough else _restructured(self._task, best, stray)
-        if better is None and (size := Ladder(numbers.most_rough if rough else numbers.most).above(best.arc_of.size)):
+        if better is None and (
+            size := MeshRefinement(numbers.most_rough if rough else numbers.most).above(best.arc_of.size)
+        ):
             better = _solved(self._task, best.arcs, size, best, stray)
         if isinstance(better, Phases):
             self._waiting.append(_Lead(cost(self._task.problem, better), better))

@@ -13,7 +13,7 @@ from armdyn.optimal.path_constraints.constraint import Path
 from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.search.swing_up import swinging_time, swings
+from armdyn.optimal.search.swing_up import swing_up_guesses, swinging_time
 from armdyn.optimal.task.policy.search import SearchPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -24,7 +24,7 @@ SAMPLES = 51
 """Of a guess: on the search's meshes twice as many lead to the same optima, and take twice as long."""
 
 
-def detours(
+def via_guesses(
     problem: MinimumTimeProblem,
     seed: int,
     count: int,
@@ -61,7 +61,7 @@ def detours(
         else [[via] for via in vias]
     )
     if not (round_it or problem.via):
-        to_and_fro = swings(problem, random, (count - 1) // 2)
+        to_and_fro = swing_up_guesses(problem, random, (count - 1) // 2)
         ways[1 : 2 * len(to_and_fro) : 2] = to_and_fro
     straight: list[Array] = [np.asarray(q) for q in problem.via]
     return [straight, *(_clearest(problem, ways, count - 1, stop or Stop()) if round_it else ways)]

@@ -31,7 +31,7 @@ class Task:
         options: what the user chose.
         policy: what depends on the kind of problem, and the tuned numbers.
         stop: asked every few iterations.
-        tell: told in words what is being tried.
+        progress: called with a line of text on what is being tried.
         floor: gives a duration that no motion beats [s], as is proven, and may wait for it; None: none is known.
     """
 
@@ -41,7 +41,7 @@ class Task:
     options: MinimumTimeOptions
     policy: Policy
     stop: Stop = field(default_factory=Stop)
-    tell: Callable[[str], None] = _silently
+    progress: Callable[[str], None] = _silently
     floor: Callable[[], float | None] = _unknown
 
     @classmethod
@@ -50,7 +50,7 @@ class Task:
         problem: MinimumTimeProblem,
         options: MinimumTimeOptions | None = None,
         stop: Stop | None = None,
-        tell: Callable[[str], None] | None = None,
+        progress: Callable[[str], None] | None = None,
     ) -> Self:
         """The task that a problem and a user's options make.
 
@@ -58,7 +58,7 @@ class Task:
             problem: what is to be solved.
             options: by default, `MinimumTimeOptions()`.
             stop: by default nothing stops it.
-            tell: by default nobody is told.
+            progress: by default nobody is told.
         """
         options, policy = options or MinimumTimeOptions(), Policy.of(problem)
         dynamics = Dynamics(problem.robot, free_last_body=True)
@@ -69,7 +69,7 @@ class Task:
             options,
             policy,
             Stop() if stop is None else stop,
-            tell or _silently,
+            progress or _silently,
         )
 
     def about(self, problem: MinimumTimeProblem) -> Self:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.markup import Html, element, join
-from armdyn.show.page.course import Move
+from armdyn.show.page.course import ShownMotion
 from armdyn.show.page.sections import Section, stacked, td, th
 from armdyn.show.page.verdict import Tile, seconds, verdict_of
 from armdyn.trajectory import Trajectory
@@ -37,7 +37,7 @@ def mechanical_work(motion: Trajectory) -> float:
     return float(np.trapezoid(np.abs(v * tau).sum(axis=1), t))
 
 
-def joint_section(move: Move, joints: Sequence[str], limits: JointLimits, sliding: Sequence[bool]) -> Section:
+def joint_section(move: ShownMotion, joints: Sequence[str], limits: JointLimits, sliding: Sequence[bool]) -> Section:
     """What each joint does in a motion, beside its limits."""
     _, q, v, tau = dense(move.motion)
     switching = [len(times) for times in move.motion.switch_times]
@@ -81,7 +81,7 @@ class Compared:
     verdict: str
 
 
-def compared(moves: Sequence[Move], limits: JointLimits) -> list[Compared]:
+def compared(moves: Sequence[ShownMotion], limits: JointLimits) -> list[Compared]:
     """Several motions side by side; they are measured by the first."""
     first, rows = at_the_goal(moves[0]), []
     for move in moves:
@@ -115,7 +115,7 @@ def worth_seeing(rows: Sequence[Compared], end: float | None = None) -> float | 
     return seen if seen < 0.8 * longest else None
 
 
-def at_the_goal(move: Move) -> float | None:
+def at_the_goal(move: ShownMotion) -> float | None:
     """When a closed loop has settled, by its own rule; of any other motion its end [s]. None: it has not."""
     for name in ("settled_time", "arrival_time"):
         if name in move.facts:

@@ -21,7 +21,7 @@ from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.markup import Html, element, fill, join, script_json
 from armdyn.show.page.assets import asset, script, viewer_script
-from armdyn.show.page.course import Move, course_data, until
+from armdyn.show.page.course import ShownMotion, course_data, until
 from armdyn.show.page.joints import (
     Compared,
     compared,
@@ -99,7 +99,7 @@ class Report:
     data: Mapping[str, Any]
 
 
-def report_of(subject: Subject, moves: Sequence[Move], title: str = "", end: float | None = None) -> Report:
+def report_of(subject: Subject, moves: Sequence[ShownMotion], title: str = "", end: float | None = None) -> Report:
     """A report of motions of one arm; the first is the one that is judged, the others its ghosts.
 
     Args:
@@ -141,7 +141,9 @@ def report_of(subject: Subject, moves: Sequence[Move], title: str = "", end: flo
     )
 
 
-def _sections(subject: Subject, moves: Sequence[Move], verdict: Verdict, rows: Sequence[Compared]) -> list[Section]:
+def _sections(
+    subject: Subject, moves: Sequence[ShownMotion], verdict: Verdict, rows: Sequence[Compared]
+) -> list[Section]:
     facts, duration = moves[0].facts, moves[0].motion.duration
     others = [(k, move) for k, move in enumerate(moves) if k]
     sections = [
@@ -160,7 +162,7 @@ def _sections(subject: Subject, moves: Sequence[Move], verdict: Verdict, rows: S
     return [section for section in sections if section is not None]
 
 
-def _data(subject: Subject, moves: Sequence[Move], end: float | None, seen: float | None) -> dict[str, Any]:
+def _data(subject: Subject, moves: Sequence[ShownMotion], end: float | None, seen: float | None) -> dict[str, Any]:
     """What the scripts draw, up to a time, and how much is seen at first [s]. The scene, the largest, is packed."""
     shown = [replace(move, motion=until(move.motion, end)) for move in moves]
     motions = [move.motion for move in shown]

@@ -21,7 +21,7 @@ from armdyn.arguments import number, shown
 from armdyn.errors import ProblemError, TrajectoryError
 from armdyn.models import Robot
 from armdyn.models.scene.obstacles import Obstacle
-from armdyn.show.visuals import Shape, obstacle_shapes, robot_shapes
+from armdyn.show.visuals import VisualShape, obstacle_shapes, robot_shapes
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -134,7 +134,7 @@ def _set_object(
     return commands
 
 
-def _shape_commands(shapes: Sequence[Shape], obstacles: Sequence[Shape]) -> list[dict[str, Any]]:
+def _shape_commands(shapes: Sequence[VisualShape], obstacles: Sequence[VisualShape]) -> list[dict[str, Any]]:
     """The robot, and what stands around it, once; the page clones both for every further trajectory."""
     named = [(f"shape{i}", shape) for i, shape in enumerate(shapes)]
     named += [(f"obstacle{i}", shape) for i, shape in enumerate(obstacles)]

@@ -20,7 +20,7 @@ from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.studies.plants.plants import Plants
 from armdyn.studies.plants.question import MonteCarloOptions, Question
 from armdyn.studies.plants.result import MonteCarlo
-from armdyn.studies.plants.rows import Row, RowFile, row_file
+from armdyn.studies.plants.rows import RowFile, RunRow, row_file
 from armdyn.trajectory import Trajectory
 
 _CONTROLLER = Lqr()
@@ -56,7 +56,7 @@ def monte_carlo(
         loop: how controller and arm are joined.
         options: how many arms, and how each is watched.
         file: JSON lines, the first says what was asked; None: nothing is kept.
-        progress: told in words how far it is.
+        progress: called with a line of text on how far it is.
 
     Returns:
         What came of it; after Ctrl-C of the rows that there are.
@@ -67,12 +67,12 @@ def monte_carlo(
         FileError: it cannot be read or written.
         DiskFullError: there is no room for a row.
     """
-    tell = listener(progress)
+    progress = listener(progress)
     question = Question(robot, reference, controller, plants, loop, options)
     kept: AbstractContextManager[RowFile | None] = nullcontext(None)
     if file is not None:
         file = path_of(file, "file", error=ResultError)
-        kept = row_file(file, question.asked())
+        kept = row_file(file, question.description())
     with kept as rows, stopping(np.inf) as stop:
         known = {} if rows is None else _known(question, rows)
         count = options.count - sum(k < options.count for k in known)
@@ -85,12 +85,12 @@ def monte_carlo(
             if time.monotonic() - told > _TOLD_EVERY:
                 told = time.monotonic()
                 left = (told - began) * (count - done) / done
-                tell(f"{len(known)} of {options.count} arms, {left:.0f} s left")
+                progress(f"{len(known)} of {options.count} arms, {left:.0f} s left")
     there = tuple(known[k] for k in sorted(known) if k < options.count)
     return MonteCarlo(question, there, None if file is None else Path(file))
 
 
-def _known(question: Question, rows: RowFile) -> dict[int, Row]:
+def _known(question: Question, rows: RowFile) -> dict[int, RunRow]:
     """Rows of a file, each of the arm that its number has.
 
     Raises:
@@ -102,10 +102,10 @@ def _known(question: Question, rows: RowFile) -> dict[int, Row]:
     return {row.k: row for row in rows.rows}
 
 
-def _rows(question: Question, numbers: Iterator[int], stop: Stop) -> Iterator[Row]:
+def _rows(question: Question, numbers: Iterator[int], stop: Stop) -> Iterator[RunRow]:
     """Rows as they end, in threads; none is begun after a stop."""
     workers = question.options.workers or os.cpu_count() or 1
-    under_way = set[Future[Row]]()
+    under_way = set[Future[RunRow]]()
     with ThreadPoolExecutor(workers) as pool:
         while True:
             while not stop and len(under_way) < _AHEAD * workers and (k := next(numbers, None)) is not None:

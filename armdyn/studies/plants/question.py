@@ -16,7 +16,7 @@ from armdyn.control.tracking.run import Run
 from armdyn.control.tracking.setup import Setup
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.studies.plants.plants import MAX_ARMS, Plants
-from armdyn.studies.plants.rows import Row, named
+from armdyn.studies.plants.rows import RunRow, named
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -99,11 +99,11 @@ class Question:
         setup = replace(self.setup, start=self.setup.start + beside)
         return setup.run(draw.arm(self.robot), draw.noise, f"plant {k}")
 
-    def row(self, k: int) -> Row:
+    def row(self, k: int) -> RunRow:
         """The same as a row."""
-        return Row.of(k, self.plants.draw(k, self.robot.nv), self.run(k))
+        return RunRow.of(k, self.plants.draw(k, self.robot.nv), self.run(k))
 
-    def asked(self) -> dict[str, object]:
+    def description(self) -> dict[str, object]:
         """All that a row depends on, besides its number, as JSON says it.
 
         Raises:

@@ -18,7 +18,7 @@ from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.reprs import brief
 from armdyn.studies.plants.question import Question
-from armdyn.studies.plants.rows import Row
+from armdyn.studies.plants.rows import RunRow
 
 Array = NDArray[np.float64]
 
@@ -65,7 +65,7 @@ class MonteCarlo:
     """
 
     question: Question
-    rows: tuple[Row, ...]
+    rows: tuple[RunRow, ...]
     file: Path | None = None
 
     @property
@@ -113,14 +113,14 @@ class MonteCarlo:
         return np.asarray(np.quantile(self.settled_times, parts_of(parts, "parts"), method="inverted_cdf"))
 
     @property
-    def worst(self) -> Row:
+    def worst(self) -> RunRow:
         """That settled last; of those that did not settle the one that was farthest from its reference.
 
         Raises:
             ProblemError: there are no rows.
         """
 
-        def badness(row: Row) -> tuple[float, float]:
+        def badness(row: RunRow) -> tuple[float, float]:
             farthest = np.inf if row.peak_error is None else row.peak_error
             return (np.inf, farthest) if row.settled_time is None else (row.settled_time, 0.0)
 
@@ -182,7 +182,7 @@ class MonteCarlo:
             "interrupted": self.interrupted,
         }
 
-    def _some(self) -> tuple[Row, ...]:
+    def _some(self) -> tuple[RunRow, ...]:
         if not self.rows:
             raise ProblemError("there are no rows: the study was interrupted before the first arm ended")
         return self.rows

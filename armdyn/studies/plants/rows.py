@@ -26,7 +26,7 @@ _RUN = ("settled_time", "error_at_end", "peak_error", "peak_velocity", "saturate
 
 
 @dataclass(frozen=True)
-class Row:
+class RunRow:
     """What came of one arm; the numbers are those of `Run`, None where there is none.
 
     Attributes:
@@ -89,10 +89,10 @@ class Row:
 class RowFile:
     """A file of rows that only this process appends to; its first line says what was asked."""
 
-    def __init__(self, path: Path, file: IO[bytes], rows: tuple[Row, ...]):
+    def __init__(self, path: Path, file: IO[bytes], rows: tuple[RunRow, ...]):
         self.path, self._file, self.rows = path, file, rows
 
-    def append(self, row: Row) -> None:
+    def append(self, row: RunRow) -> None:
         """Write a row, whole, so that it is there though this process were killed.
 
         Raises:
@@ -113,12 +113,12 @@ class RowFile:
 
 
 @contextmanager
-def row_file(path: str | os.PathLike[str], asked: Mapping[str, object]) -> Iterator[RowFile]:
+def row_file(path: str | os.PathLike[str], description: Mapping[str, object]) -> Iterator[RowFile]:
     """A file of rows, new or to be gone on with. A last line that was torn by a kill is cut off.
 
     Args:
         path: of the file; its folder is made.
-        asked: what the rows answer, as JSON says it.
+        description: what the rows answer, as JSON says it.
 
     Raises:
         DiskFullError: there is no room for it.
@@ -126,7 +126,7 @@ def row_file(path: str | os.PathLike[str], asked: Mapping[str, object]) -> Itera
         ResultError: it is no such file, answers another question, is damaged, or another process is at it.
     """
     path = Path(path)
-    header = (json.dumps(asked, allow_nan=False) + "\n").encode()
+    header = (json.dumps(description, allow_nan=False) + "\n").encode()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         file = path.open("a+b")
@@ -139,7 +139,7 @@ def row_file(path: str | os.PathLike[str], asked: Mapping[str, object]) -> Itera
             raise ResultError(f"{path}: another process is writing rows to it") from None
         content = read_bounded(path, MAX_BYTES)
         whole = content.rfind(b"\n") + 1
-        rows = RowFile(path, file, _rows(path, content[:whole], asked) if not header.startswith(content) else ())
+        rows = RowFile(path, file, _rows(path, content[:whole], description) if not header.startswith(content) else ())
         if header.startswith(content) and whole != len(header):
             file.truncate(0)  # empty, or torn within its first line
             rows.write(header)
@@ -148,17 +148,17 @@ def row_file(path: str | os.PathLike[str], asked: Mapping[str, object]) -> Itera
         yield rows
 
 
-def read_rows(path: str | os.PathLike[str], asked: Mapping[str, object]) -> tuple[Row, ...]:
+def read_rows(path: str | os.PathLike[str], description: Mapping[str, object]) -> tuple[RunRow, ...]:
     """The rows of a file, by their numbers; see `row_file`.
 
     Raises:
         FileError: it cannot be read.
         ResultError: see `row_file`.
     """
-    return _rows(Path(path), read_bounded(path, MAX_BYTES), asked)
+    return _rows(Path(path), read_bounded(path, MAX_BYTES), description)
 
 
-def _rows(path: Path, content: bytes, asked: Mapping[str, object]) -> tuple[Row, ...]:
+def _rows(path: Path, content: bytes, description: Mapping[str, object]) -> tuple[RunRow, ...]:
     lines = content.split(b"\n")[:-1]
     if not lines:
         raise ResultError(f"{path}: no file of rows: it has no line that says what was asked")
@@ -166,16 +166,16 @@ def _rows(path: Path, content: bytes, asked: Mapping[str, object]) -> tuple[Row,
         there = json.loads(lines[0], parse_constant=_refuse)
     except ValueError as error:
         raise ResultError(f"{path}: no file of rows: line 1 is not JSON ({error})") from None
-    if not isinstance(there, dict) or there.get("format") != asked["format"]:
-        raise ResultError(f"{path}: no file of rows of format {asked['format']}")
-    if different := list(differences(there, json.loads(json.dumps(asked)))):
+    if not isinstance(there, dict) or there.get("format") != description["format"]:
+        raise ResultError(f"{path}: no file of rows of format {description['format']}")
+    if different := list(differences(there, json.loads(json.dumps(description)))):
         raise ResultError(
             f"{path}: its rows answer another question: {'; '.join(different)}. Ask the same, or give another file"
         )
-    known: dict[int, Row] = {}
+    known: dict[int, RunRow] = {}
     for i, line in enumerate(lines[1:], start=2):
         try:
-            row = Row.read(line)
+            row = RunRow.read(line)
         except ValueError as error:
             raise ResultError(f"{path}: line {i} is no row ({error})") from None
         if row.k in known:

@@ -40,7 +40,7 @@ _INSERT = "INSERT INTO rows VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class CaseRow:
     """What came of a case.
 
     Attributes:
@@ -82,7 +82,7 @@ class Database:
     def __init__(self, path: Path, connection: sqlite3.Connection):
         self.path, self._connection = path, connection
 
-    def append(self, rows: Sequence[Row], motions: Mapping[int, bytes]) -> None:
+    def append(self, rows: Sequence[CaseRow], motions: Mapping[int, bytes]) -> None:
         """Write rows and motions, all of them or, if this is killed, none.
 
         Raises:
@@ -121,24 +121,26 @@ class Database:
     def counts(self) -> dict[str, int]:
         """Rows of each status, the most frequent first."""
         with _telling(self.path):
-            asked = "SELECT status, COUNT(*) AS n FROM rows GROUP BY status ORDER BY n DESC, status"
-            return dict(self._connection.execute(asked).fetchall())
+            query = "SELECT status, COUNT(*) AS n FROM rows GROUP BY status ORDER BY n DESC, status"
+            return dict(self._connection.execute(query).fetchall())
 
-    def rows(self) -> Iterator[Row]:
+    def rows(self) -> Iterator[CaseRow]:
         """All rows, by their numbers, one after the other."""
         with _telling(self.path):
             for k, status, good, message, settings, facts, *others in self._connection.execute(
                 "SELECT * FROM rows ORDER BY k"
             ):
                 seconds, attempts, worker, begun_from = others
-                yield Row(
+                yield CaseRow(
                     k=k, status=status, good=bool(good), message=message, settings=json.loads(settings),
                     facts=json.loads(facts), seconds=seconds, attempts=attempts, worker=worker, begun_from=begun_from,
                 )  # fmt: skip
 
 
 @contextmanager
-def database(path: str | os.PathLike[str], asked: Mapping[str, object], sync: Sync = "full") -> Iterator[Database]:
+def database(
+    path: str | os.PathLike[str], description: Mapping[str, object], sync: Sync = "full"
+) -> Iterator[Database]:
     """The rows of a study, new or to be gone on with.
 
     With sync "full" what `append` has returned from survives a SIGKILL of this process and, on a disk that does not lie
@@ -146,7 +148,7 @@ def database(path: str | os.PathLike[str], asked: Mapping[str, object], sync: Sy
 
     Args:
         path: of the file; its folder is made. Beside it lie SQLite's -wal and -shm, and a .lock.
-        asked: what the rows answer, as JSON says it.
+        description: what the rows answer, as JSON says it.
         sync: see above.
 
     Raises:
@@ -168,7 +170,7 @@ def database(path: str | os.PathLike[str], asked: Mapping[str, object], sync: Sy
             with _telling(path):
                 connection.execute("PRAGMA journal_mode = WAL")
                 connection.execute(f"PRAGMA synchronous = {'FULL' if sync == 'full' else 'NORMAL'}")
-                _begin(connection, path, asked)
+                _begin(connection, path, description)
             yield Database(path, connection)
 
 
@@ -201,9 +203,9 @@ def _connected(path: Path) -> Iterator[sqlite3.Connection]:
         connection.close()
 
 
-def _begin(connection: sqlite3.Connection, path: Path, asked: Mapping[str, object]) -> None:
+def _begin(connection: sqlite3.Connection, path: Path, description: Mapping[str, object]) -> None:
     """Make the tables of a new file; of another one see that it answers the same."""
-    here = json.loads(json.dumps(asked, allow_nan=False))
+    here = json.loads(json.dumps(description, allow_nan=False))
     empty = connection.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0] == 0
     if empty:
         with connection:

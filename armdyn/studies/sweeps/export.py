@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from armdyn.errors import MissingPackageError
-from armdyn.studies.sweeps.database import Database, Row, reading
+from armdyn.studies.sweeps.database import CaseRow, Database, reading
 
 _FIRST = ("k", "status", "good")
 _LAST = ("seconds", "attempts", "worker", "begun_from", "message")
@@ -19,7 +19,7 @@ _PIECE = 10_000
 """Rows that are in memory at once."""
 
 
-def flat(row: Row) -> dict[str, Any]:
+def flat(row: CaseRow) -> dict[str, Any]:
     """A row with a column for each setting and each fact; a fact of a setting's name is called fact_NAME."""
     facts = {name if name not in row.settings else f"fact_{name}": value for name, value in row.facts.items()}
     first, last = ({name: getattr(row, name) for name in names} for names in (_FIRST, _LAST))

@@ -15,7 +15,7 @@ from armdyn.studies.sweeps.arms import arms_of
 from armdyn.studies.sweeps.study import MAX_AXES, METHODS, Axis, Study
 from armdyn.studies.sweeps.tasks.minimum_time import NEIGHBOURS, MinimumTime
 from armdyn.studies.sweeps.tasks.settings import ARM, POSES, ArmRecipe, Value, check_setting
-from armdyn.studies.sweeps.tasks.task import Task
+from armdyn.studies.sweeps.tasks.task import StudyTask
 from armdyn.studies.sweeps.tasks.tracking import Tracking, check_settings
 
 _MAX_VALUES = 10_000
@@ -64,9 +64,9 @@ def read_study(path: str | os.PathLike[str]) -> Study:
         raise table.table("vary" if of_an_axis or not sample.values else "sample").about(error) from None
 
 
-def _minimum_time(table: Table, arms: tuple[ArmRecipe, ...], fixed: dict[str, Value]) -> Task:
+def _minimum_time(table: Table, arms: tuple[ArmRecipe, ...], fixed: dict[str, Value]) -> StudyTask:
     search = table.table("search")
-    search.only(("effort", "starts", "seed", "time_limit", "neighbours"))
+    search.only(("search", "starts", "seed", "time_limit", "neighbours"))
     given: dict[str, Any] = {name: value for name, value in search.values.items() if name != "neighbours"}
     with search.telling():
         options = MinimumTimeOptions(**given)
@@ -76,7 +76,7 @@ def _minimum_time(table: Table, arms: tuple[ArmRecipe, ...], fixed: dict[str, Va
     )
 
 
-def _tracking(table: Table, arms: tuple[ArmRecipe, ...], fixed: dict[str, Value], axes: list[Axis]) -> Task:
+def _tracking(table: Table, arms: tuple[ArmRecipe, ...], fixed: dict[str, Value], axes: list[Axis]) -> StudyTask:
     track = table.table("track")
     track.only(("controller", "reference", "duration", "tolerance"))
     given: dict[str, Any] = dict(track.values)

@@ -1,4 +1,4 @@
-"""A study's cases, done by a crew, each a row as soon as it has ended."""
+"""A study's cases, done by an executor, each a row as soon as it has ended."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ import numpy as np
 
 from armdyn.arguments import expect, flag, function, listener, one_of
 from armdyn.optimal.problem.stop import Stop, stopping
-from armdyn.studies.sweeps.database import SYNCS, Database, Row, Sync, database
-from armdyn.studies.sweeps.executors.executor import Case, Crew, Ended
-from armdyn.studies.sweeps.executors.local import local_crew
+from armdyn.studies.sweeps.database import SYNCS, CaseRow, Database, Sync, database
+from armdyn.studies.sweeps.executors.executor import Executor, FinishedCase, StudyCase
+from armdyn.studies.sweeps.executors.local import local_executor
 from armdyn.studies.sweeps.neighbours import Neighbours
 from armdyn.studies.sweeps.pace import Pace
 from armdyn.studies.sweeps.study import Study
-from armdyn.studies.sweeps.tasks.task import INTERRUPTED, Outcome, Task
+from armdyn.studies.sweeps.tasks.task import INTERRUPTED, CaseOutcome, StudyTask
 
 ATTEMPTS = 3
 """At a case whose workers die."""
@@ -30,7 +30,7 @@ DIED, ERROR = "worker_died", "error"
 _LISTEN = 0.25
 """How long is waited before Ctrl-C is looked for, and progress told [s]."""
 
-CrewOf = Callable[[Task], AbstractContextManager[Crew]]
+ExecutorFactory = Callable[[StudyTask], AbstractContextManager[Executor]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,7 @@ class Progress:
         done: of them, with those of earlier runs.
         bad: of those done in this run, how many are not what was wanted.
         left: the least and the most time that is likely to be left [s]; None: too early to say.
-        workers: of the crew.
+        workers: of the executor.
     """
 
     cases: int
@@ -76,7 +76,7 @@ class StudyRun:
 def run_study(
     study: Study,
     file: str | os.PathLike[str],
-    crew: CrewOf = local_crew,
+    executor: ExecutorFactory = local_executor,
     progress: Callable[[Progress], None] | None = None,
     *,
     again: bool = False,
@@ -90,7 +90,7 @@ def run_study(
     Args:
         study: with its task.
         file: SQLite, for the rows.
-        crew: who works, for a task: `local_crew`, or `cluster_crew(address)`.
+        executor: who works, for a task: `local_executor`, or `dask_executor(address)`.
         progress: told how far it is.
         again: do cases once more whose workers died, or whose work raised what it should not.
         sync: when a row is on the disk itself, see `database`.
@@ -101,18 +101,18 @@ def run_study(
         DiskFullError: there is no room for a row.
     """
     expect(study, Study, "study", "read_study(path)")
-    function(crew, "crew")
-    tell, again = listener(progress), flag(again, "again")
+    function(executor, "executor")
+    progress, again = listener(progress), flag(again, "again")
     one_of(sync, SYNCS, "sync")
     began = time.monotonic()
-    with database(file, study.asked(), sync) as rows:
+    with database(file, study.description(), sync) as rows:
         if again:
             rows.forget((DIED, ERROR))
         before = rows.numbers()
         with stopping(np.inf) as stop:
             if len(before) < len(study):
-                with crew(study.task) as who:
-                    _Sweep(study, rows, who, stop, tell, before).run()
+                with executor(study.task) as who:
+                    _Sweep(study, rows, who, stop, progress, before).run()
         there = rows.counts()
     done = sum(there.values())
     return StudyRun(
@@ -127,9 +127,9 @@ class _Sweep:
 
     study: Study
     rows: Database
-    crew: Crew
+    executor: Executor
     stop: Stop
-    tell: Callable[[Progress], None]
+    progress: Callable[[Progress], None]
     done: set[int]
     deaths: dict[int, int] = field(default_factory=dict)
     waiting: deque[int] = field(default_factory=deque)
@@ -143,8 +143,8 @@ class _Sweep:
         pace, left = Pace(), len(self.waiting)
         self._give(near, {})
         while left and not self.stop:
-            rows, motions = list[Row](), dict[int, bytes]()
-            for one in self.crew.ended(_LISTEN):
+            rows, motions = list[CaseRow](), dict[int, bytes]()
+            for one in self.executor.finished(_LISTEN):
                 row = self._row(one)
                 if row is None:
                     self.again.append(one.k)
@@ -165,43 +165,43 @@ class _Sweep:
                 done=len(self.study) - left,
                 bad=self.bad,
                 left=pace.left(left),
-                workers=self.crew.size,
+                workers=self.executor.size,
             )
-            self.tell(told)
+            self.progress(told)
 
     def _give(self, near: Neighbours | None, fresh: Mapping[int, bytes]) -> None:
-        """Have so many cases worked on as the crew wants.
+        """Have so many cases worked on as the executor wants.
 
         Args:
             near: who is near; None: no motion is a guess.
             fresh: motions that have no row yet.
         """
-        while count := self.crew.wanted(len(self.again) + len(self.waiting)):
-            motions, cases = dict(fresh), list[Case]()
+        while count := self.executor.wanted(len(self.again) + len(self.waiting)):
+            motions, cases = dict(fresh), list[StudyCase]()
             for k in [(self.again or self.waiting).popleft() for _ in range(count)]:
                 about = near.near(k) if near else ()
                 neighbour = next((n for n in about if near and n in near.moved), None)
                 if neighbour is not None and neighbour not in motions:
                     motions[neighbour] = self.rows.motion(neighbour)  # once, and so it is sent
                 guess = b"" if neighbour is None else motions[neighbour]
-                case = Case(k=k, settings=self.study.parameters(k), guess=guess, begun_from=neighbour, near=about)
+                case = StudyCase(k=k, settings=self.study.parameters(k), guess=guess, begun_from=neighbour, near=about)
                 cases.append(case)
-            self.crew.give(cases)
+            self.executor.submit(cases)
 
-    def _row(self, ended: Ended) -> Row | None:
+    def _row(self, ended: FinishedCase) -> CaseRow | None:
         """Of what came back; None: it is to be done again."""
         k, outcome = ended.k, ended.outcome
         self.deaths[k] = self.deaths.get(k, 0) + ended.deaths + (outcome is None and not ended.deaths)
         if outcome is None:
             if self.deaths[k] < ATTEMPTS:
                 return None
-            outcome = Outcome(
+            outcome = CaseOutcome(
                 status=DIED, message=f"whoever worked on it died, {self.deaths[k]} times; last {ended.worker}"
             )
         if outcome.status == INTERRUPTED:
             return None
         deaths = self.deaths.pop(k)
-        return Row(
+        return CaseRow(
             k=k, status=outcome.status, good=outcome.good, message=outcome.message, settings=self.study.parameters(k),
             facts=outcome.facts, seconds=round(ended.seconds, 6), worker=ended.worker,
             attempts=deaths + (outcome.status != DIED), begun_from=ended.begun_from,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from armdyn.arguments import number, one_of, whole
 from armdyn.errors import ProblemError
 from armdyn.studies.sweeps.tasks.settings import Value
-from armdyn.studies.sweeps.tasks.task import Task
+from armdyn.studies.sweeps.tasks.task import StudyTask
 
 Array = NDArray[np.float64]
 
@@ -86,7 +86,7 @@ class Axis:
         n = self.levels
         return (np.arange(n) + 0.5) / n if self.values else np.linspace(0.0, 1.0, n)
 
-    def asked(self) -> dict[str, object]:
+    def description(self) -> dict[str, object]:
         """As JSON says it."""
         if self.values:
             return {"values": list(self.values)}
@@ -106,7 +106,7 @@ class Study:
         seed: of what is drawn.
     """
 
-    task: Task
+    task: StudyTask
     axes: tuple[Axis, ...]
     method: Method = "grid"
     count: int = 0
@@ -155,12 +155,12 @@ class Study:
         """The settings of a case."""
         return {axis.name: axis.value(place) for axis, place in zip(self.axes, self.points[k], strict=True)}
 
-    def asked(self) -> Mapping[str, object]:
+    def description(self) -> Mapping[str, object]:
         """What the rows answer, as JSON says it; the places are said by a checksum."""
         return {
             "format": FORMAT,
-            "task": self.task.asked(),
-            "vary": {axis.name: axis.asked() for axis in self.axes},
+            "task": self.task.description(),
+            "vary": {axis.name: axis.description() for axis in self.axes},
             "sample": {"method": self.method, "count": len(self), "seed": self.seed},
             "places": hashlib.sha256(np.ascontiguousarray(self.points, dtype="<f8").tobytes()).hexdigest(),
         }

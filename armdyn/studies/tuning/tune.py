@@ -130,7 +130,7 @@ def tune(
         held_out: others, on which only the answer is run, such as `Plants(…).arms(robot, 100)`.
         loop: how controller and arm are joined.
         options: what is made small, and how long it is searched.
-        progress: told in words how far it is.
+        progress: called with a line of text on how far it is.
 
     Returns:
         The best that was found; after Ctrl-C, or at the time limit, until then.
@@ -146,10 +146,10 @@ def tune(
     on, off = (expect_robots(arms, name) for arms, name in ((plants, "plants"), (held_out, "held_out")))
     if not on:
         raise ProblemError("plants are none; expected some arms, such as Plants(payload=(0.8, 1.2)).corners(robot)")
-    tell = listener(progress)
+    progress = listener(progress)
     search = _Search(expect_robot(robot), reference, family, on, loop, options)
     with stopping(options.time_limit) as stop, ThreadPoolExecutor(options.workers or os.cpu_count() or 1) as pool:
-        status = search.go(stop, pool, tell)
+        status = search.go(stop, pool, progress)
         if search.best is None:
             raise ProblemError(f"no controller was run: {search.refused or 'the search was stopped at once'}")
         own, x = search.best
@@ -185,7 +185,7 @@ class _Search:
     refused: str = ""
     """Why the last controller that could not be run could not."""
 
-    def go(self, stop: Stop, pool: ThreadPoolExecutor, tell: Callable[[str], None]) -> TuningStatus:
+    def go(self, stop: Stop, pool: ThreadPoolExecutor, progress: Callable[[str], None]) -> TuningStatus:
         """Search, and say how it ended."""
         from scipy.optimize import differential_evolution
 
@@ -216,7 +216,7 @@ class _Search:
         def told(x: Array, convergence: float) -> bool:
             if self.best is not None:
                 self.history.append(self.best[0].cost(options.overshoot))
-                tell(f"generation {len(self.history)} of {options.generations}: {self.best[0]}")
+                progress(f"generation {len(self.history)} of {options.generations}: {self.best[0]}")
             return bool(stop)
 
         found = differential_evolution(

@@ -94,7 +94,7 @@ def test_what_is_no_group_has_no_rows():
 @pytest.mark.parametrize(("effort", "guesses", "optima"), [("quick", 8, 6), ("normal", 24, 6), ("thorough", 120, 18)])
 def test_effort_scales_whatever_is_guessed(effort, guesses, optima):
     search = Policy.of(paper_problem("rrr", effort_weight=1.0)).search
-    options = ad.MinimumTimeOptions(effort=effort)
+    options = ad.MinimumTimeOptions(search=effort)
     assert (search.guesses(options, 24), search.refinements(options, 6)) == (guesses, optima)
-    asked = ad.MinimumTimeOptions(effort=effort, starts=3, refinements=2)
+    asked = ad.MinimumTimeOptions(search=effort, starts=3, refinements=2)
     assert (search.guesses(asked, 24), search.refinements(asked, 6)) == (3, 2)

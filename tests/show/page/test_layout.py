@@ -3,7 +3,7 @@
 import pytest
 
 import armdyn as ad
-from armdyn.show.page.course import Move
+from armdyn.show.page.course import ShownMotion
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.report import Subject, report_html, report_of
 from show.browser import open_page
@@ -50,8 +50,8 @@ def reports(tmp_path_factory):
     facts = FACTS | {"arcs": [], "sensitivities": six, "decides": decides, "local_optima": [0.2431]}
     facts |= {"duration": 0.239}
     moves = (
-        Move("minimum time", fast, Facts(facts)),
-        Move("tracked", slow, Facts({"peak_error": 0.1, "settled_time": 0.3})),
+        ShownMotion("minimum time", fast, Facts(facts)),
+        ShownMotion("tracked", slow, Facts({"peak_error": 0.1, "settled_time": 0.3})),
     )
     folder = tmp_path_factory.mktemp("reports")
     for name, some in (("one", moves[:1]), ("two", moves)):

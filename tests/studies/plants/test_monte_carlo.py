@@ -13,7 +13,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError, ResultError
-from armdyn.studies.plants.rows import Row
+from armdyn.studies.plants.rows import RunRow
 from problems import POSES, paper_arm, paper_problem
 
 PLANTS = ad.Plants(coulomb=(0.0, 0.06), damping=(0.0, 0.003), start=0.01, seed=11)
@@ -35,7 +35,7 @@ def made(*settled_times, peak_error=0.1):
     question = study(replace(SHORT, count=1)).question
     question = replace(question, options=replace(SHORT, count=len(settled_times)))
     rows = tuple(
-        Row(
+        RunRow(
             k,
             PLANTS.draw(k, 1),
             "settled" if time else "not_settled",
@@ -167,7 +167,7 @@ def test_killed_half_way_and_gone_on_with_no_row_is_lost_or_doubled(tmp_path):
     count = there + 50
     result = study(replace(SHORT, count=count), file=file)
     assert [row.k for row in result.rows] == list(range(count))
-    numbers = [Row.read(line).k for line in file.read_bytes().splitlines()[1:]]
+    numbers = [RunRow.read(line).k for line in file.read_bytes().splitlines()[1:]]
     assert len(numbers) == len(set(numbers))
     # What the killed process wrote is what this one makes of the same arms.
     assert result.rows[::10] == tuple(result.question.row(k) for k in range(0, count, 10))

@@ -7,14 +7,14 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import FileError, ResultError
-from armdyn.studies.plants.rows import Row, named, read_rows, row_file
+from armdyn.studies.plants.rows import RunRow, named, read_rows, row_file
 
 ASKED = {"format": "rows-1", "loop": {"rate": 1000.0, "delay": 1}, "seed": 0}
 
 
 def row(k, settled=0.25):
     draw = ad.Plants(coulomb=(0, 1)).draw(k, 2)
-    return Row(k, draw, "settled", settled, 0.1, 0.2, 0.5, 1 / 3, None, (1e-5, math.pi))
+    return RunRow(k, draw, "settled", settled, 0.1, 0.2, 0.5, 1 / 3, None, (1e-5, math.pi))
 
 
 def written(path, count):

@@ -8,14 +8,14 @@ import pytest
 
 import armdyn as ad
 from armdyn.studies.sweeps.database import reading
-from armdyn.studies.sweeps.executors.local import local_crew
+from armdyn.studies.sweeps.executors.local import local_executor
 from armdyn.studies.sweeps.export import study_table, write_csv, write_parquet
 from toys import squares
 
 
 @pytest.fixture
 def file(tmp_path):
-    return ad.run_study(squares(7, refused=(2,)), tmp_path / "s.sqlite", partial(local_crew, workers=2)).file
+    return ad.run_study(squares(7, refused=(2,)), tmp_path / "s.sqlite", partial(local_executor, workers=2)).file
 
 
 def test_csv_and_parquet_say_the_same(file, tmp_path):

@@ -52,7 +52,7 @@ def test_poses_vary_by_their_names(study):
     assert asked.parameters(3) == {"arm": "ur5", "q_goal": "up"}
     up = ad.Robot.from_library("ur5").pose("up")
     assert asked.task.problem(asked.parameters(3)).q_goal.tolist() == up.tolist()
-    assert asked.asked()["task"]["arms"]["ur5"]["named"]["up"] == up.tolist()
+    assert asked.description()["task"]["arms"]["ur5"]["named"]["up"] == up.tolist()
 
 
 def test_poses_of_an_srdf_by_the_urdf(study, tmp_path):
@@ -85,10 +85,10 @@ def test_a_file_beside_the_study_goes_with_it(study, tmp_path):
     (tmp_path / "arms" / "one.urdf").write_text(text)
     arm = "[arms.mine]\nrobot = 'arms/one.urdf'\nq_start = [0.0]\nq_goal = [1.0]\n"
     asked = study(arm + VARY)
-    before = asked.asked()
+    before = asked.description()
     (tmp_path / "arms" / "one.urdf").write_text(text.replace('name="r"', 'name="s"', 1))
     assert asked.task.problem(asked.parameters(0)).robot.joint_names == ("joint1",)  # it needs the file no more
-    assert study(arm + VARY).asked() != before  # another file is another study
+    assert study(arm + VARY).description() != before  # another file is another study
 
 
 @pytest.mark.parametrize("place", ["../outside.urdf", "/etc/passwd.urdf", "link.urdf", "sub/../../outside.urdf"])
@@ -131,7 +131,7 @@ def test_no_file_beyond_the_studys_folder(study, tmp_path, place):
         (ARM + VARY + "[fixed]\npayload = 1\n", "line 7: payload is both fixed and varied|payload is both"),
         (ARM + VARY + "[sample]\nmethod = 'random'\n", "line 6: count is 0; a study has 1 to 1000000 cases"),
         (ARM + VARY + "[sample]\nmethod = 'random'\ncount = 10000000\n", "line 8: count is 10000000; a study has"),
-        (ARM + VARY + "[search]\nworkers = 3\n", r"line 7: no key 'workers' in \[search\]; known: effort"),
+        (ARM + VARY + "[search]\nworkers = 3\n", r"line 7: no key 'workers' in \[search\]; known: search"),
         (ARM + VARY + "[search]\nstarts = 'many'\n", "line 7: starts is 'many'"),
         (ARM + VARY + "[track]\n", r"line 6: \[track\] is for task = 'track'"),
         ("[arms.rr]\nq_start = [0, 0]\n" + VARY, "line 1: arms.rr.q_goal is missing: 2 positions"),

@@ -13,14 +13,14 @@ import pytest
 
 from armdyn.errors import FileError, ResultError
 from armdyn.studies.sweeps.database import database, reading
-from armdyn.studies.sweeps.executors.local import local_crew
+from armdyn.studies.sweeps.executors.local import local_executor
 from armdyn.studies.sweeps.pace import Pace
 from armdyn.studies.sweeps.run import run_study
 from armdyn.studies.sweeps.study import Axis, Study
 from armdyn.studies.sweeps.tasks.settings import ARM
 from toys import Square, squares
 
-TWO = partial(local_crew, workers=2)
+TWO = partial(local_executor, workers=2)
 HERE = Path(__file__).parents[2]
 
 
@@ -79,9 +79,9 @@ import sys
 sys.path.insert(0, {here!r})
 from functools import partial
 from toys import squares
-from armdyn.studies.sweeps.executors.local import local_crew
+from armdyn.studies.sweeps.executors.local import local_executor
 from armdyn.studies.sweeps.run import run_study
-run_study(squares(60, seconds=0.02), {file!r}, partial(local_crew, workers=2))
+run_study(squares(60, seconds=0.02), {file!r}, partial(local_executor, workers=2))
 """
 
 
@@ -116,7 +116,10 @@ def test_a_case_has_no_second_row(tmp_path):
     study = squares(3)
     run_study(study, tmp_path / "s.sqlite", TWO)
     row = rows_of(tmp_path / "s.sqlite")[1]
-    with database(tmp_path / "s.sqlite", study.asked()) as rows, pytest.raises(ResultError, match="a row already"):
+    with (
+        database(tmp_path / "s.sqlite", study.description()) as rows,
+        pytest.raises(ResultError, match="a row already"),
+    ):
         rows.append([row], {})
 
 
@@ -133,9 +136,9 @@ def test_one_at_a_time(tmp_path, monkeypatch):
     monkeypatch.setattr("armdyn.studies.sweeps.database._PATIENCE", 0.1)
     study = squares(2)
     with (
-        database(tmp_path / "s.sqlite", study.asked()),
+        database(tmp_path / "s.sqlite", study.description()),
         pytest.raises(ResultError, match="another process is at this study"),
-        database(tmp_path / "s.sqlite", study.asked()),
+        database(tmp_path / "s.sqlite", study.description()),
     ):
         pass
 
@@ -159,7 +162,7 @@ def test_a_case_begins_with_the_nearest_that_is_ready(tmp_path):
     arms = Axis(name=ARM, values=("p", "q"))
     numbers = Axis(name="x", low=0.0, high=9.0, count=10)
     study = Study(task=Square(uses_neighbours=True), axes=(arms, numbers))
-    run = run_study(study, tmp_path / "s.sqlite", partial(local_crew, workers=1))
+    run = run_study(study, tmp_path / "s.sqlite", partial(local_executor, workers=1))
     for row in rows_of(run.file):
         # One at a time, in order: the last one of the same arm is ready, and nothing is nearer.
         before = None if row.settings["x"] == 0 else row.k - 1

@@ -39,8 +39,8 @@ def test_a_latin_hypercube_has_one_case_in_each_part_of_each_range():
     cube = study(RANGE, Axis(name="b", low=0.1, high=10.0, scale="log"), method="latin-hypercube", count=50, seed=4)
     assert np.array_equal(np.sort(np.floor(50 * cube.points), axis=0), np.tile(np.arange(50.0)[:, None], 2))
     again = study(*cube.axes, method="latin-hypercube", count=50, seed=4)
-    assert again.asked() == cube.asked()
-    assert again.asked() != study(*cube.axes, method="latin-hypercube", count=50, seed=5).asked()
+    assert again.description() == cube.description()
+    assert again.description() != study(*cube.axes, method="latin-hypercube", count=50, seed=5).description()
 
 
 def test_words_each_have_their_share_of_a_draw():

@@ -9,7 +9,7 @@ import pytest
 import armdyn as ad
 from armdyn.studies.sweeps.tasks.minimum_time import MinimumTime
 from armdyn.studies.sweeps.tasks.settings import ArmRecipe
-from armdyn.studies.sweeps.tasks.task import Outcome, motion_bytes, motion_from, outcome_of
+from armdyn.studies.sweeps.tasks.task import CaseOutcome, motion_bytes, motion_from, outcome_of
 from armdyn.studies.sweeps.tasks.tracking import Tracking
 from problems import paper_problem
 
@@ -97,7 +97,7 @@ def test_what_json_and_sqlite_cannot_say_is_made_sayable():
     class Odd:
         def work(self, settings, guess):
             facts = {"a": float("nan"), "b": np.float64(2.0), "c": np.bool_(True), "d": float("inf"), "e": "f"}
-            return Outcome(status="odd", message="half a pair: \ud800", facts=facts)
+            return CaseOutcome(status="odd", message="half a pair: \ud800", facts=facts)
 
     outcome, _ = outcome_of(Odd(), {}, b"")
     assert json.loads(json.dumps(outcome.facts, allow_nan=False)) == {"a": None, "b": 2, "c": True, "d": None, "e": "f"}
@@ -106,7 +106,7 @@ def test_what_json_and_sqlite_cannot_say_is_made_sayable():
 
 def test_a_warning_stands_in_the_row_and_not_on_the_terminal(recwarn):
     # A tenth of the motor's torque holds the arm at the start, hanging, and not at the goal.
-    task = MinimumTime(arms=(R,), options=ad.MinimumTimeOptions(starts=1, effort="quick"))
+    task = MinimumTime(arms=(R,), options=ad.MinimumTimeOptions(starts=1, search="quick"))
     outcome, _ = outcome_of(task, {"payload": 1.0, "effort_limit": 1.5}, b"")
     assert "needs" in outcome.facts["warning"] and "to hold the goal" in outcome.facts["warning"] and not recwarn
     assert "warning" not in outcome_of(task, {}, b"")[0].facts

@@ -10,7 +10,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.curves import CurvePolicy
 from armdyn.optimal.task.policy.landing import LandingPolicy, PathConstraintPolicy
-from armdyn.optimal.task.policy.problem_class import speed_shapes
+from armdyn.optimal.task.policy.problem_class import is_speed_limited
 from armdyn.optimal.task.policy.refinement import (
     ArcsPolicy,
     IndirectPolicy,
@@ -54,7 +54,7 @@ class Policy:
     def of(cls, problem: MinimumTimeProblem) -> Self:
         """The policy for a problem, by its joints, its limits and its path constraints."""
         motors = not np.any(problem.limits.passive)
-        speedy = speed_shapes(problem)
+        speed_limited = is_speed_limited(problem)
         joints, asked = problem.robot.nv, bool(problem.path_constraint_names)
         crowded = bool(problem.obstacles) or problem.self_collision
         many = joints == 3 and motors and not asked and not problem.pays_effort  # optima, hundreds
@@ -84,10 +84,10 @@ class Policy:
             curves=CurvePolicy(
                 alone=motors and (joints > 3 or problem.relative_effort_weight > 0),
                 possible=motors,
-                cruises=speedy,
+                cruises=speed_limited,
                 patience=300 if asked or np.any(problem.robot.friction.coulomb) else 120,
-                shortest=_shortest(problem, speedy),
-                starts=6 if crowded else 1 if speedy else 4,
+                shortest=_shortest(problem, speed_limited),
+                starts=6 if crowded else 1 if speed_limited else 4,
             ),
         )
 
@@ -105,9 +105,9 @@ class Policy:
         return replace(self, **{group: replace(getattr(self, group), **numbers)})
 
 
-def _shortest(problem: MinimumTimeProblem, speedy: bool) -> float:
+def _shortest(problem: MinimumTimeProblem, speed_limited: bool) -> float:
     """The first interval of a curve: torques that may not jump ramp more slowly than velocity limits are reached."""
-    if not speedy:
+    if not speed_limited:
         return 1.0
     return 2e-3 if problem.continuous_torque else 3e-4
 

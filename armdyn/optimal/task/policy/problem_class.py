@@ -6,7 +6,7 @@ import pinocchio as pin
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 
 
-def speed_shapes(problem: MinimumTimeProblem) -> bool:
+def is_speed_limited(problem: MinimumTimeProblem) -> bool:
     """Whether velocity limits shape the fastest motion, by an estimate.
 
     They do if the joint that they keep longest on its way reaches its limit on it: alone, from and to rest, with the

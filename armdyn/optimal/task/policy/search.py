@@ -64,9 +64,9 @@ class SearchPolicy:
         "probability of 5 %; after 18, which had met two optima, 2.5 % of the duration was lost",
         "RRR, random (seed 1, poses within ±π)",
     )
-    quick: float = tuned(1 / 3, "of the guesses", 'effort "quick"', "RRR, random")
-    thorough: float = tuned(5.0, "of the guesses", 'effort "thorough"; all of them are solved', "RRR, random")
-    more_refined: int = tuned(3, "times the optima", 'effort "thorough" refines', "RRR, random")
+    quick: float = tuned(1 / 3, "of the guesses", 'search="quick"', "RRR, random")
+    thorough: float = tuned(5.0, "of the guesses", 'search="thorough"; all of them are solved', "RRR, random")
+    more_refined: int = tuned(3, "times the optima", 'search="thorough" refines', "RRR, random")
     neighbour_starts: int = by_kind(
         "guesses",
         "of a search that has a neighbour's optimum; half where effort is paid for; beyond three joints the straight",
@@ -94,7 +94,7 @@ class SearchPolicy:
     bow: float = tuned(
         2.0, "rad", "least spread of random poses: fast motions fold far out of the straight way", "RR, RRR, Luus"
     )
-    swings: tuple[int, ...] = tuned(
+    swing_ups: tuple[int, ...] = tuned(
         (1, 2, 3, 4, 6, 8),
         "swings",
         "in turn, of guesses on which joints without a motor swing up",
@@ -140,13 +140,13 @@ class SearchPolicy:
             options: starts, or effort.
             normal: so many where effort is normal; None: those of this search.
         """
-        factor = {"quick": self.quick, "normal": 1.0, "thorough": self.thorough}[options.effort]
+        factor = {"quick": self.quick, "normal": 1.0, "thorough": self.thorough}[options.search]
         return options.starts or max(1, math.ceil(factor * (self.starts if normal is None else normal)))
 
     def refinements(self, options: MinimumTimeOptions, normal: int | None = None) -> int:
         """How many optima the options ask for. Arguments as of `guesses`."""
         own = self.refined if normal is None else normal
-        return options.refinements or own * (self.more_refined if options.effort == "thorough" else 1)
+        return options.refinements or own * (self.more_refined if options.search == "thorough" else 1)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 from armdyn.arguments import text
 from armdyn.errors import ClusterError, MissingPackageError, ProblemError
 from armdyn.studies.sweeps.executors.batch import BatchSize, target
-from armdyn.studies.sweeps.executors.executor import Case, Crew, Ended, in_turn
-from armdyn.studies.sweeps.tasks.task import INTERRUPTED, Outcome, Task
+from armdyn.studies.sweeps.executors.executor import Executor, FinishedCase, StudyCase, in_turn
+from armdyn.studies.sweeps.tasks.task import INTERRUPTED, CaseOutcome, StudyTask
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -39,7 +39,7 @@ _GONE = 180.0
 workers a case kills at once, time and again, looks like that for half a minute."""
 
 
-def cluster_crew(address: str) -> Callable[[Task], AbstractContextManager[Crew]]:
+def dask_executor(address: str) -> Callable[[StudyTask], AbstractContextManager[Executor]]:
     """Whoever works at a Dask scheduler, for `run_study`.
 
     Its workers need armdyn of this version, and no file: arms are sent with the cases. One thread per worker is best.
@@ -56,10 +56,10 @@ def cluster_crew(address: str) -> Callable[[Task], AbstractContextManager[Crew]]
     host, colon, port = address.removeprefix("tcp://").rpartition(":")
     if not (host and colon and port.isdigit() and int(port) < 2**16):
         raise ProblemError(f"scheduler {address[:100]!r}: write HOST:PORT, such as node1:8786")
-    return partial(_crew, f"tcp://{host}:{port}")
+    return partial(_executor, f"tcp://{host}:{port}")
 
 
-class ClusterCrew:
+class DaskExecutor:
     """Workers of a cluster, who are given batches of cases that take about a second.
 
     Dask counts a worker's death against all batches that it had been given, so that one case that kills takes others
@@ -67,10 +67,10 @@ class ClusterCrew:
     else can be to blame.
     """
 
-    def __init__(self, client: Client, task: Task):
+    def __init__(self, client: Client, task: StudyTask):
         self._client, self._task = client, task
-        self._under_way: dict[str, tuple[tuple[Case, ...], Future]] = {}
-        self._suspects: deque[Case] = deque()
+        self._under_way: dict[str, tuple[tuple[StudyCase, ...], Future]] = {}
+        self._suspects: deque[StudyCase] = deque()
         self._alone, self._broken = False, 0
         self._deaths: dict[int, int] = {}
         self._done: queue.SimpleQueue[str] = queue.SimpleQueue()
@@ -90,7 +90,7 @@ class ClusterCrew:
             return 0
         return self._batch.cases(left, self._size) if left else 0
 
-    def give(self, cases: Sequence[Case]) -> None:
+    def submit(self, cases: Sequence[StudyCase]) -> None:
         """Have a batch worked on."""
         key = f"armdyn-{id(self)}-{self._given}"
         self._given += 1
@@ -98,17 +98,17 @@ class ClusterCrew:
         self._under_way[key] = tuple(cases), future
         future.add_done_callback(lambda done: self._done.put(done.key))
 
-    def ended(self, seconds: float) -> list[Ended]:
+    def finished(self, seconds: float) -> list[FinishedCase]:
         """What has come back.
 
         Raises:
             ClusterError: the scheduler has gone, or all workers.
         """
-        found = list[Ended]()
+        found = list[FinishedCase]()
         if not self._under_way:
             self._alone = bool(self._suspects)
             if self._alone:
-                self.give([self._suspects.popleft()])
+                self.submit([self._suspects.popleft()])
         for key in self._late:
             if self._under_way[key][1].status in ("finished", "error", "cancelled"):
                 self._done.put(key)
@@ -161,7 +161,7 @@ class ClusterCrew:
         if self._client.status != "running" or self._broken > _BREAKS:
             raise ClusterError(f"the Dask scheduler at {_address(self._client)} has gone; the rows so far are kept")
 
-    def _read(self, cases: Sequence[Case], future: Future, patience: float) -> list[Ended]:
+    def _read(self, cases: Sequence[StudyCase], future: Future, patience: float) -> list[FinishedCase]:
         """What came of a batch; its cases are kept as suspects where one of them may have killed.
 
         Raises:
@@ -178,7 +178,7 @@ class ClusterCrew:
             if not self._alone:
                 self._suspects.extend(cases)
                 return []
-            died = Ended(k=-1, outcome=None, worker=str(error.last_worker.address))
+            died = FinishedCase(k=-1, outcome=None, worker=str(error.last_worker.address))
             return [replace(died, k=case.k, deaths=self._deaths[case.k], begun_from=case.begun_from) for case in cases]
         except Exception as error:
             if future.cancelled() or self._client.status != "running":
@@ -190,7 +190,7 @@ class ClusterCrew:
                 self._suspects.extend(cases)
                 return []
             told = f"{type(error).__name__}: {error}"[:1000]  # it could not be sent, or not be brought back
-            return [Ended(k=cases[0].k, outcome=Outcome(status="error", message=told))]
+            return [FinishedCase(k=cases[0].k, outcome=CaseOutcome(status="error", message=told))]
         self._broken = 0
         self._batch.add(len(done), sum(one.seconds for one in done))
         found = [replace(one, worker=worker, deaths=self._deaths.get(one.k, 0)) for one in done]
@@ -198,7 +198,7 @@ class ClusterCrew:
 
 
 @contextmanager
-def _crew(address: str, task: Task) -> Iterator[Crew]:
+def _executor(address: str, task: StudyTask) -> Iterator[Executor]:
     try:
         from distributed import Client
     except ImportError:
@@ -211,7 +211,7 @@ def _crew(address: str, task: Task) -> Iterator[Crew]:
         raise ClusterError(f"no Dask scheduler answers at {address} ({error})"[:300]) from None
     try:
         _check(client, address)
-        yield ClusterCrew(client, task)
+        yield DaskExecutor(client, task)
     finally:
         client.close(timeout=_PATIENCE)  # what is under way is not begun again, and what ends is dropped
 
@@ -237,16 +237,16 @@ def _version() -> str:
     return version("armdyn")
 
 
-def _do(task: Task, cases: Sequence[Case], patience: float) -> tuple[list[Ended], str]:
+def _do(task: StudyTask, cases: Sequence[StudyCase], patience: float) -> tuple[list[FinishedCase], str]:
     """A batch, on a worker; what is not begun after so long [s] is left out."""
     from distributed import get_worker
 
     return list(in_turn(task, cases, patience)), str(get_worker().address)
 
 
-def _again(cases: Sequence[Case]) -> list[Ended]:
+def _again(cases: Sequence[StudyCase]) -> list[FinishedCase]:
     """Cases that are to be given again."""
-    return [Ended(k=case.k, outcome=Outcome(status=INTERRUPTED)) for case in cases]
+    return [FinishedCase(k=case.k, outcome=CaseOutcome(status=INTERRUPTED)) for case in cases]
 
 
 def _threads(client: Client) -> int:

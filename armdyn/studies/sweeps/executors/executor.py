@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from armdyn.studies.sweeps.tasks.settings import Value
-from armdyn.studies.sweeps.tasks.task import Outcome, Task, outcome_of
+from armdyn.studies.sweeps.tasks.task import CaseOutcome, StudyTask, outcome_of
 
 
 @dataclass(frozen=True, kw_only=True)
-class Case:
+class StudyCase:
     """What is given to who works.
 
     Attributes:
@@ -31,7 +31,7 @@ class Case:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ended:
+class FinishedCase:
     """What came back of a case.
 
     Attributes:
@@ -39,19 +39,19 @@ class Ended:
         outcome: None: whoever worked on it died.
         seconds: that it took [s].
         worker: who it was.
-        deaths: of workers that the crew has tried again by itself.
+        deaths: of workers that the executor has tried again by itself.
         begun_from: the case whose motion it began with; None: none.
     """
 
     k: int
-    outcome: Outcome | None
+    outcome: CaseOutcome | None
     seconds: float = 0.0
     worker: str = ""
     deaths: int = 0
     begun_from: int | None = None
 
 
-class Crew(Protocol):
+class Executor(Protocol):
     """Whoever works."""
 
     @property
@@ -59,20 +59,20 @@ class Crew(Protocol):
         """Cases that are worked on at once."""
 
     def wanted(self, left: int) -> int:
-        """How many cases are to be given now, in one `give`; 0: there is enough to do.
+        """How many cases are to be given now, in one `submit`; 0: there is enough to do.
 
         Args:
             left: cases that wait to be given.
         """
 
-    def give(self, cases: Sequence[Case]) -> None:
+    def submit(self, cases: Sequence[StudyCase]) -> None:
         """Have cases worked on by one worker, one after the other."""
 
-    def ended(self, seconds: float) -> list[Ended]:
+    def finished(self, seconds: float) -> list[FinishedCase]:
         """What has come back, waited for so long at most [s]."""
 
 
-def in_turn(task: Task, cases: Sequence[Case], patience: float) -> Iterator[Ended]:
+def in_turn(task: StudyTask, cases: Sequence[StudyCase], patience: float) -> Iterator[FinishedCase]:
     """Some cases, one after the other, each from the nearest motion that is there.
 
     Args:
@@ -86,12 +86,12 @@ def in_turn(task: Task, cases: Sequence[Case], patience: float) -> Iterator[Ende
         outcome, seconds = outcome_of(task, case.settings, guess)
         if outcome.motion:
             motions[case.k] = outcome.motion
-        yield Ended(k=case.k, outcome=outcome, seconds=seconds, begun_from=begun_from)
+        yield FinishedCase(k=case.k, outcome=outcome, seconds=seconds, begun_from=begun_from)
         if time.perf_counter() - began > patience:
             return
 
 
-def _nearest(case: Case, motions: Mapping[int, bytes]) -> tuple[int | None, bytes]:
+def _nearest(case: StudyCase, motions: Mapping[int, bytes]) -> tuple[int | None, bytes]:
     """Whose motion a case begins with: of those made here and the one given the nearest."""
     for k in case.near:
         if k == case.begun_from:

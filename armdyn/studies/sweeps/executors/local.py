@@ -7,15 +7,15 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
-from armdyn.parallel import Workers, workers_of
-from armdyn.studies.sweeps.executors.executor import Case, Crew, Ended, in_turn
-from armdyn.studies.sweeps.tasks.task import Task
+from armdyn.parallel import ForkPool, fork_pool
+from armdyn.studies.sweeps.executors.executor import Executor, FinishedCase, StudyCase, in_turn
+from armdyn.studies.sweeps.tasks.task import StudyTask
 
 
-class LocalCrew:
+class LocalExecutor:
     """Processes of this machine, each with one case at a time."""
 
-    def __init__(self, workers: Workers[Ended]):
+    def __init__(self, workers: ForkPool[FinishedCase]):
         self._workers = workers
         self._begun_from: dict[int, int | None] = {}
 
@@ -28,24 +28,24 @@ class LocalCrew:
         """One case while a process does nothing."""
         return min(self._workers.idle, left, 1)
 
-    def give(self, cases: Sequence[Case]) -> None:
+    def submit(self, cases: Sequence[StudyCase]) -> None:
         """Have cases worked on."""
         for case in cases:
             self._begun_from[case.k] = case.begun_from
-            self._workers.give(case.k, case)
+            self._workers.submit(case.k, case)
 
-    def ended(self, seconds: float) -> list[Ended]:
+    def finished(self, seconds: float) -> list[FinishedCase]:
         """What has come back."""
-        found = list[Ended]()
-        for k, process, result in self._workers.ended(seconds):
+        found = list[FinishedCase]()
+        for k, process, result in self._workers.finished(seconds):
             begun_from = self._begun_from.pop(k)
-            one = result[0] if result else Ended(k=k, outcome=None, begun_from=begun_from)
+            one = result[0] if result else FinishedCase(k=k, outcome=None, begun_from=begun_from)
             found.append(replace(one, worker=f"process {process}"))
         return found
 
 
 @contextmanager
-def local_crew(task: Task, workers: int | None = None) -> Iterator[Crew]:
+def local_executor(task: StudyTask, workers: int | None = None) -> Iterator[Executor]:
     """Processes of this machine for as long as a study takes; they end with this process, however it ends.
 
     Args:
@@ -54,8 +54,8 @@ def local_crew(task: Task, workers: int | None = None) -> Iterator[Crew]:
     """
     count = workers or len(os.sched_getaffinity(0))
 
-    def do(case: Case) -> Ended:
+    def do(case: StudyCase) -> FinishedCase:
         return next(in_turn(task, [case], 0.0))
 
-    with workers_of(do, count) as crew:
-        yield LocalCrew(crew)
+    with fork_pool(do, count) as executor:
+        yield LocalExecutor(executor)

@@ -12,7 +12,7 @@ from armdyn.arguments import expect, one_of
 from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Solution, Status, solve_minimum_time
 from armdyn.optimal.task.policy import Policy
 from armdyn.studies.sweeps.tasks.settings import SIGNS, ArmRecipe, Value, arm_of, asked_of, kept
-from armdyn.studies.sweeps.tasks.task import INTERRUPTED, Outcome, finite, motion_bytes, motion_from
+from armdyn.studies.sweeps.tasks.task import INTERRUPTED, CaseOutcome, finite, motion_bytes, motion_from
 from armdyn.trajectory import Trajectory
 
 Neighbours = Literal["add", "lead", "off"]
@@ -56,7 +56,7 @@ class MinimumTime:
         """
         return problem_of(self.arms, {**self.fixed, **settings})
 
-    def work(self, settings: Mapping[str, Value], guess: bytes) -> Outcome:
+    def work(self, settings: Mapping[str, Value], guess: bytes) -> CaseOutcome:
         """Solve it."""
         problem = self.problem(settings)
         options = replace(self.options, workers=1)
@@ -67,9 +67,9 @@ class MinimumTime:
                 options = replace(options, starts=search.guesses(options, search.neighbour_starts))
         solution = solve_minimum_time(problem, options)
         if solution.status is Status.INTERRUPTED:
-            return Outcome(status=INTERRUPTED)
+            return CaseOutcome(status=INTERRUPTED)
         usable = solution.usable
-        return Outcome(
+        return CaseOutcome(
             status="usable" if usable else str(solution.status) if not solution.success else "not_usable",
             good=usable,
             message=solution.message,
@@ -77,9 +77,9 @@ class MinimumTime:
             motion=motion_bytes(solution.trajectory) if usable and self.uses_neighbours else b"",
         )
 
-    def asked(self) -> dict[str, object]:
+    def description(self) -> dict[str, object]:
         """What it is, as JSON says it."""
-        options = {name: getattr(self.options, name) for name in ("effort", "starts", "seed", "time_limit")}
+        options = {name: getattr(self.options, name) for name in ("search", "starts", "seed", "time_limit")}
         return asked_of("minimum-time", self.arms, self.fixed) | {"search": {**options, "neighbours": self.neighbours}}
 
 

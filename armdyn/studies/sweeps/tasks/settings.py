@@ -103,7 +103,7 @@ class ArmRecipe:
             found[pose] = q
         return found
 
-    def asked(self) -> dict[str, object]:
+    def description(self) -> dict[str, object]:
         """As JSON says it; a file by its checksum."""
         import hashlib
 
@@ -142,7 +142,7 @@ def arm_of(arms: Sequence[ArmRecipe], settings: Mapping[str, Value]) -> ArmRecip
 
 def asked_of(task: str, arms: Sequence[ArmRecipe], fixed: Mapping[str, Value]) -> dict[str, object]:
     """What every task's `asked` begins with."""
-    return {"task": task, "arms": {arm.name: arm.asked() for arm in arms}, "fixed": dict(sorted(fixed.items()))}
+    return {"task": task, "arms": {arm.name: arm.description() for arm in arms}, "fixed": dict(sorted(fixed.items()))}
 
 
 def check_setting(name: str, value: object, signs: Mapping[str, Sign], arms: Sequence[ArmRecipe]) -> Value:

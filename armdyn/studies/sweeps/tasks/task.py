@@ -24,7 +24,7 @@ _MOST_BYTES = 2**26
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outcome:
+class CaseOutcome:
     """What came of a case.
 
     Attributes:
@@ -42,14 +42,14 @@ class Outcome:
     motion: bytes = b""
 
 
-class Task(Protocol):
+class StudyTask(Protocol):
     """What is done in every case, where it is done and by whom: it is pickled."""
 
     @property
     def uses_neighbours(self) -> bool:
         """A case may begin with the motion of another."""
 
-    def work(self, settings: Mapping[str, Value], guess: bytes) -> Outcome:
+    def work(self, settings: Mapping[str, Value], guess: bytes) -> CaseOutcome:
         """Do it.
 
         Args:
@@ -57,11 +57,11 @@ class Task(Protocol):
             guess: the motion of a neighbour; empty: none.
         """
 
-    def asked(self) -> Mapping[str, object]:
+    def description(self) -> Mapping[str, object]:
         """What it is, as JSON says it."""
 
 
-def outcome_of(task: Task, settings: Mapping[str, Value], guess: bytes) -> tuple[Outcome, float]:
+def outcome_of(task: StudyTask, settings: Mapping[str, Value], guess: bytes) -> tuple[CaseOutcome, float]:
     """What comes of a case, whatever is raised, and how long that took [s]."""
     began = time.perf_counter()
     with warnings.catch_warnings(record=True) as caught:  # thousands of cases would flood the terminal
@@ -69,16 +69,16 @@ def outcome_of(task: Task, settings: Mapping[str, Value], guess: bytes) -> tuple
         try:
             outcome = task.work(settings, guess)
         except ArmdynError as error:
-            outcome = Outcome(status="refused", message=str(error))
+            outcome = CaseOutcome(status="refused", message=str(error))
         except Exception as error:  # a row says so; the others go on
-            outcome = Outcome(status="error", message=f"{type(error).__name__}: {error}"[:1000])
+            outcome = CaseOutcome(status="error", message=f"{type(error).__name__}: {error}"[:1000])
     told = dict.fromkeys(str(one.message) for one in caught if issubclass(one.category, ArmdynWarning))
     if told:
         outcome = replace(outcome, facts={**outcome.facts, "warning": "; ".join(told)[:1000]})
     return _writable(outcome), time.perf_counter() - began
 
 
-def _writable(outcome: Outcome) -> Outcome:
+def _writable(outcome: CaseOutcome) -> CaseOutcome:
     """The same as a row bears it: one odd number or letter must not end the whole study."""
     facts = {name: value.item() if isinstance(value, np.generic) else value for name, value in outcome.facts.items()}
     finite_facts = {name: finite(value) if isinstance(value, float) else value for name, value in facts.items()}

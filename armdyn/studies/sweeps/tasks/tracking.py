@@ -21,7 +21,7 @@ from armdyn.models.robots.robot import Robot
 from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Solution, Status, solve_minimum_time
 from armdyn.studies.sweeps.tasks.minimum_time import MinimumTime
 from armdyn.studies.sweeps.tasks.settings import SIGNS, ArmRecipe, Value, arm_of, asked_of, kept
-from armdyn.studies.sweeps.tasks.task import INTERRUPTED, Outcome, finite
+from armdyn.studies.sweeps.tasks.task import INTERRUPTED, CaseOutcome, finite
 from armdyn.trajectory import Trajectory
 
 _REMEMBERED = 16
@@ -70,7 +70,7 @@ class Tracking:
         number(self.duration, "duration", unit="s", sign="positive")
         number(self.tolerance, "tolerance", unit="rad", sign="positive")
 
-    def work(self, settings: Mapping[str, Value], guess: bytes) -> Outcome:
+    def work(self, settings: Mapping[str, Value], guess: bytes) -> CaseOutcome:
         """Run it."""
         own = {**self.fixed, **settings}
         _check_own(self.controller, self.reference, own)
@@ -79,7 +79,7 @@ class Tracking:
         motion = self._reference(recipe, robot, own)
         if not isinstance(motion, Trajectory):
             status = INTERRUPTED if motion.status is Status.INTERRUPTED else "no_reference"
-            return Outcome(status=status, message=f"no motion to follow: {motion.message}")
+            return CaseOutcome(status=status, message=f"no motion to follow: {motion.message}")
         joined: dict[str, Any] = {name: float(own[name]) for name in ("rate", "cutoff", "noise") if name in own}
         if "delay" in own:
             joined["delay"] = round(float(own["delay"]))
@@ -91,7 +91,7 @@ class Tracking:
         facts |= {f"{name}_s": finite(getattr(run, name)) for name in ("settled_time", "went_wrong")}
         facts |= {name: finite(getattr(run, name)) for name in ("error_at_end", "peak_error", "saturated")}
         facts["overshoot"] = finite(float(np.max(run.overshoot)))
-        return Outcome(status=str(run.status), good=run.settled, message=run.message, facts=facts)
+        return CaseOutcome(status=str(run.status), good=run.settled, message=run.message, facts=facts)
 
     def _reference(self, recipe: ArmRecipe, robot: Robot, own: Mapping[str, Value]) -> Trajectory | Solution:
         poses = recipe.poses(own, robot.joint_names)
@@ -117,7 +117,7 @@ class Tracking:
         told = {name: f"plant_{name}" for name in ("payload", "damping", "friction") if f"plant_{name}" in own}
         return recipe.fitted({**own, **{name: own[other] for name, other in told.items()}}) if told else robot
 
-    def asked(self) -> dict[str, object]:
+    def description(self) -> dict[str, object]:
         """What it is, as JSON says it."""
         names = ("controller", "reference", "duration", "tolerance")
         return asked_of("track", self.arms, self.fixed) | {name: getattr(self, name) for name in names}

@@ -10,7 +10,7 @@ import armdyn as ad
 from armdyn.errors import ClusterError, ProblemError
 from armdyn.studies.sweeps.database import reading
 from armdyn.studies.sweeps.executors import cluster as module
-from armdyn.studies.sweeps.executors.dask_cluster import cluster_crew
+from armdyn.studies.sweeps.executors.dask_cluster import dask_executor
 from armdyn.studies.sweeps.study import Axis, Study
 from toys import Square, squares
 
@@ -42,8 +42,8 @@ def test_a_killed_worker_s_cases_are_done_by_another(cluster, tmp_path):
             os.kill(killed[0], signal.SIGKILL)
 
     (tmp_path / "study.toml").write_text(STUDY)
-    study, crew = ad.read_study(tmp_path / "study.toml"), cluster_crew(cluster.scheduler_address)
-    run = ad.run_study(study, tmp_path / "s.sqlite", crew, kill)
+    study, executor = ad.read_study(tmp_path / "study.toml"), dask_executor(cluster.scheduler_address)
+    run = ad.run_study(study, tmp_path / "s.sqlite", executor, kill)
     assert killed and run.counts == {"usable": 40}
     with reading(run.file) as rows:
         found = list(rows.rows())
@@ -57,7 +57,7 @@ def test_a_killed_worker_s_cases_are_done_by_another(cluster, tmp_path):
 @pytest.mark.slow
 def test_a_case_that_kills_every_worker_has_a_row_that_says_so(cluster, tmp_path):
     study = squares(12, deadly=(1,), error=(2,))
-    run = ad.run_study(study, tmp_path / "s.sqlite", cluster_crew(cluster.scheduler_address))
+    run = ad.run_study(study, tmp_path / "s.sqlite", dask_executor(cluster.scheduler_address))
     with reading(run.file) as rows:
         found = {row.k: row for row in rows.rows()}
     # The first time and Dask's allowed-failures, three; and the same alone.
@@ -70,7 +70,7 @@ def test_a_case_that_kills_every_worker_has_a_row_that_says_so(cluster, tmp_path
 @pytest.mark.slow
 def test_of_a_batch_only_the_case_that_kills_has_a_row_that_says_so(cluster, tmp_path):
     study = squares(400, seconds=0.005, deadly=(250,))
-    run = ad.run_study(study, tmp_path / "s.sqlite", cluster_crew(cluster.scheduler_address))
+    run = ad.run_study(study, tmp_path / "s.sqlite", dask_executor(cluster.scheduler_address))
     assert run.counts == {"squared": 399, "worker_died": 1}
     with reading(run.file) as rows:
         found = list(rows.rows())
@@ -83,7 +83,7 @@ def test_of_a_batch_only_the_case_that_kills_has_a_row_that_says_so(cluster, tmp
 def test_a_neighbour_of_the_same_batch_is_a_guess(cluster, tmp_path):
     axis = Axis(name="x", low=0.0, high=299.0, count=300)
     study = Study(task=Square(uses_neighbours=True, seconds=0.002), axes=(axis,))
-    run = ad.run_study(study, tmp_path / "s.sqlite", cluster_crew(cluster.scheduler_address))
+    run = ad.run_study(study, tmp_path / "s.sqlite", dask_executor(cluster.scheduler_address))
     with reading(run.file) as rows:
         found = list(rows.rows())
     assert len(found) == 300 and all(row.facts["begun"] == row.begun_from for row in found)
@@ -97,9 +97,9 @@ def test_a_connection_that_breaks_is_made_again(cluster, tmp_path):
 
     @contextmanager
     def watched(task):
-        with cluster_crew(cluster.scheduler_address)(task) as crew:
-            crews.append(crew)
-            yield crew
+        with dask_executor(cluster.scheduler_address)(task) as executor:
+            crews.append(executor)
+            yield executor
 
     def cut(told):
         if told.done >= 20 and not broken:
@@ -119,15 +119,15 @@ def test_what_cannot_be_reached(monkeypatch, tmp_path):
 
     monkeypatch.setattr(module, "_PATIENCE", 1.0)
     with pytest.raises(ClusterError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:1 "):
-        ad.run_study(squares(2), tmp_path / "s.sqlite", cluster_crew("127.0.0.1:1"))
+        ad.run_study(squares(2), tmp_path / "s.sqlite", dask_executor("127.0.0.1:1"))
     with (
         LocalCluster(n_workers=0, dashboard_address=None) as empty,
         pytest.raises(ClusterError, match="has no worker: start some"),
     ):
-        ad.run_study(squares(2), tmp_path / "s.sqlite", cluster_crew(empty.scheduler_address))
+        ad.run_study(squares(2), tmp_path / "s.sqlite", dask_executor(empty.scheduler_address))
 
 
 @pytest.mark.parametrize("address", ["", "node1", "node1:", ":8786", "node1:port", "node1:99999999"])
 def test_an_address_is_host_and_port(address):
     with pytest.raises(ProblemError, match="write HOST:PORT"):
-        cluster_crew(address)
+        dask_executor(address)

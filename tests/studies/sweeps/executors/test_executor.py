@@ -2,20 +2,20 @@
 
 import numpy as np
 
-from armdyn.studies.sweeps.executors.executor import Case, in_turn
+from armdyn.studies.sweeps.executors.executor import StudyCase, in_turn
 from toys import Square
 
 
 def cases(*numbers, **others):
-    return [Case(k=k, settings={"x": float(k)}, **others) for k in numbers]
+    return [StudyCase(k=k, settings={"x": float(k)}, **others) for k in numbers]
 
 
 def test_each_case_begins_with_the_nearest_motion_that_is_there():
     given = {"guess": np.array([9.0]).tobytes(), "begun_from": 9}
     first, second, third = (
-        Case(k=3, settings={"x": 3.0}, near=(2, 9), **given),
-        Case(k=4, settings={"x": 4.0}, near=(3, 9), **given),  # the first is nearer than what was given
-        Case(k=8, settings={"x": 8.0}, near=(9, 4), **given),  # here it is not
+        StudyCase(k=3, settings={"x": 3.0}, near=(2, 9), **given),
+        StudyCase(k=4, settings={"x": 4.0}, near=(3, 9), **given),  # the first is nearer than what was given
+        StudyCase(k=8, settings={"x": 8.0}, near=(9, 4), **given),  # here it is not
     )
     done = list(in_turn(Square(uses_neighbours=True), [first, second, third], 10.0))
     assert [one.begun_from for one in done] == [9, 3, 9]

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Ladder:
+class MeshRefinement:
     """Meshes of which each has twice as many intervals as the one before.
 
     Attributes:

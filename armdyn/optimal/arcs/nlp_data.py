@@ -68,7 +68,7 @@ class PhaseAim:
         near: the guess solves nearly the same problem: IPOPT stays where it is.
         density: where the intervals are needed; None: they are dealt out by the arcs' lengths.
         keep: torques off all limits that stay; None: they are free. That leaves the arcs' durations, of which every
-            limit met takes one, beside those that the goal takes: see `Posed.spare`.
+            limit met takes one, beside those that the goal takes: see `ArcNlpData.spare`.
     """
 
     offset: Array | float = 0.0
@@ -78,7 +78,7 @@ class PhaseAim:
 
 
 @dataclass(frozen=True, eq=False)
-class Posed:
+class ArcNlpData:
     """Arcs as numbers.
 
     Attributes:
@@ -109,7 +109,9 @@ class Posed:
         return int(np.sum(np.less(*self.x_bounds)) - np.sum(np.equal(*self.g_bounds)))
 
 
-def pose(task: Task, arcs: Sequence[Arc], guess: Trajectory, layout: Layout, intervals: int, aim: PhaseAim) -> Posed:
+def assemble_arcs(
+    task: Task, arcs: Sequence[Arc], guess: Trajectory, layout: Layout, intervals: int, aim: PhaseAim
+) -> ArcNlpData:
     """The numbers of a structure.
 
     Args:
@@ -142,7 +144,7 @@ def pose(task: Task, arcs: Sequence[Arc], guess: Trajectory, layout: Layout, int
     sides = [_equation_bounds(arcs, arc_of, layout)]
     if tied:
         sides.append(_line_bounds(problem, arcs, arc_of, scales, held=aim.keep is not None))
-    return Posed(
+    return ArcNlpData(
         arcs=tuple(arcs),
         scales=scales,
         density=density,

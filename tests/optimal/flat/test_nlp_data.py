@@ -3,20 +3,20 @@
 import numpy as np
 import pytest
 
-from armdyn.optimal.flat.posing import Room, constraint_values, pose, rows_of, shape_of
-from optimal.flat.bends import GOAL, KINDS, START, VIA, bent, task, wanted
+from armdyn.optimal.flat.nlp_data import TorqueMargin, assemble_curve, constraint_values, curve_layout, rows_of
+from optimal.flat.bends import GOAL, KINDS, START, VIA, bent, spec, task
 
 
-def posed(kind, **more):
+def nlp_data(kind, **more):
     job = task(kind)
-    guess, asked = bent(job.problem), wanted(job.problem, **more)
-    shape = shape_of(job.problem, guess, asked.constraints)
-    return job, guess, shape, pose(job, guess, asked, shape)
+    guess, asked = bent(job.problem), spec(job.problem, **more)
+    shape = curve_layout(job.problem, guess, asked.constraints)
+    return job, guess, shape, assemble_curve(job, guess, asked, shape)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_guesses_are_within_their_bounds_and_finite(kind):
-    _, _, _, numbers = posed(kind)
+    _, _, _, numbers = nlp_data(kind)
     lower, upper = numbers.x_bounds
     assert np.all(numbers.x >= lower) and np.all(numbers.x <= upper)
     assert np.all(np.isfinite(numbers.x)) and np.all(np.isfinite(numbers.p))
@@ -29,7 +29,7 @@ def test_guesses_are_within_their_bounds_and_finite(kind):
     [("plain", 2, 2), ("in flight", 1, 1), ("acceleration and jerk", 3, 3), ("torque rate", 3, 3)],
 )
 def test_control_points_at_the_ends_are_fixed(kind, first, last):
-    _, _, shape, numbers = posed(kind)
+    _, _, shape, numbers = nlp_data(kind)
     lower, upper = (side[shape.points(0)] for side in numbers.x_bounds)
     fixed = np.all(lower == upper, axis=1)
     assert np.all(fixed[:first]) and np.all(fixed[-last:])
@@ -39,7 +39,7 @@ def test_control_points_at_the_ends_are_fixed(kind, first, last):
 
 
 def test_a_via_point_is_an_end_of_both_legs_and_no_rest():
-    _, _, shape, numbers = posed("via")
+    _, _, shape, numbers = nlp_data("via")
     lower, upper = numbers.x_bounds
     for leg, place in ((0, -1), (1, 0)):
         points = shape.points(leg)
@@ -49,7 +49,7 @@ def test_a_via_point_is_an_end_of_both_legs_and_no_rest():
 
 
 def test_velocities_at_the_ends_are_equations():
-    job, _, shape, numbers = posed("in flight")
+    job, _, shape, numbers = nlp_data("in flight")
     rates = slice(shape.torques(0).size, shape.torques(0).size + 2 * (shape.points(0).shape[0] - 1))
     lower, upper = (side[rates].reshape(-1, 2) for side in numbers.g_bounds)
     for place, v in ((0, job.problem.v_start), (-1, job.problem.v_goal)):
@@ -61,11 +61,11 @@ def test_velocities_at_the_ends_are_equations():
 
 
 def test_room_is_taken_off_the_torques_limits():
-    _, guess, shape, _ = posed("plain")
+    _, guess, shape, _ = nlp_data("plain")
     places = guess.legs[0].basis.intervals * 2
     upper = np.zeros((places, 2))
     upper[3, 1] = 0.2
-    numbers = posed("plain", rooms=(Room(upper, 0.1),))[-1]
+    numbers = nlp_data("plain", margins=(TorqueMargin(upper, 0.1),))[-1]
     least, most = (side[shape.torques(0)] for side in numbers.x_bounds)
     np.testing.assert_allclose(most, 1 - upper, rtol=1e-15)
     np.testing.assert_allclose(least, -0.9, rtol=1e-15)
@@ -73,10 +73,10 @@ def test_room_is_taken_off_the_torques_limits():
 
 
 def test_room_is_taken_off_the_torques_rates():
-    _, guess, _, plain = posed("torque rate")
+    _, guess, _, plain = nlp_data("torque rate")
     rates = np.zeros((guess.legs[0].basis.intervals * 2 + 1, 2))
     rates[4] = 0.3
-    roomy = posed("torque rate", rooms=(Room(rates=rates),))[-1]
+    roomy = nlp_data("torque rate", margins=(TorqueMargin(rates=rates),))[-1]
     changed = np.flatnonzero(roomy.g_bounds[1] != plain.g_bounds[1])
     assert changed.size == 1  # the other joint has no limit
     assert plain.g_bounds[1][changed] == 1 and roomy.g_bounds[1][changed] == pytest.approx(0.7, rel=1e-15)
@@ -85,8 +85,8 @@ def test_room_is_taken_off_the_torques_rates():
 
 @pytest.mark.parametrize(("kind", "count"), [("acceleration and jerk", 0), ("torque rate", 0), ("frame speed", 1)])
 def test_what_control_points_and_torques_keep_takes_no_rows(kind, count):
-    job, guess, shape, _ = posed(kind)
-    asked = wanted(job.problem)
+    job, guess, shape, _ = nlp_data(kind)
+    asked = spec(job.problem)
     assert (
         len(rows_of(job.problem, asked.constraints))
         == len(constraint_values(job.problem, guess, asked.constraints))

@@ -9,8 +9,8 @@ import armdyn as ad
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.equations import POINTS
-from armdyn.optimal.flat.posing import Wanted
-from armdyn.optimal.flat.settle import excesses_of, settle
+from armdyn.optimal.flat.nlp_data import CurveSpec
+from armdyn.optimal.flat.refinement import excesses_of, refine_curve
 from armdyn.optimal.flat.solve import solve_curve
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.task.task import Task
@@ -53,8 +53,8 @@ def shares(problem, curve, looks=43):
 @pytest.mark.slow
 def test_a_settled_curve_of_a_real_arm_keeps_its_limits_between_its_points():
     job = Task.of(ur5())
-    plain = solve_curve(job, straight(job), Wanted(TightenedConstraints.of(job.problem), smooth=job.options.smooth))
-    settled = settle(job, straight(job))
+    plain = solve_curve(job, straight(job), CurveSpec(TightenedConstraints.of(job.problem), smooth=job.options.smooth))
+    settled = refine_curve(job, straight(job))
     tau, speed, _ = shares(job.problem, settled.curve)
     assert tau <= 1 + BEYOND
     assert speed <= 1 + 1e-12  # control points are slowed down to the limit itself
@@ -62,14 +62,14 @@ def test_a_settled_curve_of_a_real_arm_keeps_its_limits_between_its_points():
     assert settled.excess <= 0 and settled.solved.converged
     # What limits between the points cost: 1e-4 at most on twenty pairs.
     assert plain.curve.duration * (1 - 1e-6) <= settled.curve.duration <= plain.curve.duration * (1 + 5e-4)
-    assert settled.iterations > plain.outcome.iterations
+    assert settled.iterations > plain.result.iterations
 
 
 @pytest.mark.slow
 def test_limits_of_torque_rates_are_kept_between_the_points():
     limit = 1500.0
     job = Task.of(ur5(path_constraints=[ad.TorqueRateLimit(limit)]))
-    settled = settle(job, straight(job))
+    settled = refine_curve(job, straight(job))
     tau, _, rate = shares(job.problem, settled.curve)
     assert tau <= 1 + BEYOND
     # Means over 1/24 of an interval are within the limit; over shorter parts, near corners of the rate at breaks, they
@@ -85,16 +85,18 @@ def cart_task(**asked):
 def test_where_nothing_is_exceeded_nothing_is_solved_again():
     job = cart_task(acceleration_limit=0.5)  # half the torque will do
     told = []
-    settled = settle(replace(job, tell=told.append), straight(job, 20))
-    once = solve_curve(job, straight(job, 20), Wanted(TightenedConstraints.of(job.problem), smooth=job.options.smooth))
-    assert not told and settled.iterations == once.outcome.iterations
+    settled = refine_curve(replace(job, progress=told.append), straight(job, 20))
+    once = solve_curve(
+        job, straight(job, 20), CurveSpec(TightenedConstraints.of(job.problem), smooth=job.options.smooth)
+    )
+    assert not told and settled.iterations == once.result.iterations
     assert settled.curve.duration == pytest.approx(once.curve.duration, rel=1e-6)  # slowed by IPOPT's 1e-7
     assert settled.reports.reasons == ()
 
 
 def test_room_is_added_only_where_a_torque_exceeds_its_limit():
     job = cart_task()  # the torque jumps in the middle of the eleventh interval
-    curve = solve_curve(job, straight(job, 21), Wanted(TightenedConstraints.of(job.problem))).curve
+    curve = solve_curve(job, straight(job, 21), CurveSpec(TightenedConstraints.of(job.problem))).curve
     (over,) = excesses_of(job, curve)
     assert over.upper.shape == over.lower.shape == (21 * POINTS, 1)
     # By hand, on many places: each point has its half of an interval.
@@ -107,7 +109,7 @@ def test_room_is_added_only_where_a_torque_exceeds_its_limit():
             np.testing.assert_allclose(over.lower[2 * k + half], -1 - np.min(tau), atol=1e-6)
     assert 0 < np.count_nonzero(over.upper > 0) < 21 and np.max(over.upper) > 1e-3
     told = []
-    settled = settle(replace(job, tell=told.append), straight(job, 21))
+    settled = refine_curve(replace(job, progress=told.append), straight(job, 21))
     assert told and settled.excess <= 0
     # To slow the motion down would cost the root of the excess; what is taken off where it is costs less.
     assert settled.curve.duration < curve.duration * (np.sqrt(1 + np.max(over.upper)) - 1e-3)
@@ -133,8 +135,8 @@ def test_rates_are_counted_to_the_step_in_which_they_are():
 def test_a_torque_that_no_pace_mends_remains_in_excess():
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("r"))
     with pytest.warns(ad.ArmdynWarning, match="to hold the goal"):
-        posed = ad.MinimumTimeProblem(robot, q_start=[-1.5], q_goal=[0.15], velocity_limit=4.0, effort_limit=0.2)
-    job = Task.of(posed, ad.MinimumTimeOptions(compile=False, max_iterations=60))
-    settled = settle(job, straight(job, 12))
-    assert posed.holding_torque()[0] > 0.2
+        nlp_data = ad.MinimumTimeProblem(robot, q_start=[-1.5], q_goal=[0.15], velocity_limit=4.0, effort_limit=0.2)
+    job = Task.of(nlp_data, ad.MinimumTimeOptions(compile=False, max_iterations=60))
+    settled = refine_curve(job, straight(job, 12))
+    assert nlp_data.holding_torque()[0] > 0.2
     assert settled.excess > 0.01

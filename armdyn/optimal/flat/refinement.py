@@ -6,10 +6,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.flat.curve import Curve, Leg
+from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.equations import POINTS
 from armdyn.optimal.flat.follow import follow
-from armdyn.optimal.flat.posing import Room, Wanted, torque_rates
+from armdyn.optimal.flat.nlp_data import CurveSpec, TorqueMargin, torque_rates
 from armdyn.optimal.flat.solve import Solved, solve_curve
 from armdyn.optimal.landing.pace import can_be_slowed, least_factor, mended
 from armdyn.optimal.path_constraints.tightened import ConstraintReports, TightenedConstraints
@@ -27,7 +27,7 @@ _PACES = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Settled:
+class RefinedCurve:
     """A curve within its limits, or as near to that as it has come.
 
     Attributes:
@@ -47,7 +47,7 @@ class Settled:
     reports: ConstraintReports
 
 
-def settle(task: Task, guess: Curve) -> Settled:
+def refine_curve(task: Task, guess: Curve) -> RefinedCurve:
     """The fastest curve near a guess whose torques are within their limits everywhere, as path constraints are.
 
     What a torque exceeds its limit by between two points is taken off the limit there, and the program solved again.
@@ -58,21 +58,21 @@ def settle(task: Task, guess: Curve) -> Settled:
     """
     numbers, problem = task.policy.curves, task.problem
     smooth = 0.0 if problem.pays_effort else task.options.smooth
-    wanted = Wanted(TightenedConstraints.of(problem), smooth=smooth)
-    solved = solve_curve(task, guess, wanted)
-    iterations = solved.outcome.iterations
+    spec = CurveSpec(TightenedConstraints.of(problem), smooth=smooth)
+    solved = solve_curve(task, guess, spec)
+    iterations = solved.result.iterations
     for k in range(numbers.rounds):
-        over, kept = excesses_of(task, solved.curve), reports_on(task, solved.curve, wanted.constraints)
+        over, kept = excesses_of(task, solved.curve), reports_on(task, solved.curve, spec.constraints)
         enough = numbers.little if can_be_slowed(problem) else 0.0
         if (max(map(_worst, over)) <= enough and constraints_mended(task, kept)) or task.stop or not solved.converged:
             break
-        task.tell(f"round {k + 1}: {solved.curve.duration:.6f} s, torques {_percent(over)} beyond between points")
-        rooms = wanted.rooms or (Room(),) * len(over)
-        more = tuple(_roomier(task, room, here) for room, here in zip(rooms, over, strict=True))
-        tightened = wanted.constraints.tightened(problem, kept)
-        wanted = replace(wanted, rooms=more, constraints=tightened)
-        again = solve_curve(task, solved.curve, wanted, solved)
-        iterations += again.outcome.iterations
+        task.progress(f"round {k + 1}: {solved.curve.duration:.6f} s, torques {_percent(over)} beyond between points")
+        margins = spec.margins or (TorqueMargin(),) * len(over)
+        more = tuple(_larger_margin(task, margin, here) for margin, here in zip(margins, over, strict=True))
+        tightened = spec.constraints.tightened(problem, kept)
+        spec = replace(spec, margins=more, constraints=tightened)
+        again = solve_curve(task, solved.curve, spec, solved)
+        iterations += again.result.iterations
         if not again.converged:
             break
         solved = again
@@ -80,10 +80,10 @@ def settle(task: Task, guess: Curve) -> Settled:
     if can_be_slowed(problem):
         curve = _slowed(task, curve)
     excess = max(map(_worst, excesses_of(task, curve)))
-    return Settled(curve, solved, wanted.constraints, iterations, excess, reports_on(task, curve, wanted.constraints))
+    return RefinedCurve(curve, solved, spec.constraints, iterations, excess, reports_on(task, curve, spec.constraints))
 
 
-def excesses_of(task: Task, curve: Curve) -> tuple[Room, ...]:
+def excesses_of(task: Task, curve: Curve) -> tuple[TorqueMargin, ...]:
     """How far torques, and how fast they change, exceed their limits near every point of every leg, as parts of these.
 
     Args:
@@ -104,7 +104,7 @@ def excesses_of(task: Task, curve: Curve) -> tuple[Room, ...]:
         upper = np.stack([np.max(most[:, half_of], axis=1) - limits.effort_upper for half_of in halves], axis=1) / half
         lower = np.stack([limits.effort_lower - np.min(least[:, half_of], axis=1) for half_of in halves], axis=1) / half
         rates = _KEPT if limit is None else _rate_excess(leg, s, tau, limit)
-        found.append(Room(upper.reshape(-1, half.size), lower.reshape(-1, half.size), rates))
+        found.append(TorqueMargin(upper.reshape(-1, half.size), lower.reshape(-1, half.size), rates))
     return tuple(found)
 
 
@@ -121,7 +121,7 @@ def _tops(tau: Array) -> Array:
     return tops
 
 
-def _rate_excess(leg: Leg, s: Array, tau: Array, limit: Array) -> Array:
+def _rate_excess(leg: CurveLeg, s: Array, tau: Array, limit: Array) -> Array:
     """How far torques change too fast between a leg's points, as parts of the limits, shape (points + 1, nv).
 
     Args:
@@ -140,23 +140,23 @@ def _rate_excess(leg: Leg, s: Array, tau: Array, limit: Array) -> Array:
     return over
 
 
-def _worst(over: Room) -> float:
+def _worst(over: TorqueMargin) -> float:
     return float(max(np.max(over.upper), np.max(over.lower), np.max(over.rates)))
 
 
-def _percent(over: tuple[Room, ...]) -> str:
+def _percent(over: tuple[TorqueMargin, ...]) -> str:
     return f"{100 * max(max(map(_worst, over)), 0.0):.2g} %"
 
 
-def _roomier(task: Task, room: Room, over: Room) -> Room:
+def _larger_margin(task: Task, margin: TorqueMargin, over: TorqueMargin) -> TorqueMargin:
     """More room where a torque exceeds its limit."""
     numbers = task.policy.curves
 
     def more(own: Array | float, beyond: Array | float) -> Array:
-        wanted = np.maximum(np.asarray(beyond) + numbers.spare, 0) * numbers.eager
-        return np.minimum(own + wanted, _MOST)
+        extra = np.maximum(np.asarray(beyond) + numbers.spare, 0) * numbers.eager
+        return np.minimum(own + extra, _MOST)
 
-    return Room(more(room.upper, over.upper), more(room.lower, over.lower), more(room.rates, over.rates))
+    return TorqueMargin(more(margin.upper, over.upper), more(margin.lower, over.lower), more(margin.rates, over.rates))
 
 
 def reports_on(task: Task, curve: Curve, constraints: TightenedConstraints) -> ConstraintReports:

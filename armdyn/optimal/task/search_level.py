@@ -2,6 +2,6 @@
 
 from typing import Literal
 
-Effort = Literal["quick", "normal", "thorough"]
-EFFORTS: tuple[Effort, ...] = ("quick", "normal", "thorough")
+SearchLevel = Literal["quick", "normal", "thorough"]
+SEARCH_LEVELS: tuple[SearchLevel, ...] = ("quick", "normal", "thorough")
 """From the quickest on."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from armdyn.optimal.flat.basis import Basis
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.equations import POINTS, CurveInterval
-from armdyn.optimal.flat.program import Shape
+from armdyn.optimal.flat.program import CurveLayout
 from armdyn.optimal.path_constraints.constraint import Knots, PathConstraint
 from armdyn.optimal.path_constraints.rows import Rows, RowValues, spread
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
@@ -25,7 +25,7 @@ _CAUTIOUS = 0.9
 
 
 @dataclass(frozen=True, eq=False)
-class Room:
+class TorqueMargin:
     """What is left of the torque limits at the points of a leg, since the torque goes further beside them.
 
     Attributes:
@@ -41,22 +41,22 @@ class Room:
 
 
 @dataclass(frozen=True, eq=False)
-class Wanted:
+class CurveSpec:
     """What is asked of a curve.
 
     Attributes:
         constraints: path constraints, as strict as they have to be.
-        rooms: of every leg; empty: none is left.
+        margins: of every leg; empty: none is left.
         smooth: weight of the mean squared torque against the duration.
     """
 
     constraints: TightenedConstraints
-    rooms: tuple[Room, ...] = ()
+    margins: tuple[TorqueMargin, ...] = ()
     smooth: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
-class Posed:
+class CurveNlpData:
     """The program in numbers.
 
     Attributes:
@@ -72,14 +72,14 @@ class Posed:
     g_bounds: tuple[Array, Array]
 
 
-def shape_of(problem: MinimumTimeProblem, guess: Curve, constraints: TightenedConstraints) -> Shape:
+def curve_layout(problem: MinimumTimeProblem, guess: Curve, constraints: TightenedConstraints) -> CurveLayout:
     """What the program of a problem looks like."""
     intervals = tuple(leg.basis.intervals for leg in guess.legs)
     orders = {limit[0] for each in constraints.path_constraints if (limit := each.derivative_limit(problem))}
     if problem.jerk_limit is not None and not problem.from_rest_to_rest:
         orders.add(2)  # accelerations that are zero at an end in flight
     rated = any(each.torque_rate_limit(problem) is not None for each in constraints.path_constraints)
-    return Shape(problem.robot.nv, intervals, (1, *sorted(orders)), 2 if problem.continuous_torque else 1, rated)
+    return CurveLayout(problem.robot.nv, intervals, (1, *sorted(orders)), 2 if problem.continuous_torque else 1, rated)
 
 
 def torque_rates(task: Task, constraints: TightenedConstraints) -> Array | None:
@@ -116,13 +116,13 @@ class _Numbers:
             numbers.append(np.ravel(more))
 
 
-def pose(task: Task, guess: Curve, wanted: Wanted, shape: Shape) -> Posed:
+def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) -> CurveNlpData:
     """The program in numbers.
 
     Args:
         task: what is to be solved.
         guess: the curve to start from, with the bases of all legs.
-        wanted: what is asked.
+        spec: what is asked.
         shape: of the program.
     """
     problem, numbers, whole = task.problem, _Numbers(), guess.duration
@@ -132,14 +132,14 @@ def pose(task: Task, guess: Curve, wanted: Wanted, shape: Shape) -> Posed:
     for k, leg in enumerate(guess.legs):
         s, weights = leg.basis.gauss(POINTS)
         basis = leg.basis.local(s.ravel()).reshape(s.size, -1)
-        tie = wanted.smooth * leg.duration / whole / n
+        tie = spec.smooth * leg.duration / whole / n
         nothing = np.zeros(s.size * n)
         numbers.add(np.hstack([basis, weights.reshape(-1, 1), tie * weights.reshape(-1, 1)]), nothing, nothing)
-        _add_rates(numbers, task, wanted.constraints, leg.basis, shape, k)
-        points, torques, room = shape.points(k), shape.torques(k), wanted.rooms[k] if wanted.rooms else Room()
+        _add_rates(numbers, task, spec.constraints, leg.basis, shape, k)
+        points, torques, margin = shape.points(k), shape.torques(k), spec.margins[k] if spec.margins else TorqueMargin()
         lower[points], upper[points] = limits.position_lower, limits.position_upper
         least, most = limits.effort_lower / half, limits.effort_upper / half
-        lower[torques], upper[torques] = least + room.lower, most - room.upper
+        lower[torques], upper[torques] = least + margin.lower, most - margin.upper
         lower[shape.duration(k)] = max(float(problem.leg_bounds()[k]), 1e-3 * leg.duration)
         x[points], x[shape.duration(k)] = leg.points, leg.duration
         x[torques] = np.clip(leg.torques(problem.robot, s.ravel()) / half, _CAUTIOUS * least, _CAUTIOUS * most)
@@ -148,12 +148,12 @@ def pose(task: Task, guess: Curve, wanted: Wanted, shape: Shape) -> Posed:
         for order in range(1, shape.smooth + 1):
             sides = _factors(guess.legs[k - 1].basis, order)[-1], _factors(guess.legs[k].basis, order)[0]
             numbers.add(np.concatenate([*sides, 1 / _finite(limits.velocity)]), np.zeros(n), np.zeros(n))
-    _add_torque_rates(numbers, task, wanted, guess)
-    _add_rows(numbers, task, guess, wanted.constraints)
+    _add_torque_rates(numbers, task, spec, guess)
+    _add_rows(numbers, task, guess, spec.constraints)
     squares = problem.effort_weights() * half**2
     shared = np.concatenate([half, squares, task.dynamics.last_body, [1 / whole]])
     parameters, g_lower, g_upper = map(np.concatenate, (numbers.parameters, numbers.lower, numbers.upper))
-    return Posed(np.clip(x, lower, upper), np.append(parameters, shared), (lower, upper), (g_lower, g_upper))
+    return CurveNlpData(np.clip(x, lower, upper), np.append(parameters, shared), (lower, upper), (g_lower, g_upper))
 
 
 def _finite(limit: Array) -> Array:
@@ -170,7 +170,7 @@ def _factors(basis: Basis, order: int) -> Array:
 
 
 def _add_rates(
-    numbers: _Numbers, task: Task, constraints: TightenedConstraints, basis: Basis, shape: Shape, leg: int
+    numbers: _Numbers, task: Task, constraints: TightenedConstraints, basis: Basis, shape: CurveLayout, leg: int
 ) -> None:
     """Limits of derivatives on one leg, by their control points."""
     problem = task.problem
@@ -191,18 +191,18 @@ def _add_rates(
         numbers.add(np.hstack([factors, np.tile(1 / scale, (len(factors), 1))]), lower, upper)
 
 
-def _add_torque_rates(numbers: _Numbers, task: Task, wanted: Wanted, guess: Curve) -> None:
+def _add_torque_rates(numbers: _Numbers, task: Task, spec: CurveSpec, guess: Curve) -> None:
     """Limits of how fast torques change: leg by leg, where legs meet, and from and to what holds the arm."""
     problem = task.problem
-    rates = torque_rates(task, wanted.constraints)
+    rates = torque_rates(task, spec.constraints)
     if rates is None:
         return
     limits, n = problem.limits, problem.robot.nv
     half = (limits.effort_upper - limits.effort_lower) / 2
     over, whole = half / _finite(rates), np.where(np.isinf(rates), np.inf, 1.0)
     places = [leg.basis.gauss(POINTS)[0].ravel() for leg in guess.legs]
-    rooms = [room.rates for room in wanted.rooms or (Room(),) * len(places)]
-    bounds = [whole - np.broadcast_to(room, (s.size + 1, n)) for room, s in zip(rooms, places, strict=True)]
+    margins = [margin.rates for margin in spec.margins or (TorqueMargin(),) * len(places)]
+    bounds = [whole - np.broadcast_to(margin, (s.size + 1, n)) for margin, s in zip(margins, places, strict=True)]
     for s, bound in zip(places, bounds, strict=True):
         numbers.add(np.hstack([np.diff(s)[:, None], np.tile(over, (s.size - 1, 1))]), -bound[1:-1], bound[1:-1])
     for (before, own), (after, next_own) in pairwise(zip(places, bounds, strict=True)):
