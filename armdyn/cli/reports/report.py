@@ -141,7 +141,7 @@ def compare(
             page = _written(folder, report_of(subject, moves, title, end))
             progress("drawing the figure")
             unresolved = [k for k, move in enumerate(moves) if move.facts.values.get("arcs") == []]
-            shown_until = worth_seeing(rows, end) or end
+            shown_until = worth_seeing(moves, end) or end
             drawn = [replace(until(move.motion, shown_until), name=move.name) for move in moves]
             figure = plot_trajectories(
                 drawn,

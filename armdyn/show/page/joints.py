@@ -102,15 +102,15 @@ def compared(moves: Sequence[ShownMotion], limits: JointLimits) -> list[Compared
     return rows
 
 
-def worth_seeing(rows: Sequence[Compared], end: float | None = None) -> float | None:
-    """A loop that was watched long after it had arrived says little there: so much is seen at first [s]; None: all.
+def worth_seeing(moves: Sequence[ShownMotion], end: float | None = None) -> float | None:
+    """Span shown at first [s]: a little more than the motions need to arrive; None: all.
 
     Args:
-        rows: the motions.
-        end: so much of them is drawn [s]; None: all.
+        moves: the motions.
+        end: they are drawn up to this time [s]; None: all of them.
     """
-    longest = min(max(row.duration for row in rows), np.inf if end is None else end)
-    there = [row.there for row in rows if row.there is not None]
+    longest = min(max(move.motion.duration for move in moves), np.inf if end is None else end)
+    there = [time for time in map(at_the_goal, moves) if time is not None]
     seen = 1.2 * max(there, default=np.inf)
     return seen if seen < 0.8 * longest else None
 
