@@ -10,7 +10,7 @@ import re
 import warnings
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -160,7 +160,8 @@ def _limits(model: Facts, count: int) -> JointLimits | None:
         if name not in given or len(values) != count:
             return None
         columns[name] = [open_end if x is None else x for x in values]
-    return JointLimits(**{name: np.array(values) for name, values in columns.items()})
+    arrays: dict[str, Any] = {name: np.array(values) for name, values in columns.items()}
+    return JointLimits(**arrays)
 
 
 def _no_limits(count: int) -> JointLimits:

@@ -140,8 +140,8 @@ class Setup:
         """Torques between which are clipped [N m or N]: what the drives are told, and what the arm has."""
         if not self.loop.saturate:
             return np.full(plant.nv, -np.inf), np.full(plant.nv, np.inf)
-        own, its = self.robot.limits, plant.limits
-        return np.maximum(own.effort_lower, its.effort_lower), np.minimum(own.effort_upper, its.effort_upper)
+        own, its = self.robot.limits.actuators, plant.limits.actuators
+        return np.maximum(own.lower, its.lower), np.minimum(own.upper, its.upper)
 
     def _scalars(self, count: int) -> dict[str, Any]:
         loop = self.loop

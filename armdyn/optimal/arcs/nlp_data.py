@@ -173,7 +173,7 @@ def _line_bounds(
     """A free torque does not bend within an interval, and begins it within its limits; held, it is given already."""
     free = np.array([[mode is Mode.FREE and not held for mode in arcs[a].modes] for a in arc_of])  # (N, nv)
     sides = []
-    for limit, infinity in ((problem.limits.effort_lower, -np.inf), (problem.limits.effort_upper, np.inf)):
+    for limit, infinity in ((problem.limits.actuators.lower, -np.inf), (problem.limits.actuators.upper, np.inf)):
         bends = np.where(free, 0.0, infinity)[:, None].repeat(TABLEAU.c.size - 2, axis=1)
         begins = np.where(free, limit / scales.effort, infinity)[:, None]
         sides.append(np.concatenate([bends, begins], axis=1).ravel())
@@ -209,10 +209,10 @@ class _Narrowed:
             arc, last = arcs[arc_of[k]], k == N - 1
             for i, mode in enumerate(arc.modes):
                 if mode in HELD:
-                    bound = limits.effort_upper if mode is Mode.UPPER else limits.effort_lower
+                    bound = limits.actuators.upper if mode is Mode.UPPER else limits.actuators.lower
                     self._fix(torques[k, :, i], bound[i] / self.scales.effort[i])
                 if mode is Mode.FREE and keep is not None:
-                    tau = np.clip(keep[k, :, i], limits.effort_lower[i], limits.effort_upper[i])
+                    tau = np.clip(keep[k, :, i], limits.actuators.lower[i], limits.actuators.upper[i])
                     self._fix(torques[k, :, i], tau / self.scales.effort[i])
                 if k > 0 and arc_of[k - 1] != arc_of[k]:
                     self._hold(knots[k], i, mode)  # entered on the limit, not within the first interval

@@ -90,7 +90,7 @@ def multipliers(leg: BoundLeg, end: End) -> tuple[Array, NDArray[np.intp]]:
     """Multipliers, shape (nv, m), and the joint that each is for, shape (m,)."""
     inertia = end.inertia.lower / 2 + end.inertia.upper / 2
     nv = len(inertia)
-    torque = np.maximum(np.abs(leg.torque.effort_lower), np.abs(leg.torque.effort_upper))
+    torque = leg.torque.actuators.strongest
     times = leg.velocity / (np.abs(np.linalg.inv(inertia)) @ torque)  # [s] to the greatest speed, roughly
     slowest = np.argsort(-times)
     columns, joints = [], []

@@ -57,7 +57,7 @@ class Multipliers:
 
     def ramp(self, leg: BoundLeg, cells: Cells) -> float:
         """How long after the start, or before the goal, torque or acceleration still counts [s]: the longer one."""
-        torque = np.maximum(np.abs(leg.torque.effort_lower), np.abs(leg.torque.effort_upper))
+        torque = leg.torque.actuators.strongest
         acceleration = np.where(np.isfinite(leg.acceleration), leg.acceleration, 0.0)
         worth = np.abs(self.momentum) @ torque + np.abs(self.speed) @ acceleration
         counts = worth > _IDLE * np.max(worth)

@@ -5,7 +5,6 @@ from itertools import pairwise
 from math import factorial
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from armdyn.optimal.flat.basis import Basis
@@ -127,7 +126,7 @@ def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout
     """
     problem, numbers, whole = task.problem, _Numbers(), guess.duration
     limits, n = problem.limits, shape.joints
-    half = (limits.effort_upper - limits.effort_lower) / 2
+    half = limits.actuators.half_range
     x, lower, upper = np.empty(shape.size), np.full(shape.size, -np.inf), np.full(shape.size, np.inf)
     for k, leg in enumerate(guess.legs):
         s, weights = leg.basis.gauss(POINTS)
@@ -138,7 +137,7 @@ def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout
         _add_rates(numbers, task, spec.constraints, leg.basis, shape, k)
         points, torques, margin = shape.points(k), shape.torques(k), spec.margins[k] if spec.margins else TorqueMargin()
         lower[points], upper[points] = limits.position_lower, limits.position_upper
-        least, most = limits.effort_lower / half, limits.effort_upper / half
+        least, most = limits.actuators.lower / half, limits.actuators.upper / half
         lower[torques], upper[torques] = least + margin.lower, most - margin.upper
         lower[shape.duration(k)] = max(float(problem.leg_bounds()[k]), 1e-3 * leg.duration)
         x[points], x[shape.duration(k)] = leg.points, leg.duration
@@ -198,7 +197,7 @@ def _add_torque_rates(numbers: _Numbers, task: Task, spec: CurveSpec, guess: Cur
     if rates is None:
         return
     limits, n = problem.limits, problem.robot.nv
-    half = (limits.effort_upper - limits.effort_lower) / 2
+    half = limits.actuators.half_range
     over, whole = half / _finite(rates), np.where(np.isinf(rates), np.inf, 1.0)
     places = [leg.basis.gauss(POINTS)[0].ravel() for leg in guess.legs]
     margins = [margin.rates for margin in spec.margins or (TorqueMargin(),) * len(places)]
@@ -211,8 +210,8 @@ def _add_torque_rates(numbers: _Numbers, task: Task, spec: CurveSpec, guess: Cur
     starts = problem.q_start, problem.v_start, places[0][0], bounds[0][0]
     ends = problem.q_goal, problem.v_goal, 1 - places[-1][-1], bounds[-1][-1]
     for q, v, part, bound in (starts, ends):
-        hold = _holding(problem, np.asarray(q))
-        held = (hold >= limits.effort_lower) & (hold <= limits.effort_upper) & (not np.any(v))
+        hold = problem.robot.holding_torque(np.asarray(q))
+        held = limits.actuators.allows(hold, np.asarray(q), np.asarray(v)) & (not np.any(v))
         free = np.where(held, bound, np.inf)
         numbers.add(np.concatenate([hold / half, [part], over]), -free, free)
 
@@ -233,14 +232,8 @@ def _begins_gently(problem: MinimumTimeProblem, q: Array) -> bool:
     """Whether acceleration is zero where the arm is at rest: jerks are limited, or torques begin with what holds it."""
     if problem.jerk_limit is not None or not problem.continuous_torque:
         return problem.jerk_limit is not None
-    limits, hold = problem.limits, _holding(problem, q)
-    return bool(np.all((hold >= limits.effort_lower) & (hold <= limits.effort_upper)))
-
-
-def _holding(problem: MinimumTimeProblem, q: Array) -> Array:
-    """What holds the arm still [N m or N], shape (nv,)."""
-    robot = problem.robot
-    return np.array(pin.computeGeneralizedGravity(robot.model, robot.model.createData(), robot.configuration(q)))
+    hold = problem.robot.holding_torque(q)
+    return bool(np.all(problem.limits.actuators.allows(hold, q, np.zeros_like(q))))
 
 
 def _add_rows(numbers: _Numbers, task: Task, guess: Curve, constraints: TightenedConstraints) -> None:

@@ -92,7 +92,7 @@ def excesses_of(task: Task, curve: Curve) -> tuple[TorqueMargin, ...]:
     """
     problem, looks = task.problem, task.policy.curves.looks
     limits, limit = problem.limits, torque_rates(task, TightenedConstraints.of(problem))
-    half = (limits.effort_upper - limits.effort_lower) / 2
+    half = limits.actuators.half_range
     found = []
     for leg in curve.legs:
         breaks = leg.basis.breaks
@@ -101,8 +101,12 @@ def excesses_of(task: Task, curve: Curve) -> tuple[TorqueMargin, ...]:
         least, most = -_tops(-tau), _tops(tau)
         marks = np.linspace(0, looks, POINTS + 1).astype(int)
         halves = [slice(first, last + 1) for first, last in pairwise(marks)]  # every point has its half of an interval
-        upper = np.stack([np.max(most[:, half_of], axis=1) - limits.effort_upper for half_of in halves], axis=1) / half
-        lower = np.stack([limits.effort_lower - np.min(least[:, half_of], axis=1) for half_of in halves], axis=1) / half
+        upper = (
+            np.stack([np.max(most[:, half_of], axis=1) - limits.actuators.upper for half_of in halves], axis=1) / half
+        )
+        lower = (
+            np.stack([limits.actuators.lower - np.min(least[:, half_of], axis=1) for half_of in halves], axis=1) / half
+        )
         rates = _KEPT if limit is None else _rate_excess(leg, s, tau, limit)
         found.append(TorqueMargin(upper.reshape(-1, half.size), lower.reshape(-1, half.size), rates))
     return tuple(found)

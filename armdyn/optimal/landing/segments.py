@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from armdyn.dynamics.numeric import forward_dynamics_derivatives
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.landing.rollout import dense
 from armdyn.optimal.task.tableau import GAUSS_3
@@ -139,6 +140,7 @@ class _GaussStep:
 
     def __init__(self, robot: Robot) -> None:
         self.robot, self.data = robot, robot.model.createData()
+        self.derivatives = forward_dynamics_derivatives(robot)
         self.configuration: Callable[[Array], Array] = robot.configuration
         if robot.model.nq != robot.model.nv:  # the same in a fifth of the time
             self.configuration = partial(pin.integrate, robot.model, pin.neutral(robot.model))
@@ -165,7 +167,8 @@ class _GaussStep:
         torque = tau[:, :1] + c[:, None] * (tau[:, 1:] - tau[:, :1])
         drift = q + h * c[:, None] * v
         a = np.repeat(self._accelerations(q, v, tau[:, :1]), s, axis=1)
-        by_q, by_v, by_tau = self._derivatives(q + h / 2 * v, v + h / 2 * a[:, :1], tau.mean(axis=1, keepdims=True))
+        middle = (q + h / 2 * v)[:, 0], (v + h / 2 * a[:, :1])[:, 0], tau.mean(axis=1)
+        _, by_q, by_v, by_tau = self.derivatives(*middle)
         system = h * np.einsum("ij,kab->kiajb", A, by_v).reshape(K, s * n, s * n)
         system += h**2 * np.einsum("ij,kab->kiajb", A @ A, by_q).reshape(K, s * n, s * n)
         inverse = np.linalg.inv(np.eye(s * n) - system)
@@ -205,14 +208,3 @@ class _GaussStep:
         for k in range(len(free)):
             found[k] = pin.aba(model, data, configuration(places[k]), speeds[k], free[k])
         return found.reshape(shape)
-
-    def _derivatives(self, q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array]:
-        """Derivatives of the acceleration by q, v and torque, friction included, each of shape (K, nv, nv)."""
-        model, data, friction, K, n = self.robot.model, self.data, self.robot.friction, len(q), q.shape[-1]
-        by_q, by_v, upper = np.empty((3, K, n, n))
-        free = tau - friction.torque(v)
-        for k in range(K):
-            pin.computeABADerivatives(model, data, self.configuration(q[k, 0]), v[k, 0], free[k, 0])
-            by_q[k], by_v[k], upper[k] = data.ddq_dq, data.ddq_dv, data.Minv
-        inverse = np.triu(upper) + np.triu(upper, 1).swapaxes(1, 2)
-        return by_q, by_v - inverse * friction.slope(v), inverse

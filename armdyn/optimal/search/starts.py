@@ -128,7 +128,7 @@ def spline(problem: MinimumTimeProblem, via: list[Array], haste: float = 1.0) ->
         duration = max(duration, swinging_time(problem, static, inertial))
     v = dq / duration
     tau = static + inertial / duration**2 + friction.torque(v)
-    tau = np.clip(tau, problem.limits.effort_lower, problem.limits.effort_upper)
+    tau = problem.limits.actuators.clip(tau, q, v)
     v[0], v[-1] = problem.v_start, problem.v_goal
     haste = max(haste, problem.duration_bound() / duration)
     v[1:-1] /= haste
@@ -165,8 +165,8 @@ def _fitting_duration(problem: MinimumTimeProblem, path: Path, inertial: Array) 
     """
     viscous = np.maximum(np.sign(inertial) * np.asarray(problem.robot.friction.damping) * path.dq, 0)
     limits = problem.limits
-    bound = np.where(inertial > 0, limits.effort_upper, -limits.effort_lower)
-    bound = np.maximum(bound, 2e-3 * limits.effort_size)
+    bound = np.where(inertial > 0, limits.actuators.upper, -limits.actuators.lower)
+    bound = np.maximum(bound, 2e-3 * limits.actuators.scale)
     bound[:, limits.passive] = np.inf  # which no torque can make keep to the path
     half = viscous / (2 * bound)
     by_torque = np.max(half + np.sqrt(half**2 + np.abs(inertial) / bound))

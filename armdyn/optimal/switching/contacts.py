@@ -105,7 +105,7 @@ class _Contact:
             return None
         i, sign, lengths = change.joint, outward(change.mode), np.diff(whole.t)
         t = whole.t[own][:, None] + lengths[own][:, None] * NODES
-        upper, lower = limits.effort_upper[i], limits.effort_lower[i]
+        upper, lower = limits.actuators.upper[i], limits.actuators.lower[i]
         torque = (2 * whole.tau[own, :, i] - upper - lower) / (upper - lower)
         costate, K = whole.costate[:, :, i], lengths.size
         knots = range(int(own[0]), int(own[-1]) + 2)

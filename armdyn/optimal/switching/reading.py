@@ -71,4 +71,4 @@ def _with_courses(setting: Setting, schedule: Schedule, motion: Trajectory) -> S
 def _nearest(setting: Setting, joint: int, tau: Array) -> Mode:
     """The limit that a joint's torque is nearer to."""
     limits = setting.problem.limits
-    return Mode.UPPER if 2 * tau[joint] > limits.effort_upper[joint] + limits.effort_lower[joint] else Mode.LOWER
+    return Mode.UPPER if tau[joint] > limits.actuators.center[joint] else Mode.LOWER

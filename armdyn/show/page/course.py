@@ -212,13 +212,8 @@ def _left(limits: JointLimits, facts: Facts) -> JointLimits:
     if kept is None:
         return limits
     effort, velocity = 1 - np.array(kept["tau"]), 1 - np.array(kept["v"])
-    return JointLimits(
-        position_lower=limits.position_lower,
-        position_upper=limits.position_upper,
-        velocity=limits.velocity * velocity,
-        effort_lower=limits.effort_lower * effort,
-        effort_upper=limits.effort_upper * effort,
-    )
+    left = limits.actuators.reserving(1 - effort)
+    return replace(limits, velocity=limits.velocity * velocity, effort_lower=left.lower, effort_upper=left.upper)
 
 
 def _packed(array: Array, kind: str) -> str:

@@ -71,7 +71,7 @@ def test_derivatives_are_those_of_the_values(kind):
 def test_all_equations_but_those_of_the_torques_are_those_of_the_curve(kind):
     program, shape, guess, job, nlp_data = built(kind)
     x, robot, limits = nlp_data.x.copy(), job.problem.robot, job.problem.limits
-    half = (limits.effort_upper - limits.effort_lower) / 2
+    half = limits.actuators.half_range
     for k, leg in enumerate(guess.legs):  # not the fixed control points, nor torques clipped, but the curve's
         x[shape.points(k)] = leg.points
         x[shape.torques(k)] = leg.torques(robot, leg.basis.gauss(POINTS)[0].ravel()) / half

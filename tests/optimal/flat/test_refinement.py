@@ -44,7 +44,7 @@ def shares(problem, curve, looks=43):
         s = leg.basis.breaks[:-1, None] + np.diff(leg.basis.breaks)[:, None] * inner
         tau = leg.torques(problem.robot, s.ravel())
         beyond = np.maximum(tau - limits.effort_upper, limits.effort_lower - tau)
-        tau_share = max(tau_share, 1 + np.max(beyond / (limits.effort_upper - limits.effort_lower) * 2))
+        tau_share = max(tau_share, 1 + np.max(beyond / (limits.actuators.width) * 2))
         v_share = max(v_share, np.max(np.abs(leg.at(s.ravel())[1]) / limits.velocity))
         rate = max(rate, np.max(np.abs(np.diff(tau, axis=0)) / (leg.duration * np.diff(s.ravel())[:, None])))
     return tau_share, v_share, rate

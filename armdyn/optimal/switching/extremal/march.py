@@ -64,7 +64,7 @@ class Setting:
     def of(cls, problem: MinimumTimeProblem, flow: Flow, body: Array, duration: float) -> Self:
         """Of a problem, whose motion takes about so long [s]."""
         limits = problem.limits
-        return cls(problem, flow, body, (limits.effort_upper - limits.effort_lower) / (_SWAY * duration))
+        return cls(problem, flow, body, (limits.actuators.width) / (_SWAY * duration))
 
     @property
     def end(self) -> Array:

@@ -308,8 +308,8 @@ def shares_of(problem: MinimumTimeProblem, arcs: Sequence[Arc], motion: Trajecto
     edges = np.cumsum([0.0, *(arc.duration for arc in arcs)])
     edges *= motion.duration / edges[-1]
     means = np.array([np.mean(motion(np.linspace(a, b, _SAMPLES)).tau, axis=0) for a, b in pairwise(edges)])
-    ranges = limits.effort_upper - limits.effort_lower
-    return np.asarray((means - limits.effort_lower) / np.where(ranges > 0, ranges, 1.0))
+    ranges = limits.actuators.width
+    return np.asarray((means - limits.actuators.lower) / np.where(ranges > 0, ranges, 1.0))
 
 
 def _pieces(before: Mode | None, after: Mode | None, share: float) -> tuple[Mode, list[tuple[float, Mode]]]:

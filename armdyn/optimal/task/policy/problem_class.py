@@ -21,5 +21,5 @@ def is_speed_limited(problem: MinimumTimeProblem) -> bool:
     if times[leg, j] == 0:
         return False
     inertia = pin.crba(robot.model, robot.model.createData(), robot.configuration(problem.poses[leg]))[j, j]
-    torque = (limits.effort_upper[j] - limits.effort_lower[j]) / 2
+    torque = limits.actuators.half_range[j]
     return bool(limits.velocity[j] ** 2 * inertia <= ways[leg, j] * torque)
