@@ -158,7 +158,8 @@ def xarm6():
         (-1.5708, "0.076 0.097 0", 20, -6.2832, 6.2832),
     ]
     text = '<robot name="xarm6"><link name="link0"/>'
-    for k, ((mass, center, (xx, yy, zz)), (roll, place, effort, least, most)) in enumerate(zip(links, joints), 1):
+    for k, (link, joint) in enumerate(zip(links, joints, strict=True), 1):
+        (mass, center, (xx, yy, zz)), (roll, place, effort, least, most) = link, joint
         text += (
             f'<link name="link{k}"><inertial><origin xyz="{center}"/><mass value="{mass}"/>'
             f'<inertia ixx="{xx}" iyy="{yy}" izz="{zz}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
