@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from armdyn.arguments import number, one_of, whole
 from armdyn.errors import ProblemError
 from armdyn.studies.neighbours import neighbours_of
+from armdyn.studies.problems import ARM
 from armdyn.studies.rows import Value
-from armdyn.studies.settings import ARM
 from armdyn.studies.tasks.task import StudyTask
 
 Array = NDArray[np.float64]

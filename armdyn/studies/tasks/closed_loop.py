@@ -16,8 +16,9 @@ from armdyn.control.loop.references import ramp
 from armdyn.errors import ProblemError
 from armdyn.optimal import MinimumTimeOptions, Status, solve_minimum_time
 from armdyn.parsing.toml import Table
+from armdyn.studies.problems import ArmProblems
 from armdyn.studies.rows import Value
-from armdyn.studies.settings import SIGNS, ArmProblems
+from armdyn.studies.settings import SIGNS
 from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, Neighbours, finite
 from armdyn.trajectory import Trajectory
 
