@@ -215,7 +215,7 @@ def test_a_place_that_is_not_there_is_refused(study, vary, told):
     ("task", "own"),
     [
         ("monte-carlo", "ramp_ = 0\n[monte-carlo]\nreference = 'ramp'\ncount = 3\nduration = 0.8\n"),
-        ("tune", "[tune]\nmembers = 2\ngenerations = 1\nramp_range = [0.4, 0.6]\nduration = 0.8\n"),
+        ("tune", "[tune]\noptions = { members = 2, generations = 1 }\nramp_range = [0.4, 0.6]\nduration = 0.8\n"),
     ],
 )
 def test_a_task_of_many_arms(study, task, own):
