@@ -206,7 +206,7 @@ class _Run:
         """Try the motions of later cases on earlier ones, from the last to the first, and keep the better rows."""
         task, found = cast(ChainTask, self.cases.task), {row.k: row for row in self.rows.rows()}
         for k in reversed(range(len(self.cases))):
-            later = next((n for n in self.cases.neighbours(k) if n > k), None)
+            later = next((n for n in self.cases.nearest(k) if n > k), None)
             if later is None or "revisited" in found[k].facts or not task.promising(found[k], found[later]):
                 continue
             settings, motion = self.cases.parameters(k), self.rows.motion(later)
@@ -244,7 +244,7 @@ class _Run:
     def _near(self, k: int) -> tuple[int, ...]:
         """Cases whose motion may be the guess of a case, the nearest first."""
         kind = self.cases.task.neighbours
-        near = () if kind == "off" else self.cases.neighbours(k)
+        near = () if kind == "off" else self.cases.nearest(k)
         return tuple(n for n in near if n < k) if kind == "chain" else near
 
     def _take(self, count: int) -> list[int]:

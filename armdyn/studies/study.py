@@ -120,7 +120,7 @@ class Cases:
         """All that the rows depend on, as JSON."""
         raise NotImplementedError
 
-    def neighbours(self, k: int) -> tuple[int, ...]:
+    def nearest(self, k: int) -> tuple[int, ...]:
         """Cases whose motion may be the guess of a case, the nearest first, whether they are done or not."""
         return ()
 
@@ -197,7 +197,7 @@ class Study(Cases):
             "places": hashlib.sha256(np.ascontiguousarray(self.points, dtype="<f8").tobytes()).hexdigest(),
         }
 
-    def neighbours(self, k: int) -> tuple[int, ...]:
+    def nearest(self, k: int) -> tuple[int, ...]:
         """Cases of the same arm, the nearest first."""
         return self._near(k)
 
