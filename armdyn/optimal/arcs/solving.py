@@ -95,7 +95,7 @@ def _solver(
 
 def _with_lines(dynamics: Dynamics, scheme: Scheme, intervals: int) -> Nlp:
     """The program with rows that say whether torques are lines; their bounds are of `posing`."""
-    return with_rows(build_nlp(dynamics, scheme, intervals), dynamics, (StageRows(_lines),))
+    return with_rows(dynamics, scheme, intervals, (StageRows(_lines),))
 
 
 def _lines(stages: Stages, _: ca.SX) -> ca.SX:

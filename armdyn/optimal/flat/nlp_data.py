@@ -152,7 +152,7 @@ def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout
     squares = problem.effort_weights() * half**2
     shared = np.concatenate([half, squares, task.dynamics.last_body, [1 / whole]])
     parameters, g_lower, g_upper = map(np.concatenate, (numbers.parameters, numbers.lower, numbers.upper))
-    return CurveNlpData(np.clip(x, lower, upper), np.append(parameters, shared), (lower, upper), (g_lower, g_upper))
+    return CurveNlpData(np.clip(x, lower, upper), np.append(shared, parameters), (lower, upper), (g_lower, g_upper))
 
 
 def _finite(limit: Array) -> Array:

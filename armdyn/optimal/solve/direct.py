@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.codegen.deadline import LateError
-from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.path_constraints.constraint import Knots
 from armdyn.optimal.path_constraints.legs import Legs, legs_of
 from armdyn.optimal.path_constraints.rows import Rows, with_rows
@@ -14,14 +13,13 @@ from armdyn.optimal.path_constraints.tightened import TightenedConstraints, numb
 from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.program.assembly import Nlp, build_nlp
+from armdyn.optimal.program.assembly import Nlp
 from armdyn.optimal.program.interval import Collocated
 from armdyn.optimal.program.layout import Layout
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, in_time
 from armdyn.optimal.task.options import DirectOptions
-from armdyn.optimal.task.scheme import Scheme
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -133,9 +131,4 @@ def _solver(task: Task, intervals: int, settings: DirectOptions, rows: tuple[Row
     if flat is not None:
         tolerance = settings.tolerance
         own = IpoptSettings.of(settings, acceptable_tol=flat, acceptable_constr_viol_tol=tolerance, acceptable_iter=6)
-    return in_time(task, lambda scheme: Ipopt.of(own, _program, task.dynamics, scheme, intervals, rows))
-
-
-def _program(dynamics: Dynamics, scheme: Scheme, intervals: int, rows: tuple[Rows, ...]) -> Nlp:
-    nlp = build_nlp(dynamics, scheme, intervals)
-    return with_rows(nlp, dynamics, rows) if rows else nlp
+    return in_time(task, lambda scheme: Ipopt.of(own, with_rows, task.dynamics, scheme, intervals, rows))
