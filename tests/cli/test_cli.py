@@ -176,7 +176,7 @@ def test_doctor(tmp_path):
         (["replay", "rr", "missing.npz"], "missing.npz: no such file"),
         (["export", "missing.npz"], "missing.npz: no such file"),
         (["export", "missing.npz", "--format", "xlsx"], "xlsx"),
-        (["urdf", "rrrr"], "no arm 'rrrr'"),
+        (["urdf", "rrrr"], "no planar arm is called 'rrrr'"),
     ],
 )
 def test_bad_input_is_exit_2_without_traceback(arguments, message, tmp_path):

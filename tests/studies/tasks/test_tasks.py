@@ -13,12 +13,14 @@ from armdyn.studies.tasks.task import CaseResult, motion_bytes, motion_from, res
 from armdyn.studies.tasks.tracking import TrackTask
 from problems import paper_problem
 
-R = ArmRecipe(name="r", source="paper", text="r", q_start=(-np.pi / 2,), q_goal=(np.pi / 20,))
+R = ArmRecipe(name="r", source="planar", text="r", q_start=(-np.pi / 2,), q_goal=(np.pi / 20,))
 
 
 def test_the_fastest_motion():
     problem = paper_problem("r", 0.1)
-    recipe = ArmRecipe(name="r", source="paper", text="r", q_start=tuple(problem.q_start), q_goal=tuple(problem.q_goal))
+    recipe = ArmRecipe(
+        name="r", source="planar", text="r", q_start=tuple(problem.q_start), q_goal=tuple(problem.q_goal)
+    )
     alone = ad.solve_minimum_time(problem)
     for guess in (b"", motion_bytes(alone.trajectory)):
         for neighbours in ("add", "lead"):
