@@ -1,4 +1,4 @@
-"""Figures of motions: position, velocity and torque over time, as in Figures 2-7 of the paper."""
+"""Figures of motions: position, velocity and torque over time."""
 
 import os
 from collections.abc import Collection, Sequence

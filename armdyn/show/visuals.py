@@ -175,7 +175,7 @@ def _visual_shapes(
 
 def _load_meshes(path: Path, scale: Array) -> Iterator[tuple[trimesh.Trimesh, tuple[float, float, float, float]]]:
     """The triangles of a file, one mesh per colour."""
-    import trimesh  # slow to import, and the paper's arms have no meshes
+    import trimesh  # slow to import, and planar arms have no meshes
 
     by_color: dict[tuple[float, float, float, float], list[trimesh.Trimesh]] = {}
     for bare, mesh in load_meshes(path, scale):

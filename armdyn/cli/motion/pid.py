@@ -97,7 +97,7 @@ def pid(
         arm, (start, goal) = asked.arm, asked.ends("pid")
         folder = results.folder("pid", robot.robot)
         with working(f"PID loop of {arm.name}", json) as progress:
-            run = loop.run(arm, start, goal, PAPER_RULE if robot.robot in models.PAPER_ARMS else ARRIVAL_RULES[0])
+            run = loop.run(arm, start, goal, PAPER_RULE if robot.robot in models.PLANAR_ARMS else ARRIVAL_RULES[0])
             summary = pid_summary(run)
             carried = f", {1000 * arm.payload.mass:g} g" if arm.payload is not None else ""
             title = f"{arm.name}{carried}: PID loop"

@@ -55,7 +55,7 @@ class PoseOptions:
 def _pose(option: str, text: str | None, robot: ad.Robot, name: str, kind: Kind) -> list[float]:
     if text is not None:
         return positions(text, option, robot)
-    if name not in models.PAPER_ARMS:
+    if name not in models.PLANAR_ARMS:
         raise ProblemError(_how_to_say(option, robot))
     from armdyn.paper import example
 

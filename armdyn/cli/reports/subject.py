@@ -18,7 +18,7 @@ from armdyn.cli.options.course import obstacles_of
 from armdyn.cli.options.robot import PartOptions
 from armdyn.cli.reports.saved import Saved
 from armdyn.errors import ArmdynError, ArmdynWarning, ProblemError, TrajectoryError
-from armdyn.models import PAPER_ARMS, JointLimits, Payload, Robot
+from armdyn.models import PLANAR_ARMS, JointLimits, Payload, Robot
 from armdyn.models.scene.obstacles import SHAPES, obstacle_from
 from armdyn.show.page.facts import Facts, as_number
 from armdyn.show.page.report import Subject
@@ -126,7 +126,7 @@ def _built(name: str, facts: Facts, spec: SubjectSpec) -> Robot:
     part = PartOptions(lock=locked or None, part=options.text("part") or None)
     if spec.part.lock or spec.part.part:
         part = spec.part
-    if spec.robot is not None or name in PAPER_ARMS or _file(name):
+    if spec.robot is not None or name in PLANAR_ARMS or _file(name):
         arm = part.read(name, carried)
     else:
         arm = Robot.from_library(name, carried, part.locks(), arm=part.ends())

@@ -44,7 +44,7 @@ class PayloadsOptions:
         """
         if self.payload is not None:
             return sorted(set(numbers(self.payload, "--payload")))
-        if robot not in models.PAPER_ARMS:
+        if robot not in models.PLANAR_ARMS:
             raise ProblemError(f"give --payload with the masses [kg] that {robot} is to carry, such as 0,0.5,1")
         from armdyn.paper import PAYLOADS
 

@@ -19,7 +19,7 @@ from armdyn.models.robots.options import RobotOptions
 from armdyn.models.robots.poses import position_of
 from armdyn.models.robots.robot import Robot
 from armdyn.models.robots.source import RobotSource
-from armdyn.models.values.spec import PAPER_ARMS, ArmSpec, LinkSpec, Payload
+from armdyn.models.values.spec import PLANAR_ARMS, ArmSpec, LinkSpec, Payload
 from armdyn.parsing.toml import Table
 
 _SOURCES = ("name", "urdf", "mjcf", "spec")
@@ -143,7 +143,7 @@ def _inner(table: Table, key: str, known: tuple[str, ...] | None = None) -> Mapp
 def _written_source(origin: RobotSource, folder: str | os.PathLike[str] | None) -> dict[str, Any]:
     """The keys that say where a robot is read from."""
     if origin.spec is not None:
-        name = next((name for name in PAPER_ARMS if origin.spec == ArmSpec.paper(name)), None)
+        name = next((name for name in PLANAR_ARMS if origin.spec == ArmSpec.paper(name)), None)
         return {"spec": asdict(origin.spec)} if name is None else {"name": name}
     if origin.format == "library":
         return {"name": origin.name}

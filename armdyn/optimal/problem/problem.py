@@ -52,8 +52,7 @@ class MinimumTimeProblem:
     """Bring an arm from one state to another in minimum time, or minimum time and effort.
 
     Minimise J = ∫ (1 + w/2 τᵀτ) dt over the torques and the final time, subject to the equations of
-    motion, the joints' friction included, and the limits. With w = 0 this is equation (8) of the paper
-    with (9) put right.
+    motion, the joints' friction included, and the limits. With w = 0 this is minimum time.
 
     Attributes:
         robot: the arm.

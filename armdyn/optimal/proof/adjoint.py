@@ -27,11 +27,11 @@ _PRECISE = 1e-7
 """Of a stretch's propagator, as H feels it: a thousandth of the costates' tolerance. What is taken is 64 times as good:
 the two halves' of what one step of sixth order is held against."""
 _SAMPLES = 400
-"""Of the replay, about: quintics between them are then right to 1e-9 of what the paper's arms do."""
+"""Of the replay, about: quintics between them are then right to 1e-9 of what planar arms do."""
 _POWERS = np.arange(6.0)
 """Of a quintic."""
 _MOST = 20_000
-"""Stretches: fifty times what the paper's arms take, some seconds."""
+"""Stretches: fifty times what planar arms take, some seconds."""
 _DEEPEST = 16
 """Times that one is halved: the turn of a joint through dry friction takes some."""
 _NEAR = 1e-3

@@ -10,7 +10,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from armdyn.files import write_whole
-from armdyn.models.values.spec import PAPER_ARMS
+from armdyn.models.values.spec import PLANAR_ARMS
 from armdyn.paper.claims.statements import SECTIONS, statements
 from armdyn.paper.outcomes.case import Case
 from armdyn.paper.outcomes.outcome import Outcome, by_case
@@ -170,7 +170,7 @@ def _stage(payload: float) -> Html:
 
 def _statements(outcomes: Sequence[Outcome], payload: float) -> Html:
     parts = []
-    for arm in PAPER_ARMS:
+    for arm in PLANAR_ARMS:
         items = statements(arm, outcomes, payload)
         heading = element("h3", f"Section {SECTIONS[arm]}: {arm.upper()}")
         summary = join(

@@ -9,7 +9,7 @@ from pathlib import Path
 from armdyn.arguments import shown
 from armdyn.errors import ProblemError
 from armdyn.files import read_bounded
-from armdyn.models import PAPER_ARMS
+from armdyn.models import PLANAR_ARMS
 from armdyn.models.mjcf.document import is_mjcf
 from armdyn.models.robots.poses import positions_of
 from armdyn.models.robots.robot import Robot
@@ -78,13 +78,13 @@ def _positions(robot: Robot, given: object, what: str) -> tuple[float, ...]:
 
 
 def _source(robot: str, folder: Path) -> tuple[Source, str, Path | None]:
-    """What a robot's name stands for: the paper's arm, a library's, or a file's content and place.
+    """What a robot's name stands for: a planar arm, a library's, or a file's content and place.
 
     Raises:
         ArmdynError: the file is not in the study's folder, or cannot be read.
     """
-    if robot in PAPER_ARMS:
-        return "paper", robot, None
+    if robot in PLANAR_ARMS:
+        return "planar", robot, None
     if not Path(robot).suffix:
         if not _NAME.fullmatch(robot):
             raise ProblemError(f"robot {shown(robot)}: r, rr, rrr, a library's name, or a .urdf or .xml file")

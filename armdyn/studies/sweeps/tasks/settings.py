@@ -14,7 +14,7 @@ from armdyn.models.robots.robot import Robot
 from armdyn.models.values.spec import ArmSpec, Payload
 
 Value = float | str
-Source = Literal["paper", "library", "urdf", "mjcf"]
+Source = Literal["planar", "library", "urdf", "mjcf"]
 
 ARM = "arm"
 """The setting that says which arm it is."""
@@ -49,7 +49,7 @@ class ArmRecipe:
     Attributes:
         name: what the study calls it.
         source: what the text is.
-        text: the name of a paper's or a library's arm, or a whole URDF or MJCF.
+        text: the name of a planar or a library's arm, or a whole URDF or MJCF.
         q_start: joint positions at the start [rad or m].
         q_goal: at the end.
         named: poses that cases set by their names, each likewise.
@@ -69,7 +69,7 @@ class ArmRecipe:
             ArmdynError: there is no such arm, or it cannot carry that.
         """
         carried = Payload(mass=payload) if payload else None
-        if self.source == "paper":
+        if self.source == "planar":
             return Robot.from_spec(ArmSpec.paper(self.text), carried)  # type: ignore[arg-type]  # it checks
         if self.source == "library":
             return Robot.from_library(self.text, carried)
