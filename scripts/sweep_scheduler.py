@@ -14,9 +14,9 @@ from functools import partial
 from pathlib import Path
 
 import armdyn as ad
-from armdyn.studies.sweeps.executors.local import local_executor
-from armdyn.studies.sweeps.study import Axis, Study
-from armdyn.studies.sweeps.tasks.task import CaseOutcome
+from armdyn.studies.executors.local import local_executor
+from armdyn.studies.study import Axis, Study
+from armdyn.studies.tasks.task import CaseResult
 
 
 @dataclass(frozen=True)
@@ -27,16 +27,16 @@ class Sleep:
     motion: int = 0
 
     @property
-    def uses_neighbours(self):
-        """Motions are sent to neighbours."""
-        return self.motion > 0
+    def neighbours(self):
+        """Whether motions are sent to neighbours."""
+        return "add" if self.motion else "off"
 
-    def work(self, settings, guess):
+    def work(self, settings, guess, revisit=False):
         """Sleep."""
         if self.seconds:
             time.sleep(self.seconds)
         facts, motion = {f"fact_{i}": 0.123456789 for i in range(8)}, os.urandom(self.motion)
-        return CaseOutcome(status="slept", good=True, message="x" * 70, facts=facts, motion=motion)
+        return CaseResult(status="slept", good=True, message="x" * 70, facts=facts, motion=motion)
 
     def description(self):
         """What the rows say that they answer."""

@@ -18,7 +18,7 @@ def build(problem, method):
     options = ad.MinimumTimeOptions(compile=True, dynamics="forward" if problem.robot.nv <= 3 else "inverse")
     task = Task.of(problem, options)
     if method == "full":
-        if task.policy.curves.alone:
+        if task.policy.strategy.curves_alone:
             torque_equations(task.dynamics, True)
         else:
             prepare_quickly(task, options.intervals, task.alone())

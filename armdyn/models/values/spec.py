@@ -88,13 +88,13 @@ class ArmSpec:
 
     @classmethod
     def paper(cls, arm: PlanarArmName) -> Self:
-        """The arm of the paper's Table 1 with one, two or three links.
+        """The arm of Table 1 of Giv and Malek (2024) with one, two or three links.
 
         Raises:
             SpecError: `arm` is none of "r", "rr", "rrr".
         """
         if not (isinstance(arm, str) and arm in PLANAR_ARMS):
-            raise SpecError(f"the paper has no arm {shown(arm)}; it has {', '.join(PLANAR_ARMS)}")
+            raise SpecError(f"no planar arm is called {shown(arm)}; known: {', '.join(PLANAR_ARMS)}")
         return cls(name=arm, links=PLANAR_LINKS[: len(arm)])
 
 

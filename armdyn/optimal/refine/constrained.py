@@ -5,6 +5,7 @@ What the mesh asks for only at its points is checked everywhere on the replay, a
 where it does not hold there.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,9 +15,8 @@ from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.path_constraints.tightened import ConstraintReports, TightenedConstraints
 from armdyn.optimal.proof.certificate import certify
-from armdyn.optimal.refine.bang import minimum_time
 from armdyn.optimal.refine.optimum import Optimum
-from armdyn.optimal.refine.smooth import time_energy, trajectory_cost
+from armdyn.optimal.refine.smooth import trajectory_cost
 from armdyn.optimal.search.candidates import Found, find
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.direct import solve_on_mesh
@@ -31,8 +31,6 @@ def constrained(task: Task) -> tuple[list[Optimum], Found]:
     Args:
         task: a problem with path constraints.
     """
-    if free := _clear_anyway(task):
-        return free
     found = find(task)
     optima: list[Optimum] = []
     listed = list(found.listed)
@@ -46,25 +44,27 @@ def constrained(task: Task) -> tuple[list[Optimum], Found]:
     return optima, replace(found, listed=tuple(listed))
 
 
-def _clear_anyway(task: Task) -> tuple[list[Optimum], Found] | None:
-    """What comes out without obstacles and self-collision, if its fastest motion is clear of them all the same."""
-    problem = task.problem
-    if not any(constraint.goes_round for constraint in path_constraints_of(problem)):
+def without_obstacles(task: Task) -> Task | None:
+    """The task without obstacles and self-collision; None: there are none."""
+    if not any(constraint.goes_round for constraint in path_constraints_of(task.problem)):
         return None
-    free = task.about(problem.variant(obstacles=(), self_collision=False))
     task.progress("the way without obstacles")
-    if free.problem.path_constraint_names:
-        optima, found = constrained(free)
-    else:
-        optima, found = time_energy(free) if problem.pays_effort else minimum_time(free)
-    if not optima:
-        return None
-    constraints = TightenedConstraints.of(problem)
-    reported = [
+    return task.about(task.problem.variant(obstacles=(), self_collision=False))
+
+
+def clear_optima(task: Task, optima: Sequence[Optimum]) -> list[Optimum]:
+    """Optima of the task without obstacles, with reports on the constraints; none: the best of them is not clear.
+
+    Args:
+        task: with obstacles.
+        optima: of `without_obstacles`.
+    """
+    problem, constraints = task.problem, TightenedConstraints.of(task.problem)
+    found = [
         replace(one, reports=constraints.check(problem, one.trajectory, np.array(one.via_times))) for one in optima
     ]
-    best = min(reported, key=lambda one: (not one.landed(task.options.replay_tolerance), one.cost))
-    return (reported, found) if best.reports is None or _mended(task, best.reports) else None
+    best = min(found, key=lambda one: (not one.landed(task.options.replay_tolerance), one.cost), default=None)
+    return found if best is not None and (best.reports is None or _mended(task, best.reports)) else []
 
 
 @dataclass(frozen=True, eq=False)

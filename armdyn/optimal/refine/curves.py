@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from armdyn.codegen.background import awaited
 from armdyn.codegen.deadline import LateError
-from armdyn.errors import ProblemError
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.follow import follow
 from armdyn.optimal.flat.nlp_data import CurveSpec
@@ -47,9 +46,6 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
 
     Args:
         task: any problem.
-
-    Raises:
-        ProblemError: a guess in the options moves other joints.
     """
     numbers = task.policy.curves
     try:
@@ -136,13 +132,10 @@ def _guesses(task: Task, count: int) -> list[Curve]:
     problem, numbers, options = task.problem, task.policy.curves, task.options
     guesses = [straight_curve(task, numbers.intervals)]
     basis = guesses[0].legs[0].basis
-    for k, guess in enumerate(options.guesses):
-        if guess.q.shape[1] != problem.robot.nv:
-            name, joints = problem.robot.name, problem.robot.nv
-            raise ProblemError(f"options.guesses[{k}] moves {guess.q.shape[1]} joints, {name} has {joints}")
-        if not problem.via:
-            guesses.append(Curve.near(guess, basis))
-    if count > 1 and not problem.via:
+    if problem.via:
+        return guesses
+    guesses += [Curve.near(guess, basis) for guess in options.guesses]
+    if count > 1:
         ways = via_guesses(problem, options.seed, count, task.stop)[1:]
         guesses += [Curve.near(spline(problem, way), basis) for way in ways]
     return guesses
@@ -170,8 +163,8 @@ def _enough(task: Task, refined: RefinedCurve) -> bool:
     """Whether other guesses have nothing to give: a proven bound is near."""
     if not constraints_mended(task, refined.reports) or _trouble(refined):
         return False
-    floor = task.floor()
-    return floor is not None and refined.curve.duration <= (1 + GAP_TOLERANCE) * floor
+    bound = task.lower_bound()
+    return bound is not None and refined.curve.duration <= (1 + GAP_TOLERANCE) * bound
 
 
 def _failed(task: Task, refined: RefinedCurve) -> Attempt:

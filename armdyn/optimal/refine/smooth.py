@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdyn.errors import ProblemError
 from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.arcs.nlp_data import PhaseAim
 from armdyn.optimal.arcs.phases import TABLEAU, Phases, Unresolved
@@ -40,12 +39,9 @@ def time_energy(task: Task) -> tuple[list[Optimum], Found]:
 
     Args:
         task: with a weight on effort. Guesses of its options are looked at before what its search finds.
-
-    Raises:
-        ProblemError: a guess in the options moves other joints.
     """
     numbers, options, weight = task.policy.smooth, task.options, task.problem.effort_weight
-    given = [_Lead(0.0, guess) for guess in _given(task)]
+    given = [_Lead(0.0, guess) for guess in options.guesses]
     attempts = _searched(task, task.policy.search.guesses(options, numbers.starts))
     coarse = _distinct(task, attempts)[: task.policy.search.refinements(options, numbers.refined)]
     found = [_Lead(numbers.optimism * trajectory_cost(motion, weight), motion) for motion in coarse]
@@ -99,15 +95,6 @@ def smooth_optima(task: Task, starts: int, most: int) -> tuple[tuple[Phases, ...
     alike = within(task.policy.same.resolved_cost)
     groups = grouped(solved, lambda first, item: alike(cost(problem, first), cost(problem, item)))
     return tuple(group[0] for group in groups), tuple(attempts)
-
-
-def _given(task: Task) -> tuple[Trajectory, ...]:
-    """The options' guesses."""
-    robot = task.problem.robot
-    for k, guess in enumerate(task.options.guesses):
-        if guess.q.shape[1] != robot.nv:
-            raise ProblemError(f"options.guesses[{k}] moves {guess.q.shape[1]} joints, {robot.name} has {robot.nv}")
-    return task.options.guesses
 
 
 def _searched(task: Task, starts: int) -> list[Attempt]:

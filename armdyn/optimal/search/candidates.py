@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from armdyn.errors import ProblemError
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.search.crossover import crossover_guesses
 from armdyn.optimal.search.distinct import distinct, ranked
@@ -59,9 +58,6 @@ def find(task: Task) -> Found:
 
     Args:
         task: what is to be solved.
-
-    Raises:
-        ProblemError: a guess in the options moves other joints.
     """
     options, numbers = task.options, task.policy.search
     same = task.policy.same.coarse, task.policy.same.apart
@@ -122,12 +118,9 @@ def _searched(
 
 def _extra_jobs(task: Task) -> list[Job]:
     """What is solved on the fine mesh at once: the options' guesses."""
-    problem, intervals, settings = task.problem, task.options.intervals, task.fine()
+    intervals, settings = task.options.intervals, task.fine()
     jobs: list[Job] = []
-    for k, guess in enumerate(task.options.guesses):
-        if guess.q.shape[1] != problem.robot.nv:
-            name, joints = problem.robot.name, problem.robot.nv
-            raise ProblemError(f"options.guesses[{k}] moves {guess.q.shape[1]} joints, {name} has {joints}")
+    for guess in task.options.guesses:
         prepare_quickly(task, intervals, settings)
         jobs.append(partial(solve_quickly, task, guess, intervals, settings))
     return jobs

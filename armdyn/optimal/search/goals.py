@@ -72,7 +72,7 @@ def screened(
 
 def _tried(task: Task) -> float:
     """The duration of one coarse solve from the straight way [s]; inf: it did not converge, or was not begun."""
-    if not task.policy.curves.alone:
+    if not task.policy.strategy.curves_alone:
         guess, intervals = spline(task.problem, []), task.meshes[0]
         attempt = solve_on_mesh(task, guess, intervals, task.coarse()[-1])
         return attempt.trajectory.duration if attempt.usable else np.inf

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.errors import ProblemError
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.task.options import DirectOptions, MinimumTimeOptions
@@ -32,7 +33,7 @@ class Task:
         policy: what depends on the kind of problem, and the tuned numbers.
         stop: asked every few iterations.
         progress: called with a line of text on what is being tried.
-        floor: gives a duration that no motion beats [s], as is proven, and may wait for it; None: none is known.
+        lower_bound: returns the proven lower bound on the duration [s], and may wait for it; None: none is known.
     """
 
     problem: MinimumTimeProblem
@@ -42,7 +43,7 @@ class Task:
     policy: Policy
     stop: Stop = field(default_factory=Stop)
     progress: Callable[[str], None] = _silently
-    floor: Callable[[], float | None] = _unknown
+    lower_bound: Callable[[], float | None] = _unknown
 
     @classmethod
     def of(
@@ -59,8 +60,15 @@ class Task:
             options: by default, `MinimumTimeOptions()`.
             stop: by default nothing stops it.
             progress: by default nobody is told.
+
+        Raises:
+            ProblemError: a guess in the options moves other joints.
         """
         options, policy = options or MinimumTimeOptions(), Policy.of(problem)
+        for k, guess in enumerate(options.guesses):
+            if guess.q.shape[1] != problem.robot.nv:
+                name, joints = problem.robot.name, problem.robot.nv
+                raise ProblemError(f"options.guesses[{k}] moves {guess.q.shape[1]} joints, {name} has {joints}")
         dynamics = Dynamics(problem.robot, free_last_body=True)
         return cls(
             problem,

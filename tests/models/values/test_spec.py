@@ -26,7 +26,7 @@ def test_payloads_are_table_2():
 
 
 def test_unknown_paper_arm():
-    with pytest.raises(SpecError, match="no arm 'rrrr'; it has r, rr, rrr"):
+    with pytest.raises(SpecError, match="no planar arm is called 'rrrr'; known: r, rr, rrr"):
         ArmSpec.paper("rrrr")
 
 

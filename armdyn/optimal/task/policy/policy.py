@@ -18,6 +18,7 @@ from armdyn.optimal.task.policy.refinement import (
     SmoothPolicy,
 )
 from armdyn.optimal.task.policy.search import ProgramPolicy, SamePolicy, SearchPolicy
+from armdyn.optimal.task.policy.strategy import Method, StrategyPolicy
 from armdyn.optimal.task.policy.tuned import rows
 from armdyn.optimal.task.scheme import Scheme
 
@@ -27,6 +28,7 @@ class Policy:
     """How a kind of problem is gone about; every number says its unit, its reason and what it was chosen on.
 
     Attributes:
+        strategy: methods of refinement, in the order in which they are tried.
         program: how motion becomes a nonlinear program.
         search: guesses, and which of their optima go on.
         same: when two durations are one optimum's.
@@ -39,6 +41,7 @@ class Policy:
         curves: motions as curves.
     """
 
+    strategy: StrategyPolicy
     program: ProgramPolicy
     search: SearchPolicy
     same: SamePolicy = field(default_factory=SamePolicy)
@@ -60,6 +63,7 @@ class Policy:
         many = joints == 3 and motors and not asked and not problem.pays_effort  # optima, hundreds
         starts = _by_joints(joints, 1, 16 if motors else 40, 140 if many else 100)
         return cls(
+            strategy=_strategy(problem, motors, speed_limited),
             program=ProgramPolicy(
                 linear=problem.continuous_torque,
                 condensed=not asked,
@@ -82,8 +86,6 @@ class Policy:
             smooth=SmoothPolicy(starts=_by_joints(joints, 2, 16, 24), refined=10 if joints == 2 else 6),
             indirect=IndirectPolicy(starts=_by_joints(joints, 1, 6, 16)),
             curves=CurvePolicy(
-                alone=motors and (joints > 3 or problem.relative_effort_weight > 0),
-                possible=motors,
                 cruises=speed_limited,
                 patience=300 if asked or np.any(problem.robot.friction.coulomb) else 120,
                 shortest=_shortest(problem, speed_limited),
@@ -103,6 +105,19 @@ class Policy:
     def changed(self, group: str, **numbers: object) -> Self:
         """The same with other numbers in one group, to try them."""
         return replace(self, **{group: replace(getattr(self, group), **numbers)})
+
+
+def _strategy(problem: MinimumTimeProblem, motors: bool, speed_limited: bool) -> StrategyPolicy:
+    """The methods for a kind of problem."""
+    alone = motors and (problem.robot.nv > 3 or problem.relative_effort_weight > 0)
+    constrained = bool(problem.path_constraint_names)
+    own: Method = "mesh" if constrained else "time-energy" if problem.pays_effort else "arcs"
+    first: tuple[Method, ...] = ("curves",) if alone or (speed_limited and motors and not constrained) else ()
+    return StrategyPolicy(
+        methods=first if alone else (*first, own),
+        fallback=("curves",) if motors and not alone else (),
+        bounded=speed_limited and not problem.pays_effort,
+    )
 
 
 def _shortest(problem: MinimumTimeProblem, speed_limited: bool) -> float:
