@@ -60,11 +60,11 @@ class Segments:
 
         Args:
             robot: the arm.
-            motion: states and torques; the torque is linear in a segment.
+            motion: states and torques; a segment is the interval between two samples.
             most: steps in a segment; 1 suffices for the growth.
         """
         x, h, n = np.concatenate([motion.q, motion.v], axis=1), np.diff(motion.t), robot.nv
-        tau, step = np.stack([motion.tau[:-1], motion.tau[1:]], axis=1), _GaussStep(robot)
+        tau, step = np.stack([motion.tau[:-1], motion.tau_end], axis=1), _GaussStep(robot)
         defect, forced = -np.diff(x, axis=0), np.zeros((h.size, 2 * n, n))
         state_transition = np.tile(np.eye(2 * n), (h.size, 1, 1))
         scale = _AGREES * (1 + np.max(np.abs(x[:-1]), axis=1))
@@ -118,7 +118,9 @@ def ticked(robot: Robot, motion: Trajectory, longest: float) -> Trajectory:
     x, step = np.concatenate([finer.q, finer.v], axis=1), _GaussStep(robot)
     for part in range(1, int(np.max(np.diff(kept)))):
         at = kept[:-1][np.diff(kept) > part] + part
-        x[at] = step(finer.t[at] - finer.t[at - 1], x[at - 1], np.stack([finer.tau[at - 1], finer.tau[at]], axis=1))[0]
+        x[at] = step(
+            finer.t[at] - finer.t[at - 1], x[at - 1], np.stack([finer.tau[at - 1], finer.tau_end[at - 1]], axis=1)
+        )[0]
     return replace(finer, q=x[:, : robot.nv], v=x[:, robot.nv :])
 
 
