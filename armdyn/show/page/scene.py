@@ -26,7 +26,7 @@ COLORS = ((0.86, 0.20, 0.27), (0.13, 0.45, 0.80), (0.14, 0.62, 0.40), (0.52, 0.3
 """One per trajectory."""
 
 WATCHABLE = 4.0
-"""How long a replay takes when nothing else is asked for [s]."""
+"""Playing time of a replay by default [s]."""
 
 _SPEEDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 LARGEST = 1e12
@@ -42,7 +42,7 @@ def scene_data(
     slow_motion: float | None = None,
     obstacles: Sequence[Obstacle] = (),
 ) -> dict[str, Any]:
-    """What `assets/scene.js` draws, as JSON says it.
+    """Input of `assets/scene.js`, ready for JSON.
 
     Args:
         robot: what moves.
