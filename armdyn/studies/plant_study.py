@@ -199,7 +199,7 @@ def identity(robot: Robot) -> dict[str, object]:
 
 def digest(motion: Trajectory) -> str:
     """Checksum of a motion's samples."""
-    found = hashlib.sha256()
+    found = hashlib.sha256(b"" if motion.hold == "linear" else motion.hold.encode())
     for array in (motion.t, motion.q, motion.v, motion.tau):
         found.update(repr(array.shape).encode() + array.tobytes())
     return found.hexdigest()
