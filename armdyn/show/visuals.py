@@ -1,4 +1,4 @@
-"""What a robot looks like: the shapes of its URDF, on the joints that carry them."""
+"""Shapes of a robot: the visuals of its URDF, by the joints that carry them."""
 
 from __future__ import annotations
 
