@@ -67,7 +67,7 @@ class ControllerOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class LoopOptions:
-    """How controller and arm are joined; see `Loop`."""
+    """Connection of controller and arm; see `Loop`."""
 
     panel: ClassVar[str] = "Loop"
 
@@ -84,7 +84,7 @@ class LoopOptions:
         str, typer.Option(metavar="HOW", help="conditional, back_calculation or none: the integral at a torque limit.")
     ] = "conditional"
     ideal: Annotated[
-        bool, typer.Option("--ideal", help="A continuous loop without any of these, saturated all the same.")
+        bool, typer.Option("--ideal", help="A continuous loop without imperfections; torques are clipped.")
     ] = False
 
     def joined(self) -> ad.Loop:
@@ -106,7 +106,7 @@ class PlantOptions:
     panel: ClassVar[str] = "The arm that moves, where it differs from the model"
 
     plant_payload: Annotated[
-        float | None, typer.Option(metavar="KG", help="What it carries in truth \\[kg], where --payload is.")
+        float | None, typer.Option(metavar="KG", help="Payload that the arm carries \\[kg], instead of --payload.")
     ] = None
     plant_damping: Annotated[
         str | None, typer.Option(metavar="D[,D…]", help="Viscous friction of its joints \\[N m s/rad].")
@@ -115,16 +115,16 @@ class PlantOptions:
         str | None, typer.Option(metavar="F[,F…]", help="Coulomb friction of its joints \\[N m].")
     ] = None
 
-    def real(self, asked: ArmRequest) -> ad.Robot:
+    def real(self, request: ArmRequest) -> ad.Robot:
         """The arm that moves.
 
         Args:
-            asked: the model.
+            request: the controller's model.
 
         Raises:
-            ArmdynError: something does not fit the robot.
+            ArmdynError: a value does not fit the robot.
         """
-        arm = asked.carrying(self.plant_payload)
+        arm = request.carrying(self.plant_payload)
         damping, friction = (
             one_or_more(text, f"--plant-{name}")
             for text, name in ((self.plant_damping, "damping"), (self.plant_friction, "friction"))
