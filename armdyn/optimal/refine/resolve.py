@@ -19,8 +19,15 @@ from armdyn.optimal.refine.land import land, land_extremal
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.switching.extremal.descent import Extremal
-from armdyn.optimal.switching.reading import schedules_of
-from armdyn.optimal.switching.settle import Settled, has_switching, leaves_idle, prepare_switching, setting_of, settled
+from armdyn.optimal.switching.from_arcs import structures_of
+from armdyn.optimal.switching.refinement import (
+    RefinedExtremal,
+    has_switching,
+    leaves_idle,
+    prepare_switching,
+    refine_extremal,
+    shooting_problem,
+)
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -127,12 +134,12 @@ def _by_switching(task: Task, arcs: list[Arc], motion: Trajectory, budget: Budge
 
     None: nothing lands, or time does not determine what some joint does.
     """
-    setting, found = setting_of(task, motion.duration), Settled(None, np.inf, "")
-    best: Settled | None = None
-    for schedule in schedules_of(setting, arcs, motion):
+    shooting, found = shooting_problem(task, motion.duration), RefinedExtremal(None, np.inf, "")
+    best: RefinedExtremal | None = None
+    for structure in structures_of(shooting, arcs, motion):
         part = min(budget.left, task.policy.refinement.budget / 2)
         own = Budget(task.stop, part)
-        found = settled(replace(setting, budget=own), schedule, own)
+        found = refine_extremal(replace(shooting, budget=own), structure, own)
         budget.spend(part - own.left)
         if found.extremal is not None and (best is None or found.wrong < best.wrong):
             best = found

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import OPPOSITE, POSITION, VELOCITY, Mode, outward, stretches
-from armdyn.optimal.switching.costates import NODES, Whole
+from armdyn.optimal.switching.costates import NODES, SampledExtremal
 from armdyn.optimal.switching.extremal.descent import Extremal
-from armdyn.optimal.switching.extremal.limits import state_at
-from armdyn.optimal.switching.extremal.schedule import Change, Schedule, Segment
+from armdyn.optimal.switching.extremal.state_limits import state_at
+from armdyn.optimal.switching.extremal.structure import Change, Segment, SwitchingStructure
 
 Array = NDArray[np.float64]
 
@@ -32,8 +32,8 @@ _TOWARDS = {
 """The torque that presses a joint against its limit."""
 
 
-def with_contacts(extremal: Extremal, settled: bool = True) -> Schedule | None:
-    """The schedule without parts of contacts that cannot be held or would rather be let go; None: there are none.
+def with_contacts(extremal: Extremal, is_extremal: bool = True) -> SwitchingStructure | None:
+    """The structure without parts of contacts that cannot be held or would rather be let go; None: there are none.
 
     A joint that takes more torque than it has is given all of it, and touches at most. One that a limit would have to
     pull back against is let go: inward torque takes it off, outward torque brings it back, a bounce. Off a limit of
@@ -41,20 +41,20 @@ def with_contacts(extremal: Extremal, settled: bool = True) -> Schedule | None:
 
     Args:
         extremal: whose contacts are looked at, one at a time.
-        settled: it is one, so that its costates say what would rather be let go.
+        is_extremal: it is one, so that its costates say what would rather be let go.
     """
-    schedule, whole = extremal.schedule, None
-    for segment in schedule.segments():
-        if segment.begin < 0 or schedule.changes[segment.begin].mode not in _TOWARDS:
+    structure, whole = extremal.structure, None
+    for segment in structure.segments():
+        if segment.begin < 0 or structure.changes[segment.begin].mode not in _TOWARDS:
             continue
-        whole = whole or Whole.of(extremal)
+        whole = whole or SampledExtremal.of(extremal)
         contact = _Contact.of(extremal, whole, segment)
         if contact is None:
             continue
         if (weak := contact.weak) is not None:
             return _let_go(extremal, segment, weak.part, [(0.0, weak.mode)])
-        if settled and (part := contact.unwilling) is not None:
-            mode = schedule.changes[segment.begin].mode
+        if is_extremal and (part := contact.unwilling) is not None:
+            mode = structure.changes[segment.begin].mode
             towards = _TOWARDS[mode]
             away = OPPOSITE[towards]
             if mode in VELOCITY:
@@ -83,21 +83,21 @@ class _Contact:
     Attributes:
         s: where they are in it, from 0 to 1, shape (m,).
         torque: from −1 at the lower limit to 1 at the upper, shape (m,).
-        pull: of the limit in the time of the contact [s/rad], outward, shape (m,).
+        multiplier: of the limit in the time of the contact [s/rad], outward, shape (m,).
         blows: the same at once, at the knots, both ends included, shape (knots,).
     """
 
     s: Array
     torque: Array
-    pull: Array
+    multiplier: Array
     blows: Array
 
     @classmethod
-    def of(cls, extremal: Extremal, whole: Whole, segment: Segment) -> "_Contact | None":
+    def of(cls, extremal: Extremal, whole: SampledExtremal, segment: Segment) -> "_Contact | None":
         """Of a segment; None: it takes no time."""
-        schedule, limits = extremal.schedule, extremal.march.setting.problem.limits
-        change = schedule.changes[segment.begin]
-        begin, end = schedule.span(segment)
+        structure, limits = extremal.structure, extremal.rollout.shooting.problem.limits
+        change = structure.changes[segment.begin]
+        begin, end = structure.span(segment)
         middle = (whole.t[:-1] + whole.t[1:]) / 2
         held = whole.velocity if change.mode in VELOCITY else whole.position
         own = np.flatnonzero((middle > begin) & (middle < end) & held[:, change.joint])
@@ -112,11 +112,11 @@ class _Contact:
         blows = [costate[k - 1, -1] - costate[k, 0] if 0 < k < K else 0.0 for k in knots]
         place = i
         if change.mode in VELOCITY:  # a limit of velocity is entered and left without a blow
-            place, blows = len(schedule.first) + i, [0.0] * len(knots)
+            place, blows = len(structure.first) + i, [0.0] * len(knots)
         return cls(
             ((t - begin) / (end - begin)).ravel(),
             torque.ravel(),
-            -sign * whole.pulls[own, :, place].ravel() * (end - begin),
+            -sign * whole.state_multipliers[own, :, place].ravel() * (end - begin),
             sign * np.array(blows),
         )
 
@@ -133,8 +133,8 @@ class _Contact:
     @property
     def unwilling(self) -> tuple[float, float] | None:
         """The first part in which the limit would have to pull the joint; None: it never has to."""
-        least = -_INWARD * max(float(np.max(np.abs(self.pull))), float(np.max(np.abs(self.blows))))
-        inward = self.pull < least
+        least = -_INWARD * max(float(np.max(np.abs(self.multiplier))), float(np.max(np.abs(self.blows))))
+        inward = self.multiplier < least
         for k in np.flatnonzero(self.blows[1:-1] < least) + 1:  # another joint's touch is felt here, too
             inward[k * NODES.size - 1 : k * NODES.size + 1] = True
         if np.any(inward):
@@ -153,18 +153,18 @@ class _Contact:
 
 def _let_go(
     extremal: Extremal, segment: Segment, part: tuple[float, float], steps: list[tuple[float, Mode]]
-) -> Schedule:
-    """The schedule with a contact that is let go for a part of it.
+) -> SwitchingStructure:
+    """The structure with a contact that is let go for a part of it.
 
     Args:
-        extremal: whose schedule it is.
+        extremal: whose structure it is.
         segment: the contact.
         part: of it, from 0 to 1.
         steps: torques instead, from when on in that part.
     """
-    schedule = extremal.schedule
-    contact = schedule.changes[segment.begin]
-    begin, end = schedule.span(segment)
+    structure = extremal.structure
+    contact = structure.changes[segment.begin]
+    begin, end = structure.span(segment)
     a, b = (begin + each * (end - begin) for each in part)
     touch = Change(contact.joint, contact.mode, touch=True)
     touches = contact.mode in POSITION
@@ -177,5 +177,5 @@ def _let_go(
         more.append((b, Change(contact.joint, contact.mode)))
     elif touches and (part[0] > 0 or len(steps) > 1):
         more.append((b, touch))
-    every = [(time, change, state_at(extremal.march, time)) for time, change in more]
-    return schedule.without_changes(gone).with_changes(every).without(())
+    every = [(time, change, state_at(extremal.rollout, time)) for time, change in more]
+    return structure.without_changes(gone).with_changes(every).without(())
