@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from armdyn.optimal.solve.registry import SOLVERS
 
 import armdyn as ad
 from armdyn.control.laws.registry import CONTROLLERS
 from armdyn.errors import TrajectoryError
+from armdyn.optimal.solve.registry import SOLVERS
 from armdyn.studies.tasks.registry import TASKS
 from armdyn.trajectory.formats import FORMATS
 from cli.command import answer, run_here
