@@ -17,7 +17,7 @@ from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.cli.parsing.panels import SOLVER
 from armdyn.cli.parsing.requests import requested_arm
-from armdyn.cli.tracking.controllers import CONTROLLERS, LoopOptions
+from armdyn.cli.tracking.controllers import LoopOptions
 from armdyn.cli.tracking.many import ROWS, ArmsOptions, range_of
 
 
@@ -44,7 +44,7 @@ class FamilyOptions:
         """
         from armdyn.studies.tuning.families import family_named
 
-        one_of(self.controller, CONTROLLERS, "--controller")
+        one_of(self.controller, ("lqr", "computed-torque", "pid"), "--controller")
         form: Any = self.form
         return family_named(self.controller, robot, q_goal, form=form, shared=not self.per_joint)
 
