@@ -120,7 +120,9 @@ def _shape(kind: str, text: str, what: str) -> Obstacle:
 
     shape, (sizes, _, places) = SHAPES[kind], text.partition("@")
     values, at = numbers(sizes, what), [numbers(place, what) for place in places.split(";")]
-    right = shape.option.partition("@")
-    if (len(values), len(at)) != (right[0].count(",") + 1, right[2].count(";") + 1):
-        raise ProblemError(f"{what}: write {' or '.join(f'{name}:{one.option}' for name, one in SHAPES.items())}")
-    return obstacle_from({"type": kind, **shape.from_option(values, at)}, what)
+    counts = [metavar.count(",") + 1 for metavar in shape.sizes.values()]
+    if (len(values), len(at)) != (sum(counts), len(shape.places)):
+        raise ProblemError(f"{what}: write {' or '.join(f'{name}:{one.option()}' for name, one in SHAPES.items())}")
+    each = [values.pop(0) if count == 1 else [values.pop(0) for _ in range(count)] for count in counts]
+    entry = dict(zip((*shape.sizes, *shape.places), (*each, *at), strict=True))
+    return obstacle_from({"type": kind, **entry}, what)

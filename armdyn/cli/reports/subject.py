@@ -129,7 +129,7 @@ def _built(name: str, facts: Facts, spec: SubjectSpec) -> Robot:
     if spec.robot is not None or name in PLANAR_ARMS or _file(name):
         arm = part.read(name, carried)
     else:
-        arm = Robot.from_library(name, carried, part.locks(), arm=part.ends())
+        arm = Robot.from_library(name, carried, lock=part.locks(), arm=part.ends())
     armature, friction = model.numbers("armature"), model.part("friction")
     if len(armature) == arm.nv and None not in armature:
         arm = arm.with_armature([x or 0.0 for x in armature])

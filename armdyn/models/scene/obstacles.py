@@ -31,20 +31,17 @@ class Obstacle(ABC):
     A new shape is a subclass and its line in `SHAPES`. Fields are points or numbers, or `placement`, a pose.
 
     Attributes:
-        option: the sizes and places of `--obstacle KIND:SIZES@PLACES`, such as "R@X,Y,Z": with each "," a number more,
-            with each ";" a place more.
+        sizes: the keys of `obstacle_from` before the @ of `--obstacle KIND:SIZES@PLACES`, to what messages call their
+            numbers, such as "R" or "SX,SY,SZ".
+        places: the keys behind it, each of three numbers.
         count: of `numbers`.
         name: what messages call it.
     """
 
-    option: ClassVar[str]
+    sizes: ClassVar[Mapping[str, str]]
+    places: ClassVar[tuple[str, ...]]
     count: ClassVar[int]
     name: str
-
-    @classmethod
-    @abstractmethod
-    def from_option(cls, sizes: list[float], places: list[list[float]]) -> dict[str, Any]:
-        """The entry, see `obstacle_from`, of sizes and places that are as many as `option` has."""
 
     @abstractmethod
     def solid(self) -> tuple[Array, Any]:
@@ -58,6 +55,11 @@ class Obstacle(ABC):
     @abstractmethod
     def symbolic(cls, numbers: ca.SX) -> Solid:
         """An obstacle whose numbers are symbols: one program serves all obstacles of the shape."""
+
+    @classmethod
+    def option(cls) -> str:
+        """How `--obstacle` says the shape, such as "R@X,Y,Z"."""
+        return f"{','.join(cls.sizes.values())}@{';'.join('X,Y,Z' for _ in cls.places)}"
 
     def _check(self, points: Sequence[str] = (), lengths: Sequence[str] = ()) -> None:
         """Check the name, and keep points and positive lengths as numbers.
@@ -88,15 +90,10 @@ class Sphere(Obstacle):
     _: KW_ONLY
     name: str = "sphere"
 
-    option, count = "R@X,Y,Z", 4
+    sizes, places, count = {"radius": "R"}, ("center",), 4
 
     def __post_init__(self) -> None:
         self._check(points=["center"], lengths=["radius"])
-
-    @classmethod
-    def from_option(cls, sizes: list[float], places: list[list[float]]) -> dict[str, Any]:
-        """Radius and centre."""
-        return {"radius": sizes[0], "center": places[0]}
 
     def solid(self) -> tuple[Array, Any]:
         """At its centre."""
@@ -131,15 +128,10 @@ class Capsule(Obstacle):
     _: KW_ONLY
     name: str = "capsule"
 
-    option, count = "R@X,Y,Z;X,Y,Z", 7
+    sizes, places, count = {"radius": "R"}, ("a", "b"), 7
 
     def __post_init__(self) -> None:
         self._check(points=["a", "b"], lengths=["radius"])
-
-    @classmethod
-    def from_option(cls, sizes: list[float], places: list[list[float]]) -> dict[str, Any]:
-        """Radius and both ends."""
-        return {"radius": sizes[0], "a": places[0], "b": places[1]}
 
     def solid(self) -> tuple[Array, Any]:
         """Along z of its placement."""
@@ -178,7 +170,7 @@ class Box(Obstacle):
     _: KW_ONLY
     name: str = "box"
 
-    option, count = "SX,SY,SZ@X,Y,Z", 15
+    sizes, places, count = {"size": "SX,SY,SZ"}, ("position",), 15
 
     def __post_init__(self) -> None:
         self._check(points=["size"])
@@ -191,11 +183,6 @@ class Box(Obstacle):
     def pose(self) -> Array:
         """Homogeneous matrix of its centre in the world, shape (4, 4) [m]."""
         return np.array(self.placement)
-
-    @classmethod
-    def from_option(cls, sizes: list[float], places: list[list[float]]) -> dict[str, Any]:
-        """Edges and centre."""
-        return {"size": sizes, "position": places[0]}
 
     def solid(self) -> tuple[Array, Any]:
         """At its centre."""
