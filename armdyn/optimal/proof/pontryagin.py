@@ -85,12 +85,10 @@ def _worst_pull(phases: Phases) -> float:
 
 
 def _velocity_blows(phases: Phases, i: int) -> list[Array]:
-    """Pulls of a velocity limit at once, outward: where a joint meets it, leaves it, or touches it."""
+    """Pulls of a velocity limit at once, outward: where a joint meets it, leaves it, is on it, or touches it."""
     blows: list[Array] = []
     for a, (here, after) in enumerate(pairwise(phases.arcs)):
-        at = [
-            mode for mode in (here.modes[i], after.modes[i]) if mode in VELOCITY and here.modes[i] is not after.modes[i]
-        ]
+        at = [mode for mode in {here.modes[i], after.modes[i]} if mode in VELOCITY]
         at += [mode for joint, mode in here.touches if joint == i and mode in VELOCITY]
         knot = np.flatnonzero(phases.arc_of == a)[-1:]
         blows += [-outward(mode) * phases.knot_pull[knot, 1, i] for mode in at]

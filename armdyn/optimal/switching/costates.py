@@ -158,6 +158,7 @@ class _At:
         inertia: M(q), shape (..., nv, nv).
         position: joints held on a limit of position, shape (K, nv).
         velocity: on one of velocity, likewise.
+        held: which torques hold them, see `Torques.held`, likewise.
     """
 
     x: Array
@@ -167,6 +168,7 @@ class _At:
     inertia: Array
     position: NDArray[np.bool_]
     velocity: NDArray[np.bool_]
+    held: Array
 
     @classmethod
     def of(cls, extremal: Extremal, grid: _Grid) -> Self:
@@ -189,6 +191,7 @@ class _At:
             inertia.reshape(*shape, n, n),
             np.array([[mode in POSITION for mode in each] for each in own]),
             np.array([[mode in VELOCITY for mode in each] for each in own]),
+            march.torques.held[grid.step[:, 0]],
         )
 
 
@@ -210,8 +213,9 @@ def _adjoined(at: _At, lengths: Array, n: int) -> tuple[Array, Array]:
     for k in np.flatnonzero(np.any(at.position | at.velocity, axis=1)):
         held = np.flatnonzero(at.position[k] | at.velocity[k])
         inverse = np.linalg.inv(at.inertia[k])
-        felt = inverse[:, held] @ at.p[k, :, n:, None]
-        eta = -np.linalg.solve(inverse[:, held[:, None], held], felt)[..., 0]
+        free = np.where(at.held[k, held] > 1, np.argmin(at.held[k]), held)  # whose switching functions are zero
+        felt = inverse[:, free] @ at.p[k, :, n:, None]
+        eta = -np.linalg.solve(inverse[:, free[:, None], held], felt)[..., 0]
         slope = _SLOPE @ eta / lengths[k]
         costate[k][:, n + held] += eta
         on_position = at.position[k, held]
@@ -225,7 +229,7 @@ def _torques(at: _At, robot: Robot) -> Array:
     """With those that hold a joint."""
     n, tau, needed = robot.nv, at.tau.copy(), inverse_dynamics(robot)
     for k in np.flatnonzero(np.any(at.position | at.velocity, axis=1)):
-        held = at.position[k] | at.velocity[k]
+        held = at.position[k] | at.velocity[k] | (at.held[k] < 0)
         for x, rate, own in zip(at.x[k], at.rate[k], tau[k], strict=True):
             own[held] = needed(x[:n], x[n:], rate[n:])[held]
     return tau

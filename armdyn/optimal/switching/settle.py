@@ -92,6 +92,7 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
     """
     best, mended, stale = Settled(None, np.inf, "nothing was tried"), False, 0
     chattering: tuple[Schedule, int] | None = None
+    instead: Schedule | None = None
     refused, seen = set[int](), dict[Structure, float]()
     for _ in range(_ROUNDS):
         while schedule.size + 1 > setting.most_arcs and setting.finer is not None:
@@ -103,8 +104,8 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
             continue
         if isinstance(found, Resisted):
             weak = with_contacts(Extremal(found.linear), settled=False) if found.linear and not stop else None
-            if weak is not None:
-                schedule = weak
+            if weak is not None or (instead is not None and not stop):
+                schedule, instead = weak or instead, None
                 continue
             if chattering is None or stop:
                 return best.or_else(found.linear, found.why)
@@ -116,6 +117,7 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
         limited = with_limits(found.march) or without_unwanted(found)
         if limited is None and not again:
             seen[structure], limited = duration, with_contacts(found)
+            instead = with_contacts(found, shared=False) if limited is not None else None
         if limited is not None:
             schedule, best = limited, best.or_else(found.linear, "limits of position are not settled")
             continue
@@ -153,6 +155,6 @@ def leaves_idle(extremal: Extremal, tolerance: float) -> bool:
     march, limits = extremal.march, extremal.march.setting.problem.limits
     ranges = limits.effort_upper - limits.effort_lower
     idle = (np.abs(extremal.switching) * ranges <= tolerance) & (ranges > 0)
-    elsewhere = (march.torques.felt > 0) | (march.torques.held > 0)
+    elsewhere = (march.torques.felt > 0) | (march.torques.held != 0)
     shares = np.tile(march.h, 2) @ (idle & ~np.tile(elsewhere, (2, 1))) / 2
     return bool(np.any(shares > extremal.schedule.duration / 2))

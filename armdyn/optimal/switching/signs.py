@@ -51,6 +51,10 @@ def wrong_signs(extremal: Extremal, least: float) -> list[Wrong]:
     found: list[Wrong] = []
     for i in range(len(extremal.schedule.first)):
         own = [modes[a][i] for a in march.arc]
+        for k, change in enumerate(extremal.schedule.changes):
+            if change.keeps and change.keeps[0] == i:
+                on = (march.arc > k) & (march.arc <= extremal.schedule.end_of(k))
+                own = [change.keeps[1] if there else mode for mode, there in zip(own, on, strict=True)]
         sign = np.array([0.0 if mode not in BANG else 1.0 if mode is Mode.UPPER else -1.0 for mode in own])
         range_ = limits.effort_upper[i] - limits.effort_lower[i]
         fall = np.column_stack(np.split(extremal.switching[:, i], 2)) * sign[:, None] * range_
@@ -72,9 +76,13 @@ def with_signs(extremal: Extremal, wrong: list[Wrong], schedule: Schedule | None
         schedule: the extremal's with other things mended; None: its own.
     """
     more: list[tuple[float, Change, Array]] = []
+    kept = {change.keeps[0] for change in extremal.schedule.changes if change.keeps}
+    modes = extremal.schedule.modes()
     for one in wrong:
         if one.value < _WORSE * wrong[0].value:
             break
+        if one.joint in kept and modes[int(np.searchsorted(extremal.schedule.times, one.worst))][one.joint] in VELOCITY:
+            continue
         half = (one.end - one.begin) / 8
         middle = min(max(one.worst, one.begin + half), one.end - half)
         for time, mode in ((middle - half, OPPOSITE[one.mode]), (middle + half, one.mode)):
@@ -91,7 +99,7 @@ def without_unwanted(extremal: Extremal) -> Schedule | None:
         return slow
     size = extremal.march.start.shape[1]
     gone: set[int] = set()
-    for (k, j, _), multiplier in zip(extremal.march.held_states, extremal.multipliers[size:], strict=True):
+    for (k, j, _), multiplier in zip(extremal.march.held_states, extremal.multipliers[size:], strict=False):
         change = extremal.schedule.changes[k]
         if change.touch and change.mode in POSITION and j < size // 2 and outward(change.mode) * multiplier < 0:
             gone.add(k)
@@ -103,7 +111,7 @@ def _without_idle_speeds(extremal: Extremal) -> Schedule | None:
     schedule, size = extremal.schedule, extremal.march.start.shape[1]
     pulls = {
         k: outward(schedule.changes[k].mode) * multiplier
-        for (k, _, _), multiplier in zip(extremal.march.held_states, extremal.multipliers[size:], strict=True)
+        for (k, _, _), multiplier in zip(extremal.march.held_states, extremal.multipliers[size:], strict=False)
         if schedule.changes[k].mode in VELOCITY
     }
     short = _MET * schedule.duration

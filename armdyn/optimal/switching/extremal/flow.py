@@ -1,6 +1,7 @@
 """The flow of an arm under constant torques, its derivatives, and the switching functions.
 
-A joint that is held keeps its velocity: the others move as if it were no joint. Steps are Cooper and Verner's method
+A joint that is held keeps its velocity: the others move as if it were no joint. Where its own torque is given, another
+joint's is whatever holds it. Steps are Cooper and Verner's method
 of eighth order (Some explicit Runge-Kutta methods of high order, SIAM J. Numer. Anal. 9, 1972).
 """
 
@@ -61,10 +62,12 @@ class Flow:
             (2 nv, 2 STEPS); and ẋ at the ends, shape (2 nv, STEPS). A step starts where the one before ended or,
             where `begins` is 1, at its own x; its torque is linear. The last eight have a column for each step.
         switching: (q, p, held, body), 2 STEPS columns each -> S = ∂(pᵀẋ)/∂τ, shape (nv, 2 STEPS).
+        rate: (x, τ, felt, held, body) -> ẋ, ∂ẋ/∂x and ∂ẋ/∂τ along `felt`, at one state.
     """
 
     march: ca.Function
     switching: ca.Function
+    rate: ca.Function
 
     def marched(self, own: Array, begins: Array, *columns: Array) -> tuple[Array, Array, Array, Array]:
         """Any multiple of `STEPS` steps, as many at a time: what `march` gives, a row for each step.
@@ -147,7 +150,7 @@ def flow_of(dynamics: Dynamics, asked: bool | None) -> Flow:
     march, many = compiled(
         [step.mapaccum("march", STEPS, 1), ca.Function("switchings", columns, many.call(columns))], asked
     )
-    return Flow(march, many)
+    return Flow(march, many, rate)
 
 
 def _functions(dynamics: Dynamics) -> tuple[ca.Function, ca.Function]:
@@ -156,12 +159,14 @@ def _functions(dynamics: Dynamics) -> tuple[ca.Function, ca.Function]:
     x, tau, held = ca.SX.sym("x", 2 * n), ca.SX.sym("tau", n), ca.SX.sym("held", n)
     numbers, p = ca.SX.sym("body", dynamics.last_body.size), ca.SX.sym("p", 2 * n)
     body, felt = only_present(dynamics, numbers), ca.SX.sym("felt", n)
-    q, v, free = x[:n], x[n:], 1 - held
-    inertia = ca.diag(free) @ dynamics.crba(q, body) @ ca.diag(free) + ca.diag(held)
-    f = ca.vertcat(v, _solved(inertia, free * (tau - dynamics.nle(q, v, body))))
+    q, v, free, unknown = x[:n], x[n:], held < 0.5, held < -0.5
+    # Row by row: the equation of motion that gives a joint's acceleration, its own or the held joint's.
+    rows = ca.diag(free * (1 - unknown)) + unknown @ (held > 1.5).T
+    inertia = rows @ dynamics.crba(q, body) @ ca.diag(free) + ca.diag(1 - free)
+    f = ca.vertcat(v, _solved(inertia, rows @ (tau - dynamics.nle(q, v, body))))
     slope = ca.densify(ca.jacobian(f, x))
-    answer = ca.densify(ca.vertcat(ca.SX.zeros(n), free * _solved(inertia, free * felt)))
-    switching = free * _solved(inertia, free * p[n:])
+    answer = ca.densify(ca.vertcat(ca.SX.zeros(n), _solved(inertia, rows @ felt)))
+    switching = rows.T @ _solved(inertia.T, free * p[n:])
     return (
         ca.Function("rate", [x, tau, felt, held, numbers], [f, slope, answer], {"cse": True}),
         ca.Function("switching", [q, p, held, numbers], [ca.densify(switching)], {"cse": True}),
@@ -169,18 +174,16 @@ def _functions(dynamics: Dynamics) -> tuple[ca.Function, ca.Function]:
 
 
 def _solved(matrix: ca.SX, right: ca.SX) -> ca.SX:
-    """The solution of a symmetric positive definite system, by L D Lᵀ."""
+    """The solution of a linear system, by L U: of an inertia, or of one with a row in another's place."""
     n = right.numel()
-    L: list[list[ca.SX]] = [[ca.SX(0)] * n for _ in range(n)]
-    D: list[ca.SX] = []
+    left, y = ca.SX(matrix), [right[i] for i in range(n)]
     for j in range(n):
-        D.append(matrix[j, j] - sum(L[j][k] ** 2 * D[k] for k in range(j)))
         for i in range(j + 1, n):
-            L[i][j] = (matrix[i, j] - sum(L[i][k] * L[j][k] * D[k] for k in range(j))) / D[j]
-    y: list[ca.SX] = []
-    for i in range(n):
-        y.append(right[i] - sum(L[i][k] * y[k] for k in range(i)))
-    out = [y[i] / D[i] for i in range(n)]
+            factor = left[i, j] / left[j, j]
+            y[i] -= factor * y[j]
+            for k in range(j + 1, n):
+                left[i, k] -= factor * left[j, k]
+    out = [ca.SX(0)] * n
     for i in reversed(range(n)):
-        out[i] -= sum(L[k][i] * out[k] for k in range(i + 1, n))
+        out[i] = (y[i] - sum(left[i, k] * out[k] for k in range(i + 1, n))) / left[i, i]
     return ca.vertcat(*out)

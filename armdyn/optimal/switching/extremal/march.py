@@ -172,6 +172,29 @@ class March:
         return out
 
     @cached_property
+    def tangents(self) -> list[tuple[int, Array, float]]:
+        """Accelerations that are to be zero: number of the change, ∂/∂(q, v), and the value, as a part of `unit`.
+
+        In the time of the motion. Where a joint's torque leaves its limit, or reaches it, while the joint is on its
+        velocity limit, and no torque jumps.
+        """
+        n, limits, modes = self.setting.problem.robot.nv, self.setting.problem.limits, self.schedule.modes()
+        out: list[tuple[int, Array, float]] = []
+        for k, change in enumerate(self.schedule.changes):
+            if change.tangent is None:
+                continue
+            joint, mode = change.tangent
+            held, tau = np.zeros(n), np.zeros(n)
+            for i, (before, after) in enumerate(zip(modes[k], modes[k + 1], strict=True)):
+                own = mode if i == joint else before if after is Mode.FREE else after
+                held[i] = own in POSITION or own in VELOCITY
+                tau[i] = {Mode.UPPER: limits.effort_upper[i], Mode.LOWER: limits.effort_lower[i]}.get(own, 0.0)
+            rate, slope, _ = self.setting.flow.rate(self.schedule.states[k], tau, np.zeros(n), held, self.setting.body)
+            scale = self.schedule.duration / self.unit[n + joint]
+            out.append((k, scale * np.asarray(slope)[n + joint], scale * float(rate[n + joint])))
+        return out
+
+    @cached_property
     def unit(self) -> Array:
         """What counts as one in (q, v): a radian, and the largest speed, shape (2 nv,)."""
         n = self.setting.problem.robot.nv

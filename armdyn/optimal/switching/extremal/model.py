@@ -58,7 +58,13 @@ class Linear:
             gap[a] += jumps[a]
         held = march.held_states
         rows = [reach[m] / march.unit[:, None], *(reach[k, j][None] / march.unit[j] for k, j, _ in held)]
+        rows += [(by_state @ reach[k])[None] for k, by_state, _ in march.tangents]
+        together = np.eye(schedule.width) - np.eye(schedule.width, k=-1)
+        tied = [k for k, change in enumerate(schedule.changes) if change.tied and k]
+        rows.append(together[tied] / schedule.duration)
         beyond = [(schedule.states[k, j] + gap[k, j] - value) / march.unit[j] for k, j, value in held]
+        beyond += [value + by_state @ gap[k] for k, by_state, value in march.tangents]
+        beyond += [(schedule.times[k] - schedule.times[k - 1]) / schedule.duration for k in tied]
         worst = float(np.max(np.abs(jumps / march.unit)))
         residual = np.concatenate([gap[m] / march.unit, beyond])
         return cls(march, reach, gap, np.vstack(rows), residual, worst)
@@ -120,8 +126,11 @@ class Linear:
         march, size = self.march, self.march.start.shape[1]
         p = self.multipliers[:size] / march.unit
         jumps = np.zeros((march.schedule.size, size))
-        for (k, j, _), multiplier in zip(march.held_states, self.multipliers[size:], strict=True):
+        held = len(march.held_states)
+        for (k, j, _), multiplier in zip(march.held_states, self.multipliers[size:][:held], strict=True):
             jumps[k, j] += multiplier / march.unit[j]
+        for (k, by_state, _), multiplier in zip(march.tangents, self.multipliers[size + held :], strict=False):
+            jumps[k] += multiplier * by_state
         start, end = np.empty_like(march.start), np.empty_like(march.end)
         for k in range(march.arc.size - 1, -1, -1):
             end[k] = p

@@ -33,12 +33,19 @@ class Change:
         mode: what it is in from then on; of a touch, the limit that it meets and leaves at once.
         touch: it keeps the mode that it was in.
         course: of a free torque; else none.
+        keeps: of a torque that keeps another joint on its velocity limit: that joint, and the torque limit it is on.
+        tangent: a joint and a torque limit: with this torque, and the others' on their limits, the joint's velocity
+            stays as it is; else none.
+        tied: it comes at the time of the change before.
     """
 
     joint: int
     mode: Mode
     touch: bool = False
     course: Course | None = None
+    keeps: tuple[int, Mode] | None = None
+    tangent: tuple[int, Mode] | None = None
+    tied: bool = False
 
 
 @dataclass(frozen=True)
@@ -170,14 +177,17 @@ class Schedule:
         """Pairs of changes, no farther from each other than a time [s], that must not pass each other within a step.
 
         Torques add up, so that the order in which two are switched does not matter. Where a joint is held on a limit
-        of velocity from then on, or no longer, it does.
+        of velocity from then on, or no longer, by its own torque or another's, it does.
         """
-        held, now = list[bool](), list(self.first)
+        held, now, keeping = list[bool](), list(self.first), set[int]()
         for change in self.changes:
-            before = now[change.joint]
+            before, kept = now[change.joint], change.joint in keeping
             if not change.touch:
                 now[change.joint] = change.mode
-            held.append(not change.touch and (before in VELOCITY or change.mode in VELOCITY))
+                keeping = keeping | {change.joint} if change.keeps else keeping - {change.joint}
+            held.append(
+                not change.touch and (kept or bool(change.keeps) or before in VELOCITY or change.mode in VELOCITY)
+            )
         return [
             (k, after)
             for k in range(self.size)

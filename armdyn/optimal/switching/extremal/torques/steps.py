@@ -21,7 +21,8 @@ class Torques:
 
     Attributes:
         tau: at the starts and at the ends [N m], each of shape (steps, nv).
-        held: 1 for joints that are held, shape (steps, nv).
+        held: 1 for joints that their own torques hold, 2 for one that another's torque holds, −1 for that other joint;
+            shape (steps, nv).
         felt: 1 for joints whose torques are free, likewise.
         by: ∂τ/∂(unknowns) of free torques at the starts and at the ends, each of shape (steps, nv, width).
     """
@@ -46,6 +47,14 @@ class Torques:
         bang = np.where(signs > 0, limits.effort_upper, np.where(signs < 0, limits.effort_lower, 0.0))
         free = np.array([[mode is Mode.FREE for mode in each] for each in modes])[arc]
         held = np.array([[mode in POSITION or mode in VELOCITY for mode in each] for each in modes])[arc]
+        held = held.astype(float)
+        for k, change in enumerate(schedule.changes):
+            if change.keeps:
+                (kept, mode), own = change.keeps, (arc > k) & (arc <= schedule.end_of(k))
+                lost = own & (held[:, kept] != 1)  # passed by the change that ends the hold: no motion
+                bang[own, kept] = limits.effort_upper[kept] if mode is Mode.UPPER else limits.effort_lower[kept]
+                bang[lost, kept] = np.nan
+                free[own, change.joint], held[own, change.joint], held[own, kept] = False, -1, 2
         tau = bang.copy(), bang.copy()
         by = tuple(np.zeros((*bang.shape, schedule.width)) for _ in tau)
         places = schedule.places
@@ -59,7 +68,7 @@ class Torques:
                 torque[own, joint] = terms @ course.values
                 answer[own, joint] = (unit[joint] * course.slope(s, signs[own]))[:, None] * by_z
                 answer[own, joint, place] += terms
-        return cls(tau, held.astype(float), free.astype(float), (by[0], by[1]))
+        return cls(tau, held, free.astype(float), (by[0], by[1]))
 
     @property
     def layers(self) -> list[Array]:
