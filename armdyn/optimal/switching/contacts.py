@@ -47,20 +47,24 @@ def with_contacts(extremal: Extremal, settled: bool = True, shared: bool = True)
         shared: where a joint takes more torque than it has to stay on its velocity limit, another joint's torque keeps
             it there.
     """
-    schedule, whole = extremal.schedule, None
-    for segment in schedule.segments():
-        if segment.begin < 0 or schedule.changes[segment.begin].mode not in _TOWARDS:
-            continue
-        whole = whole or Whole.of(extremal)
-        contact = _Contact.of(extremal, whole, segment)
+    schedule = extremal.schedule
+    held = [s for s in schedule.segments() if s.begin >= 0 and schedule.changes[s.begin].mode in _TOWARDS]
+    whole = Whole.of(extremal) if held else None
+    contacts = [(s, _Contact.of(extremal, whole, s)) for s in held if whole is not None]
+    for segment, contact in contacts:
         if contact is None:
             continue
         if (weak := contact.weak) is not None:
             if (kept := _kept(extremal, segment, weak)) is not None:
                 return kept if shared else _left(extremal, kept, segment)
             return _let_go(extremal, segment, weak.part, [(0.0, weak.mode)])
-        if settled and (part := contact.unwilling) is not None:
-            mode = schedule.changes[segment.begin].mode
+        joint, mode = schedule.changes[segment.begin].joint, schedule.changes[segment.begin].mode
+        alike = [
+            other.largest for s, other in contacts
+            if other and schedule.changes[s.begin].joint == joint
+            and (schedule.changes[s.begin].mode in VELOCITY) == (mode in VELOCITY)
+        ]  # fmt: skip
+        if settled and (part := contact.unwilling(max(alike))) is not None:
             if (left := _left(extremal, schedule, segment, part)) is not None:
                 return left
             towards = _TOWARDS[mode]
@@ -139,9 +143,17 @@ class _Contact:
         return _Weak(self._part(run), mode)
 
     @property
-    def unwilling(self) -> tuple[float, float] | None:
-        """The first part in which the limit would have to pull the joint; None: it never has to."""
-        least = -_INWARD * max(float(np.max(np.abs(self.pull))), float(np.max(np.abs(self.blows))))
+    def largest(self) -> float:
+        """Of the limit's pulls, per second and at once, in the time of the contact."""
+        return max(float(np.max(np.abs(self.pull))), float(np.max(np.abs(self.blows))))
+
+    def unwilling(self, largest: float) -> tuple[float, float] | None:
+        """The first part in which the limit would have to pull the joint; None: it never has to.
+
+        Args:
+            largest: of the pulls of all the joint's contacts.
+        """
+        least = -_INWARD * largest
         inward = self.pull < least
         for k in np.flatnonzero(self.blows[1:-1] < least) + 1:  # another joint's touch is felt here, too
             inward[k * NODES.size - 1 : k * NODES.size + 1] = True
