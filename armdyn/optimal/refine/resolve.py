@@ -43,7 +43,7 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
             extremal, remark = _by_switching(task, arcs, motion, own)
             known += [land_extremal(task, extremal, attempt.intervals, own)] if extremal else []
         if not known or (not known[0].certificate.ok and _at_speed(task, motion, known[0].trajectory)):
-            phases, remark = _structure(task, arcs, motion)
+            phases, remark = _structure(task, arcs, motion, budget)
             if phases is not None:
                 known.append(land(task, phases, remark, attempt.intervals))
                 remark = known[-1].certificate.remark
@@ -88,16 +88,27 @@ def _arcs_of(task: Task, attempt: Attempt) -> list[Arc]:
     return merged(detect(task.problem, attempt.trajectory, mesh(intervals), switch, policy.arcs))
 
 
-def _structure(task: Task, arcs: list[Arc], motion: Trajectory) -> tuple[Phases | None, str]:
-    """Phases whose switching functions agree with their modes, or the last ones and why they do not."""
+def _structure(task: Task, arcs: list[Arc], motion: Trajectory, budget: Budget | None) -> tuple[Phases | None, str]:
+    """Phases whose switching functions agree with their modes, or the last ones and why they do not.
+
+    Args:
+        task: what is solved.
+        arcs: to begin with.
+        motion: a guess.
+        budget: of integrator steps, of which IPOPT's iterations take some, too; None: as many as it takes.
+    """
     problem, numbers = task.problem, task.policy.refinement
     guess, seen = motion, set[Structure]()
     last: Phases | None = None
     for _ in range(numbers.rounds):
         if len(arcs) > numbers.most_arcs:
             return last, f"{len(arcs)} arcs: more than {numbers.most_arcs}"
+        if budget:  # spent
+            return last, budget.word
         size = max(numbers.intervals, 3 * len(arcs))
         phases = solve_phases(task, arcs, guess, size, PhaseAim(density=last.density if last else None))
+        if budget is not None:
+            budget.spend(phases.iterations * size * numbers.iteration)
         if isinstance(phases, Unresolved):
             return last, f"the durations of {len(arcs)} arcs did not converge ({phases.message})"
         guess, structure = phases.torques, _named(phases.arcs)

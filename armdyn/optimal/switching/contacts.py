@@ -60,11 +60,12 @@ def with_contacts(extremal: Extremal, settled: bool = True, shared: bool = True)
             return _let_go(extremal, segment, weak.part, [(0.0, weak.mode)])
         joint, mode = schedule.changes[segment.begin].joint, schedule.changes[segment.begin].mode
         alike = [
-            other.largest for s, other in contacts
-            if other and schedule.changes[s.begin].joint == joint
-            and (schedule.changes[s.begin].mode in VELOCITY) == (mode in VELOCITY)
-        ]  # fmt: skip
-        if settled and (part := contact.unwilling(max(alike))) is not None:
+            other.largest
+            for own, other in contacts
+            if other and schedule.changes[own.begin].joint == joint and schedule.changes[own.begin].mode in VELOCITY
+        ]
+        largest = max(alike) if mode in VELOCITY else contact.largest
+        if settled and (part := contact.unwilling(largest)) is not None:
             if (left := _left(extremal, schedule, segment, part)) is not None:
                 return left
             towards = _TOWARDS[mode]
@@ -151,7 +152,7 @@ class _Contact:
         """The first part in which the limit would have to pull the joint; None: it never has to.
 
         Args:
-            largest: of the pulls of all the joint's contacts.
+            largest: of its pulls, of a limit of velocity of those of all the joint's contacts, as certificates have it.
         """
         least = -_INWARD * largest
         inward = self.pull < least

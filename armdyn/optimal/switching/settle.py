@@ -104,8 +104,9 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
             continue
         if isinstance(found, Resisted):
             weak = with_contacts(Extremal(found.linear), settled=False) if found.linear and not stop else None
-            if weak is not None or (instead is not None and not stop):
-                schedule, instead = weak or instead, None
+            other = weak or (None if stop else instead)
+            if other is not None:
+                schedule, instead = other, None
                 continue
             if chattering is None or stop:
                 return best.or_else(found.linear, found.why)

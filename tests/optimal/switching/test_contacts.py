@@ -1,5 +1,6 @@
 """Contacts that cannot be held, or would rather not be: what becomes of them."""
 
+import numpy as np
 import pytest
 
 import armdyn as ad
@@ -51,3 +52,27 @@ def test_arcs_without_contacts_have_none_to_mend():
     found = fastest(setting, Schedule.of(solution.phases.arcs, solution.phases.torques), Stop())
     assert isinstance(found, Extremal)
     assert with_contacts(found) is None
+
+
+def test_a_joint_that_its_torque_cannot_hold_on_its_velocity_limit_is_kept_there_by_another():
+    # When the first joint is to brake, the second would take 1.27 times its torque to stay on its limit of 21.4 rad/s.
+    links = (
+        ad.LinkSpec(length=0.16, com=0.127, mass=0.42, inertia=0.00103),
+        ad.LinkSpec(length=0.157, com=0.0959, mass=0.0437, inertia=8.53e-5),
+    )
+    robot = ad.Robot.from_spec(ad.ArmSpec(name="rr", links=links), ad.Payload(mass=0.239))
+    problem = ad.MinimumTimeProblem(
+        robot,
+        q_start=[-1.986, -1.035],
+        q_goal=[-0.868, 0.0106],
+        effort_limit=[7.615, 5.144],
+        velocity_limit=[17.52, 21.45],
+    )
+    solution = ad.solve_minimum_time(problem)
+    assert solution.certified
+    (kept,) = [arc for arc in solution.arcs if arc.modes == (Mode.FREE, Mode.VELOCITY_UPPER)]
+    begin = sum(arc.duration for arc in solution.arcs[: solution.arcs.index(kept)])
+    inside = solution.trajectory(begin + np.linspace(0.1, 0.9, 9) * kept.duration)
+    np.testing.assert_allclose(inside.v[:, 1], 21.45, rtol=1e-6)
+    np.testing.assert_allclose(inside.tau[:, 1], -5.144, rtol=1e-5)
+    assert np.all(np.abs(inside.tau[:, 0]) < 7.6)

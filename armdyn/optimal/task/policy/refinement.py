@@ -24,6 +24,12 @@ class RefinementPolicy:
         "spent in about 4 s of one core",
         "RRR and random arms (seed 1, poses within ±π)",
     )
+    iteration: int = tuned(
+        8,
+        "integrator steps",
+        "that an iteration of IPOPT counts, for each interval: about as long",
+        "random arms (RR, seed 1)",
+    )
     sure: float = tuned(
         5.0, "-", "slower by so many times what the certified one's mesh was wrong by", "RRR, ten payloads"
     )

@@ -86,3 +86,15 @@ def test_a_joint_that_is_held_keeps_its_velocity_and_the_others_move_as_if_it_we
     np.testing.assert_allclose(end[[0, 2], -1], one, rtol=1e-10)
     np.testing.assert_array_equal(end[[1, 3], -1], 0.0)
     assert robot.nv == 2
+
+
+def test_a_joint_whose_own_torque_is_given_is_held_by_another():
+    x = [0.3, 0.8, 1.0, 2.0]
+    _, dynamics, (end, *_) = marched("rr", 0.05, x, held=[-1.0, 2.0])
+
+    def rate(t, x):
+        inertia, bias = dynamics.crba(x[:2], dynamics.last_body), dynamics.nle(x[:2], x[2:], dynamics.last_body)
+        return [*x[2:], (TORQUE["rr"][1] - float(bias[1])) / float(inertia[1, 0]), 0.0]
+
+    one = solve_ivp(rate, (0, 0.05), x, "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+    np.testing.assert_allclose(end[:, -1], one, rtol=1e-9)

@@ -50,11 +50,11 @@ class Torques:
         held = held.astype(float)
         for k, change in enumerate(schedule.changes):
             if change.keeps:
-                (kept, mode), own = change.keeps, (arc > k) & (arc <= schedule.end_of(k))
-                lost = own & (held[:, kept] != 1)  # passed by the change that ends the hold: no motion
-                bang[own, kept] = limits.effort_upper[kept] if mode is Mode.UPPER else limits.effort_lower[kept]
+                (kept, mode), inside = change.keeps, (arc > k) & (arc <= schedule.end_of(k))
+                lost = inside & (held[:, kept] != 1)  # passed by the change that ends the hold: no motion
+                bang[inside, kept] = limits.effort_upper[kept] if mode is Mode.UPPER else limits.effort_lower[kept]
                 bang[lost, kept] = np.nan
-                free[own, change.joint], held[own, change.joint], held[own, kept] = False, -1, 2
+                free[inside, change.joint], held[inside, change.joint], held[inside, kept] = False, -1, 2
         tau = bang.copy(), bang.copy()
         by = tuple(np.zeros((*bang.shape, schedule.width)) for _ in tau)
         places = schedule.places
