@@ -195,9 +195,11 @@ def _kept(extremal: Extremal, segment: Segment, weak: _Weak) -> Schedule | None:
     jumps = [
         k
         for k, (change, time) in enumerate(zip(schedule.changes, schedule.times, strict=True))
-        if change.joint != joint and not change.touch and begin - near <= time <= end + near
+        if change.joint != joint
+        and not change.touch
+        and begin - near <= time <= end + near
         and {modes[k][change.joint], change.mode} <= set(BANG)
-    ]  # fmt: skip
+    ]
     first = next((k for k in jumps if schedule.times[k] <= begin + near), None)
     later = [k for k in jumps if schedule.times[k] > begin + near]
     after = int(np.searchsorted(schedule.times, begin + near))
@@ -268,7 +270,7 @@ def _left(
             before = schedule.modes()[k][change.joint]
             gone = {after}
             more = [(begin, replace(last, mode=before)), (begin, replace(off, tangent=None, tied=True)), (final, last)]
-            more.append((b, on)) if b < stop else None
+            more += [(b, on)] if b < stop else []
         elif b < stop:
             more.append((b, on))
         if a <= start:
