@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     )
     from armdyn.dynamics import Dynamics
     from armdyn.models import (
-        PAPER_PAYLOADS,
         ArmSpec,
         Box,
         Capsule,
@@ -66,7 +65,6 @@ if TYPE_CHECKING:
         time_optimality,
         trajectory_from_path,
     )
-    from armdyn.studies.paper.printed.loop import PAPER_GAINS
     from armdyn.studies.plants.monte_carlo import monte_carlo
     from armdyn.studies.plants.plants import Plants
     from armdyn.studies.plants.question import MonteCarloOptions
@@ -88,12 +86,10 @@ else:
             "gain_plane least_stable_factor loop_margins multiloop_disk ramp routh_table "
             "sampled_loop sampled_stability set_point simulate_pid slowest_stable_rate track",
             "dynamics": "Dynamics",
-            "models": "PAPER_PAYLOADS ArmSpec Box Capsule GoalPose "
-            "JointLimits LinkSpec Payload Robot Sphere urdf_from_spec",
+            "models": "ArmSpec Box Capsule GoalPose JointLimits LinkSpec Payload Robot Sphere urdf_from_spec",
             "optimal": "Arc Certificate FrameSpeedLimit LowerBound MinimumTimeOptions MinimumTimeProblem Sensitivities "
             "Solution Status TimeOptimality TorqueRateLimit "
             "lower_bound replay_torques solve_minimum_time time_optimality trajectory_from_path",
-            "studies.paper.printed.loop": "PAPER_GAINS",
             "studies.plants.monte_carlo": "monte_carlo",
             "studies.plants.plants": "Plants",
             "studies.plants.question": "MonteCarloOptions",
@@ -111,11 +107,9 @@ else:
 
 draw_by("armdyn.show.values")
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
-    "PAPER_GAINS",
-    "PAPER_PAYLOADS",
     "Arc",
     "ArmSpec",
     "ArmdynError",

@@ -11,6 +11,7 @@ import warnings
 from pathlib import Path
 
 import armdyn as ad
+from armdyn.paper import PAYLOADS
 
 warnings.simplefilter("ignore", ad.ArmdynWarning)
 POSES = {
@@ -29,7 +30,7 @@ def arm(name, mass):
 def answers():
     """Names and numbers, one after the other."""
     for name, (start, goal) in POSES.items():
-        for mass in ad.PAPER_PAYLOADS:
+        for mass in PAYLOADS:
             robot = arm(name, mass)
             for kind, more in (("minimum time", {}), ("time-energy", {"effort_weight": 1.0, "effort_limit": 30.0})):
                 problem = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal, **more)

@@ -8,7 +8,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from armdyn.models import PAPER_ARMS, PAPER_PAYLOADS, ArmSpec, Payload, urdf_from_spec
+from armdyn.models import PAPER_ARMS, ArmSpec, Payload, urdf_from_spec
+from armdyn.paper import PAYLOADS
 
 FOLDER = Path(__file__).resolve().parent.parent / "urdf"
 
@@ -19,7 +20,7 @@ def contents() -> dict[str, str]:
     for arm in PAPER_ARMS:
         spec = ArmSpec.paper(arm)
         files[f"{arm}.urdf"] = urdf_from_spec(spec)
-        for mass in PAPER_PAYLOADS:
+        for mass in PAYLOADS:
             files[f"{arm}_{1000 * mass:g}g.urdf"] = urdf_from_spec(spec, Payload(mass=mass))
     return files
 

@@ -9,9 +9,9 @@ import time
 from pathlib import Path
 
 import armdyn as ad
+from armdyn.paper import GAINS, PAYLOAD, example
 from armdyn.show.loops.envelopes import plot_envelope
 from armdyn.show.plots import save_figure
-from armdyn.studies.paper import PAYLOAD, example
 
 FRICTION = {"coulomb": (0.0, 0.06), "damping": (0.0, 0.003)}
 """Of each joint: 2 % of the torque limit, and 0.1 % for each rad/s."""
@@ -61,7 +61,7 @@ def tuned_gains() -> None:
         print(f"{arm.upper()}: {found.message}; {time.perf_counter() - began:.0f} s of computing")
         print(f"  {', '.join(f'{name} {value:.4g}' for name, value in found.values.items())}")
         goal = ad.set_point(robot, poses.q_goal)
-        paper = ad.track(robot, goal, ad.Pid(ad.PAPER_GAINS, feedforward=False), q_start=poses.q_start)
+        paper = ad.track(robot, goal, ad.Pid(GAINS, feedforward=False), q_start=poses.q_start)
         print(f"  the paper's gains as torques: {paper.message}")
 
 

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 import armdyn as ad
+from armdyn.paper import PAYLOAD, example
 from armdyn.show.loops.reserves import plot_reserves
 from armdyn.show.plots import save_figure
-from armdyn.studies.paper import PAYLOAD, example
 from armdyn.studies.reserve import Settling
 
 LIBRARY = {

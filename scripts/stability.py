@@ -7,14 +7,14 @@ import numpy as np
 import armdyn as ad
 from armdyn.control.loop.loop import VELOCITIES
 from armdyn.control.stability.plane import gain_plane
+from armdyn.paper import GAINS, example
 from armdyn.show.loops.regions import plot_regions
 from armdyn.show.plots import save_figure
-from armdyn.studies.paper.printed.examples import example
 
 DOCS = Path(__file__).parents[1] / "docs"
 ARMS, PAYLOADS, FORMS = ("r", "rr", "rrr"), (0.0, 0.1006, 0.5, 1.0), ("torque", "acceleration")
 POINTS = 90
-PAPER = (ad.PAPER_GAINS.kp, ad.PAPER_GAINS.ki, ad.PAPER_GAINS.kd)
+PAPER = (GAINS.kp, GAINS.ki, GAINS.kd)
 
 
 def arm(name, mass=0.1006):
@@ -35,14 +35,14 @@ def continuous():
         stable += bool(region.stable(*gains))
     print(f"10000 random gains: {stable} stable, {wrong} disagreements with eigenvalues")
     for name in ARMS:
-        factors = [ad.least_stable_factor(*arm(name, mass), ad.PAPER_GAINS, "acceleration") for mass in PAYLOADS]
+        factors = [ad.least_stable_factor(*arm(name, mass), GAINS, "acceleration") for mass in PAYLOADS]
         print(f"{name}: least stable factor, acceleration: {', '.join(f'{factor:.3f}' for factor in factors)}")
 
 
 def sampled():
     """Verdicts at 1 kHz, slowest rates and margins."""
     for name in ARMS:
-        for controller in (ad.Pid(ad.PAPER_GAINS, "torque"), ad.Lqr()):
+        for controller in (ad.Pid(GAINS, "torque"), ad.Lqr()):
             both = (*arm(name), controller)
             print(f"{name}, {type(controller).__name__}: {ad.sampled_stability(*both, ad.Loop()).message}")
             for velocity in VELOCITIES:

@@ -11,7 +11,7 @@ import sys
 import time
 
 import armdyn as ad
-from armdyn.studies.paper import PAYLOAD, example
+from armdyn.paper import PAYLOAD, example
 
 
 def problems() -> dict[str, ad.MinimumTimeProblem]:

@@ -16,10 +16,10 @@ import numpy as np
 
 from armdyn.errors import ArmdynError
 from armdyn.models.scene.obstacles import load_obstacles
+from armdyn.paper.outcomes import store
+from armdyn.paper.outcomes.case import Case
+from armdyn.paper.outcomes.run import run_case
 from armdyn.show.results import load_result, save_result
-from armdyn.studies.paper.outcomes import store
-from armdyn.studies.paper.outcomes.case import Case
-from armdyn.studies.paper.outcomes.run import run_case
 from armdyn.trajectory import Trajectory
 from mutations import cut, flip, recode, repeat, zeros
 

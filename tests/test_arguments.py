@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import armdyn as ad
 from armdyn import arguments
 from armdyn.errors import ArmdynError, ProblemError, SpecError, UrdfError
-from armdyn.optimal import IndirectOptions, compare_with_direct, solve_indirect
+from armdyn.paper import IndirectOptions, compare_with_direct, solve_indirect
 from oracles import two_links
 from problems import CART
 from public_calls import NONSENSE, Hostile, defaults, values

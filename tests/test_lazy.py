@@ -13,7 +13,7 @@ import pytest
 
 import armdyn
 
-FACADES = ("armdyn", "armdyn.control", "armdyn.dynamics", "armdyn.models", "armdyn.optimal", "armdyn.studies.paper")
+FACADES = ("armdyn", "armdyn.control", "armdyn.dynamics", "armdyn.models", "armdyn.optimal", "armdyn.paper")
 HEAVY = (
     "numpy",
     "scipy",

@@ -50,7 +50,19 @@ RESULTS = {
 }
 """Made by armdyn alone, of numbers that it has checked."""
 INNER = {
-    *("along", "asked_by", "bounded", "check", "depth", "derivative_limit", "least_duration", "of", "of_option", "on"),
+    *(
+        "along",
+        "asked_by",
+        "at_goal",
+        "bounded",
+        "check",
+        "depth",
+        "derivative_limit",
+        "least_duration",
+        "of",
+        "of_option",
+        "on",
+    ),
     *("rows", "stricter", "torque_rate_limit", "values", "with_stability", "without_motors"),
     "from_description",  # takes a package, and the internet
 }

@@ -18,9 +18,9 @@ from armdyn.typed.numbers import numbers
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-    from armdyn.studies.paper.outcomes.outcome import Outcome
-    from armdyn.studies.paper.plan import Plan
-    from armdyn.studies.paper.reproduce import Reproduced
+    from armdyn.paper.outcomes.outcome import Outcome
+    from armdyn.paper.plan import Plan
+    from armdyn.paper.reproduce import Reproduced
 
 
 ArrivalRuleName = Annotated[
@@ -62,7 +62,7 @@ def reproduce(
     armdyn reproduce --only table4,figure2[/]
     """
     with answering(json) as answer:
-        from armdyn.studies.paper.reproduce import reproduce as carry_out
+        from armdyn.paper.reproduce import reproduce as carry_out
 
         plan, count = _plan(only or (), payload or (), arrival_rule, fresh), 0
         try:
@@ -91,8 +91,8 @@ def reproduce(
 
 def _plan(only: Sequence[str], payloads: Sequence[str], rule: str | None, fresh: bool) -> "Plan":
     """What the options ask for."""
-    from armdyn.studies.paper.plan import Plan
-    from armdyn.studies.paper.printed.loop import PAPER_RULE
+    from armdyn.paper.plan import Plan
+    from armdyn.paper.printed.loop import PAPER_RULE
 
     rule = rule or PAPER_RULE
     one_of(rule, ARRIVAL_RULES, "--arrival-rule")
@@ -167,8 +167,8 @@ def _print_examples(outcomes: "Sequence[Outcome]", plan: "Plan", out: Path) -> N
     """For people: the examples with the figures' payload, and where they are shown."""
     from rich.table import Table
 
-    from armdyn.studies.paper.printed.published import printed_time
-    from armdyn.studies.paper.tables.rows import setup
+    from armdyn.paper.printed.published import printed_time
+    from armdyn.paper.tables.rows import setup
 
     grams = f"{1000 * plan.shown_payload:g} g"
     table = Table(title=f"The paper's examples with {grams} at the tip", title_justify="left")
@@ -195,7 +195,7 @@ def _print(result: "Reproduced", out: Path) -> None:
     """For people: how the paper's numbers fare, and where the rest is."""
     from collections import Counter
 
-    from armdyn.studies.paper.tables.standing import VERDICTS, standings
+    from armdyn.paper.tables.standing import VERDICTS, standings
 
     stand = standings(result.rows)
     again, close, missing = (Counter(stand.values())[verdict] for verdict in VERDICTS)

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from armdyn.models.scene.reaching import GoalPose
     from armdyn.models.values.friction import JointFriction
     from armdyn.models.values.limits import JointLimits
-    from armdyn.models.values.spec import PAPER_ARMS, PAPER_PAYLOADS, ArmSpec, LinkSpec, Payload
+    from armdyn.models.values.spec import PAPER_ARMS, ArmSpec, LinkSpec, Payload
     from armdyn.models.values.urdf import urdf_from_spec
 else:
     __getattr__, __dir__ = facade(
@@ -21,14 +21,13 @@ else:
             "scene.obstacles": "Box Capsule Sphere",
             "scene.reaching": "GoalPose",
             "robots.robot": "Robot",
-            "values.spec": "PAPER_ARMS PAPER_PAYLOADS ArmSpec LinkSpec Payload",
+            "values.spec": "PAPER_ARMS ArmSpec LinkSpec Payload",
             "values.urdf": "urdf_from_spec",
         },
     )
 
 __all__ = [
     "PAPER_ARMS",
-    "PAPER_PAYLOADS",
     "ArmSpec",
     "Box",
     "Capsule",

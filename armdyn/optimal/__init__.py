@@ -1,4 +1,4 @@
-"""Minimum-time motion: global search, exact switching times, certificate; and the indirect method beside it."""
+"""Minimum-time motion: global search, exact switching times, certificate."""
 
 from typing import TYPE_CHECKING
 
@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from armdyn.optimal.conditions.limits.frame_speed import FrameSpeedLimit
     from armdyn.optimal.conditions.limits.torque_rate import TorqueRateLimit
     from armdyn.optimal.gap import TimeOptimality, time_optimality, trajectory_from_path
-    from armdyn.optimal.indirect.solution import Comparison, IndirectOptions, IndirectSolution, compare_with_direct
-    from armdyn.optimal.indirect.solve_indirect import solve_indirect
     from armdyn.optimal.landing.rollout import replay_torques
     from armdyn.optimal.minimum_time import solve_minimum_time
     from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -30,8 +28,6 @@ else:
             "conditions.limits.frame_speed": "FrameSpeedLimit",
             "conditions.limits.torque_rate": "TorqueRateLimit",
             "gap": "TimeOptimality time_optimality trajectory_from_path",
-            "indirect.solution": "Comparison IndirectOptions IndirectSolution compare_with_direct",
-            "indirect.solve_indirect": "solve_indirect",
             "landing.rollout": "replay_torques",
             "minimum_time": "solve_minimum_time",
             "problem.problem": "MinimumTimeProblem",
@@ -45,10 +41,7 @@ else:
 __all__ = [
     "Arc",
     "Certificate",
-    "Comparison",
     "FrameSpeedLimit",
-    "IndirectOptions",
-    "IndirectSolution",
     "LowerBound",
     "MinimumTimeOptions",
     "MinimumTimeProblem",
@@ -59,10 +52,8 @@ __all__ = [
     "TimeOptimality",
     "TorqueRateLimit",
     "Violation",
-    "compare_with_direct",
     "lower_bound",
     "replay_torques",
-    "solve_indirect",
     "solve_minimum_time",
     "time_optimality",
     "trajectory_from_path",

@@ -1,1 +1,1 @@
-"""Whole studies: one motion of many robots (`sweep`), and the paper, reproduced (`paper`)."""
+"""Studies of many cases: sweeps, Monte Carlo over plants, tuning, settled time over reserve."""

@@ -12,7 +12,7 @@ import numpy as np
 
 import armdyn as ad
 from armdyn.optimal.search.starts import spline
-from armdyn.studies.paper import PAYLOAD, example
+from armdyn.paper import PAYLOAD, example
 
 INTERVALS = 50
 

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 import armdyn as ad
 from armdyn.cli.app import app
 from armdyn.models import Robot
-from armdyn.studies.paper.outcomes.store import load_outcome
-from armdyn.studies.paper.plan import Plan
+from armdyn.paper.outcomes.store import load_outcome
+from armdyn.paper.plan import Plan
 
 COMMAND = [sys.executable, "-c", "from armdyn.cli import main; main()"]
 COMMANDS = {
@@ -32,7 +32,7 @@ WORK = {
     "sweep": "armdyn.studies.continuation.continuation",
     "replay": "armdyn.show.replay.write_html",
     "export": "armdyn.cli.export.write_whole",
-    "reproduce": "armdyn.studies.paper.reproduce.run_case",
+    "reproduce": "armdyn.paper.reproduce.run_case",
     "urdf": "armdyn.cli.paper.write_whole",
 }
 
@@ -70,7 +70,7 @@ def test_an_out_that_cannot_be_written_is_refused_before_the_work(command, here,
     for out, words in {
         "file": "a file is in the way",
         "file/below/it": "a file is in the way",
-        "x" * 300: "File name too long",
+        "x" * 260: "File name too long",
         "/proc/self/results": "cannot be written to",
     }.items():
         answer = run(*COMMANDS[command], "--out", out, code=2)

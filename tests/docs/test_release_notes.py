@@ -11,12 +11,12 @@ def run(*arguments):
     return subprocess.run([sys.executable, str(SCRIPT), *arguments], capture_output=True, text=True)
 
 
-def test_what_is_not_released_yet():
+def test_the_section_on_top():
     done = run()
     assert done.returncode == 0
-    assert done.stdout.startswith("### Added") and "## [" not in done.stdout
+    assert done.stdout.startswith("### Arms and dynamics") and "## [" not in done.stdout
 
 
 def test_no_such_version():
     done = run("99.0.0")
-    assert done.returncode == 1 and "no section [99.0.0]" in done.stderr and "Unreleased" in done.stderr
+    assert done.returncode == 1 and "no section [99.0.0]" in done.stderr and "0.2.0" in done.stderr

@@ -96,7 +96,8 @@ def test_a_payload_too_heavy_for_coarse_meshes():
     solution = solve(paper_problem("rrr", 1.0))
     assert solution.certificate.ok, solution.message
     assert solution.duration < 0.417304  # what two searches on other meshes have come to
-    assert solution.replay_error < 1e-9
+    accuracy = 1e-11 * solution.certificate.growth  # what the integrators' own errors grow to by the end
+    assert solution.replay_error < 1e-9 + accuracy
 
 
 def test_same_seed_same_answer():

@@ -15,7 +15,8 @@ COMMON = """
 import asyncio, faulthandler, hashlib, json, multiprocessing, sys, threading
 faulthandler.enable()
 import numpy as np
-from armdyn.optimal import MinimumTimeOptions, Status, solve_indirect, solve_minimum_time
+from armdyn.optimal import MinimumTimeOptions, Status, solve_minimum_time
+from armdyn.paper import solve_indirect
 from problems import paper_problem
 
 def solved(arm, **options):

@@ -91,7 +91,7 @@ def pid(
     json = results.output.json
     with answering(json) as answer:
         from armdyn.control.pid.closed_loop import pid_summary
-        from armdyn.studies.paper.printed.loop import PAPER_RULE
+        from armdyn.paper.printed.loop import PAPER_RULE
 
         asked = arm_asked(robot, poses, payload, joints)
         arm, (start, goal) = asked.arm, asked.ends("pid")

@@ -15,7 +15,7 @@ from armdyn.errors import ProblemError
 from armdyn.typed.numbers import numbers
 
 if TYPE_CHECKING:
-    from armdyn.studies.paper import Kind
+    from armdyn.paper import Kind
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +57,7 @@ def _pose(option: str, text: str | None, robot: ad.Robot, name: str, kind: Kind)
         return positions(text, option, robot)
     if name not in models.PAPER_ARMS:
         raise ProblemError(_how_to_say(option, robot))
-    from armdyn.studies.paper import example
+    from armdyn.paper import example
 
     paper = example(name, kind)
     return list(paper.q_start if option == "--q-start" else paper.q_goal)

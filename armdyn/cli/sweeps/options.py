@@ -46,7 +46,9 @@ class PayloadsOptions:
             return sorted(set(numbers(self.payload, "--payload")))
         if robot not in models.PAPER_ARMS:
             raise ProblemError(f"give --payload with the masses [kg] that {robot} is to carry, such as 0,0.5,1")
-        return sorted(models.PAPER_PAYLOADS)
+        from armdyn.paper import PAYLOADS
+
+        return sorted(PAYLOADS)
 
 
 @dataclass(frozen=True, kw_only=True)

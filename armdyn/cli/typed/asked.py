@@ -15,7 +15,7 @@ from armdyn.cli.typed.problem_file import Posed, is_problem_file, problem_of, re
 from armdyn.errors import ProblemError
 
 if TYPE_CHECKING:
-    from armdyn.studies.paper import Kind
+    from armdyn.paper import Kind
 
 
 def problem_asked(

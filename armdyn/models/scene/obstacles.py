@@ -1,5 +1,7 @@
 """Obstacles: spheres, capsules and boxes that stand in the world."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass

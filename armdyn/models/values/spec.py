@@ -46,9 +46,6 @@ PAPER_LINKS = (
 )
 """Table 1 of the paper."""
 
-PAPER_PAYLOADS = (0.0212, 0.0312, 0.0518, 0.1006, 0.1219, 0.1307, 0.1505, 0.2, 0.5, 1.0)
-"""Table 2 of the paper [kg]."""
-
 _XML_TEXT = "[\t -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]+"
 """What XML can hold, in one line."""
 

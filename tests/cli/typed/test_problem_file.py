@@ -211,4 +211,4 @@ def test_mintime_solves_a_file_and_its_options_go_before(write):
     told = run_here("mintime", "rr", *task, "--json", "--no-figure", "--no-report")
     assert facts["duration"] == answer(told)["duration"] and facts["files"][0].startswith("results/mintime-problem")
     facts = answer(run_here("mintime", "problem.toml", "--json", "--no-figure", "--no-report", "--time-limit", "-1"), 2)
-    assert "time_limit" in facts["message"]
+    assert "--time-limit" in facts["message"]

@@ -13,9 +13,9 @@ from armdyn.control import PidGains, simulate_pid
 from armdyn.control.pid.arrival import Arrival
 from armdyn.control.pid.closed_loop import Move, pid_summary, simulate
 from armdyn.control.pid.gains import ContinuousPid
-from armdyn.dynamics.closed_form import PlanarArm
 from armdyn.errors import ProblemError
-from armdyn.studies.paper.printed.equations import PrintedArm
+from armdyn.paper.closed_form import PlanarArm
+from armdyn.paper.printed.equations import PrintedArm
 from pid_loops import example, loaded_arm
 
 # Last entry of |e1| into 0.005 rad [s], by payload reading and mass [g]: R Example 4, RR Example 5.

@@ -9,10 +9,10 @@ from armdyn.control.pid.gains import DEFAULT_GAINS, ContinuousPid
 from armdyn.control.pid.motion import motion_of
 from armdyn.control.pid.poles import closed_loop_matrix, eigenvalues
 from armdyn.dynamics import Dynamics
-from armdyn.dynamics.closed_form import PlanarArm
 from armdyn.errors import ProblemError
 from armdyn.models import ArmSpec, Payload
-from armdyn.studies.paper.printed.equations import PrintedArm
+from armdyn.paper.closed_form import PlanarArm
+from armdyn.paper.printed.equations import PrintedArm
 from oracles import PinDynamics, robot_named
 from pid_loops import POSES, example
 

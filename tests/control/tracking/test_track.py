@@ -8,7 +8,7 @@ import pytest
 import armdyn as ad
 import plain_loop
 from armdyn.errors import ProblemError
-from armdyn.studies.paper import example
+from armdyn.paper import GAINS, example
 from problems import paper_arm
 
 
@@ -25,8 +25,8 @@ def test_the_ideal_loop_is_the_papers(arm, form):
     # large.
     paper, robot = example(arm, "pid"), paper_arm(arm)
     asked = {"q_start": paper.q_start, "duration": 10.0}
-    run = ad.simulate_pid(robot, q_goal=paper.q_goal, gains=ad.PAPER_GAINS, form=form, samples=10001, **asked)
-    controller = ad.Pid(ad.PAPER_GAINS, form, feedforward=False)
+    run = ad.simulate_pid(robot, q_goal=paper.q_goal, gains=GAINS, form=form, samples=10001, **asked)
+    controller = ad.Pid(GAINS, form, feedforward=False)
     goal = ad.set_point(robot, paper.q_goal)
     ours = ad.track(robot, goal, controller, loop=ad.Loop.ideal(saturate=form == "torque"), **asked)
     assert ours.trajectory.t.size == 10001
@@ -100,7 +100,7 @@ def test_the_same_noise_twice_and_other_noise(references):
 def test_the_papers_gains_at_1_khz_name_their_sampling():
     for arm in ("rr", "rrr"):
         paper, robot = example(arm, "pid"), paper_arm(arm)
-        controller = ad.Pid(ad.PAPER_GAINS, "torque", feedforward=False)
+        controller = ad.Pid(GAINS, "torque", feedforward=False)
         run = ad.track(robot, ad.set_point(robot, paper.q_goal), controller, q_start=paper.q_start)
         assert run.status == "not_settled" and run.settled_time is None
         assert "unstable for its sampling" in run.message and "1000 Hz" in run.message

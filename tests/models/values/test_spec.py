@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from armdyn.errors import SpecError
-from armdyn.models import PAPER_ARMS, PAPER_PAYLOADS, ArmSpec, LinkSpec, Payload
+from armdyn.models import PAPER_ARMS, ArmSpec, LinkSpec, Payload
+from armdyn.paper.printed.examples import PAYLOADS
 
 LINK = LinkSpec(length=0.5, com=0.2, mass=1.0, inertia=0.01)
 
@@ -21,7 +22,7 @@ def test_paper_arms_are_the_leading_links_of_table_1():
 
 def test_payloads_are_table_2():
     grams = [21.2, 31.2, 51.8, 100.6, 121.9, 130.7, 150.5, 200, 500, 1000]
-    assert np.allclose(1000 * np.array(PAPER_PAYLOADS), grams, rtol=1e-15, atol=0)
+    assert np.allclose(1000 * np.array(PAYLOADS), grams, rtol=1e-15, atol=0)
 
 
 def test_unknown_paper_arm():

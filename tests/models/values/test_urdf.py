@@ -7,8 +7,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from armdyn.models import PAPER_ARMS, PAPER_PAYLOADS, ArmSpec, LinkSpec, Payload, urdf_from_spec
+from armdyn.models import PAPER_ARMS, ArmSpec, LinkSpec, Payload, urdf_from_spec
 from armdyn.models.reading.urdf_check import parse_urdf
+from armdyn.paper.printed.examples import PAYLOADS
 from scripts_of import script
 
 ROOT = Path(__file__).parents[3]
@@ -22,7 +23,7 @@ def generate_urdfs():
 
 def test_urdf_folder_is_what_the_script_writes(script):
     files = script.contents()
-    assert len(files) == len(PAPER_ARMS) * (1 + len(PAPER_PAYLOADS))
+    assert len(files) == len(PAPER_ARMS) * (1 + len(PAYLOADS))
     assert {"r.urdf", "rr_100.6g.urdf", "rrr_21.2g.urdf", "r_1000g.urdf"} <= set(files)
     assert script.differing(ROOT / "urdf", files) == []
 

@@ -10,7 +10,7 @@ from armdyn.errors import ProblemError
 from armdyn.optimal.answer.summary import minimum_time_summary, reserve_summary
 from armdyn.optimal.bound.lower_bound import lower_bound
 from armdyn.optimal.gap import time_optimality
-from armdyn.optimal.indirect.solve_indirect import IndirectOptions, solve_indirect
+from armdyn.paper.indirect.solve_indirect import IndirectOptions, solve_indirect
 from armdyn.studies.continuation import continuation
 from problems import POSES, paper_arm, paper_problem, solve
 

@@ -9,6 +9,7 @@ import pytest
 import armdyn as ad
 from armdyn.control.tracking.setup import Setup
 from armdyn.errors import ProblemError
+from armdyn.paper import GAINS
 from armdyn.studies.tuning.index import worth
 from problems import POSES, paper_arm
 
@@ -113,6 +114,6 @@ def test_a_sampled_pid_controller_is_tuned_over_payloads_and_friction(arm, longe
     for each in (found.training, found.held_out):
         assert each.settled_time <= most
         assert each.overshoot <= 0.05
-    paper = ad.track(robot, ad.set_point(robot, ends[1]), ad.Pid(ad.PAPER_GAINS, "torque", False), q_start=ends[0])
+    paper = ad.track(robot, ad.set_point(robot, ends[1]), ad.Pid(GAINS, "torque", False), q_start=ends[0])
     assert not paper.settled
     assert "unstable for its sampling" in paper.message

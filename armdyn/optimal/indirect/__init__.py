@@ -1,5 +1,0 @@
-"""The paper's second approach: Pontryagin's canonical system as equations."""
-
-from armdyn.optimal.indirect.law import MINIMUM, Law, LawSymbols
-
-__all__ = ["MINIMUM", "Law", "LawSymbols"]

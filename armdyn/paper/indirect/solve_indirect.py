@@ -1,0 +1,250 @@
+"""`solve_indirect`: the paper's second approach, equations (16) to (21), for any arm.
+
+The canonical system of `canonical` is solved as a boundary value problem with free final time, seeded by the
+direct method's states and multipliers. With a weight on effort that is all. For minimum time the weight is let
+fall, each solution seeding the next, until the saturated torque shows the arcs, whose durations multiple
+shooting then finds exactly. An answer satisfies Pontryagin's conditions: it is a local optimum of whatever
+basin it was started in, not proven to be the best one.
+"""
+
+import time
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.arguments import expect
+from armdyn.errors import ProblemError
+from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.arcs.arc import HELD
+from armdyn.optimal.arcs.phases import Phases
+from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
+from armdyn.optimal.problem.status import Status
+from armdyn.optimal.problem.stop import Stop, stopping
+from armdyn.optimal.refine.smooth import resolved_near, smooth_optima
+from armdyn.optimal.search.starts import spline
+from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.optimal.task.policy import Policy
+from armdyn.optimal.task.policy.refinement import IndirectPolicy
+from armdyn.optimal.task.task import Task
+from armdyn.paper.indirect.bang_bang import BangBangProblem, guess_arcs
+from armdyn.paper.indirect.boundary import BoundaryProblem, Extremal, solve_lobatto, solve_trapezoidal
+from armdyn.paper.indirect.canonical import CanonicalSystem, canonical_system
+from armdyn.paper.indirect.shooting import shoot
+from armdyn.paper.indirect.solution import (
+    IndirectOptions,
+    IndirectSolution,
+    Samples,
+    checked,
+    from_arcs,
+    from_extremal,
+)
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class _Question:
+    """What is asked, and how.
+
+    Attributes:
+        problem: the motion.
+        options: how.
+        stop: asked as the solvers go on.
+    """
+
+    problem: MinimumTimeProblem
+    options: IndirectOptions
+    stop: Stop
+
+    @cached_property
+    def system(self) -> CanonicalSystem:
+        """The canonical system of the robot under the options' law."""
+        return canonical_system(self.problem.robot, self.options.law)
+
+    @cached_property
+    def numbers(self) -> IndirectPolicy:
+        """The tuned numbers."""
+        return Policy.of(self.problem).indirect
+
+    @property
+    def fastest(self) -> bool:
+        """Minimum time is asked for, by a law that leads there."""
+        return self.problem.effort_weight == 0 and self.options.law.minimises
+
+    @property
+    def enough(self) -> int:
+        """So many seeds are followed though one has led to an answer."""
+        return self.options.continuations if self.fastest else 1
+
+    @property
+    def unit(self) -> float:
+        """The effort weight [1/(N m)²] with which full torques cost as much as time."""
+        limits = self.problem.limits
+        return float(2 / np.sum(np.maximum(limits.effort_upper**2, limits.effort_lower**2)))
+
+    @property
+    def seed_weight(self) -> float:
+        """The weight of the time-energy problem whose optimum is nearest."""
+        law = self.options.law
+        if law.seed_weight is not None:
+            return law.seed_weight(self.problem)
+        return self.problem.effort_weight or self.numbers.first_weight * self.unit
+
+    def boundary(self, weight: float, guess: Extremal) -> BoundaryProblem:
+        """The boundary value problem of a weight."""
+        problem = self.problem
+        lower, upper = problem.limits.effort_lower, problem.limits.effort_upper
+        if not self.options.bounded:
+            motors = ~problem.limits.passive
+            lower, upper = np.where(motors, -np.inf, 0.0), np.where(motors, np.inf, 0.0)
+        return BoundaryProblem(self.system, problem.x_start, problem.x_goal, weight, lower, upper, guess, self.stop)
+
+
+@dataclass(frozen=True, eq=False)
+class _Seed:
+    """An extremal, or nearly, of some weight."""
+
+    extremal: Extremal
+    weight: float
+    direct: Phases | None
+
+    @classmethod
+    def of(cls, phases: Phases, weight: float) -> Self:
+        """The direct method's solution, whose multipliers are the costates."""
+        y = np.hstack([phases.q, phases.v, phases.costate]).T
+        return cls(Extremal(phases.t / phases.duration, y, phases.duration), weight, phases)
+
+
+def solve_indirect(
+    problem: MinimumTimeProblem, seed: Solution | None = None, options: IndirectOptions | None = None
+) -> IndirectSolution:
+    """Pontryagin's conditions, solved as equations.
+
+    A time-energy answer is the optimum of least J among those that the search found and the boundary value
+    problem confirmed; a minimum-time answer the fastest of those that they lead to as w → 0.
+
+    Args:
+        problem: effort_weight > 0 asks for the time-energy optimum, 0 for minimum time. Limits on position
+            and velocity are looked at afterwards only.
+        seed: a solution of this problem by the direct method, or of one with another weight; None: a few
+            guesses are solved by the direct method first.
+        options: by default, what suits arms of one to three joints.
+
+    Returns:
+        An `IndirectSolution`; look at `success`. Without it, the message says what failed, and where.
+
+    Raises:
+        ProblemError: an argument is something else, minimum time is asked for without torque limits, the problem has
+            conditions along the way, or the seed is of another arm.
+    """
+    started = time.perf_counter()
+    expect_problem(problem)
+    options = IndirectOptions() if options is None else expect(options, IndirectOptions, "options")
+    if seed is not None:
+        expect(seed, Solution, "seed", "what solve_minimum_time returned")
+    with stopping(options.time_limit) as stop:
+        question = _Question(problem, options, stop)
+        _refuse(question, seed)
+        best = _best(question, _seeds(question, seed))
+    return replace(best, solve_time=time.perf_counter() - started)
+
+
+def _refuse(question: _Question, seed: Solution | None) -> None:
+    """Raise a ProblemError where this method has no answer."""
+    problem = question.problem
+    if question.fastest and not question.options.bounded:
+        raise ProblemError("minimum time needs torque limits: bounded=False asks for effort_weight > 0")
+    if seed is not None and seed.problem.robot.nv != problem.robot.nv:
+        raise ProblemError(f"the seed moves {seed.problem.robot.nv} joints, the problem {problem.robot.nv}")
+    if problem.along_the_way:
+        raise ProblemError(f"the indirect method knows no {', '.join(problem.along_the_way)}")
+
+
+def _best(question: _Question, seeds: list[_Seed]) -> IndirectSolution:
+    """The best answer that the seeds lead to; without one, the best failure."""
+    best: IndirectSolution | None = None
+    given_up: list[str] = []
+    for k, seed in enumerate(seeds):
+        if best is not None and (question.stop or (best.success and k >= question.enough)):
+            break
+        found = _minimum_time(question, seed) if question.fastest else _time_energy(question, seed)
+        if best is None or (not found.success, found.cost) < (not best.success, best.cost):
+            best = found
+        if not found.success:
+            given_up.append(found.message)
+    if best is None:
+        return _no_seed(question)
+    if best.success and given_up:
+        more = f"{len(given_up)} of {len(seeds)} seeds were given up, the first as: {given_up[0]}"
+        return replace(best, message=f"{best.message}; {more}")
+    return best
+
+
+def _seeds(question: _Question, seed: Solution | None) -> list[_Seed]:
+    """What there is to start from, the likeliest first."""
+    problem, options, stop = question.problem, question.options, question.stop
+    if seed is not None and seed.phases is not None and options.law.minimises:
+        return [_Seed.of(seed.phases, seed.problem.effort_weight)]
+    numbers, weight = question.numbers, question.seed_weight
+    wider, limits = 1.0 if options.bounded else numbers.wider, problem.limits
+    bound = wider * limits.effort_lower, wider * limits.effort_upper
+    smooth = problem.variant(effort_weight=weight, effort_limit=bound, reserve=0.0)  # the bound is less it already
+    task = Task.of(smooth, MinimumTimeOptions(seed=options.seed, workers=1), stop)
+    if seed is not None:
+        near = resolved_near(task, seed.trajectory)
+        found = [near if isinstance(near, Phases) else near.last]  # a guess all the same
+    else:
+        most = max(numbers.candidates, options.continuations)
+        found = list(smooth_optima(task, options.starts or numbers.starts, most)[0])
+    return [_Seed.of(phases, weight) for phases in found]
+
+
+def _time_energy(question: _Question, seed: _Seed) -> IndirectSolution:
+    """The boundary value problem of the problem's own weight."""
+    problem, options = question.problem, question.options
+    boundary = question.boundary(problem.effort_weight, seed.extremal)
+    if options.method == "lobatto":
+        found = solve_lobatto(boundary, options.tolerance, options.max_nodes)
+    else:
+        found = solve_trapezoidal(boundary, options.intervals, options.tolerance)
+    return from_extremal(problem, boundary, found, options, seed.direct)
+
+
+def _minimum_time(question: _Question, seed: _Seed) -> IndirectSolution:
+    """Continuation w → 0, then shooting; a seed of minimum time has that way behind it."""
+    problem, options, numbers = question.problem, question.options, question.numbers
+    unit = question.unit
+    weight, last, reached = seed.weight, seed.extremal, np.inf
+    while weight > 0 and reached > numbers.last_weight * unit:
+        found = solve_lobatto(question.boundary(weight, last), numbers.rough, numbers.rough_nodes)
+        if found.status is not Status.SOLVED:
+            break
+        last, reached, weight = found, weight, numbers.fall * weight
+    bounds = problem.limits.effort_lower, problem.limits.effort_upper
+    shooting = BangBangProblem(question.system, problem.x_start, problem.x_goal, *bounds, numbers.shot, question.stop)
+    bang = shoot(shooting, guess_arcs(shooting, last.s * last.duration, last.y))
+    if bang.status is Status.SOLVED:
+        return from_arcs(problem, shooting, bang, options, seed.direct)
+    how = f"continuation came to w = {reached:.2g} (N m)^-2" if seed.weight > 0 else "from the seed's costates"
+    modes = {mode for arc in (seed.direct.arcs if seed.direct and seed.weight == 0 else ()) for mode in arc.modes}
+    if other := modes.difference(HELD):
+        how += f" (whose arcs have modes that shooting does not know: {', '.join(sorted(other))})"
+    failed = replace(last, status=bang.status, message=f"{how}; {bang.message}", residual=bang.residual)
+    return from_extremal(
+        problem, question.boundary(min(reached, numbers.last_weight * unit), last), failed, options, seed.direct
+    )
+
+
+def _no_seed(question: _Question) -> IndirectSolution:
+    """A failure that shows a guess."""
+    problem, stop = question.problem, question.stop
+    status = stop.status if stop else Status.FAILED
+    motion = spline(problem, [])
+    y = np.hstack([motion.q, motion.v, np.zeros((motion.t.size, 2 * problem.robot.nv))])
+    message = f"{status.replace('_', ' ')}: the direct method found nothing to start from"
+    nowhere = np.full(motion.t.size, np.nan)
+    samples = Samples(motion.t, y, motion.tau, nowhere, np.inf, status, message, np.inf)
+    return checked(problem, question.options, samples, direct=None)

@@ -1,0 +1,40 @@
+"""What came of a case."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+from armdyn.paper.outcomes.case import Case
+from armdyn.paper.printed.loop import PAPER_RULE
+from armdyn.trajectory import Trajectory
+
+Fact = float | str | bool | None | list[float]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What came of a case.
+
+    Attributes:
+        case: what was asked.
+        time: t_f, or the time of arrival [s]; None if there is none.
+        trajectory: the motion; None if there is none.
+        success: certified or landed (open loop), arrived (closed loop).
+        status: one word.
+        message: the same for people.
+        facts: numbers beside: see `run_case`.
+        summary: what result.json says of it.
+    """
+
+    case: Case
+    time: float | None
+    trajectory: Trajectory | None
+    success: bool
+    status: str
+    message: str
+    facts: dict[str, Fact] = field(default_factory=dict)
+    summary: dict[str, object] = field(default_factory=dict)
+
+
+def by_case(outcomes: Iterable[Outcome]) -> dict[Case, Outcome]:
+    """Outcomes by what was moved how: under the case of the paper's arrival rule, whichever rule a run had."""
+    return {replace(outcome.case, arrival_rule=PAPER_RULE): outcome for outcome in outcomes}

@@ -1,0 +1,21 @@
+"""Section 4's PID loop: its gains, its sign of k_D, and when its arm counts as arrived."""
+
+from typing import Literal
+
+from armdyn.control.pid.arrival import ArrivalRule
+from armdyn.control.pid.gains import PidGains
+
+GAINS = PidGains(kp=30.0, ki=50.0, kd=10.0)
+"""Eqs (32)-(34): the same for every joint of R, RR and RRR."""
+
+DURATION = 10.0
+"""Of Examples 4 to 6 [s]."""
+
+PAPER_RULE: ArrivalRule = "last_entry_first_joint"
+"""By which the paper's times of arrival are: it looks at joint 1 alone."""
+
+DerivativeSign = Literal["corrected", "printed"]
+"""Sign of k_D θ̇: "corrected" is -k_D θ̇, which (27) says as ė = -θ̇; "printed" is +k_D θ̇ of (28)-(30)."""
+
+ERROR_RATES: dict[DerivativeSign, float] = {"corrected": -1.0, "printed": 1.0}
+"""ė over θ̇: the `error_rate` of `control.pid.gains.ContinuousPid`."""

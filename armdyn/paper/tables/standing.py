@@ -1,0 +1,83 @@
+"""How the paper's numbers stand: each once, whatever number of readings it is held against."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from armdyn.models.values.spec import PaperArm
+from armdyn.paper.outcomes.outcome import Outcome
+from armdyn.paper.printed.published import TABLE_OF_ARM
+from armdyn.paper.tables.columns import paper_column, table_line
+from armdyn.paper.tables.rows import Row, Verdict
+
+VERDICTS: tuple[Verdict, ...] = ("reproduced", "close", "not reproduced")
+"""Best first."""
+
+Number = tuple[object, ...]
+
+
+def number_of(row: Row) -> Number:
+    """Which of the paper's numbers a row is about: table, column and line."""
+    return (row.table, paper_column(row), *table_line(row))
+
+
+def time_of(arm: PaperArm, example: int, payload: float) -> Number:
+    """Which of the paper's numbers an example's time is, as `number_of` says it.
+
+    Args:
+        arm: of the example.
+        example: 1 to 6.
+        payload: M [kg].
+    """
+    return (TABLE_OF_ARM[arm], f"Example {example}", f"{1000 * payload:g}")
+
+
+def standings(rows: Iterable[Row]) -> dict[Number, Verdict]:
+    """The best verdict on each of the paper's numbers, over all readings of the paper that it was held against."""
+    best: dict[Number, Verdict] = {}
+    for row in rows:
+        if row.published is not None:
+            before = best.get(number_of(row), VERDICTS[-1])
+            best[number_of(row)] = min(before, row.verdict, key=VERDICTS.index)
+    return best
+
+
+def column(rows: Iterable[Row], **wanted: object) -> list[tuple[float, float]]:
+    """Published and ours of the times that have both and are as wanted, in the order of their payloads.
+
+    Args:
+        rows: of any tables; totals of torque, other states and other signs than the paper's examples are left out.
+        **wanted: attributes of a `Row`.
+    """
+    times = [row for row in rows if row.table in (4, 5, 6) and not row.setup]
+    found = [row for row in times if all(getattr(row, k) == v for k, v in wanted.items())]
+    return [
+        (row.published, row.ours)
+        for row in sorted(found, key=lambda row: row.payload_kg)
+        if row.published is not None and row.ours is not None
+    ]
+
+
+def ratios(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Smallest and largest of published over ours; there must be a pair."""
+    each = [published / ours for published, ours in pairs]
+    return min(each), max(each)
+
+
+def rms(pairs: Sequence[tuple[float, float]]) -> float:
+    """Root mean square of ours minus published, in their unit; there must be a pair."""
+    return float(np.sqrt(np.mean([(ours - published) ** 2 for published, ours in pairs])))
+
+
+def growths(outcomes: Iterable[Outcome], arm: str) -> list[float]:
+    """Largest real parts of the eigenvalues [1/s] of an arm's PID loops at their goal, one per payload, at the tip.
+
+    The loops are those of the paper's example with the mechanics of its arm.
+    """
+    found = {}
+    for outcome in outcomes:
+        case, growth = outcome.case, outcome.facts.get("max_real_eigenvalue")
+        stated = case.states == "printed" and case.derivative_sign != "printed" and case.variant == "lagrangian"
+        if (case.arm, case.kind, case.reading) == (arm, "pid", "tip") and stated and isinstance(growth, float):
+            found[case.payload] = growth
+    return [found[payload] for payload in sorted(found)]

@@ -1,0 +1,89 @@
+"""The whole study: what is solved, what is kept, what is written."""
+
+import json
+import multiprocessing
+
+import pytest
+
+from armdyn.paper import PAYLOAD
+from armdyn.paper.outcomes.case import Case
+from armdyn.paper.plan import Plan, cases_of
+from armdyn.paper.reproduce import reproduce
+
+FOLDER = {"trajectory.npz", "figure.png", "figure.pdf", "report.html", "result.json"}
+
+
+def names(folder):
+    return {path.name for path in folder.iterdir()}
+
+
+@pytest.fixture(scope="module")
+def loops(tmp_path_factory):
+    """Example 4 with 100.6 g and 200 g."""
+    folder, told = tmp_path_factory.mktemp("paper"), []
+    plan = Plan(only=("example4", "table3"), payloads=(PAYLOAD, 0.2))
+    shown = []
+
+    def look(outcomes):
+        shown.append(({outcome.case for outcome in outcomes}, (folder / "index.html").exists(), len(told)))
+
+    result = reproduce(folder, plan, lambda outcome, done, of: told.append((outcome.case, done, of)), look)
+    return folder, plan, result, told, shown
+
+
+def test_files(loops):
+    folder, plan, result, *_ = loops
+    assert all(file.stat().st_size > 0 for file in result.files)
+    assert {"index.html", "cases", "tables", "figures", "example4_r_pid"} <= names(folder)
+    assert names(folder / "example4_r_pid") == FOLDER
+    assert json.loads((folder / "example4_r_pid" / "result.json").read_text())["arrival_time"] == pytest.approx(
+        4.1735, abs=2e-3
+    )
+    assert len(names(folder / "cases")) == 2 * len(plan.cases())
+    assert {row.table for row in result.rows} == {3}  # the table that was named
+    assert names(folder / "tables") == {"table3.csv", "table3.md", "table3.tex"}
+
+
+def test_progress_counts_every_case_once(loops):
+    _, plan, result, told, _ = loops
+    assert {case for case, *_ in told} == set(plan.cases()) == {outcome.case for outcome in result.outcomes}
+    assert [done for _, done, _ in told] == list(range(1, len(told) + 1)) and told[-1][1] == told[-1][2]
+
+
+def test_what_is_shown_is_told_once_with_its_figures(loops):
+    folder, plan, _, told, ((cases, page, count),) = loops
+    assert cases == {case for case in plan.cases() if case.payload == PAYLOAD}
+    assert page or count == len(told)  # of a page that is to be written again at once nobody is told
+    assert names(folder / "figures") == {"figure3.pdf", "figure3.png"}
+    assert (folder / "index.html").read_text("utf-8").count("<figure>") == 1
+
+
+@pytest.mark.slow
+def test_what_is_done_is_not_done_again(loops):
+    folder, plan, *_ = loops
+    cases = sorted((folder / "cases").iterdir())
+    before = {path: path.stat().st_mtime_ns for path in cases}
+    reproduce(folder, plan)
+    assert {path: path.stat().st_mtime_ns for path in cases} == before
+    lost = folder / "cases" / f"{Case(4, 'r', 'pid', 0.2).name}.json"
+    lost.unlink()
+    reproduce(folder, plan)
+    assert {path for path in cases if path.stat().st_mtime_ns != before[path]} == {lost, lost.with_suffix(".npz")}
+    reproduce(folder, Plan(only=plan.only, payloads=(0.2,), fresh=True))
+    again = {path.name for path in cases if path.stat().st_mtime_ns != before[path]}
+    assert again == {f"{case.name}{s}" for case in cases_of(4, 0.2) for s in (".json", ".npz")}
+
+
+@pytest.mark.slow
+def test_an_interrupt_leaves_what_is_done(tmp_path):
+    plan = Plan(only=("example4", "example3"), payloads=(PAYLOAD, 0.2), workers=2)
+
+    def stop(outcome, done, of):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        reproduce(tmp_path, plan, stop)
+    kept = {path.stem for path in (tmp_path / "cases").glob("*.json")}
+    assert 1 <= len(kept) < len(plan.cases())
+    assert not [path for path in tmp_path.rglob("*") if path.name.startswith(".")]  # nothing half written
+    assert not multiprocessing.active_children()
