@@ -153,6 +153,6 @@ def leaves_idle(extremal: Extremal, tolerance: float) -> bool:
     march, limits = extremal.march, extremal.march.setting.problem.limits
     ranges = limits.effort_upper - limits.effort_lower
     idle = (np.abs(extremal.switching) * ranges <= tolerance) & (ranges > 0)
-    elsewhere = (march.torques.felt > 0) | (march.torques.held > 0)
+    elsewhere = (march.torques.felt > 0) | (march.torques.held > 0) | (march.torques.carried[:, ranges.size :] > 0)
     shares = np.tile(march.h, 2) @ (idle & ~np.tile(elsewhere, (2, 1))) / 2
     return bool(np.any(shares > extremal.schedule.duration / 2))

@@ -47,7 +47,7 @@ def wrong_signs(extremal: Extremal, least: float) -> list[Wrong]:
         least: by how much H must fall for that.
     """
     march, limits = extremal.march, extremal.march.setting.problem.limits
-    modes, t = extremal.schedule.modes(), np.repeat(march.times, 2)[1:-1]
+    modes, t = _torque_modes(extremal.schedule), np.repeat(march.times, 2)[1:-1]
     found: list[Wrong] = []
     for i in range(len(extremal.schedule.first)):
         own = [modes[a][i] for a in march.arc]
@@ -61,6 +61,15 @@ def wrong_signs(extremal: Extremal, least: float) -> list[Wrong]:
                 begin, end = t[max(run[0] - 1, 0)], t[min(run[-1] + 1, t.size - 1)]
                 found.append(Wrong(float(fall[worst]), i, own[worst // 2], float(begin), float(end), float(t[worst])))
     return sorted(found, key=lambda wrong: -wrong.value)
+
+
+def _torque_modes(schedule: Schedule) -> list[list[Mode]]:
+    """Modes between the changes; of a joint that another one holds, the torque limit that it is on."""
+    out = [list(modes) for modes in schedule.modes()]
+    for modes, carriers in zip(out, schedule.carriers(), strict=True):
+        for joint, carrier in carriers.items():
+            modes[joint], modes[carrier.joint] = carrier.press, Mode.FREE
+    return out
 
 
 def with_signs(extremal: Extremal, wrong: list[Wrong], schedule: Schedule | None = None) -> Schedule:
