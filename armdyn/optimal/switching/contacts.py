@@ -1,15 +1,16 @@
 """Contacts with limits of position and velocity: whether torques can hold them, and whether limits push."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, VELOCITY, Mode, outward, stretches
+from armdyn.optimal.arcs.arc import OPPOSITE, POSITION, VELOCITY, Mode, outward, stretches
+from armdyn.optimal.switching.carried import with_carrier
 from armdyn.optimal.switching.costates import NODES, Whole
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.limits import state_at
-from armdyn.optimal.switching.extremal.schedule import Carrier, Change, Schedule, Segment
+from armdyn.optimal.switching.extremal.schedule import Change, Schedule, Segment
 
 Array = NDArray[np.float64]
 
@@ -17,8 +18,6 @@ _BEYOND = 1e-6
 """Of a torque's range: by so much more than it has a joint cannot be held."""
 _INWARD = 5e-5
 """Of a contact's largest pull: half of what is certified, which is seen at other places of it."""
-_NEAR = 1e-3
-"""Of the duration: switches of a joint so near a contact that it takes over are part of it."""
 _WHOLE = 0.02
 """Of a contact: what is left of it at an end is not worth another contact."""
 _LEAST = 0.1
@@ -55,7 +54,7 @@ def with_contacts(extremal: Extremal, settled: bool = True) -> Schedule | None:
         if contact is None:
             continue
         if (weak := contact.weak) is not None:
-            carried = _carried(extremal, whole, segment, weak)
+            carried = with_carrier(extremal, whole, segment, weak.mode)
             if carried is not None:
                 return carried
             return _let_go(extremal, segment, weak.part, [(0.0, weak.mode)])
@@ -156,59 +155,6 @@ class _Contact:
         before, after = self.s[max(run[0] - 1, 0)], self.s[min(run[-1] + 1, self.s.size - 1)]
         begin, end = (self.s[run[0]] + before) / 2, (self.s[run[-1]] + after) / 2
         return (0.0 if begin < _WHOLE else float(begin)), (1.0 if end > 1 - _WHOLE else float(end))
-
-
-def _carried(extremal: Extremal, whole: Whole, segment: Segment, weak: _Weak) -> Schedule | None:
-    """The schedule with a contact whose joint is on a torque limit while another joint's torque holds it; None: none can.
-
-    Of the joints that can, the one whose torque H feels least.
-
-    Args:
-        extremal: whose schedule it is.
-        whole: its costates and torques.
-        segment: the contact.
-        weak: where its own torque does not hold it.
-    """
-    schedule, limits = extremal.schedule, extremal.march.setting.problem.limits
-    contact = schedule.changes[segment.begin]
-    begin, end = schedule.span(segment)
-    if contact.carrier or contact.mode not in POSITION:
-        return None
-    i, near = contact.joint, _NEAR * schedule.duration
-    middle = (whole.t[:-1] + whole.t[1:]) / 2
-    own = np.flatnonzero((middle > begin) & (middle < end))
-    full = (limits.effort_upper if weak.mode is Mode.UPPER else limits.effort_lower)[i]
-    found: list[tuple[float, int]] = []
-    for j in range(len(schedule.first)):
-        inside = [
-            k
-            for k, (change, time) in enumerate(zip(schedule.changes, schedule.times, strict=True))
-            if change.joint == j and not change.touch and begin - near <= time <= end + near
-        ]
-        modes = [schedule.modes()[segment.begin][j], *(schedule.changes[k].mode for k in inside)]
-        if j == i or any(mode not in BANG for mode in modes):
-            continue
-        more, paid = np.empty((own.size, NODES.size)), np.empty((own.size, NODES.size))
-        for row, k in enumerate(own):
-            for stage in range(NODES.size):
-                unit = np.linalg.solve(whole.inertia[k, stage], np.eye(len(schedule.first))[:, [i, j]])
-                more[row, stage] = whole.tau[k, stage, j] - (full - whole.tau[k, stage, i]) * unit[i, 0] / unit[i, 1]
-                paid[row, stage] = abs(whole.switching[k, stage, j] * (more[row, stage] - whole.tau[k, stage, j]))
-        if limits.effort_lower[j] <= np.median(more) <= limits.effort_upper[j]:
-            found.append((float(np.median(paid)), j))
-    if not found:
-        return None
-    _, j = min(found)
-    gone = [
-        k
-        for k, (change, time) in enumerate(zip(schedule.changes, schedule.times, strict=True))
-        if begin - near <= time <= end + near
-        and (change.joint == j or (change.joint == i and change.touch and change.mode is contact.mode))
-    ]
-    after = schedule.modes()[max([segment.begin, *gone]) + 1][j]
-    changes = list(schedule.changes)
-    changes[segment.begin] = Change(i, contact.mode, carrier=Carrier(j, weak.mode, after))
-    return replace(schedule, changes=tuple(changes)).without_changes(gone).without(())
 
 
 def _let_go(

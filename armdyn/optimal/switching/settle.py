@@ -7,6 +7,7 @@ import numpy as np
 
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.solve.ipopt import in_time
+from armdyn.optimal.switching.carried import with_carried_touches
 from armdyn.optimal.switching.contacts import with_contacts
 from armdyn.optimal.switching.extremal.descent import Extremal, Resisted, fastest
 from armdyn.optimal.switching.extremal.flow import Flow, flow_of
@@ -91,8 +92,8 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
         stop: asked before every step.
     """
     best, mended, stale = Settled(None, np.inf, "nothing was tried"), False, 0
-    chattering: tuple[Schedule, int] | None = None
-    refused, seen = set[int](), dict[Structure, float]()
+    chattering: tuple[Schedule, object] | None = None
+    refused, seen = set[object](), dict[Structure, float]()
     for _ in range(_ROUNDS):
         while schedule.size + 1 > setting.most_arcs and setting.finer is not None:
             setting = setting.finer
@@ -135,7 +136,11 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
         chattering = None
         schedule = with_signs(found, wrong)
         left = [one for one in wrong if one.joint not in refused]
-        if mended and left and (smooth := with_singular(found, left)) is not None:
+        carried = with_carried_touches(found, wrong, refused)
+        if carried is not None:
+            pair = next(one for one in carried.changes if one.carrier and one not in found.schedule.changes)
+            schedule, chattering = carried, (schedule, (pair.joint, wrong[0].joint))
+        elif mended and left and (smooth := with_singular(found, left)) is not None:
             schedule, chattering = smooth, (schedule, left[0].joint)
         mended = True
     return best
