@@ -1,6 +1,6 @@
 """Contacts with a limit of position that another joint's torque holds, while the joint's own torque is full."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +50,20 @@ def with_carrier(extremal: Extremal, whole: Whole, segment: Segment, press: Mode
     return _held(extremal, left, contact, (begin, end), Carrier(min(found)[1], press, Mode.FREE))
 
 
-def with_carried_touches(extremal: Extremal, wrong: list[Wrong], refused: set[object]) -> Schedule | None:
+@dataclass(frozen=True, eq=False)
+class CarriedTouches:
+    """A schedule with a contact in place of touches.
+
+    Attributes:
+        schedule: with the contact.
+        pair: the joint that touches, and the one whose torque holds it.
+    """
+
+    schedule: Schedule
+    pair: tuple[int, int]
+
+
+def with_carried_touches(extremal: Extremal, wrong: list[Wrong], refused: set[object]) -> CarriedTouches | None:
     """The schedule with touches that become a contact, held by a joint whose torque is on the wrong limit about them.
 
     A touch bends the switching functions of the other joints: where one of them asks for the other limit just then, and
@@ -80,7 +93,8 @@ def with_carried_touches(extremal: Extremal, wrong: list[Wrong], refused: set[ob
     switched = any(c.joint == touch.joint and not c.touch for c in _within(schedule, *ends))
     if press not in BANG or switched or not _on_limits(schedule, j, *ends):
         return None
-    return _held(extremal, schedule, replace(touch, touch=False), ends, Carrier(j, press, Mode.FREE), press)
+    contact = _held(extremal, schedule, replace(touch, touch=False), ends, Carrier(j, press, Mode.FREE), press)
+    return CarriedTouches(contact, (touch.joint, j))
 
 
 def _held(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.arcs.arc import OPPOSITE, POSITION, VELOCITY, Mode, outward, stretches
+from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, VELOCITY, Mode, outward, stretches
 from armdyn.optimal.switching.carried import with_carrier
 from armdyn.optimal.switching.costates import NODES, Whole
 from armdyn.optimal.switching.extremal.descent import Extremal
@@ -33,17 +33,20 @@ _TOWARDS = {
 """The torque that presses a joint against its limit."""
 
 
-def with_contacts(extremal: Extremal, settled: bool = True) -> Schedule | None:
-    """The schedule without parts of contacts that cannot be held or would rather be let go; None: there are none.
+def with_contacts(extremal: Extremal, settled: bool = True) -> list[Schedule]:
+    """Schedules without parts of a contact that cannot be held or would rather be let go, the likeliest first.
 
     Where a joint takes more torque than it has, it is given all of it, and another joint's torque holds it; or else it
     touches at most. One that a limit would have to
     pull back against is let go: inward torque takes it off, outward torque brings it back, a bounce. Off a limit of
-    velocity it is slowed down and sped up again.
+    velocity it is slowed down and sped up again. What a mesh takes for a contact may be a touch alone.
 
     Args:
         extremal: whose contacts are looked at, one at a time.
         settled: it is one, so that its costates say what would rather be let go.
+
+    Returns:
+        None where every contact is as it should be.
     """
     schedule, whole = extremal.schedule, None
     for segment in schedule.segments():
@@ -55,17 +58,17 @@ def with_contacts(extremal: Extremal, settled: bool = True) -> Schedule | None:
             continue
         if (weak := contact.weak) is not None:
             carried = with_carrier(extremal, whole, segment, weak.mode)
-            if carried is not None:
-                return carried
-            return _let_go(extremal, segment, weak.part, [(0.0, weak.mode)])
+            less = _let_go(extremal, segment, weak.part, [(0.0, weak.mode)])
+            return [less] if carried is None else [carried, less]
         if settled and (part := contact.unwilling) is not None:
             mode = schedule.changes[segment.begin].mode
             towards = _TOWARDS[mode]
             away = OPPOSITE[towards]
             if mode in VELOCITY:
-                return _let_go(extremal, segment, part, [(0.0, away), (0.5, towards)])
-            return _let_go(extremal, segment, part, [(0.0, away), (0.25, towards), (0.75, away)])
-    return None
+                return [_let_go(extremal, segment, part, [(0.0, away), (0.5, towards)])]
+            bounce = _let_go(extremal, segment, part, [(0.0, away), (0.25, towards), (0.75, away)])
+            return [bounce, *_as_touch(extremal, segment)]
+    return []
 
 
 @dataclass(frozen=True)
@@ -155,6 +158,21 @@ class _Contact:
         before, after = self.s[max(run[0] - 1, 0)], self.s[min(run[-1] + 1, self.s.size - 1)]
         begin, end = (self.s[run[0]] + before) / 2, (self.s[run[-1]] + after) / 2
         return (0.0 if begin < _WHOLE else float(begin)), (1.0 if end > 1 - _WHOLE else float(end))
+
+
+def _as_touch(extremal: Extremal, segment: Segment) -> list[Schedule]:
+    """The schedule with a touch where a contact ends, and from its beginning the torque that follows; if one does."""
+    schedule = extremal.schedule
+    contact = schedule.changes[segment.begin]
+    if segment.end == schedule.size or schedule.changes[segment.end].mode not in BANG:
+        return []
+    begin, end = schedule.span(segment)
+    more = [(begin, Change(contact.joint, schedule.changes[segment.end].mode))]
+    more.append((end, Change(contact.joint, contact.mode, touch=True)))
+    if contact.carrier:
+        more.append((begin, Change(contact.carrier.joint, contact.carrier.after)))
+    every = [(time, change, state_at(extremal.march, time)) for time, change in more]
+    return [schedule.without_changes([segment.begin, segment.end]).with_changes(every).without(())]
 
 
 def _let_go(

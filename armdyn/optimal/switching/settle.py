@@ -92,7 +92,7 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
         stop: asked before every step.
     """
     best, mended, stale = Settled(None, np.inf, "nothing was tried"), False, 0
-    chattering: tuple[Schedule, object] | None = None
+    others: list[tuple[Schedule, object]] = []  # to be tried where nothing comes of a schedule, the last first; and why
     refused, seen = set[object](), dict[Structure, float]()
     for _ in range(_ROUNDS):
         while schedule.size + 1 > setting.most_arcs and setting.finer is not None:
@@ -103,20 +103,20 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
             setting, schedule = finer, found.linear.march.schedule
             continue
         if isinstance(found, Resisted):
-            weak = with_contacts(Extremal(found.linear), settled=False) if found.linear and not stop else None
-            if weak is not None:
-                schedule = weak
-                continue
-            if chattering is None or stop:
+            weak = with_contacts(Extremal(found.linear), settled=False) if found.linear and not stop else []
+            others += [(other, None) for other in reversed(weak)]
+            if not others or stop:
                 return best.or_else(found.linear, found.why)
-            (schedule, hovering), chattering = chattering, None
-            refused.add(hovering)
+            schedule, reason = others.pop()
+            refused.add(reason)
             continue
         structure, duration = found.schedule.structure, found.schedule.duration
         again = duration > (1 - _SHORTER) * seen.get(structure, np.inf)  # mended contacts came out as they were
         limited = with_limits(found.march) or without_unwanted(found)
         if limited is None and not again:
-            seen[structure], limited = duration, with_contacts(found)
+            seen[structure], contacts = duration, with_contacts(found)
+            limited = contacts[0] if contacts else None
+            others += [(other, None) for other in reversed(contacts[1:])]
         if limited is not None:
             schedule, best = limited, best.or_else(found.linear, "limits of position are not settled")
             continue
@@ -133,15 +133,15 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
             continue
         if not wrong:
             return best
-        chattering = None
         schedule = with_signs(found, wrong)
         left = [one for one in wrong if one.joint not in refused]
         carried = with_carried_touches(found, wrong, refused)
         if carried is not None:
-            pair = next(one for one in carried.changes if one.carrier and one not in found.schedule.changes)
-            schedule, chattering = carried, (schedule, (pair.joint, wrong[0].joint))
+            others.append((schedule, carried.pair))
+            schedule = carried.schedule
         elif mended and left and (smooth := with_singular(found, left)) is not None:
-            schedule, chattering = smooth, (schedule, left[0].joint)
+            others.append((schedule, left[0].joint))
+            schedule = smooth
         mended = True
     return best
 
