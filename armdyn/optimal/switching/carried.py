@@ -74,14 +74,26 @@ def with_carried_touches(extremal: Extremal, wrong: list[Wrong], refused: set[ob
         wrong: stretches on the wrong limit, the worst first.
         refused: pairs of joints, the one that touches and the other, of which nothing came.
     """
+    for j in dict.fromkeys(one.joint for one in wrong):
+        found = _carried_touches(extremal, [one for one in wrong if one.joint == j], refused)
+        if found is not None:
+            return found
+    return None
+
+
+def _carried_touches(extremal: Extremal, wrong: list[Wrong], refused: set[object]) -> CarriedTouches | None:
+    """The same of stretches of one joint."""
     schedule, j = extremal.schedule, wrong[0].joint
-    begin, end = _stretch([one for one in wrong if one.joint == j], _NEAR * schedule.duration)
+    begin, end = _stretch(wrong, _NEAR * schedule.duration)
     touches = [
         k
         for k, (change, time) in enumerate(zip(schedule.changes, schedule.times, strict=True))
-        if change.touch and change.mode in POSITION and change.joint != j and begin <= time <= end
+        if change.touch
+        and change.mode in POSITION
+        and change.joint != j
+        and begin <= time <= end
+        and (change.joint, j) not in refused
     ]
-    touches = [k for k in touches if (schedule.changes[k].joint, j) not in refused]
     if not touches:
         return None
     nearest = min(touches, key=lambda k: abs(schedule.times[k] - wrong[0].worst))
@@ -90,7 +102,7 @@ def with_carried_touches(extremal: Extremal, wrong: list[Wrong], refused: set[ob
     half = (end - begin) / 8 if max(times) - min(times) < _NEAR * schedule.duration else 0.0
     ends = max(begin, min(times) - half), min(end, max(times) + half)
     press = schedule.modes()[nearest][touch.joint]
-    switched = any(c.joint == touch.joint and not c.touch for c in _within(schedule, *ends))
+    switched = any(c.joint == touch.joint and not c.touch and c.mode is not press for c in _within(schedule, *ends))
     if press not in BANG or switched or not _on_limits(schedule, j, *ends):
         return None
     contact = _held(extremal, schedule, replace(touch, touch=False), ends, Carrier(j, press, Mode.FREE), press)

@@ -18,6 +18,8 @@ _BEYOND = 1e-6
 """Of a torque's range: by so much more than it has a joint cannot be held."""
 _INWARD = 5e-5
 """Of a contact's largest pull: half of what is certified, which is seen at other places of it."""
+_MOSTLY = 0.5
+"""Of a contact: where more of it takes more torque than there is, another joint rather holds all of it."""
 _WHOLE = 0.02
 """Of a contact: what is left of it at an end is not worth another contact."""
 _LEAST = 0.1
@@ -59,7 +61,8 @@ def with_contacts(extremal: Extremal, settled: bool = True) -> list[Schedule]:
         if (weak := contact.weak) is not None:
             carried = with_carrier(extremal, whole, segment, weak.mode)
             less = _let_go(extremal, segment, weak.part, [(0.0, weak.mode)])
-            return [less] if carried is None else [carried, less]
+            every = [less] if carried is None else [carried, less]
+            return every if weak.part[1] - weak.part[0] >= _MOSTLY else every[::-1]
         if settled and (part := contact.unwilling) is not None:
             mode = schedule.changes[segment.begin].mode
             towards = _TOWARDS[mode]

@@ -113,14 +113,21 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
         structure, duration = found.schedule.structure, found.schedule.duration
         again = duration > (1 - _SHORTER) * seen.get(structure, np.inf)  # mended contacts came out as they were
         limited = with_limits(found.march) or without_unwanted(found)
-        if limited is None and not again:
-            seen[structure], contacts = duration, with_contacts(found)
-            limited = contacts[0] if contacts else None
-            others += [(other, None) for other in reversed(contacts[1:])]
-        if limited is not None:
-            schedule, best = limited, best.or_else(found.linear, "limits of position are not settled")
+        contacts = [limited] if limited else [] if again else with_contacts(found)
+        wrong = [] if limited else wrong_signs(found, _LEAST)
+        if limited is None:
+            seen[structure] = min(duration, seen.get(structure, np.inf))
+        carried = with_carried_touches(found, wrong, refused)
+        if contacts:
+            best = best.or_else(found.linear, "limits of position are not settled")
+            others += [(other, None) for other in reversed(contacts)]
+            if carried is not None:
+                others[-1] = contacts[0], carried.pair
+                schedule = carried.schedule
+            else:
+                schedule, _ = others.pop()
             continue
-        wrong, idle = wrong_signs(found, _LEAST), max([0.0, *(idle_fall(found, k) for k in found.schedule.courses)])
+        idle = max([0.0, *(idle_fall(found, k) for k in found.schedule.courses)])
         worst = max([idle, *(one.value for one in wrong[:1])])
         stale = 0 if worst < _BETTER * best.wrong else stale + 1
         if worst < best.wrong:
@@ -135,7 +142,6 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
             return best
         schedule = with_signs(found, wrong)
         left = [one for one in wrong if one.joint not in refused]
-        carried = with_carried_touches(found, wrong, refused)
         if carried is not None:
             others.append((schedule, carried.pair))
             schedule = carried.schedule

@@ -29,6 +29,7 @@ class Wrong:
         begin: of the stretch [s].
         end: of it [s].
         worst: when it is worst [s].
+        carried: the joint is on a limit of position that another joint's torque holds it on.
     """
 
     value: float
@@ -37,6 +38,7 @@ class Wrong:
     begin: float
     end: float
     worst: float
+    carried: bool = False
 
 
 def wrong_signs(extremal: Extremal, least: float) -> list[Wrong]:
@@ -48,7 +50,7 @@ def wrong_signs(extremal: Extremal, least: float) -> list[Wrong]:
     """
     march, limits = extremal.march, extremal.march.setting.problem.limits
     modes, t = _torque_modes(extremal.schedule), np.repeat(march.times, 2)[1:-1]
-    found: list[Wrong] = []
+    found, carriers = list[Wrong](), extremal.schedule.carriers()
     for i in range(len(extremal.schedule.first)):
         own = [modes[a][i] for a in march.arc]
         sign = np.array([0.0 if mode not in BANG else 1.0 if mode is Mode.UPPER else -1.0 for mode in own])
@@ -59,7 +61,9 @@ def wrong_signs(extremal: Extremal, least: float) -> list[Wrong]:
             if np.max(fall[run]) > least:
                 worst = int(run[np.argmax(fall[run])])
                 begin, end = t[max(run[0] - 1, 0)], t[min(run[-1] + 1, t.size - 1)]
-                found.append(Wrong(float(fall[worst]), i, own[worst // 2], float(begin), float(end), float(t[worst])))
+                carried = i in carriers[march.arc[worst // 2]]
+                mode = own[worst // 2]
+                found.append(Wrong(float(fall[worst]), i, mode, float(begin), float(end), float(t[worst]), carried))
     return sorted(found, key=lambda wrong: -wrong.value)
 
 
@@ -84,6 +88,8 @@ def with_signs(extremal: Extremal, wrong: list[Wrong], schedule: Schedule | None
     for one in wrong:
         if one.value < _WORSE * wrong[0].value:
             break
+        if one.carried:  # it is on its limit of position, and another joint's torque answers for it
+            continue
         half = (one.end - one.begin) / 8
         middle = min(max(one.worst, one.begin + half), one.end - half)
         for time, mode in ((middle - half, OPPOSITE[one.mode]), (middle + half, one.mode)):
