@@ -136,8 +136,10 @@ def _held(
         if change.joint == carrier.joint and not change.touch:
             gone.append(k)
             after = change.mode
-        elif change.touch and (change.joint, change.mode) == (contact.joint, contact.mode):
-            gone.append(k)
+        elif change.joint == contact.joint and (change.mode if change.touch else schedule.modes()[k][change.joint]) is (
+            contact.mode
+        ):
+            gone.append(k)  # a touch, or the end of a contact that goes on as this one
     more = [(begin, replace(contact, carrier=replace(carrier, after=after)))]
     if leaving is not None:
         more.append((end, Change(contact.joint, leaving)))
