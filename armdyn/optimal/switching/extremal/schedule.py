@@ -265,12 +265,13 @@ class Schedule:
                 changes[segment.begin] = Change(carrier.joint, carrier.after)
                 continue
             gone.add(segment.end if segment.begin < 0 else segment.begin)
-        now, kept = list(first), list[int]()
+        now, kept, carrier_of = list(first), list[int](), dict[int, Carrier | None]()
         for k, change in enumerate(changes):
-            if k in gone or (not change.touch and now[change.joint] is change.mode):
+            same = now[change.joint] is change.mode and carrier_of.get(change.joint) == change.carrier
+            if k in gone or (not change.touch and same):
                 continue
             if not change.touch:
-                now[change.joint] = change.mode
+                now[change.joint], carrier_of[change.joint] = change.mode, change.carrier
             if change.carrier:
                 now[change.carrier.joint] = change.carrier.after
             kept.append(k)
