@@ -24,6 +24,7 @@ from armdyn.optimal.switching.settle import Settled, has_switching, leaves_idle,
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
+_IDLE = "time leaves a joint idle"
 Structure = tuple[tuple[tuple[Mode, ...], tuple[tuple[int, Mode], ...]], ...]
 
 
@@ -38,11 +39,13 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
     motion, known, remark = attempt.trajectory, list[Optimum](), f"{task.stop.word} before the arcs were read"
     if not task.stop:
         arcs = _arcs_of(task, attempt)
-        if has_switching(task):
-            own = budget or Budget(task.stop)
+        own, marched = Budget(task.stop) if budget is None else budget, has_switching(task)
+        if marched:
             extremal, remark = _by_switching(task, arcs, motion, own)
             known += [land_extremal(task, extremal, attempt.intervals, own)] if extremal else []
-        if not known or (not known[0].certificate.ok and _at_speed(task, motion, known[0].trajectory)):
+        # Where no schedule leads to a motion a finer mesh does sooner than the collocation of arcs, at less cost.
+        other = not marched or remark == _IDLE or _at_speed(task, motion, *(one.trajectory for one in known))
+        if other and not (known and known[0].certificate.ok):
             phases, remark = _structure(task, arcs, motion, budget)
             if phases is not None:
                 known.append(land(task, phases, remark, attempt.intervals))
@@ -152,7 +155,7 @@ def _by_switching(task: Task, arcs: list[Arc], motion: Trajectory, budget: Budge
     if best is None or best.extremal is None:
         return None, found.why
     idle = leaves_idle(best.extremal, SWITCHING_TOLERANCE)
-    return (None, "time leaves a joint idle") if idle else (best.extremal, best.why)
+    return (None, _IDLE) if idle else (best.extremal, best.why)
 
 
 def _named(arcs: tuple[Arc, ...] | list[Arc]) -> Structure:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, VELOCITY, Mode, outward, stretches
+from armdyn.optimal.switching.carried import with_carrier
 from armdyn.optimal.switching.costates import NODES, Whole
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.limits import state_at
@@ -17,6 +18,8 @@ _BEYOND = 1e-6
 """Of a torque's range: by so much more than it has a joint cannot be held."""
 _INWARD = 5e-5
 """Of a contact's largest pull: half of what is certified, which is seen at other places of it."""
+_MOSTLY = 0.5
+"""Of a contact: where more of it takes more torque than there is, another joint rather holds all of it."""
 _WHOLE = 0.02
 """Of a contact: what is left of it at an end is not worth another contact."""
 _LEAST = 0.1
@@ -34,18 +37,20 @@ _TOWARDS = {
 """The torque that presses a joint against its limit."""
 
 
-def with_contacts(extremal: Extremal, settled: bool = True, shared: bool = True) -> Schedule | None:
-    """The schedule without parts of contacts that cannot be held or would rather be let go; None: there are none.
+def with_contacts(extremal: Extremal, settled: bool = True) -> list[Schedule]:
+    """Schedules without parts of a contact that cannot be held or would rather be let go, the likeliest first.
 
-    A joint that takes more torque than it has is given all of it, and touches at most. One that a limit would have to
+    Where a joint takes more torque than it has, it is given all of it, and another joint's torque holds it; or else it
+    touches at most. One that a limit would have to
     pull back against is let go: inward torque takes it off, outward torque brings it back, a bounce. Off a limit of
-    velocity it is slowed down and sped up again.
+    velocity it is slowed down and sped up again. What a mesh takes for a contact may be a touch alone.
 
     Args:
         extremal: whose contacts are looked at, one at a time.
         settled: it is one, so that its costates say what would rather be let go.
-        shared: where a joint takes more torque than it has to stay on its velocity limit, another joint's torque keeps
-            it there.
+
+    Returns:
+        None where every contact is as it should be.
     """
     schedule = extremal.schedule
     held = [s for s in schedule.segments() if s.begin >= 0 and schedule.changes[s.begin].mode in _TOWARDS]
@@ -56,8 +61,12 @@ def with_contacts(extremal: Extremal, settled: bool = True, shared: bool = True)
             continue
         if (weak := contact.weak) is not None:
             if (kept := _kept(extremal, segment, weak)) is not None:
-                return kept if shared else _left(extremal, kept, segment)
-            return _let_go(extremal, segment, weak.part, [(0.0, weak.mode)])
+                left = _left(extremal, kept, segment)
+                return [kept] if left is None else [kept, left]
+            carried = with_carrier(extremal, whole, segment, weak.mode) if whole is not None else None
+            less = _let_go(extremal, segment, weak.part, [(0.0, weak.mode)])
+            every = [less] if carried is None else [carried, less]
+            return every if weak.part[1] - weak.part[0] >= _MOSTLY else every[::-1]
         joint, mode = schedule.changes[segment.begin].joint, schedule.changes[segment.begin].mode
         alike = [
             other.largest
@@ -67,13 +76,14 @@ def with_contacts(extremal: Extremal, settled: bool = True, shared: bool = True)
         largest = max(alike) if mode in VELOCITY else contact.largest
         if settled and (part := contact.unwilling(largest)) is not None:
             if (left := _left(extremal, schedule, segment, part)) is not None:
-                return left
+                return [left]
             towards = _TOWARDS[mode]
             away = OPPOSITE[towards]
             if mode in VELOCITY:
-                return _let_go(extremal, segment, part, [(0.0, away), (0.5, towards)])
-            return _let_go(extremal, segment, part, [(0.0, away), (0.25, towards), (0.75, away)])
-    return None
+                return [_let_go(extremal, segment, part, [(0.0, away), (0.5, towards)])]
+            bounce = _let_go(extremal, segment, part, [(0.0, away), (0.25, towards), (0.75, away)])
+            return [bounce, *_as_touch(extremal, segment)]
+    return []
 
 
 @dataclass(frozen=True)
@@ -117,9 +127,10 @@ class _Contact:
         if not own.size:
             return None
         i, sign, lengths = change.joint, outward(change.mode), np.diff(whole.t)
+        holder = change.carrier.joint if change.carrier else i
         t = whole.t[own][:, None] + lengths[own][:, None] * NODES
-        upper, lower = limits.effort_upper[i], limits.effort_lower[i]
-        torque = (2 * whole.tau[own, :, i] - upper - lower) / (upper - lower)
+        upper, lower = limits.effort_upper[holder], limits.effort_lower[holder]
+        torque = (2 * whole.tau[own, :, holder] - upper - lower) / (upper - lower)
         costate, K = whole.costate[:, :, i], lengths.size
         knots = range(int(own[0]), int(own[-1]) + 2)
         blows = [costate[k - 1, -1] - costate[k, 0] if 0 < k < K else 0.0 for k in knots]
@@ -278,6 +289,21 @@ def _left(
         every = [(time, one, state_at(extremal.march, time)) for time, one in more]
         return schedule.without_changes(gone).with_changes(every).without(())
     return None
+
+
+def _as_touch(extremal: Extremal, segment: Segment) -> list[Schedule]:
+    """The schedule with a touch where a contact ends, and from its beginning the torque that follows; if one does."""
+    schedule = extremal.schedule
+    contact = schedule.changes[segment.begin]
+    if segment.end == schedule.size or schedule.changes[segment.end].mode not in BANG:
+        return []
+    begin, end = schedule.span(segment)
+    more = [(begin, Change(contact.joint, schedule.changes[segment.end].mode))]
+    more.append((end, Change(contact.joint, contact.mode, touch=True)))
+    if contact.carrier:
+        more.append((begin, Change(contact.carrier.joint, contact.carrier.after)))
+    every = [(time, change, state_at(extremal.march, time)) for time, change in more]
+    return [schedule.without_changes([segment.begin, segment.end]).with_changes(every).without(())]
 
 
 def _let_go(

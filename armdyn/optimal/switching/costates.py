@@ -91,6 +91,7 @@ class Whole:
         pulls: of held limits on ρ per second, shape (K, stages + 1, 2 nv).
         position: joints on a limit of position, shape (K, nv).
         velocity: on one of velocity, likewise.
+        inertia: M(q), shape (K, stages + 1, nv, nv).
     """
 
     t: Array
@@ -101,6 +102,7 @@ class Whole:
     pulls: Array
     position: NDArray[np.bool_]
     velocity: NDArray[np.bool_]
+    inertia: Array
 
     @classmethod
     def of(cls, extremal: Extremal) -> Self:
@@ -109,7 +111,7 @@ class Whole:
         at = _At.of(extremal, grid)
         costate, pulls = _adjoined(at, np.diff(grid.t), robot.nv)
         switching = np.asarray(np.linalg.solve(at.inertia, costate[..., robot.nv :, None])[..., 0], float)
-        return cls(grid.t, at.x, _torques(at, robot), costate, switching, pulls, at.position, at.velocity)
+        return cls(grid.t, at.x, _torques(at, robot), costate, switching, pulls, at.position, at.velocity, at.inertia)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +160,7 @@ class _At:
         inertia: M(q), shape (..., nv, nv).
         position: joints held on a limit of position, shape (K, nv).
         velocity: on one of velocity, likewise.
-        held: which torques hold them, see `Torques.held`, likewise.
+        holder: numbers of the joints whose torques hold them; of those that are not held their own, likewise.
     """
 
     x: Array
@@ -168,7 +170,7 @@ class _At:
     inertia: Array
     position: NDArray[np.bool_]
     velocity: NDArray[np.bool_]
-    held: Array
+    holder: NDArray[np.int_]
 
     @classmethod
     def of(cls, extremal: Extremal, grid: _Grid) -> Self:
@@ -182,7 +184,11 @@ class _At:
         inertia = np.array([*map(joint_inertia(robot), x[:, :n])])
         modes = extremal.schedule.modes()
         own = [modes[a] for a in march.arc[grid.step[:, 0]]]
-        shape = grid.step.shape
+        shape, carriers = grid.step.shape, extremal.schedule.carriers()
+        holder = np.tile(np.arange(n), (shape[0], 1))
+        for k, a in enumerate(march.arc[grid.step[:, 0]]):
+            for joint, carrier in carriers[a].items():
+                holder[k, joint] = carrier.joint
         return cls(
             x.reshape(*shape, 2 * n),
             rate.reshape(*shape, 2 * n),
@@ -191,7 +197,7 @@ class _At:
             inertia.reshape(*shape, n, n),
             np.array([[mode in POSITION for mode in each] for each in own]),
             np.array([[mode in VELOCITY for mode in each] for each in own]),
-            march.torques.held[grid.step[:, 0]],
+            holder,
         )
 
 
@@ -203,7 +209,7 @@ def _carried(march: March, step: NDArray[np.int_], part: Array) -> tuple[Array, 
     there = first[some] + s[:, None] * (last[some] - first[some])
     rows = march.start[some], np.ones(some.size), s * march.h[some], first[some], there
     body = np.tile(march.setting.body, (some.size, 1))
-    x, through, _, rate = march.setting.flow.marched(*rows, march.torques.felt[some], march.torques.held[some], body)
+    x, through, _, rate = march.setting.flow.marched(*rows, march.torques.felt[some], march.torques.kept[some], body)
     return x[: step.size], through[: step.size], rate[: step.size]
 
 
@@ -212,10 +218,9 @@ def _adjoined(at: _At, lengths: Array, n: int) -> tuple[Array, Array]:
     costate, pulls = at.p.copy(), np.zeros_like(at.p)
     for k in np.flatnonzero(np.any(at.position | at.velocity, axis=1)):
         held = np.flatnonzero(at.position[k] | at.velocity[k])
-        inverse = np.linalg.inv(at.inertia[k])
-        free = np.where(at.held[k, held] > 1, np.argmin(at.held[k]), held)  # whose switching functions are zero
-        felt = inverse[:, free] @ at.p[k, :, n:, None]
-        eta = -np.linalg.solve(inverse[:, free[:, None], held], felt)[..., 0]
+        inverse, holder = np.linalg.inv(at.inertia[k]), at.holder[k, held]
+        felt = inverse[:, holder] @ at.p[k, :, n:, None]
+        eta = -np.linalg.solve(inverse[:, holder[:, None], held], felt)[..., 0]
         slope = _SLOPE @ eta / lengths[k]
         costate[k][:, n + held] += eta
         on_position = at.position[k, held]
@@ -229,7 +234,7 @@ def _torques(at: _At, robot: Robot) -> Array:
     """With those that hold a joint."""
     n, tau, needed = robot.nv, at.tau.copy(), inverse_dynamics(robot)
     for k in np.flatnonzero(np.any(at.position | at.velocity, axis=1)):
-        held = at.position[k] | at.velocity[k] | (at.held[k] < 0)
+        held = at.holder[k, at.position[k] | at.velocity[k]]
         for x, rate, own in zip(at.x[k], at.rate[k], tau[k], strict=True):
             own[held] = needed(x[:n], x[n:], rate[n:])[held]
     return tau

@@ -7,6 +7,7 @@ import numpy as np
 
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.solve.ipopt import in_time
+from armdyn.optimal.switching.carried import with_carried_touches
 from armdyn.optimal.switching.contacts import with_contacts
 from armdyn.optimal.switching.extremal.descent import Extremal, Resisted, fastest
 from armdyn.optimal.switching.extremal.flow import Flow, flow_of
@@ -91,9 +92,8 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
         stop: asked before every step.
     """
     best, mended, stale = Settled(None, np.inf, "nothing was tried"), False, 0
-    chattering: tuple[Schedule, int] | None = None
-    instead: Schedule | None = None
-    refused, seen = set[int](), dict[Structure, float]()
+    others: list[tuple[Schedule, object]] = []  # to be tried where nothing comes of a schedule, the last first; and why
+    refused, seen = set[object](), dict[Structure, float]()
     for _ in range(_ROUNDS):
         while schedule.size + 1 > setting.most_arcs and setting.finer is not None:
             setting = setting.finer
@@ -103,26 +103,31 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
             setting, schedule = finer, found.linear.march.schedule
             continue
         if isinstance(found, Resisted):
-            weak = with_contacts(Extremal(found.linear), settled=False) if found.linear and not stop else None
-            other = weak or (None if stop else instead)
-            if other is not None:
-                schedule, instead = other, None
-                continue
-            if chattering is None or stop:
+            weak = with_contacts(Extremal(found.linear), settled=False) if found.linear and not stop else []
+            others += [(other, None) for other in reversed(weak)]
+            if not others or stop:
                 return best.or_else(found.linear, found.why)
-            (schedule, hovering), chattering = chattering, None
-            refused.add(hovering)
+            schedule, reason = others.pop()
+            refused.add(reason)
             continue
         structure, duration = found.schedule.structure, found.schedule.duration
         again = duration > (1 - _SHORTER) * seen.get(structure, np.inf)  # mended contacts came out as they were
         limited = with_limits(found.march) or without_unwanted(found)
-        if limited is None and not again:
-            seen[structure], limited = duration, with_contacts(found)
-            instead = with_contacts(found, shared=False) if limited is not None else None
-        if limited is not None:
-            schedule, best = limited, best.or_else(found.linear, "limits of position are not settled")
+        contacts = [limited] if limited else [] if again else with_contacts(found)
+        wrong = [] if limited else wrong_signs(found, _LEAST)
+        if limited is None:
+            seen[structure] = min(duration, seen.get(structure, np.inf))
+        carried = with_carried_touches(found, wrong, refused)
+        if contacts:
+            best = best.or_else(found.linear, "limits of position are not settled")
+            others += [(other, None) for other in reversed(contacts)]
+            if carried is not None:
+                others[-1] = contacts[0], carried.pair
+                schedule = carried.schedule
+            else:
+                schedule, _ = others.pop()
             continue
-        wrong, idle = wrong_signs(found, _LEAST), max([0.0, *(idle_fall(found, k) for k in found.schedule.courses)])
+        idle = max([0.0, *(idle_fall(found, k) for k in found.schedule.courses)])
         worst = max([idle, *(one.value for one in wrong[:1])])
         stale = 0 if worst < _BETTER * best.wrong else stale + 1
         if worst < best.wrong:
@@ -135,11 +140,14 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
             continue
         if not wrong:
             return best
-        chattering = None
         schedule = with_signs(found, wrong)
         left = [one for one in wrong if one.joint not in refused]
-        if mended and left and (smooth := with_singular(found, left)) is not None:
-            schedule, chattering = smooth, (schedule, left[0].joint)
+        if carried is not None:
+            others.append((schedule, carried.pair))
+            schedule = carried.schedule
+        elif mended and left and (smooth := with_singular(found, left)) is not None:
+            others.append((schedule, left[0].joint))
+            schedule = smooth
         mended = True
     return best
 
@@ -156,6 +164,6 @@ def leaves_idle(extremal: Extremal, tolerance: float) -> bool:
     march, limits = extremal.march, extremal.march.setting.problem.limits
     ranges = limits.effort_upper - limits.effort_lower
     idle = (np.abs(extremal.switching) * ranges <= tolerance) & (ranges > 0)
-    elsewhere = (march.torques.felt > 0) | (march.torques.held != 0)
+    elsewhere = (march.torques.felt > 0) | (march.torques.held > 0) | (march.torques.carried[:, ranges.size :] > 0)
     shares = np.tile(march.h, 2) @ (idle & ~np.tile(elsewhere, (2, 1))) / 2
     return bool(np.any(shares > extremal.schedule.duration / 2))

@@ -29,6 +29,7 @@ class Wrong:
         begin: of the stretch [s].
         end: of it [s].
         worst: when it is worst [s].
+        carried: the joint is on a limit of position that another joint's torque holds it on.
     """
 
     value: float
@@ -37,6 +38,7 @@ class Wrong:
     begin: float
     end: float
     worst: float
+    carried: bool = False
 
 
 def wrong_signs(extremal: Extremal, least: float) -> list[Wrong]:
@@ -47,14 +49,10 @@ def wrong_signs(extremal: Extremal, least: float) -> list[Wrong]:
         least: by how much H must fall for that.
     """
     march, limits = extremal.march, extremal.march.setting.problem.limits
-    modes, t = extremal.schedule.modes(), np.repeat(march.times, 2)[1:-1]
-    found: list[Wrong] = []
+    modes, t = _torque_modes(extremal.schedule), np.repeat(march.times, 2)[1:-1]
+    found, carriers = list[Wrong](), extremal.schedule.carriers()
     for i in range(len(extremal.schedule.first)):
         own = [modes[a][i] for a in march.arc]
-        for k, change in enumerate(extremal.schedule.changes):
-            if change.keeps and change.keeps[0] == i:
-                on = (march.arc > k) & (march.arc <= extremal.schedule.end_of(k))
-                own = [change.keeps[1] if there else mode for mode, there in zip(own, on, strict=True)]
         sign = np.array([0.0 if mode not in BANG else 1.0 if mode is Mode.UPPER else -1.0 for mode in own])
         range_ = limits.effort_upper[i] - limits.effort_lower[i]
         fall = np.column_stack(np.split(extremal.switching[:, i], 2)) * sign[:, None] * range_
@@ -63,8 +61,19 @@ def wrong_signs(extremal: Extremal, least: float) -> list[Wrong]:
             if np.max(fall[run]) > least:
                 worst = int(run[np.argmax(fall[run])])
                 begin, end = t[max(run[0] - 1, 0)], t[min(run[-1] + 1, t.size - 1)]
-                found.append(Wrong(float(fall[worst]), i, own[worst // 2], float(begin), float(end), float(t[worst])))
+                carried = i in carriers[march.arc[worst // 2]]
+                mode = own[worst // 2]
+                found.append(Wrong(float(fall[worst]), i, mode, float(begin), float(end), float(t[worst]), carried))
     return sorted(found, key=lambda wrong: -wrong.value)
+
+
+def _torque_modes(schedule: Schedule) -> list[list[Mode]]:
+    """Modes between the changes; of a joint that another one holds, the torque limit that it is on."""
+    out = [list(modes) for modes in schedule.modes()]
+    for modes, carriers in zip(out, schedule.carriers(), strict=True):
+        for joint, carrier in carriers.items():
+            modes[joint], modes[carrier.joint] = carrier.press, Mode.FREE
+    return out
 
 
 def with_signs(extremal: Extremal, wrong: list[Wrong], schedule: Schedule | None = None) -> Schedule:
@@ -76,12 +85,10 @@ def with_signs(extremal: Extremal, wrong: list[Wrong], schedule: Schedule | None
         schedule: the extremal's with other things mended; None: its own.
     """
     more: list[tuple[float, Change, Array]] = []
-    kept = {change.keeps[0] for change in extremal.schedule.changes if change.keeps}
-    modes = extremal.schedule.modes()
     for one in wrong:
         if one.value < _WORSE * wrong[0].value:
             break
-        if one.joint in kept and modes[int(np.searchsorted(extremal.schedule.times, one.worst))][one.joint] in VELOCITY:
+        if one.carried:  # it is on its limit of position, and another joint's torque answers for it
             continue
         half = (one.end - one.begin) / 8
         middle = min(max(one.worst, one.begin + half), one.end - half)

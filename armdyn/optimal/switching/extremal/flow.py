@@ -1,7 +1,7 @@
 """The flow of an arm under constant torques, its derivatives, and the switching functions.
 
-A joint that is held keeps its velocity: the others move as if it were no joint. Where its own torque is given, another
-joint's is whatever holds it. Steps are Cooper and Verner's method
+A joint that is held keeps its velocity: the others move as if it were no joint. It may be held by its own torque or by
+that of another joint, which is whatever that takes. Steps are Cooper and Verner's method
 of eighth order (Some explicit Runge-Kutta methods of high order, SIAM J. Numer. Anal. 9, 1972).
 """
 
@@ -60,7 +60,8 @@ class Flow:
             (2 nv, STEPS); what they answer to their starts, ∂end/∂start, each as a column, shape
             (2 nv, 2 nv STEPS); what they answer to a torque along `felt`, at the start and at the end, shape
             (2 nv, 2 STEPS); and ẋ at the ends, shape (2 nv, STEPS). A step starts where the one before ended or,
-            where `begins` is 1, at its own x; its torque is linear. The last eight have a column for each step.
+            where `begins` is 1, at its own x; its torque is linear. The last eight have a column for each step. `held`
+            has 3 nv rows: 1 for joints that their own torques hold, for one that another's holds, for that other.
         switching: (q, p, held, body), 2 STEPS columns each -> S = ∂(pᵀẋ)/∂τ, shape (nv, 2 STEPS).
         rate: (x, τ, felt, held, body) -> ẋ, ∂ẋ/∂x and ∂ẋ/∂τ along `felt`, at one state.
     """
@@ -124,7 +125,7 @@ def flow_of(dynamics: Dynamics, asked: bool | None) -> Flow:
         ca.MX.sym("h"),
     )
     first, last, felt = ca.MX.sym("first", n), ca.MX.sym("last", n), ca.MX.sym("felt", n)
-    rest = [felt, ca.MX.sym("held", n), ca.MX.sym("body", dynamics.last_body.size)]
+    rest = [felt, ca.MX.sym("held", 3 * n), ca.MX.sym("body", dynamics.last_body.size)]
     start, identity = begins * own + (1 - begins) * previous, ca.densify(ca.MX.eye(2 * n))
     rates: list[ca.MX] = []
     slopes: list[ca.MX] = []
@@ -156,17 +157,25 @@ def flow_of(dynamics: Dynamics, asked: bool | None) -> Flow:
 def _functions(dynamics: Dynamics) -> tuple[ca.Function, ca.Function]:
     """(x, τ, felt, held, body) -> ẋ, ∂ẋ/∂x and ∂ẋ/∂τ along `felt`; and one column of `Flow.switching`."""
     n = dynamics.nv
-    x, tau, held = ca.SX.sym("x", 2 * n), ca.SX.sym("tau", n), ca.SX.sym("held", n)
+    x, tau, held = ca.SX.sym("x", 2 * n), ca.SX.sym("tau", n), ca.SX.sym("held", 3 * n)
     numbers, p = ca.SX.sym("body", dynamics.last_body.size), ca.SX.sym("p", 2 * n)
     body, felt = only_present(dynamics, numbers), ca.SX.sym("felt", n)
-    q, v, free, unknown = x[:n], x[n:], held < 0.5, held < -0.5
-    # Row by row: the equation of motion that gives a joint's acceleration, its own or the held joint's.
-    rows = ca.diag(free * (1 - unknown)) + unknown @ (held > 1.5).T
-    inertia = rows @ dynamics.crba(q, body) @ ca.diag(free) + ca.diag(1 - free)
-    f = ca.vertcat(v, _solved(inertia, rows @ (tau - dynamics.nle(q, v, body))))
+    q, v, (own, lifted, carrying) = x[:n], x[n:], ca.vertsplit(held, n)
+    free = 1 - own
+    inertia = ca.diag(free) @ dynamics.crba(q, body) @ ca.diag(free) + ca.diag(own)
+    by_carrier = _solved(inertia, carrying)
+    reach = ca.dot(lifted, by_carrier) + 1 - ca.sum1(lifted)
+
+    def accelerated(torque: ca.SX) -> ca.SX:
+        """Accelerations by a torque and by what the carrying joint adds to it."""
+        alone = _solved(inertia, free * torque)
+        return alone - by_carrier * ca.dot(lifted, alone) / reach
+
+    f = ca.vertcat(v, accelerated(tau - dynamics.nle(q, v, body)))
     slope = ca.densify(ca.jacobian(f, x))
-    answer = ca.densify(ca.vertcat(ca.SX.zeros(n), _solved(inertia, rows @ felt)))
-    switching = rows.T @ _solved(inertia.T, free * p[n:])
+    answer = ca.densify(ca.vertcat(ca.SX.zeros(n), free * accelerated(felt)))
+    alone = _solved(inertia, free * p[n:])
+    switching = free * (alone - _solved(inertia, lifted) * ca.dot(carrying, alone) / reach)
     return (
         ca.Function("rate", [x, tau, felt, held, numbers], [f, slope, answer], {"cse": True}),
         ca.Function("switching", [q, p, held, numbers], [ca.densify(switching)], {"cse": True}),
@@ -174,16 +183,18 @@ def _functions(dynamics: Dynamics) -> tuple[ca.Function, ca.Function]:
 
 
 def _solved(matrix: ca.SX, right: ca.SX) -> ca.SX:
-    """The solution of a linear system, by L U: of an inertia, or of one with a row in another's place."""
+    """The solution of a symmetric positive definite system, by L D Lᵀ."""
     n = right.numel()
-    left, y = ca.SX(matrix), [right[i] for i in range(n)]
+    L: list[list[ca.SX]] = [[ca.SX(0)] * n for _ in range(n)]
+    D: list[ca.SX] = []
     for j in range(n):
+        D.append(matrix[j, j] - sum(L[j][k] ** 2 * D[k] for k in range(j)))
         for i in range(j + 1, n):
-            factor = left[i, j] / left[j, j]
-            y[i] -= factor * y[j]
-            for k in range(j + 1, n):
-                left[i, k] -= factor * left[j, k]
-    out = [ca.SX(0)] * n
+            L[i][j] = (matrix[i, j] - sum(L[i][k] * L[j][k] * D[k] for k in range(j))) / D[j]
+    y: list[ca.SX] = []
+    for i in range(n):
+        y.append(right[i] - sum(L[i][k] * y[k] for k in range(i)))
+    out = [y[i] / D[i] for i in range(n)]
     for i in reversed(range(n)):
-        out[i] = (y[i] - sum(left[i, k] * out[k] for k in range(i + 1, n))) / left[i, i]
+        out[i] -= sum(L[k][i] * out[k] for k in range(i + 1, n))
     return ca.vertcat(*out)

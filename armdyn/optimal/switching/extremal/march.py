@@ -134,7 +134,7 @@ class March:
             setting.budget.spend(arc.size * len(torques.layers))
         answer = np.zeros((arc.size, own.shape[1], 2, torques.felt.shape[1]))
         for felt in torques.layers:
-            end, through, along, rate = setting.flow.marched(*columns, felt, torques.held, body)
+            end, through, along, rate = setting.flow.marched(*columns, felt, torques.kept, body)
             answer += along[:, :, :, None] * felt[:, None, None]
         start = np.where(begins[:, None], own, np.vstack([states[:1], end[:-1]]))
         if joined is not None and np.any(joined):
@@ -162,8 +162,11 @@ class March:
         """What limits of the state ask for: number of the change, place in (q, v), and the value there."""
         n, limits = self.setting.problem.robot.nv, self.setting.problem.limits
         out: list[tuple[int, int, float]] = []
+        modes = self.schedule.modes()
         for k, change in enumerate(self.schedule.changes):
             i, mode = change.joint, change.mode
+            if mode is modes[k][i] and mode in POSITION:
+                continue  # it is there already
             if mode in POSITION:
                 bound = limits.position_upper if mode is Mode.POSITION_UPPER else limits.position_lower
                 out += [(k, i, float(bound[i])), (k, n + i, 0.0)]
@@ -184,7 +187,7 @@ class March:
             if change.tangent is None:
                 continue
             joint, mode = change.tangent
-            held, tau = np.zeros(n), np.zeros(n)
+            held, tau = np.zeros(3 * n), np.zeros(n)
             for i, (before, after) in enumerate(zip(modes[k], modes[k + 1], strict=True)):
                 own = mode if i == joint else before if after is Mode.FREE else after
                 held[i] = own in POSITION or own in VELOCITY
@@ -206,7 +209,7 @@ class March:
         Args:
             costates: p there, each of shape (steps, 2 nv).
         """
-        n, held = self.setting.problem.robot.nv, np.tile(self.torques.held, (2, 1))
+        n, held = self.setting.problem.robot.nv, np.tile(self.torques.kept, (2, 1))
         body = np.tile(self.setting.body, (len(held), 1))
         q = np.vstack([self.start, self.end])[:, :n]
         return self.setting.flow.switchings(q, np.vstack(costates), held, body)

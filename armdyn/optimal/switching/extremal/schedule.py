@@ -21,7 +21,22 @@ _SAMPLES = 50
 """Of a torque in an arc."""
 
 
-Structure = tuple[tuple[Mode, ...], tuple[tuple[int, Mode, bool], ...]]
+Structure = tuple[tuple[Mode, ...], tuple[tuple[int, Mode, bool, "Carrier | None"], ...]]
+
+
+@dataclass(frozen=True)
+class Carrier:
+    """Another joint whose torque keeps a joint on its limit of position, while that joint's own torque is full.
+
+    Attributes:
+        joint: number of the other joint.
+        press: torque limit that the held joint is on meanwhile.
+        after: mode of the other joint when the contact ends.
+    """
+
+    joint: int
+    press: Mode
+    after: Mode
 
 
 @dataclass(frozen=True)
@@ -33,6 +48,7 @@ class Change:
         mode: what it is in from then on; of a touch, the limit that it meets and leaves at once.
         touch: it keeps the mode that it was in.
         course: of a free torque; else none.
+        carrier: the joint that holds this one on a limit of position; None: its own torque does.
         keeps: of a torque that keeps another joint on its velocity limit: that joint, and the torque limit it is on.
         tangent: a joint and a torque limit: with this torque, and the others' on their limits, the joint's velocity
             stays as it is; else none.
@@ -43,6 +59,7 @@ class Change:
     mode: Mode
     touch: bool = False
     course: Course | None = None
+    carrier: Carrier | None = None
     keeps: tuple[int, Mode] | None = None
     tangent: tuple[int, Mode] | None = None
     tied: bool = False
@@ -103,7 +120,7 @@ class Schedule:
     @property
     def structure(self) -> Structure:
         """Modes at the start, and all changes in turn, without their times."""
-        return self.first, tuple((change.joint, change.mode, change.touch) for change in self.changes)
+        return self.first, tuple((each.joint, each.mode, each.touch, each.carrier) for each in self.changes)
 
     @property
     def size(self) -> int:
@@ -141,7 +158,25 @@ class Schedule:
         for change in self.changes:
             if not change.touch:
                 now[change.joint] = change.mode
+            if change.carrier:
+                now[change.carrier.joint] = change.carrier.after
             out.append(tuple(now))
+        return out
+
+    def carriers(self) -> list[dict[int, Carrier]]:
+        """Which joint holds which other one on its limit between the changes, by the number of the held one."""
+        now: dict[int, Carrier] = {}
+        out, keeping = [now], dict[int, int]()
+        for change in self.changes:
+            if not change.touch:
+                kept = keeping.pop(change.joint, change.joint)
+                now = {joint: carrier for joint, carrier in now.items() if joint not in (change.joint, kept)}
+            if change.keeps:
+                keeping[change.joint] = change.keeps[0]
+                now[change.keeps[0]] = Carrier(change.joint, change.keeps[1], Mode.FREE)
+            if change.carrier:
+                now[change.joint] = change.carrier
+            out.append(now)
         return out
 
     def moved(self, by: Array, states: Array, in_order: bool = True) -> Self:
@@ -230,7 +265,7 @@ class Schedule:
 
     def without(self, segments: Iterable[Segment]) -> Self:
         """Without segments whose length has gone to nothing: what changes there, changes at once."""
-        first, gone = list(self.first), set[int]()
+        first, gone, changes = list(self.first), set[int](), list(self.changes)
         for segment in segments:
             if segment.begin in gone or segment.end in gone:
                 continue
@@ -239,15 +274,22 @@ class Schedule:
             if segment.begin < 0:
                 change = self.changes[segment.end]
                 first[change.joint] = change.mode
+            carrier = None if segment.begin < 0 else changes[segment.begin].carrier
+            if carrier:  # what is left of the contact is the other joint's switch
+                changes[segment.begin] = Change(carrier.joint, carrier.after)
+                continue
             gone.add(segment.end if segment.begin < 0 else segment.begin)
-        now, kept = list(first), list[int]()
-        for k, change in enumerate(self.changes):
-            if k in gone or (not change.touch and now[change.joint] is change.mode):
+        now, kept, carrier_of = list(first), list[int](), dict[int, Carrier | None]()
+        for k, change in enumerate(changes):
+            same = now[change.joint] is change.mode and carrier_of.get(change.joint) == change.carrier
+            if k in gone or (not change.touch and same):
                 continue
             if not change.touch:
-                now[change.joint] = change.mode
+                now[change.joint], carrier_of[change.joint] = change.mode, change.carrier
+            if change.carrier:
+                now[change.carrier.joint] = change.carrier.after
             kept.append(k)
-        return replace(self, first=tuple(first))._only(kept)
+        return replace(self, first=tuple(first), changes=tuple(changes))._only(kept)
 
     def without_changes(self, gone: Iterable[int]) -> Self:
         """Without some changes, by their numbers: touches, that is."""
@@ -262,7 +304,10 @@ class Schedule:
         """Arcs with these durations; of changes at one time the later ones' modes count."""
         edges = [0.0, *self.times.tolist(), self.duration]
         out: list[Arc] = []
+        carried = self.carriers()
         for k, (modes, (t0, t1)) in enumerate(zip(self.modes(), pairwise(edges), strict=True)):
+            free = {carrier.joint for carrier in carried[k].values()}
+            modes = tuple(Mode.FREE if i in free else mode for i, mode in enumerate(modes))
             touches: tuple[tuple[int, Mode], ...] = ()
             if k < self.size and self.changes[k].touch:
                 touches = ((self.changes[k].joint, self.changes[k].mode),)

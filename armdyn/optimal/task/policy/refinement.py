@@ -18,10 +18,10 @@ class RefinementPolicy:
         "-", "beyond one joint an optimum slower than a certified one is only listed", "RR, RRR"
     )
     budget: int = tuned(
-        160_000,
+        100_000,
         "integrator steps",
         "of all optima's arcs together: two thirds of what is left go to each in turn, half of all at most to one try; "
-        "spent in about 4 s of one core",
+        "spent in about 3 s of one core",
         "RRR and random arms (seed 1, poses within ±π)",
     )
     iteration: int = tuned(

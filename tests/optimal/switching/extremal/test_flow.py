@@ -26,7 +26,7 @@ def marched(arm, duration, x=None, held=None, torques=None):
     def columns(each):
         return np.tile(np.asarray(each, float)[:, None], STEPS)
 
-    held = np.zeros(n) if held is None else held
+    held = np.pad([] if held is None else held, (0, 3 * n - len(held or [])))
     out = flow.march(
         x, np.outer(x, begins), begins, np.full(STEPS, duration / STEPS), columns(first), columns(last),
         columns(felt), columns(held), columns(dynamics.last_body),
@@ -90,7 +90,7 @@ def test_a_joint_that_is_held_keeps_its_velocity_and_the_others_move_as_if_it_we
 
 def test_a_joint_whose_own_torque_is_given_is_held_by_another():
     x = [0.3, 0.8, 1.0, 2.0]
-    _, dynamics, (end, *_) = marched("rr", 0.05, x, held=[-1.0, 2.0])
+    _, dynamics, (end, *_) = marched("rr", 0.05, x, held=[0.0, 0.0, 0.0, 1.0, 1.0, 0.0])
 
     def rate(t, x):
         inertia, bias = dynamics.crba(x[:2], dynamics.last_body), dynamics.nle(x[:2], x[2:], dynamics.last_body)

@@ -21,14 +21,15 @@ class Torques:
 
     Attributes:
         tau: at the starts and at the ends [N m], each of shape (steps, nv).
-        held: 1 for joints that their own torques hold, 2 for one that another's torque holds, −1 for that other joint;
-            shape (steps, nv).
+        held: 1 for joints that their own torques hold, shape (steps, nv).
+        carried: 1 for a joint that another one's torque holds, and for that other joint, shape (steps, 2 nv).
         felt: 1 for joints whose torques are free, likewise.
         by: ∂τ/∂(unknowns) of free torques at the starts and at the ends, each of shape (steps, nv, width).
     """
 
     tau: tuple[Array, Array]
     held: Array
+    carried: Array
     felt: Array
     by: tuple[Array, Array]
 
@@ -47,14 +48,14 @@ class Torques:
         bang = np.where(signs > 0, limits.effort_upper, np.where(signs < 0, limits.effort_lower, 0.0))
         free = np.array([[mode is Mode.FREE for mode in each] for each in modes])[arc]
         held = np.array([[mode in POSITION or mode in VELOCITY for mode in each] for each in modes])[arc]
-        held = held.astype(float)
-        for k, change in enumerate(schedule.changes):
-            if change.keeps:
-                (kept, mode), inside = change.keeps, (arc > k) & (arc <= schedule.end_of(k))
-                lost = inside & (held[:, kept] != 1)  # passed by the change that ends the hold: no motion
-                bang[inside, kept] = limits.effort_upper[kept] if mode is Mode.UPPER else limits.effort_lower[kept]
-                bang[lost, kept] = np.nan
-                free[inside, change.joint], held[inside, change.joint], held[inside, kept] = False, -1, 2
+        lifted, carrying = np.zeros(bang.shape), np.zeros(bang.shape)
+        for k, carriers in enumerate(schedule.carriers()):
+            for joint, carrier in carriers.items():
+                own = arc == k
+                lifted[own, joint], carrying[own, carrier.joint], held[own, joint] = 1.0, 1.0, False
+                upper = carrier.press is Mode.UPPER
+                bang[own, joint] = (limits.effort_upper if upper else limits.effort_lower)[joint]
+                bang[own, carrier.joint], free[own, carrier.joint] = 0.0, False
         tau = bang.copy(), bang.copy()
         by = tuple(np.zeros((*bang.shape, schedule.width)) for _ in tau)
         places = schedule.places
@@ -68,7 +69,12 @@ class Torques:
                 torque[own, joint] = terms @ course.values
                 answer[own, joint] = (unit[joint] * course.slope(s, signs[own]))[:, None] * by_z
                 answer[own, joint, place] += terms
-        return cls(tau, held, free.astype(float), (by[0], by[1]))
+        return cls(tau, held.astype(float), np.hstack([lifted, carrying]), free.astype(float), (by[0], by[1]))
+
+    @property
+    def kept(self) -> Array:
+        """`held` and `carried`, as the flow takes them, shape (steps, 3 nv)."""
+        return np.hstack([self.held, self.carried])
 
     @property
     def layers(self) -> list[Array]:
