@@ -63,7 +63,7 @@ class Segments:
             most: steps in a segment; 1 suffices for the growth.
         """
         x, h, n = np.concatenate([motion.q, motion.v], axis=1), np.diff(motion.t), robot.nv
-        tau, step = np.stack([motion.tau[:-1], motion.tau[1:]], axis=1), _Step(robot)
+        tau, step = np.stack([motion.tau[:-1], motion.tau[1:]], axis=1), _GaussStep(robot)
         defect, forced = -np.diff(x, axis=0), np.zeros((h.size, 2 * n, n))
         through = np.tile(np.eye(2 * n), (h.size, 1, 1))
         scale = _AGREES * (1 + np.max(np.abs(x[:-1]), axis=1))
@@ -114,15 +114,15 @@ def ticked(robot: Robot, motion: Trajectory, longest: float) -> Trajectory:
     if finer.t.size == motion.t.size:
         return motion
     kept = np.searchsorted(finer.t, motion.t)
-    x, step = np.concatenate([finer.q, finer.v], axis=1), _Step(robot)
+    x, step = np.concatenate([finer.q, finer.v], axis=1), _GaussStep(robot)
     for part in range(1, int(np.max(np.diff(kept)))):
         at = kept[:-1][np.diff(kept) > part] + part
         x[at] = step(finer.t[at] - finer.t[at - 1], x[at - 1], np.stack([finer.tau[at - 1], finer.tau[at]], axis=1))[0]
     return replace(finer, q=x[:, : robot.nv], v=x[:, robot.nv :])
 
 
-def _composed(step: "_Step", h: Array, x: Array, tau: Array, parts: int) -> tuple[Array, Array, Array]:
-    """Several equal steps through each segment; arguments and result as of `_Step.__call__`."""
+def _composed(step: "_GaussStep", h: Array, x: Array, tau: Array, parts: int) -> tuple[Array, Array, Array]:
+    """Several equal steps through each segment; arguments and result as of `_GaussStep.__call__`."""
     n = tau.shape[2]
     through, forced = np.broadcast_to(np.eye(2 * n), (h.size, 2 * n, 2 * n)), np.zeros((h.size, 2 * n, n))
     for k in range(parts):
@@ -132,7 +132,7 @@ def _composed(step: "_Step", h: Array, x: Array, tau: Array, parts: int) -> tupl
     return x, through, forced
 
 
-class _Step:
+class _GaussStep:
     """One step of Gauss collocation through each of many segments. For one thread, with a work space of Pinocchio."""
 
     def __init__(self, robot: Robot) -> None:

@@ -82,7 +82,7 @@ def repeated(problem: MinimumTimeProblem, motion: Trajectory, certificate: Certi
 
 
 @dataclass(frozen=True, eq=False)
-class Followed:
+class FeedbackReplay:
     """A replay under feedback.
 
     Attributes:
@@ -95,7 +95,7 @@ class Followed:
     correction: Array
 
 
-def under_feedback(robot: Robot, limits: JointLimits, motion: Trajectory, segments: Segments) -> Followed | None:
+def under_feedback(robot: Robot, limits: JointLimits, motion: Trajectory, segments: Segments) -> FeedbackReplay | None:
     """Replay a motion under computed torque, which is held from tick to tick.
 
     tau = tau_k(t) − M(q_k) (2 ω (v − v_k) + ω² (q − q_k)) within the torque limits; q_k and v_k are the motion's own
@@ -131,4 +131,4 @@ def under_feedback(robot: Robot, limits: JointLimits, motion: Trajectory, segmen
         if not np.max(np.abs(beside[k + 1])) <= _NEAR:
             return None
     x = np.concatenate([ticks.q, ticks.v], axis=1) + beside
-    return Followed(replace(ticks, q=x[:, :n], v=x[:, n:], tau=ticks.tau + correction), largest)
+    return FeedbackReplay(replace(ticks, q=x[:, :n], v=x[:, n:], tau=ticks.tau + correction), largest)
