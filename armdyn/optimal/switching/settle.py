@@ -119,6 +119,8 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
         if limited is None and not again:
             seen[structure], limited = duration, with_contacts(found)
             instead = with_contacts(found, shared=False) if limited is not None else None
+        elif limited is None:
+            limited, instead = instead, None
         if limited is not None:
             schedule, best = limited, best.or_else(found.linear, "limits of position are not settled")
             continue
