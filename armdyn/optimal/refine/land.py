@@ -13,7 +13,7 @@ from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.proof.adjoint import adjoint_error
 from armdyn.optimal.proof.certificate import SEGMENT_TOLERANCE, certify
 from armdyn.optimal.proof.pontryagin import pontryagin
-from armdyn.optimal.proof.repeat import Segments
+from armdyn.optimal.landing.segments import Segments
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.switching.costates import phases_of
 from armdyn.optimal.switching.extremal.descent import Extremal, ended, finer

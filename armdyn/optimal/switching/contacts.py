@@ -284,7 +284,7 @@ def _left(
             more += [(b, on)] if b < stop else []
         elif b < stop:
             more.append((b, on))
-        if a <= start:
+        if a <= start + 2 * _AT * schedule.duration:
             gone |= {j for j, one in enumerate(schedule.changes) if one is contact}
         every = [(time, one, state_at(extremal.march, time)) for time, one in more]
         return schedule.without_changes(gone).with_changes(every).without(())

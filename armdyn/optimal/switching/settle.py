@@ -93,7 +93,7 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
     """
     best, mended, stale = Settled(None, np.inf, "nothing was tried"), False, 0
     others: list[tuple[Schedule, object]] = []  # to be tried where nothing comes of a schedule, the last first; and why
-    refused, seen = set[object](), dict[Structure, float]()
+    refused, seen, instead = set[object](), dict[Structure, float](), list[Schedule]()
     for _ in range(_ROUNDS):
         while schedule.size + 1 > setting.most_arcs and setting.finer is not None:
             setting = setting.finer
@@ -113,13 +113,18 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
         structure, duration = found.schedule.structure, found.schedule.duration
         again = duration > (1 - _SHORTER) * seen.get(structure, np.inf)  # mended contacts came out as they were
         limited = with_limits(found.march) or without_unwanted(found)
-        contacts = [limited] if limited else [] if again else with_contacts(found)
+        if limited:
+            contacts = [limited]
+        else:
+            contacts = instead if again else with_contacts(found)
+            instead = [] if again else contacts[1:]
         wrong = [] if limited else wrong_signs(found, _LEAST)
         if limited is None:
             seen[structure] = min(duration, seen.get(structure, np.inf))
         carried = with_carried_touches(found, wrong, refused)
         if contacts:
             best = best.or_else(found.linear, "limits of position are not settled")
+            others = [each for each in others if each[0] not in contacts]
             others += [(other, None) for other in reversed(contacts)]
             if carried is not None:
                 others[-1] = contacts[0], carried.pair
