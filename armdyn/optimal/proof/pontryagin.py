@@ -75,7 +75,7 @@ def _worst_pull(phases: Phases) -> float:
         for a, arc in enumerate(phases.arcs[:-1]):
             for joint, mode in arc.touches:
                 if joint == i and mode in POSITION:
-                    met[np.flatnonzero(phases.arc_of == a)[-1]] = outward(mode)
+                    met[max(int(np.searchsorted(phases.arc_of, a, side="right")) - 1, 0)] = outward(mode)
         near = [-sign[k] * stages[k] for k in np.flatnonzero(inside)] + [-(met * knots)[met != 0]]
         for pulls in (fast, near):
             if sum(map(len, pulls)):

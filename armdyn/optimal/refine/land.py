@@ -8,12 +8,12 @@ from armdyn.optimal.arcs.phases import Phases, Unresolved
 from armdyn.optimal.arcs.posing import Kept, PhaseAim
 from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.landing.rollout import dense, replay_of
+from armdyn.optimal.landing.segments import Segments
 from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.proof.adjoint import adjoint_error
 from armdyn.optimal.proof.certificate import SEGMENT_TOLERANCE, certify
 from armdyn.optimal.proof.pontryagin import pontryagin
-from armdyn.optimal.landing.segments import Segments
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.switching.costates import phases_of
 from armdyn.optimal.switching.extremal.descent import Extremal, ended, finer

@@ -1,5 +1,6 @@
 """From a mesh's solution to its arcs: the structure whose switching functions agree with its modes."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,12 +13,12 @@ from armdyn.optimal.arcs.solving import prepare_phases, solve_phases
 from armdyn.optimal.arcs.structure import by_sign, with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.landing.aim import aimed
 from armdyn.optimal.problem.stop import Budget
-from armdyn.optimal.program.unknowns import mesh
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE, SWITCHING_TOLERANCE, certify
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land, land_extremal
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.solve.switch_mesh import at_switches
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.reading import schedules_of
 from armdyn.optimal.switching.settle import Settled, has_switching, leaves_idle, prepare_switching, setting_of, settled
@@ -25,6 +26,8 @@ from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 _IDLE = "time leaves a joint idle"
+_SAME = 1e-6
+"""Of the duration: a mesh's own motion that is faster by less is none."""
 Structure = tuple[tuple[tuple[Mode, ...], tuple[tuple[int, Mode], ...]], ...]
 
 
@@ -36,12 +39,14 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
         attempt: a collocation solution with constant torques between its knots.
         budget: of the integrator's steps that may be spent; None: as many as it takes.
     """
-    motion, known, remark = attempt.trajectory, list[Optimum](), f"{task.stop.word} before the arcs were read"
+    motion, sharp, known = attempt.trajectory, attempt, list[Optimum]()
+    remark = f"{task.stop.word} before the arcs were read"
     if not task.stop:
-        arcs = _arcs_of(task, attempt)
         own, marched = Budget(task.stop) if budget is None else budget, has_switching(task)
+        sharp, arcs = at_switches(task, attempt) if marched else attempt, _arcs_of(task, attempt)
         if marched:
-            extremal, remark = _by_switching(task, arcs, motion, own)
+            tries = [] if sharp is attempt else [(sharp, task.policy.refinement.glance)]
+            extremal, remark = _by_switching(task, [*tries, (attempt, task.policy.refinement.share)], own)
             known += [land_extremal(task, extremal, attempt.intervals, own)] if extremal else []
         # Where no schedule leads to a motion a finer mesh does sooner than the collocation of arcs, at less cost.
         other = not marched or remark == _IDLE or _at_speed(task, motion, *(one.trajectory for one in known))
@@ -53,13 +58,17 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
     certified = [one for one in known if one.certificate.ok]
     if certified:
         return certified[0]
-    if known and not _rank(known[0])[0] and known[0].trajectory.duration <= motion.duration:
+    longest = (1 + _SAME) * sharp.trajectory.duration
+    if known and not _rank(known[0])[0] and known[0].trajectory.duration <= longest:
         return known[0]  # usable, and the mesh's own motion is slower
-    landed, replay = aimed(task, motion)
-    certificate = certify(task.problem, replay, None, remark)
-    on_mesh = Optimum(landed, certificate, landed.duration, attempt.intervals)
+    for mesh in (sharp, attempt) if sharp is not attempt else (attempt,):
+        landed, replay = aimed(task, mesh.trajectory)
+        certificate = certify(task.problem, replay, None, remark)
+        known.append(Optimum(landed, certificate, landed.duration, attempt.intervals))
+        if not _rank(known[-1])[0]:
+            break
     # Arcs that are not certified are worth having only if their motion is the better one.
-    return min((*known, on_mesh), key=_rank)
+    return min(known, key=_rank)
 
 
 def _at_speed(task: Task, *motions: Trajectory) -> bool:
@@ -85,10 +94,11 @@ def prepare_resolving(task: Task) -> None:
 
 def _arcs_of(task: Task, attempt: Attempt) -> list[Arc]:
     """The arcs that a mesh's torques and states say."""
-    policy, intervals = task.policy, attempt.intervals
+    policy, equal = task.policy, attempt.knots is None
     # The torques of a fine mesh need not be on their limits where time hardly tells.
-    switch = max(policy.arcs.switch, intervals // policy.refinement.blur)
-    return merged(detect(task.problem, attempt.trajectory, mesh(intervals), switch, policy.arcs))
+    switch = max(policy.arcs.switch, attempt.intervals // policy.refinement.blur) if equal else policy.arcs.switch
+    brief, near = (0.0, policy.arcs) if equal else (policy.arcs.brief, policy.arcs.at_switches)
+    return merged(detect(task.problem, attempt.trajectory, attempt.mesh, switch, near, brief))
 
 
 def _structure(task: Task, arcs: list[Arc], motion: Trajectory, budget: Budget | None) -> tuple[Phases | None, str]:
@@ -136,26 +146,42 @@ def _structure(task: Task, arcs: list[Arc], motion: Trajectory, budget: Budget |
     return last, "the switching structure did not settle"
 
 
-def _by_switching(task: Task, arcs: list[Arc], motion: Trajectory, budget: Budget) -> tuple[Extremal | None, str]:
+def _by_switching(task: Task, meshes: Sequence[tuple[Attempt, float]], budget: Budget) -> tuple[Extremal | None, str]:
     """The extremal that a structure comes to when it is mended, or what is nearest to one; and what it lacks.
 
-    None: nothing lands, or time does not determine what some joint does.
+    Args:
+        task: what is solved.
+        meshes: solutions that structures are read from, each with the part of the policy's budget that one may take.
+        budget: of integrator steps.
+
+    Returns:
+        None: nothing lands, or time does not determine what some joint does.
     """
-    setting, found = setting_of(task, motion.duration), Settled(None, np.inf, "")
+    setting, found = setting_of(task, meshes[0][0].trajectory.duration), Settled(None, np.inf, "")
     best: Settled | None = None
-    for schedule in schedules_of(setting, arcs, motion):
-        part = min(budget.left, task.policy.refinement.budget / 2)
+    tries = (
+        (schedule, part)
+        for attempt, part in meshes
+        for schedule in schedules_of(setting, _arcs_of(task, attempt), attempt.trajectory, attempt.knots is not None)
+    )
+    for schedule, share in tries:
+        part = min(budget.left, task.policy.refinement.budget * share)
         own = Budget(task.stop, part)
         found = settled(replace(setting, budget=own), schedule, own)
         budget.spend(part - own.left)
-        if found.extremal is not None and (best is None or found.wrong < best.wrong):
-            best = found
+        if found.extremal is not None:
+            best = found if best is None else min(best, found, key=_lack)
         if (best is not None and best.wrong <= SWITCHING_TOLERANCE) or budget:
             break
     if best is None or best.extremal is None:
         return None, found.why
     idle = leaves_idle(best.extremal, SWITCHING_TOLERANCE)
     return (None, _IDLE) if idle else (best.extremal, best.why)
+
+
+def _lack(settled: Settled) -> tuple[float, float]:
+    """Sorts: those that are nearest to an extremal first, of motions that are none the fastest."""
+    return settled.wrong, settled.extremal.schedule.duration if settled.extremal else np.inf
 
 
 def _named(arcs: tuple[Arc, ...] | list[Arc]) -> Structure:

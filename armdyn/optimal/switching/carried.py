@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import BANG, POSITION, Mode
 from armdyn.optimal.switching.costates import Whole
+from armdyn.optimal.switching.extremal.change import Carrier, Change, Segment
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.limits import state_at
-from armdyn.optimal.switching.extremal.schedule import Carrier, Change, Schedule, Segment
+from armdyn.optimal.switching.extremal.schedule import Schedule
 from armdyn.optimal.switching.signs import Wrong
 
 Array = NDArray[np.float64]

@@ -91,9 +91,7 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
         schedule: to begin with.
         stop: asked before every step.
     """
-    best, mended, stale = Settled(None, np.inf, "nothing was tried"), False, 0
-    others: list[tuple[Schedule, object]] = []  # to be tried where nothing comes of a schedule, the last first; and why
-    refused, seen, instead = set[object](), dict[Structure, float](), list[Schedule]()
+    best, mended, stale, others = Settled(None, np.inf, "nothing was tried"), False, 0, _Others()
     for _ in range(_ROUNDS):
         while schedule.size + 1 > setting.most_arcs and setting.finer is not None:
             setting = setting.finer
@@ -103,34 +101,19 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
             setting, schedule = finer, found.linear.march.schedule
             continue
         if isinstance(found, Resisted):
-            weak = with_contacts(Extremal(found.linear), settled=False) if found.linear and not stop else []
-            others += [(other, None) for other in reversed(weak)]
-            if not others or stop:
+            others.add(with_contacts(Extremal(found.linear), settled=False) if found.linear and not stop else [])
+            if not others.left or stop:
                 return best.or_else(found.linear, found.why)
-            schedule, reason = others.pop()
-            refused.add(reason)
+            schedule = others.next()
             continue
-        structure, duration = found.schedule.structure, found.schedule.duration
-        again = duration > (1 - _SHORTER) * seen.get(structure, np.inf)  # mended contacts came out as they were
         limited = with_limits(found.march) or without_unwanted(found)
-        if limited:
-            contacts = [limited]
-        else:
-            contacts = instead if again else with_contacts(found)
-            instead = [] if again else contacts[1:]
+        contacts = [limited] if limited else others.of_contacts(found)
         wrong = [] if limited else wrong_signs(found, _LEAST)
-        if limited is None:
-            seen[structure] = min(duration, seen.get(structure, np.inf))
-        carried = with_carried_touches(found, wrong, refused)
+        carried = with_carried_touches(found, wrong, others.refused)
         if contacts:
             best = best.or_else(found.linear, "limits of position are not settled")
-            others = [each for each in others if each[0] not in contacts]
-            others += [(other, None) for other in reversed(contacts)]
-            if carried is not None:
-                others[-1] = contacts[0], carried.pair
-                schedule = carried.schedule
-            else:
-                schedule, _ = others.pop()
+            others.add(contacts, carried.pair if carried else None)
+            schedule = carried.schedule if carried else others.next()
             continue
         idle = max([0.0, *(idle_fall(found, k) for k in found.schedule.courses)])
         worst = max([idle, *(one.value for one in wrong[:1])])
@@ -145,16 +128,53 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
             continue
         if not wrong:
             return best
-        schedule = with_signs(found, wrong)
-        left = [one for one in wrong if one.joint not in refused]
+        schedule, left = with_signs(found, wrong), [one for one in wrong if one.joint not in others.refused]
         if carried is not None:
-            others.append((schedule, carried.pair))
+            others.add([schedule], carried.pair)
             schedule = carried.schedule
         elif mended and left and (smooth := with_singular(found, left)) is not None:
-            others.append((schedule, left[0].joint))
+            others.add([schedule], left[0].joint)
             schedule = smooth
         mended = True
     return best
+
+
+class _Others:
+    """Schedules to be tried where nothing comes of one.
+
+    Attributes:
+        left: the schedules, the next one last, each with what is refused once it is tried.
+        refused: joints whose singular arcs, and pairs of joints whose carried contacts, led to nothing.
+    """
+
+    def __init__(self) -> None:
+        self.left: list[tuple[Schedule, object]] = []
+        self.refused = set[object]()
+        self._seen, self._instead = dict[Structure, float](), list[Schedule]()
+
+    def add(self, schedules: list[Schedule], reason: object = None) -> None:
+        """Schedules, the likeliest first, which is tried next; the reason is what is tried before it."""
+        self.left = [each for each in self.left if each[0] not in schedules]
+        self.left += [(schedule, None) for schedule in reversed(schedules[1:])]
+        self.left += [(schedule, reason) for schedule in schedules[:1]]
+
+    def next(self) -> Schedule:
+        """The next one."""
+        schedule, reason = self.left.pop()
+        self.refused.add(reason)
+        return schedule
+
+    def of_contacts(self, found: Extremal) -> list[Schedule]:
+        """Schedules with contacts mended; where they came out as they were, those that were the others then."""
+        structure, duration = found.schedule.structure, found.schedule.duration
+        known = self._seen.get(structure, np.inf)
+        self._seen[structure] = min(duration, known)
+        if duration > (1 - _SHORTER) * known:
+            contacts, self._instead = self._instead, []
+            return contacts
+        contacts = with_contacts(found)
+        self._instead = contacts[1:]
+        return contacts
 
 
 def leaves_idle(extremal: Extremal, tolerance: float) -> bool:

@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import Mode, stretches
+from armdyn.optimal.switching.extremal.change import Change, Segment
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.limits import state_at
 from armdyn.optimal.switching.extremal.march import Setting
-from armdyn.optimal.switching.extremal.schedule import Change, Schedule, Segment
+from armdyn.optimal.switching.extremal.schedule import Schedule
 from armdyn.optimal.switching.extremal.torques.course import Course
 from armdyn.optimal.switching.signs import Wrong
 

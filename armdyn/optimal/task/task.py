@@ -101,6 +101,11 @@ class Task:
         """The same where the guess is a solution on another mesh, and shall not be left."""
         return self._settings(self.policy.program.fine_tolerance, self.policy.program.fine_barrier)
 
+    def sharp(self) -> DirectOptions:
+        """The same where switches are located on finer and finer meshes."""
+        numbers, barrier = self.policy.switch_mesh, self.policy.program.fine_barrier
+        return DirectOptions(numbers.tolerance, numbers.iterations, self.options.verbose, barrier)
+
     def alone(self) -> DirectOptions:
         """The same for a guess that has to do without a search."""
         return self._settings(self.options.tolerance, DirectOptions.barrier)

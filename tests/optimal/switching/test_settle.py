@@ -9,8 +9,9 @@ import armdyn as ad
 from armdyn.optimal.arcs.arc import Mode
 from armdyn.optimal.problem.stop import Budget, Stop
 from armdyn.optimal.switching.costates import phases_of
+from armdyn.optimal.switching.extremal.change import Segment
 from armdyn.optimal.switching.extremal.descent import ended
-from armdyn.optimal.switching.extremal.schedule import Schedule, Segment
+from armdyn.optimal.switching.extremal.schedule import Schedule
 from armdyn.optimal.switching.settle import setting_of, settled
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.refinement import ArcsPolicy

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import VELOCITY, Mode, stretches
+from armdyn.optimal.switching.extremal.change import Change
 from armdyn.optimal.switching.extremal.march import March
-from armdyn.optimal.switching.extremal.schedule import Change, Schedule
+from armdyn.optimal.switching.extremal.schedule import Schedule
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,9 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.optimal.switching.extremal.change import Segment
 from armdyn.optimal.switching.extremal.march import March
-from armdyn.optimal.switching.extremal.schedule import Schedule, Segment
+from armdyn.optimal.switching.extremal.schedule import Schedule
 from armdyn.optimal.switching.extremal.trust import TIGHT, Parabola, held_back, null_space
 
 Array = NDArray[np.float64]

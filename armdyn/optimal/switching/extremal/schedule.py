@@ -8,74 +8,16 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.arcs.arc import BANG, OPPOSITE, VELOCITY, Arc, Mode, merged
-from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.arcs.arc import VELOCITY, Arc, Mode, merged
+from armdyn.optimal.switching.extremal.change import Carrier, Change, Segment
 from armdyn.optimal.switching.extremal.torques.course import Course
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+Structure = tuple[tuple[Mode, ...], tuple[tuple[int, Mode, bool, Carrier | None], ...]]
 
 _MET = 1e-7
 """Of the duration: a joint that is on a limit of velocity for less touches it."""
-_SAMPLES = 50
-"""Of a torque in an arc."""
-
-
-Structure = tuple[tuple[Mode, ...], tuple[tuple[int, Mode, bool, "Carrier | None"], ...]]
-
-
-@dataclass(frozen=True)
-class Carrier:
-    """Another joint whose torque keeps a joint on its limit of position, while that joint's own torque is full.
-
-    Attributes:
-        joint: number of the other joint.
-        press: torque limit that the held joint is on meanwhile.
-        after: mode of the other joint when the contact ends.
-    """
-
-    joint: int
-    press: Mode
-    after: Mode
-
-
-@dataclass(frozen=True)
-class Change:
-    """What happens at one time.
-
-    Attributes:
-        joint: its number.
-        mode: what it is in from then on; of a touch, the limit that it meets and leaves at once.
-        touch: it keeps the mode that it was in.
-        course: of a free torque; else none.
-        carrier: the joint that holds this one on a limit of position; None: its own torque does.
-        keeps: of a torque that keeps another joint on its velocity limit: that joint, and the torque limit it is on.
-        tangent: a joint and a torque limit: with this torque, and the others' on their limits, the joint's velocity
-            stays as it is; else none.
-        tied: it comes at the time of the change before.
-    """
-
-    joint: int
-    mode: Mode
-    touch: bool = False
-    course: Course | None = None
-    carrier: Carrier | None = None
-    keeps: tuple[int, Mode] | None = None
-    tangent: tuple[int, Mode] | None = None
-    tied: bool = False
-
-
-@dataclass(frozen=True)
-class Segment:
-    """A joint's stay in one mode.
-
-    Attributes:
-        begin: number of the change that begins it; -1: the start.
-        end: of the one that ends it; as many as there are changes: the goal.
-    """
-
-    begin: int
-    end: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -323,56 +265,3 @@ class Schedule:
             elif touches:
                 out[-1] = replace(out[-1], touches=out[-1].touches + touches)
         return merged(out)
-
-
-def banged(arcs: Sequence[Arc], shares: Array, left: NDArray[np.bool_] | None = None) -> list[Arc]:
-    """Arcs whose free torques are full ones of the same mean.
-
-    Args:
-        arcs: perhaps with joints on no limit.
-        shares: of its range that a joint's torque is above the lower limit in an arc, in the mean, shape (arcs, nv).
-        left: whose torques are left free, likewise; None: nobody's.
-    """
-    out: list[Arc] = []
-    for k, arc in enumerate(arcs):
-        cuts: list[tuple[float, int, Mode]] = []
-        modes = list(arc.modes)
-        for i, mode in enumerate(arc.modes):
-            if mode is not Mode.FREE or (left is not None and left[k, i]):
-                continue
-            before = out[-1].modes[i] if out else None
-            after = arcs[k + 1].modes[i] if k + 1 < len(arcs) else None
-            modes[i], more = _pieces(before, after, float(shares[k, i]))
-            cuts += [(part, i, piece) for part, piece in more]
-        cuts.sort(key=lambda cut: cut[0])
-        ends = [part for part, _, _ in cuts] + [1.0]
-        begin = 0.0
-        for end, cut in zip(ends, [*cuts, None], strict=True):
-            if end > begin:
-                out.append(Arc((end - begin) * arc.duration, tuple(modes)))
-            if cut is not None:
-                modes[cut[1]] = cut[2]
-            begin = end
-        out[-1] = replace(out[-1], touches=arc.touches)
-    return merged(out)
-
-
-def shares_of(problem: MinimumTimeProblem, arcs: Sequence[Arc], motion: Trajectory) -> Array:
-    """How much of its range every torque is above its lower limit in every arc, in the mean, shape (arcs, nv)."""
-    limits = problem.limits
-    edges = np.cumsum([0.0, *(arc.duration for arc in arcs)])
-    edges *= motion.duration / edges[-1]
-    means = np.array([np.mean(motion(np.linspace(a, b, _SAMPLES)).tau, axis=0) for a, b in pairwise(edges)])
-    ranges = limits.effort_upper - limits.effort_lower
-    return np.asarray((means - limits.effort_lower) / np.where(ranges > 0, ranges, 1.0))
-
-
-def _pieces(before: Mode | None, after: Mode | None, share: float) -> tuple[Mode, list[tuple[float, Mode]]]:
-    """A free stretch as full torques: its first mode, and where it changes to which, as parts of the stretch."""
-    share = min(max(share, 0.02), 0.98)
-    first = before if before in BANG else OPPOSITE.get(after, Mode.UPPER) if after is not None else Mode.UPPER
-    own = share if first is Mode.UPPER else 1 - share
-    other = OPPOSITE[first]
-    if after is first:  # there and back
-        return first, [(own / 2, other), (1 - own / 2, first)]
-    return first, [(own, other)]

@@ -16,6 +16,7 @@ from armdyn.optimal.task.policy.refinement import (
     IndirectPolicy,
     RefinementPolicy,
     SmoothPolicy,
+    SwitchMeshPolicy,
 )
 from armdyn.optimal.task.policy.search import ProgramPolicy, SamePolicy, SearchPolicy
 from armdyn.optimal.task.policy.tuned import rows
@@ -31,6 +32,7 @@ class Policy:
         search: guesses, and which of their optima go on.
         same: when two durations are one optimum's.
         refinement: how far an optimum of a mesh is refined.
+        switch_mesh: how a mesh is refined at the switches before arcs are read from it.
         arcs: how arcs are read, laid and solved.
         landing: how a mesh's torques are brought to land.
         smooth: optima of time and energy.
@@ -43,6 +45,7 @@ class Policy:
     search: SearchPolicy
     same: SamePolicy = field(default_factory=SamePolicy)
     refinement: RefinementPolicy
+    switch_mesh: SwitchMeshPolicy = field(default_factory=SwitchMeshPolicy)
     arcs: ArcsPolicy = field(default_factory=ArcsPolicy)
     landing: LandingPolicy = field(default_factory=LandingPolicy)
     smooth: SmoothPolicy

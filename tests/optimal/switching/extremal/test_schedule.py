@@ -5,8 +5,10 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Arc, Mode
-from armdyn.optimal.switching.extremal.schedule import Change, Schedule, Segment, banged
+from armdyn.optimal.switching.extremal.change import Change, Segment
+from armdyn.optimal.switching.extremal.schedule import Schedule
 from armdyn.optimal.switching.extremal.torques.course import Course
+from armdyn.optimal.switching.reading import banged
 from problems import solved
 
 U, L, F, P = Mode.UPPER, Mode.LOWER, Mode.FREE, Mode.POSITION_UPPER

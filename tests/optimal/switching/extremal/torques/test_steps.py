@@ -3,8 +3,9 @@
 import numpy as np
 
 from armdyn.optimal.arcs.arc import Mode
+from armdyn.optimal.switching.extremal.change import Change
 from armdyn.optimal.switching.extremal.march import March
-from armdyn.optimal.switching.extremal.schedule import Change, Schedule
+from armdyn.optimal.switching.extremal.schedule import Schedule
 from armdyn.optimal.switching.extremal.torques.course import Course
 from armdyn.optimal.switching.settle import setting_of
 from armdyn.optimal.task.options import MinimumTimeOptions
