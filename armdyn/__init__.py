@@ -1,7 +1,8 @@
 """Time-optimal and closed-loop motion of robot arms, from a URDF."""
 
 from armdyn.errors import ArmdynError, ArmdynWarning
-from armdyn.lazy import draw_by, facade
+from armdyn.lazy import facade
+from armdyn.rendering import Renderer, register_renderer
 
 TYPE_CHECKING = False  # as typing has it, which takes longer to import than all of this
 if TYPE_CHECKING:
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
         Margins,
         Pid,
         PidGains,
-        PidRun,
         RouthTable,
         Run,
         SampledLoop,
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
         LinkSpec,
         Payload,
         Robot,
+        RobotOptions,
         Sphere,
         urdf_from_spec,
     )
@@ -60,6 +61,7 @@ if TYPE_CHECKING:
         TimeOptimality,
         TorqueRateLimit,
         lower_bound,
+        read_problem,
         replay_torques,
         solve_minimum_time,
         time_optimality,
@@ -70,7 +72,7 @@ if TYPE_CHECKING:
     from armdyn.studies.plants.question import MonteCarloOptions
     from armdyn.studies.plants.result import MonteCarlo
     from armdyn.studies.reserve import ReserveCurve, likely_plants, reserve_curve
-    from armdyn.studies.sweeps.crews.cluster import cluster_crew
+    from armdyn.studies.sweeps.executors.dask_cluster import cluster_crew
     from armdyn.studies.sweeps.export import study_table
     from armdyn.studies.sweeps.reading import read_study
     from armdyn.studies.sweeps.run import run_study
@@ -81,20 +83,21 @@ else:
     __getattr__, __dir__ = facade(
         __name__,
         {
-            "control": "ComputedTorque GainPlane GainRegion Loop Lqr Margins Pid PidGains PidRun RouthTable "
+            "control": "ComputedTorque GainPlane GainRegion Loop Lqr Margins Pid PidGains RouthTable "
             "Run SampledLoop SampledStability characteristic_polynomial closed_loop_eigenvalues "
             "gain_plane least_stable_factor loop_margins multiloop_disk ramp routh_table "
             "sampled_loop sampled_stability set_point simulate_pid slowest_stable_rate track",
             "dynamics": "Dynamics",
-            "models": "ArmSpec Box Capsule GoalPose JointLimits LinkSpec Payload Robot Sphere urdf_from_spec",
+            "models": "ArmSpec Box Capsule GoalPose JointLimits LinkSpec Payload Robot RobotOptions Sphere "
+            "urdf_from_spec",
             "optimal": "Arc Certificate FrameSpeedLimit LowerBound MinimumTimeOptions MinimumTimeProblem Sensitivities "
             "Solution Status TimeOptimality TorqueRateLimit "
-            "lower_bound replay_torques solve_minimum_time time_optimality trajectory_from_path",
+            "lower_bound read_problem replay_torques solve_minimum_time time_optimality trajectory_from_path",
             "studies.plants.monte_carlo": "monte_carlo",
             "studies.plants.plants": "Plants",
             "studies.plants.question": "MonteCarloOptions",
             "studies.plants.result": "MonteCarlo",
-            "studies.sweeps.crews.cluster": "cluster_crew",
+            "studies.sweeps.executors.dask_cluster": "cluster_crew",
             "studies.sweeps.export": "study_table",
             "studies.sweeps.reading": "read_study",
             "studies.sweeps.run": "run_study",
@@ -105,7 +108,14 @@ else:
         },
     )
 
-draw_by("armdyn.show.values")
+
+def _renderer() -> Renderer:
+    from armdyn.show import values
+
+    return values
+
+
+register_renderer(_renderer)
 
 __version__ = "0.2.0"
 
@@ -138,11 +148,11 @@ __all__ = [
     "Payload",
     "Pid",
     "PidGains",
-    "PidRun",
     "Plants",
     "Ramps",
     "ReserveCurve",
     "Robot",
+    "RobotOptions",
     "RouthTable",
     "Run",
     "Sample",
@@ -170,6 +180,7 @@ __all__ = [
     "monte_carlo",
     "multiloop_disk",
     "ramp",
+    "read_problem",
     "read_study",
     "replay_torques",
     "reserve_curve",

@@ -6,28 +6,6 @@
 import sys
 from collections.abc import Callable, Mapping
 from importlib import import_module
-from typing import Any
-
-_drawn_by: list[str] = []
-
-
-def draw_by(module: str) -> None:
-    """Name the module that draws values: its `card`, `figure` and `report`. It is imported when a value is drawn.
-
-    Values of lower layers draw themselves through it, and neither import it nor know what it is called.
-    """
-    _drawn_by[:] = [module]
-
-
-def drawing() -> Any:
-    """The module that draws values; see `draw_by`."""
-    return import_module(_drawn_by[0])
-
-
-def drawn(value: object) -> str:
-    """A value as a notebook shows it, in HTML."""
-    text: str = drawing().card(value)
-    return text
 
 
 def facade(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], object], Callable[[], list[str]]]:

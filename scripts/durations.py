@@ -11,7 +11,10 @@ import warnings
 from pathlib import Path
 
 import armdyn as ad
+from armdyn.control.tracking.arrival import Arrival
 from armdyn.paper import PAYLOADS
+from armdyn.paper.continuous_pid import ContinuousLoop, simulate
+from armdyn.paper.printed.loop import PAPER_RULE
 
 warnings.simplefilter("ignore", ad.ArmdynWarning)
 POSES = {
@@ -35,15 +38,7 @@ def answers():
             for kind, more in (("minimum time", {}), ("time-energy", {"effort_weight": 1.0, "effort_limit": 30.0})):
                 problem = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal, **more)
                 yield f"{name} {1000 * mass:g} g {kind}", ad.solve_minimum_time(problem).duration
-            gains = ad.PidGains(kp=30.0, ki=50.0, kd=10.0)
-            run = ad.simulate_pid(
-                robot,
-                q_start=start,
-                q_goal=goal,
-                gains=gains,
-                form="acceleration",
-                arrival_rule="last_entry_first_joint",
-            )
+            run = simulate(ContinuousLoop(robot, goal), start, Arrival(PAPER_RULE))
             yield f"{name} {1000 * mass:g} g PID, arrival", run.arrival_time
             yield f"{name} {1000 * mass:g} g PID, position at the end", float(run.trajectory.q[-1, 0])
     for path in sorted(CASES.glob("*/case.json")):

@@ -11,7 +11,7 @@ import tempfile
 from pathlib import Path
 
 import armdyn as ad
-from armdyn.show.sweeps.figures import figures_of
+from armdyn.show.figures.sweeps import figures_of
 from armdyn.studies.sweeps.tasks.settings import label
 
 DOCS = Path(__file__).parents[1] / "docs"

@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 
 import armdyn as ad
-from armdyn.studies.sweeps.crews.local import local_crew
+from armdyn.studies.sweeps.executors.local import local_crew
 from armdyn.studies.sweeps.study import Axis, Study
 from armdyn.studies.sweeps.tasks.task import Outcome
 

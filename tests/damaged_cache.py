@@ -14,8 +14,8 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
+from armdyn.codegen.compiled import compiled
 from armdyn.errors import ArmdynWarning
-from armdyn.machine.compiled import compiled
 
 SLICE, TIME = 500, 20  # how many in one process, and [s] that one may take
 

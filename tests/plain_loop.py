@@ -10,6 +10,7 @@ import numpy as np
 import armdyn as ad
 from armdyn.control.loop.ticks import Ticks
 from armdyn.dynamics import forward_dynamics
+from oracles import PinDynamics
 from problems import paper_arm
 
 SUBSTEPS = 4
@@ -147,3 +148,31 @@ def paper_reference(arm, reserve):
     from problems import paper_problem
 
     return ad.solve_minimum_time(paper_problem(arm, effort_limit=(1 - reserve) * 3.0)).trajectory
+
+
+def continuous_pid(robot, start, goal, gains, form, duration):
+    """(∫e, q, v) over time of a PID loop between two poses as a differential equation, by LSODA.
+
+    With form "torque" torques are clipped, and the integral of a joint whose error asks for more fades over 1 % of half
+    the torque range.
+    """
+    from scipy.integrate import solve_ivp
+
+    pin, friction, nv = PinDynamics(robot), robot.friction, robot.nv
+    kp, ki, kd = gains.per_joint(nv)
+    lower, upper = robot.limits.effort_lower, robot.limits.effort_upper
+
+    def rate(_, x):
+        integral, q, v = np.split(x, 3)
+        error = goal - q
+        tau = u = kp * error + ki * integral - kd * v
+        if form == "torque":
+            tau = np.clip(u, lower, upper)
+            fade = np.clip(1 - np.abs(u - tau) / (0.01 * (upper - lower) / 2), 0, 1)
+            error = np.where((u - tau) * error > 0, fade * error, error)
+        else:
+            tau = pin.crba(q) @ u + (pin.nle(q, v) + friction.torque(v) if form == "computed_torque" else 0)
+        return np.concatenate([error, v, pin.aba(q, v, tau - friction.torque(v))])
+
+    x0 = np.concatenate([np.zeros(nv), start, np.zeros(nv)])
+    return solve_ivp(rate, (0, duration), x0, "LSODA", rtol=1e-10, atol=1e-11, dense_output=True).sol

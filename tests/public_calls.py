@@ -12,7 +12,7 @@ import pinocchio as pin
 import armdyn as ad
 from armdyn.control.loop.ticks import Ticks
 from armdyn.control.stability.linear import Rest
-from armdyn.studies.sweeps.crews.local import local_crew
+from armdyn.studies.sweeps.executors.local import local_crew
 from oracles import two_links
 from toys import squares
 
@@ -107,6 +107,7 @@ def values() -> dict[Callable[..., object], Right]:
         ad.GainRegion: {"inertia": 1.0, "stiffness": 1.0, "damping": 0.0},
         ad.Trajectory: {"t": [0.0, 1.0], "q": np.zeros((2, 1)), "v": np.zeros((2, 1)), "tau": np.zeros((2, 1))}
         | {"joint_names": ("a",), "name": "", "model_hash": ""},
+        ad.RobotOptions: defaults(ad.RobotOptions),
         ad.Robot: {name: getattr(RR, name) for name in inspect.signature(ad.Robot).parameters},
         ad.Dynamics: {"robot": RR, "payload_frame": None, "free_last_body": False},
         ad.MinimumTimeOptions: defaults(ad.MinimumTimeOptions),
@@ -120,8 +121,9 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
     Args:
         folder: for the files that they write.
     """
-    study = folder / "study.toml"
+    study, problem = folder / "study.toml", folder / "problem.toml"
     study.write_text(STUDY)
+    problem.write_text(PROBLEM.to_toml())
     ad.run_study(squares(1), folder / "done.sqlite")
     return {
         ad.characteristic_polynomial: {"matrix": np.eye(2)},
@@ -140,6 +142,7 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
         ad.monte_carlo: {"robot": RR, "reference": MOTION, "controller": PID, "plants": PLANTS, "loop": LOOP}
         | {"options": ARMS, "file": None, "progress": None},
         ad.ramp: {"robot": RR, "q_start": START, "q_goal": GOAL, "duration": 1.0},
+        ad.read_problem: {"path": problem},
         ad.read_study: {"path": study},
         ad.replay_torques: {"robot": RR, "trajectory": MOTION, "rtol": 1e-6, "stop": None},
         ad.reserve_curve: {"problem": PROBLEM, "controllers": [PID], "plants": [RR], "reserves": [0.1], "loop": None}
@@ -192,11 +195,12 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
         ad.Robot.from_urdf_string: {"text": two_links(), "package_dirs": (), "source": "it"} | READING | FRICTION,
         ad.Robot.from_urdf: {"path": arm, "package_dirs": ()} | READING | FRICTION,
         ad.Robot.from_library: {"name": "acrobot"} | READING | FRICTION,
-        ad.Robot.from_mjcf: {"path": pole, "payload": None, "lock": None, "arm": None},
-        ad.Robot.from_mjcf_string: {"text": POLE, "payload": None, "lock": None, "arm": None, "source": "it"},
-        ad.Robot.from_model: {"model": RR.model, "limits": RR.limits, "name": None, "payload": None, "lock": None}
-        | {"arm": None},
-        ad.Robot.from_spec: {"spec": SPEC, "payload": None},
+        ad.Robot.from_mjcf: {"path": pole, "options": ad.RobotOptions(armature=0.1)} | READING | FRICTION,
+        ad.Robot.from_mjcf_string: {"text": POLE, "passive": (), "source": "it"} | READING | FRICTION,
+        ad.Robot.from_model: {"model": RR.model, "limits": RR.limits, "name": None} | READING | FRICTION,
+        ad.Robot.from_spec: {"spec": SPEC, "options": None} | READING | FRICTION,
+        ad.Robot.from_source: {"source": RR.origin, "options": RR.options},
+        RR.with_payload: {"payload": None},
         RR.with_limits: {"effort_limit": 1.0, "velocity_limit": 1.0},
         RR.with_friction: {"damping": 1.0, "friction": 1.0, "width": 1.0},
         RR.with_armature: {"armature": 1.0},
@@ -211,6 +215,7 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
         MOTION.to_csv: {"path": folder / "motion.csv"},
         MOTION.resample(100.0).to_csv: {"path": folder / "samples.csv"},
         MOTION.resample(100.0).to_mjcf: {"motors": True},
+        PROBLEM.to_toml: {"folder": folder},
         PROBLEM.variant: {"reserve": 0.1, "q_start": START},
         PROBLEM.beside_goal: {"motion": MOTION},
         ad.PidGains(1, 1, 1).per_joint: {"nv": 2},

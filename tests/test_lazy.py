@@ -119,7 +119,7 @@ def test_dir_has_the_public_names_only(name):
     assert dir(package) == sorted(package.__all__)
 
 
-def test_a_value_is_drawn_by_what_the_package_names_and_not_before():
-    code = "from armdyn import *; Solution.plot, Solution.report; from armdyn import lazy"
+def test_the_renderer_is_imported_when_a_value_is_drawn():
+    code = "from armdyn import *; Solution.plot, Solution.report; from armdyn import rendering"
     assert not loaded(code) & {"armdyn.show.values", "armdyn.show", "matplotlib", "meshcat"}
-    assert "armdyn.show.values" in loaded(f"{code}; lazy.drawing()")
+    assert "armdyn.show.values" in loaded(f"{code}; rendering.renderer()")

@@ -15,7 +15,7 @@ ARMDYN = [sys.executable, "-c", "from armdyn.cli import main; main()"]
 LONG_CALL = """
 import os
 from functools import partial
-from armdyn.processes import {together}
+from armdyn.parallel import {together}
 
 def busy(k):
     os.write(1, b"begun\\n")

@@ -44,7 +44,7 @@ ALIASES = {"address": "scheduler", "text": "^it: ", "placement": "pose", "trajec
 ALIASES |= {"ki": "gains", "name": "no frame|no pose", "duration": "samples|motion cannot be started"}
 """What messages call an argument, besides its name or a word of that; of a file or a name it is enough to say which."""
 RESULTS = {
-    *(ad.Arc, ad.Certificate, ad.GainPlane, ad.LowerBound, ad.Margins, ad.MonteCarlo, ad.PidRun, ad.ReserveCurve),
+    *(ad.Arc, ad.Certificate, ad.GainPlane, ad.LowerBound, ad.Margins, ad.MonteCarlo, ad.ReserveCurve),
     *(ad.RouthTable, ad.Run, ad.Sample, ad.SampledLoop, ad.SampledStability, ad.Samples, ad.Sensitivities),
     *(ad.Solution, ad.TimeOptimality, ad.Tuned, ad.Status, ad.ArmdynError, ad.ArmdynWarning),
 }
@@ -52,7 +52,7 @@ RESULTS = {
 INNER = {
     *(
         "along",
-        "asked_by",
+        "from_problem",
         "at_goal",
         "bounded",
         "check",
@@ -63,7 +63,7 @@ INNER = {
         "of_option",
         "on",
     ),
-    *("rows", "stricter", "torque_rate_limit", "values", "with_stability", "without_motors"),
+    *("rows", "tightened", "torque_rate_limit", "values", "with_stability", "without_motors"),
     "from_description",  # takes a package, and the internet
 }
 """Methods that the pipeline asks of conditions and answers, with values that it has made."""
@@ -146,6 +146,7 @@ def test_whatever_it_is_given_it_does_its_work_or_says_what_is_wrong(table, call
     for call, right in calls[table].items():
         call(**right)
         annotations = {name: one.annotation for name, one in inspect.signature(call).parameters.items()}
+        annotations |= ad.RobotOptions.__annotations__ if "keywords" in annotations else {}
         for name in right:
             where = f"{call.__qualname__}({name})"
             with little_memory(wrong, where):

@@ -20,13 +20,13 @@ from armdyn.cli.motion.pid import pid
 from armdyn.cli.motion.replay import replay
 from armdyn.cli.options.groups import with_options
 from armdyn.cli.paper import reproduce, urdf
+from armdyn.cli.parsing.layout import Command, Group
 from armdyn.cli.reports.report import compare, report
 from armdyn.cli.robots import robots
 from armdyn.cli.sweeps.sweep import sweep
 from armdyn.cli.tracking.many import monte_carlo
 from armdyn.cli.tracking.track import track
 from armdyn.cli.tracking.tuning import tune
-from armdyn.cli.typed.layout import Command, Group
 
 _HELP = """Time-optimal and closed-loop motion of robot arms, from a URDF.
 

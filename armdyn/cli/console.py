@@ -17,7 +17,7 @@ import typer
 
 from armdyn.cli import interrupts
 from armdyn.cli.interrupts import INTERRUPTED as INTERRUPTED
-from armdyn.cli.reports.asked import is_given
+from armdyn.cli.reports.invocation import is_given
 from armdyn.cli.streams import BAD_INPUT as BAD_INPUT
 from armdyn.cli.streams import DISK_FULL as DISK_FULL
 from armdyn.errors import ArmdynError, ArmdynWarning, DiskFullError

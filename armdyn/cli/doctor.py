@@ -130,7 +130,7 @@ PolicyRow = tuple[str, object, str, str, str]
 
 
 def _policy(robot: ad.Robot) -> list[PolicyRow]:
-    """The policy of a robot's minimum-time problems without conditions along the way, whatever the poses."""
+    """The policy of a robot's minimum-time problems without path constraints, whatever the poses."""
     import numpy as np
 
     from armdyn.optimal.task.policy import Policy

@@ -12,7 +12,7 @@ from armdyn.cli.console import answering, console, escape
 from armdyn.cli.options.results import Json
 from armdyn.errors import ProblemError
 from armdyn.files import probe_folder, write_whole
-from armdyn.typed.numbers import number
+from armdyn.parsing.numbers import number
 
 if TYPE_CHECKING:
     from armdyn.trajectory import Samples

@@ -11,9 +11,9 @@ import typer
 from armdyn.arguments import one_of
 from armdyn.cli.console import INTERRUPTED, NOT_USABLE, answering, console, errors, escape
 from armdyn.cli.options.results import Json
-from armdyn.control.pid.arrival import ARRIVAL_RULES
+from armdyn.control.tracking.arrival import ARRIVAL_RULES
 from armdyn.files import probe_folder, write_whole
-from armdyn.typed.numbers import numbers
+from armdyn.parsing.numbers import numbers
 
 if TYPE_CHECKING:
     from rich.progress import Progress

@@ -9,9 +9,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.codegen.compiled import compiled_library
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.exclusive import built_once
-from armdyn.machine.compiled import compiled_library
+from armdyn.locks import built_once
 from armdyn.models.robots.robot import Robot
 
 Array = NDArray[np.float64]

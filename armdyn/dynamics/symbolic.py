@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from armdyn.arguments import expect, flag, numbers
 from armdyn.errors import BridgeError, SpecError
-from armdyn.exclusive import built_once
+from armdyn.locks import built_once
 from armdyn.models.robots.robot import Robot, expect_robot
 
 _NO_MASS = 1e-100

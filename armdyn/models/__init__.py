@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING
 from armdyn.lazy import facade
 
 if TYPE_CHECKING:
+    from armdyn.models.robots.options import RobotOptions
     from armdyn.models.robots.robot import Robot
     from armdyn.models.scene.obstacles import Box, Capsule, Sphere
     from armdyn.models.scene.reaching import GoalPose
     from armdyn.models.values.friction import JointFriction
-    from armdyn.models.values.limits import JointLimits
+    from armdyn.models.values.joint_limits import JointLimits
     from armdyn.models.values.spec import PAPER_ARMS, ArmSpec, LinkSpec, Payload
     from armdyn.models.values.urdf import urdf_from_spec
 else:
@@ -17,9 +18,10 @@ else:
         __name__,
         {
             "values.friction": "JointFriction",
-            "values.limits": "JointLimits",
+            "values.joint_limits": "JointLimits",
             "scene.obstacles": "Box Capsule Sphere",
             "scene.reaching": "GoalPose",
+            "robots.options": "RobotOptions",
             "robots.robot": "Robot",
             "values.spec": "PAPER_ARMS ArmSpec LinkSpec Payload",
             "values.urdf": "urdf_from_spec",
@@ -37,6 +39,7 @@ __all__ = [
     "LinkSpec",
     "Payload",
     "Robot",
+    "RobotOptions",
     "Sphere",
     "urdf_from_spec",
 ]

@@ -9,13 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
 from armdyn.arguments import expect, numbers
-from armdyn.brief import brief
 from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.errors import TrajectoryError
 from armdyn.models.robots.robot import Robot, expect_robot
-from armdyn.models.values.limits import JointLimits
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.answer.solution import Solution
-from armdyn.optimal.landing.limits import worst_violation
+from armdyn.optimal.landing.limit_violations import worst_violation
 from armdyn.optimal.landing.rollout import replay_torques
 from armdyn.optimal.landing.segments import Segments
 from armdyn.optimal.minimum_time import solve_minimum_time
@@ -23,6 +22,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.proof.repeat import OPEN_LOOP_GROWTH
 from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]

@@ -28,7 +28,7 @@ from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.goals import GoalTried, screened
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task
-from armdyn.processes import beside
+from armdyn.parallel import beside
 
 _LEAST_BOUND = 1.0
 """Time that the bound of all goals is given at least [s], whatever the search has left."""
@@ -97,9 +97,9 @@ def _strategy(task: Task) -> Strategy:
     problem, numbers = task.problem, task.policy.curves
     if numbers.alone:
         return curves
-    if numbers.cruises and numbers.possible and not problem.along_the_way:
+    if numbers.cruises and numbers.possible and not problem.path_constraint_names:
         return either
-    if problem.along_the_way:
+    if problem.path_constraint_names:
         return constrained
     return time_energy if problem.pays_effort else minimum_time
 

@@ -3,7 +3,7 @@
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
-from armdyn.control.pid.arrival import ArrivalRule
+from armdyn.control.tracking.arrival import ArrivalRule
 from armdyn.errors import ProblemError
 from armdyn.paper.outcomes.case import READINGS, Case
 from armdyn.paper.printed.examples import EXAMPLES, PAYLOAD, PAYLOADS, Kind

@@ -19,7 +19,7 @@ from armdyn.paper.printed.examples import PAYLOADS
 from armdyn.paper.printed.loop import PAPER_RULE
 from armdyn.paper.tables.files import write_findings, write_methods, write_tables
 from armdyn.paper.tables.rows import Row, all_rows
-from armdyn.processes import as_they_end
+from armdyn.parallel import as_they_end
 
 if TYPE_CHECKING:
     from armdyn.paper.page.figures import Picture

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from armdyn.errors import TrajectoryError
 from armdyn.files import write_whole
 from armdyn.models import JointLimits
-from armdyn.show.figures.limits import Panel, draw_limits, scales
-from armdyn.show.figures.look import INK, LOOK, Style, color, literal, styles
+from armdyn.show.figures.limit_lines import Panel, draw_limits, scales
+from armdyn.show.figures.style import INK, LOOK, Style, color, literal, styles
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]

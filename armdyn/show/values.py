@@ -1,4 +1,4 @@
-"""Values of lower layers, drawn: `armdyn.lazy.draw_by` names this module, `armdyn.lazy.drawing` imports it."""
+"""Renderer of values: notebook cards, figures and reports; registered in `armdyn.rendering`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from armdyn.arguments import path as path_of
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.answer.summary import minimum_time_summary
-from armdyn.show.notebook.cards import card as card
+from armdyn.show.cards import card as card
 from armdyn.show.plots import plot_trajectories
 from armdyn.show.report import write_report
 

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from armdyn.arguments import listener, number, several
-from armdyn.brief import brief
 from armdyn.control import Loop, Lqr, Run
 from armdyn.control.loop.law import Controller, expect_controller
 from armdyn.control.loop.loop import expect_loop
@@ -16,6 +15,7 @@ from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot, expect_robot, expect_robots
 from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Solution, Status
 from armdyn.optimal.problem.problem import expect_problem
+from armdyn.reprs import brief
 from armdyn.studies.continuation import continuation
 from armdyn.studies.plants.plants import with_payload_times
 

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from armdyn.arguments import path as path_of
 from armdyn.arguments import shown
-from armdyn.brief import brief
 from armdyn.errors import FileError, TrajectoryError
 from armdyn.files import read_bounded
+from armdyn.reprs import brief
 from armdyn.trajectory import messages, npz
 
 Array = NDArray[np.float64]

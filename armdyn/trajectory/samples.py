@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arguments import numbers, several, text
-from armdyn.brief import brief
 from armdyn.errors import TrajectoryError
 from armdyn.files import write_whole
+from armdyn.reprs import brief
 from armdyn.trajectory import formats
 
 if TYPE_CHECKING:

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import numbers, several, text
-from armdyn.brief import brief, called
 from armdyn.errors import TrajectoryError
-from armdyn.lazy import drawn
+from armdyn.rendering import renderer
+from armdyn.reprs import brief, called
 from armdyn.trajectory import npz
 from armdyn.trajectory.samples import Samples
 from armdyn.trajectory.sampling import samples_of
@@ -110,7 +110,7 @@ class Trajectory:
 
     def _repr_html_(self) -> str:
         """What a notebook shows: a table and a picture."""
-        return drawn(self)
+        return renderer().card(self)
 
     @property
     def duration(self) -> float:

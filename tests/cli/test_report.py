@@ -135,7 +135,7 @@ def test_motions_of_other_planners_stand_beside(tracked, tmp_path):
         assert one["torque"] == pytest.approx(np.abs(motion.tau).max() / 3, rel=0.01)
         assert one["later"] == pytest.approx(motion.duration / first["there"] - 1, abs=1e-6)
     page = (tmp_path / "out" / "report.html").read_text()
-    assert "What was checked: toppra" in page and "Conditions along the way" not in page
+    assert "What was checked: toppra" in page and "Path constraints" not in page
     words = run_here("compare", tracked, files[0], "--out", tmp_path / "out").stdout
     assert "+" in words and "Keeps its" in words  # of narrow columns
 

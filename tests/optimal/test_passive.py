@@ -137,6 +137,6 @@ def test_either_way_up():
 @pytest.mark.slow
 def test_what_is_asked_along_the_way():
     limit = ad.TorqueRateLimit(200.0)
-    solution = solve(problem_of("cart_pole", [1.0, 0.0], effort_limit=10.0, conditions=[limit]))
+    solution = solve(problem_of("cart_pole", [1.0, 0.0], effort_limit=10.0, path_constraints=[limit]))
     assert solution.usable and solution.duration > 1.2313  # without: bang-bang
     assert not np.any(solution.trajectory.tau[:, 1])

@@ -9,7 +9,7 @@ import pytest
 import armdyn as ad
 from armdyn.errors import TrajectoryError
 from armdyn.show import plots
-from armdyn.show.figures.look import COLORS
+from armdyn.show.figures.style import COLORS
 from problems import paper_arm
 from show.motions import HANGING, RAISED, quintic
 

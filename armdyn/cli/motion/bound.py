@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import armdyn as ad
 from armdyn.cli.console import answering, console, facts_table, working
-from armdyn.cli.options.course import CourseOptions
+from armdyn.cli.options.course import PathConstraintOptions
 from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.poses import GoalOptions
 from armdyn.cli.options.results import Json
-from armdyn.cli.options.robot import PayloadOptions, RobotOptions
-from armdyn.cli.typed.asked import problem_asked
+from armdyn.cli.options.robot import PayloadOptions, RobotArgument
+from armdyn.cli.parsing.requests import problem_asked
 
 
 def bound(
     goal: GoalOptions,
     payload: PayloadOptions,
-    robot: RobotOptions,
+    robot: RobotArgument,
     joints: FastJointOptions,
-    course: CourseOptions,
+    course: PathConstraintOptions,
     json: Json = False,
 ) -> None:
     """A duration that no motion between two poses beats, proven.

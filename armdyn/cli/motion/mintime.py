@@ -12,15 +12,15 @@ import armdyn as ad
 from armdyn.cli.console import INTERRUPTED, NOT_AS_REQUIRED, NOT_USABLE, answering, console, facts_table, working
 from armdyn.cli.motion.requirements import Require, missing_of, requirements_of
 from armdyn.cli.motion.words import missing_words, solution_words, title_words
-from armdyn.cli.options.course import CourseOptions
+from armdyn.cli.options.course import PathConstraintOptions
 from armdyn.cli.options.groups import given
 from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.poses import GoalOptions
 from armdyn.cli.options.results import ResultOptions
-from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+from armdyn.cli.options.robot import PayloadOptions, RobotArgument
+from armdyn.cli.parsing.panels import SOLVER
+from armdyn.cli.parsing.requests import problem_asked
 from armdyn.cli.tracking.reserves import reserve_choice, reserve_facts, write_reserves
-from armdyn.cli.typed.asked import problem_asked
-from armdyn.cli.typed.panels import SOLVER
 from armdyn.errors import ProblemError
 from armdyn.optimal.task.effort import Effort
 
@@ -116,9 +116,9 @@ class SearchOptions(SolverOptions):
 def mintime(
     goal: GoalOptions,
     payload: PayloadOptions,
-    robot: RobotOptions,
+    robot: RobotArgument,
     joints: FastJointOptions,
-    course: CourseOptions,
+    course: PathConstraintOptions,
     search: SearchOptions,
     results: ResultOptions,
     require: Require = None,

@@ -14,15 +14,15 @@ from armdyn.cli.motion.mintime import SolverOptions
 from armdyn.cli.options.course import RateOptions
 from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.results import ResultOptions
-from armdyn.cli.options.robot import PayloadOptions, RobotOptions
-from armdyn.cli.reports.given import motion_of
+from armdyn.cli.options.robot import PayloadOptions, RobotArgument
+from armdyn.cli.reports.foreign_trajectories import motion_of
 from armdyn.errors import ProblemError
 
 MOTIONS = ("trajectory", "optimum")
 
 
 def optimality(
-    robot: RobotOptions,
+    robot: RobotArgument,
     file: Annotated[
         Path,
         typer.Argument(

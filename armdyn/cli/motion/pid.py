@@ -13,11 +13,11 @@ from armdyn.cli.console import NOT_USABLE, answering, console, facts_table, work
 from armdyn.cli.options.joints import JointOptions, friction_facts, friction_words
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import ResultOptions
-from armdyn.cli.options.robot import PayloadOptions, RobotOptions
-from armdyn.cli.typed.asked import arm_asked
-from armdyn.control.pid.arrival import ARRIVAL_RULES, ArrivalRule
+from armdyn.cli.options.robot import PayloadOptions, RobotArgument
+from armdyn.cli.parsing.requests import arm_asked
+from armdyn.control.tracking.arrival import ARRIVAL_RULES, ArrivalRule
 from armdyn.errors import ProblemError
-from armdyn.typed.numbers import numbers
+from armdyn.parsing.numbers import numbers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +46,7 @@ class LoopOptions:
         ),
     ] = None
 
-    def run(self, arm: ad.Robot, start: list[float], goal: list[float], usual: ArrivalRule) -> ad.PidRun:
+    def run(self, arm: ad.Robot, start: list[float], goal: list[float], usual: ArrivalRule) -> ad.Run:
         """Close the loop between two poses [rad or m], each of shape (nv,).
 
         Args:
@@ -75,7 +75,7 @@ class LoopOptions:
 def pid(
     poses: PoseOptions,
     payload: PayloadOptions,
-    robot: RobotOptions,
+    robot: RobotArgument,
     joints: JointOptions,
     loop: LoopOptions,
     results: ResultOptions,
@@ -90,7 +90,7 @@ def pid(
     """
     json = results.output.json
     with answering(json) as answer:
-        from armdyn.control.pid.closed_loop import pid_summary
+        from armdyn.control.tracking.pid import pid_summary
         from armdyn.paper.printed.loop import PAPER_RULE
 
         asked = arm_asked(robot, poses, payload, joints)
@@ -109,7 +109,7 @@ def pid(
             console.print(facts_table(f"{arm.name}: PID loop", words))
 
 
-def _words(run: ad.PidRun) -> dict[str, str]:
+def _words(run: ad.Run) -> dict[str, str]:
     """A run in words."""
     return {
         "status": f"{run.status}: {run.message}",
@@ -119,13 +119,13 @@ def _words(run: ad.PidRun) -> dict[str, str]:
     }
 
 
-def _arrival(run: ad.PidRun) -> str:
+def _arrival(run: ad.Run) -> str:
     """When a loop arrived, and by which rule; with another rule than that all joints stay, when they all do, too."""
     rule = run.arrival_rule.replace("_", " ")
     told = f"{_seconds(run.arrival_time)} ({rule})"
     if run.arrival_rule == ARRIVAL_RULES[0]:
         return told
-    return f"{told}; all joints: {_seconds(run.settling_time)}"
+    return f"{told}; all joints: {_seconds(run.settled_time)}"
 
 
 def _seconds(time: float | None) -> str:

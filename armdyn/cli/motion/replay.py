@@ -11,9 +11,9 @@ import typer
 import armdyn as ad
 from armdyn.cli.console import answering, console, escape, working
 from armdyn.cli.options.results import OutputOptions
-from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.errors import ArmdynWarning, TrajectoryError
-from armdyn.typed.numbers import number
+from armdyn.parsing.numbers import number
 
 if TYPE_CHECKING:
     from armdyn.cli.reports.saved import Saved
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def replay(
-    robot: RobotOptions,
+    robot: RobotArgument,
     trajectories: Annotated[
         list[Path],
         typer.Argument(
@@ -70,7 +70,7 @@ def _saved(path: Path, arm: ad.Robot) -> Saved:
     Warns:
         ArmdynWarning: it is another arm's.
     """
-    from armdyn.cli.reports.given import checked, is_given, motion_of
+    from armdyn.cli.reports.foreign_trajectories import checked, is_given, motion_of
     from armdyn.cli.reports.saved import Saved, read_saved
 
     if is_given(path):

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from armdyn.cli.typed.panels import TASK
+from armdyn.cli.parsing.panels import TASK
 from armdyn.errors import ProblemError
-from armdyn.typed.numbers import number
+from armdyn.parsing.numbers import number
 
 if TYPE_CHECKING:
     from armdyn.optimal import Solution
@@ -79,7 +79,7 @@ def _why(one: Requirement, solution: Solution) -> str:
         return "; ".join(solution.certificate.reasons)
     if one.kind == "gap" and solution.gap_proven and solution.gap is not None:
         return f"the gap is {percent(solution.gap)}"
-    lines = advice(solution.problem, solution.certificate, solution.kept, solution.phases is not None)
+    lines = advice(solution.problem, solution.certificate, solution.constraint_reports, solution.phases is not None)
     return lines.get(one.kind, "; ".join(solution.certificate.reasons))
 
 

@@ -122,7 +122,7 @@ def _course(solution: Solution) -> dict[str, str]:
     if solution.clearance is not None:
         proof = "nothing is missed between looks" if solution.clearance.sure else "looked at 10,000 times at most"
         facts["nearest"] = f"{solution.clearance} ({proof})"
-    facts |= {kept.name: kept.said for kept in solution.kept if kept.share is not None}
+    facts |= {kept.name: kept.said for kept in solution.constraint_reports if kept.share is not None}
     if solution.via_times:
         facts["via points"] = "at " + ", ".join(f"{t:.4f}" for t in solution.via_times) + " s"
     if solution.goals:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import typer
 
-from armdyn.cli.options.limits import Limits, limits_of
-from armdyn.cli.typed.panels import LIMITS, SCENE, TASK
-from armdyn.cli.typed.positions import positions
+from armdyn.cli.options.path_limits import Limits
+from armdyn.cli.parsing.panels import LIMITS, SCENE, TASK
+from armdyn.cli.parsing.positions import positions
 from armdyn.errors import ProblemError
-from armdyn.typed.numbers import numbers, one_or_more
+from armdyn.parsing.numbers import numbers, one_or_more
 
 if TYPE_CHECKING:
     from armdyn.models import Robot
@@ -53,7 +53,7 @@ class RateOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CourseOptions:
+class PathConstraintOptions:
     """Via points, obstacles, limits of acceleration and jerk: the texts of the options."""
 
     panel: ClassVar[str] = SCENE
@@ -90,13 +90,15 @@ class CourseOptions:
         Raises:
             ProblemError: a text is not what its option takes.
         """
+        from armdyn.optimal.path_constraints.registry import path_constraint_from
+
         return {
             "via": [positions(text, "--via", robot) for text in self.via or ()],
             "obstacles": obstacles_of(self.obstacle or ()),
             "self_collision": self.self_collision,
             "clearance": self.clearance,
             **self.rates.kept(),
-            "conditions": limits_of(self.limit or ()),
+            "path_constraints": [path_constraint_from(text) for text in self.limit or ()],
         }
 
 

@@ -10,8 +10,8 @@ from typing import Annotated, Any, get_origin, get_type_hints
 
 from typer.models import OptionInfo
 
-from armdyn.cli.reports.asked import running
-from armdyn.cli.typed.everywhere import everywhere, heeding
+from armdyn.cli.parsing.everywhere import everywhere, heeding
+from armdyn.cli.reports.invocation import running
 
 
 def with_options(command: Callable[..., None]) -> Callable[..., None]:

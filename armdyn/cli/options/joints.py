@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import typer
 
-from armdyn.cli.typed.panels import LIMITS, ROBOT
-from armdyn.typed.numbers import number, one_or_more
+from armdyn.cli.parsing.panels import LIMITS, ROBOT
+from armdyn.parsing.numbers import number, one_or_more
 
 if TYPE_CHECKING:
     from armdyn.models import Robot

@@ -9,10 +9,10 @@ import typer
 
 import armdyn as ad
 from armdyn import models
-from armdyn.cli.typed.panels import TASK
-from armdyn.cli.typed.positions import positions
+from armdyn.cli.parsing.panels import TASK
+from armdyn.cli.parsing.positions import positions
 from armdyn.errors import ProblemError
-from armdyn.typed.numbers import numbers
+from armdyn.parsing.numbers import numbers
 
 if TYPE_CHECKING:
     from armdyn.paper import Kind

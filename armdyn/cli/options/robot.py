@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Annotated, ClassVar
 
 import typer
 
 import armdyn as ad
 from armdyn import models
-from armdyn.cli.typed.panels import ROBOT
-from armdyn.cli.typed.positions import position, sliding_locks
-from armdyn.errors import ProblemError, SpecError, UnknownRobotError
-from armdyn.models.mjcf.document import is_mjcf
-from armdyn.models.robots.descriptions import is_description
-from armdyn.typed.numbers import numbers
+from armdyn.cli.parsing.panels import ROBOT
+from armdyn.cli.parsing.positions import position, sliding_locks
+from armdyn.errors import ProblemError, SpecError
+from armdyn.models.robots.source import RobotSource
+from armdyn.parsing.numbers import numbers
 
 TAKE_FILES = "mintime, bound, sweep, track, monte-carlo, tune and pid"
 """Commands that take a problem file for a robot."""
@@ -87,17 +85,8 @@ class PartOptions:
         """The robot of a name that is not one of the paper's."""
         if name.lower().endswith(".toml"):
             raise SpecError(f"{name} is a problem file, which {TAKE_FILES} take; here a robot is needed")
-        locks, ends = self.locks(), self.ends()
-        if Path(name).suffix or Path(name).is_file():
-            if is_mjcf(name):
-                return ad.Robot.from_mjcf(name, payload, locks, ends)
-            return ad.Robot.from_urdf(name, payload, locks, arm=ends)
-        if is_description(name):
-            return ad.Robot.from_description(name, payload, locks, ends)
-        try:
-            return ad.Robot.from_library(name, payload, locks, arm=ends)
-        except UnknownRobotError as error:
-            raise UnknownRobotError(name, (*models.PAPER_ARMS, *error.known)) from None
+        options = ad.RobotOptions(payload=payload, lock=self.locks(), arm=self.ends())
+        return ad.Robot.from_source(RobotSource.named(name), options)
 
     def locks(self) -> dict[str, float] | None:
         """Joints to fix, and where [rad or m]."""
@@ -115,7 +104,7 @@ class PartOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RobotOptions:
+class RobotArgument:
     """A robot, and which of its joints move."""
 
     robot: RobotName

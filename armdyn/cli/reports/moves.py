@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from armdyn.cli.reports.given import checked, is_given, motion_of
+from armdyn.cli.reports.foreign_trajectories import checked, is_given, motion_of
 from armdyn.cli.reports.saved import Saved, read_saved
 from armdyn.cli.reports.subject import Wanted, subject_named, subject_of
 from armdyn.errors import ArmdynWarning, FileError, ProblemError, TrajectoryError

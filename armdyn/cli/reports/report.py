@@ -12,7 +12,7 @@ from armdyn.cli.console import answering, console, escape, working
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PartOptions, PayloadOptions
 from armdyn.errors import ProblemError
-from armdyn.typed.numbers import number
+from armdyn.parsing.numbers import number
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -10,10 +10,10 @@ import typer
 import armdyn as ad
 from armdyn import models
 from armdyn.cli.options.groups import given
-from armdyn.cli.options.robot import PayloadPlace, RobotOptions, known_names
-from armdyn.cli.typed.panels import SOLVER
+from armdyn.cli.options.robot import PayloadPlace, RobotArgument, known_names
+from armdyn.cli.parsing.panels import SOLVER
 from armdyn.errors import ProblemError
-from armdyn.typed.numbers import numbers
+from armdyn.parsing.numbers import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -85,7 +85,7 @@ class SweepOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SweptOptions(RobotOptions):
+class SweptOptions(RobotArgument):
     """A robot, or a file that says of many cases what is done in each."""
 
     robot: Annotated[

@@ -61,13 +61,13 @@ class StudyOptions:
         from functools import partial
 
         from armdyn.errors import ProblemError
-        from armdyn.studies.sweeps.crews.local import local_crew
+        from armdyn.studies.sweeps.executors.local import local_crew
 
         if self.scheduler is None:
             return partial(local_crew, workers=self.workers)
         if self.workers is not None:
             raise ProblemError("--workers are processes of this machine; a --scheduler has its own")
-        from armdyn.studies.sweeps.crews.cluster import cluster_crew
+        from armdyn.studies.sweeps.executors.dask_cluster import cluster_crew
 
         return cluster_crew(self.scheduler)
 
@@ -137,8 +137,8 @@ def _answered(answer: Answer, study: Study, run: StudyRun, files: Sequence[Path]
 
 
 def _drawn(study: Study, table: list[dict[str, Any]], folder: Path, title: str) -> list[Path]:
+    from armdyn.show.figures.sweeps import figures_of
     from armdyn.show.plots import save_figure
-    from armdyn.show.sweeps.figures import figures_of
     from armdyn.studies.sweeps.tasks.settings import label
 
     settings = {axis.name: axis.kind for axis in study.axes}

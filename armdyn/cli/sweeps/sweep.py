@@ -20,10 +20,10 @@ from armdyn.cli.motion.requirements import Require, missing_of, requirements_of
 from armdyn.cli.motion.words import options_of
 from armdyn.cli.options.joints import FastJointOptions, reserve_words
 from armdyn.cli.options.poses import PoseOptions
+from armdyn.cli.parsing.positions import degrees_are_on
+from armdyn.cli.parsing.problem_file import is_problem_file, is_study_file, problem_file, refuse_beside_a_file
 from armdyn.cli.sweeps.options import PayloadsOptions, SweepOptions, SweptOptions
 from armdyn.cli.sweeps.study import StudyOptions, SweepResults, run_file
-from armdyn.cli.typed.positions import degrees_are_on
-from armdyn.cli.typed.problem_file import is_problem_file, is_study_file, problem_of, refuse_beside_a_file
 from armdyn.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def sweep(
             raise ProblemError("--workers, --scheduler, --again, --sync and --parquet are for a study file, STUDY.toml")
         required = requirements_of(require or ())
         from armdyn.optimal.answer.summary import reserve_summary
-        from armdyn.show.sweeps.payloads import motion_name, sweep_row, table_names, write_motion, write_sweep
+        from armdyn.show.figures.payload_sweep import motion_name, sweep_row, table_names, write_motion, write_sweep
 
         masses = payloads.masses(robot.robot)
         problems, options = _problems(masses, poses, payloads, robot, joints)
@@ -139,8 +139,8 @@ def _problems(
     """
     if is_problem_file(robot.robot):
         refuse_beside_a_file(robot.robot, poses, payloads.place, robot.part, joints)
-        posed = problem_of(robot.robot)
-        return [posed.loaded(mass) for mass in masses], posed.options
+        file = problem_file(robot.robot)
+        return [file.made(mass) for mass in masses], file.options
     arms = [joints.fit(robot.read(payloads.place.carried(mass))) for mass in masses]
     start, goal = (read(arms[0], robot.robot, "minimum_time") for read in (poses.start, poses.goal))
     return [ad.MinimumTimeProblem(arm, q_start=start, q_goal=goal, **joints.kept()) for arm in arms], {}

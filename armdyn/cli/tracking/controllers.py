@@ -10,10 +10,10 @@ import typer
 import armdyn as ad
 from armdyn.arguments import one_of
 from armdyn.errors import ProblemError
-from armdyn.typed.numbers import number, numbers, one_or_more
+from armdyn.parsing.numbers import number, numbers, one_or_more
 
 if TYPE_CHECKING:
-    from armdyn.cli.typed.asked import ArmAsked
+    from armdyn.cli.parsing.requests import ArmAsked
     from armdyn.control.loop.law import Controller
 
 CONTROLLERS = ("lqr", "computed-torque", "pid")

@@ -20,13 +20,13 @@ from armdyn.cli.console import (
 from armdyn.cli.options.joints import FastJointOptions
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import NoFigure, OutputOptions
-from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+from armdyn.cli.options.robot import PayloadOptions, RobotArgument
+from armdyn.cli.parsing.panels import TASK
+from armdyn.cli.parsing.requests import arm_asked
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions
 from armdyn.cli.tracking.track import ReferenceOptions, no_motion
-from armdyn.cli.typed.asked import arm_asked
-from armdyn.cli.typed.panels import TASK
 from armdyn.errors import ProblemError
-from armdyn.typed.numbers import numbers
+from armdyn.parsing.numbers import numbers
 
 ROWS = "rows.jsonl"
 """What the rows are called."""
@@ -101,7 +101,7 @@ class CountOptions:
 def monte_carlo(
     poses: PoseOptions,
     payload: PayloadOptions,
-    robot: RobotOptions,
+    robot: RobotArgument,
     joints: FastJointOptions,
     reference: ReferenceOptions,
     controller: ControllerOptions,
@@ -157,7 +157,7 @@ def _write(
     folder: Path, found: ad.MonteCarlo, motion: ad.Trajectory, summary: dict[str, object], *, figure: bool
 ) -> list[Path]:
     """The reference, the figure and result.json, beside the rows."""
-    from armdyn.show.loops.envelopes import plot_envelope
+    from armdyn.show.figures.envelopes import plot_envelope
     from armdyn.show.plots import save_figure
     from armdyn.show.results import save_result
 

@@ -14,10 +14,10 @@ from armdyn.cli.console import INTERRUPTED, NOT_USABLE, Answer, answering, conso
 from armdyn.cli.options.joints import FastJointOptions, friction_words
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import ResultOptions
-from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+from armdyn.cli.options.robot import PayloadOptions, RobotArgument
+from armdyn.cli.parsing.panels import TASK
+from armdyn.cli.parsing.requests import ArmAsked, arm_asked
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions, PlantOptions
-from armdyn.cli.typed.asked import ArmAsked, arm_asked
-from armdyn.cli.typed.panels import TASK
 from armdyn.errors import ProblemError
 
 
@@ -61,7 +61,7 @@ class ReferenceOptions:
 def track(
     poses: PoseOptions,
     payload: PayloadOptions,
-    robot: RobotOptions,
+    robot: RobotArgument,
     joints: FastJointOptions,
     reference: ReferenceOptions,
     controller: ControllerOptions,

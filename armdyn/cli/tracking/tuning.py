@@ -14,11 +14,11 @@ from armdyn.cli.console import INTERRUPTED, NOT_USABLE, answering, console, fact
 from armdyn.cli.options.joints import JointOptions
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import OutputOptions
-from armdyn.cli.options.robot import PayloadOptions, RobotOptions
+from armdyn.cli.options.robot import PayloadOptions, RobotArgument
+from armdyn.cli.parsing.panels import SOLVER
+from armdyn.cli.parsing.requests import arm_asked
 from armdyn.cli.tracking.controllers import CONTROLLERS, LoopOptions
 from armdyn.cli.tracking.many import ArmsOptions, range_of
-from armdyn.cli.typed.asked import arm_asked
-from armdyn.cli.typed.panels import SOLVER
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +85,7 @@ class SearchOptions:
 def tune(
     poses: PoseOptions,
     payload: PayloadOptions,
-    robot: RobotOptions,
+    robot: RobotArgument,
     joints: JointOptions,
     family: FamilyOptions,
     search: SearchOptions,

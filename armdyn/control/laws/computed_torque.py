@@ -8,10 +8,9 @@ import numpy as np
 from armdyn.arguments import number
 from armdyn.control.laws.readings import Readings, law_function, table
 from armdyn.control.laws.reference import reference_of
-from armdyn.control.loop.law import Law
+from armdyn.control.loop.law import Law, expect_motors
 from armdyn.control.loop.loop import Loop
 from armdyn.control.loop.ticks import Ticks
-from armdyn.control.pid.equations import expect_motors
 from armdyn.dynamics import Dynamics
 from armdyn.models.robots.robot import Robot, expect_robot
 

@@ -11,10 +11,9 @@ from armdyn.control.laws.linear import Steps, best_gains, loop_steps, plant_step
 from armdyn.control.laws.readings import Readings, law_function, table
 from armdyn.control.laws.reference import reference_of
 from armdyn.control.laws.weights import ErrorWeights, bearable, diagonals, half_range
-from armdyn.control.loop.law import Law
+from armdyn.control.loop.law import Law, expect_motors
 from armdyn.control.loop.loop import Loop
 from armdyn.control.loop.ticks import Ticks
-from armdyn.control.pid.equations import expect_motors
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.values.per_joint import per_joint

@@ -1,40 +1,100 @@
 """PID control along a reference."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import Literal
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from armdyn.arguments import expect, flag, one_of
+from armdyn.arguments import MOST_MEMBERS, expect, flag, one_of, whole
 from armdyn.control.laws.readings import Readings, law_function, table
 from armdyn.control.laws.reference import Reference, reference_of
-from armdyn.control.loop.law import Law
+from armdyn.control.loop.law import Law, expect_motors
 from armdyn.control.loop.loop import Loop
 from armdyn.control.loop.ticks import Ticks
-from armdyn.control.pid.equations import expect_motors
-from armdyn.control.pid.gains import DEFAULT_GAINS, FORMS, Form, PidGains
 from armdyn.dynamics import Dynamics
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.values.per_joint import per_joint
 
 Array = NDArray[np.float64]
+
+Form = Literal["acceleration", "torque", "computed_torque"]
+"""What the output u of eq. (27) is:
+
+- "acceleration", eqs (22), (24): tau = D(q) u; Coriolis, gravity and friction torques are not compensated.
+- "torque": tau = u, what a motor controller does.
+- "computed_torque": tau = D(q) u + C(q, v) v + g(q), and the joints' friction; every joint becomes a triple
+  integrator of its own.
+"""
+FORMS: tuple[Form, ...] = ("acceleration", "torque", "computed_torque")
+
+
+@dataclass(frozen=True)
+class PidGains:
+    """Gains of u = kp e + ki ∫e dt + kd ė, eq. (27), with e = goal - position, eq. (26).
+
+    Each is one number, or one per joint. Units below are of forms whose output is an acceleration of a
+    revolute joint; with form "torque" read N m for 1/s².
+
+    Attributes:
+        kp: proportional [1/s²].
+        ki: integral [1/s³].
+        kd: derivative [1/s].
+    """
+
+    kp: float | tuple[float, ...]
+    ki: float | tuple[float, ...]
+    kd: float | tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            object.__setattr__(self, name, _gain(name, value))
+        counts = {len(value) for value in vars(self).values() if isinstance(value, tuple)}
+        if len(counts) > 1:
+            raise ProblemError(f"gains are for {' and '.join(map(str, sorted(counts)))} joints at once")
+
+    def per_joint(self, nv: int) -> tuple[Array, Array, Array]:
+        """kp, ki and kd, each of shape (nv,).
+
+        Raises:
+            ProblemError: the gains are for another number of joints.
+        """
+        nv = whole(nv, "nv", least=1, most=MOST_MEMBERS)
+        for name, value in vars(self).items():
+            if isinstance(value, tuple) and len(value) != nv:
+                raise ProblemError(f"{name} has {len(value)} numbers; expected one, or {nv}, one per joint")
+        kp, ki, kd = (np.broadcast_to(np.array(g, dtype=float), (nv,)) for g in (self.kp, self.ki, self.kd))
+        return kp, ki, kd
+
+
+def _gain(name: str, value: ArrayLike) -> float | tuple[float, ...]:
+    array = per_joint(value, None, name, error=ProblemError, sign="not negative")
+    return float(array) if array.ndim == 0 else tuple(map(float, array))
+
+
+DEFAULT_GAINS = PidGains(kp=30.0, ki=50.0, kd=10.0)
+"""With form "computed_torque" they put each joint's poles at -6.6 and -1.7 ± 2.2i 1/s on every arm. With other forms
+whether they suit depends on the arm: `closed_loop_eigenvalues`."""
 
 
 @dataclass(frozen=True)
 class Pid:
-    """u = kp e + ki ∫e dt + kd (v_ref - v), eq. (27), with e = q_ref - q, and the torque that is made of it.
+    """u = kp e + ki ∫e dt + kd (v_ref - v), eq. (27), with e = q_ref - q, and the torque computed from u.
 
-    `form` says what u is, as for `simulate_pid`: "torque", tau = u; "acceleration", tau = D(q) u;
+    The torque depends on `form`: "torque", tau = u; "acceleration", tau = D(q) u;
     "computed_torque", tau = D(q) u + C(q, v) v + g(q) + tau_f(v). With a reference at rest at the goal, without
-    feedforward and gravity, in `Loop.ideal()`, "acceleration" is the paper's loop, eq. (24).
+    feedforward and gravity, in `Loop.ideal()`, "acceleration" is the loop of eq. (24); `simulate_pid` runs it.
 
     Attributes:
-        gains: see `PidGains`; what they multiply is an acceleration with the forms "acceleration" and
-            "computed_torque", a torque with "torque".
+        gains: see `PidGains`; u is an acceleration with the forms "acceleration" and "computed_torque", a torque with
+            "torque".
         form: see `Form`.
-        feedforward: add the reference's torque, the mean over the tick on which it acts. What the form or `gravity`
-            compensates at the readings is taken out of it as it is at the reference, so that nothing counts twice.
+        feedforward: add the reference's torque, its mean over the tick on which the output acts, less the torque that
+            the form or `gravity` would compensate at the reference, so that nothing counts twice.
         gravity: add g(q) at the readings. The form "computed_torque" does already.
 
     Raises:
@@ -80,7 +140,7 @@ class Pid:
         return Law(law_function(nv, loop.delay, columns, torque), table(columns), ki * inertia)
 
     def _compensated(self, dynamics: Dynamics, reference: Reference) -> Array:
-        """What the law compensates at the readings, at the reference [N m or N], shape (n, nv)."""
+        """Torque that the law compensates, at the reference's states [N m or N], shape (n, nv)."""
         if self.form == "computed_torque":
             return dynamics.along("nle", reference.q, reference.v)
         if self.gravity:

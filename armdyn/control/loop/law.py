@@ -64,3 +64,16 @@ def expect_controller(controller: object, name: str = "controller") -> Controlle
     if isinstance(controller, type):  # whose law is a function, too, but takes the controller first
         raise ProblemError(f"{name} is {shown(controller)}; it must be a value, {_SUCH_AS}")
     return expect(controller, Controller, name, _SUCH_AS)  # type: ignore[type-abstract]
+
+
+def expect_motors(robot: Robot, what: str) -> None:
+    """Raise unless every joint has a motor.
+
+    Raises:
+        ProblemError: some have none.
+    """
+    if robot.passive:
+        raise ProblemError(
+            f"{what} needs a motor at every joint of {robot.name}; there is none at {', '.join(robot.passive)}: "
+            "minimum time moves such arms"
+        )

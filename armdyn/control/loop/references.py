@@ -53,18 +53,26 @@ def ramp(robot: Robot, q_start: ArrayLike, q_goal: ArrayLike, duration: float) -
     return _motion(robot, T * s[:, 0], q, v, a, "ramp")
 
 
-def set_point(robot: Robot, q_goal: ArrayLike) -> Trajectory:
+def set_point(robot: Robot, q_goal: ArrayLike, duration: float = _INSTANT) -> Trajectory:
     """A reference that rests at a pose: `track` goes there at once from its `q_start`.
 
     Args:
         robot: that is held there.
         q_goal: [rad or m], shape (nv,), or the name of one of `robot.poses`.
+        duration: until `Run.error_at_end` is read [s]; the pose is held for good.
 
     Raises:
-        ProblemError: wrong length or not finite.
+        ProblemError: wrong length or not finite; duration not positive.
     """
     q = np.array([pose_given(expect_robot(robot), q_goal, "q_goal")] * 2)
-    return _motion(robot, np.array([0.0, _INSTANT]), q, np.zeros_like(q), np.zeros_like(q), "set point")
+    return _motion(
+        robot,
+        np.array([0.0, number(duration, "duration", unit="s", sign="positive")]),
+        q,
+        np.zeros_like(q),
+        np.zeros_like(q),
+        "set point",
+    )
 
 
 def _motion(robot: Robot, t: Array, q: Array, v: Array, a: Array, name: str) -> Trajectory:

@@ -6,10 +6,10 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.brief import brief
 from armdyn.dynamics import inverse_dynamics
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
+from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.sampling import mean_torques
 

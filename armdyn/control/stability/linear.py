@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 from armdyn.control.laws.linear import slopes
 from armdyn.control.loop.law import Controller, Law, expect_controller
 from armdyn.control.loop.loop import Loop, expect_loop
+from armdyn.control.loop.references import set_point
 from armdyn.control.loop.ticks import Ticks
 from armdyn.dynamics import inverse_dynamics
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
-from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -173,11 +173,7 @@ def ticks_at_rest(robot: Robot, goal: Array, rate: float) -> Ticks:
         goal: [rad or m], shape (nv,).
         rate: of the loop [Hz].
     """
-    rest = np.zeros(robot.nv)
-    holding = inverse_dynamics(robot)(goal, rest, rest)
-    twice = [np.array([x, x]) for x in (goal, rest, holding)]
-    still = Trajectory(np.array([0.0, 1.0 / rate]), twice[0], twice[1], twice[2])
-    return Ticks.of(robot, still, rate)
+    return Ticks.of(robot, set_point(robot, goal, 1.0 / rate), rate)
 
 
 def continuous_matrix(rest: Rest) -> Array:

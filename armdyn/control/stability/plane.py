@@ -8,17 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import number, numbers
-from armdyn.brief import brief
-from armdyn.control.laws.pid import Pid
+from armdyn.control.laws.pid import Form, Pid, PidGains
 from armdyn.control.loop.loop import Loop, expect_loop
-from armdyn.control.pid.gains import ContinuousPid, Form, PidGains
-from armdyn.control.pid.motion import motion_of
-from armdyn.control.pid.poles import closed_loop_matrix, eigenvalues
 from armdyn.control.stability.linear import Rest
+from armdyn.control.stability.poles import ArmAtGoal, closed_loop_matrix, eigenvalues
 from armdyn.control.stability.sampled import SampledLoop
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.reprs import brief
 
 Array = NDArray[np.float64]
 
@@ -69,13 +67,14 @@ def gain_plane(
     """
     goal = pose_given(expect_robot(robot), q_goal, "q_goal")
     p, d = _increasing(kp, "kp"), _increasing(kd, "kd")
-    i, motion, how = number(ki, "ki", sign="not negative"), motion_of(robot, None), expect_loop(loop, Loop())
+    i, how = number(ki, "ki", sign="not negative"), expect_loop(loop, Loop())
     growth, radius = np.empty((d.size, p.size)), np.empty((d.size, p.size))
     one, two = (Rest.of(robot, goal, Pid(PidGains(x, i, x), form, feedforward=False), how) for x in (1.0, 2.0))
+    arm = ArmAtGoal.of(robot, goal, form)
     for place in np.ndindex(growth.shape):
         kp_here, kd_here = float(p[place[1]]), float(d[place[0]])
-        controller = ContinuousPid(PidGains(kp_here, i, kd_here), form)
-        growth[place] = eigenvalues(closed_loop_matrix(motion, goal, controller))[0].real
+        gains = PidGains(kp_here, i, kd_here).per_joint(robot.nv)
+        growth[place] = eigenvalues(closed_loop_matrix(arm, *gains))[0].real
         radius[place] = SampledLoop.of(_between(one, two, kp_here, kd_here), how).radius
     return GainPlane(p, d, i, growth, radius)
 

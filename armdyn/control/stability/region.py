@@ -8,14 +8,13 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.arguments import interval, number, numbers, one_of
-from armdyn.brief import brief
-from armdyn.control.pid.gains import DEFAULT_GAINS, FORMS, ContinuousPid, Form, PidGains
-from armdyn.control.pid.motion import EquationsOfMotion, motion_of
-from armdyn.control.pid.poles import closed_loop_matrix, eigenvalues
+from armdyn.arguments import expect, interval, number, numbers, one_of
+from armdyn.control.laws.pid import DEFAULT_GAINS, FORMS, Form, PidGains
+from armdyn.control.stability.poles import ArmAtGoal, closed_loop_matrix, eigenvalues
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.reprs import brief
 
 Array = NDArray[np.float64]
 
@@ -68,15 +67,8 @@ class GainRegion:
         if expect_robot(robot).nv != 1:
             raise ProblemError(f"{robot.name} has {robot.nv} joints; a gain region in closed form is for one joint")
         one_of(form, FORMS, "form")
-        goal = pose_given(robot, q_goal, "q_goal")
-        if form == "computed_torque":
-            return cls(1.0, 0.0)
-        motion, rest = motion_of(robot, None), np.zeros(1)
-        inertia = float(motion.inertia(goal)[0, 0])
-        drag = float(motion.drag(goal)[0])
-        if form == "torque":
-            return cls(inertia, -inertia * float(motion.stiffness(goal, motion.bias(goal, rest))[0, 0]), drag)
-        return cls(1.0, -float(motion.stiffness(goal, rest)[0, 0]), drag / inertia)
+        B, S, F = (float(part.item()) for part in ArmAtGoal.of(robot, pose_given(robot, q_goal, "q_goal"), form))
+        return cls(1 / B, -S / B, F / B)
 
     def polynomial(self, kp: float, ki: float, kd: float) -> tuple[float, ...]:
         """Its characteristic polynomial, highest power first; of degree 2 without ki."""
@@ -105,7 +97,6 @@ def least_stable_factor(
     gains: PidGains = DEFAULT_GAINS,
     form: Form = "acceleration",
     *,
-    dynamics: EquationsOfMotion | None = None,
     factors: tuple[float, float] = (1e-3, 1e3),
 ) -> float | None:
     """By what kp, ki and kd must all be multiplied at least for the continuous loop to be stable at its goal.
@@ -118,7 +109,6 @@ def least_stable_factor(
         q_goal: [rad or m], shape (nv,).
         gains: that are multiplied.
         form: what the controller's output is, see `Form`.
-        dynamics: other equations of motion than the robot's own.
         factors: the least and the greatest that are looked at.
 
     Returns:
@@ -132,13 +122,13 @@ def least_stable_factor(
 
     goal = pose_given(expect_robot(robot), q_goal, "q_goal")
     low, high = interval(factors, "factors", sign="positive")
-    motion = motion_of(robot, dynamics)
-    kp, ki, kd = ContinuousPid(gains, form).gains.per_joint(robot.nv)
+    one_of(form, FORMS, "form")
+    kp, ki, kd = expect(gains, PidGains, "gains", "PidGains(kp=…, ki=…, kd=…)").per_joint(robot.nv)
+    arm = ArmAtGoal.of(robot, goal, form)
 
     def growth(log_factor: float) -> float:
         factor = float(np.exp(log_factor))
-        controller = ContinuousPid(PidGains(*(tuple(factor * gain) for gain in (kp, ki, kd))), form)
-        return float(eigenvalues(closed_loop_matrix(motion, goal, controller))[0].real)
+        return float(eigenvalues(closed_loop_matrix(arm, factor * kp, factor * ki, factor * kd))[0].real)
 
     count = int(np.ceil(_PER_DECADE * np.log10(high / low))) + 1
     scan = np.linspace(np.log(low), np.log(high), count)

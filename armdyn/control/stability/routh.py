@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import numbers, shown
-from armdyn.brief import brief
 from armdyn.errors import ProblemError
+from armdyn.reprs import brief
 
 Array = NDArray[np.float64]
 

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect
-from armdyn.brief import brief
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.stability.linear import BeyondNumbersError, Rest
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
+from armdyn.reprs import brief
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arguments import parts as parts_of
-from armdyn.brief import brief
+from armdyn.reprs import brief
 
 Array = NDArray[np.float64]
 

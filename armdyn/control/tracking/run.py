@@ -8,12 +8,13 @@ from typing import Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.brief import brief, called
 from armdyn.control.loop.ticks import Ticks
 from armdyn.control.stability.rate import SampledStability
+from armdyn.control.tracking.arrival import ArrivalRule
 from armdyn.dynamics.driven import Driven
-from armdyn.lazy import drawn
 from armdyn.models.robots.robot import Robot
+from armdyn.rendering import renderer
+from armdyn.reprs import brief, called
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -46,6 +47,11 @@ class Run:
             the run broke off [s]; None: never.
         overshoot: how far each joint went past its goal, seen from the start [rad or m], shape (nv,).
         stability: of the loop at rest at the goal, where the run did not settle and it was asked for; else None.
+        arrival_time: first time in the final position [s], by `arrival_rule`; None: never. A rule that asks to *stay*
+            has none where a loop of `simulate_pid` is unstable at the goal, or the run broke off.
+        arrival_rule: see `ArrivalRule`.
+        max_real_eigenvalue: of `simulate_pid`: largest real part [1/s] of the loop's eigenvalues at the goal, without
+            saturation; the loop is stable there if it is negative. None: not computed.
     """
 
     trajectory: Trajectory
@@ -59,6 +65,9 @@ class Run:
     went_wrong: float | None
     overshoot: Array
     stability: SampledStability | None = None
+    arrival_time: float | None = None
+    arrival_rule: ArrivalRule = "last_entry_all_joints"
+    max_real_eigenvalue: float | None = None
 
     def _words(self) -> list[str]:
         """What `repr` says."""
@@ -72,7 +81,7 @@ class Run:
 
     def _repr_html_(self) -> str:
         """What a notebook shows: a table and a picture."""
-        return drawn(self)
+        return renderer().card(self)
 
     @property
     def settled(self) -> bool:
@@ -133,6 +142,7 @@ def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: s
         saturated=float(during.any(axis=1).mean()) if len(during) else 0.0,
         went_wrong=float(t[lost[0]]) if lost.size else broke,
         overshoot=overshoot(driven.q, ticks.goal),
+        arrival_time=settled,
     )
 
 

@@ -7,15 +7,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, number
-from armdyn.control.loop.law import Controller, Law, expect_controller
+from armdyn.control.loop.law import Controller, Law, expect_controller, expect_motors
 from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.loop.ticks import Ticks
-from armdyn.control.pid.equations import diverged_beyond, expect_motors
 from armdyn.control.tracking.run import Run, run_of
 from armdyn.dynamics.driven import Driven, Tables, drive, plant_of
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.values.per_joint import per_joint
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -24,8 +24,11 @@ _TOLERANCE = 1e-8
 """That a tick's positions may change by when its steps are halved [rad or m]; its velocities a thousand times that."""
 _LONGER = 1.0
 """A reference that takes longer than it is watched is watched for so long afterwards [s]."""
-_MOST = 5_000_000
+MOST_ROWS = 5_000_000
 """Ticks of a run times joints: 160 MB."""
+_POSITION_BOUND, _VELOCITY_BOUND = 100.0, 1000.0
+"""Distance from the goal [rad or m] and speed [rad/s or m/s] beyond which a run counts as diverged:
+sixteen turns and ten times the fastest robot. A start beyond a tenth of them moves them out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +64,7 @@ class Setup:
         duration: float,
         tolerance: float,
         q_start: ArrayLike | None = None,
+        v_start: ArrayLike | None = None,
     ) -> Self:
         """What is asked, checked; see `track`."""
         expect_robot(robot)
@@ -71,14 +75,19 @@ class Setup:
         ticks = Ticks.of(robot, reference, loop.rate)
         start = np.concatenate([reference.q[0], reference.v[0]])
         if q_start is not None:
-            q = pose_given(robot, q_start, "q_start")
-            start = np.concatenate([q, np.zeros(robot.nv)])
+            rest = np.zeros(robot.nv)
+            v = (
+                rest
+                if v_start is None
+                else per_joint(v_start, robot.joint_names, "v_start", error=ProblemError, scalar=False)
+            )
+            start = np.concatenate([pose_given(robot, q_start, "q_start"), v])
         duration = number(duration, "duration", unit="s", sign="positive")
         duration = duration if duration >= ticks.duration else ticks.duration + _LONGER
-        if duration * loop.rate * robot.nv > _MOST:
+        if duration * loop.rate * robot.nv > MOST_ROWS:
             raise ProblemError(
                 f"{duration:g} s at {loop.rate:g} Hz are too many samples of {robot.nv} joints; expected at most "
-                f"{_MOST / robot.nv:.0f} ticks"
+                f"{MOST_ROWS / robot.nv:.0f} ticks"
             )
         tolerance = number(tolerance, "tolerance", unit="rad", sign="positive")
         return cls(robot, ticks, controller.law(robot, ticks, loop), loop, start, duration, tolerance)
@@ -134,14 +143,14 @@ class Setup:
 
     def _scalars(self, count: int) -> dict[str, Any]:
         loop = self.loop
-        away, fast = diverged_beyond(self.start, self.ticks.goal)
+        far = 10 * float(np.abs(self.start - np.concatenate([self.ticks.goal, np.zeros(self.robot.nv)])).max())
         return {
             "period": loop.period,
             "encoder": loop.encoder,
             "pole": loop.pole,
             "integrate_from": self.law.integrate_from,
-            "away": away,
-            "fast": fast,
+            "away": max(_POSITION_BOUND, far),
+            "fast": max(_VELOCITY_BOUND, far),
             "tolerance": _TOLERANCE,
             "ticks": count,
             "row_size": self.law.rows.shape[1],

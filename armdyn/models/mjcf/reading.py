@@ -3,7 +3,7 @@
 import tempfile
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -17,29 +17,16 @@ from armdyn.models.mjcf.bare import Bare, check_moving
 from armdyn.models.mjcf.classes import Classes
 from armdyn.models.mjcf.compiler import Compiler, gravity
 from armdyn.models.mjcf.values import Values
-from armdyn.models.reading.given import read_model
-from armdyn.models.reading.urdf_arm import Reading, joint_limits
+from armdyn.models.reading.from_pinocchio import read_model
+from armdyn.models.reading.urdf_arm import Reading
 from armdyn.models.reading.urdf_xml import shown
-from armdyn.models.values.limits import JointLimits
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MjcfReading:
-    """What an MJCF and the choice of its joints give.
-
-    Attributes:
-        arm: the model without what is locked.
-        limits: of its joints; those of torque from the actuators. MJCF has no velocity limits.
-    """
-
-    arm: Reading
-    limits: JointLimits
+from armdyn.models.values.joint_limits import JointLimits
 
 
 def read_mjcf_arm(
     root: Element, source: str, lock: Mapping[str, float] | None = None, arm: tuple[str, str] | None = None
-) -> MjcfReading:
-    """Pinocchio's model of the arm that an MJCF describes, and its limits.
+) -> Reading:
+    """Pinocchio's model of the arm that an MJCF describes; torque limits are the actuators', velocity limits infinite.
 
     Args:
         root: what `parse_mjcf` gave.
@@ -67,7 +54,7 @@ def read_mjcf_arm(
     if any(body.get("gravcomp", "0") not in ("0", "0.0") for body in root.iter("body")):
         what = "gravcomp is left out: gravity acts in full, and the motors hold it"
         warnings.warn(f"{source}: {what}", ArmdynWarning, stacklevel=4)
-    return MjcfReading(arm=reading, limits=_limits(reading.model, limits))
+    return replace(reading, limits=_limits(reading.limits, list(reading.model.names)[1:], limits))
 
 
 def read_keyframes(root: Element, source: str, most: int) -> dict[str, dict[str, float]]:
@@ -121,10 +108,10 @@ def _call_again(model: pin.Model, called: Mapping[str, Mapping[str, str]]) -> No
         frame.name = own.get(frame.name, frame.name)
 
 
-def _limits(model: pin.Model, efforts: Mapping[str, tuple[float, float]]) -> JointLimits:
+def _limits(own: JointLimits, joints: list[str], efforts: Mapping[str, tuple[float, float]]) -> JointLimits:
     """A model's limits, with torque limits that may be one-sided."""
-    pairs = np.array([efforts[name] for name in list(model.names)[1:]])
-    return replace(joint_limits(model), effort_lower=pairs[:, 0], effort_upper=pairs[:, 1])
+    pairs = np.array([efforts[name] for name in joints])
+    return replace(own, effort_lower=pairs[:, 0], effort_upper=pairs[:, 1])
 
 
 def _refuse_loops(model: pin.Model, root: Element, source: str) -> None:

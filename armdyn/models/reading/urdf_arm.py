@@ -11,7 +11,7 @@ from armdyn.errors import UrdfError
 from armdyn.models.reading.joints import JointTree, Place
 from armdyn.models.reading.urdf_check import check_inertias, dynamics_urdf, parse_urdf
 from armdyn.models.reading.urdf_xml import shown
-from armdyn.models.values.limits import JointLimits
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.urdf import TIP
 
 Array = NDArray[np.float64]
@@ -28,11 +28,13 @@ class Reading:
         model: of the moving joints only.
         locked: joint name to the position it is locked at [rad or m].
         tip: the frame at the end of the arm.
+        limits: of the moving joints.
     """
 
     model: pin.Model
     locked: Mapping[str, float]
     tip: str
+    limits: JointLimits
 
 
 def read_arm(
@@ -76,7 +78,7 @@ def read_arm(
     else:
         carrier = places[tree.joints[arm[1]].child].carrier
         tip = _furthest(model, {link: place for link, place in places.items() if place.carrier == carrier})
-    return Reading(model=model, locked=locked, tip=tip)
+    return Reading(model=model, locked=locked, tip=tip, limits=joint_limits(model))
 
 
 def _told_apart(tree: JointTree) -> dict[str, str]:

@@ -11,18 +11,20 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, several, shown, text
-from armdyn.brief import brief, called
 from armdyn.errors import SpecError, did_you_mean
-from armdyn.lazy import drawn
 from armdyn.models.reading.urdf_arm import configuration
 from armdyn.models.reading.urdf_check import LARGEST
 from armdyn.models.robots.identity import model_hash
+from armdyn.models.robots.options import RobotOptions
 from armdyn.models.robots.poses import named_poses, pose_named
+from armdyn.models.robots.source import RobotSource
 from armdyn.models.values.friction import FrictionValue, JointFriction
-from armdyn.models.values.limits import JointLimits
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.per_joint import per_joint
 from armdyn.models.values.spec import Payload
 from armdyn.models.values.urdf import TIP, positive_tensor
+from armdyn.rendering import renderer
+from armdyn.reprs import brief, called
 
 Array = NDArray[np.float64]
 
@@ -57,6 +59,8 @@ class Arm:
         payload: what it carries, None if nothing was added.
         tip: the frame at the end of the arm.
         friction: in its joints; the model itself, and so `pin.aba`, knows nothing of it.
+        origin: where it was read from; None: it was put together otherwise.
+        options: with which it was read.
     """
 
     name: str
@@ -70,6 +74,8 @@ class Arm:
     payload: Payload | None = None
     tip: str = TIP
     friction: JointFriction = field(default_factory=JointFriction)
+    origin: RobotSource | None = field(default=None, repr=False)
+    options: RobotOptions = field(default_factory=RobotOptions, repr=False)
 
     def __new__(cls, *given: object, **fields: object) -> Self:
         """Refuses what is no field: `Robot(model)` or `Robot("arm.urdf")` is meant for one of the readers."""
@@ -91,6 +97,9 @@ class Arm:
             raise SpecError(
                 f"a robot of {self.model.nv} joints has {len(names)} joint names and {self.limits.velocity.size} limits"
             )
+        expect(self.options, RobotOptions, "options of a robot", error=SpecError)
+        if self.origin is not None:
+            expect(self.origin, RobotSource, "origin of a robot", error=SpecError)
         if self.payload is not None:
             expect(self.payload, Payload, "payload", "Payload(mass=…)", error=SpecError)
 
@@ -103,7 +112,7 @@ class Arm:
 
     def _repr_html_(self) -> str:
         """What a notebook shows: a table and a picture."""
-        return drawn(self)
+        return renderer().card(self)
 
     @property
     def nv(self) -> int:

@@ -87,6 +87,13 @@ _CORRECTED = {"ur3": "ur3_robot.urdf"}
 """Files that the loaders 5 get wrong: their "ur3" is a UR5."""
 
 
+def library_names() -> list[str]:
+    """All names that `library_arm` knows."""
+    from example_robot_data.robots_loader import ROBOTS
+
+    return sorted({*ROBOTS, *LIBRARY_ARMS, *BENCHMARKS})
+
+
 def other_robots() -> list[str]:
     """The library's robots that are in `LIBRARY_ARMS` neither by name nor by an arm of theirs."""
     from example_robot_data.robots_loader import ROBOTS
@@ -106,14 +113,12 @@ def library_arm(name: str) -> tuple[Path, str, LibraryArm | None]:
         UnknownRobotError: the library has neither.
         UrdfError: the robot is not described by a URDF.
     """
-    from example_robot_data.robots_loader import ROBOTS
-
     arm = LIBRARY_ARMS.get(text(name, "name of a robot", error=SpecError))
     if name in BENCHMARKS:
         return _OWN / f"{name}.urdf", str(_OWN), None
-    if arm is None and name not in ROBOTS:
+    if name not in (known := library_names()):
         hint = "" if not is_description(name) else "Robot.from_description reads those of robot_descriptions"
-        raise UnknownRobotError(name, sorted({*ROBOTS, *LIBRARY_ARMS, *BENCHMARKS}), hint)
+        raise UnknownRobotError(name, known, hint)
     return *library_urdf(name if arm is None else arm.robot), arm
 
 

@@ -20,7 +20,7 @@ from armdyn.arguments import number, shown, text
 from armdyn.errors import ArmdynError, ProblemError, SpecError, did_you_mean
 from armdyn.models.reading.urdf_xml import parse_xml, read_urdf, to_number
 from armdyn.models.values.per_joint import per_joint
-from armdyn.typed.numbers import position
+from armdyn.parsing.numbers import position
 
 if TYPE_CHECKING:
     from armdyn.models.robots.arm import Arm
@@ -107,7 +107,7 @@ def positions_of(robot: Arm, given: object, what: str, *, degrees: bool = False)
         robot: whose joints.
         given: the name of a pose; text with commas between positions; or a list of numbers and texts such as "90deg".
         what: the option or key, for messages.
-        degrees: see `armdyn.typed.numbers.position`.
+        degrees: see `armdyn.parsing.numbers.position`.
 
     Raises:
         ProblemError: it is none of these.
@@ -125,7 +125,7 @@ def positions_of(robot: Arm, given: object, what: str, *, degrees: bool = False)
 
 
 def position_of(given: object, what: str, slides: bool | None = None, *, degrees: bool = False) -> float:
-    """One joint's position [rad or m]: a number, or a text as `armdyn.typed.numbers.position` reads it.
+    """One joint's position [rad or m]: a number, or a text as `armdyn.parsing.numbers.position` reads it.
 
     Raises:
         ProblemError: it is neither.

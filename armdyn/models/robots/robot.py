@@ -1,58 +1,127 @@
-"""A robot arm, from where one comes: a URDF, a library, or numbers."""
+"""A robot arm, from where one comes: a URDF, an MJCF, a library, Pinocchio's model, or numbers."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Self
+from pathlib import Path
+from typing import NamedTuple, Self, Unpack
 
-from numpy.typing import ArrayLike
+import pinocchio as pin
 
-from armdyn.arguments import expect, several
-from armdyn.brief import brief
+from armdyn.arguments import expect, several, text
+from armdyn.errors import SpecError
+from armdyn.models.mjcf.document import check_mjcf_text, parse_mjcf, read_mjcf
+from armdyn.models.mjcf.reading import read_mjcf_arm
+from armdyn.models.reading.from_pinocchio import read_model
 from armdyn.models.reading.meshes import mesh_folders
-from armdyn.models.reading.urdf_arm import check_inertia, joint_limits, read_arm
+from armdyn.models.reading.urdf_arm import Reading, check_inertia, read_arm
 from armdyn.models.reading.urdf_xml import check_urdf_text, file_path, read_urdf
-from armdyn.models.robots.arm import READERS
+from armdyn.models.robots.arm import READERS, Arm
 from armdyn.models.robots.descriptions import described
 from armdyn.models.robots.library import BENCHMARKS, library_arm
-from armdyn.models.robots.readers import ModelReaders, expect_ends, expect_folders, expect_locks
-from armdyn.models.values.friction import FRICTION_WIDTH, FrictionValue
+from armdyn.models.robots.options import RobotKeywords, RobotOptions, robot_options
+from armdyn.models.robots.source import RobotSource
+from armdyn.models.values.friction import FRICTION_WIDTH
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.spec import ArmSpec, Payload
 from armdyn.models.values.urdf import urdf_from_spec
+from armdyn.reprs import brief
+
+Locks = Mapping[str, float]
+UNNAMED = "model"
+"""What a robot is called whose model has no name."""
+
+
+class _Parsed(NamedTuple):
+    """A source that was read: the model of its joints, its URDF or none, and the folders of its meshes."""
+
+    reading: Reading
+    urdf: str = ""
+    source: str = ""
+    package_dirs: tuple[str, ...] = ()
 
 
 @brief
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Robot(ModelReaders):
+class Robot(Arm):
     """An arm of revolute, continuous and prismatic joints; `Arm` says what it has.
 
     It is read, not made: by `from_library`, `from_urdf`, `from_urdf_string`, `from_mjcf`, `from_mjcf_string`,
-    `from_model`, `from_description` or `from_spec`.
+    `from_model`, `from_description` or `from_spec`. Each takes the fields of `RobotOptions` as keywords, or
+    `options=RobotOptions(…)`, and raises a `SpecError` if a limit, a lock, the arm or the payload does not fit.
     """
 
     @classmethod
-    def from_spec(cls, spec: ArmSpec, payload: Payload | None = None) -> Self:
+    def from_source(cls, source: RobotSource, options: RobotOptions | None = None) -> Self:
+        """An arm from wherever one is read.
+
+        Raises:
+            ArmdynError: see the reader of that source.
+        """
+        expect(source, RobotSource, "source", 'such as RobotSource.named("panda")', error=SpecError)
+        given = robot_options(None, None, options, {})
+        parsed = _parsed(source, given)
+        reading, own_friction = parsed.reading, None if source.format in ("library", "spec") else "urdf"
+        robot = cls(
+            name=source.name if source.format == "model" else str(reading.model.name),
+            model=reading.model,
+            limits=source.limits or reading.limits,
+            joint_names=tuple(list(reading.model.names)[1:]),
+            urdf=parsed.urdf,
+            source=parsed.source,
+            package_dirs=parsed.package_dirs,
+            locked=reading.locked,
+            tip=reading.tip,
+            origin=source,
+            options=given,
+        )
+        robot = replace(robot, payload=given.payload) if source.spec else robot._carrying(given.payload)
+        idle = BENCHMARKS.get(source.name, ()) if source.format == "library" else ()
+        robot = robot.with_passive([joint for joint in idle if joint in robot.joint_names])
+        robot = robot.with_limits(given.effort_limit, given.velocity_limit).with_armature(given.armature)
+        check_inertia(robot.model, robot.source)
+        return robot.with_passive(given.passive).with_friction(
+            own_friction if given.damping is None else given.damping,
+            own_friction if given.friction is None else given.friction,
+            FRICTION_WIDTH if given.friction_width is None else given.friction_width,
+        )
+
+    def with_payload(self, payload: Payload | None) -> Self:
+        """This robot carrying something else, or nothing; it is read again, limits, friction and rotors stay.
+
+        Raises:
+            SpecError: the payload does not fit, or the robot was put together by hand.
+            ArmdynError: its file is not there any more.
+        """
+        if self.origin is None:
+            raise SpecError(f"{self.source} was put together by hand: it cannot be read again with another payload")
+        read = type(self).from_source(self.origin, replace(self.options, payload=payload))
+        read = read.with_armature(self.model.armature)
+        return replace(read, name=self.name, limits=self.limits, friction=self.friction, tip=self.tip)
+
+    @classmethod
+    def from_spec(
+        cls,
+        spec: ArmSpec,
+        payload: Payload | None = None,
+        lock: Locks | None = None,
+        options: RobotOptions | None = None,
+        **keywords: Unpack[RobotKeywords],
+    ) -> Self:
         """A generated planar arm, its payload a link of its own at the tip or at another of its links."""
-        text = urdf_from_spec(spec, payload)
-        robot = cls._from_text(text, source=f"ArmSpec {spec.name!r}")
-        return replace(robot, payload=payload)
+        expect(spec, ArmSpec, "spec", 'such as ArmSpec.paper("rr")', error=SpecError)
+        return cls.from_source(RobotSource.of_spec(spec), robot_options(payload, lock, options, keywords))
 
     @classmethod
     def from_urdf(
         cls,
         path: str | os.PathLike[str],
         payload: Payload | None = None,
-        lock: Mapping[str, float] | None = None,
-        effort_limit: ArrayLike | None = None,
-        velocity_limit: ArrayLike | None = None,
-        armature: ArrayLike | None = None,
-        package_dirs: Sequence[str | os.PathLike[str]] = (),
-        damping: FrictionValue = "urdf",
-        friction: FrictionValue = "urdf",
-        friction_width: float = FRICTION_WIDTH,
-        arm: tuple[str, str] | None = None,
+        lock: Locks | None = None,
+        options: RobotOptions | None = None,
+        **keywords: Unpack[RobotKeywords],
     ) -> Self:
         """An arm from a URDF file.
 
@@ -60,89 +129,58 @@ class Robot(ModelReaders):
             path: the file.
             payload: fixed to `payload.frame`, by default the end of the longest chain.
             lock: joints to fix, name to position [rad or m].
-            effort_limit: instead of the URDF's: one number, or one per joint [N m or N].
-            velocity_limit: instead of the URDF's: one number, or one per joint [rad/s or m/s].
-            armature: reflected rotor inertia: one number, or one per joint [kg m² or kg].
-            package_dirs: where `package://` meshes are, besides the file's own folder and ROS package; not looked
-                at for dynamics, for which no mesh need be there.
-            damping: viscous friction of the joints: one number, or one per joint [N m s/rad or N s/m]; "urdf":
-                what its `<dynamics damping=…>` says; 0 for none.
-            friction: Coulomb friction [N m or N], likewise; "urdf": its `<dynamics friction=…>`.
-            friction_width: speed over which Coulomb friction turns its sign, see `JointFriction` [rad/s or m/s].
-            arm: (first, last), each a joint or a link: the joints on the way from one to the other move, all
-                others of the robot are locked, at zero or at the bound nearest to it unless `lock` says where.
-                A last link is the tip. None: all joints move but those of `lock`, and a `<mimic>` joint whose
-                leader is locked, which follows it.
+            options: how it is read; see `RobotOptions`.
+            keywords: the fields of `RobotOptions`: effort_limit, velocity_limit, armature, damping, friction,
+                friction_width, passive, arm, package_dirs.
 
         Raises:
             UrdfError: the file cannot be read or is not physical.
-            UnsupportedJointError: a moving joint is not of the kinds above, or mimics another that moves.
-            SpecError: a limit, a lock, the arm or the payload does not fit the robot.
+            UnsupportedJointError: a moving joint is none of revolute, continuous and prismatic, or mimics another that
+                moves.
         """
-        file = file_path(path)
-        return cls.from_urdf_string(
-            read_urdf(file), payload, lock, effort_limit, velocity_limit, armature,
-            mesh_folders(file, expect_folders(package_dirs)), damping, friction, friction_width, arm, str(file),
-        )  # fmt: skip
+        given = robot_options(payload, lock, options, keywords)
+        return cls.from_source(RobotSource(format="urdf", name=str(file_path(path))), given)
 
     @classmethod
     def from_urdf_string(
         cls,
         text: str,
         payload: Payload | None = None,
-        lock: Mapping[str, float] | None = None,
-        effort_limit: ArrayLike | None = None,
-        velocity_limit: ArrayLike | None = None,
-        armature: ArrayLike | None = None,
-        package_dirs: Sequence[str | os.PathLike[str]] = (),
-        damping: FrictionValue = "urdf",
-        friction: FrictionValue = "urdf",
-        friction_width: float = FRICTION_WIDTH,
-        arm: tuple[str, str] | None = None,
+        lock: Locks | None = None,
+        options: RobotOptions | None = None,
         source: str = "URDF text",
+        **keywords: Unpack[RobotKeywords],
     ) -> Self:
-        """An arm from a URDF's text, read, bounded and checked as a file is.
+        """An arm from a URDF's text, read, bounded and checked as a file is; else see `from_urdf`.
 
         Args:
             text: the URDF, such as `open("arm.urdf").read()` or what xacro printed.
             payload: see `from_urdf`.
             lock: see `from_urdf`.
-            effort_limit: see `from_urdf`.
-            velocity_limit: see `from_urdf`.
-            armature: see `from_urdf`.
-            package_dirs: where meshes are, `package://` or not: a text has no folder of its own.
-            damping: see `from_urdf`.
-            friction: see `from_urdf`.
-            friction_width: see `from_urdf`.
-            arm: see `from_urdf`.
+            options: see `from_urdf`.
             source: what messages call it.
+            keywords: see `from_urdf`; package_dirs has all meshes: a text has no folder of its own.
 
         Raises:
             UrdfError: it is no text, too long, or not physical.
             UnsupportedJointError: see `from_urdf`.
-            SpecError: see `from_urdf`.
         """
         check_urdf_text(text, source)
-        robot = cls._from_text(text, source, expect_locks(lock), expect_ends(arm), expect_folders(package_dirs))
-        robot = robot._carrying(payload).with_limits(effort_limit, velocity_limit).with_armature(armature)
-        check_inertia(robot.model, robot.source)
-        return robot.with_friction(damping, friction, friction_width)
+        given = robot_options(payload, lock, options, keywords)
+        return cls.from_source(RobotSource(format="urdf", name=source, text=text), given)
 
     @classmethod
     def from_library(
         cls,
         name: str,
         payload: Payload | None = None,
-        lock: Mapping[str, float] | None = None,
-        effort_limit: ArrayLike | None = None,
-        velocity_limit: ArrayLike | None = None,
-        armature: ArrayLike | None = None,
-        damping: FrictionValue = 0.0,
-        friction: FrictionValue = 0.0,
-        friction_width: float = FRICTION_WIDTH,
-        arm: tuple[str, str] | None = None,
+        lock: Locks | None = None,
+        options: RobotOptions | None = None,
+        **keywords: Unpack[RobotKeywords],
     ) -> Self:
         """An arm of example-robot-data, such as "panda", "ur5", "talos_arm", one of `LIBRARY_ARMS`, or a benchmark.
+
+        A robot that could walk or fly stands with its base fixed.
 
         Args:
             name: the library's name for it, that of an arm inside a bigger robot, such as "baxter_left", or
@@ -150,36 +188,26 @@ class Robot(ModelReaders):
                 their joints have no motor.
             payload: see `from_urdf`.
             lock: see `from_urdf`; besides what is locked already, such as a hand's fingers.
-            effort_limit: see `from_urdf`.
-            velocity_limit: see `from_urdf`.
-            armature: see `from_urdf`.
-            damping: see `from_urdf`. None by default, for the library's numbers are there to calm simulators:
-                z1 and talos_arm have 1 for every joint, xarm7 up to 10, panda 0.003 beside `mu_viscous="16"`.
-            friction: see `from_urdf`; none by default, for the same reason.
-            friction_width: see `from_urdf`.
-            arm: see `from_urdf`; None: that of `LIBRARY_ARMS`, or all joints of a robot that is not there. A
-                robot that could walk or fly stands with its base fixed.
+            options: see `from_urdf`.
+            keywords: see `from_urdf`.
 
         Raises:
             UnknownRobotError: the library has no such robot.
             UrdfError: its URDF is no fixed-base arm.
         """
-        path, shared, part = library_arm(name)
-        if arm is None and part is not None:
-            arm = part.first, part.last
-        robot = cls.from_urdf(
-            path, payload, lock, None, velocity_limit, armature, (shared,), damping, friction, friction_width, arm,
-        )  # fmt: skip
-        passive = [joint for joint in BENCHMARKS.get(name, ()) if joint in robot.joint_names]
-        return robot.with_passive(passive).with_limits(effort_limit, None)
+        given = robot_options(payload, lock, options, keywords)
+        return cls.from_source(
+            RobotSource(format="library", name=text(name, "name of a robot", error=SpecError)), given
+        )
 
     @classmethod
     def from_description(
         cls,
         name: str,
         payload: Payload | None = None,
-        lock: Mapping[str, float] | None = None,
-        arm: tuple[str, str] | None = None,
+        lock: Locks | None = None,
+        options: RobotOptions | None = None,
+        **keywords: Unpack[RobotKeywords],
     ) -> Self:
         """A robot of the package robot_descriptions, where that is installed: its URDF, or its MJCF.
 
@@ -189,38 +217,133 @@ class Robot(ModelReaders):
             name: such as "ur5_description", "panda_mj_description"; "robot_descriptions:" may stand before it.
             payload: see `from_urdf`.
             lock: see `from_urdf`.
-            arm: see `from_urdf`.
+            options: see `from_urdf`.
+            keywords: see `from_urdf`.
 
         Raises:
             UnknownRobotError: robot_descriptions has no such robot, or is not installed.
             UrdfError: it cannot be had, or is no fixed-base arm.
         """
-        found = described(name)
-        if found.mjcf:
-            return cls.from_mjcf(found.path, payload, lock, arm)
-        return cls.from_urdf(found.path, payload, lock, package_dirs=found.folders, arm=arm)
+        given = robot_options(payload, lock, options, keywords)
+        return cls.from_source(RobotSource.of_description(described(name)), given)
 
     @classmethod
-    def _from_text(
+    def from_mjcf(
+        cls,
+        path: str | os.PathLike[str],
+        payload: Payload | None = None,
+        lock: Locks | None = None,
+        options: RobotOptions | None = None,
+        **keywords: Unpack[RobotKeywords],
+    ) -> Self:
+        """An arm from a file in MuJoCo's format, read by Pinocchio's own parser.
+
+        Torque limits are those of the actuators, see `mjcf.actuators.effort_limits`. MJCF has no velocity limits:
+        they are infinite unless `velocity_limit` or the problem gives some. Friction and armature are the file's.
+        Tendons, contacts and what actuators do with their controls are left out.
+
+        Args:
+            path: the file; what it includes is in its folder or below.
+            payload: see `from_urdf`.
+            lock: see `from_urdf`; also free joints, whose bodies then stand where they are.
+            options: see `from_urdf`.
+            keywords: see `from_urdf`; with an `arm` bodies with a free joint stand still.
+
+        Raises:
+            UrdfError: the file cannot be read, is not physical, or needs what armdyn or this Pinocchio does not know.
+            UnsupportedJointError: a moving joint is free, a ball, has a spring, or is coupled with another.
+        """
+        file = file_path(path, "MJCF", "Robot.from_mjcf_string")
+        given = robot_options(payload, lock, options, keywords)
+        return cls.from_source(RobotSource(format="mjcf", name=str(file)), given)
+
+    @classmethod
+    def from_mjcf_string(
         cls,
         text: str,
-        source: str,
-        lock: Mapping[str, float] | None = None,
-        arm: tuple[str, str] | None = None,
-        package_dirs: tuple[str, ...] = (),
+        payload: Payload | None = None,
+        lock: Locks | None = None,
+        options: RobotOptions | None = None,
+        source: str = "MJCF text",
+        **keywords: Unpack[RobotKeywords],
     ) -> Self:
-        reading = read_arm(text, source, lock, arm)
-        return cls(
-            name=str(reading.model.name),
-            model=reading.model,
-            limits=joint_limits(reading.model),
-            joint_names=tuple(list(reading.model.names)[1:]),
-            urdf=text,
-            source=source,
-            package_dirs=package_dirs,
-            locked=reading.locked,
-            tip=reading.tip,
-        )
+        """An arm from the text of an MJCF, which includes nothing; else as `from_mjcf`.
+
+        Args:
+            text: the MJCF.
+            payload: see `from_urdf`.
+            lock: see `from_mjcf`.
+            options: see `from_urdf`.
+            source: what messages call it.
+            keywords: see `from_mjcf`.
+
+        Raises:
+            UrdfError: see `from_mjcf`.
+            UnsupportedJointError: see `from_mjcf`.
+        """
+        check_mjcf_text(text, source)
+        given = robot_options(payload, lock, options, keywords)
+        return cls.from_source(RobotSource(format="mjcf", name=source, text=text), given)
+
+    @classmethod
+    def from_model(
+        cls,
+        model: pin.Model,
+        limits: JointLimits | None = None,
+        name: str | None = None,
+        payload: Payload | None = None,
+        lock: Locks | None = None,
+        options: RobotOptions | None = None,
+        **keywords: Unpack[RobotKeywords],
+    ) -> Self:
+        """An arm from a Pinocchio model that was built or loaded elsewhere, and stays as it is.
+
+        Its friction is what the model has. Nothing is known of its geometry: it is drawn as rods, and obstacles cannot
+        be given.
+
+        Args:
+            model: with joints that turn or slide along one axis; others are locked, or not in `arm`.
+            limits: of the joints that move, in the model's order; None: the model's own.
+            name: of the robot; None: the model's.
+            payload: see `from_urdf`.
+            lock: see `from_urdf`; a joint of several coordinates at 0, which is its neutral.
+            options: see `from_urdf`.
+            keywords: see `from_urdf`; a frame of the model stands for a link in `arm`.
+
+        Raises:
+            UnsupportedJointError: a moving joint is none of those; names it.
+            UrdfError: the model is not physical.
+        """
+        expect(model, pin.Model, "model", error=SpecError)
+        if limits is not None:
+            expect(limits, JointLimits, "limits", error=SpecError)
+        called = str(model.name) or UNNAMED if name is None else text(name, "name of a robot", error=SpecError)
+        given = robot_options(payload, lock, options, keywords)
+        return cls.from_source(RobotSource(format="model", name=called, model=model, limits=limits), given)
+
+
+def _parsed(source: RobotSource, options: RobotOptions) -> _Parsed:
+    """Pinocchio's model of a source, whatever its format."""
+    lock, arm, folders, name = options.lock or {}, options.arm, tuple(map(str, options.package_dirs)), source.name
+    if source.format == "model":
+        called = f"Pinocchio model {name!r}"
+        return _Parsed(read_model(source.model, called, lock, arm), source=called)
+    if source.format == "mjcf":
+        root = read_mjcf(Path(name)) if source.text is None else parse_mjcf(source.text, name)
+        return _Parsed(read_mjcf_arm(root, name, lock, arm), source=name)
+    if source.spec is not None:
+        urdf = urdf_from_spec(source.spec, options.payload)
+        return _Parsed(read_arm(urdf, name, lock, arm), urdf, name)
+    file, folders = source.file, (*source.package_dirs, *folders)
+    if source.format == "library":
+        file, shared, part = library_arm(name)
+        folders = (shared, *folders)
+        if arm is None and part is not None:
+            arm = part.first, part.last
+    if file is None:
+        return _Parsed(read_arm(source.text or "", name, lock, arm), source.text or "", name, folders)
+    urdf = read_urdf(file)
+    return _Parsed(read_arm(urdf, str(file), lock, arm), urdf, str(file), mesh_folders(Path(file), folders))
 
 
 def expect_robot(robot: object, name: str = "robot") -> Robot:

@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.errors import ProblemError
-from armdyn.exclusive import built_once
+from armdyn.locks import built_once
 from armdyn.models.reading.meshes import load_meshes, numbers, origin, resolve_mesh
 from armdyn.models.reading.urdf_check import parse_urdf
 from armdyn.models.robots.robot import Robot

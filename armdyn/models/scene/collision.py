@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.exclusive import built_once, one_at_a_time
+from armdyn.locks import built_once, one_at_a_time
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.bodies import Body, bodies
 from armdyn.models.scene.obstacles import Capsule, Obstacle, Sphere

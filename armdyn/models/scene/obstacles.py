@@ -211,16 +211,19 @@ def obstacle_entry(obstacle: Obstacle) -> dict[str, Any]:
     if isinstance(obstacle, Capsule):
         ends = {"a": list(obstacle.a), "b": list(obstacle.b)}
         return {"type": "capsule", **ends, "radius": obstacle.radius, "name": obstacle.name}
-    pose, turned = obstacle.pose, {}
-    if not np.array_equal(pose[:3, :3], np.eye(3)):
-        turned = {"quaternion": pin.Quaternion(pose[:3, :3]).coeffs().tolist()}  # x, y, z, w
+    turned = not np.array_equal(obstacle.pose[:3, :3], np.eye(3))
     return {
         "type": "box",
         "size": list(obstacle.size),
-        "position": pose[:3, 3].tolist(),
-        **turned,
+        **pose_entry(obstacle.pose, turned=turned),
         "name": obstacle.name,
     }
+
+
+def pose_entry(pose: Array, *, turned: bool) -> dict[str, list[float]]:
+    """A pose, shape (4, 4) [m], by the names that `pose_of` has for it; with its quaternion (x, y, z, w) if turned."""
+    position = {"position": pose[:3, 3].tolist()}
+    return position | ({"quaternion": pin.Quaternion(pose[:3, :3]).coeffs().tolist()} if turned else {})
 
 
 def load_obstacles(path: str | os.PathLike[str]) -> tuple[Obstacle, ...]:

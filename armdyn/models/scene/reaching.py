@@ -9,11 +9,11 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import text
-from armdyn.brief import brief
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.obstacles import Placement, homogeneous
-from armdyn.models.values.limits import JointLimits
+from armdyn.models.values.joint_limits import JointLimits
+from armdyn.reprs import brief
 
 Array = NDArray[np.float64]
 

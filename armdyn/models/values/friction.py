@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import number
-from armdyn.brief import brief
 from armdyn.errors import SpecError
 from armdyn.models.values.per_joint import per_joint
+from armdyn.reprs import brief
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, number, numbers, several, shown, text
-from armdyn.brief import brief
 from armdyn.errors import SpecError
+from armdyn.reprs import brief
 
 GRAVITY = 9.81
 """Magnitude of gravity [m/s²], along -z of the world, in the plane of a generated arm."""

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from armdyn.optimal.conditions.condition import Kept
 from armdyn.optimal.landing.pace import can_be_slowed
+from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, ON_CURVE, Certificate, percent
 
@@ -20,7 +20,9 @@ _LITTLE = 0.1
 """A gap above that is one of a bound that torque limits make weak: the velocity limits decide next to nothing."""
 
 
-def advice(problem: MinimumTimeProblem, certificate: Certificate, kept: Sequence[Kept], arcs: bool) -> dict[str, str]:
+def advice(
+    problem: MinimumTimeProblem, certificate: Certificate, kept: Sequence[ConstraintReport], arcs: bool
+) -> dict[str, str]:
     """What may help, by what is missing: "lands", "limits", "conditions", "extremal", "gap".
 
     A motion that is not usable is to become so first: nothing is said of its optimality. A curve with a gap cannot
@@ -29,7 +31,7 @@ def advice(problem: MinimumTimeProblem, certificate: Certificate, kept: Sequence
     Args:
         problem: what was asked.
         certificate: of the answer.
-        kept: how it keeps the conditions along the way.
+        kept: how it keeps the path constraints.
         arcs: its arcs were resolved.
     """
     if not np.isfinite(certificate.goal_error) and certificate.growth is None:
@@ -78,8 +80,8 @@ def _for_limits(certificate: Certificate) -> str:
 def _for_extremal(problem: MinimumTimeProblem, certificate: Certificate, arcs: bool) -> str:
     if not arcs and certificate.remark == ON_CURVE:
         return f"not extremal: {ON_CURVE}; more `starts` may find a faster one"
-    if not arcs and problem.along_the_way:
-        asked = ", ".join(problem.along_the_way)
+    if not arcs and problem.path_constraint_names:
+        asked = ", ".join(problem.path_constraint_names)
         return f"not extremal: Pontryagin's conditions are not checked with {asked}; a small gap would say as much"
     if not certificate.on_goal:
         return "not extremal: it ends more than 1e-6 beside the goal: raise `max_intervals`, or give `armature`"

@@ -56,8 +56,8 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, b
         iterations=found.iterations + sum(optimum.iterations for optimum in optima),
         solve_time=elapsed,
         worst_violation=_worst(best),
-        clearance=best.checked.clearance if best.checked else None,
-        kept=best.checked.kept if best.checked else (),
+        clearance=best.reports.clearance if best.reports else None,
+        constraint_reports=best.reports.each if best.reports else (),
         via_times=best.via_times,
         moves=_moves(task, best),
         met=met,
@@ -150,7 +150,7 @@ def _worst(optimum: Optimum) -> Violation | None:
         return optimum.worst_violation
     if not optimum.within_limits:
         return optimum.certificate.exceeded
-    return optimum.checked.worst if optimum.checked else None
+    return optimum.reports.worst if optimum.reports else None
 
 
 def _others(task: Task, best: float, known: Iterable[float], listed: Iterable[float]) -> tuple[float, ...]:

@@ -7,20 +7,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from armdyn.brief import brief, called
-from armdyn.lazy import drawing, drawn
 from armdyn.models.scene.collision import Clearance
 from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.answer.words import paragraph, verdict
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.phases import Phases
-from armdyn.optimal.conditions.condition import Kept
+from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.proof.certificate import Certificate
 from armdyn.optimal.proof.deciding import Share
 from armdyn.optimal.proof.sensitivity import Sensitivities, sensitivities
 from armdyn.optimal.search.goals import GoalTried
+from armdyn.rendering import renderer
+from armdyn.reprs import brief, called
 from armdyn.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class Solution:
         solve_time: wall time [s].
         worst_violation: what is worst violated, by the solver's last iterate or by the motion; None if all is kept.
         clearance: where the motion comes nearest to an obstacle or to itself; None if neither was to be kept clear of.
-        kept: how the motion keeps each of the conditions along the way; empty without any.
+        constraint_reports: how the motion keeps each path constraint; empty without any.
         via_times: when it passes the via points [s].
         goals: all joint positions tried that reach a goal pose, fastest first; empty if there was but one.
         moves: its torques lead to the goal, keep all conditions and, to a thousandth, all limits: where `success` is
@@ -73,7 +73,7 @@ class Solution:
     solve_time: float = 0.0
     worst_violation: Violation | None = None
     clearance: Clearance | None = None
-    kept: tuple[Kept, ...] = ()
+    constraint_reports: tuple[ConstraintReport, ...] = ()
     via_times: tuple[float, ...] = ()
     goals: tuple[GoalTried, ...] = ()
     moves: bool = True
@@ -91,12 +91,12 @@ class Solution:
 
     def _repr_html_(self) -> str:
         """What a notebook shows: a table and a picture."""
-        return drawn(self)
+        return renderer().card(self)
 
     @property
     def feasible(self) -> bool:
         """Whether the replay reaches the goal and keeps all limits and conditions. Says nothing about what follows."""
-        return self.certificate.usable and not any(kept.reasons for kept in self.kept)
+        return self.certificate.usable and not any(kept.reasons for kept in self.constraint_reports)
 
     @property
     def usable(self) -> bool:
@@ -128,7 +128,7 @@ class Solution:
         """A line for each thing that is missing, of what may help; empty if it is usable and certified."""
         if self.certified and self.usable:
             return ()
-        return tuple(advice(self.problem, self.certificate, self.kept, self.phases is not None).values())
+        return tuple(advice(self.problem, self.certificate, self.constraint_reports, self.phases is not None).values())
 
     @property
     def replay_error(self) -> float:
@@ -146,8 +146,7 @@ class Solution:
         Returns:
             A figure of matplotlib's, which pyplot does not know: `figure.savefig("motion.pdf")`.
         """
-        figure: Figure = drawing().figure(self)
-        return figure
+        return renderer().figure(self)
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write the report: one HTML file with the arm that moves, its curves, the verdict and what it rests on.
@@ -162,8 +161,7 @@ class Solution:
             FileError: it cannot be written.
             DiskFullError: there is no room for it.
         """
-        written: Path = drawing().report(self, path)
-        return written
+        return renderer().report(self, path)
 
     def sensitivities(self) -> Sensitivities | None:
         """How t_f answers to payload and limits; None if the arcs were not resolved."""

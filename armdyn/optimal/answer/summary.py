@@ -48,7 +48,7 @@ def minimum_time_summary(solution: Solution) -> dict[str, object]:
         },
         "conditions": [
             {"name": kept.name, "share": kept.share, "said": kept.said, "reasons": list(kept.reasons)}
-            for kept in solution.kept
+            for kept in solution.constraint_reports
         ],
         "reserve": reserve_summary(solution.problem),
         "q_goal": np.asarray(solution.problem.q_goal).tolist(),

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.brief import brief
+from armdyn.reprs import brief
 
 
 class Mode(StrEnum):

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.brief import brief
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.grid import Density
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.task.tableau import RADAU_5
+from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]

@@ -26,7 +26,7 @@ _INSIDE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Kept:
+class TiedArcs:
     """Torques that stay where they are off all limits, arc by arc.
 
     Attributes:
@@ -74,7 +74,7 @@ class PhaseAim:
     offset: Array | float = 0.0
     near: bool = False
     density: Density | None = None
-    keep: Kept | None = None
+    keep: TiedArcs | None = None
 
 
 @dataclass(frozen=True, eq=False)

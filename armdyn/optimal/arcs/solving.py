@@ -23,7 +23,7 @@ from armdyn.optimal.arcs.grid import Density, density_of, layered
 from armdyn.optimal.arcs.phases import TABLEAU, Phases, Unresolved
 from armdyn.optimal.arcs.posing import PhaseAim, Posed, pose
 from armdyn.optimal.arcs.sampling import motion_of
-from armdyn.optimal.conditions.rows import StageRows, with_rows
+from armdyn.optimal.path_constraints.rows import StageRows, with_rows
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Nlp, build_nlp
 from armdyn.optimal.program.interval import Stages

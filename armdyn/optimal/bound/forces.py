@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.models.values.friction import JointFriction
-from armdyn.models.values.limits import JointLimits
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.bound.enclosure.interval import Interval, rounding
 from armdyn.optimal.bound.terms import Indices, Terms
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.exclusive import built_once
+from armdyn.locks import built_once
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import REACHED, GoalPose
 from armdyn.optimal.bound.enclosure.affine import Affine

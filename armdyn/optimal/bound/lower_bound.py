@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdyn.arguments import stopper
-from armdyn.brief import brief
 from armdyn.optimal.bound.enclosure.interval import down
 from armdyn.optimal.bound.leg import legs_of
 from armdyn.optimal.bound.leg_bound import leg_bound
 from armdyn.optimal.bound.pose_bound import pose_bound
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.turns import MOST_WAYS, endless
+from armdyn.reprs import brief
 
 _ROUNDED = 1e-12
 """Share of a time by which sums and quotients of a few floats are rounded down."""

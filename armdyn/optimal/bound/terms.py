@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.exclusive import built_once
+from armdyn.locks import built_once
 from armdyn.optimal.bound.enclosure.affine import Affine
 from armdyn.optimal.bound.enclosure.instructions import LevelledFunction
 from armdyn.optimal.bound.enclosure.interval import Interval, rounding

@@ -6,9 +6,9 @@ from functools import partial
 import casadi as ca
 import numpy as np
 
+from armdyn.codegen.compiled import compiled
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.exclusive import built_once
-from armdyn.machine.compiled import compiled
+from armdyn.locks import built_once
 from armdyn.optimal.flat.basis import DEGREE
 from armdyn.optimal.program.interval import IntervalFunctions, Stages, differentiated, nonzeros_of
 
@@ -165,7 +165,7 @@ def torque_end_equations(joints: int) -> IntervalFunctions:
 
 @dataclass(frozen=True)
 class CurveInterval:
-    """An interval of a curve, as conditions along the way see it: stages at its ends and Gauss's points.
+    """An interval of a curve, as path constraints see it: stages at its ends and Gauss's points.
 
     Its unknowns: the window's control points, the leg's duration, the torques at Gauss's points.
     Its parameters: coefficients of the window's B-splines by powers of the part of the interval, shape

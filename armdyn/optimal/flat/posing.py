@@ -8,13 +8,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from armdyn.optimal.conditions.condition import Condition, Knots
-from armdyn.optimal.conditions.demands import Demands
-from armdyn.optimal.conditions.rows import Rows, RowValues, spread
 from armdyn.optimal.flat.basis import Basis
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.equations import POINTS, CurveInterval
 from armdyn.optimal.flat.program import Shape
+from armdyn.optimal.path_constraints.constraint import Knots, PathConstraint
+from armdyn.optimal.path_constraints.rows import Rows, RowValues, spread
+from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.task import Task
 
@@ -45,12 +45,12 @@ class Wanted:
     """What is asked of a curve.
 
     Attributes:
-        demands: conditions along the way, as strict as they have to be.
+        constraints: path constraints, as strict as they have to be.
         rooms: of every leg; empty: none is left.
         smooth: weight of the mean squared torque against the duration.
     """
 
-    demands: Demands
+    constraints: TightenedConstraints
     rooms: tuple[Room, ...] = ()
     smooth: float = 0.0
 
@@ -72,33 +72,33 @@ class Posed:
     g_bounds: tuple[Array, Array]
 
 
-def shape_of(problem: MinimumTimeProblem, guess: Curve, demands: Demands) -> Shape:
+def shape_of(problem: MinimumTimeProblem, guess: Curve, constraints: TightenedConstraints) -> Shape:
     """What the program of a problem looks like."""
     intervals = tuple(leg.basis.intervals for leg in guess.legs)
-    orders = {limit[0] for each in demands.conditions if (limit := each.derivative_limit(problem))}
+    orders = {limit[0] for each in constraints.path_constraints if (limit := each.derivative_limit(problem))}
     if problem.jerk_limit is not None and not problem.from_rest_to_rest:
         orders.add(2)  # accelerations that are zero at an end in flight
-    rated = any(each.torque_rate_limit(problem) is not None for each in demands.conditions)
+    rated = any(each.torque_rate_limit(problem) is not None for each in constraints.path_constraints)
     return Shape(problem.robot.nv, intervals, (1, *sorted(orders)), 2 if problem.continuous_torque else 1, rated)
 
 
-def torque_rates(task: Task, demands: Demands) -> Array | None:
+def torque_rates(task: Task, constraints: TightenedConstraints) -> Array | None:
     """How fast a curve's torques may change [N m/s or N/s], shape (nv,); None: that has no limits."""
     problem = task.problem
-    found = [each.torque_rate_limit(problem) for each in demands.conditions]
+    found = [each.torque_rate_limit(problem) for each in constraints.path_constraints]
     given = [limit for limit in found if limit is not None]
     kept = 0.0 if problem.from_rest_to_rest else task.policy.curves.steep_in_flight
     return (1 - kept) * np.min(given, axis=0) if given else None
 
 
-def _has_rows(problem: MinimumTimeProblem, condition: Condition) -> bool:
+def _has_rows(problem: MinimumTimeProblem, constraint: PathConstraint) -> bool:
     """Whether a condition is not kept by control points or torques alone."""
-    return condition.derivative_limit(problem) is None and condition.torque_rate_limit(problem) is None
+    return constraint.derivative_limit(problem) is None and constraint.torque_rate_limit(problem) is None
 
 
-def rows_of(problem: MinimumTimeProblem, demands: Demands) -> tuple[Rows, ...]:
+def rows_of(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[Rows, ...]:
     """Rows of the conditions that are not limits of derivatives or of torques' rates."""
-    asked = (each for each in demands.conditions if _has_rows(problem, each))
+    asked = (each for each in constraints.path_constraints if _has_rows(problem, each))
     return tuple(rows for each in asked for rows in each.rows(problem))
 
 
@@ -135,7 +135,7 @@ def pose(task: Task, guess: Curve, wanted: Wanted, shape: Shape) -> Posed:
         tie = wanted.smooth * leg.duration / whole / n
         nothing = np.zeros(s.size * n)
         numbers.add(np.hstack([basis, weights.reshape(-1, 1), tie * weights.reshape(-1, 1)]), nothing, nothing)
-        _add_rates(numbers, task, wanted.demands, leg.basis, shape, k)
+        _add_rates(numbers, task, wanted.constraints, leg.basis, shape, k)
         points, torques, room = shape.points(k), shape.torques(k), wanted.rooms[k] if wanted.rooms else Room()
         lower[points], upper[points] = limits.position_lower, limits.position_upper
         least, most = limits.effort_lower / half, limits.effort_upper / half
@@ -149,7 +149,7 @@ def pose(task: Task, guess: Curve, wanted: Wanted, shape: Shape) -> Posed:
             sides = _factors(guess.legs[k - 1].basis, order)[-1], _factors(guess.legs[k].basis, order)[0]
             numbers.add(np.concatenate([*sides, 1 / _finite(limits.velocity)]), np.zeros(n), np.zeros(n))
     _add_torque_rates(numbers, task, wanted, guess)
-    _add_rows(numbers, task, guess, wanted.demands)
+    _add_rows(numbers, task, guess, wanted.constraints)
     squares = problem.effort_weights() * half**2
     shared = np.concatenate([half, squares, task.dynamics.last_body, [1 / whole]])
     parameters, g_lower, g_upper = map(np.concatenate, (numbers.parameters, numbers.lower, numbers.upper))
@@ -169,12 +169,14 @@ def _factors(basis: Basis, order: int) -> Array:
     return np.take_along_axis(matrix, window, axis=1)
 
 
-def _add_rates(numbers: _Numbers, task: Task, demands: Demands, basis: Basis, shape: Shape, leg: int) -> None:
+def _add_rates(
+    numbers: _Numbers, task: Task, constraints: TightenedConstraints, basis: Basis, shape: Shape, leg: int
+) -> None:
     """Limits of derivatives on one leg, by their control points."""
     problem = task.problem
     most = 1.0 if problem.from_rest_to_rest else 1 - task.policy.curves.in_flight
     given = {1: problem.limits.velocity, 2: np.full(shape.joints, np.inf)}
-    given |= dict(limit for each in demands.conditions if (limit := each.derivative_limit(problem)))
+    given |= dict(limit for each in constraints.path_constraints if (limit := each.derivative_limit(problem)))
     for order in shape.orders:
         factors, scale = _factors(basis, order), _finite(given[order])
         bound = np.tile(np.where(np.isinf(given[order]), np.inf, most), (len(factors), 1))
@@ -192,7 +194,7 @@ def _add_rates(numbers: _Numbers, task: Task, demands: Demands, basis: Basis, sh
 def _add_torque_rates(numbers: _Numbers, task: Task, wanted: Wanted, guess: Curve) -> None:
     """Limits of how fast torques change: leg by leg, where legs meet, and from and to what holds the arm."""
     problem = task.problem
-    rates = torque_rates(task, wanted.demands)
+    rates = torque_rates(task, wanted.constraints)
     if rates is None:
         return
     limits, n = problem.limits, problem.robot.nv
@@ -241,26 +243,28 @@ def _holding(problem: MinimumTimeProblem, q: Array) -> Array:
     return np.array(pin.computeGeneralizedGravity(robot.model, robot.model.createData(), robot.configuration(q)))
 
 
-def _add_rows(numbers: _Numbers, task: Task, guess: Curve, demands: Demands) -> None:
-    """Conditions along the way, over the intervals of all legs."""
+def _add_rows(numbers: _Numbers, task: Task, guess: Curve, constraints: TightenedConstraints) -> None:
+    """Path constraints, over the intervals of all legs."""
     problem, place = task.problem, CurveInterval(task.dynamics, task.scheme.compile)
-    rows, intervals = rows_of(problem, demands), sum(leg.basis.intervals for leg in guess.legs)
+    rows, intervals = rows_of(problem, constraints), sum(leg.basis.intervals for leg in guess.legs)
     if not rows:
         return
     powers = np.vstack([_powers(leg.basis) for leg in guess.legs])
-    values = demands_values(problem, guess, demands)
+    values = constraint_values(problem, guess, constraints)
     for each, own in zip(rows, values, strict=True):
         own_powers = {"every": powers, "first": powers[:1], "last": powers[-1:]}[each.where]
         numbers.add(np.append(own_powers, own.numbers), *spread(each, each.functions(place), own, intervals))
 
 
-def demands_values(problem: MinimumTimeProblem, guess: Curve, demands: Demands) -> tuple[RowValues, ...]:
+def constraint_values(
+    problem: MinimumTimeProblem, guess: Curve, constraints: TightenedConstraints
+) -> tuple[RowValues, ...]:
     """Numbers and bounds of each of `rows_of`."""
     whole, ends = guess.duration, np.cumsum([leg.basis.intervals for leg in guess.legs])
     starts = np.append(0.0, guess.passing)
     breaks = [start + leg.duration * leg.basis.breaks[:-1] for start, leg in zip(starts, guess.legs, strict=True)]
     knots = Knots(np.append(np.concatenate(breaks) / whole, 1.0), (0, *ends.tolist()))
-    asked = (each for each in demands.conditions if _has_rows(problem, each))
+    asked = (each for each in constraints.path_constraints if _has_rows(problem, each))
     return tuple(values for each in asked for values in each.values(problem, knots))
 
 

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.exclusive import built_once
-from armdyn.optimal.conditions.rows import RowFunctions, Rows
+from armdyn.locks import built_once
 from armdyn.optimal.flat.basis import DEGREE
 from armdyn.optimal.flat.equations import (
     POINTS,
@@ -21,6 +20,7 @@ from armdyn.optimal.flat.equations import (
     torque_equations,
     torque_rate_equations,
 )
+from armdyn.optimal.path_constraints.rows import RowFunctions, Rows
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.program.blocks import Block, program_of
 from armdyn.optimal.program.interval import IntervalFunctions
@@ -126,7 +126,7 @@ class Shape:
 
 @built_once(maxsize=32)
 def build(dynamics: Dynamics, shape: Shape, rows: tuple[Rows, ...], asked: bool | None) -> Program:
-    """The program of curves: torques and rates leg by leg, where legs meet, then conditions along the way.
+    """The program of curves: torques and rates leg by leg, where legs meet, then path constraints.
 
     Args:
         dynamics: with a free last body.

@@ -6,13 +6,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.conditions.demands import Checked, Demands
 from armdyn.optimal.flat.curve import Curve, Leg
 from armdyn.optimal.flat.equations import POINTS
 from armdyn.optimal.flat.follow import follow
 from armdyn.optimal.flat.posing import Room, Wanted, torque_rates
 from armdyn.optimal.flat.solve import Solved, solve_curve
 from armdyn.optimal.landing.pace import can_be_slowed, least_factor, mended
+from armdyn.optimal.path_constraints.tightened import ConstraintReports, TightenedConstraints
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -33,22 +33,22 @@ class Settled:
     Attributes:
         curve: the motion.
         solved: the program's last solution; the curve may be slower.
-        demands: as strict as they had to be.
+        constraints: as strict as they had to be.
         iterations: of IPOPT, over all rounds.
         excess: of a torque between the points, as a part of half its range; not positive: none.
-        checked: the conditions along the way.
+        reports: the path constraints.
     """
 
     curve: Curve
     solved: Solved
-    demands: Demands
+    constraints: TightenedConstraints
     iterations: int
     excess: float
-    checked: Checked
+    reports: ConstraintReports
 
 
 def settle(task: Task, guess: Curve) -> Settled:
-    """The fastest curve near a guess whose torques are within their limits everywhere, as conditions along the way are.
+    """The fastest curve near a guess whose torques are within their limits everywhere, as path constraints are.
 
     What a torque exceeds its limit by between two points is taken off the limit there, and the program solved again.
 
@@ -58,19 +58,19 @@ def settle(task: Task, guess: Curve) -> Settled:
     """
     numbers, problem = task.policy.curves, task.problem
     smooth = 0.0 if problem.pays_effort else task.options.smooth
-    wanted = Wanted(Demands.of(problem), smooth=smooth)
+    wanted = Wanted(TightenedConstraints.of(problem), smooth=smooth)
     solved = solve_curve(task, guess, wanted)
     iterations = solved.outcome.iterations
     for k in range(numbers.rounds):
-        over, kept = excesses_of(task, solved.curve), checked(task, solved.curve, wanted.demands)
+        over, kept = excesses_of(task, solved.curve), reports_on(task, solved.curve, wanted.constraints)
         enough = numbers.little if can_be_slowed(problem) else 0.0
-        if (max(map(_worst, over)) <= enough and conditions_mended(task, kept)) or task.stop or not solved.converged:
+        if (max(map(_worst, over)) <= enough and constraints_mended(task, kept)) or task.stop or not solved.converged:
             break
         task.tell(f"round {k + 1}: {solved.curve.duration:.6f} s, torques {_percent(over)} beyond between points")
         rooms = wanted.rooms or (Room(),) * len(over)
         more = tuple(_roomier(task, room, here) for room, here in zip(rooms, over, strict=True))
-        stricter = wanted.demands.stricter(problem, kept)
-        wanted = replace(wanted, rooms=more, demands=stricter)
+        tightened = wanted.constraints.tightened(problem, kept)
+        wanted = replace(wanted, rooms=more, constraints=tightened)
         again = solve_curve(task, solved.curve, wanted, solved)
         iterations += again.outcome.iterations
         if not again.converged:
@@ -80,7 +80,7 @@ def settle(task: Task, guess: Curve) -> Settled:
     if can_be_slowed(problem):
         curve = _slowed(task, curve)
     excess = max(map(_worst, excesses_of(task, curve)))
-    return Settled(curve, solved, wanted.demands, iterations, excess, checked(task, curve, wanted.demands))
+    return Settled(curve, solved, wanted.constraints, iterations, excess, reports_on(task, curve, wanted.constraints))
 
 
 def excesses_of(task: Task, curve: Curve) -> tuple[Room, ...]:
@@ -91,7 +91,7 @@ def excesses_of(task: Task, curve: Curve) -> tuple[Room, ...]:
         curve: a motion.
     """
     problem, looks = task.problem, task.policy.curves.looks
-    limits, limit = problem.limits, torque_rates(task, Demands.of(problem))
+    limits, limit = problem.limits, torque_rates(task, TightenedConstraints.of(problem))
     half = (limits.effort_upper - limits.effort_lower) / 2
     found = []
     for leg in curve.legs:
@@ -159,20 +159,20 @@ def _roomier(task: Task, room: Room, over: Room) -> Room:
     return Room(more(room.upper, over.upper), more(room.lower, over.lower), more(room.rates, over.rates))
 
 
-def checked(task: Task, curve: Curve, demands: Demands) -> Checked:
-    """How a curve keeps the conditions along the way.
+def reports_on(task: Task, curve: Curve, constraints: TightenedConstraints) -> ConstraintReports:
+    """How a curve keeps the path constraints.
 
     Args:
         task: what is asked.
         curve: the motion.
-        demands: the conditions.
+        constraints: the conditions.
     """
-    if not demands.conditions:
-        return Checked(())
+    if not constraints.path_constraints:
+        return ConstraintReports(())
     motion = sampled(task, curve)
     if not can_be_slowed(task.problem):  # nothing later mends what feedback to the curve adds
         motion = follow(task, motion)
-    return demands.check(task.problem, motion, curve.passing)
+    return constraints.check(task.problem, motion, curve.passing)
 
 
 def sampled(task: Task, curve: Curve) -> Trajectory:
@@ -181,9 +181,9 @@ def sampled(task: Task, curve: Curve) -> Trajectory:
     return curve.trajectory(problem.robot, numbers.samples, numbers.steps, jumps=not problem.continuous_torque)
 
 
-def conditions_mended(task: Task, kept: Checked) -> bool:
+def constraints_mended(task: Task, kept: ConstraintReports) -> bool:
     """Whether conditions are kept, or will be by slowing down at little cost."""
-    return mended(task.problem, kept.slowing, task.policy.conditions.slower)
+    return mended(task.problem, kept.slowing, task.policy.path_constraints.slower)
 
 
 def _slowed(task: Task, curve: Curve) -> Curve:

@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass, replace
 
-from armdyn.exclusive import forget
-from armdyn.machine.background import arrived
-from armdyn.optimal.conditions.rows import Rows
+from armdyn.codegen.background import arrived
+from armdyn.locks import forget
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.posing import Wanted, pose, rows_of, shape_of
 from armdyn.optimal.flat.program import Shape, build
+from armdyn.optimal.path_constraints.rows import Rows
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, Outcome, in_time
@@ -25,7 +25,7 @@ class Solved:
         curve: where it ended: a motion, whether it converged or not.
         outcome: IPOPT's own words and multipliers.
         shape: of the program.
-        rows: of its conditions along the way.
+        rows: of its path constraints.
         guessed: duration that the guess had, with which the program measures time [s].
     """
 
@@ -53,8 +53,8 @@ def solve_curve(task: Task, guess: Curve, wanted: Wanted, near: Solved | None = 
     Raises:
         LateError: the time is up before the program is built.
     """
-    shape = shape_of(task.problem, guess, wanted.demands)
-    rows = rows_of(task.problem, wanted.demands)
+    shape = shape_of(task.problem, guess, wanted.constraints)
+    rows = rows_of(task.problem, wanted.constraints)
     near = near if near is not None and (near.shape, near.rows) == (shape, rows) else None
     solver = _solver(task, shape, rows, warm=near is not None)
     posed = pose(task, guess, wanted, shape)
@@ -73,7 +73,7 @@ def prepare_curve(task: Task, guess: Curve, wanted: Wanted) -> None:
 
     Args and raises: as of `solve_curve`.
     """
-    shape, rows = shape_of(task.problem, guess, wanted.demands), rows_of(task.problem, wanted.demands)
+    shape, rows = shape_of(task.problem, guess, wanted.constraints), rows_of(task.problem, wanted.constraints)
     for warm in (False, True):
         _solver(task, shape, rows, warm)
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.landing.limits import miss_of
+from armdyn.optimal.landing.limit_violations import miss_of
 from armdyn.optimal.landing.pieces import Pieces
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.landing.variation import sensitivity

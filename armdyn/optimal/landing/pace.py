@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from armdyn.dynamics.numeric import forward_dynamics, inverse_dynamics
 from armdyn.models.robots.robot import Robot
-from armdyn.models.values.limits import JointLimits
-from armdyn.optimal.landing.limits import excesses
+from armdyn.models.values.joint_limits import JointLimits
+from armdyn.optimal.landing.limit_violations import excesses
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.trajectory import Sample, Trajectory
 

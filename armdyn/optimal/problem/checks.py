@@ -12,9 +12,9 @@ from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.collision import CollisionModel
 from armdyn.models.scene.obstacles import Obstacle
-from armdyn.models.values.limits import JointLimits
-from armdyn.optimal.problem.asked import Asked
-from armdyn.optimal.problem.limits import kept_words
+from armdyn.models.values.joint_limits import JointLimits
+from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
+from armdyn.optimal.problem.planning_limits import kept_words
 
 Array = NDArray[np.float64]
 
@@ -104,16 +104,16 @@ def check_scene(obstacles: Sequence[Obstacle], clearance: float) -> None:
     number(clearance, "clearance", unit="m", sign="not negative")
 
 
-def check_conditions(conditions: object) -> tuple[Asked, ...]:
+def check_path_constraints(path_constraints: object) -> tuple[PathConstraintSpec, ...]:
     """The conditions; refuse what is none."""
     found = []
-    for i, condition in enumerate(several(conditions, "conditions")):
-        if isinstance(condition, type) or not isinstance(condition, Asked):
+    for i, constraint in enumerate(several(path_constraints, "path_constraints")):
+        if isinstance(constraint, type) or not isinstance(constraint, PathConstraintSpec):
             raise ProblemError(
-                f"conditions[{i}] = {shown(condition)} is no condition; give values such as FrameSpeedLimit(0.25) or "
-                "TorqueRateLimit(50.0)"
+                f"path_constraints[{i}] = {shown(constraint)} is no path constraint; give values such as "
+                "FrameSpeedLimit(0.25) or TorqueRateLimit(50.0)"
             )
-        found.append(condition)
+        found.append(constraint)
     return tuple(found)
 
 

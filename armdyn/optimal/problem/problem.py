@@ -2,33 +2,32 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from typing import Any, Self
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.arguments import expect, flag, number, several
-from armdyn.brief import brief, called, several_numbers
+from armdyn.arguments import expect, flag, number, path, several
 from armdyn.errors import ArmdynWarning, ProblemError
-from armdyn.lazy import drawn
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.robots.tables import robot_table
 from armdyn.models.scene.collision import collision_model
-from armdyn.models.scene.obstacles import Obstacle
+from armdyn.models.scene.obstacles import Obstacle, obstacle_entry, pose_entry
 from armdyn.models.scene.reaching import GoalPose, poses_reaching
-from armdyn.models.values.limits import JointLimits
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.per_joint import per_joint
-from armdyn.optimal.problem.asked import Asked
 from armdyn.optimal.problem.checks import (
     Unheld,
     check_clear,
-    check_conditions,
     check_limits,
     check_motors,
+    check_path_constraints,
     check_poses,
     check_scene,
     check_state,
@@ -36,8 +35,12 @@ from armdyn.optimal.problem.checks import (
     unheld_joints,
     warn_if_not_held,
 )
-from armdyn.optimal.problem.limits import Reserve, resolved_limits
+from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
+from armdyn.optimal.problem.planning_limits import Reserve, resolved_limits
 from armdyn.optimal.problem.turns import endless, ways_round
+from armdyn.parsing.toml import to_toml
+from armdyn.rendering import renderer
+from armdyn.reprs import brief, called, several_numbers
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -80,7 +83,7 @@ class MinimumTimeProblem:
         clearance: how far, at least [m].
         acceleration_limit: [rad/s² or m/s²]: one number or one per joint; None: none.
         jerk_limit: likewise [rad/s³ or m/s³]; with one, the acceleration is zero at both ends.
-        conditions: what else is asked along the way, such as `FrameSpeedLimit(0.25)` or `TorqueRateLimit(50.0)`.
+        path_constraints: what else is asked along the way, such as `FrameSpeedLimit(0.25)` or `TorqueRateLimit(50.0)`.
         limits: the limits that hold for the motion, less the reserves, each of shape (nv,). Certificate, lower bound,
             sensitivities and all else that is said of the motion speak of these.
         goals: all joint positions that are tried as goals, each of shape (nv,); the first is q_goal.
@@ -115,7 +118,7 @@ class MinimumTimeProblem:
     clearance: float = 0.005
     acceleration_limit: ArrayLike | None = None
     jerk_limit: ArrayLike | None = None
-    conditions: Sequence[Asked] = ()
+    path_constraints: Sequence[PathConstraintSpec] = ()
     limits: JointLimits = field(init=False, repr=False)
     goals: tuple[Array, ...] = field(init=False, repr=False)
 
@@ -148,13 +151,13 @@ class MinimumTimeProblem:
 
     def _words(self) -> list[str]:
         """What `repr` says."""
-        asked = f", {', '.join(self.along_the_way)}" if self.along_the_way else ""
+        asked = f", {', '.join(self.path_constraint_names)}" if self.path_constraint_names else ""
         ends = [f"{name} {several_numbers(getattr(self, f'q_{name}'))}" for name in ("start", "goal")]
         return [called(self.robot.name), *ends] + ([f"with {asked[2:]}"] if asked else [])
 
     def _repr_html_(self) -> str:
         """What a notebook shows: a table and a picture."""
-        return drawn(self)
+        return renderer().card(self)
 
     @property
     def reserves(self) -> Reserve:
@@ -162,7 +165,7 @@ class MinimumTimeProblem:
         return Reserve(np.asarray(self.reserve), np.asarray(self.velocity_reserve))
 
     @property
-    def along_the_way(self) -> tuple[str, ...]:
+    def path_constraint_names(self) -> tuple[str, ...]:
         """Names of what is asked besides the limits; only the collocation's mesh knows it, not its arcs."""
         asked = {
             "obstacles": bool(self.obstacles),
@@ -170,14 +173,14 @@ class MinimumTimeProblem:
             "via points": bool(self.via),
             "acceleration limits": self.acceleration_limit is not None,
             "jerk limits": self.jerk_limit is not None,
-            **{condition.name: True for condition in self.conditions},
+            **{constraint.name: True for constraint in self.path_constraints},
         }
         return tuple(name for name, wanted in asked.items() if wanted)
 
     @property
     def continuous_torque(self) -> bool:
         """Jumps of the torque are forbidden."""
-        return self.jerk_limit is not None or any(condition.continuous_torque for condition in self.conditions)
+        return self.jerk_limit is not None or any(constraint.continuous_torque for constraint in self.path_constraints)
 
     @property
     def poses(self) -> Array:
@@ -208,6 +211,29 @@ class MinimumTimeProblem:
     def effort_weights(self) -> Array:
         """Weights of the squared torques in J, shape (nv,) [1/(N m)²]."""
         return self.effort_weight + self.relative_effort_weight / self.limits.effort_size**2
+
+    def to_toml(self, folder: str | os.PathLike[str] | None = None) -> str:
+        """This problem as a problem file, which `read_problem` reads; docs/problem_files.md.
+
+        Args:
+            folder: in which the file will be: a robot's file inside it is named. Else the text of the robot's URDF or
+                MJCF becomes part of the problem file; its meshes do not.
+
+        Raises:
+            SpecError: the robot is of Pinocchio's model, or was changed by hand.
+            ProblemError: a condition has no text, see `PathConstraint.option_text`.
+        """
+        given = {}
+        for own in fields(self):
+            value = getattr(self, own.name)
+            found = own.name == "q_goal" and self.goal_pose is not None  # by inverse kinematics
+            if own.init and own.name != "robot" and not found and not _is_default(value, own.default):
+                given[own.name] = _plain(value)
+        if isinstance(self.effort_limit, tuple) and len(self.effort_limit) == 2:
+            given["effort_limit"] = [np.broadcast_to(end, self.robot.nv).tolist() for end in self.effort_limit]
+        return to_toml(
+            {"robot": robot_table(self.robot, None if folder is None else path(folder, "folder")), "problem": given}
+        )
 
     def beside_goal(self, motion: Trajectory) -> Array:
         """How far a motion's last state (q, v) is from the goal's, shape (2 nv,)."""
@@ -285,9 +311,9 @@ class MinimumTimeProblem:
                 value.setflags(write=False)
                 object.__setattr__(self, name, value)
         self._resolve_clear()
-        conditions = check_conditions(self.conditions)
-        bound = tuple(condition.on(self.robot, self.x_start, self.x_goal) for condition in conditions)
-        object.__setattr__(self, "conditions", bound)
+        path_constraints = check_path_constraints(self.path_constraints)
+        bound = tuple(constraint.on(self.robot, self.x_start, self.x_goal) for constraint in path_constraints)
+        object.__setattr__(self, "path_constraints", bound)
 
     def _resolve_clear(self) -> None:
         """Drop goals in contact; complain of a start, a via point, or all goals."""
@@ -315,6 +341,28 @@ class MinimumTimeProblem:
         if kept.any:  # which may leave no velocity worth its name
             check_limits(robot, left)
         return left
+
+
+def _is_default(value: object, default: object) -> bool:
+    """Whether a field is as if it had not been given; no velocity is rest."""
+    if isinstance(value, tuple | list) or value is None:
+        return not value
+    if isinstance(value, np.ndarray):
+        return bool(np.all(value == (0.0 if default is None else default)))
+    return value == default
+
+
+def _plain(value: Any) -> Any:
+    """A field's value in numbers, texts, lists and tables."""
+    if isinstance(value, GoalPose):
+        return {"frame": value.frame, **pose_entry(value.pose.homogeneous, turned=value.oriented)}
+    if isinstance(value, Obstacle):
+        return obstacle_entry(value)
+    if isinstance(value, PathConstraintSpec):
+        return value.option_text()
+    if isinstance(value, tuple | list):
+        return [_plain(one) for one in value]
+    return np.asarray(value).tolist()
 
 
 def expect_problem(problem: object) -> MinimumTimeProblem:

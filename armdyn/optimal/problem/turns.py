@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.models.robots.robot import Robot
-from armdyn.models.values.limits import JointLimits
+from armdyn.models.values.joint_limits import JointLimits
 
 Array = NDArray[np.float64]
 

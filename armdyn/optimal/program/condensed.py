@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.exclusive import built_once
+from armdyn.locks import built_once
 from armdyn.optimal.program.assembly import Program, mapped
 from armdyn.optimal.program.interval import IntervalFunctions, differentiated, present_body
 from armdyn.optimal.program.layout import CondensedLayout, Layout, Parameters

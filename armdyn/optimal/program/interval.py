@@ -8,9 +8,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.codegen.compiled import compiled
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.exclusive import built_once
-from armdyn.machine.compiled import compiled
+from armdyn.locks import built_once
 from armdyn.optimal.program.layout import Layout, Parameters
 from armdyn.optimal.task.scheme import Scheme
 
@@ -102,7 +102,7 @@ def _equations(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX,
 
 @dataclass(frozen=True, eq=False)
 class Stages:
-    """One interval in SI units, a column for every stage: what conditions along the way are written in.
+    """One interval in SI units, a column for every stage: what path constraints are written in.
 
     Attributes:
         y: its unknowns.
@@ -136,7 +136,7 @@ class Stages:
 
 
 class Place(Protocol):
-    """An interval of some program, as conditions along the way see it; equal ones share what is made of them.
+    """An interval of some program, as path constraints see it; equal ones share what is made of them.
 
     Attributes:
         compile: its derivatives as machine code, see `compiled`.

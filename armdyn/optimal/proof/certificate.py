@@ -17,14 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arguments import number
-from armdyn.brief import brief
 from armdyn.optimal.arcs.phases import Phases
-from armdyn.optimal.landing.limits import worst_violation
+from armdyn.optimal.landing.limit_violations import worst_violation
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.proof.adjoint import adjoint_error
 from armdyn.optimal.proof.pontryagin import idle_joints, pontryagin
 from armdyn.optimal.task.options import REPLAY_TOLERANCE
+from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from armdyn.dynamics.numeric import joint_inertia
 from armdyn.models.robots.robot import Robot
-from armdyn.models.values.limits import JointLimits
-from armdyn.optimal.landing.limits import worst_violation
+from armdyn.models.values.joint_limits import JointLimits
+from armdyn.optimal.landing.limit_violations import worst_violation
 from armdyn.optimal.landing.segments import Segments, ticked
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, Certificate

@@ -9,11 +9,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from armdyn.brief import brief
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.arcs.arc import VELOCITY, Mode
 from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.reprs import brief
 
 Array = NDArray[np.float64]
 

@@ -1,1 +1,1 @@
-"""From optima of a mesh to answers: arcs, smooth optima, conditions along the way."""
+"""From optima of a mesh to answers: arcs, smooth optima, path constraints."""

@@ -16,14 +16,14 @@ from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import solve_quickly
 from armdyn.optimal.task.ladder import Ladder
 from armdyn.optimal.task.task import Task
-from armdyn.processes import in_processes
+from armdyn.parallel import in_processes
 
 
 def minimum_time(task: Task) -> tuple[list[Optimum], Found]:
     """Optima with arcs, in the order of their durations on the mesh, and the search they come from.
 
     Args:
-        task: without a weight on effort, and without conditions along the way.
+        task: without a weight on effort, and without path constraints.
     """
     found = find(task)
     if not found.attempts:

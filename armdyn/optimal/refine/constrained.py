@@ -1,4 +1,4 @@
-"""Minimum time with conditions along the way: obstacles, via points, limits of acceleration, speed and torque rate.
+"""Minimum time with path constraints: obstacles, via points, limits of acceleration, speed and torque rate.
 
 The answer is the mesh's, replayed: arcs between obstacles, and with them the certificate, are not resolved.
 What the mesh asks for only at its points is checked everywhere on the replay, and asked for more strictly
@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armdyn.optimal.conditions.demands import Checked, Demands
-from armdyn.optimal.conditions.registry import conditions_of
 from armdyn.optimal.landing.pace import mended
 from armdyn.optimal.landing.rollout import dense, replay_of
+from armdyn.optimal.path_constraints.registry import path_constraints_of
+from armdyn.optimal.path_constraints.tightened import ConstraintReports, TightenedConstraints
 from armdyn.optimal.proof.certificate import certify
 from armdyn.optimal.refine.bang import minimum_time
 from armdyn.optimal.refine.optimum import Optimum
@@ -26,10 +26,10 @@ from armdyn.trajectory import Trajectory
 
 
 def constrained(task: Task) -> tuple[list[Optimum], Found]:
-    """Optima of the mesh that keep the conditions along the way, as far as one that none left can beat.
+    """Optima of the mesh that keep the path constraints, as far as one that none left can beat.
 
     Args:
-        task: a problem with conditions along the way.
+        task: a problem with path constraints.
     """
     if free := _clear_anyway(task):
         return free
@@ -49,20 +49,22 @@ def constrained(task: Task) -> tuple[list[Optimum], Found]:
 def _clear_anyway(task: Task) -> tuple[list[Optimum], Found] | None:
     """What comes out without obstacles and self-collision, if its fastest motion is clear of them all the same."""
     problem = task.problem
-    if not any(condition.goes_round for condition in conditions_of(problem)):
+    if not any(constraint.goes_round for constraint in path_constraints_of(problem)):
         return None
     free = task.about(problem.variant(obstacles=(), self_collision=False))
     task.tell("the way without obstacles")
-    if free.problem.along_the_way:
+    if free.problem.path_constraint_names:
         optima, found = constrained(free)
     else:
         optima, found = time_energy(free) if problem.pays_effort else minimum_time(free)
     if not optima:
         return None
-    demands = Demands.of(problem)
-    checked = [replace(one, checked=demands.check(problem, one.trajectory, np.array(one.via_times))) for one in optima]
-    best = min(checked, key=lambda one: (not one.landed(task.options.replay_tolerance), one.cost))
-    return (checked, found) if best.checked is None or _mended(task, best.checked) else None
+    constraints = TightenedConstraints.of(problem)
+    reported = [
+        replace(one, reports=constraints.check(problem, one.trajectory, np.array(one.via_times))) for one in optima
+    ]
+    best = min(reported, key=lambda one: (not one.landed(task.options.replay_tolerance), one.cost))
+    return (reported, found) if best.reports is None or _mended(task, best.reports) else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +72,7 @@ class _Mesh:
     """What is asked of the next mesh: how many intervals it has, what is demanded, and the duration to settle on."""
 
     intervals: int
-    demands: Demands
+    constraints: TightenedConstraints
     settled: float = np.inf
 
 
@@ -78,18 +80,18 @@ def settled(task: Task, attempt: Attempt) -> Optimum:
     """Solve a mesh again, aimed and more strictly, until its replay lands and keeps all conditions.
 
     Args:
-        task: a problem with conditions along the way.
+        task: a problem with path constraints.
         attempt: a usable solution to start from.
     """
-    numbers, iterations = task.policy.conditions, 0
+    numbers, iterations = task.policy.path_constraints, 0
     again = replace(task.fine(), barrier=task.policy.program.again_barrier)
-    mesh: _Mesh | None = _Mesh(task.options.intervals, Demands.of(task.problem))
+    mesh: _Mesh | None = _Mesh(task.options.intervals, TightenedConstraints.of(task.problem))
     best: Optimum | None = None
     for k in range(numbers.rounds):
         if mesh is None:
             break
         if k or attempt.intervals != mesh.intervals:
-            tried = solve_on_mesh(task, attempt.trajectory, mesh.intervals, again, mesh.demands)
+            tried = solve_on_mesh(task, attempt.trajectory, mesh.intervals, again, mesh.constraints)
             iterations += tried.iterations
             if not tried.usable:
                 break
@@ -97,7 +99,7 @@ def settled(task: Task, attempt: Attempt) -> Optimum:
         replay = _replayed(task, attempt)
         found = _judged(task, replay, attempt)
         best = found if best is None or _rank(task, found) <= _rank(task, best) else best
-        reasons = found.checked.reasons if found.checked else ()
+        reasons = found.reports.reasons if found.reports else ()
         task.tell("; ".join((f"round {k + 1}: {attempt.trajectory.duration:.4f} s", *reasons)))
         mesh = None if task.stop else _next(task, mesh, found, replay, attempt)
     if best is None:
@@ -107,27 +109,27 @@ def settled(task: Task, attempt: Attempt) -> Optimum:
 
 def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: Attempt) -> _Mesh | None:
     """What to ask of the next mesh; None: nothing, it is well, or no mesh mends it."""
-    numbers, problem, duration = task.policy.conditions, task.problem, found.trajectory.duration
+    numbers, problem, duration = task.policy.path_constraints, task.problem, found.trajectory.duration
     finer = Ladder(task.options.max_intervals).above(mesh.intervals)
     if not any(_faults(task, found)):
         if finer is None or abs(duration / mesh.settled - 1) < numbers.settled:
             return None
-        return _Mesh(finer, mesh.demands.on_finer_mesh(), duration)
-    demands = mesh.demands if found.checked is None else mesh.demands.stricter(problem, found.checked)
+        return _Mesh(finer, mesh.constraints.on_finer_mesh(), duration)
+    constraints = mesh.constraints if found.reports is None else mesh.constraints.tightened(problem, found.reports)
     if np.max(np.abs(replay.q[-1] - problem.q_goal)) <= numbers.far:
-        return replace(mesh, demands=demands.aimed(problem, replay, attempt.passing))
+        return replace(mesh, constraints=constraints.aimed(problem, replay, attempt.passing))
     # Else it is no motion of the arm, and no aim mends that.
-    return None if finer is None else replace(mesh, intervals=finer, demands=demands.on_finer_mesh())
+    return None if finer is None else replace(mesh, intervals=finer, constraints=constraints.on_finer_mesh())
 
 
 def _faults(task: Task, optimum: Optimum) -> tuple[bool, bool]:
     """Whether it misses a condition, by more than slowing down mends at little cost, and the goal."""
-    missed = optimum.checked is not None and not _mended(task, optimum.checked)
-    return missed, optimum.certificate.goal_error > task.policy.conditions.near
+    missed = optimum.reports is not None and not _mended(task, optimum.reports)
+    return missed, optimum.certificate.goal_error > task.policy.path_constraints.near
 
 
-def _mended(task: Task, checked: Checked) -> bool:
-    return mended(task.problem, checked.slowing, task.policy.conditions.slower)
+def _mended(task: Task, reports: ConstraintReports) -> bool:
+    return mended(task.problem, reports.slowing, task.policy.path_constraints.slower)
 
 
 def _rank(task: Task, optimum: Optimum) -> tuple[bool, bool, float]:
@@ -142,13 +144,15 @@ def _replayed(task: Task, attempt: Attempt) -> Trajectory:
 
 def _judged(task: Task, replay: Trajectory, attempt: Attempt) -> Optimum:
     problem = task.problem
-    remark = f"arcs are not resolved, nor Pontryagin's conditions checked, with {', '.join(problem.along_the_way)}"
+    remark = (
+        f"arcs are not resolved, nor Pontryagin's conditions checked, with {', '.join(problem.path_constraint_names)}"
+    )
     motion = replace(replay, name="minimum time")
     return Optimum(
         motion,
         certify(problem, motion, None, remark),
         trajectory_cost(motion, problem.effort_weight),
         attempt.intervals,
-        checked=Demands.of(problem).check(problem, motion, attempt.passing),
+        reports=TightenedConstraints.of(problem).check(problem, motion, attempt.passing),
         via_times=tuple(attempt.passing.tolist()),
     )

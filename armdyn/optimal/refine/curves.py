@@ -7,17 +7,17 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.codegen.background import awaited
+from armdyn.codegen.deadline import LateError
 from armdyn.errors import ProblemError
-from armdyn.machine.background import awaited
-from armdyn.machine.deadline import LateError
-from armdyn.optimal.conditions.demands import Demands
-from armdyn.optimal.conditions.registry import conditions_of
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.follow import follow
 from armdyn.optimal.flat.posing import Wanted
-from armdyn.optimal.flat.settle import Settled, checked, conditions_mended, sampled, settle
+from armdyn.optimal.flat.settle import Settled, constraints_mended, reports_on, sampled, settle
 from armdyn.optimal.flat.solve import prepare_curve
-from armdyn.optimal.landing.limits import worst_violation
+from armdyn.optimal.landing.limit_violations import worst_violation
+from armdyn.optimal.path_constraints.registry import path_constraints_of
+from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, ON_CURVE, certify
 from armdyn.optimal.proof.deciding import Share
@@ -28,7 +28,7 @@ from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.search.starts import detours, spline, straight_curve
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.task.task import Task
-from armdyn.processes import in_processes
+from armdyn.parallel import in_processes
 
 Array = NDArray[np.float64]
 
@@ -63,14 +63,14 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
         return [], Found((), failed=(unbegun,))
     if awaited():
         task.tell("its machine code is being built in the background, once: later solves are faster")
-    found.sort(key=lambda one: (one.excess > _HOPELESS, not conditions_mended(task, one.checked), one.curve.duration))
+    found.sort(key=lambda one: (one.excess > _HOPELESS, not constraints_mended(task, one.reports), one.curve.duration))
     if found[0].excess > _HOPELESS:
         return [], Found((), failed=(_failed(task, found[0]),), iterations=sum(one.iterations for one in found))
     optima: list[Optimum] = []
     for one in found:
         task.tell(f"replaying a motion of {one.curve.duration:.6f} s")
         optima.append(_landed(task, one))
-        kept = optima[-1].checked is None or conditions_mended(task, optima[-1].checked)
+        kept = optima[-1].reports is None or constraints_mended(task, optima[-1].reports)
         if task.stop or (optima[-1].landed(task.options.replay_tolerance) and kept):
             break
     others = tuple(one.curve.duration for one in found[len(optima) :])
@@ -85,7 +85,7 @@ def _met(task: Task, found: Sequence[Settled]) -> str:
         task: the problem.
         found: curves that the guesses led to, the best first.
     """
-    durations = [one.curve.duration for one in found if one.excess <= _HOPELESS and not one.checked.reasons]
+    durations = [one.curve.duration for one in found if one.excess <= _HOPELESS and not one.reports.reasons]
     if len(found) < 2 or not durations or _enough(task, found[0]):
         return ""
     return optima_met(durations, len(found), task.policy.same.mesh)
@@ -108,16 +108,16 @@ def optima_met(durations: Sequence[float], guesses: int, same: float) -> str:
 def _without_obstacles(task: Task) -> tuple[list[Settled], bool]:
     """The fastest curve of all, if it is clear of what is to be kept clear of; else what it leads to; and which."""
     problem = task.problem
-    if not any(condition.goes_round for condition in conditions_of(problem)):
+    if not any(constraint.goes_round for constraint in path_constraints_of(problem)):
         return [], False
     task.tell("the way without obstacles")
     free = problem.variant(obstacles=(), self_collision=False)
     (best,) = _settled(task.about(free), _guesses(task.about(free), 1)[:1])
-    demands = Demands.of(problem)
-    kept = checked(task, best.curve, demands)
-    if not conditions_mended(task, kept):
+    constraints = TightenedConstraints.of(problem)
+    kept = reports_on(task, best.curve, constraints)
+    if not constraints_mended(task, kept):
         return [settle(task, best.curve)], False
-    return [replace(best, demands=demands, checked=kept)], True
+    return [replace(best, constraints=constraints, reports=kept)], True
 
 
 def _trouble(settled: Settled) -> bool:
@@ -153,7 +153,7 @@ def _settled(task: Task, guesses: Sequence[Curve]) -> list[Settled]:
     if len(guesses) < 2:
         return [settle(task, guess) for guess in guesses]
     task.tell(f"{len(guesses)} guesses")
-    prepare_curve(task, guesses[0], Wanted(Demands.of(task.problem)))  # workers know what was built before
+    prepare_curve(task, guesses[0], Wanted(TightenedConstraints.of(task.problem)))  # workers know what was built before
     found = []
     jobs = [partial(settle, task, guess) for guess in guesses]
     for one in in_processes(jobs, task.workers):
@@ -166,7 +166,7 @@ def _settled(task: Task, guesses: Sequence[Curve]) -> list[Settled]:
 
 def _enough(task: Task, settled: Settled) -> bool:
     """Whether other guesses have nothing to give: a proven bound is near."""
-    if not conditions_mended(task, settled.checked) or _trouble(settled):
+    if not constraints_mended(task, settled.reports) or _trouble(settled):
         return False
     floor = task.floor()
     return floor is not None and settled.curve.duration <= (1 + GAP_TOLERANCE) * floor
@@ -216,7 +216,7 @@ def _landed(task: Task, settled: Settled) -> Optimum:
     problem, curve = task.problem, settled.curve
     # `follow` integrates as `replay_torques` does, sample by sample; `proof.repeat` judges by another integrator.
     replay = replace(follow(task, sampled(task, curve)), name="minimum time")
-    looked = settled.demands.check(problem, replay, curve.passing) if settled.demands.conditions else None
+    looked = settled.constraints.check(problem, replay, curve.passing) if settled.constraints.path_constraints else None
     outcome = settled.solved.outcome
     remark = ON_CURVE if settled.solved.converged else f"the curve did not converge ({outcome.message})"
     shares = _deciding(task, settled)
@@ -228,7 +228,7 @@ def _landed(task: Task, settled: Settled) -> Optimum:
         cost=trajectory_cost(replay, problem.effort_weights()),
         intervals=curve.legs[0].basis.intervals,
         iterations=settled.iterations,
-        checked=looked,
+        reports=looked,
         via_times=tuple(map(float, curve.passing)),
         decides=shares,
     )

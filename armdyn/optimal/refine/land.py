@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from armdyn.optimal.arcs.phases import Phases, Unresolved
-from armdyn.optimal.arcs.posing import Kept, PhaseAim
+from armdyn.optimal.arcs.posing import PhaseAim, TiedArcs
 from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.landing.segments import Segments
@@ -114,7 +114,7 @@ def _on_goal(task: Task, phases: Phases, replay: Trajectory) -> tuple[Phases, Tr
         aim = aim.corrected(problem, replay)
         # Where time leaves torques free another solution has others, and the error is not the same again.
         undetermined = problem.effort_weight == 0 and len(best.arcs) > 2 * n
-        keep = Kept.of(best.arcs, best.torques) if undetermined else None
+        keep = TiedArcs.of(best.arcs, best.torques) if undetermined else None
         there = PhaseAim(aim.at_goal(n), near=True, density=best.laid, keep=keep)
         tried = solve_phases(task, best.arcs, best.torques, best.arc_of.size, there)
         if isinstance(tried, Unresolved):

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from armdyn.optimal.arcs.phases import Phases
-from armdyn.optimal.conditions.demands import Checked
+from armdyn.optimal.path_constraints.tightened import ConstraintReports
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.proof.certificate import Certificate
 from armdyn.optimal.proof.deciding import Share
@@ -22,7 +22,7 @@ class Optimum:
         phases: its arcs; None: they could not be resolved, and the certificate says why.
         iterations: of IPOPT.
         worst_violation: of the mesh's solution, if that did not converge.
-        checked: the conditions along the way, if there are any.
+        reports: the path constraints, if there are any.
         via_times: when it passes the via points [s].
         decides: how much of the time each limit decides, most first, where there are no arcs that say so.
     """
@@ -34,7 +34,7 @@ class Optimum:
     phases: Phases | None = None
     iterations: int = 0
     worst_violation: Violation | None = None
-    checked: Checked | None = None
+    reports: ConstraintReports | None = None
     via_times: tuple[float, ...] = ()
     decides: tuple[Share, ...] = ()
 
@@ -50,8 +50,8 @@ class Optimum:
 
     @property
     def missed(self) -> tuple[str, ...]:
-        """The conditions along the way that it does not keep, for people."""
-        return self.checked.reasons if self.checked else ()
+        """The path constraints that it does not keep, for people."""
+        return self.reports.reasons if self.reports else ()
 
     def landed(self, tolerance: float) -> bool:
         """Whether its replay ends within a tolerance of the goal [rad or m]."""

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from armdyn.optimal.conditions.demands import Demands
 from armdyn.optimal.flat.follow import follow
-from armdyn.optimal.landing.limits import excesses
+from armdyn.optimal.landing.limit_violations import excesses
 from armdyn.optimal.landing.pace import can_be_slowed, least_factor, paced, paced_torques
 from armdyn.optimal.landing.rollout import dense, replay_of
+from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE, certify, percent
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.smooth import trajectory_cost
@@ -53,8 +53,8 @@ def _factor(task: Task, optimum: Optimum) -> float:
     limits, motion = task.problem.limits, optimum.trajectory
     if excesses(limits, motion)[2].share > LIMIT_TOLERANCE:
         return np.inf
-    conditions = optimum.checked.slowing if optimum.checked else 1.0
-    return max(conditions, least_factor(task.problem.robot, limits, motion, LIMIT_TOLERANCE))
+    path_constraints = optimum.reports.slowing if optimum.reports else 1.0
+    return max(path_constraints, least_factor(task.problem.robot, limits, motion, LIMIT_TOLERANCE))
 
 
 def _at_pace(task: Task, optimum: Optimum, path: Trajectory, factor: float) -> Optimum:
@@ -71,6 +71,6 @@ def _at_pace(task: Task, optimum: Optimum, path: Trajectory, factor: float) -> O
         certificate=certificate,
         cost=trajectory_cost(motion, problem.effort_weights()),
         phases=None,
-        checked=None if optimum.checked is None else Demands.of(problem).check(problem, motion, passing),
+        reports=None if optimum.reports is None else TightenedConstraints.of(problem).check(problem, motion, passing),
         via_times=tuple(passing.tolist()),
     )

@@ -9,9 +9,9 @@ import numpy as np
 
 from armdyn.errors import ProblemError
 from armdyn.optimal.landing.rollout import replay_of
+from armdyn.optimal.search.crossover import offspring
 from armdyn.optimal.search.distinct import distinct, ranked
 from armdyn.optimal.search.multistart import Grounds, Job, search
-from armdyn.optimal.search.offspring import offspring
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
@@ -19,7 +19,7 @@ from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.ladder import Ladder
 from armdyn.optimal.task.scheme import DynamicsForm
 from armdyn.optimal.task.task import Task
-from armdyn.processes import in_processes
+from armdyn.parallel import in_processes
 
 
 @dataclass(frozen=True, eq=False)

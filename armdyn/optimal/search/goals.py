@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.brief import brief
-from armdyn.machine.deadline import LateError
-from armdyn.optimal.conditions.demands import Demands
+from armdyn.codegen.deadline import LateError
 from armdyn.optimal.flat.posing import Wanted
 from armdyn.optimal.flat.solve import solve_curve
+from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import stopping
 from armdyn.optimal.search.sliding import slid_goals
@@ -19,6 +18,7 @@ from armdyn.optimal.search.starts import spline, straight_curve
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task
+from armdyn.reprs import brief
 
 Array = NDArray[np.float64]
 
@@ -78,7 +78,7 @@ def _tried(task: Task) -> float:
         return attempt.trajectory.duration if attempt.usable else np.inf
     with suppress(LateError):
         smooth = 0.0 if task.problem.pays_effort else task.options.smooth
-        wanted = Wanted(Demands.of(task.problem), smooth=smooth)
+        wanted = Wanted(TightenedConstraints.of(task.problem), smooth=smooth)
         solved = solve_curve(task, straight_curve(task, task.policy.curves.coarse), wanted)
         return solved.curve.duration if solved.converged else np.inf
     return np.inf

@@ -10,7 +10,7 @@ from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
 from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.task import Task
-from armdyn.processes import in_processes
+from armdyn.parallel import in_processes
 
 Job = Callable[[], Attempt]
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from armdyn.models.scene.reaching import GoalPose, free_directions, slid
-from armdyn.models.values.limits import JointLimits
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 
 Array = NDArray[np.float64]

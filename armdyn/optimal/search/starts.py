@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
 from armdyn.dynamics.numeric import inverse_dynamics
-from armdyn.optimal.conditions.condition import Path
-from armdyn.optimal.conditions.registry import conditions_of
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
+from armdyn.optimal.path_constraints.constraint import Path
+from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.search.swings import swinging_time, swings
+from armdyn.optimal.search.swing_up import swinging_time, swings
 from armdyn.optimal.task.policy.search import SearchPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -48,7 +48,7 @@ def detours(
     reach = np.maximum(np.abs(np.asarray(problem.q_goal) - np.asarray(problem.q_start)), SearchPolicy.bow)
     middle = (np.asarray(problem.q_goal) + np.asarray(problem.q_start)) / 2
     lower, upper = problem.limits.position_lower, problem.limits.position_upper
-    round_it = any(condition.goes_round for condition in conditions_of(problem))
+    round_it = any(constraint.goes_round for constraint in path_constraints_of(problem))
     tries = SearchPolicy.tries if round_it else count - 1
     (spread, turn), size = wide, (tries, reach.size)
     vias = middle + spread * random.normal(size=size) * reach
@@ -75,13 +75,13 @@ def _through(problem: MinimumTimeProblem, pose: Array, leg: int) -> list[Array]:
 
 def _clearest(problem: MinimumTimeProblem, ways: list[list[Array]], count: int, stop: Stop) -> list[list[Array]]:
     """Ways round what is forbidden: those that touch nothing, the quickest first; then those that touch least."""
-    forbidding = [condition for condition in conditions_of(problem) if condition.goes_round]
+    forbidding = [constraint for constraint in path_constraints_of(problem) if constraint.goes_round]
     ranked = []
     for k, way in enumerate(ways):
         if stop:
             break
         path = _path(problem, way, SearchPolicy.looks)
-        depth = min(condition.depth(problem, q) for q in path.q for condition in forbidding)
+        depth = min(constraint.depth(problem, q) for q in path.q for constraint in forbidding)
         hurry = np.max(np.abs(path.dq) / np.minimum(problem.limits.velocity, SearchPolicy.brisk), axis=None)
         ranked.append((-min(depth, problem.clearance), float(hurry), k))
     return [ways[k] for *_, k in sorted(ranked)[:count]]
@@ -171,5 +171,5 @@ def _fitting_duration(problem: MinimumTimeProblem, path: Path, inertial: Array) 
     half = viscous / (2 * bound)
     by_torque = np.max(half + np.sqrt(half**2 + np.abs(inertial) / bound))
     by_speed = np.max(np.abs(path.dq) / limits.velocity)
-    asked = (condition.least_duration(problem, path) for condition in conditions_of(problem))
+    asked = (constraint.least_duration(problem, path) for constraint in path_constraints_of(problem))
     return float(max(by_torque, by_speed, *asked, problem.duration_bound(), 1e-6))

@@ -5,12 +5,12 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.codegen.deadline import LateError
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.machine.deadline import LateError
-from armdyn.optimal.conditions.condition import Knots
-from armdyn.optimal.conditions.demands import Demands, numbers_of, row_bounds
-from armdyn.optimal.conditions.legs import Legs, legs_of
-from armdyn.optimal.conditions.rows import Rows, with_rows
+from armdyn.optimal.path_constraints.constraint import Knots
+from armdyn.optimal.path_constraints.legs import Legs, legs_of
+from armdyn.optimal.path_constraints.rows import Rows, with_rows
+from armdyn.optimal.path_constraints.tightened import TightenedConstraints, numbers_of, row_bounds
 from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
@@ -29,7 +29,11 @@ Array = NDArray[np.float64]
 
 
 def solve_on_mesh(
-    task: Task, guess: Trajectory, intervals: int, settings: DirectOptions, demands: Demands | None = None
+    task: Task,
+    guess: Trajectory,
+    intervals: int,
+    settings: DirectOptions,
+    constraints: TightenedConstraints | None = None,
 ) -> Attempt:
     """One call of IPOPT.
 
@@ -38,13 +42,13 @@ def solve_on_mesh(
         guess: where it starts.
         intervals: of the mesh, dealt out to the legs between via points.
         settings: iteration limit, tolerance, verbosity.
-        demands: how much stricter than the problem to be; None: as strict.
+        constraints: how much stricter than the problem to be; None: as strict.
     """
     if task.stop:
         return Attempt.unbegun(task.stop, guess, intervals)
     problem = task.problem
-    demands = Demands.of(problem) if demands is None else demands
-    rows = demands.rows(problem)
+    constraints = TightenedConstraints.of(problem) if constraints is None else constraints
+    rows = constraints.rows(problem)
     try:
         solver = _solver(task, intervals, settings, rows)
     except LateError:
@@ -58,11 +62,11 @@ def solve_on_mesh(
     if len(legs.intervals) > 1:
         shares = fractions * legs.durations[legs.of] / legs.durations.sum()
     knots = Knots(np.append(0.0, np.cumsum(shares)), (0, *legs.knots.tolist()))
-    values = demands.values(problem, knots)
+    values = constraints.values(problem, knots)
     parameters = scales.parameters(fractions, weights, task.dynamics.last_body)
     parameters = np.concatenate([parameters, numbers_of(values)])
     x = to_unknowns(guess, layout, shares, scales)
-    _fix_legs(problem, layout, legs, demands.aim, scales, x, (lower, upper))
+    _fix_legs(problem, layout, legs, constraints.aim, scales, x, (lower, upper))
     x = np.clip(x, lower, upper)
     sides = row_bounds(rows, values, Collocated(task.dynamics, task.scheme), intervals)
     lbg, ubg = (np.concatenate(both) for both in zip(_equations(nlp, legs), sides, strict=True))
@@ -121,7 +125,7 @@ def prepare(task: Task, intervals: int, settings: DirectOptions) -> None:
     if task.stop:
         return
     with suppress(LateError):
-        _solver(task, intervals, settings, Demands.of(task.problem).rows(task.problem))
+        _solver(task, intervals, settings, TightenedConstraints.of(task.problem).rows(task.problem))
 
 
 def _solver(task: Task, intervals: int, settings: DirectOptions, rows: tuple[Rows, ...]) -> Ipopt[Nlp]:

@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.exclusive import built_once, one_at_a_time
-from armdyn.machine.deadline import NoTimeError, until
+from armdyn.codegen.deadline import NoTimeError, until
+from armdyn.locks import built_once, one_at_a_time
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.assembly import Program

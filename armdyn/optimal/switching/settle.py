@@ -64,7 +64,7 @@ class Settled:
 def has_switching(task: Task) -> bool:
     """Whether arcs can be marched: time alone counts, friction has no sharp turns, and every joint has a motor."""
     problem = task.problem
-    plain = problem.effort_weight == 0 and not problem.robot.friction.present and not problem.along_the_way
+    plain = problem.effort_weight == 0 and not problem.robot.friction.present and not problem.path_constraint_names
     return plain and not np.any(problem.limits.passive)
 
 

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 from armdyn.arguments import expect, flag, number, one_of, several, whole
-from armdyn.brief import brief
 from armdyn.errors import ProblemError
 from armdyn.optimal.task.effort import EFFORTS, Effort
 from armdyn.optimal.task.scheme import Control, DynamicsForm
 from armdyn.optimal.task.tableau import TABLEAUS
+from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 
 MAX_STARTS = 10**5

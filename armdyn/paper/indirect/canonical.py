@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.exclusive import built_once
+from armdyn.locks import built_once
 from armdyn.models.robots.robot import Robot
 from armdyn.paper.indirect.law import MINIMUM, Law, LawSymbols
 

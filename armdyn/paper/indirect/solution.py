@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from armdyn.arguments import expect, flag, number, one_of, shown, whole
-from armdyn.brief import brief
 from armdyn.errors import ProblemError
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.phases import TABLEAU, Phases
-from armdyn.optimal.landing.limits import excesses
+from armdyn.optimal.landing.limit_violations import excesses
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.task.options import MAX_STARTS
@@ -20,6 +19,7 @@ from armdyn.paper.indirect.bang_bang import BangBangExtremal, BangBangProblem
 from armdyn.paper.indirect.boundary import BoundaryProblem, Extremal
 from armdyn.paper.indirect.canonical import columns
 from armdyn.paper.indirect.law import MINIMUM, Law
+from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]

@@ -138,7 +138,7 @@ def solve_indirect(
 
     Raises:
         ProblemError: an argument is something else, minimum time is asked for without torque limits, the problem has
-            conditions along the way, or the seed is of another arm.
+            path constraints, or the seed is of another arm.
     """
     started = time.perf_counter()
     expect_problem(problem)
@@ -159,8 +159,8 @@ def _refuse(question: _Question, seed: Solution | None) -> None:
         raise ProblemError("minimum time needs torque limits: bounded=False asks for effort_weight > 0")
     if seed is not None and seed.problem.robot.nv != problem.robot.nv:
         raise ProblemError(f"the seed moves {seed.problem.robot.nv} joints, the problem {problem.robot.nv}")
-    if problem.along_the_way:
-        raise ProblemError(f"the indirect method knows no {', '.join(problem.along_the_way)}")
+    if problem.path_constraint_names:
+        raise ProblemError(f"the indirect method knows no {', '.join(problem.path_constraint_names)}")
 
 
 def _best(question: _Question, seeds: list[_Seed]) -> IndirectSolution:

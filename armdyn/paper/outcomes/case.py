@@ -5,13 +5,12 @@ from functools import lru_cache
 from typing import Literal
 
 from armdyn.arguments import one_of
-from armdyn.control.pid.arrival import ArrivalRule
-from armdyn.control.pid.gains import ContinuousPid
-from armdyn.control.pid.motion import EquationsOfMotion
+from armdyn.control.tracking.arrival import ArrivalRule
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.spec import ArmSpec, PaperArm, Payload
 from armdyn.optimal import MinimumTimeProblem
+from armdyn.paper.continuous_pid import ContinuousLoop
 from armdyn.paper.printed.equations import PrintedArm
 from armdyn.paper.printed.examples import EXAMPLES, Example, Kind, example
 from armdyn.paper.printed.loop import ERROR_RATES, GAINS, PAPER_RULE, DerivativeSign
@@ -114,13 +113,10 @@ class Case:
         """The arm with its payload; the same for equal ones."""
         return _robot(ArmSpec.paper(self.arm), self.payload, self.reading)
 
-    def equations(self) -> EquationsOfMotion | None:
-        """The printed ones; None: the robot's own."""
-        return PrintedArm.from_spec(ArmSpec.paper(self.arm), self.payload) if self.variant == "printed" else None
-
-    def controller(self) -> ContinuousPid:
-        """The paper's, an acceleration by its gains, with the sign of k_D that is asked for."""
-        return ContinuousPid(GAINS, "acceleration", error_rate=ERROR_RATES[self.derivative_sign])
+    def loop(self) -> ContinuousLoop:
+        """The paper's PID loop, with the case's sign of k_D and equations of motion."""
+        printed = PrintedArm.from_spec(ArmSpec.paper(self.arm), self.payload) if self.variant == "printed" else None
+        return ContinuousLoop(self.robot(), self.q_goal, GAINS, ERROR_RATES[self.derivative_sign], printed)
 
     def problem(self) -> MinimumTimeProblem:
         """Of an open-loop case: torques within ±3 N m for minimum time, unbounded for time-energy (w = 1).

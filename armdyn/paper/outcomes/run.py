@@ -5,17 +5,17 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from armdyn.control.pid.arrival import Arrival
-from armdyn.control.pid.closed_loop import Move, pid_summary, simulate
+from armdyn.control.tracking.arrival import Arrival
+from armdyn.control.tracking.pid import pid_summary
 from armdyn.optimal import MinimumTimeOptions, Solution, solve_minimum_time
 from armdyn.optimal.answer.summary import minimum_time_summary
 from armdyn.optimal.refine.smooth import trajectory_cost
 from armdyn.optimal.task.policy import Policy
+from armdyn.paper.continuous_pid import simulate
 from armdyn.paper.indirect.solution import IndirectOptions, compare_with_direct
 from armdyn.paper.indirect.solve_indirect import solve_indirect
 from armdyn.paper.outcomes.case import Case
 from armdyn.paper.outcomes.outcome import Fact, Outcome
-from armdyn.paper.printed.loop import DURATION
 
 SOLVE_LIMIT, INDIRECT_LIMIT = 120.0, 20.0
 """Wall time of a direct and of an indirect solve [s]: several times what the slowest case takes."""
@@ -105,9 +105,7 @@ def _indirect(case: Case, solution: Solution) -> dict[str, Fact]:
 
 
 def _closed_loop(case: Case) -> Outcome:
-    robot = case.robot()
-    move = Move.of(robot, case.q_start, case.q_goal, None, DURATION)
-    run = simulate(robot, case.controller(), move, Arrival(case.arrival_rule), dynamics=case.equations())
+    run = simulate(case.loop(), case.q_start, Arrival(case.arrival_rule))
     return Outcome(
         case=case,
         time=run.arrival_time,

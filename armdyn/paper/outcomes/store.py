@@ -7,9 +7,9 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, replace
+from importlib.metadata import version
 from pathlib import Path
 
-import armdyn
 from armdyn.errors import FileError, TrajectoryError
 from armdyn.files import read_json, write_whole
 from armdyn.paper.outcomes.case import Case
@@ -29,7 +29,7 @@ def fingerprint(case: Case) -> str:
     """A hash of all that an outcome depends on: the case, its robot's URDF and poses, armdyn's version."""
     inputs = {
         "format": _FORMAT,
-        "version": armdyn.__version__,
+        "version": version("armdyn"),
         "case": asdict(case),
         "urdf": case.robot().urdf,
         "q_start": case.q_start,

@@ -14,7 +14,7 @@ from armdyn.paper.outcomes.case import Case
 from armdyn.paper.outcomes.outcome import Outcome, by_case
 from armdyn.paper.printed import published
 from armdyn.paper.printed.examples import EXAMPLES, PAYLOAD
-from armdyn.show.figures.look import COLORS
+from armdyn.show.figures.style import COLORS
 from armdyn.show.plots import plot_panels, put_head, run_handles, save_figure, svg_text, switches
 
 EXAMPLE_OF_FIGURE = {2: 1, 3: 4, 4: 2, 5: 5, 6: 3, 7: 6}

@@ -2,8 +2,8 @@
 
 from typing import Literal
 
-from armdyn.control.pid.arrival import ArrivalRule
-from armdyn.control.pid.gains import PidGains
+from armdyn.control.laws.pid import PidGains
+from armdyn.control.tracking.arrival import ArrivalRule
 
 GAINS = PidGains(kp=30.0, ki=50.0, kd=10.0)
 """Eqs (32)-(34): the same for every joint of R, RR and RRR."""
@@ -18,4 +18,4 @@ DerivativeSign = Literal["corrected", "printed"]
 """Sign of k_D θ̇: "corrected" is -k_D θ̇, which (27) says as ė = -θ̇; "printed" is +k_D θ̇ of (28)-(30)."""
 
 ERROR_RATES: dict[DerivativeSign, float] = {"corrected": -1.0, "printed": 1.0}
-"""ė over θ̇: the `error_rate` of `control.pid.gains.ContinuousPid`."""
+"""ė over θ̇: the `error_rate` of `continuous_pid.simulate`."""

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.models.values.limits import JointLimits
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.scene import finite_pairs
 from armdyn.trajectory import Trajectory

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.models.values.limits import JointLimits
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.markup import Html, element, join
 from armdyn.show.page.course import Move
 from armdyn.show.page.sections import Section, stacked, td, th

@@ -18,7 +18,7 @@ import numpy as np
 from armdyn.errors import TrajectoryError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.obstacles import Obstacle
-from armdyn.models.values.limits import JointLimits
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.markup import Html, element, fill, join, script_json
 from armdyn.show.page.assets import asset, script, viewer_script
 from armdyn.show.page.course import Move, course_data, until

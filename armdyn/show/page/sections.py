@@ -157,7 +157,7 @@ def course_section(facts: Facts) -> Section | None:
     ]  # fmt: skip
     heads = [th("limit"), th("worst", class_="words"), th("of it"), th("kept")]
     body = [*([stacked(heads, worst)] if worst else []), *([listed(rows)] if rows else [])]
-    return Section("course", "Conditions along the way", join(body)) if body else None
+    return Section("course", "Path constraints", join(body)) if body else None
 
 
 def _percent(share: float) -> Html:

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from armdyn.arguments import number
 from armdyn.arguments import parts as parts_of
-from armdyn.brief import brief
 from armdyn.control.tracking.envelope import Envelope
 from armdyn.control.tracking.run import Run
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
+from armdyn.reprs import brief
 from armdyn.studies.plants.question import Question
 from armdyn.studies.plants.rows import Row
 

@@ -13,8 +13,8 @@ from armdyn.models import PAPER_ARMS
 from armdyn.models.mjcf.document import is_mjcf
 from armdyn.models.robots.poses import positions_of
 from armdyn.models.robots.robot import Robot
+from armdyn.parsing.toml import Table
 from armdyn.studies.sweeps.tasks.settings import POSES, ArmRecipe, Source
-from armdyn.typed.toml import Table
 
 MAX_ARMS = 64
 MAX_ROBOT = 2**22

@@ -10,13 +10,13 @@ from typing import Any
 from armdyn.arguments import shown
 from armdyn.errors import ProblemError
 from armdyn.optimal import MinimumTimeOptions
+from armdyn.parsing.toml import Table, read_toml
 from armdyn.studies.sweeps.arms import arms_of
 from armdyn.studies.sweeps.study import MAX_AXES, METHODS, Axis, Study
 from armdyn.studies.sweeps.tasks.minimum_time import NEIGHBOURS, MinimumTime
 from armdyn.studies.sweeps.tasks.settings import ARM, POSES, ArmRecipe, Value, check_setting
 from armdyn.studies.sweeps.tasks.task import Task
 from armdyn.studies.sweeps.tasks.tracking import Tracking, check_settings
-from armdyn.typed.toml import Table, read_toml
 
 _MAX_VALUES = 10_000
 _MAX_POSES = 64

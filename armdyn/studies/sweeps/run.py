@@ -14,9 +14,9 @@ import numpy as np
 
 from armdyn.arguments import expect, flag, function, listener, one_of
 from armdyn.optimal.problem.stop import Stop, stopping
-from armdyn.studies.sweeps.crews.crew import Case, Crew, Ended
-from armdyn.studies.sweeps.crews.local import local_crew
 from armdyn.studies.sweeps.database import SYNCS, Database, Row, Sync, database
+from armdyn.studies.sweeps.executors.executor import Case, Crew, Ended
+from armdyn.studies.sweeps.executors.local import local_crew
 from armdyn.studies.sweeps.neighbours import Neighbours
 from armdyn.studies.sweeps.pace import Pace
 from armdyn.studies.sweeps.study import Study

@@ -10,17 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, flag, interval, number, one_of, several, text
-from armdyn.brief import brief
 from armdyn.control.laws.computed_torque import ComputedTorque
 from armdyn.control.laws.lqr import Lqr
-from armdyn.control.laws.pid import Pid
+from armdyn.control.laws.pid import FORMS, Form, Pid, PidGains
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.references import ramp
-from armdyn.control.pid.gains import FORMS, Form, PidGains
 from armdyn.dynamics import Dynamics
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arguments import expect, listener, number, one_of, whole
-from armdyn.brief import brief
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.tracking.setup import Setup
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot, expect_robot, expect_robots
 from armdyn.optimal.problem.stop import Stop, stopping
+from armdyn.reprs import brief
 from armdyn.studies.tuning.families import ControllerFamily, Ramps, Values, by_name, chosen
 from armdyn.studies.tuning.index import INDICES, Index, Worth, worth
 from armdyn.trajectory import Trajectory

@@ -7,9 +7,8 @@ import pytest
 
 import control
 from armdyn.control.laws.lqr import Lqr
-from armdyn.control.laws.pid import Pid
+from armdyn.control.laws.pid import Pid, PidGains
 from armdyn.control.loop.loop import Loop
-from armdyn.control.pid.gains import PidGains
 from armdyn.control.stability.margins import broken, loop_margins, multiloop_disk
 from armdyn.control.stability.region import GainRegion
 from armdyn.control.stability.sampled import sampled_loop

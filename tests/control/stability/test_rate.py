@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from armdyn.control.laws.lqr import Lqr
-from armdyn.control.laws.pid import Pid
+from armdyn.control.laws.pid import Pid, PidGains
 from armdyn.control.loop.loop import Loop
-from armdyn.control.pid.gains import PidGains
 from armdyn.control.stability.rate import sampled_stability, slowest_stable_rate
 from armdyn.control.stability.sampled import sampled_loop
 from armdyn.errors import ProblemError

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from armdyn.control.pid.gains import ContinuousPid, PidGains
-from armdyn.control.pid.motion import motion_of
-from armdyn.control.pid.poles import closed_loop_matrix, eigenvalues
+from armdyn.control.laws.pid import PidGains
+from armdyn.control.stability.poles import ArmAtGoal, closed_loop_matrix, eigenvalues
 from armdyn.control.stability.region import GainRegion, least_stable_factor
 from armdyn.control.stability.routh import routh_table
 from armdyn.errors import ProblemError
@@ -16,9 +15,9 @@ ROUNDING = 1e-13
 """What numpy's eigenvalues are wrong by at most, as a part of the matrix's norm: some tens of ulps for 3 by 3."""
 
 
-def growth(motion, goal, form, gains):
+def growth(arm, gains):
     """Largest real part of the eigenvalues [1/s], and the norm of the matrix that they are of."""
-    A = closed_loop_matrix(motion, goal, ContinuousPid(PidGains(*gains), form))
+    A = closed_loop_matrix(arm, *PidGains(*gains).per_joint(len(arm.B)))
     return eigenvalues(A)[0].real, np.linalg.norm(A)
 
 
@@ -42,11 +41,11 @@ def test_against_eigenvalues_at_random_gains(form):
     random, verdicts, within = np.random.default_rng(7), [], 0
     for _ in range(100):
         robot, goal, _ = random_case(random)
-        motion, region = motion_of(robot, None), GainRegion.of(robot, goal, form)
+        arm, region = ArmAtGoal.of(robot, goal, form), GainRegion.of(robot, goal, form)
         for _ in range(50):
             gains = random_case(random)[2]
             stable = bool(region.stable(*gains))
-            largest, norm = growth(motion, goal, form, gains)
+            largest, norm = growth(arm, gains)
             if abs(largest) > ROUNDING * norm:
                 assert stable == (largest < 0), (goal, gains)
             else:
@@ -72,7 +71,7 @@ def test_poles_on_the_boundary_are_imaginary(form):
     region = GainRegion.of(robot, goal, form)
     for kp in (20.0, 30.0, 300.0):
         kd = float(region.least_kd(kp, ki))
-        largest, norm = growth(motion_of(robot, None), goal, form, (kp, ki, kd))
+        largest, norm = growth(ArmAtGoal.of(robot, goal, form), (kp, ki, kd))
         # A root moves by about 1/norm of what kd is rounded by.
         assert abs(largest) < 1e-9 * norm
         # s = ± i √((kp + k) / m) then.
@@ -102,11 +101,8 @@ def test_the_papers_gains_times_a_factor(name, measured):
         robot, poses = example(name, grams=grams)
         factor = least_stable_factor(robot, poses["q_goal"], PAPER)
         assert scanned / 1.04 - 0.005 < factor < scanned + 0.005
-        motion, goal = motion_of(robot, None), np.array(poses["q_goal"])
-        below, above = (
-            growth(motion, goal, "acceleration", factor * side * np.array([30.0, 50.0, 10.0]))[0]
-            for side in (1 - 1e-6, 1 + 1e-6)
-        )
+        arm = ArmAtGoal.of(robot, np.array(poses["q_goal"]), "acceleration")
+        below, above = (growth(arm, factor * side * np.array([30.0, 50.0, 10.0]))[0] for side in (1 - 1e-6, 1 + 1e-6))
         assert below > 0 > above
 
 

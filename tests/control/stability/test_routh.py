@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from armdyn.control import closed_loop_eigenvalues
-from armdyn.control.pid.gains import ContinuousPid, PidGains
-from armdyn.control.pid.motion import motion_of
-from armdyn.control.pid.poles import closed_loop_matrix
+from armdyn.control.laws.pid import PidGains
+from armdyn.control.stability.poles import ArmAtGoal, closed_loop_matrix
 from armdyn.control.stability.routh import characteristic_polynomial, routh_table
 from armdyn.errors import ProblemError
 from pid_loops import example
@@ -100,11 +99,12 @@ def test_characteristic_polynomial_obeys_cayley_and_hamilton():
 def test_several_joints_against_eigenvalues(name, form):
     """Exact polynomial and table of the closed loop's matrix; eigenvalues are wrong by 1e-9 of the largest at most."""
     robot, poses = example(name, grams=100.6)
-    motion, goal, random = motion_of(robot, None), np.array(poses["q_goal"]), np.random.default_rng(3)
+    goal, random = np.array(poses["q_goal"]), np.random.default_rng(3)
+    arm = ArmAtGoal.of(robot, goal, form)
     verdicts = set()
     for _ in range(100):
         gains = PidGains(*(tuple(10 ** random.uniform(-1, 3, robot.nv)) for _ in range(3)))
-        A = closed_loop_matrix(motion, goal, ContinuousPid(gains, form))
+        A = closed_loop_matrix(arm, *gains.per_joint(robot.nv))
         table = routh_table(characteristic_polynomial(A))
         values = closed_loop_eigenvalues(robot, goal, gains, form)
         assert np.abs(values.real).min() > 1e-13 * np.linalg.norm(A)

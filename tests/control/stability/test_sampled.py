@@ -8,18 +8,16 @@ import pytest
 
 import plain_loop
 from armdyn.control.laws.lqr import Lqr
-from armdyn.control.laws.pid import Pid
+from armdyn.control.laws.pid import Pid, PidGains
 from armdyn.control.loop.law import Controller, Law
 from armdyn.control.loop.loop import Loop
-from armdyn.control.pid.gains import ContinuousPid, PidGains
-from armdyn.control.pid.motion import motion_of
-from armdyn.control.pid.poles import closed_loop_matrix, eigenvalues
 from armdyn.control.stability.linear import Rest, continuous_matrix, ticks_at_rest
+from armdyn.control.stability.poles import closed_loop_eigenvalues
 from armdyn.control.stability.sampled import sampled_loop
 from armdyn.dynamics import forward_dynamics, inverse_dynamics
 from armdyn.errors import ProblemError
 from armdyn.trajectory import Trajectory
-from oracles import robot_named
+from oracles import PinDynamics, robot_named
 from pid_loops import example, loaded_arm
 from problems import cart
 
@@ -239,7 +237,7 @@ def test_continuous_law_has_the_poles_of_the_continuous_pid(form):
     goal = np.array(poses["q_goal"])
     # Without feedforward the integrals carry gravity, as there; feedforward would take D(q)'s change out of it.
     rest = Rest.of(robot, goal, Pid(GAINS, form, feedforward=False), Loop.ideal())
-    expected = eigenvalues(closed_loop_matrix(motion_of(robot, None), goal, ContinuousPid(GAINS, form)))
+    expected = closed_loop_eigenvalues(robot, goal, GAINS, form)
     own = np.linalg.eigvals(continuous_matrix(rest))
     key = np.lexsort((expected.imag.round(6), expected.real.round(6)))
     other = np.lexsort((own.imag.round(6), own.real.round(6)))
@@ -288,7 +286,7 @@ def test_a_simulation_grows_as_the_matrix_says(name, loop):
     else:
         push = linear.torque @ missing
     if loop.velocity == "observer":  # its model is held by another torque than the one that holds the arm
-        a, h = -np.linalg.solve(motion_of(robot, None).inertia(goal), missing), loop.period
+        a, h = -np.linalg.solve(PinDynamics(robot).crba(goal), missing), loop.period
         push[2 * robot.nv : 4 * robot.nv] = np.r_[h**2 / 2 * a, h * a]
     for _ in range(count):
         x = linear.matrix @ x + push

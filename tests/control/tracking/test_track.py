@@ -20,20 +20,22 @@ def references():
 
 @pytest.mark.parametrize("form", ["acceleration", "torque", "computed_torque"])
 @pytest.mark.parametrize("arm", ["r", "rr", "rrr"])
-def test_the_ideal_loop_is_the_papers(arm, form):
+def test_the_ideal_loop_is_a_differential_equation(arm, form):
     # Both integrate to 1e-8 or better; the third arm's "acceleration" loop is unstable, and makes an error e^6 times as
     # large.
     paper, robot = example(arm, "pid"), paper_arm(arm)
-    asked = {"q_start": paper.q_start, "duration": 10.0}
-    run = ad.simulate_pid(robot, q_goal=paper.q_goal, gains=GAINS, form=form, samples=10001, **asked)
-    controller = ad.Pid(GAINS, form, feedforward=False)
+    plain = plain_loop.continuous_pid(robot, paper.q_start, np.array(paper.q_goal), GAINS, form, 10.0)
     goal = ad.set_point(robot, paper.q_goal)
-    ours = ad.track(robot, goal, controller, loop=ad.Loop.ideal(saturate=form == "torque"), **asked)
-    assert ours.trajectory.t.size == 10001
-    assert np.abs(ours.trajectory.q - run.trajectory.q).max() < 1e-6
-    assert ours.settled == run.settled
-    if run.settled:
-        assert ours.settled_time == pytest.approx(run.settling_time, abs=1e-5)  # it is linear between ticks
+    controller, loop = ad.Pid(GAINS, form, feedforward=False), ad.Loop.ideal(saturate=form == "torque")
+    run = ad.track(robot, goal, controller, loop=loop, q_start=paper.q_start, duration=10.0)
+    assert run.trajectory.t.size == 10001
+    _, q, v = np.split(plain(run.trajectory.t), 3)
+    assert np.abs(run.trajectory.q.T - q).max() < 1e-6
+    assert np.abs(run.trajectory.v.T - v).max() < 1e-5
+    same = ad.simulate_pid(robot, q_start=paper.q_start, q_goal=paper.q_goal, gains=GAINS, form=form)
+    assert same.settled == (run.settled and same.max_real_eigenvalue < 0)
+    if same.settled:
+        assert run.settled_time == pytest.approx(same.settled_time, abs=1e-5)  # it is linear between ticks
 
 
 LOOPS = {

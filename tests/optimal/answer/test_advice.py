@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armdyn.optimal.answer.advice import advice
-from armdyn.optimal.conditions.condition import Kept
+from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.proof.certificate import ON_CURVE, Certificate
 from problems import paper_problem, solved
@@ -46,8 +46,8 @@ def test_why_a_motion_could_not_be_slowed_down(asked, why):
 
 
 def test_all_that_is_missing_of_usable_is_named():
-    missed = Kept("obstacles", "", 1.0, ("touches",))
-    lines = said(Certificate(0.2, 0.1, 5.6e-4), [missed, Kept("jerk limits", "")])
+    missed = ConstraintReport("obstacles", "", 1.0, ("touches",))
+    lines = said(Certificate(0.2, 0.1, 5.6e-4), [missed, ConstraintReport("jerk limits", "")])
     assert list(lines) == ["lands", "limits", "conditions"]
     assert "obstacles" in lines["conditions"] and "jerk" not in lines["conditions"]
 

@@ -8,8 +8,8 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.answer.assembly import assembled, failed
 from armdyn.optimal.answer.summary import minimum_time_summary
-from armdyn.optimal.conditions.condition import Kept
-from armdyn.optimal.conditions.demands import Checked
+from armdyn.optimal.path_constraints.constraint import ConstraintReport
+from armdyn.optimal.path_constraints.tightened import ConstraintReports
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.proof.certificate import Certificate
@@ -31,9 +31,9 @@ def task():
 
 def optimum(task, goal=1e-9, exceeded=None, reasons=(), cost=1.0, worst=None):
     certificate = Certificate(goal, goal, exceeded.value if exceeded else 0.0, exceeded=exceeded)
-    checked = Checked((Kept("jerk limits", "", None, reasons, worst),))
+    checked = ConstraintReports((ConstraintReport("jerk limits", "", None, reasons, worst),))
     motion = replace(solved("rr").trajectory)
-    return Optimum(motion, certificate, cost, 40, checked=checked)
+    return Optimum(motion, certificate, cost, 40, reports=checked)
 
 
 def answer(task, *optima, bound=None):

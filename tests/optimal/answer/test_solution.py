@@ -8,7 +8,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.answer.summary import minimum_time_summary
-from armdyn.optimal.conditions.condition import Kept
+from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.proof.repeat import ACCURACY
 from problems import solved
 
@@ -55,8 +55,8 @@ def test_a_certified_motion_wants_nothing():
 
 
 def test_a_condition_that_is_missed_makes_it_useless():
-    missed = Kept("jerk limits", "too jerky", 1.4, ("too jerky",))
-    solution = replace(solved("rr"), kept=(missed,))
+    missed = ConstraintReport("jerk limits", "too jerky", 1.4, ("too jerky",))
+    solution = replace(solved("rr"), constraint_reports=(missed,))
     assert solution.certificate.ok and not solution.usable and not solution.certified and not solution.gap_proven
     (line,) = solution.what_to_do
     assert "jerk limits" in line

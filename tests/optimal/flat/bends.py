@@ -3,10 +3,10 @@
 import numpy as np
 
 import armdyn as ad
-from armdyn.optimal.conditions.demands import Demands
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.posing import Wanted
+from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.task.task import Task
 from problems import POSES, paper_arm
 
@@ -20,9 +20,9 @@ KINDS = {
     "via": {"via": [VIA], "velocity_limit": 6.0},
     "acceleration and jerk": {"acceleration_limit": [50.0, np.inf], "jerk_limit": [np.inf, 900.0]},
     "via and jerk": {"via": [VIA], "jerk_limit": 900.0},
-    "torque rate": {"conditions": [ad.TorqueRateLimit([40.0, np.inf])]},
-    "via and torque rate": {"via": [VIA], "conditions": [ad.TorqueRateLimit(40.0)]},
-    "frame speed": {"conditions": [ad.FrameSpeedLimit(2.0)]},
+    "torque rate": {"path_constraints": [ad.TorqueRateLimit([40.0, np.inf])]},
+    "via and torque rate": {"via": [VIA], "path_constraints": [ad.TorqueRateLimit(40.0)]},
+    "frame speed": {"path_constraints": [ad.FrameSpeedLimit(2.0)]},
     "obstacle": {"obstacles": [BALL]},
     "effort": {"relative_effort_weight": 0.5, "effort_weight": 0.1},
     "jerk in flight": {"v_start": [0.5, -0.3], "jerk_limit": 900.0},
@@ -59,4 +59,4 @@ def bent(problem, intervals=4, shortest=0.2):
 
 def wanted(problem, **more):
     """What the problem asks, no more."""
-    return Wanted(Demands.of(problem), **more)
+    return Wanted(TightenedConstraints.of(problem), **more)

@@ -1,4 +1,4 @@
-"""An interval of a curve, as conditions along the way see it, against the curve itself."""
+"""An interval of a curve, as path constraints see it, against the curve itself."""
 
 import casadi as ca
 import numpy as np
@@ -22,7 +22,7 @@ def intervals(kind="plain"):
     """The curve, its interval in symbols, and the numbers of y and p for every interval of its first leg."""
     job = task(kind)
     guess, asked = bent(job.problem), wanted(job.problem)
-    shape = shape_of(job.problem, guess, asked.demands)
+    shape = shape_of(job.problem, guess, asked.constraints)
     x = pose(job, guess, asked, shape).x
     leg, limits = guess.legs[0], job.problem.limits
     half = (limits.effort_upper - limits.effort_lower) / 2

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from armdyn.optimal.flat.posing import Room, demands_values, pose, rows_of, shape_of
+from armdyn.optimal.flat.posing import Room, constraint_values, pose, rows_of, shape_of
 from optimal.flat.bends import GOAL, KINDS, START, VIA, bent, task, wanted
 
 
 def posed(kind, **more):
     job = task(kind)
     guess, asked = bent(job.problem), wanted(job.problem, **more)
-    shape = shape_of(job.problem, guess, asked.demands)
+    shape = shape_of(job.problem, guess, asked.constraints)
     return job, guess, shape, pose(job, guess, asked, shape)
 
 
@@ -87,7 +87,11 @@ def test_room_is_taken_off_the_torques_rates():
 def test_what_control_points_and_torques_keep_takes_no_rows(kind, count):
     job, guess, shape, _ = posed(kind)
     asked = wanted(job.problem)
-    assert len(rows_of(job.problem, asked.demands)) == len(demands_values(job.problem, guess, asked.demands)) == count
+    assert (
+        len(rows_of(job.problem, asked.constraints))
+        == len(constraint_values(job.problem, guess, asked.constraints))
+        == count
+    )
     assert shape.rated == (kind == "torque rate")
     assert shape.orders == ((1, 2, 3) if kind == "acceleration and jerk" else (1,))
     assert shape.smooth == (1 if kind == "frame speed" else 2)

@@ -17,8 +17,8 @@ def built(kind):
     """A program, and the numbers of a bent curve."""
     job = task(kind)
     guess, asked = bent(job.problem), wanted(job.problem, smooth=SMOOTH)
-    shape = shape_of(job.problem, guess, asked.demands)
-    program = build(job.dynamics, shape, rows_of(job.problem, asked.demands), False)
+    shape = shape_of(job.problem, guess, asked.constraints)
+    program = build(job.dynamics, shape, rows_of(job.problem, asked.constraints), False)
     return program, shape, guess, job, pose(job, guess, asked, shape)
 
 
@@ -125,7 +125,7 @@ def test_torque_rates_are_differences_of_the_curves_torques_by_time(kind):
         (torques[0][:1] - at_start) / times[0][0],
         (torques[-1][-1:] - at_goal) / (guess.duration - times[-1][-1]),
     ]
-    limit = np.asarray(problem.conditions[0].limit)
+    limit = np.asarray(problem.path_constraints[0].limit)
     expected = np.concatenate(rates) / np.where(np.isinf(limit), 1, limit)
     equations = values(program)(x, posed.p)[1].full().ravel()[-expected.size :]
     np.testing.assert_allclose(equations, expected.ravel(), rtol=1e-10, atol=1e-10)  # rounding of differences
@@ -150,5 +150,7 @@ def test_unknowns_stand_where_they_are_said_to_once_each():
 def test_equal_questions_get_one_program():
     job = task("via")
     guess, asked = bent(job.problem), wanted(job.problem)
-    first, second = (build(job.dynamics, shape_of(problem("via"), guess, asked.demands), (), False) for _ in range(2))
+    first, second = (
+        build(job.dynamics, shape_of(problem("via"), guess, asked.constraints), (), False) for _ in range(2)
+    )
     assert first is second

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.conditions.demands import Demands
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.equations import POINTS
 from armdyn.optimal.flat.posing import Wanted
 from armdyn.optimal.flat.settle import excesses_of, settle
 from armdyn.optimal.flat.solve import solve_curve
+from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.task.task import Task
 from optimal.flat.bends import bent, task
 from problems import cart
@@ -53,7 +53,7 @@ def shares(problem, curve, looks=43):
 @pytest.mark.slow
 def test_a_settled_curve_of_a_real_arm_keeps_its_limits_between_its_points():
     job = Task.of(ur5())
-    plain = solve_curve(job, straight(job), Wanted(Demands.of(job.problem), smooth=job.options.smooth))
+    plain = solve_curve(job, straight(job), Wanted(TightenedConstraints.of(job.problem), smooth=job.options.smooth))
     settled = settle(job, straight(job))
     tau, speed, _ = shares(job.problem, settled.curve)
     assert tau <= 1 + BEYOND
@@ -68,7 +68,7 @@ def test_a_settled_curve_of_a_real_arm_keeps_its_limits_between_its_points():
 @pytest.mark.slow
 def test_limits_of_torque_rates_are_kept_between_the_points():
     limit = 1500.0
-    job = Task.of(ur5(conditions=[ad.TorqueRateLimit(limit)]))
+    job = Task.of(ur5(path_constraints=[ad.TorqueRateLimit(limit)]))
     settled = settle(job, straight(job))
     tau, _, rate = shares(job.problem, settled.curve)
     assert tau <= 1 + BEYOND
@@ -86,15 +86,15 @@ def test_where_nothing_is_exceeded_nothing_is_solved_again():
     job = cart_task(acceleration_limit=0.5)  # half the torque will do
     told = []
     settled = settle(replace(job, tell=told.append), straight(job, 20))
-    once = solve_curve(job, straight(job, 20), Wanted(Demands.of(job.problem), smooth=job.options.smooth))
+    once = solve_curve(job, straight(job, 20), Wanted(TightenedConstraints.of(job.problem), smooth=job.options.smooth))
     assert not told and settled.iterations == once.outcome.iterations
     assert settled.curve.duration == pytest.approx(once.curve.duration, rel=1e-6)  # slowed by IPOPT's 1e-7
-    assert settled.checked.reasons == ()
+    assert settled.reports.reasons == ()
 
 
 def test_room_is_added_only_where_a_torque_exceeds_its_limit():
     job = cart_task()  # the torque jumps in the middle of the eleventh interval
-    curve = solve_curve(job, straight(job, 21), Wanted(Demands.of(job.problem))).curve
+    curve = solve_curve(job, straight(job, 21), Wanted(TightenedConstraints.of(job.problem))).curve
     (over,) = excesses_of(job, curve)
     assert over.upper.shape == over.lower.shape == (21 * POINTS, 1)
     # By hand, on many places: each point has its half of an interval.

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.conditions.demands import Demands
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.posing import Wanted
 from armdyn.optimal.flat.solve import solve_curve
+from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.task.task import Task
 from problems import cart
@@ -21,7 +21,7 @@ def fastest(intervals=56, shortest=EVEN, near=None, goal=AWAY, **asked):
     problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[goal], **asked)
     task = Task.of(problem, ad.MinimumTimeOptions(compile=False))
     guess = near.curve if near else Curve.straight(problem, Basis(graded(intervals, shortest)), 3.0)
-    solved = solve_curve(task, guess, Wanted(Demands.of(problem)), near)
+    solved = solve_curve(task, guess, Wanted(TightenedConstraints.of(problem)), near)
     assert solved.converged, solved.outcome.message
     return solved
 
@@ -38,9 +38,9 @@ PROFILES = [
         {"acceleration_limit": 0.4, "jerk_limit": 0.5, "velocity_limit": 0.5},
         AWAY / 0.5 + 0.5 / 0.4 + 0.4 / 0.5,
     ),
-    ({"conditions": [ad.TorqueRateLimit(0.5)]}, 4 * np.cbrt(AWAY / (2 * 0.5))),  # on 1 kg it is a jerk limit
-    ({"conditions": [ad.TorqueRateLimit(4.0)]}, 1 / 4 + np.sqrt(1 / 4**2 + 4 * AWAY)),
-    ({"conditions": [ad.FrameSpeedLimit(0.8)]}, AWAY / 0.8 + 0.8),
+    ({"path_constraints": [ad.TorqueRateLimit(0.5)]}, 4 * np.cbrt(AWAY / (2 * 0.5))),  # on 1 kg it is a jerk limit
+    ({"path_constraints": [ad.TorqueRateLimit(4.0)]}, 1 / 4 + np.sqrt(1 / 4**2 + 4 * AWAY)),
+    ({"path_constraints": [ad.FrameSpeedLimit(0.8)]}, AWAY / 0.8 + 0.8),
     # From 0.3 m/s to 0.6 m/s, cruise, to -0.2 m/s, at 1 m/s².
     (
         {"velocity_limit": 0.6, "v_start": [0.3], "v_goal": [-0.2]},

@@ -10,7 +10,7 @@ from armdyn.errors import ProblemError
 from armdyn.models.scene.collision import CollisionModel
 from armdyn.models.scene.obstacles import Box, Sphere
 from armdyn.models.scene.reaching import GoalPose
-from armdyn.optimal.conditions.demands import Demands
+from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from problems import POSES, cart, paper_arm, paper_problem, solve
 
 START, GOAL = POSES["rr"]
@@ -19,8 +19,8 @@ RR_BEST = 0.21067170186256495
 """Best known of Example 2 with 100.6 g, without anything in the way [s]."""
 
 
-def rr(**conditions):
-    return ad.MinimumTimeProblem(paper_arm("rr"), q_start=START, q_goal=GOAL, **conditions)
+def rr(**path_constraints):
+    return ad.MinimumTimeProblem(paper_arm("rr"), q_start=START, q_goal=GOAL, **path_constraints)
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_check_says_what_is_hit():
     straight = solve(rr(), arcs=False, starts=1)
 
     def check(problem, *passing):
-        return Demands.of(problem).check(problem, straight.trajectory, np.array(passing))
+        return TightenedConstraints.of(problem).check(problem, straight.trajectory, np.array(passing))
 
     checked = check(rr(obstacles=[BALL]))
     (reason,) = checked.reasons
@@ -99,11 +99,11 @@ def test_check_says_what_is_hit():
     assert "beside via point 0" in checked.reasons[0]
     assert checked.worst.constraint == "via point 0" and checked.worst.time == 0.1
     checked = check(rr(acceleration_limit=50))
-    assert "acceleration" in checked.reasons[0] and checked.kept[0].share > 2
-    assert checked.worst.value == checked.kept[0].share - 1 and checked.worst.joint in ("joint1", "joint2")
+    assert "acceleration" in checked.reasons[0] and checked.each[0].share > 2
+    assert checked.worst.value == checked.each[0].share - 1 and checked.worst.joint in ("joint1", "joint2")
     checked = check(rr(jerk_limit=1e9))
     assert (
-        checked.kept[0].share < 1 and checked.worst is None
+        checked.each[0].share < 1 and checked.worst is None
     )  # jumps of the torque are none of these jerks: the scheme forbids them
 
 
@@ -142,9 +142,9 @@ def test_a_via_point_is_passed_in_flight():
         ({"jerk_limit": [1, 2, 3]}, "jerk_limit"),
     ],
 )
-def test_what_is_wrong_is_named(conditions, says):
+def test_what_is_wrong_is_named(path_constraints, says):
     with pytest.raises(ProblemError, match=says):
-        rr(**conditions)
+        rr(**path_constraints)
 
 
 def test_the_fastest_of_two_elbows_is_kept():
@@ -154,7 +154,7 @@ def test_the_fastest_of_two_elbows_is_kept():
     each = [solve(ad.MinimumTimeProblem(robot, q_start=START, q_goal=q), starts=4).duration for q in problem.goals]
     assert solution.duration == pytest.approx(min(each), rel=1e-9)  # the same solve
     assert [goal.duration for goal in solution.goals] == pytest.approx(sorted(each), rel=1e-9)
-    assert solution.certificate.ok  # a goal pose is no condition along the way
+    assert solution.certificate.ok  # a goal pose is no path constraint
     tip, _ = ad.Dynamics(robot).frame_placement(solution.trajectory.q[-1], "tip")[::-1]
     np.testing.assert_allclose(tip, [0.35, 0, 0.1], atol=1e-7)  # the replay's 1e-8 rad
 

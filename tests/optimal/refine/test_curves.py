@@ -8,7 +8,7 @@ import pytest
 import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.models.scene.collision import CollisionModel
-from armdyn.optimal.landing.limits import limit_violation
+from armdyn.optimal.landing.limit_violations import limit_violation
 from armdyn.optimal.landing.rollout import replay_torques
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
@@ -45,7 +45,7 @@ def solved(problem, **options):
     np.testing.assert_allclose(replay.q, motion.q, atol=1e-12)  # it is a replay
     np.testing.assert_array_equal(motion.q[0], problem.q_start)
     np.testing.assert_array_equal(motion.v[0], problem.v_start)
-    assert optimum.checked is None or not optimum.checked.reasons, optimum.checked.reasons
+    assert optimum.reports is None or not optimum.reports.reasons, optimum.reports.reasons
     assert motion.duration >= problem.duration_bound()
     return optimum
 
@@ -80,12 +80,12 @@ LIMITED = {
     "acceleration": {"acceleration_limit": 15.0},
     "jerk": {"jerk_limit": 200.0},
     "acceleration and jerk": {"acceleration_limit": 15.0, "jerk_limit": 200.0},
-    "torque rate": {"conditions": [ad.TorqueRateLimit(2000.0)]},
-    "frame speed": {"conditions": [ad.FrameSpeedLimit(1.0)]},
-    "torque rate and frame speed": {"conditions": [ad.TorqueRateLimit(2000.0), ad.FrameSpeedLimit(1.0)]},
+    "torque rate": {"path_constraints": [ad.TorqueRateLimit(2000.0)]},
+    "frame speed": {"path_constraints": [ad.FrameSpeedLimit(1.0)]},
+    "torque rate and frame speed": {"path_constraints": [ad.TorqueRateLimit(2000.0), ad.FrameSpeedLimit(1.0)]},
     "via": {"via": [VIA]},
     "via and acceleration": {"via": [VIA], "acceleration_limit": 15.0},
-    "via and torque rate": {"via": [VIA], "conditions": [ad.TorqueRateLimit(2000.0)]},
+    "via and torque rate": {"via": [VIA], "path_constraints": [ad.TorqueRateLimit(2000.0)]},
 }
 
 
@@ -95,7 +95,7 @@ def test_limits_along_the_way_cost_time_and_are_kept(kind):
     optimum = solved(ur5(**LIMITED[kind]))
     motion = optimum.trajectory
     assert motion.duration > FREE * (1 + 1e-3)
-    for kept in optimum.checked.kept:
+    for kept in optimum.reports.each:
         assert kept.share is None or 0.97 < kept.share <= 1 + 1e-6
     if "torque rate" in kind:
         rates = np.abs(np.diff(motion.tau, axis=0)) / np.diff(motion.t)[:, None]
@@ -116,16 +116,16 @@ def test_a_torque_jumps_at_a_via_point_where_it_may():
 @pytest.mark.slow
 def test_torque_rates_of_a_panda():
     start, goal = (0, -0.785, 0, -2.356, 0, 1.571, 0.785), (1, 0.2, 0.5, -1.5, 0.3, 2, -0.5)
-    problem = ur5(start, goal, ad.Robot.from_library("panda"), conditions=[ad.TorqueRateLimit(1000.0)])
+    problem = ur5(start, goal, ad.Robot.from_library("panda"), path_constraints=[ad.TorqueRateLimit(1000.0)])
     optimum = solved(problem)
     # Where only the slope within every interval was limited it was 5.1 times the limit, in 0.51614 s.
     assert optimum.trajectory.duration == pytest.approx(0.5163, rel=5e-4)
-    assert 0.99 < optimum.checked.kept[0].share <= 1 + 1e-6
+    assert 0.99 < optimum.reports.each[0].share <= 1 + 1e-6
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("ends", [{"v_start": V}, {"v_goal": V}, {"v_start": V, "v_goal": [-v for v in V]}])
-@pytest.mark.parametrize("more", [{}, {"conditions": [ad.TorqueRateLimit(2000.0)]}, {"jerk_limit": 200.0}])
+@pytest.mark.parametrize("more", [{}, {"path_constraints": [ad.TorqueRateLimit(2000.0)]}, {"jerk_limit": 200.0}])
 def test_motions_that_begin_or_end_in_flight(ends, more):
     optimum = solved(ur5(**ends, **more))
     assert np.max(np.abs(optimum.trajectory.v[-1] - ends.get("v_goal", np.zeros(6)))) < 1e-4
@@ -238,7 +238,7 @@ def test_what_the_free_optimum_clears_costs_nothing(asked):
     optima, found = curves(task)
     assert optima[0].trajectory.duration == pytest.approx(FREE, rel=SAME)
     assert "the way without obstacles" in told and not any("guesses" in text for text in told)
-    assert optima[0].checked.clearance.distance >= problem.clearance and not found.listed
+    assert optima[0].reports.clearance.distance >= problem.clearance and not found.listed
 
 
 @pytest.mark.slow

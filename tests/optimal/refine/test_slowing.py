@@ -5,11 +5,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import armdyn as ad
-from armdyn.optimal.conditions.demands import Demands
 from armdyn.optimal.landing.aim import aimed
-from armdyn.optimal.landing.limits import limit_violation
+from armdyn.optimal.landing.limit_violations import limit_violation
 from armdyn.optimal.landing.pace import can_be_slowed, least_factor
 from armdyn.optimal.landing.rollout import dense, replay_of
+from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.proof.certificate import certify
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.slowing import slowed
@@ -21,15 +21,15 @@ from oracles import PinDynamics
 from problems import paper_problem, solve, solved
 
 TOLERANCE = 1e-6
-"""Of a limit, as `Certificate.keeps_limits` and conditions along the way have it."""
+"""Of a limit, as `Certificate.keeps_limits` and path constraints have it."""
 
 
 def optimum_of(problem, motion, phases=None):
     """A motion as an optimum of a problem with other limits."""
-    conditions, passing = Demands.of(problem), np.empty(0)
-    checked = conditions.check(problem, motion, passing) if conditions.conditions else None
+    path_constraints, passing = TightenedConstraints.of(problem), np.empty(0)
+    checked = path_constraints.check(problem, motion, passing) if path_constraints.path_constraints else None
     cost = trajectory_cost(motion, problem.effort_weights())
-    return Optimum(motion, certify(problem, motion, phases), cost, 40, phases, checked=checked)
+    return Optimum(motion, certify(problem, motion, phases), cost, 40, phases, reports=checked)
 
 
 def peaks(robot, motion):

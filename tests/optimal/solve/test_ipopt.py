@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from armdyn.machine.deadline import NoTimeError
+from armdyn.codegen.deadline import NoTimeError
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.assembly import Program

@@ -194,7 +194,7 @@ def test_bad_input_raises():
         solve_indirect(paper_problem("rr"), seed)
 
 
-def test_conditions_along_the_way_are_refused():
+def test_path_constraints_are_refused():
     problem = paper_problem("r", acceleration_limit=50.0)
     with pytest.raises(ad.ArmdynError, match="the indirect method knows no"):
         solve_indirect(problem)

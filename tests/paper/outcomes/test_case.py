@@ -2,7 +2,6 @@
 
 import pytest
 
-from armdyn.control.pid.gains import ContinuousPid
 from armdyn.errors import ProblemError
 from armdyn.paper.outcomes.case import Case
 from armdyn.paper.printed.examples import EXAMPLES
@@ -55,5 +54,5 @@ def test_a_loop_is_no_optimal_control_problem():
 
 def test_the_printed_sign_is_a_number_of_the_controller():
     corrected, printed = (Case(4, "r", "pid", 0.1, derivative_sign=sign) for sign in ("corrected", "printed"))
-    assert corrected.controller() == ContinuousPid(GAINS, "acceleration")
-    assert printed.controller().error_rate == 1.0
+    assert corrected.loop().gains == GAINS and corrected.loop().error_rate == -1.0
+    assert printed.loop().error_rate == 1.0

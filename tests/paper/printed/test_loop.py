@@ -1,8 +1,9 @@
 """Section 4's loop as data."""
 
 from armdyn import paper
-from armdyn.control.pid.gains import ContinuousPid
+from armdyn.paper.continuous_pid import ContinuousLoop
 from armdyn.paper.printed.loop import ERROR_RATES, GAINS
+from problems import paper_arm
 
 
 def test_the_papers_gains_are_equations_32_to_34():
@@ -11,6 +12,6 @@ def test_the_papers_gains_are_equations_32_to_34():
 
 
 def test_the_printed_sign_is_the_other_one():
-    brake, push = (ContinuousPid(GAINS, error_rate=ERROR_RATES[sign]) for sign in ("corrected", "printed"))
-    assert brake == ContinuousPid(GAINS)
-    assert brake.coefficients(1)[2] == 10 and push.coefficients(1)[2] == -10
+    robot = paper_arm("r")
+    brake, push = (ContinuousLoop(robot, [0.0], error_rate=ERROR_RATES[sign]) for sign in ("corrected", "printed"))
+    assert brake.coefficients()[2] == 10 and push.coefficients()[2] == -10

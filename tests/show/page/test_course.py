@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armdyn.models.values.limits import JointLimits
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.page.course import Move, arc_lanes, course_data, sampled_lanes
 from armdyn.show.page.facts import Facts
 from armdyn.trajectory.value import Sample

@@ -141,7 +141,7 @@ def test_limits_of_the_problem_are_listed_with_their_worst():
     ]
     robot, move = judged(conditions=conditions, reserve={"effort": [0.1, 0.1], "velocity": [0, 0]})
     page = page_of(move, robot=robot)
-    section = page[page.index("Conditions along the way") :]
+    section = page[page.index("Path constraints") :]
     section = " ".join(text_of(section[: section.index("</section>")]).split())
     assert "jerk limits 50 of 100 rad/s³ at most, by 'joint1' 50 % yes" in section.replace("&#x27;", "'")
     assert "1.2 m/s at most, of 1 m/s 120 % no" in section and "via points" not in section

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 import armdyn as ad
-from armdyn.studies.sweeps.crews.local import local_crew
 from armdyn.studies.sweeps.database import reading
+from armdyn.studies.sweeps.executors.local import local_crew
 from armdyn.studies.sweeps.export import study_table, write_csv, write_parquet
 from toys import squares
 

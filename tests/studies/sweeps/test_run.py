@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from armdyn.errors import FileError, ResultError
-from armdyn.studies.sweeps.crews.local import local_crew
 from armdyn.studies.sweeps.database import database, reading
+from armdyn.studies.sweeps.executors.local import local_crew
 from armdyn.studies.sweeps.pace import Pace
 from armdyn.studies.sweeps.run import run_study
 from armdyn.studies.sweeps.study import Axis, Study
@@ -79,7 +79,7 @@ import sys
 sys.path.insert(0, {here!r})
 from functools import partial
 from toys import squares
-from armdyn.studies.sweeps.crews.local import local_crew
+from armdyn.studies.sweeps.executors.local import local_crew
 from armdyn.studies.sweeps.run import run_study
 run_study(squares(60, seconds=0.02), {file!r}, partial(local_crew, workers=2))
 """

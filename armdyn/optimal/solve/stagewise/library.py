@@ -3,10 +3,10 @@
 import ctypes
 from importlib.resources import files
 
+from armdyn.codegen.compiled import compiled_library
+from armdyn.codegen.lanes import UnwrittenError, in_lanes, prelude, table
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.exclusive import built_once
-from armdyn.machine.compiled import compiled_library
-from armdyn.machine.lanes import UnwrittenError, in_lanes, prelude, table
+from armdyn.locks import built_once
 from armdyn.optimal.program.layout import Parameters
 from armdyn.optimal.program.stages import StageFunctions
 

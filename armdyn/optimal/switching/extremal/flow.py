@@ -11,9 +11,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.codegen.compiled import compiled
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.exclusive import built_once
-from armdyn.machine.compiled import compiled
+from armdyn.locks import built_once
 from armdyn.optimal.program.interval import only_present
 
 Array = NDArray[np.float64]

@@ -24,8 +24,7 @@ class CurvePolicy:
     slack: float = tuned(1.2, "of the time at the velocity limits", "duration of a guess that cruises", TRAINED)
     patience: int = by_kind(
         "iterations",
-        "of IPOPT; those that converge take 20 to 60, with conditions along the way up to 140, with Coulomb "
-        "friction up to 200",
+        "of IPOPT; those that converge take 20 to 60, with path constraints up to 140, with Coulomb friction up to 200",
         TRAINED + ", xArm6",
     )
     barrier: float = tuned(0.1, "scaled", "IPOPT's mu_init from a straight guess", TRAINED)

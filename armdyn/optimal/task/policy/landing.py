@@ -1,4 +1,4 @@
-"""Numbers of replays, of bringing them onto the goal, and of conditions along the way."""
+"""Numbers of replays, of bringing them onto the goal, and of path constraints."""
 
 from dataclasses import dataclass
 
@@ -21,7 +21,7 @@ class LandingPolicy:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ConditionsPolicy:
+class PathConstraintPolicy:
     """How a mesh is asked again until its replay keeps what was asked along the way."""
 
     rounds: int = tuned(8, "rounds", "of meshes solved again", "RR: spheres, boxes; Panda: a post")

@@ -9,8 +9,8 @@ import numpy as np
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.curves import CurvePolicy
-from armdyn.optimal.task.policy.landing import ConditionsPolicy, LandingPolicy
-from armdyn.optimal.task.policy.nature import speed_shapes
+from armdyn.optimal.task.policy.landing import LandingPolicy, PathConstraintPolicy
+from armdyn.optimal.task.policy.problem_class import speed_shapes
 from armdyn.optimal.task.policy.refinement import (
     ArcsPolicy,
     IndirectPolicy,
@@ -36,7 +36,7 @@ class Policy:
         arcs: how arcs are read, laid and solved.
         landing: how a mesh's torques are brought to land.
         smooth: optima of time and energy.
-        conditions: what is asked along the way.
+        path_constraints: what is asked along the way.
         indirect: the second approach.
         curves: motions as curves.
     """
@@ -49,16 +49,16 @@ class Policy:
     arcs: ArcsPolicy = field(default_factory=ArcsPolicy)
     landing: LandingPolicy = field(default_factory=LandingPolicy)
     smooth: SmoothPolicy
-    conditions: ConditionsPolicy = field(default_factory=ConditionsPolicy)
+    path_constraints: PathConstraintPolicy = field(default_factory=PathConstraintPolicy)
     indirect: IndirectPolicy
     curves: CurvePolicy
 
     @classmethod
     def of(cls, problem: MinimumTimeProblem) -> Self:
-        """The policy for a problem, by its joints, its limits and its conditions along the way."""
+        """The policy for a problem, by its joints, its limits and its path constraints."""
         motors = not np.any(problem.limits.passive)
         speedy = speed_shapes(problem)
-        joints, asked = problem.robot.nv, bool(problem.along_the_way)
+        joints, asked = problem.robot.nv, bool(problem.path_constraint_names)
         crowded = bool(problem.obstacles) or problem.self_collision
         many = joints == 3 and motors and not asked and not problem.pays_effort  # optima, hundreds
         starts = _by_joints(joints, 1, 16 if motors else 40, 140 if many else 100)
@@ -117,7 +117,7 @@ def _shortest(problem: MinimumTimeProblem, speedy: bool) -> float:
 
 def _has_rows(problem: MinimumTimeProblem) -> bool:
     """Whether the program has rows besides the equations of motion."""
-    return bool(set(problem.along_the_way) - {"via points"})
+    return bool(set(problem.path_constraint_names) - {"via points"})
 
 
 def _by_joints(joints: int, *numbers: int) -> int:

@@ -1,4 +1,4 @@
-"""Numbers of what comes after the search: arcs, their mesh, smooth optima, conditions along the way."""
+"""Numbers of what comes after the search: arcs, their mesh, smooth optima, path constraints."""
 
 from dataclasses import dataclass, replace
 from typing import Self

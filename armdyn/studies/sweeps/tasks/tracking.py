@@ -11,11 +11,10 @@ import numpy as np
 from armdyn.arguments import number, one_of
 from armdyn.control.laws.computed_torque import ComputedTorque
 from armdyn.control.laws.lqr import Lqr
-from armdyn.control.laws.pid import Pid
+from armdyn.control.laws.pid import Pid, PidGains
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop
 from armdyn.control.loop.references import ramp
-from armdyn.control.pid.gains import PidGains
 from armdyn.control.tracking.track import track
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space
 
+from armdyn.codegen.compiled import compiled_library
 from armdyn.dynamics import Dynamics
-from armdyn.machine.compiled import compiled_library
 from armdyn.optimal.program.stages import StageFunctions
 from armdyn.optimal.solve.stagewise.library import _source, stagewise_library
 from problems import paper_arm

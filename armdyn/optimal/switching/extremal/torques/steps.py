@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.models.values.limits import JointLimits
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.arcs.arc import POSITION, VELOCITY, Mode
 from armdyn.optimal.switching.extremal.schedule import Schedule
 

@@ -1,0 +1,158 @@
+"""Help as it is laid out: a panel for each kind of option, descriptions that have most of the line."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from typer.core import TyperCommand, TyperGroup
+
+from armdyn.cli.parsing.panels import OUTPUT, place
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+_NAMES = 26
+"""Letters that an option's name and its value's may take for the description to begin beside them."""
+
+_COMMANDS = 11
+"""Letters that commands have."""
+
+_BARE = str.maketrans("", "", "{}")
+"""Typer writes {ROBOT} of an argument."""
+
+_IN_OUTPUT = {"out", "json", "quiet", "no_figure", "no_report", "help"}
+
+
+class Command(TyperCommand):
+    """A command whose help has no narrow columns: where an option's name is long, its description is below it."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:  # click's
+        """Print help."""
+        from armdyn.cli.console import console
+
+        console.rich.print(*_page(self, ctx), sep="\n")
+
+
+class Group(TyperGroup):
+    """The application, whose help is laid out likewise: examples, options, commands by what they are for."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Print help."""
+        from rich.padding import Padding
+        from rich.text import Text
+
+        from armdyn.cli.console import console
+
+        commands: defaultdict[str, list[RenderableType]] = defaultdict(list)
+        for name in self.list_commands(ctx):
+            command: Any = self.get_command(ctx, name)
+            about = (command.help or "").partition("\n\n")[0]
+            commands[command.rich_help_panel or "Commands"].append(_row(name, Text.from_markup(about), _COMMANDS))
+        page: list[RenderableType] = ["", Padding(_usage(self, ctx), (0, 1)), ""]
+        page += [Padding(Text.from_markup((self.help or "").strip()), (0, 1)), ""]
+        page += [_panel(name, rows) for name, rows in commands.items()]
+        page += [_panel("Options", [_told(param) for param in self.get_params(ctx)])]
+        page += [Padding(Text.from_markup(self.epilog or ""), (1, 1))]
+        console.rich.print(*page, sep="\n")
+
+
+def _usage(command: Any, ctx: Any) -> RenderableType:
+    from rich.text import Text
+
+    used = _escaped(command.get_usage(ctx).removeprefix("Usage: ").translate(_BARE))
+    return Text.from_markup(f"[bold]Usage:[/] {used}")
+
+
+def _page(command: Command, ctx: Any) -> list[RenderableType]:
+    """All that help says."""
+    from rich.padding import Padding
+    from rich.text import Text
+
+    about, _, examples = (command.help or "").partition("[dim]")
+    page: list[RenderableType] = ["", Padding(_usage(command, ctx), (0, 1)), ""]
+    page += [Padding(Text.from_markup(about.strip()), (0, 1)), ""]
+    if examples:
+        page += [_panel("Examples", [Text.from_markup(examples.replace("[/]", "").strip())])]
+    for name, params in _panels(command.get_params(ctx)):
+        page.append(_panel(name, [_told(param) for param in params]))
+    return page
+
+
+def _panels(params: Iterable[Any]) -> list[tuple[str, list[Any]]]:
+    """The parameters by panel: arguments, then the panels in their order, then what is of no kind."""
+    found: defaultdict[str, list[Any]] = defaultdict(list)
+    for param in params:
+        if getattr(param, "hidden", False):
+            continue
+        usual = (
+            "Arguments" if param.param_type_name == "argument" else OUTPUT if param.name in _IN_OUTPUT else "Options"
+        )
+        found[getattr(param, "rich_help_panel", None) or usual].append(param)
+
+    def order(name: str) -> tuple[int, int]:
+        return -1 if name == "Arguments" else place(name), name == "Options"
+
+    return [(name, found[name]) for name in sorted(found, key=order)]
+
+
+def _told(param: Any) -> RenderableType:
+    """One option: its name and value, and what it is."""
+    from rich.console import Group as Rows
+    from rich.padding import Padding
+    from rich.text import Text
+
+    name = Text(_called(param), style="bold cyan")
+    about = Text.from_markup(f"{param.help or ''}{_usual(param)}")
+    if name.cell_len > _NAMES:
+        return Rows(name, Padding(about, (0, 0, 0, _NAMES + 2)))
+    return _row(_called(param), about, _NAMES)
+
+
+def _row(name: str, about: RenderableType, width: int) -> RenderableType:
+    """A name, and what it is beside it."""
+    from rich.table import Table
+    from rich.text import Text
+
+    row = Table.grid(padding=(0, 2, 0, 0))
+    row.add_column(width=width, no_wrap=True)
+    row.add_column()
+    row.add_row(Text(name, style="bold cyan"), about)
+    return row
+
+
+def _called(param: Any) -> str:
+    """An option's names and its value's; an argument's own."""
+    if param.param_type_name == "argument":
+        return str(param.metavar or param.name.upper())
+    names = "/".join([*param.opts, *param.secondary_opts])
+    if param.is_flag or param.name == "help":
+        return names
+    return f"{names} {param.metavar}" if param.metavar else names
+
+
+def _usual(param: Any) -> str:
+    """What an option is by default, where that says something."""
+    told = param.show_default if isinstance(param.show_default, str) else ""
+    value = param.default
+    silent = param.show_default is False or value is None or value is False or value in ((), [], "") or callable(value)
+    if param.required:
+        return " [dim](required)[/]"
+    if told:
+        return f" [dim](default: {_escaped(told)})[/]"
+    flag = getattr(param, "is_flag", False)
+    return "" if silent or flag else f" [dim](default: {_escaped(str(value))})[/]"
+
+
+def _panel(name: str, rows: list[RenderableType]) -> RenderableType:
+    from rich.console import Group as Rows
+    from rich.panel import Panel
+
+    return Panel(Rows(*rows), title=name, title_align="left", border_style="dim")
+
+
+def _escaped(text: str) -> str:
+    from rich.markup import escape
+
+    return escape(text)

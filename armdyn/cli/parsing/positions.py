@@ -1,0 +1,70 @@
+"""Positions of joints, as people type them: numbers, units, names of poses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import TYPE_CHECKING
+
+from armdyn.errors import ProblemError
+from armdyn.parsing.numbers import position as typed_position
+from armdyn.parsing.numbers import unit_said
+
+if TYPE_CHECKING:
+    from armdyn.models import Robot
+
+_DEGREES: ContextVar[bool] = ContextVar("degrees", default=False)
+
+
+@contextmanager
+def reading_degrees(wanted: bool) -> Iterator[None]:
+    """Within it angles without a unit are in degrees: --degrees."""
+    token = _DEGREES.set(wanted)
+    try:
+        yield
+    finally:
+        _DEGREES.reset(token)
+
+
+def degrees_are_on() -> bool:
+    """Whether --degrees was given."""
+    return _DEGREES.get()
+
+
+def position(text: str, what: str, slides: bool | None = False) -> float:
+    """A joint's position [rad or m], as `armdyn.parsing.numbers.position` reads it; with --degrees in degrees."""
+    return typed_position(text, what, slides, degrees=_DEGREES.get())
+
+
+def positions(text: str, what: str, robot: Robot) -> list[float]:
+    """The positions of all joints [rad or m]: numbers with commas between, or the name of one of the robot's poses.
+
+    Raises:
+        ProblemError: it is neither.
+    """
+    from armdyn.models.robots.poses import positions_of
+
+    return positions_of(robot, text, what, degrees=_DEGREES.get())
+
+
+def sliding_locks(texts: Sequence[str], robot: Robot) -> None:
+    """Refuse what --degrees would have made of a joint that slides: JOINT=0.1 without a unit.
+
+    Args:
+        texts: of --lock.
+        robot: with these joints locked, which are then no joints of its model any more.
+
+    Raises:
+        ProblemError: one is such; or the robot was not read from a URDF, so that nobody knows.
+    """
+    bare = [joint for joint, _, value in (text.partition("=") for text in texts) if not unit_said(value)]
+    if not (bare and _DEGREES.get()):
+        return
+    if not robot.urdf:
+        raise ProblemError(f"--lock {bare[0]}: say the unit, such as 90deg or 0.1m: {robot.source} is no URDF")
+    from armdyn.models.reading.urdf_xml import parse_xml
+
+    for joint in parse_xml(robot.urdf, robot.source).iterfind("joint"):
+        if joint.get("name") in bare and joint.get("type") == "prismatic":
+            raise ProblemError(f"--lock {joint.get('name')}: the joint slides, --degrees is of angles: write 0.1m")

@@ -1,0 +1,88 @@
+"""Run the C compiler within bounds of time and memory."""
+
+import os
+import signal
+import subprocess
+import tempfile
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from armdyn.codegen.deadline import NoTimeError, left
+
+FLAGS = ("-O1", "-fPIC", "-shared", "-ffp-contract=off")
+"""Level 1 has nearly all of the speed at half of level 2's build time; no contraction: the same numbers everywhere."""
+_TIMEOUT = 60.0
+"""Longest run of the compiler [s]: six times what a Panda's curves take on an idle core."""
+_MEMORY = 2**20
+"""Address space of each of the compiler's processes [KiB], 1 GiB: twice what a Panda's curves take."""
+_LIMITED = f'ulimit -v {_MEMORY} 2>/dev/null; ulimit -t {_TIMEOUT:.0f}; exec "$@"'
+"""The compiler's command line in sh. Its processes inherit the limits, so that they hold also where this one is killed
+meanwhile; without the first where the system has none, as macOS."""
+_LOOK = 0.1
+"""How often a running compiler's solve is asked whether it was stopped [s]."""
+
+_hung: set[str] = set()
+"""Compilers that took longer than they may: this process does not ask them again."""
+
+
+class CompilerError(Exception):
+    """There is no library, and no other folder would help."""
+
+
+def built(source: str, compiler: str, folder: Path) -> bytes:
+    """A library of C, compiled in a scratch folder of this one.
+
+    Raises:
+        OSError: there is no room, say.
+        CompilerError: the compiler fails, or takes too long.
+        NoTimeError: it takes longer than `deadline.until` allows.
+    """
+    if compiler in _hung:
+        raise CompilerError(_too_long(compiler))
+    with tempfile.TemporaryDirectory(prefix=".", dir=folder) as scratch:
+        text, built, said = (Path(scratch, f"armdyn.{kind}") for kind in ("c", "so", "log"))
+        text.write_text(source)
+        command = [compiler, *FLAGS, "-o", str(built), str(text), "-lm"]
+        with said.open("wb") as log:  # no pipe: who hangs may have children, which would hold it
+            # Our own text; the compiler is the one on the user's path.
+            process = subprocess.Popen(  # noqa: S603
+                ["/bin/sh", "-c", _LIMITED, "sh", *command],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                cwd=scratch,
+                process_group=0,
+            )
+            try:
+                code = _exit_code(process, compiler)
+            finally:
+                if process.poll() is None:
+                    os.killpg(process.pid, signal.SIGKILL)  # with it the compiler's own children
+                    process.wait()
+        if code or not built.is_file():
+            words = said.read_bytes()[:500].decode(errors="replace").replace(scratch, "").split("\n")[0]
+            raise CompilerError(f"the C compiler, {compiler}, failed (exit {code}) {words}".strip())
+        return built.read_bytes()
+
+
+def _exit_code(process: "subprocess.Popen[bytes]", compiler: str) -> int:
+    """Wait for the compiler, no longer than it may take.
+
+    Raises:
+        CompilerError: it takes too long.
+        NoTimeError: it takes longer than `deadline.until` allows, or that was stopped.
+    """
+    latest = time.monotonic() + _TIMEOUT
+    while True:
+        with suppress(subprocess.TimeoutExpired):
+            return process.wait(max(0.0, min(_LOOK, left(), latest - time.monotonic())))
+        if left() <= 0:
+            raise NoTimeError
+        if time.monotonic() >= latest:
+            _hung.add(compiler)
+            raise CompilerError(_too_long(compiler))
+
+
+def _too_long(compiler: str) -> str:
+    return f"the C compiler, {compiler}, took longer than {_TIMEOUT:g} s"

@@ -1,1 +1,0 @@
-"""The paper's loop: PID around an arm as one differential equation, continuous in time."""

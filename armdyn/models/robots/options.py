@@ -1,0 +1,103 @@
+"""How a robot is read: its payload, its locked joints, and numbers instead of the file's."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TypedDict
+
+from numpy.typing import ArrayLike
+
+from armdyn.arguments import expect, path, several, shown
+from armdyn.errors import SpecError
+from armdyn.models.values.friction import FrictionValue
+from armdyn.models.values.spec import Payload
+
+
+class RobotKeywords(TypedDict, total=False):
+    """The keywords of every reader of robots, besides payload and lock: the fields of `RobotOptions`."""
+
+    arm: tuple[str, str] | None
+    effort_limit: ArrayLike | None
+    velocity_limit: ArrayLike | None
+    armature: ArrayLike | None
+    damping: FrictionValue | None
+    friction: FrictionValue | None
+    friction_width: float | None
+    passive: Sequence[str]
+    package_dirs: Sequence[str | os.PathLike[str]]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RobotOptions:
+    """How a robot is read. Every reader takes these fields as keywords, or the whole value as `options`.
+
+    Attributes:
+        payload: fixed to `payload.frame`, by default the end of the longest chain.
+        lock: joints to fix, name to position [rad or m]; in a model a joint of several coordinates at 0, its neutral.
+        arm: (first, last), each a joint or a link (in an MJCF a body or a site, in a model a frame): the joints on the
+            way from one to the other move, all others of the robot are locked, at zero or at the bound nearest to it
+            unless `lock` says where. A last link is the tip. None: all joints move but those of `lock`, and a `<mimic>`
+            joint whose leader is locked, which follows it; of a library's robot those of `LIBRARY_ARMS`.
+        effort_limit: torque limits: one number, or one per joint [N m or N]; None: the file's.
+        velocity_limit: one number, or one per joint [rad/s or m/s]; None: the file's.
+        armature: reflected rotor inertia: one number, or one per joint [kg m² or kg]; None: the file's.
+        damping: viscous friction of the joints: one number, or one per joint [N m s/rad or N s/m]; "urdf": the file's,
+            `<dynamics damping=…>`; 0: none. None: the file's, but none for a library's robot, whose numbers are there
+            to calm simulators: z1 and talos_arm have 1 for every joint, panda 0.003 beside `mu_viscous="16"`.
+        friction: Coulomb friction [N m or N], likewise; in a URDF `<dynamics friction=…>`.
+        friction_width: speed over which Coulomb friction changes its sign, see `JointFriction` [rad/s or m/s].
+        passive: names of joints without a motor; their torque limits are zero.
+        package_dirs: folders of `package://` meshes, besides the file's own folder and ROS package. Dynamics need no
+            mesh.
+
+    Raises:
+        SpecError: lock is no mapping, arm no pair of names, or package_dirs no list of paths.
+    """
+
+    payload: Payload | None = None
+    lock: Mapping[str, float] | None = None
+    arm: tuple[str, str] | None = None
+    effort_limit: ArrayLike | None = None
+    velocity_limit: ArrayLike | None = None
+    armature: ArrayLike | None = None
+    damping: FrictionValue | None = None
+    friction: FrictionValue | None = None
+    friction_width: float | None = None
+    passive: Sequence[str] = ()
+    package_dirs: Sequence[str | os.PathLike[str]] = ()
+
+    def __post_init__(self) -> None:
+        if self.lock is not None:
+            right = "joint name to position [rad or m]"
+            expect(self.lock, Mapping, "lock", right, error=SpecError)  # type: ignore[type-abstract]
+        if self.arm is not None:
+            ends = several(self.arm, "arm", error=SpecError)
+            if len(ends) != 2 or not all(isinstance(end, str) for end in ends):
+                raise SpecError(
+                    f"arm is {shown(self.arm)}; it must be (first, last), each the name of a joint or a link"
+                )
+            object.__setattr__(self, "arm", (str(ends[0]), str(ends[1])))
+        folders = several(self.package_dirs, "package_dirs", error=SpecError)
+        found = tuple(path(folder, f"package_dirs[{i}]", error=SpecError) for i, folder in enumerate(folders))
+        object.__setattr__(self, "package_dirs", found)
+
+
+def robot_options(
+    payload: Payload | None, lock: Mapping[str, float] | None, options: RobotOptions | None, keywords: RobotKeywords
+) -> RobotOptions:
+    """The options that a reader was called with: `options`, changed by the keywords that were given.
+
+    Raises:
+        SpecError: see `RobotOptions`.
+    """
+    if options is not None:
+        expect(options, RobotOptions, "options", "RobotOptions(payload=…)", error=SpecError)
+    own = options or RobotOptions()
+    return replace(
+        own,
+        payload=own.payload if payload is None else payload,
+        lock=own.lock if lock is None else lock,
+        **keywords,
+    )

@@ -1,0 +1,161 @@
+"""A robot as the table [robot] of a problem file: read, and written."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, fields, replace
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from armdyn.arguments import shown
+from armdyn.errors import SpecError
+from armdyn.models.mjcf.document import read_mjcf
+from armdyn.models.reading.urdf_xml import read_urdf
+from armdyn.models.robots.options import RobotOptions
+from armdyn.models.robots.poses import position_of
+from armdyn.models.robots.robot import Robot
+from armdyn.models.robots.source import RobotSource
+from armdyn.models.values.joint_limits import JointLimits
+from armdyn.models.values.spec import PAPER_ARMS, ArmSpec, LinkSpec, Payload
+from armdyn.parsing.toml import Table
+
+_SOURCES = ("name", "urdf", "mjcf", "spec")
+_NUMBERS = ("effort_limit", "velocity_limit", "armature", "damping", "friction", "friction_width", "passive")
+KEYS = (*_SOURCES, "lock", "arm", "payload", *_NUMBERS, "limits")
+"""The keys of [robot]."""
+
+_WORDS = {"payload": "payload", "--lock": "lock", "no robot": "name"}
+"""Words in messages, to the key that they are about."""
+
+
+def robot_from(table: Table, mass: float | None = None) -> Robot:
+    """The robot that a table [robot] describes.
+
+    Args:
+        table: its keys; a file that it names is inside the folder of the table's file.
+        mass: of the payload instead of the table's [kg]; None: the table's.
+
+    Raises:
+        ProblemError: a key is unknown or wrong; the message says in which line.
+    """
+    table.only(KEYS)
+    with table.telling(_WORDS):
+        given = table.values
+        carried = {} if "payload" not in given else _inner(table, "payload", ("mass", "com", "inertia", "frame"))
+        carried = carried if mass is None else {**carried, "mass": mass} if mass else {}
+        lock = (
+            {joint: position_of(q, "lock") for joint, q in _inner(table, "lock").items()} if "lock" in given else None
+        )
+        ends = given.get("arm")
+        if "arm" in given and not (isinstance(ends, list) and len(ends) == 2 and all(isinstance(e, str) for e in ends)):
+            raise table.error("arm", f"arm is {shown(ends)}; it is two joints or links: ['first', 'last']")
+        numbers: Any = {key: given[key] for key in _NUMBERS if key in given}
+        options = RobotOptions(payload=Payload(**carried) if carried else None, lock=lock, arm=ends, **numbers)
+        robot = Robot.from_source(_source(table), options)
+        if "limits" in given:
+            rows = _inner(table, "limits", tuple(field.name for field in fields(JointLimits)))
+            robot = replace(robot, limits=replace(robot.limits, **rows))
+        return robot
+
+
+def robot_table(robot: Robot, folder: str | os.PathLike[str] | None = None) -> dict[str, Any]:
+    """The table [robot] that describes a robot.
+
+    Args:
+        robot: read by one of its readers, and changed at most in payload, limits, rotors and friction.
+        folder: in which the table will be written: a robot's file inside it is named. Else its text is in the table.
+
+    Raises:
+        SpecError: the robot is of Pinocchio's model, or was changed otherwise: no table describes it.
+    """
+    origin, options = robot.origin, robot.options
+    if origin is None or origin.model is not None:
+        raise SpecError(f"{robot.source} has no file and no text: a problem file cannot describe it")
+    written = _written_source(origin, folder)
+    if options.lock:
+        written["lock"] = {joint: float(q) for joint, q in options.lock.items()}
+    if options.arm is not None:
+        written["arm"] = list(options.arm)
+    if robot.payload is not None:
+        written["payload"] = {name: value for name, value in asdict(robot.payload).items() if value is not None}
+    plain = Robot.from_source(origin, RobotOptions(payload=robot.payload, lock=options.lock, arm=options.arm))
+    if robot.joint_names != plain.joint_names or robot.tip != plain.tip:
+        raise SpecError(f"{robot.source}: joints or tip were changed after it was read: no problem file describes it")
+    rows = {
+        field.name: (getattr(robot.limits, field.name), getattr(plain.limits, field.name))
+        for field in fields(JointLimits)
+    }
+    if changed := {name: own.tolist() for name, (own, read) in rows.items() if not np.array_equal(own, read)}:
+        written["limits"] = changed
+    if not np.array_equal(robot.model.armature, plain.model.armature):
+        written["armature"] = robot.model.armature.tolist()
+    (damping, coulomb), (own_damping, own_coulomb) = (one.friction.per_joint(robot.nv) for one in (robot, plain))
+    pairs = {"damping": (damping, own_damping), "friction": (coulomb, own_coulomb)}
+    written |= {name: own.tolist() for name, (own, read) in pairs.items() if not np.array_equal(own, read)}
+    if robot.friction.width != plain.friction.width:
+        written["friction_width"] = float(robot.friction.width)
+    again = plain.with_armature(robot.model.armature).with_friction(damping, coulomb, robot.friction.width)
+    if again.model_hash != robot.model_hash:
+        raise SpecError(
+            f"{robot.source}: its model or its file was changed after it was read: no problem file describes it"
+        )
+    return written
+
+
+def _source(table: Table) -> RobotSource:
+    """Where the robot of a table is read from."""
+    given, folder = [key for key in _SOURCES if key in table.values], Path(table.path).parent
+    if len(given) > 1:
+        raise table.error(given[1], f"[robot] has {' and '.join(given)}; give one of them")
+    key = given[0] if given else "name"
+    value = table.values.get(key)
+    if key == "spec":
+        own = _inner(table, "spec", tuple(field.name for field in fields(ArmSpec)))
+        links, numbers = own.get("links"), [field.name for field in fields(LinkSpec)]
+        if not isinstance(links, list) or not all(
+            isinstance(one, dict) and sorted(one) == sorted(numbers) for one in links
+        ):
+            raise table.error(
+                "spec", f"links of spec is {shown(links)}; it is a list of tables of {', '.join(numbers)}"
+            )
+        with table.at("spec"):
+            return RobotSource.of_spec(
+                ArmSpec(**{"name": "arm", **own, "links": tuple(LinkSpec(**one) for one in links)})
+            )
+    if not isinstance(value, str) or not value:
+        raise table.error(key, f"{key} of the robot is {shown(value)}; write [robot] and name = 'panda', or a file")
+    if key == "name":
+        with table.at("name"):
+            return RobotSource.inside(value, folder)
+    return RobotSource(format="urdf" if key == "urdf" else "mjcf", name=f"{key} of {table.path}", text=value)
+
+
+def _inner(table: Table, key: str, known: tuple[str, ...] | None = None) -> Mapping[str, Any]:
+    """The values of a table within a table, whose keys are known; None: any."""
+    if not isinstance(value := table.values[key], dict):
+        example = "{ mass = 0.5 }" if key == "payload" else "{ name = value }"
+        raise table.error(key, f"{key} is {shown(value)}; it is a table, such as {example}")
+    if known is not None:
+        table.table(key).only(known)
+    return value
+
+
+def _written_source(origin: RobotSource, folder: str | os.PathLike[str] | None) -> dict[str, Any]:
+    """The keys that say where a robot is read from."""
+    if origin.spec is not None:
+        name = next((name for name in PAPER_ARMS if origin.spec == ArmSpec.paper(name)), None)
+        return {"spec": asdict(origin.spec)} if name is None else {"name": name}
+    if origin.format == "library":
+        return {"name": origin.name}
+    if origin.file is None:
+        return {origin.format: origin.text}
+    place = Path(os.path.realpath(origin.file))
+    if folder is not None and place.is_relative_to(home := Path(os.path.realpath(folder))):
+        return {"name": place.relative_to(home).as_posix()}
+    if origin.format == "urdf":
+        return {"urdf": read_urdf(origin.file)}
+    return {"mjcf": ElementTree.tostring(read_mjcf(origin.file), "unicode")}  # with what it includes

@@ -1,0 +1,110 @@
+"""How far a motion goes beyond its limits and misses its goal: looked for in one place."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.models.values.joint_limits import JointLimits
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Violation
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Excess:
+    """A motion against one kind of limit.
+
+    Attributes:
+        limit: which, for people.
+        t: when it was looked at [s], shape (m,).
+        beyond: by how much the limit is exceeded then, in its unit, shape (m, nv); not positive: it is kept.
+        size: of the limit: what an excess is compared with, shape (nv,).
+    """
+
+    limit: str
+    t: Array
+    beyond: Array
+    size: Array
+
+    @property
+    def share(self) -> float:
+        """The largest excess as a part of the limit; 0 where it is kept."""
+        return max(0.0, float(np.max(self.beyond / self.size)))
+
+    def worst(self, joint_names: tuple[str, ...]) -> Violation:
+        """Where it is largest."""
+        k, i = np.unravel_index(np.argmax(self.beyond / self.size), self.beyond.shape)
+        return Violation(self.limit, joint_names[i], float(self.t[k]), float(self.beyond[k, i] / self.size[i]))
+
+
+def excesses(limits: JointLimits, motion: Trajectory, dense: int = 8) -> tuple[Excess, Excess, Excess]:
+    """A motion against its torque, velocity and position limits.
+
+    Torque is linear between samples and is looked at there. The size of a torque limit is half its range, that of a
+    position limit its range, or 1 rad where that is less or there is none.
+
+    Args:
+        limits: that hold.
+        motion: any.
+        dense: velocities and positions are looked at so many times between samples; 1: at the samples.
+    """
+    part = np.linspace(0, 1, dense, endpoint=False)
+    t = np.unique((motion.t[:-1, None] + np.diff(motion.t)[:, None] * part).ravel())
+    t = np.append(t, motion.t[-1])
+    at = motion(t)
+    bounded = np.where(np.isinf(limits.position_upper), 0, limits.position_upper - limits.position_lower)
+    return (
+        Excess(
+            "torque limit",
+            motion.t,
+            np.maximum(motion.tau - limits.effort_upper, limits.effort_lower - motion.tau),
+            limits.effort_size,
+        ),
+        Excess(
+            "velocity limit",
+            t,
+            np.abs(at.v) - limits.velocity,
+            np.where(np.isinf(limits.velocity), 1.0, limits.velocity),
+        ),
+        Excess(
+            "position limit",
+            t,
+            np.maximum(at.q - limits.position_upper, limits.position_lower - at.q),
+            np.maximum(bounded, 1.0),
+        ),
+    )
+
+
+def limit_violation(limits: JointLimits, motion: Trajectory, dense: int = 8) -> float:
+    """Largest excess over any limit, as a part of it; 0 where all are kept. Arguments as of `excesses`."""
+    return max(excess.share for excess in excesses(limits, motion, dense))
+
+
+def overspeed(limits: JointLimits, motion: Trajectory, dense: int = 8) -> float:
+    """Largest excess over a velocity limit, as a part of it; 0 where all are kept. Arguments as of `excesses`."""
+    return excesses(limits, motion, dense)[1].share
+
+
+def worst_violation(
+    limits: JointLimits, motion: Trajectory, joint_names: tuple[str, ...], dense: int = 8
+) -> Violation | None:
+    """Where a motion exceeds its limits most; None where it keeps them. Arguments as of `excesses`."""
+    worst = max(excesses(limits, motion, dense), key=lambda excess: excess.share)
+    return worst.worst(joint_names) if worst.share > 0 else None
+
+
+def miss_of(problem: MinimumTimeProblem, wanted: Trajectory, replay: Trajectory) -> float:
+    """Largest error of the goal state, or excess of a velocity [rad, m, and their rates]; infinite if it broke off.
+
+    Args:
+        problem: its goal and velocity limits.
+        wanted: the motion replayed.
+        replay: what became of it.
+    """
+    if replay.t[-1] != wanted.t[-1]:
+        return float("inf")
+    _, velocity, _ = excesses(problem.limits, replay, dense=1)
+    return float(max(np.max(np.abs(problem.beside_goal(replay))), np.max(velocity.beyond)))

@@ -1,0 +1,182 @@
+"""What a path constraint is: one class in one file.
+
+The program that is solved asks for it at the points of a mesh (`rows`, `values`), the replayed motion is looked at
+everywhere (`check`), and what is missing between the points is asked for more strictly (`tightened`).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.errors import ProblemError
+from armdyn.models.robots.robot import Robot
+from armdyn.models.scene.collision import Clearance
+from armdyn.optimal.path_constraints.rows import Rows, RowValues
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Violation
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Knots:
+    """The knots of a mesh.
+
+    Attributes:
+        when: about the knots' parts of the motion, shape (N + 1,), from 0 to 1.
+        given: the knots of the problem's `poses`: start, via points, goal.
+    """
+
+    when: Array
+    given: tuple[int, ...]
+
+    @property
+    def intervals(self) -> int:
+        """N."""
+        return self.when.size - 1
+
+
+@dataclass(frozen=True, eq=False)
+class ConstraintReport:
+    """How a motion keeps a constraint, looked at everywhere.
+
+    Attributes:
+        name: of the constraint.
+        said: the same in a few words, with units.
+        share: the largest value of what is limited, as a part of its limit; None if nothing is.
+        reasons: what does not hold, for people; empty: the constraint is kept.
+        worst: where it is violated most; None: the constraint is kept.
+        missed: what `tightened` needs to know, as the constraint chooses.
+        clearance: where the motion comes nearest to touching, where it is to keep clear.
+        order: power of the duration by which the share falls on the same path: 1 of a speed, 2 of an acceleration, 3 of
+            a jerk; 0: no slower motion keeps the constraint.
+    """
+
+    name: str
+    said: str
+    share: float | None = None
+    reasons: tuple[str, ...] = ()
+    worst: Violation | None = None
+    missed: Array = field(default_factory=lambda: np.empty(0))
+    clearance: Clearance | None = None
+    order: int = 0
+
+    @property
+    def slowing(self) -> float:
+        """Factor on the duration with which the same path keeps the constraint; 1 if it is kept, inf if none helps."""
+        if not self.reasons:
+            return 1.0
+        return self.share ** (1 / self.order) if self.order and self.share else np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A guess's way through joint positions, over s from 0 to 1.
+
+    Attributes:
+        q: [rad or m], shape (samples, nv).
+        dq: its first derivatives by s, likewise.
+        ddq: its second.
+    """
+
+    q: Array
+    dq: Array
+    ddq: Array
+
+
+class PathConstraint(ABC):
+    """A path constraint, as strict as it has to be.
+
+    A frozen dataclass; `tightened` returns another. All but `check` may be left as it is here.
+
+    Attributes:
+        name: for people, in the plural.
+        continuous_torque: it forbids jumps of the torque.
+        option: its name in `--limit NAME=…`; empty: it cannot be given there.
+        metavar: what `…` stands for, with its unit in the help.
+        help: one line of that help.
+        goes_round: guesses should go round what it forbids; `depth` says how deep they are in it.
+    """
+
+    name: ClassVar[str]
+    continuous_torque: ClassVar[bool] = False
+    option: ClassVar[str] = ""
+    metavar: ClassVar[str] = "X"
+    help: ClassVar[str] = ""
+    goes_round: ClassVar[bool] = False
+
+    @classmethod
+    def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
+        """The constraint that a problem's own keyword asks for, if it has one and that is given."""
+        return None
+
+    @classmethod
+    def of_option(cls, values: list[float], frame: str | None) -> Self:
+        """The constraint that `--limit NAME=VALUES[@FRAME]` asks for.
+
+        Raises:
+            ProblemError: the values are too many, or it takes no frame.
+        """
+        raise NotImplementedError(f"{cls.__name__} has no option")
+
+    def option_text(self) -> str:
+        """See `PathConstraintSpec.option_text`."""
+        raise ProblemError(f"{self!r} has no text that --limit or a problem file could say it by: give option_text")
+
+    def on(self, robot: Robot, start: Array, goal: Array) -> Self:
+        """See `PathConstraintSpec.on`."""
+        return self
+
+    def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array] | None:
+        """Order, 2 or 3, of a derivative of the joint positions, and its limits, shape (nv,), if it limits just that.
+
+        Curves keep it by their control points, everywhere, without rows.
+        """
+        return None
+
+    def torque_rate_limit(self, problem: MinimumTimeProblem) -> Array | None:
+        """Limits of how fast torques change [N m/s or N/s], shape (nv,), if it limits just that.
+
+        Curves keep them from each of their torques to the next, without rows.
+        """
+        return None
+
+    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+        """Which rows the program needs."""
+        return ()
+
+    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+        """Numbers and bounds of each of `rows`."""
+        return ()
+
+    @abstractmethod
+    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
+        """How a motion keeps the constraint, looked at everywhere, without the collocation's help.
+
+        Args:
+            problem: what is asked.
+            motion: a replay: its torques and states fit each other.
+            passing: when it should be at the via points [s], shape (vias,).
+        """
+
+    def tightened(self, problem: MinimumTimeProblem, kept: ConstraintReport) -> Self:
+        """The same, asked for more strictly where a motion of the mesh did not keep it between the points."""
+        return self
+
+    def on_finer_mesh(self) -> Self:
+        """The same for a mesh twice as fine, on which it may not have to be so strict."""
+        return self
+
+    def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
+        """A guess along this path should take no less [s]."""
+        return 0.0
+
+    def depth(self, problem: MinimumTimeProblem, q: Array) -> float:
+        """How far a pose is from what the constraint forbids [m]; negative inside."""
+        return np.inf

@@ -1,0 +1,68 @@
+"""Limits of the joints' accelerations."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, Path, PathConstraint
+from armdyn.optimal.path_constraints.limits.rates import accelerations, kept_by_joints, tightened_part
+from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.program.interval import Stages
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class AccelerationLimit(PathConstraint):
+    """No joint accelerates by more than `problem.acceleration_limit`.
+
+    Attributes:
+        part: of the limit, that the program is asked to keep: `tightened` lowers it.
+    """
+
+    part: float = 1.0
+
+    name = "acceleration limits"
+
+    @classmethod
+    def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
+        """By its keyword."""
+        return None if problem.acceleration_limit is None else cls()
+
+    def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array]:
+        """Of the second."""
+        return 2, self.part * np.asarray(problem.acceleration_limit)
+
+    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+        """At the stages of every interval, as parts of the limits."""
+        return (StageRows(_accelerations, numbers=problem.robot.nv),)
+
+    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+        """One either way."""
+        return (RowValues(-self.part, self.part, 1 / np.asarray(problem.acceleration_limit)),)
+
+    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
+        """By forward dynamics, within every sample."""
+        t, a, _ = accelerations(problem.robot, motion)
+        return kept_by_joints(problem.robot, "acceleration", 2, t, a, np.asarray(problem.acceleration_limit))
+
+    def tightened(self, problem: MinimumTimeProblem, kept: ConstraintReport) -> Self:
+        """By what the replay exceeds it."""
+        return replace(self, part=tightened_part(self.part, kept))
+
+    def on_finer_mesh(self) -> Self:
+        """As it was: the excess between the points is a fraction there."""
+        return replace(self, part=1.0)
+
+    def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
+        """As its bends allow."""
+        return float(np.sqrt(np.max(np.abs(path.ddq) / np.asarray(problem.acceleration_limit))))
+
+
+def _accelerations(stages: Stages, over_limit: ca.SX) -> ca.SX:
+    return ca.vec(stages.a * ca.repmat(over_limit, 1, stages.a.shape[1]))

@@ -1,0 +1,134 @@
+"""Limits of how fast a frame of the arm moves: ISO 10218-1 asks 0.25 m/s of a tool in manual reduced-speed mode."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from armdyn.arguments import number, text
+from armdyn.errors import ProblemError, SpecError
+from armdyn.models.robots.robot import Robot
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, Path, PathConstraint
+from armdyn.optimal.path_constraints.limits.rates import pieces, tightened_part
+from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
+from armdyn.optimal.problem.checks import SLOWEST
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Violation
+from armdyn.optimal.program.interval import Stages
+from armdyn.optimal.task.policy.landing import PathConstraintPolicy
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FrameSpeedLimit(PathConstraint):
+    """The origin of a frame never moves faster in the world than this.
+
+    Attributes:
+        limit: [m/s].
+        frame: its name; None: the robot's tip.
+        part: of the limit, that the mesh is asked to keep: `tightened` lowers it.
+    """
+
+    limit: float
+    frame: str | None = None
+    part: float = 1.0
+
+    name = "frame speed limits"
+    option, metavar, help = "tip-speed", "V[@FRAME]", "how fast a frame may move [m/s], by default the tip"
+
+    def __post_init__(self) -> None:
+        if number(self.limit, "FrameSpeedLimit", unit="m/s", sign="positive") < SLOWEST:
+            raise ProblemError(f"FrameSpeedLimit is {self.limit} m/s; it must be {SLOWEST:g} m/s at least")
+        number(self.part, "part of FrameSpeedLimit", sign="positive")
+        if self.frame is not None:
+            text(self.frame, "frame of FrameSpeedLimit")
+
+    @classmethod
+    def of_option(cls, values: list[float], frame: str | None) -> Self:
+        """One number; the frame as it is."""
+        if len(values) != 1:
+            raise ProblemError(f"--limit {cls.option} has {len(values)} numbers; give one, and it again per frame")
+        return cls(values[0], frame)
+
+    def option_text(self) -> str:
+        """With all digits."""
+        return f"{self.option}={float(self.limit)!r}" + (f"@{self.frame}" if self.frame else "")
+
+    def on(self, robot: Robot, start: Array, goal: Array) -> Self:
+        """With the frame's name; start and goal are not too fast already."""
+        frame = robot.tip if self.frame is None else self.frame
+        try:
+            fixed = robot.frame(frame)
+        except SpecError as error:
+            raise ProblemError(f"FrameSpeedLimit: {error}; the tip is {robot.tip!r}") from None
+        if fixed.parentJoint == 0:
+            raise ProblemError(f"FrameSpeedLimit: frame {frame!r} of {robot.name} does not move; give another")
+        for x, end in ((start, "start"), (goal, "goal")):
+            (speed,) = _speeds(robot, frame, x[None, : robot.nv], x[None, robot.nv :])
+            if speed > self.limit:
+                raise ProblemError(
+                    f"at the {end} frame {frame!r} moves at {speed:.4g} m/s, faster than FrameSpeedLimit {self.limit:g}"
+                )
+        return replace(self, frame=frame)
+
+    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+        """Squares at the stages of every interval, as parts of the limit's."""
+        fixed = problem.robot.frame(str(self.frame))
+        return (StageRows(_squares, (fixed.parentJoint, *fixed.placement.translation.tolist()), numbers=1),)
+
+    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+        """One at most."""
+        return (RowValues(-np.inf, self.part**2, np.array([self.limit**-2])),)
+
+    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
+        """By Pinocchio, at five points of every sample."""
+        t, n = pieces(motion)[0].ravel(), problem.robot.nv
+        at = motion(t)
+        speeds = _speeds(problem.robot, str(self.frame), at.q.reshape(-1, n), at.v.reshape(-1, n))
+        share = float(np.max(speeds)) / self.limit
+        said = f"{np.max(speeds):.5g} m/s at most, at t = {t[np.argmax(speeds)]:.4g} s"
+        name, of = f"speed of {self.frame!r}", f"{said}, of {self.limit:g} m/s"
+        if share <= 1 + PathConstraintPolicy.rate_tolerance:
+            return ConstraintReport(name, of, share, order=1)
+        reason = f"frame {self.frame!r} moves at {said}; the limit is {self.limit:g} m/s"
+        worst = Violation("frame speed limit", str(self.frame), float(t[np.argmax(speeds)]), share - 1)
+        return ConstraintReport(name, of, share, (reason,), worst, order=1)
+
+    def tightened(self, problem: MinimumTimeProblem, kept: ConstraintReport) -> Self:
+        """By what the speed exceeds the limit between the stages; less so, where too much was taken off."""
+        return replace(self, part=tightened_part(self.part, kept))
+
+    def on_finer_mesh(self) -> Self:
+        """As it was: the excess between the stages is a fraction there."""
+        return replace(self, part=1.0)
+
+    def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
+        """As the frame's way allows."""
+        return float(np.max(_speeds(problem.robot, str(self.frame), path.q, path.dq))) / self.limit
+
+
+def _squares(stages: Stages, over_square: ca.SX, joint: int, *offset: float) -> ca.SX:
+    n = stages.dynamics.nv
+    q, v = ca.SX.sym("q", n), ca.SX.sym("v", n)
+    place = stages.dynamics.placements(q)[:, 4 * joint - 4 : 4 * joint]
+    velocity = ca.jtimes(place[:, :3] @ ca.DM(offset) + place[:, 3], q, v)
+    square = ca.Function("square", [q, v], [ca.cse(ca.sumsqr(velocity))])
+    first = 1 if all(stages.knots) else 0  # that stage is the last of the interval before
+    return ca.vertcat(*(square(stages.q[:, i], stages.v[:, i]) * over_square for i in range(first, stages.c.size)))
+
+
+def _speeds(robot: Robot, frame: str, q: Array, v: Array) -> Array:
+    """How fast a frame's origin moves [m/s], shape (samples,)."""
+    model, data, fixed = robot.model, robot.model.createData(), robot.frame(frame)
+    speeds = []
+    for positions, velocities in zip(q, v, strict=True):
+        pin.forwardKinematics(model, data, robot.configuration(positions), velocities)
+        speeds.append(np.linalg.norm(fixed.placement.actInv(data.v[fixed.parentJoint]).linear))
+    return np.array(speeds)

@@ -1,0 +1,77 @@
+"""Limits of the joints' jerks."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, PathConstraint
+from armdyn.optimal.path_constraints.limits.rates import accelerations, kept_by_joints, tightened_part
+from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.program.interval import Stages
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class JerkLimit(PathConstraint):
+    """No joint's acceleration changes faster than `problem.jerk_limit`; before and after the motion it is zero.
+
+    Attributes:
+        part: of the limit, that the program is asked to keep: `tightened` lowers it.
+    """
+
+    part: float = 1.0
+
+    name = "jerk limits"
+    continuous_torque = True
+
+    @classmethod
+    def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
+        """By its keyword."""
+        return None if problem.jerk_limit is None else cls()
+
+    def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array]:
+        """Of the third."""
+        return 3, self.part * np.asarray(problem.jerk_limit)
+
+    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+        """Differences between the stages as parts of the limits; the accelerations at both ends."""
+        return (
+            StageRows(_jerks, numbers=problem.robot.nv),
+            StageRows(_acceleration_at, (0,), where="first"),
+            StageRows(_acceleration_at, (-1,), where="last"),
+        )
+
+    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+        """One either way; zero."""
+        own = RowValues(-self.part, self.part, 1 / np.asarray(problem.jerk_limit))
+        return own, RowValues(0, 0), RowValues(0, 0)
+
+    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
+        """By the slope of forward dynamics, within every sample."""
+        t, _, jerks = accelerations(problem.robot, motion)
+        return kept_by_joints(problem.robot, "jerk", 3, t, jerks, np.asarray(problem.jerk_limit))
+
+    def tightened(self, problem: MinimumTimeProblem, kept: ConstraintReport) -> Self:
+        """By what the replay exceeds it."""
+        return replace(self, part=tightened_part(self.part, kept))
+
+    def on_finer_mesh(self) -> Self:
+        """As it was: the excess between the points is a fraction there."""
+        return replace(self, part=1.0)
+
+
+def _jerks(stages: Stages, over_limit: ca.SX) -> ca.SX:
+    steps = ca.repmat(ca.DM(np.diff(stages.c)).T, over_limit.numel(), 1)
+    rises: ca.SX = (stages.a[:, 1:] - stages.a[:, :-1]) / (steps * stages.h)
+    return ca.vec(rises * ca.repmat(over_limit, 1, steps.shape[1]))
+
+
+def _acceleration_at(stages: Stages, numbers: ca.SX, stage: int) -> ca.SX:
+    scaled: ca.SX = stages.a[:, stage] / stages.acceleration
+    return scaled

@@ -1,0 +1,146 @@
+"""Limits of how fast the joints' torques change: current controllers, gears and structures bear no jumps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from armdyn.arguments import numbers
+from armdyn.errors import ProblemError
+from armdyn.models.robots.robot import Robot
+from armdyn.models.values.per_joint import per_joint
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, PathConstraint
+from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Violation
+from armdyn.optimal.program.interval import Stages
+from armdyn.reprs import brief
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_TOLERANCE = 1e-6
+"""Of the limit, as a part of it. Torques are linear between knots, so that rows hold everywhere: IPOPT's, with room."""
+
+
+@brief
+@dataclass(frozen=True, eq=False)
+class TorqueRateLimit(PathConstraint):
+    """No joint's torque changes faster than this.
+
+    Where the motion begins or ends at rest, so does the torque, with what holds the arm there, if the actuator can.
+
+    Attributes:
+        limit: [N m/s or N/s]: one number, or one per joint; inf for none.
+    """
+
+    limit: ArrayLike
+
+    name = "torque-rate limits"
+    continuous_torque = True
+    option, metavar, help = (
+        "torque-rate",
+        "R[,R…]",
+        "how fast torques may change [N m/s], one number or one per joint",
+    )
+
+    def __post_init__(self) -> None:
+        numbers(self.limit, "TorqueRateLimit", "one number, or one per joint [N m/s]")
+
+    @classmethod
+    def of_option(cls, values: list[float], frame: str | None) -> Self:
+        """One number, or one per joint."""
+        if frame is not None:
+            raise ProblemError(f"--limit {cls.option}: it limits joints, not frame {frame!r}; leave @{frame} out")
+        return cls(values[0] if len(values) == 1 else values)
+
+    def option_text(self) -> str:
+        """With all digits."""
+        return f"{self.option}={','.join(map(repr, np.ravel(self.limit).tolist()))}"
+
+    def on(self, robot: Robot, start: Array, goal: Array) -> Self:
+        """One number per joint, all positive."""
+        what, unit = "TorqueRateLimit", "N m/s"
+        limit = per_joint(
+            self.limit, robot.joint_names, what, unit=unit, error=ProblemError, finite=False, sign="positive"
+        )
+        return type(self)(limit)
+
+    def torque_rate_limit(self, problem: MinimumTimeProblem) -> Array:
+        """Its own."""
+        return np.asarray(self.limit)
+
+    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+        """Rates in every interval, as parts of the limits; the torques at both ends."""
+        n = problem.robot.nv
+        return (
+            StageRows(_rates, numbers=n),
+            StageRows(_beside, (0.0,), numbers=n, where="first"),
+            StageRows(_beside, (1.0,), numbers=n, where="last"),
+        )
+
+    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+        """One either way; nothing beside what holds the arm."""
+        ends = [RowValues(-free, free, hold) for hold, free in (self._held(problem, x) for x in _ends(problem))]
+        return (RowValues(-1, 1, 1 / np.asarray(self.limit)), *ends)
+
+    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
+        """Between every two samples: the replay's torques are linear there."""
+        # A jump of the torque takes no time that a number could hold.
+        limit = np.asarray(self.limit)
+        rates = np.abs(np.diff(motion.tau, axis=0)) / np.diff(motion.t)[:, None] / limit
+        share = float(np.max(rates))
+        k, i = np.unravel_index(np.argmax(rates), rates.shape)
+        names, reasons, worst = problem.robot.joint_names, [], list[Violation]()
+        joint = names[i]
+        if share > 1 + _TOLERANCE:
+            worst.append(Violation("torque-rate limit", joint, float(motion.t[k]), share - 1))
+            reasons.append(f"the torque of joint {joint!r} changes {share:.4g} times as fast as its limit allows")
+        ends = zip(_ends(problem), motion.t[[0, -1]], motion.tau[[0, -1]], ("begins", "ends"), strict=True)
+        for x, t, tau, end in ends:
+            hold, free = self._held(problem, x)
+            beside = np.where(free > 0, 0, np.abs(tau - hold)) / problem.limits.effort_size
+            if np.max(beside) > _TOLERANCE:
+                worst.append(
+                    Violation("jump of the torque", names[int(np.argmax(beside))], float(t), float(np.max(beside)))
+                )
+                reasons.append(f"the torque {end} with a jump of {100 * np.max(beside):.2g} % of its limit")
+        unit, most = "N/s" if problem.robot.slides[i] else "N m/s", np.broadcast_to(limit, rates.shape[1:])[i]
+        said = f"{share * most:.5g} of {most:.5g} {unit} at most, by {joint!r} at t = {motion.t[k]:.4g} s"
+        most_violated = max(worst, key=lambda violation: violation.value, default=None)
+        jumps = any(one.constraint == "jump of the torque" for one in worst)
+        return ConstraintReport(self.name, said, share, tuple(reasons), most_violated, order=0 if jumps else 1)
+
+    def _held(self, problem: MinimumTimeProblem, x: Array) -> tuple[Array, Array]:
+        """What holds the arm in a state [N m or N], and how far from it each torque may be: 0, or inf if it is free."""
+        robot, limits, n = problem.robot, problem.limits, problem.robot.nv
+        hold = pin.computeGeneralizedGravity(robot.model, robot.model.createData(), robot.configuration(x[:n]))
+        able = (hold >= limits.effort_lower) & (hold <= limits.effort_upper)
+        held = able & np.isfinite(self.limit) & (not np.any(x[n:]))
+        return np.array(hold), np.where(held, 0.0, np.inf)
+
+
+def _slope(stages: Stages) -> ca.SX:
+    """How much the torque, linear in the interval, changes over it [N m or N]."""
+    slope: ca.SX = (stages.tau[:, -1] - stages.tau[:, 0]) / (stages.c[-1] - stages.c[0])
+    return slope
+
+
+def _rates(stages: Stages, over_limit: ca.SX) -> ca.SX:
+    rates: ca.SX = _slope(stages) / stages.h * over_limit
+    return rates
+
+
+def _beside(stages: Stages, hold: ca.SX, part: float) -> ca.SX:
+    """How far the torque is from another at a part of the interval, over its scale."""
+    beside: ca.SX = (stages.tau[:, 0] + (part - stages.c[0]) * _slope(stages) - hold) / stages.effort
+    return beside
+
+
+def _ends(problem: MinimumTimeProblem) -> tuple[Array, Array]:
+    return problem.x_start, problem.x_goal

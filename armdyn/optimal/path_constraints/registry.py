@@ -1,0 +1,69 @@
+"""All path constraints. To add one: write its file, and its line here."""
+
+from difflib import get_close_matches
+
+from armdyn.errors import ProblemError
+from armdyn.optimal.path_constraints.clearance.obstacles import Obstacles
+from armdyn.optimal.path_constraints.clearance.self_collision import SelfCollision
+from armdyn.optimal.path_constraints.constraint import PathConstraint
+from armdyn.optimal.path_constraints.limits.acceleration import AccelerationLimit
+from armdyn.optimal.path_constraints.limits.frame_speed import FrameSpeedLimit
+from armdyn.optimal.path_constraints.limits.jerk import JerkLimit
+from armdyn.optimal.path_constraints.limits.torque_rate import TorqueRateLimit
+from armdyn.optimal.path_constraints.via import ViaPoints
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.parsing.numbers import numbers
+
+PATH_CONSTRAINTS: tuple[type[PathConstraint], ...] = (
+    Obstacles,
+    SelfCollision,
+    ViaPoints,
+    AccelerationLimit,
+    JerkLimit,
+    FrameSpeedLimit,
+    TorqueRateLimit,
+)
+
+
+def path_constraints_of(problem: MinimumTimeProblem) -> tuple[PathConstraint, ...]:
+    """What a problem asks along the way: by its keywords, and as `path_constraints`."""
+    by_keyword = (kind.from_problem(problem) for kind in PATH_CONSTRAINTS)
+    found = [constraint for constraint in by_keyword if constraint is not None]
+    for constraint in problem.path_constraints:
+        if not isinstance(constraint, PathConstraint):
+            raise ProblemError(f"{constraint!r} has a name, but no rows and no check: derive it from PathConstraint")
+        found.append(constraint)
+    return tuple(found)
+
+
+def options() -> dict[str, type[PathConstraint]]:
+    """Those that `--limit NAME=…` knows, by name."""
+    return {kind.option: kind for kind in PATH_CONSTRAINTS if kind.option}
+
+
+def path_constraint_named(name: str) -> type[PathConstraint]:
+    """The one that `--limit NAME=…` means.
+
+    Raises:
+        ProblemError: none; with the nearest name.
+    """
+    known = options()
+    if name not in known:
+        near = get_close_matches(name, known, 1)
+        hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
+        raise ProblemError(f"--limit: no limit is called {name!r}; {hint}")
+    return known[name]
+
+
+def path_constraint_from(text: str) -> PathConstraint:
+    """The constraint that a text such as "tip-speed=0.25@tool0" asks for.
+
+    Raises:
+        ProblemError: it asks for none; in the words of --limit.
+    """
+    name, equals, rest = text.partition("=")
+    kind = path_constraint_named(name.strip())
+    values, at, frame = rest.partition("@")
+    if not equals or (at and not frame.strip()):
+        raise ProblemError(f"--limit {text!r}: write {name}={kind.metavar}, with numbers")
+    return kind.of_option(numbers(values, f"--limit {name}"), frame.strip() or None)

@@ -1,0 +1,110 @@
+"""What the collocation is asked for besides the equations of motion: constraints, as strict as need be, and an aim."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.models.scene.collision import Clearance
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, PathConstraint
+from armdyn.optimal.path_constraints.registry import path_constraints_of
+from armdyn.optimal.path_constraints.rows import Rows, RowValues, spread
+from armdyn.optimal.problem.aim import Aim
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Violation
+from armdyn.optimal.program.interval import Place
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ConstraintReports:
+    """How a replayed motion keeps the path constraints.
+
+    Attributes:
+        each: of every path constraint.
+    """
+
+    each: tuple[ConstraintReport, ...]
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """What does not hold, for people."""
+        return tuple(reason for kept in self.each for reason in kept.reasons)
+
+    @property
+    def slowing(self) -> float:
+        """Factor on the duration with which the same path keeps all of them; 1 if they are kept, inf if none helps."""
+        return max((kept.slowing for kept in self.each), default=1.0)
+
+    @property
+    def worst(self) -> Violation | None:
+        """What is violated most; None if all are kept."""
+        found = [kept.worst for kept in self.each if kept.worst is not None]
+        return max(found, key=lambda worst: worst.value, default=None)
+
+    @property
+    def clearance(self) -> Clearance | None:
+        """Where it comes nearest to touching; None if nothing was to be kept clear of."""
+        found = [kept.clearance for kept in self.each if kept.clearance is not None]
+        return min(found, key=lambda clearance: clearance.distance, default=None)
+
+
+@dataclass(frozen=True, eq=False)
+class TightenedConstraints:
+    """How the collocation is to be stricter than the problem, so that the replay is as the problem asks.
+
+    Attributes:
+        path_constraints: as strict as they have to be.
+        aim: beside via points and goal.
+    """
+
+    path_constraints: tuple[PathConstraint, ...] = ()
+    aim: Aim = field(default_factory=Aim)
+
+    @classmethod
+    def of(cls, problem: MinimumTimeProblem) -> Self:
+        """As strict as the problem itself."""
+        return cls(path_constraints_of(problem))
+
+    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+        """The rows that a program needs besides the equations of motion."""
+        return tuple(rows for constraint in self.path_constraints for rows in constraint.rows(problem))
+
+    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+        """Numbers and bounds of each of them."""
+        return tuple(values for constraint in self.path_constraints for values in constraint.values(problem, knots))
+
+    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReports:
+        """How a motion keeps them, looked at everywhere; passing: when it should be at the via points [s]."""
+        return ConstraintReports(
+            tuple(constraint.check(problem, motion, passing) for constraint in self.path_constraints)
+        )
+
+    def tightened(self, problem: MinimumTimeProblem, reports: ConstraintReports) -> Self:
+        """Each asked for more strictly, where it was not kept."""
+        pairs = zip(self.path_constraints, reports.each, strict=True)
+        return replace(self, path_constraints=tuple(constraint.tightened(problem, kept) for constraint, kept in pairs))
+
+    def aimed(self, problem: MinimumTimeProblem, replay: Trajectory, passing: Array) -> Self:
+        """Aimed beside via points and goal by what the replay misses them by."""
+        return replace(self, aim=self.aim.corrected(problem, replay, passing))
+
+    def on_finer_mesh(self) -> Self:
+        """For a mesh twice as fine, whose replay misses less."""
+        return replace(self, path_constraints=tuple(each.on_finer_mesh() for each in self.path_constraints), aim=Aim())
+
+
+def row_bounds(rows: Sequence[Rows], values: Sequence[RowValues], place: Place, intervals: int) -> tuple[Array, Array]:
+    """Lower and upper bounds of a program's rows besides the equations of motion, in their order."""
+    sides = [spread(each, each.functions(place), own, intervals) for each, own in zip(rows, values, strict=True)]
+    lower, upper = zip(*sides, strict=True) if sides else ((), ())
+    return np.concatenate([np.empty(0), *lower]), np.concatenate([np.empty(0), *upper])
+
+
+def numbers_of(values: Sequence[RowValues]) -> Array:
+    """The parameters of a program's rows."""
+    return np.concatenate([np.empty(0), *(each.numbers for each in values)])

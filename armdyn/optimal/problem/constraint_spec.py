@@ -1,0 +1,47 @@
+"""What a problem knows of the constraints that it is given: no more than this."""
+
+from typing import Protocol, Self, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.models.robots.robot import Robot
+
+Array = NDArray[np.float64]
+
+
+@runtime_checkable
+class PathConstraintSpec(Protocol):
+    """A path constraint, as `MinimumTimeProblem.path_constraints` takes it.
+
+    Attributes:
+        name: for people, in the plural: "torque-rate limits".
+        continuous_torque: it forbids jumps of the torque, which is then linear between knots.
+    """
+
+    @property
+    def name(self) -> str: ...  # noqa: D102
+
+    @property
+    def continuous_torque(self) -> bool: ...  # noqa: D102
+
+    def option_text(self) -> str:
+        """The constraint as --limit and problem files say it, such as "tip-speed=0.25@tool0".
+
+        Raises:
+            ProblemError: no text says it.
+        """
+        ...
+
+    def on(self, robot: Robot, start: Array, goal: Array) -> Self:
+        """The same for an arm, checked against it and against the motion's ends.
+
+        Args:
+            robot: the arm.
+            start: its state (q, v), shape (2 nv,).
+            goal: likewise.
+
+        Raises:
+            ProblemError: it does not fit them; the message names argument, joint or frame, value, and what would fit.
+        """
+        ...

@@ -1,0 +1,126 @@
+"""The limits that a motion is planned with: the robot's or those given, less what is kept for feedback."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armdyn.arguments import several
+from armdyn.errors import ProblemError
+from armdyn.models.robots.robot import Robot
+from armdyn.models.values.joint_limits import JointLimits
+from armdyn.models.values.per_joint import per_joint
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Reserve:
+    """Parts of the limits that a motion leaves to feedback.
+
+    Attributes:
+        effort: of each torque limit [-], shape (nv,), at least 0 and below 1.
+        velocity: of each velocity limit, likewise.
+    """
+
+    effort: Array
+    velocity: Array
+
+    @classmethod
+    def of(cls, effort: ArrayLike, velocity: ArrayLike, joints: Sequence[str]) -> Self:
+        """Reserves as they are given: one number, or one per joint.
+
+        Raises:
+            ProblemError: wrong length, not a number, negative, or nothing left.
+        """
+        return cls(_parts(effort, joints, "reserve"), _parts(velocity, joints, "velocity_reserve"))
+
+    @property
+    def any(self) -> bool:
+        """Something is kept."""
+        return bool(np.any(self.effort) or np.any(self.velocity))
+
+    def left(self, limits: JointLimits, joints: Sequence[str]) -> JointLimits:
+        """What of the limits is left to the motion: (1 - r) of torques and velocities.
+
+        Raises:
+            ProblemError: a joint's torque limits are both above zero, or both below, and nothing nearer to zero lies
+                between them.
+        """
+        one_sided = (self.effort > 0) & ((limits.effort_lower > 0) | (limits.effort_upper < 0))
+        if np.any(one_sided):
+            i = int(np.argmax(one_sided))
+            raise ProblemError(
+                f"reserve of joint {joints[i]!r} is {self.effort[i]:g} (index {i}), but its torque limits "
+                f"[{limits.effort_lower[i]:g}, {limits.effort_upper[i]:g}] N m leave out zero; a reserve needs it "
+                "between them"
+            )
+        return replace(
+            limits,
+            velocity=limits.velocity * (1 - self.velocity),
+            effort_lower=limits.effort_lower * (1 - self.effort),
+            effort_upper=limits.effort_upper * (1 - self.effort),
+        )
+
+
+def kept_words(part: float, left: float, unit: str) -> str:
+    """What is kept of a limit, as the end of what a message says of it; empty if nothing is.
+
+    Args:
+        part: that is kept [-].
+        left: what is left of the limit.
+        unit: its.
+    """
+    return f" ({100 * part:.3g} % of {abs(left) / (1 - part):.4g} {unit} is kept in reserve)" if part else ""
+
+
+def resolved_limits(
+    robot: Robot,
+    effort_limit: ArrayLike | tuple[ArrayLike, ArrayLike] | None,
+    velocity_limit: ArrayLike | None,
+    position_limit: tuple[ArrayLike, ArrayLike] | None,
+) -> JointLimits:
+    """The robot's limits, but for those that are given; see `MinimumTimeProblem`.
+
+    Raises:
+        ProblemError: one is not one number, nor one per joint.
+    """
+
+    def read(value: Any, name: str) -> Array:
+        return per_joint(value, robot.joint_names, name, error=ProblemError, finite=False)
+
+    own = robot.limits
+    effort_lower, effort_upper = own.effort_lower, own.effort_upper
+    if isinstance(effort_limit, tuple) and len(effort_limit) == 2:
+        effort_lower, effort_upper = (read(x, "effort_limit") for x in effort_limit)
+    elif effort_limit is not None:
+        effort_upper = read(effort_limit, "effort_limit")
+        if np.ndim(effort_limit) == 0:  # of all joints that have a motor
+            effort_upper = np.where(own.passive, 0.0, effort_upper)
+        effort_lower = -effort_upper
+    velocity = own.velocity if velocity_limit is None else read(velocity_limit, "velocity_limit")
+    lower, upper = own.position_lower, own.position_upper
+    if position_limit is not None:
+        pair = several(position_limit, "position_limit")
+        if len(pair) != 2:
+            raise ProblemError("position_limit must be a pair (lower, upper) [rad or m]")
+        lower, upper = (read(x, "position_limit") for x in pair)
+    return JointLimits(
+        position_lower=lower, position_upper=upper, velocity=velocity,
+        effort_lower=effort_lower, effort_upper=effort_upper,
+    )  # fmt: skip
+
+
+def _parts(value: ArrayLike, joints: Sequence[str], name: str) -> Array:
+    """One part per joint."""
+    parts = per_joint(value, joints, name, error=ProblemError)
+    for i, part in enumerate(parts):
+        if not 0 <= part < 1:
+            at = f" (index {i})" if np.ndim(value) else ""
+            raise ProblemError(
+                f"{name} of joint {joints[i]!r} is {part}{at}; it must be a part of the limit, at least 0 and below 1"
+            )
+    parts.setflags(write=False)
+    return parts

@@ -1,0 +1,145 @@
+"""Problem files: a minimum-time problem in TOML, by the names that it has in Python. docs/problem_files.md says how."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+from armdyn.arguments import shown
+from armdyn.models.robots.poses import positions_of
+from armdyn.models.robots.robot import Robot
+from armdyn.models.robots.tables import robot_from
+from armdyn.models.scene.obstacles import obstacle_from, pose_of
+from armdyn.models.scene.reaching import GoalPose
+from armdyn.optimal.path_constraints.registry import path_constraint_from
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.parsing.toml import Table, read_toml
+
+TABLES = ("robot", "problem", "options")
+OPTIONS = ("effort", "starts", "time_limit", "max_intervals", "seed", "smooth")
+PROBLEM = tuple(field.name for field in fields(MinimumTimeProblem) if field.init and field.name != "robot")
+"""The keys of [problem]; those of [robot] are `models.robots.tables.KEYS`."""
+
+_WORDS = {
+    "start": "q_start",
+    "goal": "q_goal",
+    "via": "via",
+    "goal pose": "goal_pose",
+    "obstacle": "obstacles",
+    "--limit": "path_constraints",
+}
+"""Words in messages, to the key that they are about."""
+
+
+@dataclass(frozen=True, eq=False)
+class ProblemFile:
+    """A problem as a file describes it: plain values, from which robot and problem are made.
+
+    Attributes:
+        robot: the table [robot].
+        problem: the table [problem].
+        options: of the solver, by the names of `MinimumTimeOptions`.
+    """
+
+    robot: Table
+    problem: Table
+    options: Mapping[str, Any]
+
+    def made_robot(self, mass: float | None = None) -> Robot:
+        """The robot, with another mass of its payload [kg]; None: with its own.
+
+        Raises:
+            ProblemError: the table describes none; the message says in which line.
+        """
+        return robot_from(self.robot, mass)
+
+    def made(self, mass: float | None = None) -> MinimumTimeProblem:
+        """The problem, with another mass of the robot's payload [kg]; None: with its own.
+
+        Raises:
+            ProblemError: the tables describe none; the message says in which line.
+        """
+        return problem_from(self.problem, self.made_robot(mass))
+
+
+def read_problem(path: str | os.PathLike[str]) -> MinimumTimeProblem:
+    """The problem that a file describes; docs/problem_files.md says how. `MinimumTimeProblem.to_toml` writes one.
+
+    The file may come from a stranger: it is read up to a size, its robot is a name or a file inside its own folder, and
+    nothing is downloaded.
+
+    Args:
+        path: of a TOML file.
+
+    Raises:
+        FileError: the file cannot be read, or is too large.
+        ProblemError: it describes no problem; the message says in which line, and what would be right.
+    """
+    return read_problem_file(path).made()
+
+
+def read_problem_file(path: str | os.PathLike[str]) -> ProblemFile:
+    """The tables of a problem file; its keys and the solver's options are checked, robot and problem are not made.
+
+    Raises:
+        FileError: the file cannot be read, or is too large.
+        ProblemError: it is no TOML, or has an unknown table; the message says in which line.
+    """
+    file = read_toml(path)
+    if "arms" in file.values:
+        raise file.error("arms", f"[arms] is of a study file, whose cases armdyn sweep {file.path} does")
+    file.only(TABLES)
+    options = file.table("options")
+    options.only(OPTIONS)
+    with options.telling():
+        MinimumTimeOptions(**options.values)
+    return ProblemFile(file.table("robot"), file.table("problem"), options.values)
+
+
+def problem_from(table: Table, robot: Robot) -> MinimumTimeProblem:
+    """The problem that a table [problem] describes.
+
+    Raises:
+        ProblemError: a key is unknown or wrong; the message says in which line.
+    """
+    table.only(PROBLEM)
+    with table.telling(_WORDS):
+        return MinimumTimeProblem(robot, **_arguments(table, robot))
+
+
+def _arguments(table: Table, robot: Robot) -> dict[str, Any]:
+    """The arguments of a `MinimumTimeProblem`."""
+    given = dict(table.values)
+    for key in ("q_start", "q_goal"):
+        if key in given:
+            given[key] = positions_of(robot, given[key], key)
+    if "q_start" not in given:
+        raise table.error("", f"[problem] has no q_start: {robot.nv} positions of {', '.join(robot.joint_names)}")
+    for key in ("via", "obstacles", "path_constraints"):
+        if key in given and not isinstance(given[key], list):
+            raise table.error(key, f"{key} is {shown(given[key])}; it must be a list")
+    if "via" in given:
+        given["via"] = [positions_of(robot, q, "via") for q in given["via"]]
+    if "obstacles" in given:
+        given["obstacles"] = [obstacle_from(one, f"obstacle {i + 1}") for i, one in enumerate(given["obstacles"])]
+    if "path_constraints" in given:
+        texts = given["path_constraints"]
+        if not all(isinstance(text, str) for text in texts):
+            raise table.error(
+                "path_constraints", f"path_constraints is {shown(texts)}; they are texts such as 'tip-speed=0.25'"
+            )
+        given["path_constraints"] = [path_constraint_from(text) for text in texts]
+    limit = given.get("effort_limit")
+    if isinstance(limit, list) and len(limit) == 2 and all(isinstance(end, list) for end in limit):
+        given["effort_limit"] = tuple(limit)  # (lower, upper)
+    if "goal_pose" in given:
+        pose = table.table("goal_pose")
+        pose.only(("frame", "position", "quaternion", "rpy"))
+        at, quaternion, rpy = (pose.values.get(key) for key in ("position", "quaternion", "rpy"))
+        at = () if at is None else at
+        placed = at if quaternion is None and rpy is None else pose_of(at, quaternion, rpy, "goal_pose")
+        given["goal_pose"] = GoalPose(pose.values.get("frame", robot.tip), placed)
+    return given

@@ -1,0 +1,295 @@
+"""Jobs side by side in processes that end with the one that hired them."""
+
+import ctypes
+import multiprocessing
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import ForkProcess
+from typing import Any, Generic, TypeVar
+
+from armdyn.locks import one_at_a_time
+
+Result = TypeVar("Result")
+Crew = Mapping[Connection, ForkProcess]
+
+_GRACE = 0.75
+"""Who is still at work so long after an interrupt is interrupted once more, and after as long again killed [s]: whoever
+pressed Ctrl-C waits two seconds at most."""
+_PR_SET_PDEATHSIG = 1
+
+_ours: set[Connection] = set()
+"""Our ends of all lines to workers. A worker must not keep those of others: they would never hear that we ended."""
+
+
+def in_processes(jobs: Sequence[Callable[[], Result]], workers: int | None) -> Generator[Result]:
+    """The jobs' results, in their order, each as soon as those before it are there.
+
+    Workers are forks, which know all that was built before; jobs are begun in order, results are pickled. Workers end
+    with this process, however it ends, and with the thread that asked first. Who has seen enough stops asking: what
+    is still under way is then killed. Jobs ask a `Stop` of this process, which forks share.
+
+    Args:
+        jobs: what is to be done. A job whose worker dies or raises is done again here.
+        workers: processes at most; None: one per core. With one, within a worker, or where there is no fork, all is
+            done here.
+    """
+    with _crew(jobs, workers) as crew:
+        ended, known = _ended(jobs, crew), dict[int, tuple[Result] | None]()
+        for k, job in enumerate(jobs):
+            while k not in known:
+                known.update([next(ended)])
+            result = known.pop(k)
+            yield job() if result is None else result[0]
+
+
+def as_they_end(
+    jobs: Sequence[Callable[[], Result]], workers: int | None, after: Mapping[int, Collection[int]] | None = None
+) -> Generator[Result]:
+    """The jobs' results as `in_processes` gives them, but each as soon as it is there.
+
+    Who stops asking interrupts what is under way: a job hears SIGINT only where it listens, as `solve_minimum_time`
+    does. What does not end within 1.5 s is killed.
+
+    Args:
+        jobs: what is to be done.
+        workers: processes at most, see `in_processes`.
+        after: of some jobs, the numbers of others that end before they are begun.
+
+    Raises:
+        ValueError: jobs wait for each other.
+    """
+    with _crew(jobs, workers, patient=True) as crew:
+        for k, result in _ended(jobs, crew, after or {}):
+            yield jobs[k]() if result is None else result[0]
+
+
+@contextmanager
+def beside(job: Callable[[], Result], workers: int | None) -> Iterator[Callable[[], Result]]:
+    """A job in a process of its own while this one goes on; what is yielded waits for the result, and gives it.
+
+    Args:
+        job: what is to be done; if its worker dies or raises, or there is none, here, when the result is asked for.
+        workers: processes at most; with one there is no other.
+    """
+    known: list[Result] = []
+    with _crew([job] if workers != 1 else [], None, least=1) as crew:
+        for line in crew:
+            with suppress(OSError):  # else it is no more
+                line.send(0)
+
+        def result() -> Result:
+            if not known:
+                for line in crew:
+                    with suppress(OSError, EOFError):
+                        known.append(line.recv())
+            if not known:
+                known.append(job())
+            return known[0]
+
+        yield result
+
+
+class Workers(Generic[Result]):
+    """Forks that do one kind of thing to whatever they are given; one that dies is replaced by another.
+
+    Attributes:
+        count: of them.
+    """
+
+    def __init__(self, do: Callable[[Any], Result], count: int):
+        self.count = count
+        self._do = do
+        self._crew: dict[Connection, ForkProcess] = {}
+        self._idle: list[Connection] = []
+        self._under_way: dict[Connection, int] = {}
+
+    @property
+    def idle(self) -> int:
+        """So many can be given something now."""
+        return self.count - len(self._under_way)
+
+    def give(self, number: int, what: object) -> None:
+        """Have one of those that are idle do it.
+
+        Args:
+            number: under which `ended` tells of it.
+            what: is pickled.
+        """
+        while True:
+            line = self._idle.pop() if self._idle else _hire(self._do, self._crew)
+            try:
+                line.send(what)
+            except OSError:  # it died while it was idle
+                self._dismiss(line)
+                continue
+            self._under_way[line] = number
+            return
+
+    def ended(self, seconds: float) -> list[tuple[int, int | None, tuple[Result] | None]]:
+        """Number, process and result of what has ended; instead of a result None where the worker died.
+
+        Args:
+            seconds: how long that is waited for at most [s].
+        """
+        found: list[tuple[int, int | None, tuple[Result] | None]] = []
+        for line in wait(list(self._under_way), seconds):
+            assert isinstance(line, Connection)  # noqa: S101  # nothing else was given
+            number, process = self._under_way.pop(line), self._crew[line].pid
+            try:
+                found.append((number, process, (line.recv(),)))
+                self._idle.append(line)
+            except (OSError, EOFError):
+                self._dismiss(line)
+                found.append((number, process, None))
+        return found
+
+    def close(self) -> None:
+        """Kill them, whatever they are at."""
+        for line in list(self._crew):
+            self._dismiss(line)
+
+    def _dismiss(self, line: Connection) -> None:
+        worker = self._crew.pop(line)
+        _ours.discard(line)
+        line.close()
+        worker.kill()
+        worker.join()
+
+
+@contextmanager
+def workers_of(do: Callable[[Any], Result], count: int | None) -> Iterator[Workers[Result]]:
+    """Workers for as long as they are wanted; afterwards they are killed. They end with this process, too.
+
+    Args:
+        do: what they do, also what this process has built; results are pickled. What it raises kills its worker.
+        count: of them; None: one per core.
+
+    Raises:
+        OSError: processes cannot be forked here.
+    """
+    if "fork" not in multiprocessing.get_all_start_methods():
+        raise OSError("processes cannot be forked on this system")
+    workers = Workers(do, count or os.cpu_count() or 1)
+    try:
+        yield workers
+    finally:
+        workers.close()
+
+
+def _ended(
+    jobs: Sequence[Callable[[], Result]], crew: Crew, after: Mapping[int, Collection[int]] | None = None
+) -> Iterator[tuple[int, tuple[Result] | None]]:
+    """Numbers of jobs that are no longer under way, with their results; None: it is to be done here."""
+    idle, under_way = list(crew), dict[Connection, int]()
+    waiting, known = list(range(len(jobs))), set[int]()
+
+    def free() -> int | None:
+        """The first job that waits for none."""
+        return next((k for k in waiting if known.issuperset((after or {}).get(k, ()))), None)
+
+    while waiting or under_way:
+        while idle and (k := free()) is not None:
+            line = idle.pop()
+            with suppress(OSError):  # else it is no more
+                line.send(k)
+                under_way[line] = k
+                waiting.remove(k)
+        if not under_way:  # there is nobody, or nobody is left
+            if (k := free()) is None:
+                raise ValueError(f"jobs {waiting} wait for each other")
+            waiting.remove(k)
+            yield k, None
+            known.add(k)
+            continue
+        ready = wait(list(under_way))
+        for line in [line for line in under_way if line in ready]:
+            k, result = under_way.pop(line), None
+            with suppress(OSError, EOFError):
+                result = (line.recv(),)
+                idle.append(line)
+            yield k, result
+            known.add(k)
+
+
+@contextmanager
+def _crew(
+    jobs: Sequence[Callable[[], object]], workers: int | None, patient: bool = False, least: int = 2
+) -> Iterator[Crew]:
+    """Workers at the ends of their lines; none where all is to be done here, as of fewer than the least."""
+    count = min(workers or os.cpu_count() or 1, len(jobs))
+    forks = "fork" in multiprocessing.get_all_start_methods() and not multiprocessing.current_process().daemon
+    crew: dict[Connection, ForkProcess] = {}
+    try:
+        while forks and len(crew) < count >= least:
+            _hire(lambda k: jobs[k](), crew)
+        yield crew
+    finally:
+        _ours.difference_update(crew)
+        for line in crew:
+            with suppress(OSError):  # else it is no more
+                line.send(None)
+            line.close()
+        try:
+            if patient:
+                _interrupt(crew.values())
+        finally:
+            for worker in crew.values():  # nobody waits for their end, which takes as long as a small solve
+                worker.kill()
+
+
+def _hire(do: Callable[[Any], object], crew: dict[Connection, ForkProcess]) -> Connection:
+    context = multiprocessing.get_context("fork")
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # until who is born is deaf to it
+    try:
+        with one_at_a_time:  # or another thread's worker might keep the other end
+            ours, theirs = context.Pipe()
+            _ours.add(ours)
+            worker = context.Process(target=_work, args=(do, theirs, os.getpid()), daemon=True)
+            worker.start()
+            theirs.close()
+        crew[ours] = worker
+        return ours
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _interrupt(workers: Collection[ForkProcess]) -> None:
+    """Give them time to end. One that was not listening at the time, or does not end, is told again."""
+    for _ in range(2):
+        for worker in [worker for worker in workers if worker.is_alive()]:
+            os.kill(worker.ident or os.getpid(), signal.SIGINT)
+        until = time.monotonic() + _GRACE
+        for worker in workers:
+            worker.join(max(0.0, until - time.monotonic()))
+
+
+def _work(do: Callable[[Any], object], line: Connection, owner: int) -> None:
+    try:
+        _end_with(owner)
+        signal.set_wakeup_fd(-1)  # an event loop's, of the owner
+        if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # by inheritance: it stays so
+            signal.signal(signal.SIGINT, lambda number, frame: None)  # a `Stop` says so, or a job that listens
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        for other in _ours:
+            other.close()
+        while (what := line.recv()) is not None:
+            line.send(do(what))
+    finally:  # whoever waits hears that the line is dead, and does the job himself
+        os._exit(1)
+
+
+def _end_with(owner: int) -> None:
+    """Have the kernel kill this process when its owner ends, even within a long call that knows no Python.
+
+    Strictly, when the owner's thread ends that forked: what is lost is done again there. Where the kernel cannot, a
+    worker ends after its job, by the dead line.
+    """
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, ctypes.c_ulong(signal.SIGKILL))
+    if os.getppid() != owner:  # it ended before
+        os._exit(1)

@@ -1,0 +1,171 @@
+"""Cards: a table and a picture of a value, as HTML that stands by itself. All text from files is escaped."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.control.tracking.run import Run
+from armdyn.models import Robot
+from armdyn.models.values.joint_limits import JointLimits
+from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.answer.words import verdict
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.proof.certificate import percent
+from armdyn.show.figures.style import INK
+from armdyn.show.markup import Html, element, inline_svg, join
+from armdyn.show.pictures import motion_picture, robot_picture
+from armdyn.show.plots import svg_text
+from armdyn.show.results import source_name
+from armdyn.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+_MOST_ROWS = 40
+"""Joints that a table shows."""
+_CELL = "text-align:left;padding:.1em .9em .1em 0;vertical-align:top"
+
+
+def card(value: object) -> str:
+    """A value as a notebook shows it.
+
+    Args:
+        value: a Robot, MinimumTimeProblem, Solution, Trajectory or Run.
+
+    Raises:
+        TypeError: it is none of these.
+    """
+    if isinstance(value, Robot):
+        return _robot(value)
+    if isinstance(value, MinimumTimeProblem):
+        return _problem(value)
+    if isinstance(value, Solution):
+        return _solution(value)
+    if isinstance(value, Trajectory):
+        return _motion(value)
+    if isinstance(value, Run):
+        return _run(value)
+    raise TypeError(f"a notebook has no card for {type(value).__name__}")
+
+
+def _robot(robot: Robot) -> Html:
+    facts = {"from": source_name(robot.source), "tip": robot.tip}
+    if robot.payload is not None:
+        facts["payload"] = f"{robot.payload.mass:g} kg"
+    if robot.locked:
+        facts["locked"] = ", ".join(f"{name} = {value:g}" for name, value in robot.locked.items())
+    if robot.friction.present:
+        facts["friction"] = "applied"
+    title = f"{robot.name}: {robot.nv} joint{'s' if robot.nv > 1 else ''}"
+    start = np.clip(np.zeros(robot.nv), robot.limits.position_lower, robot.limits.position_upper)
+    picture = robot_picture(robot, [start])
+    return _card(title, _facts(facts), _joints(robot.joint_names, robot.limits), _svg(picture, title))
+
+
+def _problem(problem: MinimumTimeProblem) -> Html:
+    names = problem.robot.joint_names
+    ends = {"start": problem.q_start, "goal": problem.q_goal}
+    facts = {"to do": "from start to goal in minimum time" + (" and effort" if problem.pays_effort else "")}
+    if problem.path_constraint_names:
+        facts["along the way"] = ", ".join(problem.path_constraint_names)
+    if problem.reserves.any:
+        facts["kept for feedback"] = "part of the limits; those below are what is left"
+    title = f"Minimum time of {problem.robot.name}"
+    picture = robot_picture(problem.robot, list(problem.poses))
+    table = _joints(names, problem.limits, {name: np.asarray(value) for name, value in ends.items()})
+    return _card(title, _facts(facts), table, _svg(picture, f"{title}: poses"))
+
+
+def _solution(solution: Solution) -> Html:
+    facts = {"status": solution.message, "verdict": verdict(solution)}
+    if solution.moves:
+        facts["duration"] = f"{solution.duration:.6f} s"
+    if solution.gap is not None and solution.moves:
+        above = f"; at most {percent(max(solution.gap, 0.0))} above it" if solution.gap_proven else ""
+        facts["no motion is faster than"] = f"{solution.lower_bound:.6f} s{above}"
+    if solution.decides:
+        facts["time decided by"] = ", ".join(f"{one.name} {100 * one.part:.3g} %" for one in solution.decides[:3])
+    if solution.local_optima:
+        facts["other optima"] = ", ".join(f"{x:.4f}" for x in solution.local_optima[:5]) + " s"
+    for line in solution.what_to_do:
+        facts["what you can do"] = f"{facts.get('what you can do', '')} {line}.".strip()
+    title = f"{solution.problem.robot.name}: minimum time"
+    picture = motion_picture(solution.trajectory, solution.problem.limits, bool(solution.arcs))
+    return _card(title, _facts(facts), _svg(picture, f"{title}, the motion"))
+
+
+def _motion(motion: Trajectory) -> Html:
+    title = motion.name or "Trajectory"
+    names = motion.joint_names or tuple(f"joint {i + 1}" for i in range(motion.v.shape[1]))
+    facts = {"duration": f"{motion.duration:.6f} s", "samples": f"{motion.t.size}"}
+    head = ("joint", "from", "to", "largest speed", "largest torque")
+    columns = motion.v.shape[1]
+    q = motion.q[:, :columns] if motion.q.shape[1] >= columns else np.full_like(motion.v, np.nan)
+    rows = [
+        (name, *(f"{x:.4g}" for x in (q[0, i], q[-1, i], np.abs(motion.v[:, i]).max(), np.abs(motion.tau[:, i]).max())))
+        for i, name in enumerate(names[:_MOST_ROWS])
+    ]
+    return _card(title, _facts(facts), _table(head, rows), _svg(motion_picture(motion, None), title))
+
+
+def _run(run: Run) -> Html:
+    title = run.trajectory.name or "Run of a loop"
+    facts = {
+        "status": run.message,
+        "settled": "no" if run.settled_time is None else f"after {run.settled_time:.4f} s",
+        "error at the reference's end": f"{run.error_at_end:.4g} rad or m",
+        "largest error on the way": f"{run.peak_error:.4g} rad or m",
+        "largest speed": f"{100 * run.peak_velocity:.1f} % of its limit",
+        "torque on its limit": f"{100 * run.saturated:.0f} % of the time",
+    }
+    return _card(title, _facts(facts), _svg(motion_picture(run.trajectory, None), title))
+
+
+def _card(title: str, *parts: Html) -> Html:
+    return element("div", element("b", title), *parts, style="max-width:60em")
+
+
+def _facts(facts: Mapping[str, str]) -> Html:
+    return _table((), list(facts.items()))
+
+
+def _joints(names: Sequence[str], limits: JointLimits, more: Mapping[str, Array] | None = None) -> Html:
+    """A row for each joint, of its limits and what more there is [rad or m, and so on]."""
+    more = more or {}
+    head = ("joint", *more, "position [rad or m]", "velocity [rad/s or m/s]", "torque [N m or N]")
+    rows = [
+        (
+            name,
+            *(f"{values[i]:.4g}" for values in more.values()),
+            _between(limits.position_lower[i], limits.position_upper[i]),
+            _between(-limits.velocity[i], limits.velocity[i]),
+            "no motor" if limits.passive[i] else _between(limits.effort_lower[i], limits.effort_upper[i]),
+        )
+        for i, name in enumerate(names[:_MOST_ROWS])
+    ]
+    return _table(head, rows)
+
+
+def _between(lower: Any, upper: Any) -> str:
+    if not np.isfinite(lower) and not np.isfinite(upper):
+        return "no limit"
+    return f"± {upper:.4g}" if -lower == upper else f"{lower:.4g} … {upper:.4g}"
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Html:
+    top = [element("tr", *(element("th", text, style=_CELL) for text in head))] if head else []
+    body = [element("tr", *(element("td", text, style=_CELL) for text in row)) for row in rows]
+    return element("table", join([*top, *body]))
+
+
+def _svg(figure: Figure, label: str) -> Html:
+    text = svg_text(figure)
+    prefix = f"armdyn-{hashlib.sha256(text.encode()).hexdigest()[:10]}"  # two cells of one page may show the same value
+    return element("div", inline_svg(text, prefix, label, {INK: "currentColor"}), style="overflow-x:auto")

@@ -1,0 +1,151 @@
+"""What is left on disk of a sweep over payloads: a table, a figure, and every motion."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armdyn.files import write_whole
+from armdyn.show.results import save_result
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from armdyn.optimal import Solution
+
+_REACH = 0.3
+"""A tangent goes this part of the way to the neighbouring payloads."""
+
+
+def sweep_row(payload: float, solution: Solution) -> dict[str, Any]:
+    """One line of the table: what is not known is None.
+
+    Args:
+        payload: that the arm carries [kg].
+        solution: with it.
+    """
+    by, most = solution.sensitivities(), next(iter(solution.decides), None)
+    return {
+        "payload_kg": payload,
+        "duration_s": solution.duration if solution.moves else None,
+        "success": solution.success,
+        "usable": solution.usable,
+        "certified": solution.certified,
+        "gap": solution.gap,
+        "ms_per_gram": by.payload_mass if by else None,
+        "limited_most_by": most.name if most else None,
+        "ms_saved_by_one_per_cent": 10 * most.part * solution.duration if most else None,
+        "solve_time_s": round(solution.solve_time, 3),
+        "message": solution.message,
+    }
+
+
+def plot_sweep(rows: Sequence[dict[str, Any]], title: str | None = None) -> Figure:
+    """Minimum time over payload, with the slope that each optimum's multipliers give.
+
+    Args:
+        rows: `sweep_row` of increasing payloads; those that did not land are left out.
+        title: above the axes.
+
+    Returns:
+        A figure of its own: pyplot knows nothing of it.
+    """
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    from armdyn.show.figures.style import COLORS, LOOK
+
+    landed = [row for row in rows if row["success"]]
+    grams = np.array([1e3 * row["payload_kg"] for row in landed])
+    times = np.array([row["duration_s"] for row in landed])
+    certified = np.array([row["certified"] for row in landed], dtype=bool)
+    with rc_context(LOOK):
+        figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+        axes = figure.subplots()
+        axes.plot(grams, times, color=COLORS[0], linewidth=1, alpha=0.5)
+        for of, face, word in ((certified, COLORS[0], "certified"), (~certified, "white", "usable, not certified")):
+            if np.any(of):
+                axes.plot(grams[of], times[of], "o", color=COLORS[0], markerfacecolor=face, label=word, zorder=3)
+        slope: str | None = r"slope $\partial t_f/\partial m$ of the multipliers"
+        for k, row in enumerate(landed):
+            if len(landed) < 2 or not row["certified"] or row["ms_per_gram"] is None:
+                continue
+            ends = _REACH * (np.array([grams[max(k - 1, 0)], grams[min(k + 1, len(landed) - 1)]]) - grams[k])
+            rise = 1e-3 * row["ms_per_gram"] * ends
+            axes.plot(grams[k] + ends, times[k] + rise, color=COLORS[1], linewidth=2, zorder=4, label=slope)
+            slope = None
+        axes.set_xlabel("payload [g]")
+        axes.set_ylabel("minimum time [s]")
+        if landed:
+            axes.legend(loc="upper left")
+        if title:
+            axes.set_title(title, fontsize=12, fontweight="bold")
+    return figure
+
+
+def write_sweep(
+    folder: Path,
+    solutions: Sequence[Solution],
+    rows: Sequence[dict[str, Any]],
+    motions: Sequence[Path],
+    title: str,
+    *,
+    figure: bool = True,
+) -> list[Path]:
+    """Table (CSV), figure and JSON of a sweep, beside its motions.
+
+    Args:
+        folder: that there is.
+        solutions: with increasing payload, at least one.
+        rows: `sweep_row` of each.
+        motions: files of `write_motion`.
+        title: the figure's.
+        figure: whether there is one.
+
+    Returns:
+        All files, the motions first.
+
+    Raises:
+        OSError: the folder cannot be written.
+    """
+    text = StringIO()
+    table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    files = [*motions, write_whole(folder / "sweep.csv", text.getvalue().encode())]
+    if figure:
+        from armdyn.show.plots import save_figure
+
+        drawn = plot_sweep(rows, title)
+        files += [save_figure(drawn, folder / f"figure.{suffix}") for suffix in ("png", "pdf")]
+    result = folder / "result.json"
+    summary: dict[str, object] = {"rows": rows, "files": [path.name for path in [*files, result]]}
+    return [*files, save_result(result, solutions[0].problem.robot, summary)]
+
+
+def write_motion(folder: Path, payload: float, solution: Solution) -> Path:
+    """One motion of a sweep, under its payload's name.
+
+    Args:
+        folder: that there is.
+        payload: that the arm carries [kg].
+        solution: with it.
+    """
+    motion = replace(solution.trajectory, model_hash=solution.problem.robot.model_hash)
+    return motion.save(folder / motion_name(payload))
+
+
+def motion_name(payload: float) -> str:
+    """What the motion with a payload [kg] is called."""
+    return f"{1e3 * payload:g}g.npz"
+
+
+def table_names(*, figure: bool) -> list[str]:
+    """The files that `write_sweep` writes."""
+    return ["sweep.csv", *(["figure.png", "figure.pdf"] if figure else []), "result.json"]

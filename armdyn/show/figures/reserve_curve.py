@@ -1,0 +1,76 @@
+"""The figure of a reserve curve: what leaving torque to feedback costs, and what it gains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def plot_reserves(rows: Sequence[Mapping[str, Any]], title: str | None = None) -> Figure:
+    """Settled time over reserve, worst and mean of the plants, for every controller; and the motion's own duration.
+
+    Where some plant does not settle there is no worst and no mean; the count is written there.
+
+    Args:
+        rows: `Settling.facts()` of one controller after the other; one row at least.
+        title: above the axes.
+
+    Returns:
+        A figure of its own: pyplot knows nothing of it.
+    """
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    from armdyn.show.figures.style import COLORS, INK, LOOK
+
+    names = list(dict.fromkeys(row["controller"] for row in rows))
+    with rc_context(LOOK):
+        figure = Figure(figsize=(7.0, 4.4), layout="constrained")
+        axes = figure.subplots()
+        times = sorted({(100 * row["reserve"], row["duration"]) for row in rows})
+        axes.plot(*zip(*times, strict=True), color=INK, linewidth=1.2, linestyle=(0, (4, 3)), label="the motion itself")
+        for place, (name, color) in enumerate(zip(names, COLORS, strict=False)):
+            _draw(axes, [row for row in rows if row["controller"] == name], color, place)
+        whole = [row for row in rows if row["worst"] is not None]
+        if whole:
+            best = min(whole, key=lambda row: row["worst"])
+            at = (100 * best["reserve"], best["worst"])
+            axes.plot(*at, "o", color=COLORS[3], markersize=9, markerfacecolor="none", markeredgewidth=1.8)
+            axes.annotate(f"best: {best['reserve']:g}, {best['worst']:.3f} s", at, (8, 10), textcoords="offset points")
+        axes.set_xlabel("torque left to feedback [% of the limits]")
+        axes.set_ylabel("time until settled [s]")
+        axes.set_ylim(bottom=0)
+        axes.legend(loc="upper right")
+        if title:
+            axes.set_title(title, fontsize=12, fontweight="bold")
+    return figure
+
+
+def _draw(axes: Axes, rows: Sequence[Mapping[str, Any]], color: str, place: int) -> None:
+    """One controller: worst, mean, and how many arms settle where not all do, in a line of its own."""
+    whole = [row for row in rows if row["worst"] is not None]
+    r, own, worst, mean = (
+        np.array([[100 * row["reserve"], row["duration"], row["worst"], row["mean"]] for row in whole]).reshape(-1, 4).T
+    )
+    axes.fill_between(r, own, worst, color=color, alpha=0.12, linewidth=0)
+    axes.plot(r, worst, "o-", color=color, markersize=4, label=f"{rows[0]['controller']}, worst of all arms")
+    axes.plot(r, mean, color=color, linewidth=1, alpha=0.6, label=f"{rows[0]['controller']}, mean")
+    for row in rows:
+        if row["worst"] is None:
+            axes.annotate(
+                f"{row['settled']} of {row['arms']}",
+                (100 * row["reserve"], 1),
+                (0, -10 - 11 * place),
+                ("data", "axes fraction"),
+                "offset points",
+                ha="center",
+                va="top",
+                color=color,
+                fontsize=8,
+            )

@@ -1,0 +1,263 @@
+"""Figures of a study: a number over a setting, over two of them, and two numbers that cannot both be least."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+Row = Mapping[str, Any]
+Named = Callable[[str], str]
+"""What the axes say of a column."""
+Kind = Literal["words", "linear", "log"]
+"""Of a setting: words, or numbers on a scale."""
+
+MAX_CURVES = 8
+_MAX_PANELS = 4
+_COLORS = "viridis"
+_MOST, _FAR = 0.9, 3.0
+"""Colours of a map go up to this quantile where the largest number is so many times as far from the least."""
+_TICKED = 8
+"""Rows or columns of a map that each have a tick, at most."""
+
+
+def pareto(points: Array) -> NDArray[np.bool_]:
+    """Which points no other is as good as in both numbers and better in one, shape (n,); least is best.
+
+    Args:
+        points: shape (n, 2).
+    """
+    front = np.zeros(len(points), dtype=bool)
+    least = np.inf
+    order = np.lexsort((points[:, 1], points[:, 0]))
+    for k in order:  # by the first number, and of those alike by the second: only a smaller second one is new
+        if points[k, 1] < least:
+            least, front[k] = points[k, 1], True
+    return front
+
+
+def plot_curve(
+    rows: Sequence[Row], x: str, y: str, by: Sequence[str] = (), *, named: Named = str, log: Collection[str] = (),
+    title: str | None = None,
+) -> Figure:  # fmt: skip
+    """A number over a setting, a curve for each combination of others.
+
+    Args:
+        rows: as `study_table` gives them; where the number is None the curve has a gap.
+        x: the setting's column.
+        y: the number's.
+        by: columns that tell curves from each other.
+        named: what the axes say of a column.
+        log: settings on a logarithmic axis.
+        title: above the axes.
+
+    Returns:
+        A figure of its own: pyplot knows nothing of it.
+    """
+    from armdyn.show.figures.style import COLORS
+
+    figure, axes = _begun(title)
+    groups: dict[tuple[Any, ...], list[Row]] = {}
+    for row in rows:
+        groups.setdefault(tuple(row[name] for name in by), []).append(row)
+    for (group, own), color in zip(groups.items(), COLORS, strict=False):
+        points = np.array(sorted((row[x], np.nan if row[y] is None else row[y]) for row in own), dtype=float)
+        label = ", ".join(
+            f"{name} {value if isinstance(value, str) else f'{value:g}'}" for name, value in zip(by, group, strict=True)
+        )
+        axes.plot(*points.T, "o-", color=color, markersize=3.5, linewidth=1.2, label=label or None)
+    axes.set_xlabel(named(x))
+    axes.set_ylabel(named(y))
+    if x in log:
+        axes.set_xscale("log")
+    if by:
+        axes.legend(loc="best")
+    return figure
+
+
+def plot_map(
+    rows: Sequence[Row], x: str, y: str, z: str, panel: str | None = None, *, named: Named = str,
+    log: Collection[str] = (), title: str | None = None,
+) -> Figure:  # fmt: skip
+    """A number over two settings: cells of a grid, else points; of cases that share a place the least.
+
+    Args:
+        rows: as `study_table` gives them; cases whose number is None are crosses.
+        x: column of the first setting.
+        y: of the second.
+        z: of the number.
+        panel: a column whose values have a panel each; None: one panel for all.
+        named: what the axes say of a column.
+        log: settings on a logarithmic axis.
+        title: above the panels.
+    """
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    from armdyn.show.figures.style import LOOK, literal
+
+    values = list(dict.fromkeys(row[panel] for row in rows))[:_MAX_PANELS] if panel else [None]
+    numbers = [row[z] for row in rows if row[z] is not None]
+    low, high = _colored(numbers)
+    clipped = bool(numbers) and max(numbers) > high
+    shared = len({(row[x], row[y], row[panel] if panel else None) for row in rows}) < len(rows)
+    told = f"{named(z)}{', least of those at a place' if shared else ''}"
+    with rc_context(LOOK):
+        figure = Figure(figsize=(1.4 + 4.8 * len(values), 4.4), layout="constrained")
+        panels = np.atleast_1d(figure.subplots(1, len(values), sharey=True))
+        drawn: Any = None
+        for axes, value in zip(panels, values, strict=True):
+            own = [row for row in rows if panel is None or row[panel] == value]
+            axes.set_xscale("log" if x in log else "linear")  # before the ticks, which it would undo
+            axes.set_yscale("log" if y in log else "linear")
+            drawn = _cells(axes, own, (x, y, z), (low, high), f"no {named(z).partition(' [')[0]}") or drawn
+            axes.grid(visible=False)
+            axes.set_xlabel(named(x))
+            if value is not None:
+                axes.set_title(literal(f"{panel} {value}"), fontsize=10)
+        panels[0].set_ylabel(named(y))
+        if drawn is not None:
+            figure.colorbar(drawn, ax=list(panels), label=told, extend="max" if clipped else "neither")
+        if title:
+            figure.suptitle(literal(title), fontsize=12, fontweight="bold")
+    return figure
+
+
+def plot_pareto(
+    rows: Sequence[Row], x: str, y: str, color: str | None = None, *, named: Named = str, log: Collection[str] = (),
+    title: str | None = None,
+) -> Figure:  # fmt: skip
+    """Two numbers of every case against each other, with those that no case beats in both joined.
+
+    Args:
+        rows: as `study_table` gives them; cases that lack a number are left out.
+        x: column of the first number; less is better.
+        y: of the second, likewise.
+        color: of a setting that colours the cases; None: they are alike.
+        named: what the axes say of a column.
+        log: settings whose colours are logarithmic.
+        title: above the axes.
+    """
+    from armdyn.show.figures.style import COLORS
+
+    figure, axes = _begun(title)
+    whole = [row for row in rows if row[x] is not None and row[y] is not None]
+    points = np.array([[row[x], row[y]] for row in whole], dtype=float).reshape(-1, 2)
+    front = pareto(points)
+    best = points[front][np.argsort(points[front, 0])]
+    if color:
+        values = [float(row[color]) for row in whole]
+        scale = "log" if color in log else "linear"
+        drawn = axes.scatter(points[:, 0], points[:, 1], c=values, cmap=_COLORS, norm=scale, s=16, zorder=3)
+        figure.colorbar(drawn, ax=axes, label=named(color))
+    else:
+        axes.scatter(points[:, 0], points[:, 1], color=COLORS[0], s=16, zorder=3)
+    axes.plot(
+        *best.T, "o-", drawstyle="steps-post", color=COLORS[3], markersize=7, markerfacecolor="none", linewidth=1.2,
+        zorder=2, label=f"Pareto front: {len(best)} of {len(points)} cases",
+    )  # fmt: skip
+    axes.set_xlabel(named(x))
+    axes.set_ylabel(named(y))
+    axes.legend(loc="best")
+    return figure
+
+
+def _colored(numbers: Sequence[float]) -> tuple[float, float]:
+    """From where to where colours go: a few numbers far off would leave none for the others."""
+    if not numbers:
+        return 0.0, 1.0
+    low, most, high = min(numbers), float(np.quantile(numbers, _MOST)), max(numbers)
+    return low, (most if high - low > _FAR * (most - low) > 0 else high)
+
+
+def _begun(title: str | None) -> tuple[Figure, Axes]:
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    from armdyn.show.figures.style import LOOK, literal
+
+    with rc_context(LOOK):
+        figure = Figure(figsize=(7.0, 4.4), layout="constrained")
+        axes = figure.subplots()
+        if title:
+            axes.set_title(literal(title), fontsize=12, fontweight="bold")
+    return figure, axes
+
+
+def _cells(axes: Axes, rows: Sequence[Row], columns: tuple[str, str, str], span: tuple[float, float], none: str) -> Any:
+    """One panel; what a colour bar is made for, None if there is nothing."""
+    from armdyn.show.figures.style import INK
+
+    least: dict[tuple[float, float], float] = {}
+    missing: set[tuple[float, float]] = set()
+    for row in rows:
+        place, number = (float(row[columns[0]]), float(row[columns[1]])), row[columns[2]]
+        if number is None:
+            missing.add(place)
+        else:
+            least[place] = min(number, least.get(place, np.inf))
+    missing -= least.keys()
+    drawn: Any = None
+    xs, ys = (np.unique([place[i] for place in [*least, *missing]]) for i in (0, 1))
+    if least and len(xs) * len(ys) <= 4 * (len(least) + len(missing)) and min(len(xs), len(ys)) > 1:
+        cells = np.full((len(ys), len(xs)), np.nan)
+        for (a, b), number in least.items():
+            cells[np.searchsorted(ys, b), np.searchsorted(xs, a)] = number
+        drawn = axes.pcolormesh(xs, ys, cells, cmap=_COLORS, vmin=span[0], vmax=span[1], shading="nearest")
+        for axis, places in ((axes.xaxis, xs), (axes.yaxis, ys)):
+            if len(places) <= _TICKED:
+                axis.set_ticks(places, [f"{place:g}" for place in places])
+    elif least:
+        where = np.array(list(least))
+        drawn = axes.scatter(
+            where[:, 0], where[:, 1], c=list(least.values()), cmap=_COLORS, vmin=span[0], vmax=span[1], s=22
+        )
+    if missing:
+        axes.plot(*np.array(sorted(missing)).T, "x", color=INK, markersize=5, label=none)
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, borderaxespad=0.2)  # on no point
+    return drawn
+
+
+def figures_of(
+    rows: Sequence[Row],
+    settings: Mapping[str, Kind],
+    outcomes: tuple[str, str],
+    *,
+    named: Named = str,
+    title: str | None = None,
+) -> dict[str, Figure]:
+    """The figures that suit a study, by their names: curve, map, pareto.
+
+    Args:
+        rows: as `study_table` gives them.
+        settings: columns that vary, and of which kind they are.
+        outcomes: columns of the two numbers that count.
+        named: what the axes say of a column.
+        title: of all.
+    """
+    found: dict[str, Figure] = {}
+    rows = [{**dict.fromkeys(outcomes), **row} for row in rows]  # of cases that came to nothing, too
+    main, second = outcomes
+    log = [name for name, kind in settings.items() if kind == "log"]
+    levels = {name: len({row[name] for row in rows}) for name in settings}
+    numeric = sorted(
+        (name for name, kind in settings.items() if kind != "words" and levels[name] > 1), key=lambda one: -levels[one]
+    )
+    if numeric:
+        others = [name for name in settings if name != numeric[0] and levels[name] > 1]
+        if np.prod([levels[name] for name in others]) <= MAX_CURVES:
+            found["curve"] = plot_curve(rows, numeric[0], main, others, named=named, log=log, title=title)
+    if len(numeric) > 1:
+        words = next((name for name, kind in settings.items() if kind == "words" and levels[name] > 1), None)
+        found["map"] = plot_map(rows, numeric[0], numeric[1], main, words, named=named, log=log, title=title)
+    if sum(row[main] is not None and row[second] is not None for row in rows) > 2:
+        color = numeric[0] if numeric else None
+        found["pareto"] = plot_pareto(rows, main, second, color, named=named, log=log, title=title)
+    return found

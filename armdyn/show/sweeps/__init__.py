@@ -1,1 +1,0 @@
-"""Figures of sweeps, and what is left of them on disk."""

@@ -1,0 +1,101 @@
+"""Rows along the path: their derivatives against CasADi's own, and that a plain problem has none."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import armdyn as ad
+from armdyn.models.scene.obstacles import Box, Capsule, Sphere
+from armdyn.optimal.path_constraints.clearance.clearance import scene_of
+from armdyn.optimal.path_constraints.clearance.pairs import distances_at
+from armdyn.optimal.path_constraints.constraint import Knots
+from armdyn.optimal.path_constraints.legs import legs_of
+from armdyn.optimal.path_constraints.rows import with_rows
+from armdyn.optimal.path_constraints.tightened import TightenedConstraints, numbers_of, row_bounds
+from armdyn.optimal.program.assembly import build_nlp
+from armdyn.optimal.program.interval import Collocated
+from armdyn.optimal.search.starts import spline
+from armdyn.optimal.task.scheme import Scheme
+from problems import POSES, paper_arm, paper_problem
+
+START, GOAL = POSES["rr"]
+KNOTS = Knots(np.array([0.0, 0.5, 1.0]), (0, 2))
+
+
+def test_a_plain_problem_has_no_rows_and_one_leg():
+    problem = paper_problem("rr")
+    constraints = TightenedConstraints.of(problem)
+    assert (
+        constraints.path_constraints == () and constraints.rows(problem) == () and problem.path_constraint_names == ()
+    )
+    assert legs_of(problem, spline(problem, []), 40).intervals == (40,)
+
+
+@pytest.mark.parametrize("form", ["forward", "inverse"])
+@pytest.mark.parametrize("method", ["lobatto3", "radau2"])
+def test_derivatives(method, form):
+    problem = ad.MinimumTimeProblem(
+        paper_arm("rr"),
+        q_start=START,
+        q_goal=GOAL,
+        obstacles=[Sphere((0.6, 0, 0.1), 0.05), Capsule((0.5, 0, 0.5), (0, 0, 0.6), 0.01), Box((1, 1, 0.1), (0, 0, 1))],
+        acceleration_limit=100,
+        jerk_limit=1e4,
+        path_constraints=[ad.FrameSpeedLimit(0.5), ad.FrameSpeedLimit(0.5, "link2"), ad.TorqueRateLimit([20.0, 30.0])],
+    )
+    scheme, constraints = Scheme(method, "linear", form, compile=False), TightenedConstraints.of(problem)
+    dynamics, rows, N = ad.Dynamics(problem.robot, free_last_body=True), constraints.rows(problem), KNOTS.intervals
+    values = constraints.values(problem, KNOTS)
+    nlp = build_nlp(dynamics, scheme, N)
+    more = with_rows(nlp, dynamics, rows)
+    x, p, f, g = (more.functions[name] for name in "xpfg")
+    lower, upper = row_bounds(rows, values, Collocated(dynamics, scheme), N)
+    assert lower.size == upper.size == g.numel() - N * nlp.defects and np.all(lower <= upper)
+    lam, sigma = ca.MX.sym("lam", g.numel()), ca.MX.sym("sigma")
+    expected = ca.Function(
+        "expected",
+        [x, p, sigma, lam],
+        [g, ca.jacobian(g, x), ca.triu(ca.hessian(sigma * f + ca.dot(lam, g), x)[0])],
+    )
+    random = np.random.default_rng(0)
+    at = 0.3 * random.normal(size=x.numel())
+    own = nlp.functions["p"].numel()
+    numbers = np.concatenate([np.full(N, 1 / N), np.ones(own - N - 10), dynamics.last_body, numbers_of(values)])
+    weights = random.normal(size=g.numel())
+    found, jacobian, hessian = (np.array(each) for each in expected(at, numbers, 0.7, weights))
+    mine = [np.array(each) for each in more.jacobian(at, numbers)]
+    np.testing.assert_allclose(mine[0], found, atol=1e-12 * np.max(np.abs(found)))
+    # Rounding only: the same derivatives in another order of operations.
+    np.testing.assert_allclose(mine[1], jacobian, atol=1e-10 * np.max(np.abs(jacobian)))
+    np.testing.assert_allclose(
+        np.array(more.hessian(at, numbers, 0.7, weights)), hessian, atol=1e-10 * np.max(np.abs(hessian))
+    )
+    plain = np.array(nlp.jacobian(at, numbers[:own])[0])
+    np.testing.assert_array_equal(mine[0][: plain.size], plain)
+
+
+def test_one_program_serves_all_numbers():
+    def problem(z, speed, rate):
+        path_constraints = [ad.FrameSpeedLimit(speed), ad.TorqueRateLimit(rate)]
+        ball = Sphere((0.6, 0, z), 0.05)
+        return ad.MinimumTimeProblem(
+            paper_arm("rr"), q_start=START, q_goal=GOAL, obstacles=[ball], path_constraints=path_constraints
+        )
+
+    first, second = problem(0.1, 1, 20.0), problem(0.2, 2, [30.0, np.inf])
+    rows = [TightenedConstraints.of(each).rows(each) for each in (first, second)]
+    assert rows[0] == rows[1] and hash(rows[0]) == hash(rows[1])
+    function = distances_at(ad.Dynamics(first.robot), rows[0][0].pairs, rows[0][0].kinds)
+    here = np.array(function([0, 0], scene_of(first))).ravel()
+    moved = np.array(function([0, 0], scene_of(second))).ravel()
+    # The ball's axis distance from the stretched arm's end: √(0.116² + z²).
+    assert np.min(moved) - np.min(here) == pytest.approx(np.hypot(0.116, 0.2) - np.hypot(0.116, 0.1), abs=1e-3)
+
+
+def test_legs_share_the_mesh_by_time():
+    problem = ad.MinimumTimeProblem(paper_arm("rr"), q_start=START, q_goal=GOAL, via=[[-0.7, 0.8], [-0.3, 0.9]])
+    guess = spline(problem, [])
+    legs = legs_of(problem, guess, 40)
+    assert sum(legs.intervals) == 40 and min(legs.intervals) >= 4
+    # The guess is at the via points at thirds of its time; it is sampled at fiftieths.
+    np.testing.assert_allclose(legs.durations, guess.duration / 3, rtol=0.06)

@@ -1,0 +1,118 @@
+"""Cards of a notebook: what they say, and that names from files are text."""
+
+import dataclasses
+import html.parser
+
+import numpy as np
+import pytest
+from lxml import etree
+
+import armdyn as ad
+from armdyn.show.cards import card
+from problems import POSES
+
+EVIL = "<script>alert(1)</script>--><img src=x onerror=alert(2)>\"'&$x$"
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
+
+
+@pytest.fixture(scope="module")
+def problem(robot):
+    start, goal = POSES["rr"]
+    return ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal, via=[[0.0, 0.0]])
+
+
+@pytest.fixture(scope="module")
+def solution(robot):
+    start, goal = POSES["rr"]
+    plain = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal)
+    return ad.solve_minimum_time(plain, ad.MinimumTimeOptions(effort="quick"))
+
+
+@pytest.fixture(scope="module")
+def run(robot, solution):
+    return ad.track(robot, solution.trajectory, ad.Lqr(), duration=0.5)
+
+
+def text_of(markup):
+    """The card's words; that it is well-formed is checked on the way."""
+    return " ".join("".join(etree.fromstring(markup.replace("xlink:", "")).itertext()).split())
+
+
+class Tags(html.parser.HTMLParser):
+    """Elements and attributes as a browser's rules find them, comments included."""
+
+    def __init__(self, markup):
+        super().__init__()
+        self.tags, self.attributes = set(), set()
+        self.feed(markup)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.add(tag)
+        self.attributes |= {name for name, _ in attrs}
+
+
+def test_a_robot(robot):
+    words = text_of(robot._repr_html_())
+    assert words.startswith("rr: 2 joints") and "tip" in words and "± 3.142" in words
+
+
+def test_a_problem(problem):
+    words = text_of(problem._repr_html_())
+    assert "Minimum time of rr" in words and "via points" in words and "-1.571" in words
+
+
+def test_a_solution(solution):
+    words = text_of(solution._repr_html_())
+    assert "certified" in words and f"{solution.duration:.6f} s" in words and "time decided by" in words
+
+
+def test_a_motion_and_a_run(solution, run):
+    words = text_of(solution.trajectory._repr_html_())
+    assert "minimum time" in words and f"{solution.trajectory.t.size}" in words and "largest torque" in words
+    words = text_of(run._repr_html_())
+    assert run.message in words and "% of its limit" in words
+
+
+def test_every_card_has_a_picture_and_two_of_a_page_no_id_in_common(robot, problem, solution, run):
+    ids = []
+    for value in (robot, problem, solution, solution.trajectory, run):
+        markup = value._repr_html_()
+        tree = etree.fromstring(markup.replace("xlink:", ""))
+        assert tree.findall(".//svg") and len(markup) < 300_000
+        ids += {each.get("id") for each in tree.iter() if each.get("id")}
+    assert len(ids) == len(set(ids))
+
+
+def test_a_long_motion_is_a_small_picture():
+    t = np.linspace(0, 10, 50_000)
+    q = np.sin(np.outer(t, [50.0, 61.0, 72.0]))
+    assert len(ad.Trajectory(t, q, q, q)._repr_html_()) < 300_000
+
+
+def test_names_from_files_are_text(robot, problem, solution, run):
+    evil = dataclasses.replace(robot, name=EVIL, tip="tip", joint_names=(EVIL, f"{EVIL}2"), source=EVIL)
+    motion = dataclasses.replace(solution.trajectory, name=EVIL, joint_names=evil.joint_names)
+    asked = problem.variant(robot=evil)
+    found = dataclasses.replace(solution, problem=asked, message=EVIL, trajectory=motion, decides=())
+    values = (evil, asked, found, motion, dataclasses.replace(run, trajectory=motion, message=EVIL))
+    plain = Tags("".join(map(card, (robot, problem, solution, solution.trajectory, run))))
+    for value in values:
+        tags = Tags(card(value))
+        assert tags.tags <= plain.tags and "script" not in tags.tags and "img" not in tags.tags
+        assert tags.attributes <= plain.attributes
+        assert "alert(1)" in text_of(card(value))
+
+
+def test_a_motion_that_was_not_found_has_a_card(solution):
+    none = dataclasses.replace(solution, moves=False, success=False, message="stopped")
+    words = text_of(none._repr_html_())
+    assert "stopped" in words and "duration" not in words
+
+
+def test_of_other_things_there_is_none():
+    with pytest.raises(TypeError, match="no card for dict"):
+        card({})

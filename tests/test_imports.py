@@ -1,0 +1,70 @@
+"""No circle of imports: those within functions and those of modules that are named in a text count, too."""
+
+import ast
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "armdyn"
+
+
+def modules_of(package):
+    """Path of every module of a package by its full name."""
+    return {
+        ".".join(path.relative_to(package.parent).with_suffix("").parts).removesuffix(".__init__"): path
+        for path in package.rglob("*.py")
+    }
+
+
+def imports_of(name, modules):
+    """Names that a module imports anywhere, and its texts, which may name modules; docstrings and types excepted."""
+    tree = ast.parse(modules[name].read_text())
+    skipped = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            skipped.update(id(inner) for one in node.body for inner in ast.walk(one))
+        elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            skipped.add(id(node.value))
+    for node in ast.walk(tree):
+        if id(node) in skipped:
+            continue
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{name}: a relative import"
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+            yield from (each if each in modules else node.module for each in names)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and "." in node.value:
+            yield node.value
+        elif isinstance(node, ast.Call) and ast.unparse(node.func) == "facade":
+            yield from (f"{name}.{key.value}" for key in node.args[1].keys)
+
+
+def graph_of(package):
+    """Modules that each module imports."""
+    modules = modules_of(package)
+    return {name: {found for found in imports_of(name, modules) if found in modules} - {name} for name in modules}
+
+
+def test_no_circle():
+    graph = graph_of(PACKAGE)
+    assert graph["armdyn"] >= {"armdyn.optimal", "armdyn.show.values"}  # lazy imports are seen
+    TopologicalSorter(graph).prepare()  # raises CycleError, which names the modules of a circle
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        "def f():\n    from small.top import value",
+        "NAMED = 'small.top'",
+        "__getattr__, __dir__ = facade(__name__, {'top': 'value'})",
+    ],
+)
+def test_a_hidden_circle_is_found(hidden, tmp_path):
+    package = tmp_path / "small"
+    package.mkdir()
+    (package / "__init__.py").write_text(hidden)
+    (package / "top.py").write_text("import small\n")
+    with pytest.raises(CycleError):
+        TopologicalSorter(graph_of(package)).prepare()
