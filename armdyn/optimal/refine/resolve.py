@@ -19,6 +19,7 @@ from armdyn.optimal.refine.land import land, land_extremal
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.switch_mesh import at_switches
+from armdyn.optimal.switching.costates import phases_of
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.reading import schedules_of
 from armdyn.optimal.switching.settle import Settled, has_switching, leaves_idle, prepare_switching, setting_of, settled
@@ -158,7 +159,8 @@ def _by_switching(task: Task, meshes: Sequence[tuple[Attempt, float]], budget: B
         None: nothing lands, or time does not determine what some joint does.
     """
     setting, found = setting_of(task, meshes[0][0].trajectory.duration), Settled(None, np.inf, "")
-    best: Settled | None = None
+    best, least = found, (np.inf, np.inf)
+    enough = 0.0, (1 + _SAME) * meshes[0][0].trajectory.duration
     tries = (
         (schedule, part)
         for attempt, part in meshes
@@ -169,19 +171,24 @@ def _by_switching(task: Task, meshes: Sequence[tuple[Attempt, float]], budget: B
         own = Budget(task.stop, part)
         found = settled(replace(setting, budget=own), schedule, own)
         budget.spend(part - own.left)
-        if found.extremal is not None:
-            best = found if best is None else min(best, found, key=_lack)
-        if (best is not None and best.wrong <= SWITCHING_TOLERANCE) or budget:
+        if (lack := _lack(task, found)) < least:
+            best, least = found, lack
+        if least <= enough or budget:
             break
-    if best is None or best.extremal is None:
+    if best.extremal is None:
         return None, found.why
     idle = leaves_idle(best.extremal, SWITCHING_TOLERANCE)
     return (None, _IDLE) if idle else (best.extremal, best.why)
 
 
-def _lack(settled: Settled) -> tuple[float, float]:
-    """Sorts: those that are nearest to an extremal first, of motions that are none the fastest."""
-    return settled.wrong, settled.extremal.schedule.duration if settled.extremal else np.inf
+def _lack(task: Task, settled: Settled) -> tuple[float, float]:
+    """Sorts: extremals before others, by duration; the others by the worst sign of a torque or of a limit's pull."""
+    if settled.extremal is None:
+        return np.inf, np.inf
+    wrong = settled.wrong
+    if wrong <= SWITCHING_TOLERANCE:  # contacts that could not be mended are not in it
+        wrong = pontryagin(task.problem, phases_of(settled.extremal, task.policy.arcs))[2]
+    return wrong if wrong > SWITCHING_TOLERANCE else 0.0, settled.extremal.schedule.duration
 
 
 def _named(arcs: tuple[Arc, ...] | list[Arc]) -> Structure:
