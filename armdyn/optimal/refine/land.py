@@ -8,19 +8,18 @@ from armdyn.optimal.arcs.phases import Phases, Unresolved
 from armdyn.optimal.arcs.posing import Kept, PhaseAim
 from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.landing.rollout import dense, replay_of
+from armdyn.optimal.landing.segments import Segments
 from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.proof.adjoint import adjoint_error
 from armdyn.optimal.proof.certificate import SEGMENT_TOLERANCE, certify
 from armdyn.optimal.proof.pontryagin import pontryagin
-from armdyn.optimal.proof.repeat import Segments
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.switching.costates import phases_of
 from armdyn.optimal.switching.extremal.descent import Extremal, ended, finer
 from armdyn.optimal.task.ladder import Ladder
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
-
 
 _MOST_SAMPLES = 2000
 """Of a replay, about: six times those of most."""

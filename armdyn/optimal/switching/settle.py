@@ -5,9 +5,9 @@ from typing import Self
 
 import numpy as np
 
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.stop import Budget, Stop
 from armdyn.optimal.solve.ipopt import in_time
-from armdyn.optimal.switching.carried import with_carried_touches
+from armdyn.optimal.switching.carried import with_carried_touches, with_other_press
 from armdyn.optimal.switching.contacts import with_contacts
 from armdyn.optimal.switching.extremal.descent import Extremal, Resisted, fastest
 from armdyn.optimal.switching.extremal.flow import Flow, flow_of
@@ -29,6 +29,8 @@ _ASTRAY = 1e-3
 """The same where no extremal was found: then that may be why."""
 _SHORTER = 1e-11
 """Of the duration: what mending a contact gains at least, or it is left."""
+_TRIAL = 1 / 3
+"""Of the budget that is left: what a schedule may spend while others wait; those that lead on take a tenth."""
 _PATIENCE, _BETTER = 3, 0.7
 """Rounds in a row that come no nearer than by so much: more go in circles."""
 
@@ -97,13 +99,19 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
     for _ in range(_ROUNDS):
         while schedule.size + 1 > setting.most_arcs and setting.finer is not None:
             setting = setting.finer
-        found = fastest(setting, schedule, stop)
+        trial = Budget(stop, stop.left * _TRIAL) if isinstance(stop, Budget) and others else None
+        own = setting if trial is None else replace(setting, budget=trial)
+        left = 0.0 if trial is None else trial.left
+        found = fastest(own, schedule, stop if trial is None else trial)
+        if trial is not None and isinstance(stop, Budget):
+            stop.spend(left - trial.left)
         finer, enough = setting.finer, _DRIFT if isinstance(found, Extremal) else _ASTRAY
         if found.linear is not None and found.linear.drift > enough and finer is not None and not stop:
             setting, schedule = finer, found.linear.march.schedule
             continue
         if isinstance(found, Resisted):
-            weak = with_contacts(Extremal(found.linear), settled=False) if found.linear and not stop else []
+            given_up = bool(stop) or (trial is not None and bool(trial))
+            weak = with_contacts(Extremal(found.linear), settled=False) if found.linear and not given_up else []
             others += [(other, None) for other in reversed(weak)]
             if not others or stop:
                 return best.or_else(found.linear, found.why)
@@ -142,7 +150,11 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
             return best
         schedule = with_signs(found, wrong)
         left = [one for one in wrong if one.joint not in refused]
-        if carried is not None:
+        pressed = with_other_press(found.schedule, wrong)
+        if pressed is not None and "press" not in refused:
+            others.append((schedule, "press"))
+            schedule = pressed
+        elif carried is not None:
             others.append((schedule, carried.pair))
             schedule = carried.schedule
         elif mended and left and (smooth := with_singular(found, left)) is not None:

@@ -26,7 +26,7 @@ def marched(arm, duration, x=None, held=None, torques=None):
     def columns(each):
         return np.tile(np.asarray(each, float)[:, None], STEPS)
 
-    held = np.zeros(n) if held is None else held
+    held = np.concatenate([np.zeros(n) if held is None else held, np.zeros(2 * n)])
     out = flow.march(
         x, np.outer(x, begins), begins, np.full(STEPS, duration / STEPS), columns(first), columns(last),
         columns(felt), columns(held), columns(dynamics.last_body),
