@@ -26,7 +26,8 @@ def marched(arm, duration, x=None, held=None, torques=None):
     def columns(each):
         return np.tile(np.asarray(each, float)[:, None], STEPS)
 
-    held = np.concatenate([np.zeros(n) if held is None else held, np.zeros(2 * n)])
+    held = np.zeros(n) if held is None else np.asarray(held)
+    held = np.concatenate([held, np.zeros(3 * n - held.size)])
     out = flow.march(
         x, np.outer(x, begins), begins, np.full(STEPS, duration / STEPS), columns(first), columns(last),
         columns(felt), columns(held), columns(dynamics.last_body),
@@ -86,3 +87,12 @@ def test_a_joint_that_is_held_keeps_its_velocity_and_the_others_move_as_if_it_we
     np.testing.assert_allclose(end[[0, 2], -1], one, rtol=1e-10)
     np.testing.assert_array_equal(end[[1, 3], -1], 0.0)
     assert robot.nv == 2
+
+
+def test_a_joint_that_another_one_holds_keeps_its_velocity_at_its_own_torque():
+    lifted, carrying = [0.0, 1.0], [1.0, 0.0]
+    robot, dynamics, (end, _, _, rates) = marched("rr", 0.1, held=[0.0, 0.0, *lifted, *carrying])
+    q, v, a = end[:2, -1], end[2:, -1], rates[2:, -1]
+    np.testing.assert_allclose([v[1], a[1]], 0.0, atol=1e-12)
+    torque = np.ravel(dynamics.crba(q, dynamics.last_body) @ a + dynamics.nle(q, v, dynamics.last_body))
+    np.testing.assert_allclose(torque[1], TORQUE["rr"][1], rtol=1e-10)
