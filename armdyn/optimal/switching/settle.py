@@ -101,10 +101,10 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
             setting = setting.finer
         trial = Budget(stop, stop.left * _TRIAL) if isinstance(stop, Budget) and others else None
         own = setting if trial is None else replace(setting, budget=trial)
-        left = 0.0 if trial is None else trial.left
+        granted = 0.0 if trial is None else trial.left
         found = fastest(own, schedule, stop if trial is None else trial)
         if trial is not None and isinstance(stop, Budget):
-            stop.spend(left - trial.left)
+            stop.spend(granted - trial.left)
         finer, enough = setting.finer, _DRIFT if isinstance(found, Extremal) else _ASTRAY
         if found.linear is not None and found.linear.drift > enough and finer is not None and not stop:
             setting, schedule = finer, found.linear.march.schedule

@@ -91,7 +91,7 @@ def test_a_joint_that_is_held_keeps_its_velocity_and_the_others_move_as_if_it_we
 
 def test_a_joint_that_another_one_holds_keeps_its_velocity_at_its_own_torque():
     lifted, carrying = [0.0, 1.0], [1.0, 0.0]
-    robot, dynamics, (end, _, _, rates) = marched("rr", 0.1, held=[0.0, 0.0, *lifted, *carrying])
+    _, dynamics, (end, _, _, rates) = marched("rr", 0.1, held=[0.0, 0.0, *lifted, *carrying])
     q, v, a = end[:2, -1], end[2:, -1], rates[2:, -1]
     np.testing.assert_allclose([v[1], a[1]], 0.0, atol=1e-12)
     torque = np.ravel(dynamics.crba(q, dynamics.last_body) @ a + dynamics.nle(q, v, dynamics.last_body))
