@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.arcs.arc import BANG, POSITION, Mode
+from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, Mode
 from armdyn.optimal.switching.costates import Whole
 from armdyn.optimal.switching.extremal.change import Carrier, Change, Segment
 from armdyn.optimal.switching.extremal.descent import Extremal
@@ -108,6 +108,24 @@ def _carried_touches(extremal: Extremal, wrong: list[Wrong], refused: set[object
         return None
     contact = _held(extremal, schedule, replace(touch, touch=False), ends, Carrier(j, press, Mode.FREE), press)
     return CarriedTouches(contact, (touch.joint, j))
+
+
+def with_other_press(schedule: Schedule, wrong: list[Wrong]) -> Schedule | None:
+    """The schedule with joints in contact on their other torque limit where that is asked for; None: it is nowhere.
+
+    Args:
+        schedule: an extremal's.
+        wrong: its stretches on the wrong limit.
+    """
+    changes = list(schedule.changes)
+    for one in wrong:
+        for k, change in enumerate(schedule.changes):
+            if not one.carried or change.carrier is None or change.joint != one.joint:
+                continue
+            begin, end = schedule.span(Segment(k, schedule.end_of(k)))
+            if begin < (one.begin + one.end) / 2 < end:
+                changes[k] = replace(change, carrier=replace(change.carrier, press=OPPOSITE[one.mode]))
+    return replace(schedule, changes=tuple(changes)) if tuple(changes) != schedule.changes else None
 
 
 def _held(

@@ -5,9 +5,9 @@ from typing import Self
 
 import numpy as np
 
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.stop import Budget, Stop
 from armdyn.optimal.solve.ipopt import in_time
-from armdyn.optimal.switching.carried import with_carried_touches
+from armdyn.optimal.switching.carried import with_carried_touches, with_other_press
 from armdyn.optimal.switching.contacts import with_contacts
 from armdyn.optimal.switching.extremal.descent import Extremal, Resisted, fastest
 from armdyn.optimal.switching.extremal.flow import Flow, flow_of
@@ -29,6 +29,8 @@ _ASTRAY = 1e-3
 """The same where no extremal was found: then that may be why."""
 _SHORTER = 1e-11
 """Of the duration: what mending a contact gains at least, or it is left."""
+_TRIAL = 1 / 3
+"""Of the budget that is left: what a schedule may spend while others wait; those that lead on take a tenth."""
 _PATIENCE, _BETTER = 3, 0.7
 """Rounds in a row that come no nearer than by so much: more go in circles."""
 
@@ -95,13 +97,13 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
     for _ in range(_ROUNDS):
         while schedule.size + 1 > setting.most_arcs and setting.finer is not None:
             setting = setting.finer
-        found = fastest(setting, schedule, stop)
+        found, given_up = _tried(setting, schedule, stop, bool(others.left))
         finer, enough = setting.finer, _DRIFT if isinstance(found, Extremal) else _ASTRAY
         if found.linear is not None and found.linear.drift > enough and finer is not None and not stop:
             setting, schedule = finer, found.linear.march.schedule
             continue
         if isinstance(found, Resisted):
-            others.add(with_contacts(Extremal(found.linear), settled=False) if found.linear and not stop else [])
+            others.add(with_contacts(Extremal(found.linear), settled=False) if found.linear and not given_up else [])
             if not others.left or stop:
                 return best.or_else(found.linear, found.why)
             schedule = others.next()
@@ -129,7 +131,11 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
         if not wrong:
             return best
         schedule, left = with_signs(found, wrong), [one for one in wrong if one.joint not in others.refused]
-        if carried is not None:
+        pressed = None if "press" in others.refused else with_other_press(found.schedule, wrong)
+        if pressed is not None:
+            others.add([schedule], "press")
+            schedule = pressed
+        elif carried is not None:
             others.add([schedule], carried.pair)
             schedule = carried.schedule
         elif mended and left and (smooth := with_singular(found, left)) is not None:
@@ -137,6 +143,18 @@ def settled(setting: Setting, schedule: Schedule, stop: Stop) -> Settled:
             schedule = smooth
         mended = True
     return best
+
+
+def _tried(setting: Setting, schedule: Schedule, stop: Stop, waiting: bool) -> tuple[Extremal | Resisted, bool]:
+    """What a schedule leads to, within a part of the budget where others wait; and whether it was given up."""
+    if not waiting or not isinstance(stop, Budget):
+        found = fastest(setting, schedule, stop)
+        return found, bool(stop)
+    granted = stop.left * _TRIAL
+    trial = Budget(stop, granted)
+    found = fastest(replace(setting, budget=trial), schedule, trial)
+    stop.spend(granted - trial.left)
+    return found, bool(trial)
 
 
 class _Others:

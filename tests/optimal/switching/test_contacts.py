@@ -34,6 +34,23 @@ def test_a_contact_that_the_limit_would_have_to_pull_at_is_a_bounce():
 
 
 @pytest.mark.slow
+def test_another_joint_holds_a_contact_while_the_joints_own_torque_is_full():
+    robot = ad.Robot.from_spec(ad.ArmSpec.paper("rrr"), ad.Payload(mass=0.2685543656666321))
+    start = [1.3538952218800082, -2.962781719364377, 0.5902218077250847]
+    goal = [0.2689775131611496, -2.8568124099531347, 1.4650162520040144]
+    problem = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal)
+    solution = ad.solve_minimum_time(problem)
+    assert solution.certified
+    held = [k for k, arc in enumerate(solution.arcs) if arc.modes[1] is Mode.POSITION_LOWER]
+    assert held
+    assert all(solution.arcs[k].modes[2] is Mode.FREE for k in held)
+    own = np.isin(solution.phases.arc_of, held)
+    limits = problem.limits
+    assert np.allclose(solution.phases.tau[own, :, 1], limits.effort_upper[1])
+    assert np.all(np.abs(solution.phases.tau[own, :, 2]) < limits.effort_upper[2])
+
+
+@pytest.mark.slow
 def test_a_contact_that_is_pushed_all_along_stays():
     problem = random_problem(53)
     solution = ad.solve_minimum_time(problem)

@@ -98,3 +98,12 @@ def test_a_joint_whose_own_torque_is_given_is_held_by_another():
 
     one = solve_ivp(rate, (0, 0.05), x, "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
     np.testing.assert_allclose(end[:, -1], one, rtol=1e-9)
+
+
+def test_a_joint_that_another_one_holds_keeps_its_velocity_at_its_own_torque():
+    lifted, carrying = [0.0, 1.0], [1.0, 0.0]
+    _, dynamics, (end, _, _, rates) = marched("rr", 0.1, held=[0.0, 0.0, *lifted, *carrying])
+    q, v, a = end[:2, -1], end[2:, -1], rates[2:, -1]
+    np.testing.assert_allclose([v[1], a[1]], 0.0, atol=1e-12)
+    torque = np.ravel(dynamics.crba(q, dynamics.last_body) @ a + dynamics.nle(q, v, dynamics.last_body))
+    np.testing.assert_allclose(torque[1], TORQUE["rr"][1], rtol=1e-10)
