@@ -1,7 +1,7 @@
 """From a mesh's solution to its arcs: the structure whose switching functions agree with its modes."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,8 @@ from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.switch_mesh import at_switches
 from armdyn.optimal.switching.costates import phases_of
 from armdyn.optimal.switching.extremal.descent import Extremal
+from armdyn.optimal.switching.extremal.march import Setting
+from armdyn.optimal.switching.extremal.schedule import Schedule
 from armdyn.optimal.switching.reading import schedules_of
 from armdyn.optimal.switching.settle import Settled, has_switching, leaves_idle, prepare_switching, setting_of, settled
 from armdyn.optimal.task.task import Task
@@ -44,15 +46,14 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
     remark = f"{task.stop.word} before the arcs were read"
     if not task.stop:
         own, marched = Budget(task.stop) if budget is None else budget, has_switching(task)
-        sharp, arcs = at_switches(task, attempt) if marched else attempt, _arcs_of(task, attempt)
         if marched:
-            tries = [] if sharp is attempt else [(sharp, task.policy.refinement.glance)]
-            extremal, remark = _by_switching(task, [*tries, (attempt, task.policy.refinement.share)], own)
+            found = _by_switching(task, attempt, own)
+            extremal, remark, sharp = found.extremal, found.why, found.mesh
             known += [land_extremal(task, extremal, attempt.intervals, own)] if extremal else []
         # Where no schedule leads to a motion a finer mesh does sooner than the collocation of arcs, at less cost.
         other = not marched or remark == _IDLE or _at_speed(task, motion, *(one.trajectory for one in known))
         if other and not (known and known[0].certificate.ok):
-            phases, remark = _structure(task, arcs, motion, budget)
+            phases, remark = _structure(task, _arcs_of(task, attempt), motion, budget)
             if phases is not None:
                 known.append(land(task, phases, remark, attempt.intervals))
                 remark = known[-1].certificate.remark
@@ -147,38 +148,72 @@ def _structure(task: Task, arcs: list[Arc], motion: Trajectory, budget: Budget |
     return last, "the switching structure did not settle"
 
 
-def _by_switching(task: Task, meshes: Sequence[tuple[Attempt, float]], budget: Budget) -> tuple[Extremal | None, str]:
-    """The extremal that a structure comes to when it is mended, or what is nearest to one; and what it lacks.
+@dataclass(frozen=True, eq=False)
+class _Marched:
+    """Result of the structures of a mesh's solution.
 
-    Args:
-        task: what is solved.
-        meshes: solutions that structures are read from, each with the part of the policy's budget that one may take.
-        budget: of integrator steps.
-
-    Returns:
-        None: nothing lands, or time does not determine what some joint does.
+    Attributes:
+        extremal: the best; None: nothing lands, or time does not determine what some joint does.
+        why: what it lacks, for people; "": nothing.
+        mesh: the solution refined at its switches, where that was needed; else the one on equal intervals.
     """
-    setting, found = setting_of(task, meshes[0][0].trajectory.duration), Settled(None, np.inf, "")
-    best, least = found, (np.inf, np.inf)
-    enough = 0.0, (1 + _SAME) * meshes[0][0].trajectory.duration
-    tries = (
-        (schedule, part)
-        for attempt, part in meshes
-        for schedule in schedules_of(setting, _arcs_of(task, attempt), attempt.trajectory, attempt.knots is not None)
-    )
-    for schedule, share in tries:
-        part = min(budget.left, task.policy.refinement.budget * share)
-        own = Budget(task.stop, part)
+
+    extremal: Extremal | None
+    why: str
+    mesh: Attempt
+
+
+class _Structures:
+    """Structures of a mesh's solution in the order in which they are tried.
+
+    Those of equal intervals come first, then those of a mesh refined at its switches; then the first ones again, with
+    more of the budget, where that ended them.
+
+    Attributes:
+        mesh: the finest solution that structures were read from.
+    """
+
+    def __init__(self, task: Task, attempt: Attempt, setting: Setting) -> None:
+        self.mesh = attempt
+        self._task, self._setting, self._cut = task, setting, list[Schedule]()
+
+    def tries(self) -> Iterator[tuple[Schedule, int]]:
+        """Schedules, each with the integrator steps that it may take."""
+        numbers, attempt = self._task.policy.refinement, self.mesh
+        yield from ((schedule, numbers.glance) for schedule in self._read())
+        self.mesh = at_switches(self._task, attempt)
+        if self.mesh is not attempt:
+            yield from ((schedule, numbers.glance) for schedule in self._read())
+        yield from ((schedule, numbers.share) for schedule in self._cut)
+
+    def cut_short(self, schedule: Schedule) -> None:
+        """The steps granted to a schedule were not enough."""
+        if self.mesh.knots is None:
+            self._cut.append(schedule)
+
+    def _read(self) -> list[Schedule]:
+        arcs, sure = _arcs_of(self._task, self.mesh), self.mesh.knots is not None
+        return list(schedules_of(self._setting, arcs, self.mesh.trajectory, sure))
+
+
+def _by_switching(task: Task, attempt: Attempt, budget: Budget) -> _Marched:
+    """The extremal that a structure comes to when it is mended, or what is nearest to one."""
+    setting, best, least = setting_of(task, attempt.trajectory.duration), Settled(None, np.inf, ""), (np.inf, np.inf)
+    structures = _Structures(task, attempt, setting)
+    for schedule, most in structures.tries():
+        granted = min(budget.left, most)
+        own = Budget(task.stop, granted)
         found = settled(replace(setting, budget=own), schedule, own)
-        budget.spend(part - own.left)
+        budget.spend(granted - own.left)
+        if own:
+            structures.cut_short(schedule)
+        best = found if best.extremal is None else best
         if (lack := _lack(task, found)) < least:
             best, least = found, lack
-        if least <= enough or budget:
+        if least[0] == 0 or budget:
             break
-    if best.extremal is None:
-        return None, found.why
-    idle = leaves_idle(best.extremal, SWITCHING_TOLERANCE)
-    return (None, _IDLE) if idle else (best.extremal, best.why)
+    idle = best.extremal is not None and leaves_idle(best.extremal, SWITCHING_TOLERANCE)
+    return _Marched(None, _IDLE, structures.mesh) if idle else _Marched(best.extremal, best.why, structures.mesh)
 
 
 def _lack(task: Task, settled: Settled) -> tuple[float, float]:

@@ -51,7 +51,7 @@ def _finer(task: Task, attempt: Attempt, numbers: SwitchMeshPolicy) -> Array:
     lengths = np.diff(knots)
     middle = attempt.trajectory(attempt.trajectory.duration * (knots[:-1] + knots[1:]) / 2)
     levels = (middle.tau - (limits.effort_upper + limits.effort_lower) / 2) / limits.effort_size
-    more: list[float] = []
+    more = [float(time) for time in _beyond_limits(task, attempt, numbers)]
     for level in levels.T[~limits.passive]:
         for run in stretches(np.flatnonzero(np.abs(level) < 1 - task.policy.arcs.near)):
             stretch = _Stretch.of(level, knots, run)
@@ -63,6 +63,16 @@ def _finer(task: Task, attempt: Attempt, numbers: SwitchMeshPolicy) -> Array:
                     inside = knots[k] + numbers.margin * lengths[k], knots[k + 1] - numbers.margin * lengths[k]
                     more += [float(np.clip(time + side * half, *inside)) for side in (-1, 1)]
     return np.unique(np.concatenate([knots, more]))
+
+
+def _beyond_limits(task: Task, attempt: Attempt, numbers: SwitchMeshPolicy) -> Array:
+    """Times at which a position limit is exceeded between the points that keep it, as parts of the duration."""
+    limits, knots, motion = task.problem.limits, attempt.mesh, attempt.trajectory
+    lengths = np.diff(knots)
+    points = (knots[:-1, None] + lengths[:, None] * np.array([0.25, 0.75]))[lengths > numbers.least].ravel()
+    q = motion(points * motion.duration).q
+    beyond = np.maximum(q - limits.position_upper, limits.position_lower - q)
+    return np.asarray(points[np.any(beyond > numbers.beyond * (limits.position_upper - limits.position_lower), axis=1)])
 
 
 @dataclass(frozen=True, eq=False)

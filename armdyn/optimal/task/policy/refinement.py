@@ -18,19 +18,13 @@ class RefinementPolicy:
     lists_slower: bool = by_kind(
         "-", "beyond one joint an optimum slower than a certified one is only listed", "RR, RRR"
     )
-    budget: int = tuned(
-        180_000,
+    budget: int = by_kind(
         "integrator steps",
-        "of all optima's arcs together: two thirds of what is left go to each in turn; spent in about 4 s of one core",
-        "RRR and random arms (seed 1, poses within ±π)",
+        "of all optima's arcs together: two thirds of what is left go to each in turn; spent in about 3 s of one core",
+        "RR, RRR and random arms (poses within ±π)",
     )
-    glance: float = tuned(
-        0.1,
-        "of the budget",
-        "to a structure read from switches that were located: most need a fiftieth",
-        "RRR, random pairs",
-    )
-    share: float = tuned(0.45, "of the budget", "to any other structure, at most", "RRR, random pairs")
+    glance: int = tuned(18_000, "integrator steps", "to a structure at first: most need 4000", "RR, RRR, random pairs")
+    share: int = tuned(80_000, "integrator steps", "to one of equal intervals in the end", "RR, RRR, random pairs")
     iteration: int = tuned(
         8,
         "integrator steps",
@@ -69,6 +63,9 @@ class SwitchMeshPolicy:
     margin: float = tuned(0.02, "of an interval", "and so far from the others", "RRR, random pairs")
     switch: int = tuned(2, "intervals", "off all limits in a row are a switch; more are an arc", "RRR, random pairs")
     least: float = tuned(1e-5, "of the duration", "a shorter interval is not divided", "RRR, random pairs")
+    beyond: float = tuned(
+        3e-7, "of a joint's range", "where a position limit is exceeded by more a knot is put", "RRR, random pairs"
+    )
     tolerance: float = tuned(1e-9, "scaled", "of a solution: times are then right to the interval", "RRR, random pairs")
     iterations: int = tuned(100, "iterations", "at most: most take 30", "RRR, random pairs")
     slower: float = tuned(1e-2, "of the duration", "a solution that is so much slower is another optimum", "RRR")
