@@ -18,6 +18,7 @@ from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land, land_extremal
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.solve.condensed import solve_on_knots
 from armdyn.optimal.solve.switch_mesh import at_switches
 from armdyn.optimal.switching.costates import phases_of
 from armdyn.optimal.switching.extremal.descent import Extremal
@@ -63,7 +64,7 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
     longest = (1 + _SAME) * sharp.trajectory.duration
     if known and not _rank(known[0])[0] and known[0].trajectory.duration <= longest:
         return known[0]  # usable, and the mesh's own motion is slower
-    for mesh in (sharp, attempt) if sharp is not attempt else (attempt,):
+    for mesh in _alike(task, sharp, attempt):
         landed, replay = aimed(task, mesh.trajectory)
         certificate = certify(task.problem, replay, None, remark)
         known.append(Optimum(landed, certificate, landed.duration, attempt.intervals))
@@ -71,6 +72,23 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
             break
     # Arcs that are not certified are worth having only if their motion is the better one.
     return min(known, key=_rank)
+
+
+def _alike(task: Task, sharp: Attempt, attempt: Attempt) -> Iterator[Attempt]:
+    """Solutions of one optimum: at located switches, the same a little inside the position limits, equal intervals."""
+    yield sharp
+    if sharp is attempt:
+        return
+    limits = task.problem.limits
+    inside = task.policy.switch_mesh.inside * (limits.position_upper - limits.position_lower)
+    lower, upper = limits.position_lower + inside, limits.position_upper - inside
+    ends = np.array([task.problem.q_start, task.problem.q_goal])
+    if np.all(np.isfinite(inside)) and np.all((ends >= lower) & (ends <= upper)):
+        tighter = replace(task, problem=task.problem.variant(position_limit=(lower, upper)))
+        found = solve_on_knots(tighter, sharp.trajectory, sharp.mesh, task.sharp())
+        if found.usable:
+            yield found
+    yield attempt
 
 
 def _at_speed(task: Task, *motions: Trajectory) -> bool:
@@ -167,7 +185,7 @@ class _Structures:
     """Structures of a mesh's solution in the order in which they are tried.
 
     Those of equal intervals come first, then those of a mesh refined at its switches; then the first ones again, with
-    more of the budget, where that ended them.
+    more of the budget.
 
     Attributes:
         mesh: the finest solution that structures were read from.
@@ -175,21 +193,17 @@ class _Structures:
 
     def __init__(self, task: Task, attempt: Attempt, setting: Setting) -> None:
         self.mesh = attempt
-        self._task, self._setting, self._cut = task, setting, list[Schedule]()
+        self._task, self._setting = task, setting
 
     def tries(self) -> Iterator[tuple[Schedule, int]]:
         """Schedules, each with the integrator steps that it may take."""
         numbers, attempt = self._task.policy.refinement, self.mesh
-        yield from ((schedule, numbers.glance) for schedule in self._read())
+        first = self._read()
+        yield from ((schedule, numbers.glance) for schedule in first)
         self.mesh = at_switches(self._task, attempt)
         if self.mesh is not attempt:
-            yield from ((schedule, numbers.glance) for schedule in self._read())
-        yield from ((schedule, numbers.share) for schedule in self._cut)
-
-    def cut_short(self, schedule: Schedule) -> None:
-        """The steps granted to a schedule were not enough."""
-        if self.mesh.knots is None:
-            self._cut.append(schedule)
+            yield from ((schedule, numbers.sharp) for schedule in self._read())
+        yield from ((schedule, numbers.share) for schedule in first)
 
     def _read(self) -> list[Schedule]:
         arcs, sure = _arcs_of(self._task, self.mesh), self.mesh.knots is not None
@@ -205,8 +219,6 @@ def _by_switching(task: Task, attempt: Attempt, budget: Budget) -> _Marched:
         own = Budget(task.stop, granted)
         found = settled(replace(setting, budget=own), schedule, own)
         budget.spend(granted - own.left)
-        if own:
-            structures.cut_short(schedule)
         best = found if best.extremal is None else best
         if (lack := _lack(task, found)) < least:
             best, least = found, lack

@@ -23,8 +23,11 @@ class RefinementPolicy:
         "of all optima's arcs together: two thirds of what is left go to each in turn; spent in about 3 s of one core",
         "RR, RRR and random arms (poses within ±π)",
     )
-    glance: int = tuned(18_000, "integrator steps", "to a structure at first: most need 4000", "RR, RRR, random pairs")
-    share: int = tuned(80_000, "integrator steps", "to one of equal intervals in the end", "RR, RRR, random pairs")
+    glance: int = tuned(
+        8_000, "integrator steps", "to a structure of equal intervals at first: most need 4000", "RR, RRR, random pairs"
+    )
+    sharp: int = tuned(18_000, "integrator steps", "to one of a mesh refined at its switches", "RR, RRR, random pairs")
+    share: int = tuned(120_000, "integrator steps", "to one of equal intervals in the end", "RR, RRR, random pairs")
     iteration: int = tuned(
         8,
         "integrator steps",
@@ -65,6 +68,9 @@ class SwitchMeshPolicy:
     least: float = tuned(1e-5, "of the duration", "a shorter interval is not divided", "RRR, random pairs")
     beyond: float = tuned(
         3e-7, "of a joint's range", "where a position limit is exceeded by more a knot is put", "RRR, random pairs"
+    )
+    inside: float = tuned(
+        3e-5, "of a joint's range", "a motion that exceeds a position limit between knots is kept so far inside", "RRR"
     )
     tolerance: float = tuned(1e-9, "scaled", "of a solution: times are then right to the interval", "RRR, random pairs")
     iterations: int = tuned(100, "iterations", "at most: most take 30", "RRR, random pairs")
