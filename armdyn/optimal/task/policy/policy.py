@@ -82,7 +82,7 @@ class Policy:
                 again=joints > 1 and not crowded,
             ),
             refinement=RefinementPolicy(
-                extremal_is_enough=joints > 2, lists_slower=joints > 1, budget=150_000 if joints > 2 else 240_000
+                extremal_is_enough=joints > 2, lists_slower=joints > 1, budget=150_000 if joints > 2 else 180_000
             ),
             smooth=SmoothPolicy(starts=_by_joints(joints, 2, 16, 24), refined=10 if joints == 2 else 6),
             indirect=IndirectPolicy(starts=_by_joints(joints, 1, 6, 16)),
