@@ -67,15 +67,15 @@ if TYPE_CHECKING:
         time_optimality,
         trajectory_from_path,
     )
-    from armdyn.studies.plants.monte_carlo import monte_carlo
-    from armdyn.studies.plants.plants import Plants
-    from armdyn.studies.plants.question import MonteCarloOptions
-    from armdyn.studies.plants.result import MonteCarlo
+    from armdyn.studies.executors.dask_cluster import dask_executor
+    from armdyn.studies.monte_carlo import monte_carlo
+    from armdyn.studies.monte_carlo_result import MonteCarlo
+    from armdyn.studies.plant_study import MonteCarloOptions
+    from armdyn.studies.plants import Plants
+    from armdyn.studies.reading import read_study
     from armdyn.studies.reserve import ReserveCurve, likely_plants, reserve_curve
-    from armdyn.studies.sweeps.executors.dask_cluster import cluster_crew
-    from armdyn.studies.sweeps.export import study_table
-    from armdyn.studies.sweeps.reading import read_study
-    from armdyn.studies.sweeps.run import run_study
+    from armdyn.studies.run import run_study
+    from armdyn.studies.tables import study_table
     from armdyn.studies.tuning.families import ControllerFamily, Parameter, Ramps
     from armdyn.studies.tuning.tune import Tuned, TuneOptions, tune
     from armdyn.trajectory import Sample, Samples, Trajectory
@@ -93,14 +93,14 @@ else:
             "optimal": "Arc Certificate FrameSpeedLimit LowerBound MinimumTimeOptions MinimumTimeProblem Sensitivities "
             "Solution Status TimeOptimality TorqueRateLimit "
             "lower_bound read_problem replay_torques solve_minimum_time time_optimality trajectory_from_path",
-            "studies.plants.monte_carlo": "monte_carlo",
-            "studies.plants.plants": "Plants",
-            "studies.plants.question": "MonteCarloOptions",
-            "studies.plants.result": "MonteCarlo",
-            "studies.sweeps.executors.dask_cluster": "cluster_crew",
-            "studies.sweeps.export": "study_table",
-            "studies.sweeps.reading": "read_study",
-            "studies.sweeps.run": "run_study",
+            "studies.monte_carlo": "monte_carlo",
+            "studies.plants": "Plants",
+            "studies.plant_study": "MonteCarloOptions",
+            "studies.monte_carlo_result": "MonteCarlo",
+            "studies.executors.dask_cluster": "dask_executor",
+            "studies.tables": "study_table",
+            "studies.reading": "read_study",
+            "studies.run": "run_study",
             "studies.tuning.families": "ControllerFamily Parameter Ramps",
             "studies.tuning.tune": "TuneOptions Tuned tune",
             "studies.reserve": "ReserveCurve likely_plants reserve_curve",
@@ -171,7 +171,7 @@ __all__ = [
     "__version__",
     "characteristic_polynomial",
     "closed_loop_eigenvalues",
-    "cluster_crew",
+    "dask_executor",
     "gain_plane",
     "least_stable_factor",
     "likely_plants",

@@ -1,4 +1,4 @@
-"""Jobs side by side in processes that end with the one that hired them."""
+"""Run jobs in parallel in forked processes, which end with the process that forked them."""
 
 import ctypes
 import multiprocessing
@@ -15,14 +15,14 @@ from typing import Any, Generic, TypeVar
 from armdyn.locks import one_at_a_time
 
 Result = TypeVar("Result")
-Crew = Mapping[Connection, ForkProcess]
+Processes = Mapping[Connection, ForkProcess]
 
 _GRACE = 0.75
 """Who is still at work so long after an interrupt is interrupted once more, and after as long again killed [s]: whoever
 pressed Ctrl-C waits two seconds at most."""
 _PR_SET_PDEATHSIG = 1
 
-_ours: set[Connection] = set()
+_own_ends: set[Connection] = set()
 """Our ends of all lines to workers. A worker must not keep those of others: they would never hear that we ended."""
 
 
@@ -38,8 +38,8 @@ def in_processes(jobs: Sequence[Callable[[], Result]], workers: int | None) -> G
         workers: processes at most; None: one per core. With one, within a worker, or where there is no fork, all is
             done here.
     """
-    with _crew(jobs, workers) as crew:
-        ended, known = _ended(jobs, crew), dict[int, tuple[Result] | None]()
+    with _forked(jobs, workers) as processes:
+        ended, known = _ended(jobs, processes), dict[int, tuple[Result] | None]()
         for k, job in enumerate(jobs):
             while k not in known:
                 known.update([next(ended)])
@@ -47,7 +47,7 @@ def in_processes(jobs: Sequence[Callable[[], Result]], workers: int | None) -> G
             yield job() if result is None else result[0]
 
 
-def as_they_end(
+def as_completed(
     jobs: Sequence[Callable[[], Result]], workers: int | None, after: Mapping[int, Collection[int]] | None = None
 ) -> Generator[Result]:
     """The jobs' results as `in_processes` gives them, but each as soon as it is there.
@@ -63,13 +63,13 @@ def as_they_end(
     Raises:
         ValueError: jobs wait for each other.
     """
-    with _crew(jobs, workers, patient=True) as crew:
-        for k, result in _ended(jobs, crew, after or {}):
+    with _forked(jobs, workers, patient=True) as processes:
+        for k, result in _ended(jobs, processes, after or {}):
             yield jobs[k]() if result is None else result[0]
 
 
 @contextmanager
-def beside(job: Callable[[], Result], workers: int | None) -> Iterator[Callable[[], Result]]:
+def concurrently(job: Callable[[], Result], workers: int | None) -> Iterator[Callable[[], Result]]:
     """A job in a process of its own while this one goes on; what is yielded waits for the result, and gives it.
 
     Args:
@@ -77,14 +77,14 @@ def beside(job: Callable[[], Result], workers: int | None) -> Iterator[Callable[
         workers: processes at most; with one there is no other.
     """
     known: list[Result] = []
-    with _crew([job] if workers != 1 else [], None, least=1) as crew:
-        for line in crew:
+    with _forked([job] if workers != 1 else [], None, least=1) as processes:
+        for line in processes:
             with suppress(OSError):  # else it is no more
                 line.send(0)
 
         def result() -> Result:
             if not known:
-                for line in crew:
+                for line in processes:
                     with suppress(OSError, EOFError):
                         known.append(line.recv())
             if not known:
@@ -94,7 +94,7 @@ def beside(job: Callable[[], Result], workers: int | None) -> Iterator[Callable[
         yield result
 
 
-class Workers(Generic[Result]):
+class ForkPool(Generic[Result]):
     """Forks that do one kind of thing to whatever they are given; one that dies is replaced by another.
 
     Attributes:
@@ -104,7 +104,7 @@ class Workers(Generic[Result]):
     def __init__(self, do: Callable[[Any], Result], count: int):
         self.count = count
         self._do = do
-        self._crew: dict[Connection, ForkProcess] = {}
+        self._processes: dict[Connection, ForkProcess] = {}
         self._idle: list[Connection] = []
         self._under_way: dict[Connection, int] = {}
 
@@ -113,15 +113,15 @@ class Workers(Generic[Result]):
         """So many can be given something now."""
         return self.count - len(self._under_way)
 
-    def give(self, number: int, what: object) -> None:
+    def submit(self, number: int, what: object) -> None:
         """Have one of those that are idle do it.
 
         Args:
-            number: under which `ended` tells of it.
+            number: under which `finished` tells of it.
             what: is pickled.
         """
         while True:
-            line = self._idle.pop() if self._idle else _hire(self._do, self._crew)
+            line = self._idle.pop() if self._idle else _fork(self._do, self._processes)
             try:
                 line.send(what)
             except OSError:  # it died while it was idle
@@ -130,7 +130,7 @@ class Workers(Generic[Result]):
             self._under_way[line] = number
             return
 
-    def ended(self, seconds: float) -> list[tuple[int, int | None, tuple[Result] | None]]:
+    def finished(self, seconds: float) -> list[tuple[int, int | None, tuple[Result] | None]]:
         """Number, process and result of what has ended; instead of a result None where the worker died.
 
         Args:
@@ -139,7 +139,7 @@ class Workers(Generic[Result]):
         found: list[tuple[int, int | None, tuple[Result] | None]] = []
         for line in wait(list(self._under_way), seconds):
             assert isinstance(line, Connection)  # noqa: S101  # nothing else was given
-            number, process = self._under_way.pop(line), self._crew[line].pid
+            number, process = self._under_way.pop(line), self._processes[line].pid
             try:
                 found.append((number, process, (line.recv(),)))
                 self._idle.append(line)
@@ -150,19 +150,19 @@ class Workers(Generic[Result]):
 
     def close(self) -> None:
         """Kill them, whatever they are at."""
-        for line in list(self._crew):
+        for line in list(self._processes):
             self._dismiss(line)
 
     def _dismiss(self, line: Connection) -> None:
-        worker = self._crew.pop(line)
-        _ours.discard(line)
+        worker = self._processes.pop(line)
+        _own_ends.discard(line)
         line.close()
         worker.kill()
         worker.join()
 
 
 @contextmanager
-def workers_of(do: Callable[[Any], Result], count: int | None) -> Iterator[Workers[Result]]:
+def fork_pool(do: Callable[[Any], Result], count: int | None) -> Iterator[ForkPool[Result]]:
     """Workers for as long as they are wanted; afterwards they are killed. They end with this process, too.
 
     Args:
@@ -174,7 +174,7 @@ def workers_of(do: Callable[[Any], Result], count: int | None) -> Iterator[Worke
     """
     if "fork" not in multiprocessing.get_all_start_methods():
         raise OSError("processes cannot be forked on this system")
-    workers = Workers(do, count or os.cpu_count() or 1)
+    workers = ForkPool(do, count or os.cpu_count() or 1)
     try:
         yield workers
     finally:
@@ -182,10 +182,10 @@ def workers_of(do: Callable[[Any], Result], count: int | None) -> Iterator[Worke
 
 
 def _ended(
-    jobs: Sequence[Callable[[], Result]], crew: Crew, after: Mapping[int, Collection[int]] | None = None
+    jobs: Sequence[Callable[[], Result]], processes: Processes, after: Mapping[int, Collection[int]] | None = None
 ) -> Iterator[tuple[int, tuple[Result] | None]]:
     """Numbers of jobs that are no longer under way, with their results; None: it is to be done here."""
-    idle, under_way = list(crew), dict[Connection, int]()
+    idle, under_way = list(processes), dict[Connection, int]()
     waiting, known = list(range(len(jobs))), set[int]()
 
     def free() -> int | None:
@@ -217,42 +217,42 @@ def _ended(
 
 
 @contextmanager
-def _crew(
+def _forked(
     jobs: Sequence[Callable[[], object]], workers: int | None, patient: bool = False, least: int = 2
-) -> Iterator[Crew]:
+) -> Iterator[Processes]:
     """Workers at the ends of their lines; none where all is to be done here, as of fewer than the least."""
     count = min(workers or os.cpu_count() or 1, len(jobs))
     forks = "fork" in multiprocessing.get_all_start_methods() and not multiprocessing.current_process().daemon
-    crew: dict[Connection, ForkProcess] = {}
+    processes: dict[Connection, ForkProcess] = {}
     try:
-        while forks and len(crew) < count >= least:
-            _hire(lambda k: jobs[k](), crew)
-        yield crew
+        while forks and len(processes) < count >= least:
+            _fork(lambda k: jobs[k](), processes)
+        yield processes
     finally:
-        _ours.difference_update(crew)
-        for line in crew:
+        _own_ends.difference_update(processes)
+        for line in processes:
             with suppress(OSError):  # else it is no more
                 line.send(None)
             line.close()
         try:
             if patient:
-                _interrupt(crew.values())
+                _interrupt(processes.values())
         finally:
-            for worker in crew.values():  # nobody waits for their end, which takes as long as a small solve
+            for worker in processes.values():  # nobody waits for their end, which takes as long as a small solve
                 worker.kill()
 
 
-def _hire(do: Callable[[Any], object], crew: dict[Connection, ForkProcess]) -> Connection:
+def _fork(do: Callable[[Any], object], processes: dict[Connection, ForkProcess]) -> Connection:
     context = multiprocessing.get_context("fork")
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # until who is born is deaf to it
     try:
         with one_at_a_time:  # or another thread's worker might keep the other end
             ours, theirs = context.Pipe()
-            _ours.add(ours)
+            _own_ends.add(ours)
             worker = context.Process(target=_work, args=(do, theirs, os.getpid()), daemon=True)
             worker.start()
             theirs.close()
-        crew[ours] = worker
+        processes[ours] = worker
         return ours
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
@@ -275,7 +275,7 @@ def _work(do: Callable[[Any], object], line: Connection, owner: int) -> None:
         if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # by inheritance: it stays so
             signal.signal(signal.SIGINT, lambda number, frame: None)  # a `Stop` says so, or a job that listens
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-        for other in _ours:
+        for other in _own_ends:
             other.close()
         while (what := line.recv()) is not None:
             line.send(do(what))

@@ -43,12 +43,12 @@ def work(numbers: range, keep: str | None) -> None:
     import pinocchio as pin
 
     from armdyn.errors import ArmdynError
-    from armdyn.models import PAPER_ARMS, ArmSpec, Robot, urdf_from_spec
+    from armdyn.models import PLANAR_ARMS, ArmSpec, Robot, urdf_from_spec
     from armdyn.models.robots.library import library_urdf
     from mutations import mutated
 
     bases = [
-        (urdf_from_spec(ArmSpec.paper(name)) if name in PAPER_ARMS else library_urdf(name)[0].read_text(), joints)
+        (urdf_from_spec(ArmSpec.paper(name)) if name in PLANAR_ARMS else library_urdf(name)[0].read_text(), joints)
         for name, joints in BASES.items()
     ]
     now = int(re.search(r"VmSize:\s+(\d+)", Path("/proc/self/status").read_text())[1]) * 1024

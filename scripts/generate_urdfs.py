@@ -8,7 +8,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from armdyn.models import PAPER_ARMS, ArmSpec, Payload, urdf_from_spec
+from armdyn.models import PLANAR_ARMS, ArmSpec, Payload, urdf_from_spec
 from armdyn.paper import PAYLOADS
 
 FOLDER = Path(__file__).resolve().parent.parent / "urdf"
@@ -17,7 +17,7 @@ FOLDER = Path(__file__).resolve().parent.parent / "urdf"
 def contents() -> dict[str, str]:
     """File name to URDF text, for three arms times eleven loads."""
     files = {}
-    for arm in PAPER_ARMS:
+    for arm in PLANAR_ARMS:
         spec = ArmSpec.paper(arm)
         files[f"{arm}.urdf"] = urdf_from_spec(spec)
         for mass in PAYLOADS:

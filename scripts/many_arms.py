@@ -30,7 +30,7 @@ def random_arms(folder: Path) -> None:
     problem = ad.MinimumTimeProblem(robot, q_start=poses.q_start, q_goal=poses.q_goal, reserve=0.1)
     motion = ad.solve_minimum_time(problem).trajectory
     for word, friction in (("without friction", {}), ("with friction", FRICTION)):
-        began, file = time.perf_counter(), folder / f"rows {word}.jsonl"
+        began, file = time.perf_counter(), folder / f"rows {word}.sqlite"
         found = ad.monte_carlo(robot, motion, plants=ad.Plants(seed=1, **friction), file=file)
         seconds = time.perf_counter() - began
         median, nine, most, worst = found.quantiles()
@@ -38,7 +38,7 @@ def random_arms(folder: Path) -> None:
         print(
             f"  settled time {median:.3f} s (median), {nine:.3f} s (90 %), {most:.3f} s (99 %), {worst:.3f} s (worst)"
         )
-        print(f"  the worst: arm {found.worst.k}, {found.worst.draw.payload:.3f} times the payload")
+        print(f"  the worst: arm {found.worst.k}, {found.worst.sample.payload:.3f} times the payload")
         settled = f"{found.success(WITHIN).settled} of {len(found.rows)} settle within {WITHIN:.2f} s"
         figure = plot_envelope(found.envelope(), f"RRR {word}: {settled}")
         save_figure(figure, folder / f"envelope {word}.png")

@@ -25,8 +25,8 @@ import pinocchio as pin
 from scipy.stats import binomtest
 
 import armdyn as ad
-from armdyn.optimal.task.effort import EFFORTS
 from armdyn.optimal.task.policy import Policy
+from armdyn.optimal.task.search_level import SEARCH_LEVELS
 
 SAME = 1e-6
 """Largest relative difference of two durations that count as the same optimum."""
@@ -110,11 +110,11 @@ def measured(given: argparse.Namespace) -> None:
         if k in done:
             continue
         problem = problem_of(given, k)
-        options = ad.MinimumTimeOptions(effort=given.effort, time_limit=given.time_limit)
+        options = ad.MinimumTimeOptions(search=given.search, time_limit=given.time_limit)
         line: dict[str, object] = {"pair": k, "case": case_of(given), "own": solved(problem, options)}
         if given.times:
             starts = given.times * Policy.of(problem).search.starts
-            more = ad.MinimumTimeOptions(effort="thorough", starts=starts, time_limit=20 * given.time_limit)
+            more = ad.MinimumTimeOptions(search="thorough", starts=starts, time_limit=20 * given.time_limit)
             line["more"] = solved(problem, more)
         with given.out.open("a") as file:
             file.write(json.dumps(line) + "\n")
@@ -132,7 +132,7 @@ def case_of(given: argparse.Namespace) -> str:
     links = {"paper": "paper's links", "other": "other links", "random": "random links"}[given.links]
     poses = f"poses within ±{given.reach:.3g} rad"
     return (
-        f"{given.arm.upper()}, {links}, {limits}, {poses}, to {given.payload:g} kg, seed {given.seed}, {given.effort}"
+        f"{given.arm.upper()}, {links}, {limits}, {poses}, to {given.payload:g} kg, seed {given.seed}, {given.search}"
     )
 
 
@@ -181,7 +181,7 @@ def main() -> None:
     parser.add_argument("--limits", choices=("position", "none", "velocity", "random"), default="position")
     parser.add_argument("--reach", type=float, default=np.pi, metavar="RAD", help="poses are uniform within ± this")
     parser.add_argument("--payload", type=float, default=0.3, metavar="KG", help="the largest")
-    parser.add_argument("--effort", choices=EFFORTS, default="normal")
+    parser.add_argument("--search", choices=SEARCH_LEVELS, default="normal")
     parser.add_argument("--pairs", type=int, default=100)
     parser.add_argument("--first", type=int, default=0, help="number of the first pair")
     parser.add_argument("--seed", type=int, default=1, help="1 is what was tuned on")

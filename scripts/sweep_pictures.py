@@ -12,7 +12,7 @@ from pathlib import Path
 
 import armdyn as ad
 from armdyn.show.figures.sweeps import figures_of
-from armdyn.studies.sweeps.tasks.settings import label
+from armdyn.studies.settings import label
 
 DOCS = Path(__file__).parents[1] / "docs"
 PICTURES = {

@@ -14,9 +14,9 @@ from functools import partial
 from pathlib import Path
 
 import armdyn as ad
-from armdyn.studies.sweeps.executors.local import local_crew
-from armdyn.studies.sweeps.study import Axis, Study
-from armdyn.studies.sweeps.tasks.task import Outcome
+from armdyn.studies.executors.local import local_executor
+from armdyn.studies.study import Axis, Study
+from armdyn.studies.tasks.task import CaseResult
 
 
 @dataclass(frozen=True)
@@ -27,18 +27,18 @@ class Sleep:
     motion: int = 0
 
     @property
-    def uses_neighbours(self):
-        """Motions are sent to neighbours."""
-        return self.motion > 0
+    def neighbours(self):
+        """Whether motions are sent to neighbours."""
+        return "add" if self.motion else "off"
 
-    def work(self, settings, guess):
+    def work(self, settings, guess, revisit=False):
         """Sleep."""
         if self.seconds:
             time.sleep(self.seconds)
         facts, motion = {f"fact_{i}": 0.123456789 for i in range(8)}, os.urandom(self.motion)
-        return Outcome(status="slept", good=True, message="x" * 70, facts=facts, motion=motion)
+        return CaseResult(status="slept", good=True, message="x" * 70, facts=facts, motion=motion)
 
-    def asked(self):
+    def description(self):
         """What the rows say that they answer."""
         return {"task": "sleep", "seconds": self.seconds, "motion": self.motion}
 
@@ -47,12 +47,12 @@ class Sleep:
 def crews(cluster, workers):
     """Who works: processes of this machine, or a Dask cluster of as many."""
     if not cluster:
-        yield partial(local_crew, workers=workers)
+        yield partial(local_executor, workers=workers)
         return
     from distributed import LocalCluster
 
     with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=50) as running:
-        yield ad.cluster_crew(running.scheduler_address)
+        yield ad.dask_executor(running.scheduler_address)
 
 
 def main():
@@ -68,11 +68,11 @@ def main():
     given = parser.parse_args()
     axis = Axis(name="payload", low=0.0, high=1.0)
     study = Study(task=Sleep(given.sleep, given.motion), axes=(axis,), method="random", count=given.cases)
-    with tempfile.TemporaryDirectory(dir=given.folder) as folder, crews(given.cluster, given.workers) as crew:
+    with tempfile.TemporaryDirectory(dir=given.folder) as folder, crews(given.cluster, given.workers) as executor:
         file = Path(folder) / "s.sqlite"
-        run = ad.run_study(study, file, crew, sync=given.sync)
+        run = ad.run_study(study, file, executor, sync=given.sync)
         size, again = file.stat().st_size, time.perf_counter()
-        ad.run_study(study, file, crew, sync=given.sync)
+        ad.run_study(study, file, executor, sync=given.sync)
         resumed = time.perf_counter() - again
     if run.counts != {"slept": given.cases}:
         raise SystemExit(f"rows are missing: {run.counts}")

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 
-from armdyn.models import PAPER_ARMS, ArmSpec, Robot
+from armdyn.models import PLANAR_ARMS, ArmSpec, Robot
 
 LIBRARY_ROBOTS = ("panda", "ur5", "talos_arm", "double_pendulum", "z1", "kinova")
 
@@ -13,7 +13,7 @@ LIBRARY_ROBOTS = ("panda", "ur5", "talos_arm", "double_pendulum", "z1", "kinova"
 @cache
 def robot_named(name):
     """A paper arm or a library robot."""
-    return Robot.from_spec(ArmSpec.paper(name)) if name in PAPER_ARMS else Robot.from_library(name)
+    return Robot.from_spec(ArmSpec.paper(name)) if name in PLANAR_ARMS else Robot.from_library(name)
 
 
 def random_states(nv, count=5, seed=0):

@@ -12,7 +12,7 @@ import pinocchio as pin
 import armdyn as ad
 from armdyn.control.loop.ticks import Ticks
 from armdyn.control.stability.linear import Rest
-from armdyn.studies.sweeps.executors.local import local_crew
+from armdyn.studies.executors.local import local_executor
 from oracles import two_links
 from toys import squares
 
@@ -41,7 +41,7 @@ RR = ad.Robot.from_spec(SPEC, ad.Payload.at_last_com(SPEC, 0.1))
 START, GOAL, PATH = [0.0, 0.0], [1.0, -0.5], np.zeros((4, 2))
 PROBLEM = ad.MinimumTimeProblem(RR, q_start=START, q_goal=GOAL)
 MOTION = ad.ramp(RR, START, GOAL, 0.2)
-OPTIONS = ad.MinimumTimeOptions(effort="quick", time_limit=1e-3)
+OPTIONS = ad.MinimumTimeOptions(search="quick", time_limit=1e-3)
 LOOP, PID = ad.Loop(), ad.Pid()
 PLANTS, ARMS = ad.Plants(), ad.MonteCarloOptions(count=1, duration=0.1, workers=1)
 TUNING = ad.TuneOptions(duration=0.1, members=2, generations=1, time_limit=1.0, workers=1)
@@ -130,7 +130,7 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
         ad.routh_table: {"polynomial": [1.0, 2.0, 3.0]},
         ad.closed_loop_eigenvalues: {"robot": RR, "q_goal": GOAL, "gains": ad.PidGains(1, 1, 1), "form": "torque"}
         | {"dynamics": None},
-        ad.cluster_crew: {"address": "node:8786"},
+        ad.dask_executor: {"address": "node:8786"},
         ad.gain_plane: {"robot": RR, "q_goal": GOAL, "kp": [1.0, 2.0], "kd": [1.0, 2.0], "ki": 1.0, "form": "torque"}
         | {"loop": None},
         ad.least_stable_factor: {"robot": RR, "q_goal": GOAL, "gains": ad.PidGains(1, 1, 1), "form": "torque"}
@@ -147,7 +147,12 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
         ad.replay_torques: {"robot": RR, "trajectory": MOTION, "rtol": 1e-6, "stop": None},
         ad.reserve_curve: {"problem": PROBLEM, "controllers": [PID], "plants": [RR], "reserves": [0.1], "loop": None}
         | {"duration": 0.1, "options": OPTIONS, "progress": None},
-        ad.run_study: {"study": squares(1), "file": folder / "done.sqlite", "crew": local_crew, "progress": None}
+        ad.run_study: {
+            "study": squares(1),
+            "file": folder / "done.sqlite",
+            "executor": local_executor,
+            "progress": None,
+        }
         | {"again": False, "sync": "full"},
         ad.sampled_loop: AT_REST,
         ad.sampled_stability: AT_REST,

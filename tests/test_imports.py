@@ -68,3 +68,16 @@ def test_a_hidden_circle_is_found(hidden, tmp_path):
     (package / "top.py").write_text("import small\n")
     with pytest.raises(CycleError):
         TopologicalSorter(graph_of(package)).prepare()
+
+
+def test_the_core_does_not_name_the_paper():
+    """Beside the package that reproduces it and the commands, which offer it, only `ArmSpec.paper` does."""
+    modules = modules_of(PACKAGE)
+    lines = [
+        (name, line)
+        for name, path in modules.items()
+        if not name.startswith(("armdyn.paper", "armdyn.cli"))
+        for line in path.read_text().replace("ArmSpec.paper", "").replace("def paper(cls", "").splitlines()
+        if "paper" in line.lower()
+    ]
+    assert not lines

@@ -55,7 +55,7 @@ def assert_nothing_is_left(owner, workers, how):
 
 
 @ENDINGS
-@pytest.mark.parametrize("together", ["in_processes", "as_they_end"])
+@pytest.mark.parametrize("together", ["in_processes", "as_completed"])
 def test_within_one_long_call(how, together):
     owner = owner_of([sys.executable, "-c", LONG_CALL.format(together=together)])
     assert [owner.stdout.readline() for _ in range(2)] == ["begun\n"] * 2

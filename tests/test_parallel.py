@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from armdyn.optimal.problem.stop import Stop, stopping
-from armdyn.parallel import as_they_end, in_processes
+from armdyn.parallel import as_completed, in_processes
 
 HERE = os.getpid()
 FORK = multiprocessing.get_context("fork")
@@ -22,18 +22,18 @@ def square(k):
     return k * k, os.getpid()
 
 
-@pytest.mark.parametrize("together", [in_processes, as_they_end])
+@pytest.mark.parametrize("together", [in_processes, as_completed])
 @pytest.mark.parametrize("workers", [1, 2, 3, None])
 def test_every_job_is_done_once(workers, together):
     results = list(together([partial(square, k) for k in range(10)], workers))
     squares = [result for result, _ in results]
     assert (squares if together is in_processes else sorted(squares)) == [k * k for k in range(10)]
-    crew = min(workers or os.cpu_count() or 1, 10)  # each begins with a job of its own
-    assert len({pid for _, pid in results} - {HERE}) == (0 if crew == 1 else crew)
+    processes = min(workers or os.cpu_count() or 1, 10)  # each begins with a job of its own
+    assert len({pid for _, pid in results} - {HERE}) == (0 if processes == 1 else processes)
 
 
 def test_no_jobs_no_results():
-    assert list(in_processes([], 2)) == list(as_they_end([], 2)) == []
+    assert list(in_processes([], 2)) == list(as_completed([], 2)) == []
 
 
 def overtaken(event, k):
@@ -46,7 +46,7 @@ def overtaken(event, k):
 
 
 @pytest.mark.parametrize(
-    ("together", "orders"), [(in_processes, [[0, 1, 2, 3]]), (as_they_end, [[1, 2, 3, 0], [1, 2, 0, 3]])]
+    ("together", "orders"), [(in_processes, [[0, 1, 2, 3]]), (as_completed, [[1, 2, 3, 0], [1, 2, 0, 3]])]
 )
 def test_in_order_or_as_they_end(together, orders):
     event = FORK.Event()
@@ -65,14 +65,14 @@ def test_a_job_is_begun_when_those_that_it_waits_for_have_ended(workers):
     with FORK.Manager() as manager:
         after = {0: [3], 1: [0, 2], 4: []}
         done = manager.list()
-        results = dict(as_they_end([partial(finds, done, k) for k in range(5)], workers, after))
+        results = dict(as_completed([partial(finds, done, k) for k in range(5)], workers, after))
     assert results.keys() == set(range(5))
     assert all(results[k] >= set(others) for k, others in after.items())
 
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_jobs_that_wait_for_each_other_are_refused(workers):
-    jobs = as_they_end([int, int, int], workers, {1: [2], 2: [1]})
+    jobs = as_completed([int, int, int], workers, {1: [2], 2: [1]})
     assert next(jobs) == 0
     with pytest.raises(ValueError, match=r"\[1, 2\] wait for each other"):
         next(jobs)
@@ -84,7 +84,7 @@ def dies_elsewhere(k):
     return k, os.getpid()
 
 
-@pytest.mark.parametrize("together", [in_processes, as_they_end])
+@pytest.mark.parametrize("together", [in_processes, as_completed])
 def test_what_a_dead_worker_left_is_done_here(together):
     results = sorted(together([partial(dies_elsewhere, k) for k in range(6)], 2))
     assert [k for k, _ in results] == list(range(6))
@@ -146,7 +146,7 @@ def test_who_stops_asking_interrupts_and_waits_two_seconds(tmp_path):
     callers_own = FORK.Process(target=signal.pause, daemon=True)
     callers_own.start()
     jobs = [partial(listens, files[0], begun[0]), partial(is_deaf, files[1], begun[1]), int]
-    with closing(as_they_end([int, *jobs], 3)) as results:
+    with closing(as_completed([int, *jobs], 3)) as results:
         assert next(results) == 0
         assert all(event.wait(PATIENCE) for event in begun)
         began = time.monotonic()
@@ -185,7 +185,7 @@ def test_ctrl_c_does_not_kill_workers():
 
 
 def nested(line):
-    line.send([*in_processes([os.getpid] * 2, 2), *as_they_end([os.getpid] * 2, 2)])
+    line.send([*in_processes([os.getpid] * 2, 2), *as_completed([os.getpid] * 2, 2)])
 
 
 def test_a_worker_has_no_workers_of_its_own():

@@ -80,7 +80,7 @@ def solution():
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
     start, goal = POSES["rr"]
     problem = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal)
-    return ad.solve_minimum_time(problem, ad.MinimumTimeOptions(effort="quick"))
+    return ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick"))
 
 
 def test_a_solution_is_one_line_and_so_is_all_that_it_has(solution):

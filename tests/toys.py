@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from armdyn.errors import ProblemError
-from armdyn.studies.sweeps.study import Axis, Study
-from armdyn.studies.sweeps.tasks.task import Outcome
+from armdyn.studies.study import Axis, Study
+from armdyn.studies.tasks.task import CaseResult
 
 
 @dataclass(frozen=True)
@@ -23,9 +23,9 @@ class Square:
     deadly: tuple[int, ...] = ()
     once: tuple[int, ...] = ()
     marks: str = ""
-    uses_neighbours: bool = False
+    neighbours: str = "off"
 
-    def work(self, settings, guess):
+    def work(self, settings, guess, revisit=False):
         x = round(settings["x"])
         time.sleep(self.seconds)
         if x in self.deadly or (x in self.once and not self._marked(x)):
@@ -34,9 +34,9 @@ class Square:
             raise ProblemError(f"x is {x}")
         if x in self.error:
             raise ZeroDivisionError("one over nothing")
-        motion = np.array([settings["x"]]).tobytes() if self.uses_neighbours else b""
+        motion = np.array([settings["x"]]).tobytes() if self.neighbours != "off" else b""
         begun = float(np.frombuffer(guess)[0]) if guess else None
-        return Outcome(status="squared", good=True, facts={"square": x * x, "begun": begun}, motion=motion)
+        return CaseResult(status="squared", good=True, facts={"square": x * x, "begun": begun}, motion=motion)
 
     def _marked(self, x):
         mark = Path(self.marks) / f"{x}"
@@ -45,7 +45,7 @@ class Square:
         mark.touch()
         return False
 
-    def asked(self):
+    def description(self):
         return {"task": "square"}
 
 

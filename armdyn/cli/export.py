@@ -1,9 +1,10 @@
-"""The command that writes a motion as robots and simulators read it."""
+"""The command that writes a motion in another format."""
 
 from __future__ import annotations
 
+from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -13,11 +14,7 @@ from armdyn.cli.options.results import Json
 from armdyn.errors import ProblemError
 from armdyn.files import probe_folder, write_whole
 from armdyn.parsing.numbers import number
-
-if TYPE_CHECKING:
-    from armdyn.trajectory import Samples
-
-_SUFFIXES = {"csv": ".csv", "ros2": ".json", "mujoco": ".xml"}
+from armdyn.trajectory.formats import FORMATS
 
 
 def export(
@@ -25,8 +22,8 @@ def export(
     format: Annotated[  # noqa: A002  # the option's name
         str,
         typer.Option(
-            metavar="csv|ros2|mujoco",
-            help="csv: a table. ros2: a JointTrajectory message. mujoco: keyframes and motors, to include in a model.",
+            metavar="|".join(FORMATS),
+            help=" ".join(f"{name}: {kind.summary}." for name, kind in FORMATS.items()),
         ),
     ] = "csv",
     rate: Annotated[
@@ -65,15 +62,16 @@ def export(
     with answering(json) as answer:
         from armdyn.trajectory import Trajectory
 
-        one_of(format, tuple(_SUFFIXES), "--format")
+        kind = FORMATS[one_of(format, tuple(FORMATS), "--format")]
+        options = {"motors": motors} if "motors" in signature(kind).parameters else {}
         ticks = None if rate.strip() == "own" else number(rate, "--rate")
         if file.suffix.lower() != ".npz":
             raise ProblemError(f"{file} is no .npz file; armdyn export takes the trajectory.npz that armdyn wrote")
         motion = Trajectory.load(file)
-        name = file.with_suffix(_SUFFIXES[format]).name
+        name = file.with_suffix(kind.suffix).name
         target = probe_folder(out or file.parent, name) / name
         samples = motion.resample(ticks)
-        content = _content(samples, format, motors)
+        content = kind(**options).text(samples)
         target.parent.mkdir(parents=True, exist_ok=True)
         write_whole(target, content.encode())
         answer.facts |= {
@@ -88,12 +86,3 @@ def export(
         if not json:
             even = "its own samples" if ticks is None else f"{ticks:g} Hz"
             console.print(f"{escape(str(target))}  ({samples.t.size} rows at {even}, {motion.duration:.6f} s)")
-
-
-def _content(samples: Samples, format: str, motors: bool) -> str:  # noqa: A002  # the option's name
-    """The file's text."""
-    from armdyn.trajectory.formats import csv_text, joint_trajectory_text
-
-    if format == "csv":
-        return csv_text(samples)
-    return joint_trajectory_text(samples) if format == "ros2" else samples.to_mjcf(motors=motors)

@@ -71,7 +71,7 @@ def reproduce(
                 def done(outcome: "Outcome", number: int, of: int) -> None:
                     nonlocal count
                     count = number
-                    bar.tell(outcome, number, of)
+                    bar.progress(outcome, number, of)
 
                 def shown(outcomes: "Sequence[Outcome]") -> None:
                     with bar.aside():
@@ -110,7 +110,7 @@ class _Bar:
     def __init__(self, bar: "Progress | None", total: int):
         self._bar, self._task = bar, bar.add_task("", total=total) if bar else None
 
-    def tell(self, outcome: "Outcome", done: int, of: int) -> None:
+    def progress(self, outcome: "Outcome", done: int, of: int) -> None:
         """So many cases are done, this one last."""
         if self._bar and self._task is not None:
             description = escape(outcome.case.name)

@@ -55,7 +55,7 @@ def robots(
         from armdyn.models.robots.library import BENCHMARKS, LIBRARY_ARMS, other_robots
 
         with working("robots", json) as progress:
-            arms = [_facts(name, progress) for name in (*models.PAPER_ARMS, *BENCHMARKS, *LIBRARY_ARMS)]
+            arms = [_facts(name, progress) for name in (*models.PLANAR_ARMS, *BENCHMARKS, *LIBRARY_ARMS)]
             others = [_facts(name, progress) for name in other_robots()] if everything or json else []
         answer.facts |= {"success": True, "status": "listed", "files": [], "robots": arms, "others": others}
         if not json:
@@ -103,7 +103,9 @@ def _facts(name: str, progress: Callable[[str], None]) -> Facts:
     arm = LIBRARY_ARMS.get(name)
     facts: Facts = {"name": name, "robot": name if arm is None else arm.robot, "loads": False, "reason": ""}
     try:
-        robot = ad.Robot.from_spec(ad.ArmSpec.paper(name)) if name in models.PAPER_ARMS else ad.Robot.from_library(name)
+        robot = (
+            ad.Robot.from_spec(ad.ArmSpec.paper(name)) if name in models.PLANAR_ARMS else ad.Robot.from_library(name)
+        )
     except ArmdynError as error:
         return facts | {"reason": str(error).rsplit("/", 1)[-1]}  # without the folder, which is always the same
     except Exception as error:  # a damaged installation of the library, say

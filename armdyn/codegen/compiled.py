@@ -44,12 +44,14 @@ _EACH = 2e-4
 """About how long the compiler takes for an instruction, with other work beside it [s]."""
 
 
-def compiled(functions: Sequence[ca.Function], asked: bool | None = None, later: bool = False) -> list[ca.Function]:
+def compiled(
+    functions: Sequence[ca.Function], compile_mode: bool | None = None, later: bool = False
+) -> list[ca.Function]:
     """The same functions in machine code; they evaluate, and cannot be differentiated.
 
     Args:
         functions: without free variables, with different names.
-        asked: False: as they are. True: compile them, however long it takes. None: use what is on disk, and
+        compile_mode: False: as they are. True: compile them, however long it takes. None: use what is on disk, and
             compile small ones; large ones are built in the background. What is on disk but damaged is compiled again.
         later: with None: small ones are built in the background, too.
 
@@ -65,7 +67,7 @@ def compiled(functions: Sequence[ca.Function], asked: bool | None = None, later:
     """
     functions = list(functions)
     compiler = _compiler()
-    if asked is False or compiler is None:
+    if compile_mode is False or compiler is None:
         return functions
     generator = ca.CodeGenerator("armdyn.c", {"with_header": False})
     for function in functions:
@@ -75,16 +77,16 @@ def compiled(functions: Sequence[ca.Function], asked: bool | None = None, later:
         return [ca.external(function.name(), library) for function in functions]
 
     size = sum(function.n_instructions() for function in functions)
-    return _had(_Recipe.of(compiler, generator.dump(), size, loaded), asked, later) or functions
+    return _had(_Recipe.of(compiler, generator.dump(), size, loaded), compile_mode, later) or functions
 
 
-def compiled_library(source: str, instructions: int, asked: bool | None = None) -> ctypes.CDLL | None:
+def compiled_library(source: str, instructions: int, compile_mode: bool | None = None) -> ctypes.CDLL | None:
     """A library of C as `compiled` makes one of functions.
 
     Args:
         source: in C.
         instructions: about how many, by which it is decided whether to build it unasked.
-        asked: as for `compiled`.
+        compile_mode: as for `compiled`.
 
     Returns:
         None: what `compiled` leaves as it is.
@@ -97,9 +99,9 @@ def compiled_library(source: str, instructions: int, asked: bool | None = None) 
             raise RuntimeError(str(error)) from error
 
     compiler = _compiler()
-    if asked is False or compiler is None:
+    if compile_mode is False or compiler is None:
         return None
-    return _had(_Recipe.of(compiler, source, instructions, loaded), asked)
+    return _had(_Recipe.of(compiler, source, instructions, loaded), compile_mode)
 
 
 def _compiler() -> str | None:
@@ -107,9 +109,9 @@ def _compiler() -> str | None:
     return shutil.which(os.environ.get("CC") or "cc") or shutil.which("gcc")
 
 
-def _had(recipe: "_Recipe[T]", asked: bool | None, later: bool = False) -> T | None:
+def _had(recipe: "_Recipe[T]", compile_mode: bool | None, later: bool = False) -> T | None:
     """What a recipe makes; None: go on without."""
-    build = bool(asked) or (recipe.instructions <= _WORTH_IT and not later)
+    build = bool(compile_mode) or (recipe.instructions <= _WORTH_IT and not later)
     later = not build
     kept = cache_directory()
     try:

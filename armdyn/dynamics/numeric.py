@@ -35,6 +35,28 @@ def forward_dynamics(robot: Robot) -> StateFunction:
     return rubbing if friction.present else free
 
 
+def forward_dynamics_derivatives(robot: Robot) -> Callable[[Array, Array, Array], tuple[Array, Array, Array, Array]]:
+    """(q, v, tau) ↦ a, ∂a/∂q, ∂a/∂v, M⁻¹ of many states, each argument of shape (k, nv), the joints' friction included.
+
+    Pinocchio's derivatives of the articulated-body algorithm: J. Carpentier, N. Mansard, Analytical Derivatives of
+    Rigid Body Dynamics Algorithms, RSS 2018. For one thread, like `forward_dynamics`.
+    """
+    model, data, configuration, friction = robot.model, robot.model.createData(), robot.configuration, robot.friction
+
+    def derivatives(q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array, Array]:
+        a, (by_q, by_v, inverse) = np.empty_like(v), np.empty((3, *v.shape, v.shape[-1]))
+        free = tau - friction.torque(v) if friction.present else tau
+        for k in range(len(v)):
+            pin.computeABADerivatives(model, data, configuration(q[k]), v[k], free[k])
+            a[k], by_q[k], by_v[k], inverse[k] = data.ddq, data.ddq_dq, data.ddq_dv, data.Minv
+        inverse = np.triu(inverse) + np.triu(inverse, 1).swapaxes(1, 2)
+        if friction.present:
+            by_v -= inverse * friction.slope(v)[:, None]
+        return a, by_q, by_v, inverse
+
+    return derivatives
+
+
 def joint_inertia(robot: Robot) -> Callable[[Array], Array]:
     """Q ↦ M(q) [kg m², kg m or kg], shape (nv, nv), by `pin.crba`, which fills but the upper half.
 

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from armdyn.models.scene.reaching import GoalPose
     from armdyn.models.values.friction import JointFriction
     from armdyn.models.values.joint_limits import JointLimits
-    from armdyn.models.values.spec import PAPER_ARMS, ArmSpec, LinkSpec, Payload
+    from armdyn.models.values.spec import PLANAR_ARMS, ArmSpec, LinkSpec, Payload
     from armdyn.models.values.urdf import urdf_from_spec
 else:
     __getattr__, __dir__ = facade(
@@ -23,13 +23,13 @@ else:
             "scene.reaching": "GoalPose",
             "robots.options": "RobotOptions",
             "robots.robot": "Robot",
-            "values.spec": "PAPER_ARMS ArmSpec LinkSpec Payload",
+            "values.spec": "PLANAR_ARMS ArmSpec LinkSpec Payload",
             "values.urdf": "urdf_from_spec",
         },
     )
 
 __all__ = [
-    "PAPER_ARMS",
+    "PLANAR_ARMS",
     "ArmSpec",
     "Box",
     "Capsule",

@@ -270,8 +270,8 @@ def _idleness(limits: JointLimits, motion: Trajectory) -> tuple[Array, tuple[tup
     edges = edges[np.append(True, np.diff(edges) > _JUMP * motion.duration)]
     edges[-1] = motion.t[-1]
     at = motion((edges[:-1] + edges[1:]) / 2)
-    middle = (limits.effort_upper + limits.effort_lower) / 2
-    half = (limits.effort_upper - limits.effort_lower) / 2
+    middle = limits.actuators.center
+    half = limits.actuators.half_range
     pushing = np.abs(at.tau - middle) >= BUSY * half
     fast = np.abs(at.v) >= BUSY * limits.velocity
     stopped = (at.q <= limits.position_lower + AT_STOP) | (at.q >= limits.position_upper - AT_STOP)

@@ -1,7 +1,8 @@
 """`solve_minimum_time`: search, refine, certify."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 
@@ -19,7 +20,7 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.optimal.proof.transversality import transversality
 from armdyn.optimal.refine.bang import minimum_time
-from armdyn.optimal.refine.constrained import constrained
+from armdyn.optimal.refine.constrained import clear_optima, constrained, without_obstacles
 from armdyn.optimal.refine.curves import curves
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.slowing import slowed
@@ -27,8 +28,9 @@ from armdyn.optimal.refine.smooth import time_energy
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.goals import GoalTried, screened
 from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.optimal.task.policy.strategy import Method
 from armdyn.optimal.task.task import Task
-from armdyn.parallel import beside
+from armdyn.parallel import concurrently
 
 _LEAST_BOUND = 1.0
 """Time that the bound of all goals is given at least [s], whatever the search has left."""
@@ -37,8 +39,14 @@ _NEAR = 0.1
 """Of the goal [rad or m]: a replay that ends there is a guess to begin with."""
 
 Array = NDArray[np.float64]
-Strategy = Callable[[Task], tuple[list[Optimum], Found]]
-"""From a task to its optima, refined and replayed, and the search that they come from."""
+
+METHODS: dict[Method, Callable[[Task], tuple[list[Optimum], Found]]] = {
+    "arcs": minimum_time,
+    "time-energy": time_energy,
+    "mesh": constrained,
+    "curves": curves,
+}
+"""Methods of refinement: each maps a task to its optima, refined and replayed, and the search that they come from."""
 
 
 def solve_minimum_time(
@@ -56,7 +64,7 @@ def solve_minimum_time(
     Args:
         problem: what is to be solved.
         options: defaults suit arms of one to seven joints.
-        progress: told in words what is being tried.
+        progress: called with a line of text on what is being tried.
 
     Returns:
         A `Solution`; look at `success` and `certificate`. Ctrl-C returns the best so far, with status
@@ -69,86 +77,92 @@ def solve_minimum_time(
     started = time.perf_counter()
     check_pace(expect_problem(problem))
     options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
-    tell = listener(progress)
+    progress = listener(progress)
     if problem.goal_pose is not None or len(problem.goals) > 1:
-        return _fastest_goal(problem, options, tell)
+        return _fastest_goal(problem, options, progress)
     with stopping(options.time_limit) as stop:
-        task = Task.of(problem, options, stop, tell)
-        with beside(partial(_floor, problem, stop), task.workers if _bounded(task) else 1) as floor:
-            task = replace(task, floor=floor) if _bounded(task) else task
-            optima, found = _usable(task, *_strategy(task)(task))
-            least = task.floor()
+        task = Task.of(problem, options, stop, progress)
+        with _bounded(task) as task:
+            optima, found = refined(task)
+            bound = task.lower_bound()
     elapsed = time.perf_counter() - started
-    return assembled(task, optima, found, elapsed, least) if optima else failed(task, found, elapsed)
+    return assembled(task, optima, found, elapsed, bound) if optima else failed(task, found, elapsed)
 
 
-def _bounded(task: Task) -> bool:
-    """Whether velocity limits shape the motion, so that a bound by them says something."""
-    return task.policy.curves.cruises and not task.problem.pays_effort
+def refined(task: Task) -> tuple[list[Optimum], Found]:
+    """The optima that the methods of the policy's strategy find, refined and replayed, and their search."""
+    strategy, optima, found = task.policy.strategy, list[Optimum](), Found(())
+    for method in strategy.methods:
+        if optima and _certified(task, optima[-1]):
+            break
+        more, searched = _by(method, task)
+        optima += [slowed(task, one) for one in more]
+        listed, iterations = (*found.listed, *searched.listed), found.iterations + searched.iterations
+        found = replace(searched, listed=listed, iterations=iterations)
+    for method in strategy.fallback:
+        if task.stop or any(_usable(task, one) for one in optima):
+            break
+        task.progress(f"nothing so far is usable: {method}")
+        near = tuple(one.trajectory for one in optima if one.landed(_NEAR))
+        more, searched = _by(method, task.with_options(guesses=near))
+        optima += [slowed(task, one) for one in more]
+        found = replace(found, iterations=found.iterations + searched.iterations)
+    return optima, found
 
 
-def _floor(problem: MinimumTimeProblem, stop: Stop) -> float | None:
-    """A duration that no motion beats [s]."""
+def _by(method: Method, task: Task) -> tuple[list[Optimum], Found]:
+    """Optima by one method; on a mesh those without obstacles if they are clear of all obstacles all the same."""
+    if method == "mesh" and (free := without_obstacles(task)):
+        more, searched = _by(free.policy.strategy.methods[-1], free)
+        if clear := clear_optima(task, more):
+            return clear, searched
+    return METHODS[method](task)
+
+
+def _certified(task: Task, optimum: Optimum) -> bool:
+    """Whether an optimum is certified, by the lower bound if by nothing else, and satisfies the path constraints."""
+    bound = task.lower_bound()
+    return optimum.certificate.bounded(bound, optimum.trajectory.duration).ok and not optimum.missed
+
+
+def _usable(task: Task, optimum: Optimum) -> bool:
+    return optimum.landed(task.options.replay_tolerance) and optimum.within_limits and not optimum.missed
+
+
+@contextmanager
+def _bounded(task: Task) -> Iterator[Task]:
+    """The task with the lower bound on its duration, which is computed concurrently where the strategy asks for it."""
+    if not task.policy.strategy.bounded:
+        yield task
+        return
+    with concurrently(partial(_lower_bound, task.problem, task.stop), task.workers) as bound:
+        yield replace(task, lower_bound=bound)
+
+
+def _lower_bound(problem: MinimumTimeProblem, stop: Stop) -> float | None:
+    """Lower bound on the duration [s]; None: none is known."""
     bound = lower_bound(problem, stop.__bool__)
     return None if bound is None else bound.duration
 
 
-def _strategy(task: Task) -> Strategy:
-    problem, numbers = task.problem, task.policy.curves
-    if numbers.alone:
-        return curves
-    if numbers.cruises and numbers.possible and not problem.path_constraint_names:
-        return either
-    if problem.path_constraint_names:
-        return constrained
-    return time_energy if problem.pays_effort else minimum_time
-
-
-def _usable(task: Task, optima: list[Optimum], found: Found) -> tuple[list[Optimum], Found]:
-    """The optima and, where none of them is usable, curves that begin near the best of them."""
-    optima, tolerance = _slowed(task, optima), task.options.replay_tolerance
-    good = any(one.landed(tolerance) and one.within_limits and not one.missed for one in optima)
-    if good or task.stop or task.policy.curves.alone or not task.policy.curves.possible:
-        return optima, found
-    task.tell("nothing so far is usable: curves, which are motions whatever comes out")
-    near = tuple(one.trajectory for one in optima if one.landed(_NEAR))
-    more, besides = curves(task.with_options(guesses=near))
-    return [*optima, *_slowed(task, more)], replace(found, iterations=found.iterations + besides.iterations)
-
-
-def _slowed(task: Task, optima: list[Optimum]) -> list[Optimum]:
-    """Every optimum as slow as it must be: the one place where strategies end."""
-    return [slowed(task, one) for one in optima]
-
-
-def either(task: Task) -> tuple[list[Optimum], Found]:
-    """Optima as curves and, unless these are proven to be as fast as can be, as arcs."""
-    optima, found = curves(task)
-    optima = _slowed(task, optima)
-    floor = task.floor()
-    if optima and optima[-1].certificate.bounded(floor, optima[-1].trajectory.duration).ok and not optima[-1].missed:
-        return optima, found
-    more, besides = minimum_time(task)
-    listed = (*found.listed, *besides.listed)
-    return [*optima, *more], replace(besides, listed=listed, iterations=found.iterations + besides.iterations)
-
-
-def _fastest_goal(problem: MinimumTimeProblem, options: MinimumTimeOptions, tell: Callable[[str], None]) -> Solution:
+def _fastest_goal(
+    problem: MinimumTimeProblem, options: MinimumTimeOptions, progress: Callable[[str], None]
+) -> Solution:
     """The best of the solutions for the most promising goals, and the durations of all."""
     started = time.perf_counter()
-    branches, tried = screened(problem, options, tell)
+    branches, tried = screened(problem, options, progress)
     solutions: list[Solution] = []
     for i, branch in enumerate(branches):
         left = options.time_limit - (time.perf_counter() - started)
         if solutions and (left <= 0 or solutions[-1].status is Status.INTERRUPTED):
             break
-        tell(f"goal {i + 1} of the {len(branches)} best")
-        solutions.append(solve_minimum_time(branch, replace(options, time_limit=max(left, 1e-3)), tell))
+        progress(f"goal {i + 1} of the {len(branches)} best")
+        solutions.append(solve_minimum_time(branch, replace(options, time_limit=max(left, 1e-3)), progress))
         tried[i] = GoalTried(tried[i].q, solutions[-1].duration if solutions[-1].success else np.inf, refined=True)
     best = min(solutions, key=lambda solution: (not solution.success, not solution.moves, solution.duration))
     until = started + options.time_limit
     if problem.goal_pose is not None and best.status is Status.SOLVED:
-        best = slid_end(best, problem.goal_pose, partial(_near, options, until, tell))
+        best = slid_end(best, problem.goal_pose, partial(_near, options, until, progress))
     goal = best.problem.x_goal[: problem.robot.nv]
     if best not in solutions:
         tried.append(GoalTried(goal, best.duration, refined=True))
@@ -162,15 +176,15 @@ def _fastest_goal(problem: MinimumTimeProblem, options: MinimumTimeOptions, tell
 
 
 def _near(
-    options: MinimumTimeOptions, until: float, tell: Callable[[str], None], known: Solution, q: Array
+    options: MinimumTimeOptions, until: float, progress: Callable[[str], None], known: Solution, q: Array
 ) -> Solution | None:
     """The solution for a goal near that of another one, from its motion; None: the time is up."""
     left = until - time.perf_counter()
     if left <= 0:
         return None
-    tell("the goal moved along the joint positions that reach its pose")
+    progress("the goal moved along the joint positions that reach its pose")
     options = replace(options, guesses=(known.trajectory,), starts=1, time_limit=left)
-    return solve_minimum_time(known.problem.variant(q_goal=q), options, tell)
+    return solve_minimum_time(known.problem.variant(q_goal=q), options, progress)
 
 
 def _bound_of_all(problem: MinimumTimeProblem, solutions: list[Solution], seconds: float) -> float | None:
@@ -178,4 +192,4 @@ def _bound_of_all(problem: MinimumTimeProblem, solutions: list[Solution], second
     if any(solution.lower_bound is None for solution in solutions):
         return None
     with stopping(seconds) as stop:
-        return _floor(problem, stop)
+        return _lower_bound(problem, stop)

@@ -19,7 +19,7 @@ from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.parsing.toml import Table, read_toml
 
 TABLES = ("robot", "problem", "options")
-OPTIONS = ("effort", "starts", "time_limit", "max_intervals", "seed", "smooth")
+OPTIONS = ("search", "starts", "time_limit", "max_intervals", "seed", "smooth")
 PROBLEM = tuple(field.name for field in fields(MinimumTimeProblem) if field.init and field.name != "robot")
 """The keys of [problem]; those of [robot] are `models.robots.tables.KEYS`."""
 

@@ -19,7 +19,7 @@ from armdyn.lazy import facade
 
 if TYPE_CHECKING:
     from armdyn.paper.closed_form import PlanarArm
-    from armdyn.paper.indirect.law import MINIMUM, Law
+    from armdyn.paper.indirect.law import MINIMUM, TorqueLaw
     from armdyn.paper.indirect.solution import Comparison, IndirectOptions, IndirectSolution, compare_with_direct
     from armdyn.paper.indirect.solve_indirect import solve_indirect
     from armdyn.paper.printed.examples import EXAMPLES, PAYLOAD, PAYLOADS, Example, Kind, example
@@ -29,7 +29,7 @@ else:
         __name__,
         {
             "closed_form": "PlanarArm",
-            "indirect.law": "MINIMUM Law",
+            "indirect.law": "MINIMUM TorqueLaw",
             "indirect.solution": "Comparison IndirectOptions IndirectSolution compare_with_direct",
             "indirect.solve_indirect": "solve_indirect",
             "printed.examples": "EXAMPLES PAYLOAD PAYLOADS Example Kind example",
@@ -48,8 +48,8 @@ __all__ = [
     "IndirectOptions",
     "IndirectSolution",
     "Kind",
-    "Law",
     "PlanarArm",
+    "TorqueLaw",
     "compare_with_direct",
     "example",
     "solve_indirect",

@@ -19,7 +19,7 @@ from armdyn.paper.printed.examples import PAYLOADS
 from armdyn.paper.printed.loop import PAPER_RULE
 from armdyn.paper.tables.files import write_findings, write_methods, write_tables
 from armdyn.paper.tables.rows import Row, all_rows
-from armdyn.parallel import as_they_end
+from armdyn.parallel import as_completed
 
 if TYPE_CHECKING:
     from armdyn.paper.page.figures import Picture
@@ -74,7 +74,7 @@ def reproduce(
     probe_folder(folder, "index.html").mkdir(parents=True, exist_ok=True)
     jobs, after = _jobs(folder, plan, cases)
     so_far = _SoFar(plan, cases)
-    with closing(as_they_end(jobs, plan.workers, after)) as results:
+    with closing(as_completed(jobs, plan.workers, after)) as results:
         for result in results:
             outcome = so_far.take(result)
             if done and outcome is not None:

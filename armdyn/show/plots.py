@@ -1,4 +1,4 @@
-"""Figures of motions: position, velocity and torque over time, as in Figures 2-7 of the paper."""
+"""Figures of motions: position, velocity and torque over time."""
 
 import os
 from collections.abc import Collection, Sequence
@@ -170,14 +170,16 @@ def _rendered(figure: Figure, kind: str) -> bytes:
 
 
 def _draw(panels: Sequence[Panel], trajectory: Trajectory, style: Style) -> None:
-    # Position and velocity are curved between samples; the torque is linear, its samples say it all.
+    # Position and velocity are curved between samples; the torque is linear or held, its samples say it all.
     t = np.union1d(trajectory.t, np.linspace(trajectory.t[0], trajectory.t[-1], _DENSE))
     dense = trajectory(t)
     curves = {"position": (t, dense.q), "velocity": (t, dense.v), "torque": (trajectory.t, trajectory.tau)}
     for panel in panels:
         time, values = curves[panel.quantity]
+        steps = "steps-post" if panel.quantity == "torque" and trajectory.hold == "zero-order" else "default"
+        look: dict[str, Any] = {"linestyle": style, "linewidth": 1.7, "zorder": 3, "drawstyle": steps}
         for joint in panel.joints:
-            panel.axes.plot(time, values[:, joint], color=color(joint), linestyle=style, linewidth=1.7, zorder=3)
+            panel.axes.plot(time, values[:, joint], color=color(joint), **look)
         panel.axes.axvline(trajectory.t[-1], color=INK, linestyle=style, linewidth=0.6, alpha=0.35, zorder=1)
 
 

@@ -40,7 +40,7 @@ def write_run(
     obstacles: Sequence[Obstacle] = (),
     *,
     parts: Collection[Part] = PARTS,
-    tell: Callable[[str], None] | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> list[Path]:
     """Write trajectory.npz or what else the motions are called, figure.png, figure.pdf, report.html and result.json.
 
@@ -52,7 +52,7 @@ def write_run(
         title: of the figure and the report.
         obstacles: drawn in the report, and said in result.json.
         parts: what is drawn.
-        tell: told in words what is being written.
+        progress: called with a line of text on what is being written.
 
     Returns:
         The files written.
@@ -60,7 +60,7 @@ def write_run(
     Raises:
         OSError: the folder cannot be written.
     """
-    tell = tell or (lambda text: None)
+    progress = progress or (lambda text: None)
     folder.mkdir(parents=True, exist_ok=True)
     own = {
         # What a controller follows was made for its own model of the arm.
@@ -69,7 +69,7 @@ def write_run(
     }
     files = [motion.save(folder / f"{name}.npz") for name, motion in own.items()]
     if "figure" in parts:
-        tell("drawing the figure")
+        progress("drawing the figure")
         from armdyn.show.plots import plot_trajectories, save_figure
 
         # Of a minimum-time answer whose arcs are not resolved the summary has an empty list of them.
@@ -77,7 +77,7 @@ def write_run(
         figure = plot_trajectories(list(own.values()), limits=robot.limits, title=title, unresolved=unresolved)
         files += [save_figure(figure, folder / f"figure.{suffix}") for suffix in ("png", "pdf")]
     if "report" in parts:
-        tell("writing the report")
+        progress("writing the report")
         files.append(write_report(folder / "report.html", robot, motions, summary, title, obstacles))
     result = folder / "result.json"
     names = [path.name for path in [*files, result]]
@@ -98,12 +98,13 @@ def write_report(
     Raises:
         FileError: the folder cannot be written.
     """
-    from armdyn.show.page.course import Move
+    from armdyn.show.page.course import ShownMotion
     from armdyn.show.page.facts import Facts
     from armdyn.show.page.report import Subject, report_html, report_of
 
     facts = [Facts({**result_head(robot), **summary}), *([Facts()] * (len(motions) - 1))]
     moves = [
-        Move(motion.name or name, motion, known) for (name, motion), known in zip(motions.items(), facts, strict=True)
+        ShownMotion(motion.name or name, motion, known)
+        for (name, motion), known in zip(motions.items(), facts, strict=True)
     ]
     return write_whole(path, report_html(report_of(Subject.of(robot, obstacles), moves, title)).encode())

@@ -53,7 +53,7 @@ def model_facts(robot: Robot) -> dict[str, object]:
         if payload is None
         else {"mass": payload.mass, "com": list(payload.com), "inertia": list(payload.inertia), "frame": payload.frame},
         "locked": {name: float(q) for name, q in robot.locked.items()},
-        "limits": {name: [float(x) if abs(x) < np.inf else None for x in each] for name, each in vars(limits).items()},
+        "limits": {name: [float(x) if abs(x) < np.inf else None for x in each] for name, each in limits.rows.items()},
         "sliding": robot.slides.tolist(),
         "armature": np.asarray(robot.model.armature, dtype=float).tolist(),
         "friction": {

@@ -36,7 +36,7 @@ _THREE_CYLINDER = pin.rpy.rpyToMatrix(np.pi / 2, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class Shape:
+class VisualShape:
     """One coloured body, fixed to a joint.
 
     Attributes:
@@ -65,7 +65,7 @@ class _NormalGeometry(mg.TriangularMeshGeometry):  # type: ignore[misc]
         return lowered
 
 
-def robot_shapes(robot: Robot) -> list[Shape]:
+def robot_shapes(robot: Robot) -> list[VisualShape]:
     """Every visual of the robot's URDF, its payload, and plain rods where nothing else can be drawn.
 
     The URDF is read here and not by Pinocchio, which stops at the first mesh that it cannot find
@@ -77,7 +77,7 @@ def robot_shapes(robot: Robot) -> list[Shape]:
     # Of a model or an MJCF nothing is known but its joints.
     root = parse_urdf(robot.urdf, robot.source) if robot.urdf else Element("robot")
     colors = {str(m.get("name")): rgba for m in root.findall("material") if (rgba := _rgba(m))}
-    shapes: list[Shape] = []
+    shapes: list[VisualShape] = []
     troubles: list[str] = []
     for link in root.findall("link"):
         name = str(link.get("name"))
@@ -105,24 +105,26 @@ def robot_shapes(robot: Robot) -> list[Shape]:
     return [*shapes, *_payload_ball(robot), *_bones(robot, drawn)]
 
 
-def obstacle_shapes(obstacles: Sequence[Obstacle]) -> list[Shape]:
+def obstacle_shapes(obstacles: Sequence[Obstacle]) -> list[VisualShape]:
     """What obstacles look like; they are fixed to the world."""
-    shapes: list[Shape] = []
+    shapes: list[VisualShape] = []
     for obstacle in obstacles:
         if isinstance(obstacle, Box):
-            shapes.append(Shape(0, obstacle.pose, mg.Box(list(obstacle.size)), _OBSTACLE))
+            shapes.append(VisualShape(0, obstacle.pose, mg.Box(list(obstacle.size)), _OBSTACLE))
             continue
         ends = [obstacle.center] if isinstance(obstacle, Sphere) else [obstacle.a, obstacle.b]
         for end in ends:
             placement = np.eye(4)
             placement[:3, 3] = end
-            shapes.append(Shape(0, placement, mg.Sphere(obstacle.radius), _OBSTACLE))
+            shapes.append(VisualShape(0, placement, mg.Sphere(obstacle.radius), _OBSTACLE))
         if isinstance(obstacle, Capsule):
             shapes += _rod(0, np.array(obstacle.a), np.array(obstacle.b), obstacle.radius, _OBSTACLE)
     return shapes
 
 
-def _rod(joint: int, a: Array, b: Array, radius: float, rgba: tuple[float, float, float, float]) -> Iterator[Shape]:
+def _rod(
+    joint: int, a: Array, b: Array, radius: float, rgba: tuple[float, float, float, float]
+) -> Iterator[VisualShape]:
     """A cylinder between two points in a joint's frame [m]."""
     along = b - a
     length = float(np.linalg.norm(along))
@@ -131,7 +133,7 @@ def _rod(joint: int, a: Array, b: Array, radius: float, rgba: tuple[float, float
     placement = np.eye(4)
     placement[:3, :3] = pin.Quaternion.FromTwoVectors(np.array([0.0, 1.0, 0.0]), along).matrix()
     placement[:3, 3] = (a + b) / 2
-    yield Shape(joint, placement, mg.Cylinder(length, radius), rgba)
+    yield VisualShape(joint, placement, mg.Cylinder(length, radius), rgba)
 
 
 def _rgba(material: Element) -> tuple[float, float, float, float] | None:
@@ -146,7 +148,7 @@ def _rgba(material: Element) -> tuple[float, float, float, float] | None:
 
 def _visual_shapes(
     visual: Element, folders: tuple[str, ...], rgba: tuple[float, float, float, float] | None
-) -> Iterator[Shape]:
+) -> Iterator[VisualShape]:
     holder = visual.find("geometry")
     for body in () if holder is None else holder:
         placement, geometry = np.eye(4), None
@@ -162,14 +164,14 @@ def _visual_shapes(
             path = resolve_mesh(str(body.get("filename", "")), folders)
             scale = numbers(body.get("scale"), 3, 1.0)
             for mesh, color in _load_meshes(path, scale):
-                yield Shape(0, np.eye(4), _NormalGeometry(mesh), rgba or color)
+                yield VisualShape(0, np.eye(4), _NormalGeometry(mesh), rgba or color)
         if geometry is not None:
-            yield Shape(0, placement, geometry, rgba or _GREY)
+            yield VisualShape(0, placement, geometry, rgba or _GREY)
 
 
 def _load_meshes(path: Path, scale: Array) -> Iterator[tuple[trimesh.Trimesh, tuple[float, float, float, float]]]:
     """The triangles of a file, one mesh per colour."""
-    import trimesh  # slow to import, and the paper's arms have no meshes
+    import trimesh  # slow to import, and planar arms have no meshes
 
     by_color: dict[tuple[float, float, float, float], list[trimesh.Trimesh]] = {}
     for bare, mesh in load_meshes(path, scale):
@@ -188,7 +190,7 @@ def _mesh_color(mesh: trimesh.Trimesh) -> tuple[float, float, float, float]:
     return r, g, b, a or 1.0
 
 
-def _payload_ball(robot: Robot) -> list[Shape]:
+def _payload_ball(robot: Robot) -> list[VisualShape]:
     payload = robot.payload
     if payload is None or payload.mass <= 0 or robot.model.existFrame("payload", pin.FrameType.BODY):
         return []
@@ -196,10 +198,10 @@ def _payload_ball(robot: Robot) -> list[Shape]:
     placement = frame.placement.homogeneous.copy()
     placement[:3, 3] = frame.placement.act(np.array(payload.com))
     radius = max(float(np.cbrt(payload.mass / _DENSITY * 3 / (4 * np.pi))), 0.016)
-    return [Shape(frame.parentJoint, placement, mg.Sphere(radius), _PAYLOAD)]
+    return [VisualShape(frame.parentJoint, placement, mg.Sphere(radius), _PAYLOAD)]
 
 
-def _bones(robot: Robot, drawn: set[int]) -> Iterator[Shape]:
+def _bones(robot: Robot, drawn: set[int]) -> Iterator[VisualShape]:
     """A rod from joint to joint for every joint on which nothing else is drawn."""
     model = robot.model
     tip = robot.frame(robot.tip)
@@ -208,7 +210,7 @@ def _bones(robot: Robot, drawn: set[int]) -> Iterator[Shape]:
     reach = sum(float(np.linalg.norm(end)) for _, end in ends)
     radius = 0.015 * reach
     for joint in set(range(1, model.njoints)) - drawn:
-        yield Shape(joint, np.eye(4), mg.Sphere(1.4 * radius), _BONE)
+        yield VisualShape(joint, np.eye(4), mg.Sphere(1.4 * radius), _BONE)
     for joint, end in ends:
         if joint not in drawn:
             yield from _rod(joint, np.zeros(3), end, radius, _BONE)

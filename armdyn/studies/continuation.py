@@ -1,15 +1,65 @@
-"""Similar problems in a row: each optimum is where the search for its neighbour's begins, there and back."""
+"""Chains of similar problems: each optimum begins the search of the next one, and later optima are tried on earlier."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from __future__ import annotations
 
-from armdyn.arguments import expect
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armdyn.arguments import expect, listener
 from armdyn.errors import ProblemError
-from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Solution, Status, solve_minimum_time
-from armdyn.optimal.proof.certificate import GAP_TOLERANCE
-from armdyn.optimal.refine.smooth import trajectory_cost
-from armdyn.optimal.task.policy import Policy
-from armdyn.optimal.task.policy.search import SamePolicy
+from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Solution
+from armdyn.optimal.problem.stop import stopping
+from armdyn.studies.executors.in_process import in_process
+from armdyn.studies.rows import StudyRow, Value, row_store
+from armdyn.studies.run import run_cases
+from armdyn.studies.study import Axis, Study
+from armdyn.studies.tasks.minimum_time import MinimumTimeTask
+from armdyn.studies.tasks.task import CaseResult
+
+
+@dataclass(frozen=True, eq=False)
+class GivenProblems:
+    """Problems that are there already, by the value of one setting.
+
+    Attributes:
+        setting: its name.
+        problems: by its values, in an order in which neighbours resemble each other.
+    """
+
+    setting: str
+    problems: Mapping[float, MinimumTimeProblem]
+
+    def problem(self, settings: Mapping[str, Value]) -> MinimumTimeProblem:
+        """Problem of a case."""
+        return self.problems[settings[self.setting]]
+
+    def description(self) -> dict[str, object]:
+        """Checksums of the problems."""
+        return {"problems": {f"{value:g}": _digest(problem) for value, problem in self.problems.items()}}
+
+
+def chain(
+    setting: str,
+    problems: Mapping[float, MinimumTimeProblem],
+    options: MinimumTimeOptions,
+    progress: Callable[[str], None] | None = None,
+) -> Study:
+    """The study of a chain of problems, to be done in this process.
+
+    Args:
+        setting: name of what varies.
+        problems: by its values.
+        options: of every search; `starts` holds for all, if it is given. A time limit is each search's own.
+        progress: called with the progress of a search in words.
+    """
+    task = MinimumTimeTask(
+        problems=GivenProblems(setting, problems), options=options, neighbours="chain", progress=progress
+    )
+    return Study(task=task, axes=(Axis(name=setting, values=tuple(problems)),))
 
 
 def continuation(
@@ -18,18 +68,18 @@ def continuation(
     progress: Callable[[str], None] | None = None,
     done: Callable[[int, Solution], None] | None = None,
 ) -> tuple[Solution, ...]:
-    """Optima of similar problems, as the minimum times of one motion with more and more payload.
+    """Solve similar problems, such as one motion with more and more payload.
 
-    The first is searched as `solve_minimum_time` does. Each of the others begins with its neighbour's optimum
-    beside fewer guesses of its own; then, backwards, an optimum that a later problem has found is tried on the
-    one before, unless that is proven to be about as fast as can be. The same model with other payloads, limits or
-    poses is built and compiled once.
+    The first is searched as `solve_minimum_time` does. Each of the others begins with its neighbour's optimum and few
+    guesses of its own; then, backwards, an optimum that a later problem has found is tried on the one before, unless
+    that is proven to be about as fast as can be. The same model with other payloads, limits or poses is built and
+    compiled once.
 
     Args:
         problems: in an order in which neighbours resemble each other.
-        options: of every solve; `starts` is that of all, if it is given. A time limit is each solve's own.
-        progress: told in words what is being tried.
-        done: told the number and the solution of a problem, again where the way back finds a faster one.
+        options: of every search; see `chain`.
+        progress: called with the progress in words.
+        done: called with the number and the solution of a problem, again where the way back finds a faster one.
 
     Returns:
         A solution for each problem, in their order; after Ctrl-C those that there were.
@@ -42,58 +92,33 @@ def continuation(
     for k, own in enumerate(names):
         if own != names[0]:
             raise ProblemError(f"problems[{k}] moves {', '.join(own)}; the first moves {', '.join(names[0])}")
-    found: list[Solution] = []
-    search = Policy.of(problems[0]).search if problems else None
-    few = search.guesses(options, search.neighbour_starts) if search else None
+    if not problems:
+        return ()
+    found, progress = dict[int, Solution](), listener(progress)
 
-    def solve(k: int, neighbour: Solution | None, starts: int | None) -> Solution:
-        given = options
-        if neighbour is not None:
-            given = replace(options, starts=starts, guesses=(*options.guesses, neighbour.trajectory))
-        return solve_minimum_time(
-            problems[k], given, progress and (lambda text: progress(f"{k + 1} of {len(problems)}: {text}"))
-        )
-
-    for k in range(len(problems)):
-        found.append(solve(k, next((s for s in reversed(found) if s.success), None), few))
+    def keep(row: StudyRow, result: CaseResult) -> None:
+        found[row.k] = result.value
         if done:
-            done(k, found[k])
-        if found[k].status is Status.INTERRUPTED:
-            return tuple(found)
-    for k in range(len(problems) - 2, -1, -1):
-        if not found[k + 1].success or _is_proven(found[k]) or _is_neighbours(found[k], found[k + 1]):
-            continue
-        other = solve(k, found[k + 1], 1)
-        if _better(other, found[k]):
-            found[k] = other
-            if done:
-                done(k, other)
-        if other.status is Status.INTERRUPTED:
-            break
-    return tuple(found)
+            done(row.k, result.value)
+
+    def count(text: str) -> None:
+        progress(f"{min(len(found) + 1, len(problems))} of {len(problems)}: {text}")
+
+    study = chain("problem", {float(k): one for k, one in enumerate(problems)}, options, count)
+    with row_store(None, {}) as rows, stopping(np.inf) as stop, in_process(study.task) as executor:
+        run_cases(study, rows, executor, stop, ended=keep)
+    return tuple(found[k] for k in sorted(found))
 
 
-def _is_proven(solution: Solution) -> bool:
-    """A proven lower bound is so near that no other motion is worth a search."""
-    return solution.gap is not None and solution.gap_proven and solution.gap <= GAP_TOLERANCE
-
-
-def _is_neighbours(solution: Solution, later: Solution) -> bool:
-    """Both optima have the same arcs: they are one branch's, and there is nothing to try.
-
-    Where effort is paid for torques are on no limit, and their arcs say nothing.
-    """
-    own, other = ([arc.modes for arc in s.arcs] for s in (solution, later))
-    return bool(own) and own == other and not solution.problem.pays_effort
-
-
-def _better(solution: Solution, other: Solution) -> bool:
-    if solution.success != other.success:
-        return solution.success
-    return _cost(solution) < _cost(other) * (1 - SamePolicy.resolved)
-
-
-def _cost(solution: Solution) -> float:
-    """What is least [s]: the duration, and the effort that is paid for."""
-    effort = trajectory_cost(solution.trajectory, solution.problem.effort_weight) - solution.trajectory.duration
-    return solution.duration + effort
+def _digest(problem: MinimumTimeProblem) -> str:
+    """Checksum of all that a problem's answer depends on."""
+    limits = {name: value.tolist() for name, value in vars(problem.limits).items()}
+    told = {
+        "model": problem.robot.model_hash, "friction": repr(problem.robot.friction), "limits": limits,
+        "goals": [goal.tolist() for goal in problem.goals], "start": problem.x_start.tolist(),
+        "end": problem.x_goal.tolist(), "weights": problem.effort_weights().tolist(), "wrap": problem.wrap,
+        "via": [np.asarray(q).tolist() for q in problem.via], "obstacles": repr(problem.obstacles),
+        "clearance": [problem.self_collision, problem.clearance], "path_constraints": repr(problem.path_constraints),
+        "rates": repr((problem.acceleration_limit, problem.jerk_limit)),
+    }  # fmt: skip
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""How much torque a minimum-time motion should leave to feedback, for the least time until an arm has settled."""
+"""Torque that a minimum-time motion should leave to feedback, so that an arm settles soonest."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -17,10 +17,10 @@ from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Solution, Sta
 from armdyn.optimal.problem.problem import expect_problem
 from armdyn.reprs import brief
 from armdyn.studies.continuation import continuation
-from armdyn.studies.plants.plants import with_payload_times
+from armdyn.studies.plants import with_payload_times
 
 RESERVES = (0.0, 0.05, 0.08, 0.1, 0.12, 0.15, 0.2, 0.3)
-"""That are tried where none are given."""
+"""Reserves that are tried by default."""
 
 _LOADS = (0.8, 1.0, 1.2)
 _DRY, _VISCOUS = 0.02, 0.001
@@ -31,14 +31,14 @@ _WATCHED = 2.5
 
 @dataclass(frozen=True, eq=False)
 class Settling:
-    """What one controller makes of one reserve, on all plants.
+    """Settled times of one controller with one reserve, on all plants.
 
     Attributes:
         reserve: part of the torque limits that the motion leaves.
-        controller: which.
+        controller: of the loop.
         duration: of the motion [s].
-        settled: when each plant has settled [s]; None: it has not.
-        runs: what came of each.
+        settled: settled time of each plant [s]; None: it has not settled.
+        runs: of the plants.
     """
 
     reserve: float
@@ -49,21 +49,21 @@ class Settling:
 
     @property
     def worst(self) -> float:
-        """Of all plants [s]; inf: one has not settled."""
+        """Settled time of the last plant [s]; inf: one has not settled."""
         return max(np.inf if t is None else t for t in self.settled)
 
     @property
     def mean(self) -> float:
-        """Of all plants [s]; inf: one has not settled."""
+        """Mean settled time [s]; inf: one plant has not settled."""
         return float(np.mean([np.inf if t is None else t for t in self.settled]))
 
     @property
     def count(self) -> int:
-        """Plants that have settled."""
+        """Number of plants that have settled."""
         return sum(t is not None for t in self.settled)
 
     def facts(self) -> dict[str, Any]:
-        """As JSON says it, and a figure draws it; None: not every plant settles."""
+        """The row as JSON; None: not every plant settles."""
         return {
             "controller": type(self.controller).__name__,
             "reserve": self.reserve,
@@ -81,18 +81,20 @@ class ReserveCurve:
     """Settled time against reserve.
 
     Attributes:
-        rows: of every controller and every reserve that has a usable motion, in their orders.
-        solutions: the motions, by reserve.
-        plants: the arms that moved.
+        rows: one for every controller and every reserve that has a usable motion, in their orders.
+        solutions: by reserve.
+        plants: arms that moved.
+        interrupted: reserves are missing because Ctrl-C was pressed.
     """
 
     rows: tuple[Settling, ...]
     solutions: dict[float, Solution]
     plants: tuple[Robot, ...]
+    interrupted: bool = False
 
     @property
     def best(self) -> Settling | None:
-        """With which most plants settle, and then the last of them soonest; None: there is no row."""
+        """Row with which most plants settle, and then the last of them soonest; None: there is no row."""
         return min(self.rows, key=lambda row: (-row.count, row.worst, row.mean, row.reserve), default=None)
 
     def of(self, controller: Controller) -> tuple[Settling, ...]:
@@ -112,7 +114,7 @@ def likely_plants(robot: Robot) -> tuple[Robot, ...]:
         Six, or two of a robot without a payload.
     """
     damping, coulomb = expect_robot(robot).friction.per_joint(robot.nv)
-    size = np.minimum(np.abs(robot.limits.effort_lower), np.abs(robot.limits.effort_upper))
+    size = np.minimum(np.abs(robot.limits.actuators.lower), np.abs(robot.limits.actuators.upper))
     size = np.where(np.isfinite(size), size, 0.0)
     carries = robot.payload is not None and robot.payload.mass > 0
     loaded = [with_payload_times(robot, factor) for factor in _LOADS] if carries else [robot]
@@ -138,21 +140,21 @@ def reserve_curve(
     Args:
         problem: the motion; its own reserve is not looked at.
         controllers: that follow it; None: `Lqr()`.
-        plants: the arms that move; None: `likely_plants`.
-        reserves: that are tried, each at least 0 and below 1.
-        loop: how controllers are joined to the arms; None: `Loop()`.
-        duration: how long each arm is watched [s]; see `track`.
+        plants: arms that move; None: `likely_plants`.
+        reserves: values to try, each at least 0 and below 1.
+        loop: connection of controllers and arms; None: `Loop()`.
+        duration: time for which each arm is watched [s]; see `track`.
         options: of the searches.
-        progress: told in words what is being done.
+        progress: called with the progress in words.
 
     Returns:
-        What there is after Ctrl-C, too.
+        The curve; after Ctrl-C its rows so far.
 
     Raises:
         ProblemError: no problem; no reserve; something does not fit the robot.
     """
     expect_problem(problem)
-    tell, loop = listener(progress), expect_loop(loop, Loop())
+    progress, loop = listener(progress), expect_loop(loop, Loop())
     levels = sorted({number(r, f"reserves[{i}]") for i, r in enumerate(several(reserves, "reserves"))})
     if not levels or not 0 <= levels[0] <= levels[-1] < 1:
         raise ProblemError(f"reserves are {tuple(levels)}; expected one or more, each at least 0 and below 1")
@@ -161,13 +163,14 @@ def reserve_curve(
     arms = likely_plants(robot) if plants is None else expect_robots(plants, "plants")
     followed_by = (Lqr(),) if controllers is None else several(controllers, "controllers")
     laws = tuple(expect_controller(law, f"controllers[{i}]") for i, law in enumerate(followed_by))
-    found = continuation([problem.variant(reserve=r) for r in levels], options, tell)
+    found = continuation([problem.variant(reserve=r) for r in levels], options, progress)
     solutions = {r: s for r, s in zip(levels, found, strict=False) if s.usable and s.status is not Status.INTERRUPTED}
     rows = []
     for controller in laws:
         for r, solution in solutions.items():
-            tell(f"{type(controller).__name__}, reserve {r:g}")
+            progress(f"{type(controller).__name__}, reserve {r:g}")
             setup = Setup.of(robot, solution.trajectory, controller, loop, duration=duration, tolerance=0.005)
             runs = tuple(setup.run(arm) for arm in arms)
             rows.append(Settling(r, controller, solution.duration, tuple(run.settled_time for run in runs), runs))
-    return ReserveCurve(tuple(rows), solutions, arms)
+    interrupted = len(found) < len(levels) or any(one.status is Status.INTERRUPTED for one in found)
+    return ReserveCurve(tuple(rows), solutions, arms, interrupted)

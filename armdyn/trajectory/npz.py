@@ -17,10 +17,10 @@ from armdyn.files import read_bounded, write_whole
 Made = TypeVar("Made")
 
 _FORMAT = "armdyn-trajectory-2"
-_OLD_FORMAT = "armdyn-trajectory-1"  # without model_hash, its units not checked
+_OLD_FORMAT = "armdyn-trajectory-1"  # without model_hash and hold, its units not checked
 _UNITS = "t s; q rad or m; v rad/s or m/s; tau N m or N"
 _ARRAYS = ("t", "q", "v", "tau")
-_TEXTS = ("format", "units", "name", "model_hash")
+_TEXTS = ("format", "units", "name", "model_hash", "hold")
 
 MAX_BYTES = 256 * 2**20
 """A trajectory whose arrays are larger is neither saved nor loaded [bytes]: 1.5 million samples of seven joints."""
@@ -125,7 +125,7 @@ def _read(file: zipfile.ZipFile, make: Callable[..., Made]) -> Made:
         raise TrajectoryError(f"not a trajectory of format {_FORMAT} but {form[:80]!r}; a newer armdyn may read it")
     new = form == _FORMAT
     known = [f"{name}.npy" for name in (*_TEXTS, "joint_names", *_ARRAYS)]
-    optional = () if new else ("model_hash.npy", "units.npy")
+    optional = ("hold.npy",) if new else ("hold.npy", "model_hash.npy", "units.npy")
     if len(found) != len(set(found)) or not {*known} - {*optional} <= {*found} <= {*known}:
         raise TrajectoryError(f"not a readable npz trajectory: it holds {', '.join(map(repr, found[:12]))}")
     if new and (units := str(_member(file, "units", text=True))) != _UNITS:
@@ -140,6 +140,7 @@ def _read(file: zipfile.ZipFile, make: Callable[..., Made]) -> Made:
         joint_names=tuple(map(str, names)),
         name=str(_member(file, "name", text=True)),
         model_hash=str(_member(file, "model_hash", text=True)) if new else "",
+        hold=str(_member(file, "hold", text=True)) if "hold.npy" in found else "linear",
     )
     for field in _ARRAYS:
         bounded(getattr(made, field), field)

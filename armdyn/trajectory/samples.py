@@ -14,7 +14,9 @@ from armdyn.arguments import numbers, several, text
 from armdyn.errors import TrajectoryError
 from armdyn.files import write_whole
 from armdyn.reprs import brief
-from armdyn.trajectory import formats
+from armdyn.trajectory.formats.csv_table import CsvTable, dataframe
+from armdyn.trajectory.formats.mujoco import Mujoco
+from armdyn.trajectory.formats.ros2 import joint_trajectory
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -86,7 +88,7 @@ class Samples:
             DiskFullError: there is no room for it.
             FileError: the folder cannot be written.
         """
-        return write_whole(path, formats.csv_text(self).encode())
+        return write_whole(path, CsvTable().text(self).encode())
 
     def to_dataframe(self) -> DataFrame:
         """The same table, of pandas, which is to be installed: `pip install pandas`.
@@ -94,7 +96,7 @@ class Samples:
         Raises:
             MissingPackageError: it is not.
         """
-        return formats.dataframe(self)
+        return dataframe(self)
 
     def to_joint_trajectory(self) -> dict[str, Any]:
         """The fields of a ROS 2 message `trajectory_msgs/msg/JointTrajectory`, of Python's own numbers, texts, lists.
@@ -106,7 +108,7 @@ class Samples:
             TrajectoryError: joints have no names, two stamps are the same nanosecond, or there are more seconds than
                 the message counts.
         """
-        return formats.joint_trajectory(self)
+        return joint_trajectory(self)
 
     def to_mjcf(self, *, motors: bool = True) -> str:
         """MuJoCo's XML of the same, to be included in a model of the arm: a keyframe per stamp, and motors.
@@ -120,4 +122,4 @@ class Samples:
         Raises:
             TrajectoryError: joints have no names, or one that XML cannot say.
         """
-        return formats.mjcf(self, motors)
+        return Mujoco(motors).text(self)

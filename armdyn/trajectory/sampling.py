@@ -80,7 +80,7 @@ def _check_count(count: float, what: str) -> None:
 def mean_torques(motion: Trajectory, t: Array) -> Array:
     """Mean torque over each step [N m or N], shape (n - 1, nv).
 
-    The torque is linear between the motion's samples: over a piece without one inside, its mean is its middle's.
+    Over a piece without a sample of the motion inside, the mean of a linear or held torque is its value in the middle.
 
     Args:
         motion: whose torques they are.
@@ -90,6 +90,9 @@ def mean_torques(motion: Trajectory, t: Array) -> Array:
     edges = np.union1d(own, t)
     edges = edges[edges <= t[-1]]
     lengths, middles = np.diff(edges), (edges[1:] + edges[:-1]) / 2
-    tau = np.stack([np.interp(middles, own, column) for column in motion.tau.T], axis=1)
+    if motion.hold == "linear":
+        tau = np.stack([np.interp(middles, own, column) for column in motion.tau.T], axis=1)
+    else:
+        tau = motion.tau[np.searchsorted(own, middles) - 1]
     first = np.searchsorted(edges, t[:-1])
     return np.asarray(np.add.reduceat(tau * lengths[:, None], first) / np.add.reduceat(lengths, first)[:, None])

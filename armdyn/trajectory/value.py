@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _ARRAYS = ("t", "q", "v", "tau")
+
+Hold = Literal["linear", "zero-order"]
+"""Torque between two samples: linear, or that of the first sample, as a sampled controller holds it until the next."""
+HOLDS: tuple[Hold, ...] = ("linear", "zero-order")
 
 LEAST_STEP = 1e-30
 """Times nearer than that are refused [s]: rates over them, and squares of rates, leave what numbers can hold. An ulp of
@@ -46,9 +50,8 @@ class Sample(NamedTuple):
 class Trajectory:
     """A motion: samples of state and torque over time.
 
-    Between samples the torque is linear and the position the cubic that matches position and
-    velocity at both ends. A jump of the torque is two samples one ulp of time apart, so that this
-    one rule also says bang-bang exactly.
+    Between samples the position is the cubic that matches position and velocity at both ends. The torque is linear,
+    or held, see `Hold`. A jump of a linear torque is two samples one ulp of time apart, so that bang-bang is exact.
 
     Attributes:
         t: times [s], shape (n,), strictly increasing by `LEAST_STEP` at least, n >= 2.
@@ -58,6 +61,7 @@ class Trajectory:
         joint_names: one name per column of v; may be empty.
         name: what it is called in legends and tables.
         model_hash: `Robot.model_hash` of the arm that it is a motion of; empty if it is not known.
+        hold: torque between samples, see `Hold`.
     """
 
     t: Array
@@ -67,6 +71,7 @@ class Trajectory:
     joint_names: tuple[str, ...] = ()
     name: str = ""
     model_hash: str = ""
+    hold: Hold = "linear"
 
     def __post_init__(self) -> None:
         for field in _ARRAYS:
@@ -95,6 +100,8 @@ class Trajectory:
         object.__setattr__(self, "joint_names", names)
         for field in ("name", "model_hash"):
             text(getattr(self, field), field, error=TrajectoryError)
+        if text(self.hold, "hold", error=TrajectoryError) not in HOLDS:
+            raise TrajectoryError(f"hold is {self.hold!r}; it is one of {', '.join(map(repr, HOLDS))}")
         if self.joint_names and len(self.joint_names) != self.v.shape[1]:
             raise TrajectoryError(f"{len(self.joint_names)} joint names for {self.v.shape[1]} joints")
 
@@ -118,8 +125,13 @@ class Trajectory:
         return float(self.t[-1] - self.t[0])
 
     @property
+    def tau_end(self) -> Array:
+        """Torque at the end of each interval between samples [N m or N], shape (n - 1, nv); it begins with `tau`."""
+        return self.tau[:-1] if self.hold == "zero-order" else self.tau[1:]
+
+    @property
     def jumps(self) -> NDArray[np.bool_]:
-        """Where no time passes from one sample to the next, shape (n - 1,): there the torque may jump.
+        """Where no time passes from one sample to the next, shape (n - 1,): there a linear torque may jump.
 
         `jumps[k]` is of samples k and k + 1: they are one ulp of time apart, or two where a sum of times was rounded.
         """
@@ -127,7 +139,7 @@ class Trajectory:
 
     @property
     def switch_times(self) -> tuple[tuple[float, ...], ...]:
-        """For each joint the times at which its torque jumps [s], increasing; of each jump's first sample."""
+        """For each joint the times at which a linear torque jumps [s], increasing; of each jump's first sample."""
         jumping = self.jumps[:, None] & (self.tau[1:] != self.tau[:-1])
         return tuple(tuple(map(float, self.t[:-1][column])) for column in jumping.T)
 
@@ -150,7 +162,7 @@ class Trajectory:
         c3 = -2 * rise + h * (self.v[k] + self.v[k + 1])
         q = self.q[k] + s * (h * self.v[k] + s * (c2 + s * c3))
         v = self.v[k] + s * (2 * c2 + 3 * s * c3) / h
-        tau = self.tau[k] + s * (self.tau[k + 1] - self.tau[k])
+        tau = self.tau[k] + s * (self.tau_end[k] - self.tau[k])
         return Sample(q, v, tau)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
@@ -164,7 +176,7 @@ class Trajectory:
             FileError: the folder cannot be written.
             TrajectoryError: it is larger than `MAX_BYTES`.
         """
-        texts = {"name": self.name, "model_hash": self.model_hash}
+        texts = {"name": self.name, "model_hash": self.model_hash, "hold": self.hold}
         return npz.write(path, {field: getattr(self, field) for field in _ARRAYS}, texts, self.joint_names)
 
     @staticmethod

@@ -5,7 +5,7 @@ from protocol import INTERVALS, Answer, main
 import armdyn as ad
 from armdyn.optimal.flat.equations import torque_equations
 from armdyn.optimal.flat.follow import follow
-from armdyn.optimal.flat.settle import settle
+from armdyn.optimal.flat.refinement import refine_curve
 from armdyn.optimal.search.starts import spline, straight_curve
 from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
 from armdyn.optimal.task.options import DirectOptions
@@ -18,7 +18,7 @@ def build(problem, method):
     options = ad.MinimumTimeOptions(compile=True, dynamics="forward" if problem.robot.nv <= 3 else "inverse")
     task = Task.of(problem, options)
     if method == "full":
-        if task.policy.curves.alone:
+        if task.policy.strategy.curves_alone:
             torque_equations(task.dynamics, True)
         else:
             prepare_quickly(task, options.intervals, task.alone())
@@ -35,7 +35,7 @@ def build(problem, method):
         torque_equations(task.dynamics, True)
 
         def solve_curve():
-            settled = settle(task, straight)
+            settled = refine_curve(task, straight)
             return Answer(follow(task, settled.curve), str(settled.solved.outcome.status))
 
         return solve_curve

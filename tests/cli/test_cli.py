@@ -111,6 +111,8 @@ def test_sweep(tmp_path):
     assert [float(row["duration_s"]) for row in rows] == [row["duration_s"] for row in answer["rows"]]
     motion = ad.Trajectory.load(tmp_path / "200g.npz")
     assert motion.duration == pytest.approx(answer["rows"][1]["duration_s"], rel=1e-12) and motion.model_hash
+    again = run_json("sweep", "r", "--payload", "0.2,0.1", "--no-figure", "--out", tmp_path)
+    assert again["rows"] == answer["rows"]  # with the time that each has taken: nothing was solved again
     answer = run_json("sweep", "r", "--payload", "0.1", "--no-figure", "--out", tmp_path / "bare")
     assert {Path(file).name for file in answer["files"]} == {"100g.npz", "sweep.csv", "result.json"}
     done = run("sweep", "panda", cwd=tmp_path)
@@ -174,7 +176,7 @@ def test_doctor(tmp_path):
         (["replay", "rr", "missing.npz"], "missing.npz: no such file"),
         (["export", "missing.npz"], "missing.npz: no such file"),
         (["export", "missing.npz", "--format", "xlsx"], "xlsx"),
-        (["urdf", "rrrr"], "no arm 'rrrr'"),
+        (["urdf", "rrrr"], "no planar arm is called 'rrrr'"),
     ],
 )
 def test_bad_input_is_exit_2_without_traceback(arguments, message, tmp_path):

@@ -27,9 +27,9 @@ SHORT = {
     "robots": ["panda"],
 }
 LONG = {
-    "mintime": ["rr", "--effort", "quick", "--no-figure", "--no-report", "--obstacle", "sphere:0.02@0.4,0,0.2"],
+    "mintime": ["rr", "--search", "quick", "--no-figure", "--no-report", "--obstacle", "sphere:0.02@0.4,0,0.2"],
     "sweep": ["r", "--payload", "0,0.1", "--no-figure"],
-    "optimality": ["r", "ramp.npz", "--no-figure", "--no-report", "--effort", "quick"],
+    "optimality": ["r", "ramp.npz", "--no-figure", "--no-report", "--search", "quick"],
     "tune": ["r", "--ramp-range", "0.4,0.6", "--generations", "1", "--members", "2", "--held-out", "2"],
     "reproduce": ["--only", "example4", "--payload", "0.1006"],
     "robots": [],

@@ -8,6 +8,7 @@ import time
 import pytest
 
 import armdyn as ad
+from armdyn.studies.rows import read_rows
 from cli.command import COMMAND, answer, run_here
 
 ARM = ("r", "--payload", "0.1006")
@@ -24,16 +25,24 @@ def test_a_study_is_written_and_gone_on_with(tmp_path):
     assert told["success"] is True
     assert (told["count"], told["within"]) == (8, 0.5)
     assert told["success_rate_low"] < told["success_rate"] <= told["success_rate_high"]
-    names = ["rows.jsonl", "reference.npz", "envelope.png", "envelope.pdf", "result.json"]
+    names = ["rows.sqlite", "rows.csv", "reference.npz", "envelope.png", "envelope.pdf", "result.json"]
     assert [file.name for file in map(tmp_path.joinpath, names) if file.exists()] == names
     assert told["files"] == [str(tmp_path / name) for name in names]
     assert json.loads((tmp_path / "result.json").read_text())["settled"] == told["settled"]
     assert ad.Trajectory.load(tmp_path / "reference.npz").duration == pytest.approx(0.3)
-    before = (tmp_path / "rows.jsonl").read_bytes()
+    before = ad.study_table(tmp_path / "rows.sqlite")
     assert many(tmp_path, "--count", 10, "--no-figure")["count"] == 10
-    after = (tmp_path / "rows.jsonl").read_bytes()
-    assert after.startswith(before)
-    assert len(after.splitlines()) == 11
+    after = ad.study_table(tmp_path / "rows.sqlite")
+    assert after[:8] == before and len(after) == 10
+    assert len((tmp_path / "rows.csv").read_text().splitlines()) == 11
+
+
+def rows_of(file):
+    try:
+        with read_rows(file) as rows:
+            return len(rows.numbers())
+    except ad.ArmdynError:  # there is none yet
+        return 0
 
 
 def test_another_question_is_bad_input(tmp_path):
@@ -73,15 +82,16 @@ def test_ranges_that_are_none_are_bad_input(tmp_path, more, message):
 def test_ctrl_c_keeps_the_rows(tmp_path):
     command = [*COMMAND, *MANY, "--count", "100000", "--out", str(tmp_path)]
     study = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    rows, until = tmp_path / "rows.jsonl", time.monotonic() + 120
-    while not (rows.exists() and rows.read_bytes().count(b"\n") > 5):
+    rows, until = tmp_path / "rows.sqlite", time.monotonic() + 120
+    while rows_of(rows) <= 5:
         assert study.poll() is None and time.monotonic() < until
         time.sleep(0.01)
     study.send_signal(signal.SIGINT)
     _, told = study.communicate(timeout=60)
     assert study.returncode == 130
-    count = rows.read_bytes().count(b"\n") - 1
+    count = rows_of(rows)
     assert f"interrupted; {count} rows are in" in " ".join(told.split())
+    count = ad.study_table(rows)[-1]["k"] + 1  # with those that were under way
     assert many(tmp_path, "--count", count, "--no-figure")["count"] == count
 
 

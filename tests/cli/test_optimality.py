@@ -8,7 +8,7 @@ import pytest
 import armdyn as ad
 from cli.command import answer, run_here
 
-QUICK = ("--effort", "quick", "--no-report", "--no-figure", "--json")
+QUICK = ("--search", "quick", "--no-report", "--no-figure", "--json")
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def files(motion, here):
 @pytest.mark.slow
 def test_every_format_of_a_motion_has_one_answer(motion, here, rr):
     told = [answer(run_here("optimality", "rr", name, *QUICK)) for name in files(motion, here)]
-    api = ad.time_optimality(rr, motion, ad.MinimumTimeOptions(effort="quick"))
+    api = ad.time_optimality(rr, motion, ad.MinimumTimeOptions(search="quick"))
     for facts in told:
         assert facts["success"] and facts["status"] == "compared" and facts["certified"] and facts["feasible"]
         assert facts["duration"] == pytest.approx(0.6, abs=1e-9)  # of times in text 18 digits, of ROS nanoseconds
@@ -59,7 +59,7 @@ def test_every_format_of_a_motion_has_one_answer(motion, here, rr):
 
 def test_what_it_says_and_writes(motion, here):
     motion.save(here / "own.npz")
-    done = run_here("optimality", "rr", "own.npz", "--effort", "quick", "--no-report", "--out", "out")
+    done = run_here("optimality", "rr", "own.npz", "--search", "quick", "--no-report", "--out", "out")
     words = " ".join(done.stdout.split())
     assert done.returncode == 0 and "the motion takes 0.600000 s" in words and "limits kept" in words
     assert "% less time" in words and "on no limit joint1 100 %, joint2 100 % of the time" in words

@@ -9,7 +9,7 @@ import yaml
 
 import armdyn as ad
 from armdyn.cli.reports.saved import read_saved
-from armdyn.cli.reports.subject import Wanted, subject_of
+from armdyn.cli.reports.subject import SubjectSpec, subject_of
 from cli.command import answer, run_here
 
 BARE = ("--no-figure", "--no-report")
@@ -190,7 +190,7 @@ def test_obstacles_are_in_the_result(tracked, tmp_path):
     box = {"type": "box", "size": [0.1, 0.1, 0.1], "position": [1, 0, 0], "name": "crate"}
     for name, entries, count in (("a", [box], 1), ("b", [box, {"type": "box"}], 0), ("c", "box", 0), ("d", [3], 0)):
         folder = changed(tracked, tmp_path / name, obstacles=entries)
-        assert len(subject_of(read_saved(folder), Wanted()).obstacles) == count
+        assert len(subject_of(read_saved(folder), SubjectSpec()).obstacles) == count
     report(tmp_path / "a")
     assert (tmp_path / "a" / "report.html").read_text() != (tracked / "report.html").read_text()
 

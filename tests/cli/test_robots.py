@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 import armdyn.cli.robots as robots
 from armdyn.cli.app import app
-from armdyn.models import PAPER_ARMS, Robot
+from armdyn.models import PLANAR_ARMS, Robot
 from armdyn.models.robots.library import BENCHMARKS, LIBRARY_ARMS
 from armdyn.show.results import load_result
 from armdyn.trajectory import Trajectory
@@ -25,7 +25,7 @@ def listed():
 
 def test_every_arm_is_listed_and_loads(listed):
     assert listed["success"] and listed["status"] == "listed"
-    assert [arm["name"] for arm in listed["robots"]] == [*PAPER_ARMS, *BENCHMARKS, *LIBRARY_ARMS]
+    assert [arm["name"] for arm in listed["robots"]] == [*PLANAR_ARMS, *BENCHMARKS, *LIBRARY_ARMS]
     assert all(arm["loads"] for arm in listed["robots"]), [arm for arm in listed["robots"] if not arm["loads"]]
 
 

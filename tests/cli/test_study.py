@@ -8,8 +8,8 @@ import time
 import pytest
 
 from armdyn.cli.sweeps.study import _left
-from armdyn.studies.sweeps.database import reading
-from armdyn.studies.sweeps.export import study_table
+from armdyn.studies.rows import read_rows
+from armdyn.studies.tables import study_table
 from cli.command import COMMAND, answer, run, run_here, run_json
 
 STUDY = """
@@ -102,7 +102,7 @@ def test_ctrl_c_leaves_rows_and_tables(study, tmp_path):
 
 def rows_of(file):
     try:
-        with reading(file) as rows:
+        with read_rows(file) as rows:
             return len(rows.numbers())
     except (OSError, ValueError):  # there is none yet
         return 0

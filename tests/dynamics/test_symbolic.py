@@ -6,7 +6,7 @@ import pytest
 import armdyn.dynamics.symbolic as symbolic
 from armdyn.dynamics import Dynamics
 from armdyn.errors import BridgeError, SpecError
-from armdyn.models import PAPER_ARMS, ArmSpec, Payload, Robot
+from armdyn.models import PLANAR_ARMS, ArmSpec, Payload, Robot
 from armdyn.models.robots.arm import payload_inertia
 from armdyn.models.robots.library import library_urdf
 from oracles import (
@@ -24,7 +24,7 @@ from oracles import (
 # Both sides round every operation, in another order; torques and accelerations reach 1e5 on these
 # robots, so the error is taken relative to the largest entry once that exceeds one.
 TOLERANCE = 1e-10
-ROBOTS = (*PAPER_ARMS, *LIBRARY_ROBOTS, "double_pendulum_continuous")
+ROBOTS = (*PLANAR_ARMS, *LIBRARY_ROBOTS, "double_pendulum_continuous")
 
 
 @pytest.mark.parametrize("name", ROBOTS)

@@ -24,7 +24,7 @@ q_start = [-1.5, "2deg"]
 q_goal = [0.2, "-pi/84"]
 
 [options]
-effort = "quick"
+search = "quick"
 """
 
 
@@ -60,7 +60,7 @@ def test_a_file_is_the_problem_in_python(write):
     problem = file.made()
     arm = problem.robot
     same = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), ad.Payload(mass=0.1006))
-    assert arm.model_hash == same.model_hash and file.options == {"effort": "quick"}
+    assert arm.model_hash == same.model_hash and file.options == {"search": "quick"}
     assert np.array_equal(problem.q_start, [-1.5, np.deg2rad(2)])
     assert np.array_equal(problem.q_goal, [0.2, -np.pi / 84])
 
@@ -109,7 +109,7 @@ def test_a_file_reaches_nothing_outside_its_folder(write, tmp_path):
         ("q_goal", "q_gaol", "line 7: no key 'q_gaol' in [problem]; did you mean 'q_goal'?"),
         ("mass", "mas", "line 3: no key 'mas' in [robot.payload]; did you mean 'mass'?"),
         ("[options]", "[optoins]", "line 9: no table 'optoins' at the top; did you mean 'options'?"),
-        ('"quick"', '"fast"', "line 10: effort is 'fast'; it is one of"),
+        ('"quick"', '"fast"', "line 10: search is 'fast'; it is one of"),
         ("-1.5,", "-90,", "line 6: start of joint 'joint1' (index 0) is -90 rad, outside its limits"),
         ("0.2,", "true,", "line 7: q_goal has True; a position is a number"),
         ('"-pi/84"]', '"-pi/84", 1]', "line 7: q_goal has shape (3,)"),

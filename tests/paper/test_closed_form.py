@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 from armdyn.dynamics import Dynamics
 from armdyn.errors import SpecError
-from armdyn.models import PAPER_ARMS, ArmSpec, LinkSpec, Payload, Robot
+from armdyn.models import PLANAR_ARMS, ArmSpec, LinkSpec, Payload, Robot
 from armdyn.paper.closed_form import PlanarArm
 from armdyn.paper.printed.examples import PAYLOADS
 from oracles import PinDynamics, assert_close, random_states
@@ -32,7 +32,7 @@ def assert_same_mechanics(spec, payload, seed=0, count=3):
             assert_close(other.rnea(q, v, a), D @ a + C @ v + g, TOLERANCE)
 
 
-@pytest.mark.parametrize("arm", PAPER_ARMS)
+@pytest.mark.parametrize("arm", PLANAR_ARMS)
 def test_pinocchio_and_casadi_agree_with_the_hand_derivation(arm):
     spec = ArmSpec.paper(arm)
     for payload in payloads(spec):
@@ -60,7 +60,7 @@ def test_any_planar_arm(links, payload, seed):
     assert_same_mechanics(ArmSpec(name="any", links=tuple(links)), payload, seed, count=1)
 
 
-@pytest.mark.parametrize("arm", PAPER_ARMS)
+@pytest.mark.parametrize("arm", PLANAR_ARMS)
 def test_inertia_is_symmetric_and_positive(arm):
     by_hand = PlanarArm.from_spec(ArmSpec.paper(arm), Payload(mass=0.5))
     for q, _, _ in random_states(by_hand.nv):
@@ -69,7 +69,7 @@ def test_inertia_is_symmetric_and_positive(arm):
         assert np.linalg.eigvalsh(D)[0] > 0
 
 
-@pytest.mark.parametrize("arm", PAPER_ARMS)
+@pytest.mark.parametrize("arm", PLANAR_ARMS)
 def test_inertia_rate_minus_twice_coriolis_is_skew(arm):
     by_hand = PlanarArm.from_spec(ArmSpec.paper(arm), Payload(mass=0.5))
     step = 1e-30  # complex step: no difference is taken, so no digit is lost however small it is
@@ -79,7 +79,7 @@ def test_inertia_rate_minus_twice_coriolis_is_skew(arm):
         assert_close(S, -S.T, 1e-14)
 
 
-@pytest.mark.parametrize("arm", PAPER_ARMS)
+@pytest.mark.parametrize("arm", PLANAR_ARMS)
 def test_gravity_is_the_slope_of_potential_energy(arm):
     spec, payload = ArmSpec.paper(arm), Payload(mass=0.2)
     by_hand, step = PlanarArm.from_spec(spec, payload), 1e-6
@@ -91,7 +91,7 @@ def test_gravity_is_the_slope_of_potential_energy(arm):
         assert_close(slope, by_hand.gravity(q), 1e-9)
 
 
-@pytest.mark.parametrize("arm", PAPER_ARMS)
+@pytest.mark.parametrize("arm", PLANAR_ARMS)
 def test_energy_is_conserved_without_torque(arm):
     spec = ArmSpec.paper(arm)
     by_hand, n = PlanarArm.from_spec(spec), len(spec.links)

@@ -29,7 +29,7 @@ def problem(robot):
 def solution(robot):
     start, goal = POSES["rr"]
     plain = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal)
-    return ad.solve_minimum_time(plain, ad.MinimumTimeOptions(effort="quick"))
+    return ad.solve_minimum_time(plain, ad.MinimumTimeOptions(search="quick"))
 
 
 @pytest.fixture(scope="module")

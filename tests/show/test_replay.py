@@ -1,5 +1,7 @@
 """Replays: one page, no network, the arm moves in a real browser."""
 
+import base64
+import gzip
 import json
 import re
 import threading
@@ -15,9 +17,13 @@ import armdyn as ad
 from armdyn.errors import ArmdynWarning, ProblemError, TrajectoryError
 from armdyn.models.reading import meshes
 from armdyn.show import replay, visuals
+from armdyn.show.page.course import ShownMotion
+from armdyn.show.page.facts import Facts
+from armdyn.show.page.verdict import verdict_of
 from problems import paper_arm, solved
 from show.browser import left_the_page, open_page, screenshot
 from show.motions import HANGING, RAISED, quintic
+from show.page.runs import FACTS
 
 MESH_ARM = """
 <robot name="stranger">
@@ -40,9 +46,9 @@ def motion(arm="rr", duration=0.35, name="minimum time"):
     return robot, quintic(robot, HANGING[arm], RAISED[arm], duration, name)
 
 
-def page_data(path):
+def scene_of(path):
     found = re.search(r'id="armdyn-data">(.*?)</script>', path.read_text("utf-8"), re.S)
-    return json.loads(found[1])
+    return json.loads(gzip.decompress(base64.b64decode(json.loads(found[1])["scene"])))
 
 
 def mesh_arm(folder, mesh):
@@ -88,25 +94,44 @@ def test_several_trajectories_move_apart(tmp_path):
         np.testing.assert_allclose(first[[0, 2]], tip_of(robot, fast(0.35).q)[[0, 2]], atol=1e-4)
         np.testing.assert_allclose(second[[0, 2]], tip_of(robot, slow(1.0).q)[[0, 2]], atol=1e-4)
         assert abs(first[1] - second[1]) > 0.1
-        assert "×0.2 real time" in page.locator("#speed option:checked").inner_text()
-        assert "PID" in page.locator("#card").inner_text()
+        assert page.locator("#speed option:checked").inner_text() == "×0.2"
+        assert [text.split("\n")[0] for text in page.locator(".run").all_inner_texts()] == ["minimum time", "PID"]
+        # Torques of both motions; the one that has arrived says so.
+        assert page.locator(".run b").all_inner_texts() == ["0.3500 s ✓", "2.0000 s"]
+        assert page.locator(".row:not(.head)").count() == 6
         assert not errors
 
 
-def test_it_says_what_is_known_of_a_motion():
+def test_it_gives_the_verdict_on_each_motion():
     robot, run = motion()
-    answer = solved("rr")
-    fields = replay.replay_fields(robot, [answer, run, replay.Judged(run, "fair", "Usable, not certified")])
-    told = [(arm["level"], arm["verdict"]) for arm in json.loads(fields["data"])["arms"]]
-    assert told == [("good", "certified"), ("none", ""), ("fair", "Usable, not certified")]
+    made = replay.replay_of(robot, [solved("rr"), run, ShownMotion("saved", run, Facts(FACTS))])
+    levels, headlines = zip(*made.data["verdicts"], strict=True)
+    assert levels == ("good", "none", "fair")
+    assert headlines[0] and not headlines[1] and headlines[2]
 
 
 @pytest.mark.slow
 def test_the_verdict_is_seen(tmp_path):
     robot, run = motion()
-    path = replay.write_html(robot, [replay.Judged(run, "fair", "<b>not</b> certified"), run], tmp_path / "rr.html")
+    facts = Facts({"arrival_rule": "<b>", "arrival_time": 0.3, "message": "<b>late</b>"})
+    path = replay.write_html(robot, [ShownMotion("saved", run, facts), run], tmp_path / "rr.html")
     with open_page(path) as (page, _, errors):
-        assert page.locator(".verdict").all_inner_texts() == ["<b>not</b> certified"]
+        assert page.locator(".run small").all_inner_texts() == [verdict_of(facts).headline]
+        assert "<b>late</b>" in page.locator(".verdict").inner_text()
+        assert not errors
+
+
+@pytest.mark.slow
+def test_curves_are_a_click_away(tmp_path):
+    robot, run = motion()
+    with open_page(replay.write_html(robot, [run], tmp_path / "rr.html")) as (page, _, errors):
+        assert not page.locator("#plots").is_visible()
+        wide = page.locator("#pane").bounding_box()["width"]
+        page.locator("#view").click()
+        page.locator("#plots").wait_for(state="visible")
+        assert page.locator("#pane").bounding_box()["width"] < wide
+        page.locator("#view").click()
+        page.locator("#plots").wait_for(state="hidden")
         assert not errors
 
 
@@ -116,7 +141,7 @@ def test_a_panda_is_drawn_by_its_meshes(tmp_path):
     home = np.array([0, -0.3, 0, -2.2, 0, 2, 0.8])
     run = quintic(robot, home, home + 0.4, 0.8)
     path = replay.write_html(robot, [run], tmp_path / "panda.html")
-    assert len(page_data(path)["commands"]) > 30
+    assert len(scene_of(path)["commands"]) > 30
     assert path.stat().st_size < 30e6
     with open_page(path) as (page, requests, errors):
         before, after = (screenshot(page, time) for time in (0.0, 0.8))
@@ -165,7 +190,7 @@ def test_a_mesh_that_cannot_be_drawn_becomes_a_rod(tmp_path, mesh):
             "Sphere",
             "Cylinder",
         ]
-    assert page_data(path)["commands"]
+    assert scene_of(path)["commands"]
 
 
 @pytest.mark.parametrize("payload", [None, ad.Payload(mass=0.1)])

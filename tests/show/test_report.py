@@ -26,7 +26,7 @@ def test_what_is_asked_for_is_written_told_and_listed(parts, drawn, told, tmp_pa
     robot, heard = paper_arm("r"), []
     motion = quintic(robot, HANGING["r"], RAISED["r"], 0.5)
     files = write_run(
-        tmp_path, robot, {"trajectory": motion}, {"success": True}, "title", parts=parts, tell=heard.append
+        tmp_path, robot, {"trajectory": motion}, {"success": True}, "title", parts=parts, progress=heard.append
     )
     assert [file.name for file in files] == [ALWAYS[0], *drawn, ALWAYS[1]]
     assert sorted(file.name for file in tmp_path.iterdir()) == sorted([*ALWAYS, *drawn])

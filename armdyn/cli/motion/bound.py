@@ -9,7 +9,7 @@ from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction
 from armdyn.cli.options.poses import GoalOptions
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
-from armdyn.cli.parsing.requests import problem_asked
+from armdyn.cli.parsing.requests import requested_problem
 
 
 def bound(
@@ -34,7 +34,7 @@ def bound(
     with answering(json) as answer:
         from armdyn.optimal.answer.summary import reserve_summary
 
-        problem, _ = problem_asked(robot, goal, payload, joints, course)
+        problem, _ = requested_problem(robot, goal, payload, joints, course)
         arm = problem.robot
         with working(f"lower bound of {arm.name}", json):
             found = ad.lower_bound(problem)

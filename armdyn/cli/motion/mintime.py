@@ -19,10 +19,10 @@ from armdyn.cli.options.poses import GoalOptions
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.cli.parsing.panels import SOLVER
-from armdyn.cli.parsing.requests import problem_asked
+from armdyn.cli.parsing.requests import requested_problem
 from armdyn.cli.tracking.reserves import reserve_choice, reserve_facts, write_reserves
 from armdyn.errors import ProblemError
-from armdyn.optimal.task.effort import Effort
+from armdyn.optimal.task.search_level import SearchLevel
 
 if TYPE_CHECKING:
     from armdyn.studies.reserve import ReserveCurve
@@ -34,8 +34,8 @@ class SolverOptions:
 
     panel: ClassVar[str] = SOLVER
 
-    effort: Annotated[
-        Effort,
+    search: Annotated[
+        SearchLevel,
         typer.Option(
             metavar="HOW",
             help="How much is searched: normal, quick (a third of it), or thorough, which takes five times as long and "
@@ -46,7 +46,7 @@ class SolverOptions:
         int | None,
         typer.Option(
             metavar="N",
-            help="Guesses of the global search, whatever the effort; by default as many as suit the robot "
+            help="Guesses of the global search, whatever the level; by default as many as suit the robot "
             "(armdyn doctor ROBOT --policy).",
         ),
     ] = None
@@ -71,7 +71,7 @@ class SolverOptions:
     def options(self) -> ad.MinimumTimeOptions:
         """The solver's options."""
         return ad.MinimumTimeOptions(
-            effort=self.effort,
+            search=self.search,
             starts=self.starts,
             time_limit=self.time_limit,
             max_intervals=self.max_intervals,
@@ -152,7 +152,7 @@ def mintime(
         required = requirements_of(require or ())
         from armdyn.optimal.answer.summary import minimum_time_summary
 
-        problem, options = problem_asked(robot, goal, payload, joints, course)
+        problem, options = requested_problem(robot, goal, payload, joints, course)
         arm, search = problem.robot, search.over(options)
         folder = results.folder("mintime", robot.robot)
         with working(f"minimum time of {arm.name}", json) as progress:
@@ -162,7 +162,7 @@ def mintime(
             title = f"{arm.name}{carried}: {title_words(solution)}"
             motion = solution.trajectory
             written = results.write(
-                folder, arm, {"trajectory": motion}, summary, title, problem.obstacles, tell=progress
+                folder, arm, {"trajectory": motion}, summary, title, problem.obstacles, progress=progress
             ).with_files([] if results.no_figure else write_reserves(curve, folder, arm.name))
         missing = missing_of(required, solution)
         answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, "missing": missing, **written.facts}

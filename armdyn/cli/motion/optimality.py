@@ -50,7 +50,7 @@ def optimality(
     [dim]armdyn optimality panda planned.csv
     armdyn optimality rr toppra.npz --payload 0.1006
     armdyn optimality ur5 moveit.yaml
-    armdyn optimality rr results/track-rr/trajectory.npz --effort quick[/]
+    armdyn optimality rr results/track-rr/trajectory.npz --search quick[/]
     """
     json = results.output.json
     with answering(json) as answer:
@@ -62,13 +62,15 @@ def optimality(
         motion = motion_of(arm, file)
         folder = results.folder("optimality", robot.robot, MOTIONS)
         with working(f"fastest motion of {arm.name}", json) as progress:
-            found = ad.time_optimality(arm, motion, search.options(), **joints.kept(), **rates.kept())
+            found = ad.time_optimality(
+                arm, motion, search.options(), **joints.problem_arguments(), **rates.problem_arguments()
+            )
             summary, solution = _facts(found), found.solution
             motions = {"trajectory": replace(found.trajectory, name=file.stem)}
             if solution.moves:
                 motions["optimum"] = replace(solution.trajectory, name="fastest")
             title = f"{arm.name}: {_title(found)}"
-            written = results.write(folder, arm, motions, summary, title, tell=progress)
+            written = results.write(folder, arm, motions, summary, title, progress=progress)
         answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, **written.facts}
         if solution.status is ad.Status.INTERRUPTED:
             answer.code = INTERRUPTED

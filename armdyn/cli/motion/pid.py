@@ -14,14 +14,14 @@ from armdyn.cli.options.joints import JointOptions, friction_facts, friction_wor
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
-from armdyn.cli.parsing.requests import arm_asked
+from armdyn.cli.parsing.requests import requested_arm
 from armdyn.control.tracking.arrival import ARRIVAL_RULES, ArrivalRule
 from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers
 
 
 @dataclass(frozen=True, kw_only=True)
-class LoopOptions:
+class PidLoopOptions:
     """The controller, and how long it is watched; see `simulate_pid`."""
 
     panel: ClassVar[str] = "Loop"
@@ -77,7 +77,7 @@ def pid(
     payload: PayloadOptions,
     robot: RobotArgument,
     joints: JointOptions,
-    loop: LoopOptions,
+    loop: PidLoopOptions,
     results: ResultOptions,
 ) -> None:
     """What a PID loop does between two poses.
@@ -93,15 +93,15 @@ def pid(
         from armdyn.control.tracking.pid import pid_summary
         from armdyn.paper.printed.loop import PAPER_RULE
 
-        asked = arm_asked(robot, poses, payload, joints)
+        asked = requested_arm(robot, poses, payload, joints)
         arm, (start, goal) = asked.arm, asked.ends("pid")
         folder = results.folder("pid", robot.robot)
         with working(f"PID loop of {arm.name}", json) as progress:
-            run = loop.run(arm, start, goal, PAPER_RULE if robot.robot in models.PAPER_ARMS else ARRIVAL_RULES[0])
+            run = loop.run(arm, start, goal, PAPER_RULE if robot.robot in models.PLANAR_ARMS else ARRIVAL_RULES[0])
             summary = pid_summary(run)
             carried = f", {1000 * arm.payload.mass:g} g" if arm.payload is not None else ""
             title = f"{arm.name}{carried}: PID loop"
-            written = results.write(folder, arm, {"trajectory": run.trajectory}, summary, title, tell=progress)
+            written = results.write(folder, arm, {"trajectory": run.trajectory}, summary, title, progress=progress)
         answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, **written.facts}
         answer.code = 0 if run.arrival_time is not None else NOT_USABLE
         if not json:

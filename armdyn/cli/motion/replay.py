@@ -17,7 +17,6 @@ from armdyn.parsing.numbers import number
 
 if TYPE_CHECKING:
     from armdyn.cli.reports.saved import Saved
-    from armdyn.show.replay import Judged
 
 
 def replay(
@@ -45,11 +44,12 @@ def replay(
     """
     with answering(output.json) as answer:
         from armdyn.cli.reports.subject import obstacles_in
+        from armdyn.show.page.course import ShownMotion
         from armdyn.show.replay import write_html
 
         arm = robot.read(payload.carried())
         saved = [_saved(path, arm) for path in trajectories]
-        motions = [_judged(one) for one in saved]
+        motions = [ShownMotion(one.motion.name or one.path.stem, one.motion, one.facts) for one in saved]
         obstacles = obstacles_in(saved[0].facts)
         folder = output.folder("replay", robot.robot, ["replay.html"])
         slow = None if slow_motion is None else number(slow_motion, "--slow-motion")
@@ -82,14 +82,3 @@ def _saved(path: Path, arm: ad.Robot) -> Saved:
     if saved.motion.model_hash not in ("", arm.model_hash):
         warnings.warn(f"{path}: was computed for another arm, payload or friction", ArmdynWarning, stacklevel=2)
     return saved
-
-
-def _judged(saved: Saved) -> Judged:
-    """A motion, and what its result says became of it."""
-    from armdyn.show.page.verdict import verdict_of
-    from armdyn.show.replay import Judged
-
-    if not saved.facts.values:
-        return Judged(saved.motion)
-    verdict = verdict_of(saved.facts)
-    return Judged(saved.motion, verdict.level, verdict.headline)

@@ -40,7 +40,7 @@ class RateOptions:
         ),
     ] = None
 
-    def kept(self) -> dict[str, Any]:
+    def problem_arguments(self) -> dict[str, Any]:
         """The arguments of a `MinimumTimeProblem` that they are.
 
         Raises:
@@ -81,7 +81,7 @@ class PathConstraintOptions:
     rates: RateOptions = field(default_factory=RateOptions)
     limit: Limits = None
 
-    def asked(self, robot: Robot) -> dict[str, Any]:
+    def problem_arguments(self, robot: Robot) -> dict[str, Any]:
         """The arguments of a `MinimumTimeProblem` that they are.
 
         Args:
@@ -97,7 +97,7 @@ class PathConstraintOptions:
             "obstacles": obstacles_of(self.obstacle or ()),
             "self_collision": self.self_collision,
             "clearance": self.clearance,
-            **self.rates.kept(),
+            **self.rates.problem_arguments(),
             "path_constraints": [path_constraint_from(text) for text in self.limit or ()],
         }
 

@@ -111,7 +111,7 @@ class FastJointOptions:
         fast = robot.with_limits(None, one_or_more(self.velocity_limit, "--velocity-limit"))
         return self.joints.fit(fast).with_passive(self.passive or ())
 
-    def kept(self) -> dict[str, Any]:
+    def problem_arguments(self) -> dict[str, Any]:
         """The arguments of a `MinimumTimeProblem` that say what is kept for feedback.
 
         Raises:

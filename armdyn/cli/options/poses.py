@@ -55,7 +55,7 @@ class PoseOptions:
 def _pose(option: str, text: str | None, robot: ad.Robot, name: str, kind: Kind) -> list[float]:
     if text is not None:
         return positions(text, option, robot)
-    if name not in models.PAPER_ARMS:
+    if name not in models.PLANAR_ARMS:
         raise ProblemError(_how_to_say(option, robot))
     from armdyn.paper import example
 
@@ -109,7 +109,7 @@ class GoalOptions:
         ),
     ] = False
 
-    def asked(self, robot: ad.Robot, name: str) -> dict[str, Any]:
+    def problem_arguments(self, robot: ad.Robot, name: str) -> dict[str, Any]:
         """The arguments of a `MinimumTimeProblem` that say from where to where.
 
         Args:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Self
 
 import typer
 
-from armdyn.cli.reports.invocation import asked
+from armdyn.cli.reports.invocation import invocation
 from armdyn.files import probe_folder
 
 if TYPE_CHECKING:
@@ -112,13 +112,13 @@ class ResultOptions:
         title: str,
         obstacles: Sequence[Obstacle] = (),
         *,
-        tell: Callable[[str], None],
+        progress: Callable[[str], None],
     ) -> Written:
         """Write what was asked for of motions; see `write_run`. After Ctrl-C nothing is drawn, which takes seconds."""
         from armdyn.show.report import write_run
 
         begun = time.perf_counter()
-        known = {**summary, **asked()}
+        known = {**summary, **invocation()}
         parts = [] if summary.get("status") == "interrupted" else self._parts
-        files = write_run(folder, robot, motions, known, title, obstacles, parts=parts, tell=tell)
+        files = write_run(folder, robot, motions, known, title, obstacles, parts=parts, progress=progress)
         return Written(files=files, seconds=time.perf_counter() - begun)

@@ -23,7 +23,7 @@ def known_names(incomplete: str) -> list[str]:
     """The names of robots that begin so, for a shell that completes."""
     from armdyn.models.robots.library import BENCHMARKS, LIBRARY_ARMS
 
-    return [name for name in (*models.PAPER_ARMS, *BENCHMARKS, *LIBRARY_ARMS) if name.startswith(incomplete)]
+    return [name for name in (*models.PLANAR_ARMS, *BENCHMARKS, *LIBRARY_ARMS) if name.startswith(incomplete)]
 
 
 RobotName = Annotated[
@@ -72,7 +72,7 @@ class PartOptions:
         Raises:
             ArmdynError: there is none of that name, or the joints are not its own.
         """
-        if name in models.PAPER_ARMS:
+        if name in models.PLANAR_ARMS:
             if self.lock or self.part:
                 option = "--lock" if self.lock else "--arm"
                 raise SpecError(f"{option}: {name!r} has no joints to lock; it takes a URDF file or a library's robot")

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from armdyn.paper import Kind
 
 
-def problem_asked(
+def requested_problem(
     robot: RobotArgument,
     goal: GoalOptions,
     payload: PayloadOptions,
@@ -36,12 +36,12 @@ def problem_asked(
         file = problem_file(robot.robot)
         return file.made(), file.options
     arm = joints.fit(robot.read(payload.carried()))
-    asked = {**goal.asked(arm, robot.robot), **joints.kept(), **course.asked(arm)}
+    asked = {**goal.problem_arguments(arm, robot.robot), **joints.problem_arguments(), **course.problem_arguments(arm)}
     return ad.MinimumTimeProblem(arm, **asked), {}
 
 
 @dataclass(frozen=True)
-class ArmAsked:
+class ArmRequest:
     """An arm, and from where to where it is to move.
 
     Attributes:
@@ -97,13 +97,13 @@ class ArmAsked:
         if self.file is not None and self.problem is not None:
             return self.problem, ad.MinimumTimeOptions(**self.file.options)
         start, goal = self.ends()
-        kept = self.joints.kept() if isinstance(self.joints, FastJointOptions) else {}
+        kept = self.joints.problem_arguments() if isinstance(self.joints, FastJointOptions) else {}
         return ad.MinimumTimeProblem(self.arm, q_start=start, q_goal=goal, **kept), ad.MinimumTimeOptions()
 
 
-def arm_asked(
+def requested_arm(
     robot: RobotArgument, poses: PoseOptions, payload: PayloadOptions, joints: JointOptions | FastJointOptions
-) -> ArmAsked:
+) -> ArmRequest:
     """The arm that the command line names, or a problem file.
 
     Raises:
@@ -113,6 +113,6 @@ def arm_asked(
         refuse_beside_a_file(robot.robot, poses, payload, robot.part, joints)
         file = problem_file(robot.robot)
         problem = file.made()
-        return ArmAsked(problem.robot, robot, poses, payload, joints, file, problem)
+        return ArmRequest(problem.robot, robot, poses, payload, joints, file, problem)
     arm = joints.fit(robot.read(payload.carried()))
-    return ArmAsked(arm, robot, poses, payload, joints)
+    return ArmRequest(arm, robot, poses, payload, joints)

@@ -21,7 +21,7 @@ _RUNNING: ContextVar[tuple[str, Mapping[str, Parameter], Mapping[str, Any]] | No
 
 @contextmanager
 def running(command: str, parameters: Mapping[str, Parameter], values: Mapping[str, Any]) -> Iterator[None]:
-    """While a command runs, `asked` knows it.
+    """While a command runs, `invocation` knows it.
 
     Args:
         command: its name, as it is typed.
@@ -35,7 +35,7 @@ def running(command: str, parameters: Mapping[str, Parameter], values: Mapping[s
         _RUNNING.reset(token)
 
 
-def asked() -> dict[str, object]:
+def invocation() -> dict[str, object]:
     """The command that is running, as JSON says it; nothing where none is.
 
     Returns:

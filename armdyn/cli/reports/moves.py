@@ -11,9 +11,9 @@ import numpy as np
 
 from armdyn.cli.reports.foreign_trajectories import checked, is_given, motion_of
 from armdyn.cli.reports.saved import Saved, read_saved
-from armdyn.cli.reports.subject import Wanted, subject_named, subject_of
+from armdyn.cli.reports.subject import SubjectSpec, subject_named, subject_of
 from armdyn.errors import ArmdynWarning, FileError, ProblemError, TrajectoryError
-from armdyn.show.page.course import Move
+from armdyn.show.page.course import ShownMotion
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.report import Subject
 
@@ -21,7 +21,7 @@ NEAR = 1e-3
 """Motions between poses nearer than this [rad or m] have the same task: text has three digits at least."""
 
 
-def read_moves(paths: Sequence[Path], wanted: Wanted) -> tuple[Subject, list[Move]]:
+def read_moves(paths: Sequence[Path], spec: SubjectSpec) -> tuple[Subject, list[ShownMotion]]:
     """The robot and its motions, whole, each with a name of its own; of a single result its reference, too.
 
     The robot is the user's, else that of the first result that says one. A motion without a result is looked at,
@@ -29,7 +29,7 @@ def read_moves(paths: Sequence[Path], wanted: Wanted) -> tuple[Subject, list[Mov
 
     Args:
         paths: results of armdyn, and motions as other planners leave them.
-        wanted: the robot as a user names it, if not as a result does.
+        spec: the robot as a user names it, if not as a result does.
 
     Raises:
         ArmdynError: a file cannot be read, they do not fit together, or no robot is known for a file that needs it.
@@ -40,7 +40,7 @@ def read_moves(paths: Sequence[Path], wanted: Wanted) -> tuple[Subject, list[Mov
     if missing := [path for path in paths if not path.exists()]:
         raise FileError(missing[0], "no such file")
     own = {path: read_saved(path) for path in paths if not is_given(path)}
-    subject = _subject(paths, list(own.values()), wanted)
+    subject = _subject(paths, list(own.values()), spec)
     results = [own[path] if path in own else _given(path, subject) for path in paths]
     moves = _named(results)
     if (robot := subject.robot) is not None:
@@ -51,7 +51,7 @@ def read_moves(paths: Sequence[Path], wanted: Wanted) -> tuple[Subject, list[Mov
             if not arms & _arms(one):
                 _warn(f"{one.path}: was computed for another arm, payload or friction than {subject.name}'s")
     if len(results) == 1 and results[0].reference is not None:
-        return subject, [*moves, Move(results[0].reference.name or "reference", results[0].reference, Facts())]
+        return subject, [*moves, ShownMotion(results[0].reference.name or "reference", results[0].reference, Facts())]
     _tell_other_tasks(moves)
     return subject, moves
 
@@ -61,16 +61,16 @@ def _arms(one: Saved) -> set[str]:
     return {one.motion.model_hash} | ({one.reference.model_hash} if one.reference else set())
 
 
-def _subject(paths: Sequence[Path], own: Sequence[Saved], wanted: Wanted) -> Subject:
+def _subject(paths: Sequence[Path], own: Sequence[Saved], spec: SubjectSpec) -> Subject:
     """What moves."""
     known = next((one for one in own if one.facts.values), own[0] if own else None)
     if known is not None:
-        return subject_of(known, wanted)
-    if wanted.robot is None:
+        return subject_of(known, spec)
+    if spec.robot is None:
         raise ProblemError(
             f"{paths[0]} does not say of which robot it is: name it by --robot, or give a result of armdyn beside it"
         )
-    return subject_named(wanted.robot, wanted)
+    return subject_named(spec.robot, spec)
 
 
 def _given(path: Path, subject: Subject) -> Saved:
@@ -80,7 +80,7 @@ def _given(path: Path, subject: Subject) -> Saved:
     return Saved(path, motion_of(subject.robot, path), Facts())
 
 
-def _named(results: Sequence[Saved]) -> list[Move]:
+def _named(results: Sequence[Saved]) -> list[ShownMotion]:
     """The motions, each with a name of its own.
 
     Raises:
@@ -95,12 +95,12 @@ def _named(results: Sequence[Saved]) -> list[Move]:
             )
     called = [one.motion.name or one.path.stem for one in results]
     return [
-        Move(name if called.count(name) == 1 else f"{name} ({one.path.resolve().name})", one.motion, one.facts)
+        ShownMotion(name if called.count(name) == 1 else f"{name} ({one.path.resolve().name})", one.motion, one.facts)
         for name, one in zip(called, results, strict=True)
     ]
 
 
-def _tell_other_tasks(moves: Sequence[Move]) -> None:
+def _tell_other_tasks(moves: Sequence[ShownMotion]) -> None:
     """Warn of motions whose time is not to be measured by the first's: they begin, or end, elsewhere."""
     first = moves[0].motion
     for move in moves[1:]:

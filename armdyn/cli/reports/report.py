@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from armdyn.show.page.course import Move
+    from armdyn.show.page.course import ShownMotion
     from armdyn.show.page.joints import Compared
     from armdyn.show.page.report import Report, Subject
 
@@ -61,16 +61,18 @@ class ShownOptions:
             raise ProblemError(f"--until is {self.until}; it must be positive [s]")
         return end
 
-    def read(self, results: Sequence[Path], part: PartOptions, payload: PayloadOptions) -> tuple[Subject, list[Move]]:
+    def read(
+        self, results: Sequence[Path], part: PartOptions, payload: PayloadOptions
+    ) -> tuple[Subject, list[ShownMotion]]:
         """The robot and the motions, whole.
 
         Raises:
             ArmdynError: a result cannot be read, or they do not fit together.
         """
         from armdyn.cli.reports.moves import read_moves
-        from armdyn.cli.reports.subject import Wanted
+        from armdyn.cli.reports.subject import SubjectSpec
 
-        return read_moves(results, Wanted(robot=self.robot, part=part, payload=payload.carried()))
+        return read_moves(results, SubjectSpec(robot=self.robot, part=part, payload=payload.carried()))
 
 
 def report(
@@ -139,7 +141,7 @@ def compare(
             page = _written(folder, report_of(subject, moves, title, end))
             progress("drawing the figure")
             unresolved = [k for k, move in enumerate(moves) if move.facts.values.get("arcs") == []]
-            shown_until = worth_seeing(rows, end) or end
+            shown_until = worth_seeing(moves, end) or end
             drawn = [replace(until(move.motion, shown_until), name=move.name) for move in moves]
             figure = plot_trajectories(
                 drawn,

@@ -10,7 +10,7 @@ import re
 import warnings
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from armdyn.cli.options.course import SHAPES, obstacles_of
 from armdyn.cli.options.robot import PartOptions
 from armdyn.cli.reports.saved import Saved
 from armdyn.errors import ArmdynError, ArmdynWarning, ProblemError, TrajectoryError
-from armdyn.models import PAPER_ARMS, JointLimits, Payload, Robot
+from armdyn.models import PLANAR_ARMS, JointLimits, Payload, Robot
 from armdyn.models.scene.obstacles import obstacle_from
 from armdyn.show.page.facts import Facts, as_number
 from armdyn.show.page.report import Subject
@@ -32,7 +32,7 @@ _MOST_OBSTACLES, _MOST_LOCKS = 200, 400
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wanted:
+class SubjectSpec:
     """What the user says of the robot.
 
     Attributes:
@@ -50,21 +50,21 @@ class Wanted:
             raise ProblemError(f"{'--lock' if self.part.lock else '--arm'} is of a robot that --robot names: give both")
 
 
-def subject_named(robot: str, wanted: Wanted) -> Subject:
+def subject_named(robot: str, spec: SubjectSpec) -> Subject:
     """What moves, as the user names it.
 
     Raises:
         ArmdynError: there is no such robot.
     """
-    return Subject.of(_built(robot, Facts(), wanted))
+    return Subject.of(_built(robot, Facts(), spec))
 
 
-def subject_of(saved: Saved, wanted: Wanted) -> Subject:
+def subject_of(saved: Saved, spec: SubjectSpec) -> Subject:
     """What moves in a result.
 
     Args:
         saved: the result.
-        wanted: the robot as a user names it; else the one that the result names, if it comes with armdyn, or is a
+        spec: the robot as a user names it; else the one that the result names, if it comes with armdyn, or is a
             file here that makes the very arm that moved.
 
     Raises:
@@ -74,7 +74,7 @@ def subject_of(saved: Saved, wanted: Wanted) -> Subject:
         ArmdynWarning: the robot is not at hand.
     """
     options, model = saved.facts.part("asked").part("options"), saved.facts.part("model")
-    named = wanted.robot or _known(options.text("robot")) or _file(options.text("robot"))
+    named = spec.robot or _known(options.text("robot")) or _file(options.text("robot"))
     count = saved.motion.v.shape[1]
     joints = saved.motion.joint_names or tuple(model.texts("joints")) or tuple(f"joint{k + 1}" for k in range(count))
     limits = _limits(model, count)
@@ -85,16 +85,16 @@ def subject_of(saved: Saved, wanted: Wanted) -> Subject:
         _warn(saved, "the robot is not at hand, so that it is not drawn: name it by --robot")
         return bare
     try:
-        arm = _built(named, saved.facts, wanted)
+        arm = _built(named, saved.facts, spec)
         if arm.nv != count:
             raise TrajectoryError(f"{saved.path}: moves {count} joints, {arm.name} has {arm.nv}")
     except (ArmdynError, ValueError, TypeError) as error:
-        if wanted.robot is not None:
+        if spec.robot is not None:
             raise
         _warn(saved, f"the robot {named} cannot be made again, so that it is not drawn ({error})")
         return bare
     arm = arm if limits is None else replace(arm, limits=limits)
-    if wanted.robot is None and _file(named) and arm.model_hash != saved.motion.model_hash:
+    if spec.robot is None and _file(named) and arm.model_hash != saved.motion.model_hash:
         _warn(saved, f"{named} is not the arm that moved, so that it is not drawn: name the robot by --robot")
         return bare
     return Subject.of(arm, obstacles_in(saved.facts))
@@ -114,19 +114,19 @@ def _file(name: str) -> str | None:
     return name if name.lower().endswith(_ROBOT_FILES) and Path(name).is_file() else None
 
 
-def _built(name: str, facts: Facts, wanted: Wanted) -> Robot:
+def _built(name: str, facts: Facts, spec: SubjectSpec) -> Robot:
     """The robot as it was when it moved; where the user does not name it, it is looked for in the library only."""
     options, model = facts.part("asked").part("options"), facts.part("model")
-    carried = wanted.payload or _payload(model.part("payload"))
+    carried = spec.payload or _payload(model.part("payload"))
     locked = [
         f"{joint}={q!r}"
         for joint, q in list(model.part("locked").values.items())[:_MOST_LOCKS]
         if as_number(q) is not None
     ]
     part = PartOptions(lock=locked or None, part=options.text("part") or None)
-    if wanted.part.lock or wanted.part.part:
-        part = wanted.part
-    if wanted.robot is not None or name in PAPER_ARMS or _file(name):
+    if spec.part.lock or spec.part.part:
+        part = spec.part
+    if spec.robot is not None or name in PLANAR_ARMS or _file(name):
         arm = part.read(name, carried)
     else:
         arm = Robot.from_library(name, carried, part.locks(), arm=part.ends())
@@ -160,7 +160,8 @@ def _limits(model: Facts, count: int) -> JointLimits | None:
         if name not in given or len(values) != count:
             return None
         columns[name] = [open_end if x is None else x for x in values]
-    return JointLimits(**{name: np.array(values) for name, values in columns.items()})
+    arrays: dict[str, Any] = {name: np.array(values) for name, values in columns.items()}
+    return JointLimits(**arrays)
 
 
 def _no_limits(count: int) -> JointLimits:

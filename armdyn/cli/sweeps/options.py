@@ -16,7 +16,7 @@ from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +44,7 @@ class PayloadsOptions:
         """
         if self.payload is not None:
             return sorted(set(numbers(self.payload, "--payload")))
-        if robot not in models.PAPER_ARMS:
+        if robot not in models.PLANAR_ARMS:
             raise ProblemError(f"give --payload with the masses [kg] that {robot} is to carry, such as 0,0.5,1")
         from armdyn.paper import PAYLOADS
 
@@ -63,25 +63,13 @@ class SweepOptions:
     ] = None
     time_limit: Annotated[float, typer.Option(metavar="S", help="For each payload \\[s].")] = 300.0
 
-    def solve(
-        self,
-        problems: Sequence[ad.MinimumTimeProblem],
-        options: Mapping[str, Any],
-        progress: Callable[[str], None],
-        done: Callable[[int, ad.Solution], None],
-    ) -> tuple[ad.Solution, ...]:
-        """Solve one problem after the other; fewer solutions than problems after Ctrl-C.
+    def options(self, of_file: Mapping[str, Any]) -> ad.MinimumTimeOptions:
+        """Options of every search.
 
         Args:
-            problems: in the order of their masses.
-            options: of a problem file, by name; those of the command line go before.
-            progress: told in words what is being tried.
-            done: told of each solution.
+            of_file: options of a problem file, by name; those of the command line go first.
         """
-        from armdyn.studies.continuation import continuation
-
-        asked = {"time_limit": self.time_limit, **options, **given(self)}
-        return continuation(problems, ad.MinimumTimeOptions(**asked), progress, done)
+        return ad.MinimumTimeOptions(**{"time_limit": self.time_limit, **of_file, **given(self)})
 
 
 @dataclass(frozen=True, kw_only=True)

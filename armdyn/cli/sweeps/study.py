@@ -14,14 +14,13 @@ from armdyn.cli.console import DONE, INTERRUPTED, NOT_USABLE, Answer, console, e
 from armdyn.cli.options.results import NoFigure, OutputOptions
 
 if TYPE_CHECKING:
-    from armdyn.studies.sweeps.run import CrewOf, Progress, StudyRun
-    from armdyn.studies.sweeps.study import Study
+    from armdyn.studies.executors.executor import ExecutorOf
+    from armdyn.studies.run import Progress, StudyRun
+    from armdyn.studies.study import Study
 
 ROWS = "study.sqlite"
 FIGURES = ("curve", "map", "pareto")
-_OUTCOMES = {"minimum-time": ("duration_s", "torque_squared"), "track": ("settled_time_s", "peak_error")}
-"""Of each task the number that counts, and one that it is weighed against."""
-_ANSWERS = {"usable", "settled", "not_settled", "diverged", "failed"}
+_ANSWERS = {"usable", "settled", "not_settled", "diverged", "failed", "done"}
 """Statuses of cases that were done: an arm that does not settle is an answer."""
 _MOST_DRAWN = 100_000
 """Rows of a figure, at most."""
@@ -52,7 +51,7 @@ class StudyOptions:
     ] = "full"
     parquet: Annotated[bool, typer.Option("--parquet", help="Write rows.parquet, too (needs pyarrow).")] = False
 
-    def crew(self) -> CrewOf:
+    def executor(self) -> ExecutorOf:
         """Who works.
 
         Raises:
@@ -61,15 +60,15 @@ class StudyOptions:
         from functools import partial
 
         from armdyn.errors import ProblemError
-        from armdyn.studies.sweeps.executors.local import local_crew
+        from armdyn.studies.executors.local import local_executor
 
         if self.scheduler is None:
-            return partial(local_crew, workers=self.workers)
+            return partial(local_executor, workers=self.workers)
         if self.workers is not None:
             raise ProblemError("--workers are processes of this machine; a --scheduler has its own")
-        from armdyn.studies.sweeps.executors.dask_cluster import cluster_crew
+        from armdyn.studies.executors.dask_cluster import dask_executor
 
-        return cluster_crew(self.scheduler)
+        return dask_executor(self.scheduler)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,19 +91,19 @@ def run_file(path: str, options: StudyOptions, results: SweepResults, answer: An
     Raises:
         ArmdynError: it is no study, or cannot be done.
     """
-    from armdyn.studies.sweeps.database import reading
-    from armdyn.studies.sweeps.export import flat, write_csv, write_parquet
-    from armdyn.studies.sweeps.reading import read_study
-    from armdyn.studies.sweeps.run import run_study
+    from armdyn.studies.reading import read_study
+    from armdyn.studies.rows import read_rows
+    from armdyn.studies.run import run_study
+    from armdyn.studies.tables import flat, write_csv, write_parquet
 
-    study, crew = read_study(path), options.crew()
+    study, executor = read_study(path), options.executor()
     figures = [] if results.no_figure else [f"{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")]
     names = ["rows.csv", *(["rows.parquet"] if options.parquet else []), *figures]
     folder = results.output.folder("sweep", path, [ROWS, *names])
     folder.mkdir(parents=True, exist_ok=True)
-    with _bar(Path(path).name, len(study), results.output.json) as tell:
-        run = run_study(study, folder / ROWS, crew, tell, again=options.again, sync=options.sync)
-    with reading(run.file) as rows:
+    with _bar(Path(path).name, len(study), results.output.json) as progress:
+        run = run_study(study, folder / ROWS, executor, progress, again=options.again, sync=options.sync)
+    with read_rows(run.file) as rows:
         files = [run.file, write_csv(rows, folder / "rows.csv")]
         if options.parquet:
             files.append(write_parquet(rows, folder / "rows.parquet"))
@@ -139,16 +138,16 @@ def _answered(answer: Answer, study: Study, run: StudyRun, files: Sequence[Path]
 def _drawn(study: Study, table: list[dict[str, Any]], folder: Path, title: str) -> list[Path]:
     from armdyn.show.figures.sweeps import figures_of
     from armdyn.show.plots import save_figure
-    from armdyn.studies.sweeps.tasks.settings import label
+    from armdyn.studies.settings import label
 
     settings = {axis.name: axis.kind for axis in study.axes}
-    drawn = figures_of(table, settings, _OUTCOMES[str(study.task.asked()["task"])], named=label, title=title)
+    drawn = figures_of(table, settings, _outcomes(study), named=label, title=title)
     return [save_figure(figure, folder / f"{name}.{kind}") for name, figure in drawn.items() for kind in ("png", "pdf")]
 
 
 def _words(study: Study, run: StudyRun, table: Sequence[Mapping[str, Any]], files: Sequence[Path]) -> dict[str, str]:
     """A study in words."""
-    from armdyn.studies.sweeps.tasks.settings import label
+    from armdyn.studies.settings import label
 
     there = sum(run.counts.values())
     told = {
@@ -156,7 +155,7 @@ def _words(study: Study, run: StudyRun, table: Sequence[Mapping[str, Any]], file
         + ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in run.counts.items()),
         "this run": f"{run.done_here} rows in {run.seconds:.1f} s",
     }
-    main = _OUTCOMES[str(study.task.asked()["task"])][0]
+    main = _outcomes(study)[0]
     numbers = [row for row in table if row.get(main) is not None]
     if numbers:
         for word, pick in (("least", min), ("most", max)):
@@ -168,8 +167,15 @@ def _words(study: Study, run: StudyRun, table: Sequence[Mapping[str, Any]], file
     return told | {"results": str(files[0].parent), "written": ", ".join(file.name for file in files)}
 
 
+def _outcomes(study: Study) -> tuple[str, str]:
+    """Columns of the number that the task is about, and of one that it is weighed against."""
+    from armdyn.studies.tasks.registry import TASKS
+
+    return TASKS[str(study.task.description()["task"])].outcomes
+
+
 def _said(name: str, value: float | str) -> str:
-    from armdyn.studies.sweeps.tasks.settings import unit_of
+    from armdyn.studies.settings import unit_of
 
     return f"{name} {value}" if isinstance(value, str) else f"{name} {value:g} {unit_of(name)}".rstrip()
 

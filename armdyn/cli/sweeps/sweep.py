@@ -1,40 +1,23 @@
-"""The command that moves one robot with many payloads."""
+"""The command `sweep`: one robot with several payloads, or the cases of a study file."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 import armdyn as ad
-from armdyn.cli.console import (
-    DONE,
-    INTERRUPTED,
-    NOT_AS_REQUIRED,
-    NOT_USABLE,
-    answering,
-    console,
-    errors,
-    escape,
-    working,
-)
-from armdyn.cli.motion.requirements import Require, missing_of, requirements_of
-from armdyn.cli.motion.words import options_of
-from armdyn.cli.options.joints import FastJointOptions, reserve_words
+from armdyn.cli.console import answering
+from armdyn.cli.motion.requirements import Require, requirements_of
+from armdyn.cli.options.joints import FastJointOptions
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.parsing.positions import degrees_are_on
 from armdyn.cli.parsing.problem_file import is_problem_file, is_study_file, problem_file, refuse_beside_a_file
 from armdyn.cli.sweeps.options import PayloadsOptions, SweepOptions, SweptOptions
+from armdyn.cli.sweeps.payloads import run_payloads
 from armdyn.cli.sweeps.study import StudyOptions, SweepResults, run_file
 from armdyn.errors import ProblemError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-    from pathlib import Path
-
-    from rich.table import Table
-
-    from armdyn.cli.motion.requirements import Requirement
-
-_CODES = {"done": DONE, "not_landed": NOT_USABLE, "interrupted": INTERRUPTED}
 
 
 def sweep(
@@ -72,8 +55,7 @@ def sweep(
       payload = { from = 0.05, to = 0.25, count = 10 }   # kg
       reserve = \[0.0, 0.1, 0.2]                          # part of the torque limits[/]
     """
-    output, no_figure = results.output, results.no_figure
-    with answering(output.json) as answer:
+    with answering(results.output.json) as answer:
         if is_problem_file(robot.robot) and is_study_file(robot.robot):
             _refuse_others(poses, payloads, robot, joints, search, require)
             run_file(robot.robot, study, results, answer)
@@ -81,69 +63,27 @@ def sweep(
         if study != StudyOptions():
             raise ProblemError("--workers, --scheduler, --again, --sync and --parquet are for a study file, STUDY.toml")
         required = requirements_of(require or ())
-        from armdyn.optimal.answer.summary import reserve_summary
-        from armdyn.show.figures.payload_sweep import motion_name, sweep_row, table_names, write_motion, write_sweep
-
-        masses = payloads.masses(robot.robot)
-        problems, options = _problems(masses, poses, payloads, robot, joints)
-        arms = [problem.robot for problem in problems]
-        folder = output.folder("sweep", robot.robot, [*map(motion_name, masses), *table_names(figure=not no_figure)])
-        folder.mkdir(parents=True, exist_ok=True)
-        motions: dict[int, Path] = {}
-
-        def keep(k: int, solution: ad.Solution) -> None:
-            if solution.success:
-                motions[k] = write_motion(folder, masses[k], solution)
-
-        with working(f"minimum times of {arms[0].name}", output.json) as progress:
-            solutions = search.solve(problems, options, progress, keep)
-            rows = [sweep_row(*pair) for pair in zip(masses, solutions, strict=False)]  # fewer after Ctrl-C
-            title = f"{arms[0].name}: minimum time over payload"
-            status = _status(solutions, len(problems))
-            figure = not no_figure and status != "interrupted"  # who pressed Ctrl-C does not wait for it
-            progress("writing the table and the figure" if figure else "writing the table")
-            written = [motions[k] for k in sorted(motions)]
-            files = write_sweep(folder, solutions, rows, written, title, figure=figure)
-        missing = _missing(required, masses, solutions)
-        answer.facts |= {
-            "success": status == "done",
-            "status": status,
-            "robot": arms[0].name,
-            "reserve": reserve_summary(problems[0]),
-            "rows": rows,
-            "missing": missing,
-            "files": [str(file) for file in files],
-        }
-        answer.code = NOT_AS_REQUIRED if status == "done" and missing else _CODES[status]
-        if status == "interrupted":
-            answer.facts["message"] = f"interrupted; what was solved is in {folder}"
-        if not output.json:
-            console.print(_table(arms[0].name, rows))
-            for what, parts in reserve_words(problems[0]).items():
-                console.print(f"{what}: {parts}")
-            console.print(f"results in {escape(str(folder))}")
-            _complain(status, missing)
+        problems, options = _problems(poses, payloads, robot, joints)
+        run_payloads(robot.robot, problems, search.options(options), required, results, answer)
 
 
 def _problems(
-    masses: Sequence[float],
-    poses: PoseOptions,
-    payloads: PayloadsOptions,
-    robot: SweptOptions,
-    joints: FastJointOptions,
-) -> tuple[list[ad.MinimumTimeProblem], Mapping[str, Any]]:
-    """A problem for each mass [kg], and the solver's options that a problem file has.
+    poses: PoseOptions, payloads: PayloadsOptions, robot: SweptOptions, joints: FastJointOptions
+) -> tuple[dict[float, ad.MinimumTimeProblem], Mapping[str, Any]]:
+    """Problems by payload [kg], and the solver's options of a problem file.
 
     Raises:
         ArmdynError: there is no such problem; or the command line says again what a file says.
     """
+    masses = payloads.masses(robot.robot)
     if is_problem_file(robot.robot):
         refuse_beside_a_file(robot.robot, poses, payloads.place, robot.part, joints)
         file = problem_file(robot.robot)
-        return [file.made(mass) for mass in masses], file.options
-    arms = [joints.fit(robot.read(payloads.place.carried(mass))) for mass in masses]
-    start, goal = (read(arms[0], robot.robot, "minimum_time") for read in (poses.start, poses.goal))
-    return [ad.MinimumTimeProblem(arm, q_start=start, q_goal=goal, **joints.kept()) for arm in arms], {}
+        return {mass: file.made(mass) for mass in masses}, file.options
+    arms = {mass: joints.fit(robot.read(payloads.place.carried(mass))) for mass in masses}
+    start, goal = (read(arms[masses[0]], robot.robot, "minimum_time") for read in (poses.start, poses.goal))
+    kept = joints.problem_arguments()
+    return {mass: ad.MinimumTimeProblem(arm, q_start=start, q_goal=goal, **kept) for mass, arm in arms.items()}, {}
 
 
 def _refuse_others(
@@ -172,48 +112,3 @@ def _refuse_others(
             raise ProblemError(f"a study file says all of its motions itself: leave out {what}, write them in it")
     if require:
         raise ProblemError("--require is for a robot's sweep; a study's rows say what is certified")
-
-
-def _complain(status: str, missing: Sequence[str]) -> None:
-    """Say what is not as it should be."""
-    if status == "not_landed":
-        errors.print("some motions are not usable: their messages are in sweep.csv")
-    for text in missing:
-        errors.print(f"required: {escape(options_of(text))}")
-
-
-def _status(solutions: tuple[ad.Solution, ...], wanted: int) -> str:
-    """What came of it, in a word."""
-    if any(solution.status is ad.Status.INTERRUPTED for solution in solutions):
-        return "interrupted"
-    landed = len(solutions) == wanted and all(solution.success for solution in solutions)
-    return "done" if landed else "not_landed"
-
-
-def _missing(required: Sequence[Requirement], masses: Sequence[float], solutions: Sequence[ad.Solution]) -> list[str]:
-    """What is required and missing, payload by payload."""
-    return [
-        f"{1e3 * mass:g} g: {text}"
-        for mass, solution in zip(masses, solutions, strict=False)  # fewer after Ctrl-C
-        for text in missing_of(required, solution)
-    ]
-
-
-def _table(name: str, rows: list[dict[str, object]]) -> Table:
-    """For people."""
-    from rich.table import Table
-
-    table = Table(title=f"{escape(name)}: minimum time over payload", title_justify="left")
-    for column in ("payload", "minimum time", "certified", "1 g costs", "limited most by", "1 % saves"):
-        table.add_column(column, justify="left" if column in ("certified", "limited most by") else "right")
-    for row in rows:
-        gram, most, saved = row["ms_per_gram"], row["limited_most_by"], row["ms_saved_by_one_per_cent"]
-        table.add_row(
-            f"{1e3 * float(str(row['payload_kg'])):g} g",
-            f"{float(str(row['duration_s'])):.6f} s" if row["success"] else "-",
-            "yes" if row["certified"] else "no",
-            "-" if gram is None else f"{gram:.3f} ms",
-            "-" if most is None else escape(str(most)),
-            "-" if saved is None else f"{saved:.2f} ms",
-        )
-    return table

@@ -13,7 +13,7 @@ from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import number, numbers, one_or_more
 
 if TYPE_CHECKING:
-    from armdyn.cli.parsing.requests import ArmAsked
+    from armdyn.cli.parsing.requests import ArmRequest
     from armdyn.control.loop.law import Controller
 
 CONTROLLERS = ("lqr", "computed-torque", "pid")
@@ -121,7 +121,7 @@ class PlantOptions:
         str | None, typer.Option(metavar="F[,F…]", help="Coulomb friction of its joints \\[N m].")
     ] = None
 
-    def real(self, asked: ArmAsked) -> ad.Robot:
+    def real(self, asked: ArmRequest) -> ad.Robot:
         """The arm that moves.
 
         Args:

@@ -22,14 +22,14 @@ from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import NoFigure, OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.cli.parsing.panels import TASK
-from armdyn.cli.parsing.requests import arm_asked
+from armdyn.cli.parsing.requests import requested_arm
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions
 from armdyn.cli.tracking.track import ReferenceOptions, no_motion
 from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers
 
-ROWS = "rows.jsonl"
-"""What the rows are called."""
+ROWS, TABLE = "rows.sqlite", "rows.csv"
+"""Files of the rows."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,13 +122,13 @@ def monte_carlo(
     armdyn monte-carlo rrr --payload 0.1006 --ramp 0.5 --friction-range 0,0.06 --at-least 0.99[/]
     """
     with answering(output.json) as answer:
-        own = arm_asked(robot, poses, payload, joints)
+        own = requested_arm(robot, poses, payload, joints)
         model = own.arm
         law, joined, plants = controller.chosen(), loop.joined(), arms.plants(model)
         options = ad.MonteCarloOptions(count=study.count, duration=reference.duration, tolerance=reference.tolerance)
         within = reference.duration if study.within is None else checked(study.within, "--within", sign="positive")
         drawn = [] if no_figure else ["envelope.png", "envelope.pdf"]
-        folder = output.folder("monte-carlo", robot.robot, [ROWS, "reference.npz", *drawn, "result.json"])
+        folder = output.folder("monte-carlo", robot.robot, [ROWS, TABLE, "reference.npz", *drawn, "result.json"])
 
         with working(f"many arms like {model.name}", output.json) as progress:
             asked = reference.motion(own, progress)
@@ -160,8 +160,12 @@ def _write(
     from armdyn.show.figures.envelopes import plot_envelope
     from armdyn.show.plots import save_figure
     from armdyn.show.results import save_result
+    from armdyn.studies.rows import read_rows
+    from armdyn.studies.tables import write_csv
 
-    files = [folder / ROWS, motion.save(folder / "reference.npz")]
+    with read_rows(folder / ROWS) as rows:
+        files = [folder / ROWS, write_csv(rows, folder / TABLE)]
+    files.append(motion.save(folder / "reference.npz"))
     if figure:
         name = found.question.robot.name
         drawn = plot_envelope(found.envelope(), f"{name}: {len(found.rows)} arms, {found.success().settled} settle")
@@ -180,5 +184,5 @@ def _words(found: ad.MonteCarlo, within: float, reference: ad.Trajectory) -> dic
         "reference": f"{reference.duration:.4f} s",
         f"settled within {within:g} s": str(found.success(within)),
         "settled time": ", ".join(f"{time} ({part})" for time, part in parts),
-        "worst arm": f"{worst.k}, {worst.draw.payload:.4g} times the payload, {worst.status.replace('_', ' ')}",
+        "worst arm": f"{worst.k}, {worst.sample.payload:.4g} times the payload, {worst.status.replace('_', ' ')}",
     }

@@ -16,7 +16,7 @@ from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.cli.parsing.panels import TASK
-from armdyn.cli.parsing.requests import ArmAsked, arm_asked
+from armdyn.cli.parsing.requests import ArmRequest, requested_arm
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions, PlantOptions
 from armdyn.errors import ProblemError
 
@@ -38,12 +38,12 @@ class ReferenceOptions:
     duration: Annotated[float, typer.Option(metavar="S", help="How long the arm is watched \\[s].")] = 2.0
     tolerance: Annotated[float, typer.Option(metavar="RAD", help="From the goal, to be settled \\[rad].")] = 0.005
 
-    def motion(self, asked: ArmAsked, tell: Callable[[str], None]) -> ad.Trajectory | ad.Solution:
+    def motion(self, asked: ArmRequest, progress: Callable[[str], None]) -> ad.Trajectory | ad.Solution:
         """What is to be followed; a solution that is not usable says why there is none.
 
         Args:
             asked: the controller's model, start and goal.
-            tell: told in words what is being done.
+            progress: called with a line of text on what is being done.
 
         Raises:
             ArmdynError: a file is no trajectory, or two references are asked for.
@@ -54,7 +54,7 @@ class ReferenceOptions:
             return ad.Trajectory.load(self.reference)
         if self.ramp is not None:
             return ad.ramp(asked.arm, *asked.ends(), self.ramp)
-        solution = ad.solve_minimum_time(*asked.fastest(), tell)
+        solution = ad.solve_minimum_time(*asked.fastest(), progress)
         return solution.trajectory if solution.usable else solution
 
 
@@ -82,7 +82,7 @@ def track(
     """
     json = results.output.json
     with answering(json) as answer:
-        model = arm_asked(robot, poses, payload, joints)
+        model = requested_arm(robot, poses, payload, joints)
         arm = model.arm
         law, joined, real = controller.chosen(), loop.joined(), plant.real(model)
         folder = results.folder("track", robot.robot, ("trajectory", "reference"))
@@ -98,7 +98,7 @@ def track(
             title = f"{arm.name}: {controller.controller}, {_outcome(run)}"
             followed = replace(asked, name="reference", model_hash=arm.model_hash)
             motions = {"trajectory": _until(run.trajectory, run, asked), "reference": followed}
-            written = results.write(folder, real, motions, summary, title, tell=progress)
+            written = results.write(folder, real, motions, summary, title, progress=progress)
         answer.facts |= {**summary, **written.facts}
         answer.code = 0 if run.settled else NOT_USABLE
         if not json:

@@ -16,9 +16,9 @@ from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.cli.parsing.panels import SOLVER
-from armdyn.cli.parsing.requests import arm_asked
+from armdyn.cli.parsing.requests import requested_arm
 from armdyn.cli.tracking.controllers import CONTROLLERS, LoopOptions
-from armdyn.cli.tracking.many import ArmsOptions, range_of
+from armdyn.cli.tracking.many import ROWS, ArmsOptions, range_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,17 +42,15 @@ class FamilyOptions:
         Raises:
             ProblemError: unknown, or it does not fit the robot.
         """
+        from armdyn.studies.tuning.families import family_named
+
         one_of(self.controller, CONTROLLERS, "--controller")
-        if self.controller == "lqr":
-            return ad.ControllerFamily.lqr()
-        if self.controller == "computed-torque":
-            return ad.ControllerFamily.computed_torque()
         form: Any = self.form
-        return ad.ControllerFamily.pid(robot, q_goal, form=form, shared=not self.per_joint)
+        return family_named(self.controller, robot, q_goal, form=form, shared=not self.per_joint)
 
 
 @dataclass(frozen=True, kw_only=True)
-class SearchOptions:
+class TuningOptions:
     """What is made small, and how long it is searched; see `TuneOptions`."""
 
     panel: ClassVar[str] = SOLVER
@@ -88,7 +86,7 @@ def tune(
     robot: RobotArgument,
     joints: JointOptions,
     family: FamilyOptions,
-    search: SearchOptions,
+    search: TuningOptions,
     loop: LoopOptions,
     arms: ArmsOptions,
     output: OutputOptions,
@@ -104,15 +102,16 @@ def tune(
     armdyn tune rrr --payload 0.1006 --ramp-range 0.2,0.6 --controller computed-torque[/]
     """
     with answering(output.json) as answer:
-        asked = arm_asked(robot, poses, payload, joints)
+        asked = requested_arm(robot, poses, payload, joints)
         model, (start, goal) = asked.arm, asked.ends()
         plants, options = arms.plants(model), search.options()
-        folder = output.folder("tune", robot.robot, ["reference.npz", "result.json"])
+        folder = output.folder("tune", robot.robot, [ROWS, "reference.npz", "result.json"])
         folder.mkdir(parents=True, exist_ok=True)
         with working(f"tuning {family.controller} for {model.name}", output.json) as progress:
             found = ad.tune(
                 model, ad.Ramps(start, goal, range_of(family.ramp_range, "--ramp-range")), family.family(model, goal),
                 plants.corners(model), plants.arms(model, search.held_out), loop.joined(), options, progress,
+                folder / ROWS,
             )  # fmt: skip
         summary = _summary(found)
         files = _write(folder, model, found, summary)

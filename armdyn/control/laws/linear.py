@@ -3,12 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, expm, solve_discrete_are
 
 from armdyn.control.loop.ticks import Ticks
 from armdyn.dynamics import inverse_dynamics
+from armdyn.dynamics.numeric import forward_dynamics_derivatives
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 
@@ -39,13 +39,9 @@ def slopes(robot: Robot, q: Array, v: Array, tau: Array) -> tuple[Array, Array]:
     Returns:
         A [1/s, 1/s²], shape (2 nv, 2 nv), and B, with D⁻¹ [1/(kg m²) or 1/kg] in its lower half, shape (2 nv, nv).
     """
-    nv, data = robot.nv, robot.model.createData()
-    pin.computeABADerivatives(robot.model, data, robot.configuration(q), v, tau - robot.friction.torque(v))
-    upper: Array = np.triu(np.array(data.Minv))
-    inverse = upper + np.triu(upper, 1).T
-    drag = inverse * robot.friction.slope(v)
-    A = np.block([[np.zeros((nv, nv)), np.eye(nv)], [np.array(data.ddq_dq), np.array(data.ddq_dv) - drag]])
-    return A, np.vstack([np.zeros((nv, nv)), inverse])
+    none, one = np.zeros((robot.nv, robot.nv)), np.eye(robot.nv)
+    _, (by_q,), (by_v,), (inverse,) = forward_dynamics_derivatives(robot)(q[None], v[None], tau[None])
+    return np.block([[none, one], [by_q, by_v]]), np.vstack([none, inverse])
 
 
 def plant_steps(robot: Robot, ticks: Ticks) -> Steps:

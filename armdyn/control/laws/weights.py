@@ -31,7 +31,7 @@ def half_range(robot: Robot) -> Array:
         ProblemError: a joint has no limit of torque.
     """
     limits = robot.limits
-    half = (limits.effort_upper - limits.effort_lower) / 2
+    half = limits.actuators.half_range
     if not np.all(np.isfinite(half)):
         raise ProblemError(
             f"a linear-quadratic regulator weighs errors against the limits of torque; {robot.name} has none at "

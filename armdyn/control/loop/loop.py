@@ -90,7 +90,7 @@ class Loop:
 
     @classmethod
     def ideal(cls, saturate: bool = False) -> Self:
-        """The paper's: continuous, all imperfections off; torques beyond the limits, unless saturate."""
+        """Continuous, all imperfections off; torques beyond the limits, unless saturate."""
         return cls(delay=0, encoder=0.0, velocity="exact", saturate=saturate, hold="continuous")
 
     @property

@@ -28,7 +28,7 @@ class BeyondNumbersError(ProblemError):
 
 
 @dataclass(frozen=True, eq=False)
-class Plant:
+class LinearPlant:
     """An arm near rest: d/dt (δq, δv) = A (δq, δv) + B δtau.
 
     Attributes:
@@ -125,8 +125,8 @@ class Rest:
         law: its slopes.
     """
 
-    plant: Plant
-    model: Plant
+    plant: LinearPlant
+    model: LinearPlant
     law: Slopes
 
     @classmethod
@@ -159,8 +159,8 @@ class Rest:
         holding = inverse_dynamics(arm)(goal, rest, rest)
         law = expect_controller(controller).law(robot, ticks_at_rest(robot, goal, expect_loop(loop).rate), loop)
         return cls(
-            Plant.of(arm, goal, holding),
-            Plant.of(robot, goal, holding),
+            LinearPlant.of(arm, goal, holding),
+            LinearPlant.of(robot, goal, holding),
             Slopes.of(law, goal, holding, loop.delay),
         )
 

@@ -118,7 +118,7 @@ def _unholdable(robot: Robot, goal: Array) -> list[str]:
     """Joints whose effort limit is less than the holding torque at the goal."""
     rest = np.zeros(robot.nv)
     hold, limits = inverse_dynamics(robot)(goal, rest, rest), robot.limits
-    beyond = (hold < limits.effort_lower) | (hold > limits.effort_upper)
+    beyond = ~limits.actuators.allows(hold, goal, rest)
     return [name for name, weak in zip(robot.joint_names, beyond, strict=True) if weak]
 
 

@@ -16,6 +16,7 @@ from armdyn.models.robots.robot import Robot
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called
 from armdyn.trajectory import Trajectory
+from armdyn.trajectory.value import Hold as TorqueHold
 
 Array = NDArray[np.float64]
 
@@ -32,7 +33,7 @@ class Run:
     """A motion under a controller, and what came of it.
 
     Attributes:
-        trajectory: of the arm, one sample per tick; tau acts from its sample to the next.
+        trajectory: of the arm, one sample per tick; a sampled loop's torque is held from its sample to the next.
         status: "settled": all joints came within the tolerance of the goal and stayed; "not_settled": the run is whole
             but they did not; "diverged": stopped 100 rad from the goal or at 1000 rad/s; "failed": no step of the
             integrator was short enough.
@@ -112,7 +113,9 @@ class Run:
         return facts
 
 
-def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: str = "") -> Run:
+def run_of(
+    robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: str = "", hold: TorqueHold = "linear"
+) -> Run:
     """Judge what a loop did.
 
     Args:
@@ -121,6 +124,7 @@ def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: s
         ticks: the reference.
         tolerance: of a joint's distance from the goal [rad or m].
         name: of the trajectory.
+        hold: of the trajectory.
     """
     t = np.arange(len(driven.q)) / ticks.rate
     beside = np.abs(driven.q - ticks.goal)
@@ -132,7 +136,7 @@ def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: s
     during = driven.clipped[: max(int(np.ceil(moving * ticks.rate)), 1)]
     status, message = _told(robot, driven, settled, beside[-1], tolerance, float(t[-1]))
     return Run(
-        trajectory=_trajectory(robot, driven, t, name),
+        trajectory=replace(_trajectory(robot, driven, t, name), hold=hold),
         status=status,
         message=message,
         settled_time=settled,

@@ -17,6 +17,7 @@ from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.values.per_joint import per_joint
 from armdyn.trajectory import Trajectory
+from armdyn.trajectory.value import Hold as TorqueHold
 
 Array = NDArray[np.float64]
 
@@ -100,7 +101,8 @@ class Setup:
             seed: of the readings' noise; None: the loop's own.
             name: of the trajectory.
         """
-        return run_of(plant, self.drive(plant, seed), self.ticks, self.tolerance, name)
+        hold: TorqueHold = "zero-order" if self.loop.hold == "zoh" else "linear"
+        return run_of(plant, self.drive(plant, seed), self.ticks, self.tolerance, name, hold)
 
     def drive(self, plant: Robot, seed: int | None = None) -> Driven:
         """The motion alone.
@@ -138,8 +140,8 @@ class Setup:
         """Torques between which are clipped [N m or N]: what the drives are told, and what the arm has."""
         if not self.loop.saturate:
             return np.full(plant.nv, -np.inf), np.full(plant.nv, np.inf)
-        own, its = self.robot.limits, plant.limits
-        return np.maximum(own.effort_lower, its.effort_lower), np.minimum(own.effort_upper, its.effort_upper)
+        own, its = self.robot.limits.actuators, plant.limits.actuators
+        return np.maximum(own.lower, its.lower), np.minimum(own.upper, its.upper)
 
     def _scalars(self, count: int) -> dict[str, Any]:
         loop = self.loop

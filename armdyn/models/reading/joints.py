@@ -49,7 +49,7 @@ class Joint:
     mimic: Mimic | None
 
 
-class Place(NamedTuple):
+class JointPlace(NamedTuple):
     """Where a link is in the tree."""
 
     free: int
@@ -174,20 +174,20 @@ class JointTree:
                 raise UrdfError(self.source, "mimics itself in the end", f"joint {shown(joint.name)!r}")
             seen.add(joint.name)
 
-    def places(self, locked: Mapping[str, float]) -> dict[str, Place]:
+    def places(self, locked: Mapping[str, float]) -> dict[str, JointPlace]:
         """Where every link is in the tree, the nearer to the base the earlier."""
         children: dict[str, list[Joint]] = {}
         for joint in self.joints.values():
             children.setdefault(joint.parent, []).append(joint)
         carried = {joint.child for joint in self.joints.values()}
-        places = {link: Place(0, 0, 0, "") for link in children if link not in carried}
+        places = {link: JointPlace(0, 0, 0, "") for link in children if link not in carried}
         stack = list(places)
         while stack:
             link = stack.pop()
             free, joints, behind_locked, carrier = places[link]
             for joint in children.get(link, []):
                 still = joint.name in locked
-                places[joint.child] = Place(
+                places[joint.child] = JointPlace(
                     free + (joint.moves and not still),
                     joints + 1,
                     behind_locked + still,

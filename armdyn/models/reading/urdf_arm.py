@@ -8,7 +8,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.errors import UrdfError
-from armdyn.models.reading.joints import JointTree, Place
+from armdyn.models.reading.joints import JointPlace, JointTree
 from armdyn.models.reading.urdf_check import check_inertias, dynamics_urdf, parse_urdf
 from armdyn.models.reading.urdf_xml import shown
 from armdyn.models.values.joint_limits import JointLimits
@@ -164,7 +164,7 @@ def _or_infinite(limit: Array) -> Array:
     return np.where(np.asarray(limit) >= np.finfo(float).max, np.inf, limit)
 
 
-def _furthest(model: pin.Model, places: Mapping[str, Place]) -> str:
+def _furthest(model: pin.Model, places: Mapping[str, JointPlace]) -> str:
     """The frame at the end of the arm: the link furthest from the base, in moving joints and then in all.
 
     Among equals the one behind the fewest locked joints: a hand rather than its fingers.

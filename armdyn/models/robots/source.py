@@ -15,7 +15,7 @@ from armdyn.models.mjcf.document import is_mjcf
 from armdyn.models.robots.descriptions import Description, described, is_description
 from armdyn.models.robots.library import library_names
 from armdyn.models.values.joint_limits import JointLimits
-from armdyn.models.values.spec import PAPER_ARMS, ArmSpec
+from armdyn.models.values.spec import PLANAR_ARMS, ArmSpec
 
 Format = Literal["spec", "library", "urdf", "mjcf", "model"]
 
@@ -64,14 +64,14 @@ class RobotSource:
         Raises:
             UnknownRobotError: there is no robot of that name.
         """
-        if name in PAPER_ARMS:
+        if name in PLANAR_ARMS:
             return cls.of_spec(ArmSpec.paper(name))
         if Path(name).suffix or Path(name).is_file():
             return cls(format="mjcf" if is_mjcf(name) else "urdf", name=name)
         if is_description(name):
             return cls.of_description(described(name))
         if name not in (known := library_names()):
-            raise UnknownRobotError(name, (*PAPER_ARMS, *known))
+            raise UnknownRobotError(name, (*PLANAR_ARMS, *known))
         return cls(format="library", name=name)
 
     @classmethod

@@ -19,8 +19,7 @@ from armdyn.models.robots.options import RobotOptions
 from armdyn.models.robots.poses import position_of
 from armdyn.models.robots.robot import Robot
 from armdyn.models.robots.source import RobotSource
-from armdyn.models.values.joint_limits import JointLimits
-from armdyn.models.values.spec import PAPER_ARMS, ArmSpec, LinkSpec, Payload
+from armdyn.models.values.spec import PLANAR_ARMS, ArmSpec, LinkSpec, Payload
 from armdyn.parsing.toml import Table
 
 _SOURCES = ("name", "urdf", "mjcf", "spec")
@@ -57,7 +56,7 @@ def robot_from(table: Table, mass: float | None = None) -> Robot:
         options = RobotOptions(payload=Payload(**carried) if carried else None, lock=lock, arm=ends, **numbers)
         robot = Robot.from_source(_source(table), options)
         if "limits" in given:
-            rows = _inner(table, "limits", tuple(field.name for field in fields(JointLimits)))
+            rows = _inner(table, "limits", tuple(robot.limits.rows))
             robot = replace(robot, limits=replace(robot.limits, **rows))
         return robot
 
@@ -85,10 +84,7 @@ def robot_table(robot: Robot, folder: str | os.PathLike[str] | None = None) -> d
     plain = Robot.from_source(origin, RobotOptions(payload=robot.payload, lock=options.lock, arm=options.arm))
     if robot.joint_names != plain.joint_names or robot.tip != plain.tip:
         raise SpecError(f"{robot.source}: joints or tip were changed after it was read: no problem file describes it")
-    rows = {
-        field.name: (getattr(robot.limits, field.name), getattr(plain.limits, field.name))
-        for field in fields(JointLimits)
-    }
+    rows = {name: (own, plain.limits.rows[name]) for name, own in robot.limits.rows.items()}
     if changed := {name: own.tolist() for name, (own, read) in rows.items() if not np.array_equal(own, read)}:
         written["limits"] = changed
     if not np.array_equal(robot.model.armature, plain.model.armature):
@@ -147,7 +143,7 @@ def _inner(table: Table, key: str, known: tuple[str, ...] | None = None) -> Mapp
 def _written_source(origin: RobotSource, folder: str | os.PathLike[str] | None) -> dict[str, Any]:
     """The keys that say where a robot is read from."""
     if origin.spec is not None:
-        name = next((name for name in PAPER_ARMS if origin.spec == ArmSpec.paper(name)), None)
+        name = next((name for name in PLANAR_ARMS if origin.spec == ArmSpec.paper(name)), None)
         return {"spec": asdict(origin.spec)} if name is None else {"name": name}
     if origin.format == "library":
         return {"name": origin.name}

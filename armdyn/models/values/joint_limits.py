@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.arguments import numbers, several, shown, text
+from armdyn.arguments import expect, numbers, several, shown, text
 from armdyn.errors import ArmdynError, SpecError, did_you_mean
+from armdyn.models.values.actuator_limits import ActuatorLimits, ConstantTorque
 from armdyn.reprs import brief
 
 Array = NDArray[np.float64]
+
+_CONSTANT = ConstantTorque(np.empty(0), np.empty(0))
 
 
 @brief
@@ -25,8 +28,9 @@ class JointLimits:
         position_lower: [rad or m].
         position_upper: [rad or m].
         velocity: largest speed [rad/s or m/s].
-        effort_lower: [N m or N].
-        effort_upper: [N m or N]; both are zero of a joint without a motor.
+        effort_lower: least torque in any state [N m or N].
+        effort_upper: largest torque in any state [N m or N]; both are zero of a joint without a motor.
+        actuators: the range of the torques in a state, between these two.
 
     Raises:
         SpecError: one is not numbers, or NaN, or they are of different shapes.
@@ -37,9 +41,10 @@ class JointLimits:
     velocity: Array
     effort_lower: Array
     effort_upper: Array
+    actuators: ActuatorLimits = field(default=_CONSTANT, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
+        for name, value in self.rows.items():
             array = numbers(value, f"limits: {name}", "one number per joint", error=SpecError)
             if array.ndim != 1 or array.shape != np.shape(self.position_lower) or np.any(np.isnan(array)):
                 raise SpecError(
@@ -47,20 +52,18 @@ class JointLimits:
                 )
             array.setflags(write=False)
             object.__setattr__(self, name, array)
+        expect(self.actuators, ActuatorLimits, "limits: actuators", error=SpecError)  # type: ignore[type-abstract]
+        object.__setattr__(self, "actuators", self.actuators.between(self.effort_lower, self.effort_upper))
+
+    @property
+    def rows(self) -> dict[str, Array]:
+        """The limits by their names, each of shape (nv,); what the actuators make of them in a state is not in it."""
+        return {own.name: getattr(self, own.name) for own in fields(self) if own.name != "actuators"}
 
     @property
     def passive(self) -> NDArray[np.bool_]:
         """Joints without a motor, shape (nv,)."""
-        return np.asarray((self.effort_lower == 0) & (self.effort_upper == 0))
-
-    @property
-    def effort_size(self) -> Array:
-        """What torques are compared with [N m or N], shape (nv,): half their ranges; without a motor the others' least.
-
-        1 where no joint has a motor.
-        """
-        half, motors = (self.effort_upper - self.effort_lower) / 2, ~self.passive
-        return np.where(motors, half, np.min(half[motors]) if np.any(motors) else 1.0)
+        return self.actuators.passive
 
     def without_motors(self, passive: Iterable[str], joints: Sequence[str], error: type[ArmdynError]) -> Self:
         """The same, but for joints that have no motor.

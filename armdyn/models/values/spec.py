@@ -39,18 +39,18 @@ class LinkSpec:
         number(self.com, "com of a link", unit="m", error=SpecError)
 
 
-PAPER_LINKS = (
+PLANAR_LINKS = (
     LinkSpec(length=0.250, com=0.198, mass=0.193, inertia=1.15e-3),
     LinkSpec(length=0.234, com=0.143, mass=0.115, inertia=4.99e-4),
     LinkSpec(length=0.218, com=0.109, mass=0.100, inertia=6.58e-4),
 )
-"""Table 1 of the paper."""
+"""Giv and Malek (2024), Table 1."""
 
 _XML_TEXT = "[\t -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]+"
 """What XML can hold, in one line."""
 
-PaperArm = Literal["r", "rr", "rrr"]
-PAPER_ARMS: tuple[PaperArm, ...] = ("r", "rr", "rrr")
+PlanarArmName = Literal["r", "rr", "rrr"]
+PLANAR_ARMS: tuple[PlanarArmName, ...] = ("r", "rr", "rrr")
 
 
 @brief
@@ -65,7 +65,7 @@ class ArmSpec:
         name: the robot's name in the URDF.
         links: base to tip.
         position_limit: every joint stays within ± this [rad].
-        velocity_limit: every joint stays within ± this [rad/s]. The paper has none; a URDF needs one.
+        velocity_limit: every joint stays within ± this [rad/s]. A URDF needs one.
         effort_limit: every torque stays within ± this [N m].
     """
 
@@ -87,15 +87,15 @@ class ArmSpec:
             number(getattr(self, field), field, unit=unit, sign="positive", error=SpecError)
 
     @classmethod
-    def paper(cls, arm: PaperArm) -> Self:
-        """The arm of the paper's Table 1 with one, two or three links.
+    def paper(cls, arm: PlanarArmName) -> Self:
+        """The arm of Table 1 of Giv and Malek (2024) with one, two or three links.
 
         Raises:
             SpecError: `arm` is none of "r", "rr", "rrr".
         """
-        if not (isinstance(arm, str) and arm in PAPER_ARMS):
-            raise SpecError(f"the paper has no arm {shown(arm)}; it has {', '.join(PAPER_ARMS)}")
-        return cls(name=arm, links=PAPER_LINKS[: len(arm)])
+        if not (isinstance(arm, str) and arm in PLANAR_ARMS):
+            raise SpecError(f"no planar arm is called {shown(arm)}; known: {', '.join(PLANAR_ARMS)}")
+        return cls(name=arm, links=PLANAR_LINKS[: len(arm)])
 
 
 @brief
@@ -165,7 +165,7 @@ class Payload:
 
     @classmethod
     def at_last_com(cls, spec: ArmSpec, mass: float) -> Self:
-        """The paper's other reading, "mM": m becomes m + M while l_c and I stay as they are.
+        """Payload "mM" of Giv and Malek (2024), in one reading: m becomes m + M while l_c and I stay as they are.
 
         That is a point mass at the last link's centre of mass.
         """

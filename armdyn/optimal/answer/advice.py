@@ -107,7 +107,7 @@ def _for_gap(problem: MinimumTimeProblem, certificate: Certificate) -> str:
         return "a large gap: the bound is one of velocity limits, and says little where torque limits decide"
     if certificate.remark == ON_CURVE:
         return (
-            f"look for a faster motion with `effort` thorough or more `starts`; much of the gap of "
+            f"look for a faster motion with `search` thorough or more `starts`; much of the gap of "
             f"{percent(certificate.gap)} may be the bound's"
         )
     return f"a gap of {percent(certificate.gap)}: raise `starts` or `max_intervals`; there may be a faster motion"

@@ -41,8 +41,8 @@ def detect(
     knots = duration * mesh
     middle = trajectory((knots[:-1] + knots[1:]) / 2)
     at_knots = trajectory(knots)
-    centre = (limits.effort_upper + limits.effort_lower) / 2
-    level = (middle.tau - centre) / limits.effort_size
+    centre = limits.actuators.center
+    level = (middle.tau - centre) / limits.actuators.scale
     first: list[Mode] = []
     events: list[Event] = []
     for i in range(problem.robot.nv):

@@ -47,10 +47,10 @@ def motion_of(
         values = lagrange(TABLEAU.c, s) @ tau[k]
         if not constant:  # lines between the samples shall have the polynomial's impulse, not only its values
             values -= _curvature(TABLEAU.c, s) @ tau[k] / (12 * samples**2)
-        values = np.clip(values, limits.effort_lower, limits.effort_upper)
+        values = np.clip(values, limits.actuators.lower, limits.actuators.upper)
         for i, mode in enumerate(arcs[a].modes):
             if mode in HELD:
-                values[:, i] = (limits.effort_upper if mode is Mode.UPPER else limits.effort_lower)[i]
+                values[:, i] = (limits.actuators.upper if mode is Mode.UPPER else limits.actuators.lower)[i]
         times = t[k] + s * (t[k + 1] - t[k])
         times[-1] = np.nextafter(t[k + 1], 0) if k < arc_of.size - 1 else t[k + 1]
         rows_t.append(times)

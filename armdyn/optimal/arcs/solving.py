@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.grid import Density, density_of, layered
+from armdyn.optimal.arcs.nlp_data import ArcNlpData, PhaseAim, assemble_arcs
 from armdyn.optimal.arcs.phases import TABLEAU, Phases, Unresolved
-from armdyn.optimal.arcs.posing import PhaseAim, Posed, pose
 from armdyn.optimal.arcs.sampling import motion_of
 from armdyn.optimal.path_constraints.rows import StageRows, with_rows
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Nlp, build_nlp
 from armdyn.optimal.program.interval import Stages
-from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, Outcome, in_time
+from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, NlpResult, in_time
 from armdyn.optimal.task.scheme import Scheme
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -65,18 +65,18 @@ def solve_phases(
         iterations = min(iterations, numbers.near_iterations)
     build = _with_lines if singular and not task.problem.effort_weight else build_nlp
     solver = _solver(task, build, intervals, aim.near or not singular, iterations)
-    posed = pose(task, arcs, guess, solver.program.layout, intervals, aim)
-    if posed.spare < 0:
-        message = f"the structure has more conditions than unknowns, by {-posed.spare}"
-        outcome = Outcome(
-            Status.INFEASIBLE, message, 0, posed.x, np.zeros_like(posed.x), np.zeros_like(posed.g_bounds[0])
+    nlp_data = assemble_arcs(task, arcs, guess, solver.program.layout, intervals, aim)
+    if nlp_data.spare < 0:
+        message = f"the structure has more conditions than unknowns, by {-nlp_data.spare}"
+        result = NlpResult(
+            Status.INFEASIBLE, message, 0, nlp_data.x, np.zeros_like(nlp_data.x), np.zeros_like(nlp_data.g_bounds[0])
         )
     else:
-        outcome = solver.solve(posed.x, posed.parameters, posed.x_bounds, posed.g_bounds, task.stop)
-    phases = _read(task, solver.program, posed, outcome)
-    if outcome.status is Status.SOLVED:
+        result = solver.solve(nlp_data.x, nlp_data.parameters, nlp_data.x_bounds, nlp_data.g_bounds, task.stop)
+    phases = _read(task, solver.program, nlp_data, result)
+    if result.status is Status.SOLVED:
         return phases
-    return Unresolved(outcome.message, outcome.status, outcome.iterations, phases)
+    return Unresolved(result.message, result.status, result.iterations, phases)
 
 
 def prepare_phases(task: Task, intervals: int) -> None:
@@ -107,21 +107,23 @@ def _lines(stages: Stages, _: ca.SX) -> ca.SX:
     return lines
 
 
-def _read(task: Task, nlp: Nlp, posed: Posed, outcome: Outcome) -> Phases:
+def _read(task: Task, nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult) -> Phases:
     """The phases that unknowns and multipliers stand for."""
-    layout, N, n, scales, x = nlp.layout, nlp.intervals, nlp.layout.nv, posed.scales, outcome.x
+    layout, N, n, scales, x = nlp.layout, nlp.intervals, nlp.layout.nv, nlp_data.scales, result.x
     problem, numbers = task.problem, task.policy.arcs
     units = np.array([scales.length, scales.speed])[:, None]
-    lengths = np.maximum(x[layout.times(N)[:-1]] * scales.time * posed.part, 1e-12)
+    lengths = np.maximum(x[layout.times(N)[:-1]] * scales.time * nlp_data.part, 1e-12)
     t = np.concatenate([[0], np.cumsum(lengths)])
-    arcs = tuple(replace(arc, duration=float(lengths[posed.arc_of == a].sum())) for a, arc in enumerate(posed.arcs))
+    arcs = tuple(
+        replace(arc, duration=float(lengths[nlp_data.arc_of == a].sum())) for a, arc in enumerate(nlp_data.arcs)
+    )
     knots = x[layout.states(N)].reshape(N + 1, 1, 2, n) * units
     stages = np.concatenate([x[layout.inner_states(N)].reshape(N, -1, 2, n) * units, knots[1:]], axis=1)
     tau = x[layout.torques(N)] * scales.effort
     states = np.concatenate([knots[:-1], stages], axis=1)
-    torques = motion_of(problem, arcs, posed.arc_of, t, states, tau, numbers.samples)
-    slope = _slope(nlp, posed, outcome)
-    costate, stage_costate = _costates(nlp, posed, outcome, slope)
+    torques = motion_of(problem, arcs, nlp_data.arc_of, t, states, tau, numbers.samples)
+    slope = _slope(nlp, nlp_data, result)
+    costate, stage_costate = _costates(nlp, nlp_data, result, slope)
     pull = scales.time / units
     return Phases(
         arcs=arcs,
@@ -130,8 +132,8 @@ def _read(task: Task, nlp: Nlp, posed: Posed, outcome: Outcome) -> Phases:
         v=knots[:, 0, 1],
         costate=costate,
         tau=tau,
-        arc_of=posed.arc_of,
-        laid=posed.density,
+        arc_of=nlp_data.arc_of,
+        laid=nlp_data.density,
         density=_density(t, states, stage_costate, layered(torques, problem.robot.friction, numbers), numbers.floor),
         stage_q=stages[:, :, 0],
         stage_v=stages[:, :, 1],
@@ -140,7 +142,7 @@ def _read(task: Task, nlp: Nlp, posed: Posed, outcome: Outcome) -> Phases:
         state_pull=slope[layout.inner_states(N)].reshape(N, -1, 2, n) * pull,
         knot_pull=slope[layout.states(N)[1:-1]].reshape(N - 1, 2, n) * pull,
         torques=torques,
-        iterations=outcome.iterations,
+        iterations=result.iterations,
     )
 
 
@@ -152,20 +154,20 @@ def _density(t: Array, states: Array, stage_costate: Array, layers: Density | No
     return bends if layers is None else bends.with_half_of(layers)
 
 
-def _slope(nlp: Nlp, posed: Posed, outcome: Outcome) -> Array:
+def _slope(nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult) -> Array:
     """The Lagrangian's gradient without the bounds' multipliers, which it therefore is."""
-    jacobian = nlp.jacobian(outcome.x, posed.parameters)[1]
-    slope = np.array(ca.mtimes(jacobian.T, outcome.lam_g)).ravel()
-    slope += np.array(nlp.gradient(outcome.x, posed.parameters)).ravel()
+    jacobian = nlp.jacobian(result.x, nlp_data.parameters)[1]
+    slope = np.array(ca.mtimes(jacobian.T, result.lam_g)).ravel()
+    slope += np.array(nlp.gradient(result.x, nlp_data.parameters)).ravel()
     return slope
 
 
-def _costates(nlp: Nlp, posed: Posed, outcome: Outcome, slope: Array) -> tuple[Array, Array]:
+def _costates(nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult, slope: Array) -> tuple[Array, Array]:
     """Costates at the knots, shape (N + 1, 2 nv), and their integrals over the stages, shape (N, stages, 2 nv)."""
-    layout, N, scales = nlp.layout, nlp.intervals, posed.scales
-    rows = outcome.lam_g[: N * nlp.defects].reshape(N, nlp.defects)[:, layout.defects]  # (N, stages, 2 nv)
+    layout, N, scales = nlp.layout, nlp.intervals, nlp_data.scales
+    rows = result.lam_g[: N * nlp.defects].reshape(N, nlp.defects)[:, layout.defects]  # (N, stages, 2 nv)
     units = np.repeat([scales.length, scales.speed], layout.nv)
     costate = np.concatenate([-rows.sum(axis=1), -slope[layout.states(N)[-1:]]])
-    lengths = posed.part * outcome.x[layout.times(N)[:-1]]
+    lengths = nlp_data.part * result.x[layout.times(N)[:-1]]
     integrals = -np.einsum("kia,ij,k->kja", rows, TABLEAU.A, lengths * scales.time)
     return costate * scales.time / units, integrals * scales.time / units

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.bound.enclosure.interval import Interval, joined
-from armdyn.optimal.bound.leg import Leg
+from armdyn.optimal.bound.leg import BoundLeg
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ class Cells:
     longest: float
 
     @classmethod
-    def of(cls, leg: Leg, half: float, longest: float) -> Cells:
+    def of(cls, leg: BoundLeg, half: float, longest: float) -> Cells:
         """Cells within the limits of velocity alone.
 
         Args:
@@ -55,7 +55,7 @@ class Cells:
         v = Interval(-most, most)
         return cls(side, _positions(leg, side, v, longest), v, longest)
 
-    def cut(self, leg: Leg, half: float) -> Cells:
+    def cut(self, leg: BoundLeg, half: float) -> Cells:
         """Shorter sides, with what is known of the velocities there."""
         new = Cells.of(leg, half, self.longest)
         old, begin, k = np.cumsum(self.side), np.append(0.0, np.cumsum(new.side)), self.middle
@@ -67,7 +67,7 @@ class Cells:
         middle = new.v[new.middle][None]
         return new.narrowed(leg, joined([*within[: new.middle], middle, *within[new.middle :]]))
 
-    def narrowed(self, leg: Leg, v: Interval) -> Cells:
+    def narrowed(self, leg: BoundLeg, v: Interval) -> Cells:
         """The same with what else is known of the velocities."""
         v = self.v.meet(v)
         return Cells(self.side, self.q.meet(_positions(leg, self.side, v, self.longest)), v, self.longest)
@@ -103,7 +103,7 @@ def _side(half: float) -> Array:
     return np.array(lengths) * (half / sum(lengths) * (1 - 1e-12))  # which rounding does not make up for
 
 
-def _positions(leg: Leg, side: Array, v: Interval, longest: float) -> Interval:
+def _positions(leg: BoundLeg, side: Array, v: Interval, longest: float) -> Interval:
     """Where velocities may lead to: from the start on, from the goal back, and within the limits."""
     k = len(side)
     lengths = Interval.at(side[:, None])

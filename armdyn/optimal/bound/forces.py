@@ -77,7 +77,7 @@ class Forces:
             steps = steps.spread((boxes, *steps.lower.shape[-2:]))
             linear = linear + self.terms.inertia.dot(steps)
             turning = self.terms.inertia_slopes.dot(steps[:, None])
-        torque = Interval(self.limits.effort_lower, self.limits.effort_upper)
+        torque = Interval(self.limits.actuators.lower, self.limits.actuators.upper)
         constant = torque - self.terms.gravity - self._tanh * Interval.at(coulomb)
         weight = self.terms.gravity_slopes.dot(exact)
         return self._form(linear, self._squares(w), turning, -weight) + constant[:, None].dot(exact)[:, 0]

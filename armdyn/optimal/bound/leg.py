@@ -23,7 +23,7 @@ _DEPENDENT = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Leg:
+class BoundLeg:
     """From one pose to the next.
 
     Attributes:
@@ -94,7 +94,7 @@ class Leg:
         return float(np.max(self.kinematic))
 
 
-def legs_of(problem: MinimumTimeProblem) -> tuple[Leg, ...]:
+def legs_of(problem: MinimumTimeProblem) -> tuple[BoundLeg, ...]:
     """The legs of a problem, in order.
 
     Poses and velocities may be typed a little beyond the limits; these are widened to hold them.
@@ -108,7 +108,7 @@ def legs_of(problem: MinimumTimeProblem) -> tuple[Leg, ...]:
     dynamics = Dynamics(problem.robot)
     last = len(poses) - 2
     return tuple(
-        Leg(
+        BoundLeg(
             dynamics=dynamics,
             q_start=poses[i],
             q_goal=Interval.at(poses[i + 1]),

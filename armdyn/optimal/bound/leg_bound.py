@@ -8,7 +8,7 @@ import numpy as np
 
 from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.forces import Forces
-from armdyn.optimal.bound.leg import Leg
+from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.proof import proven
 from armdyn.optimal.bound.reach import reached
 from armdyn.optimal.bound.relaxation import relaxed
@@ -31,7 +31,7 @@ _AHEAD = 0.5
 twice what the last grid has brought, one hundredth at least: the nearer, the smaller the boxes in the middle."""
 
 
-def leg_bound(leg: Leg, stop: Callable[[], bool], known: float = 0.0) -> tuple[float, int]:
+def leg_bound(leg: BoundLeg, stop: Callable[[], bool], known: float = 0.0) -> tuple[float, int]:
     """Lower bound on the duration of a leg [s], and the joint that decides it.
 
     Args:
@@ -52,7 +52,9 @@ def leg_bound(leg: Leg, stop: Callable[[], bool], known: float = 0.0) -> tuple[f
     return known, joint
 
 
-def _on_grid(leg: Leg, known: float, joint: int, longest: float, stop: Callable[[], bool]) -> tuple[float, int, bool]:
+def _on_grid(
+    leg: BoundLeg, known: float, joint: int, longest: float, stop: Callable[[], bool]
+) -> tuple[float, int, bool]:
     """The bound by cells for a motion as long as is known to be needed, its joint, and whether ramps fill the cells."""
     cells, full, cut = Cells.of(leg, known / 2, longest), False, False
     for done in range(_PASSES):

@@ -16,7 +16,7 @@ from armdyn.arguments import expect
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.goal_set import GoalSet, clusters
-from armdyn.optimal.bound.leg import Leg
+from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.leg_bound import leg_bound
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 
@@ -45,7 +45,7 @@ _ISOLATED = 1e-6
 """Half width of a box [rad or m] up to which it is as good as a point."""
 
 
-def pose_bound(problem: MinimumTimeProblem, leg: Leg, stop: Stop) -> tuple[float, int, float]:
+def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: Stop) -> tuple[float, int, float]:
     """Lower bound on the last leg's duration to any joint position that reaches the pose.
 
     Args:
@@ -111,7 +111,7 @@ class _Region:
         return Interval(np.min(self.boxes.lower, axis=0), np.max(self.boxes.upper, axis=0))
 
 
-def _before(goals: GoalSet, leg: Leg, longest: float, known: tuple[float, int], stop: Stop) -> tuple[float, int]:
+def _before(goals: GoalSet, leg: BoundLeg, longest: float, known: tuple[float, int], stop: Stop) -> tuple[float, int]:
     """Bound by boxes of all goals that may be reached in some time [s], that time at most, and the joint that decides.
 
     The region with the least bound is improved first: by momentum, and then by cutting it in two.
@@ -135,7 +135,7 @@ def _before(goals: GoalSet, leg: Leg, longest: float, known: tuple[float, int], 
     return min([region.bound for region in regions], default=(longest, known[1]))
 
 
-def _by_momentum(goals: GoalSet, leg: Leg, region: _Region, stop: Stop) -> tuple[float, int]:
+def _by_momentum(goals: GoalSet, leg: BoundLeg, region: _Region, stop: Stop) -> tuple[float, int]:
     """Bound of all goals in a region, and the joint that decides it."""
     hull = region.hull
     closing = None if np.max(hull.radius) < _ISOLATED else goals.closure_over(hull)

@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.enclosure.interval import Interval, down
 from armdyn.optimal.bound.forces import Forces
-from armdyn.optimal.bound.leg import Leg
+from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.reach import End
 from armdyn.optimal.bound.relaxation import Multipliers
 
 Array = NDArray[np.float64]
 
 
-def proven(leg: Leg, cells: Cells, forces: Forces, by: Multipliers) -> float:
+def proven(leg: BoundLeg, cells: Cells, forces: Forces, by: Multipliers) -> float:
     """No motion of the leg that takes as long as the cells, or longer, is faster than this [s]; 0 says nothing."""
     k, outer = cells.middle, cells.outer
     lengths, way, w = Interval.at(cells.lengths), Interval.at(by.way), by.momentum
@@ -45,7 +45,7 @@ def proven(leg: Leg, cells: Cells, forces: Forces, by: Multipliers) -> float:
     return float((lengths.sum(0) + Interval.at(down(left)) / Interval.at(middle.upper)).lower)
 
 
-def _at_ends(leg: Leg, by: Multipliers) -> Interval:
+def _at_ends(leg: BoundLeg, by: Multipliers) -> Interval:
     """w(0)ᵀ p(0) − w(T)ᵀ p(T), and likewise for the speeds that accelerations change."""
     total = Interval.at(0.0)
     for outward, node in ((1, 0), (-1, -1)):

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.enclosure.interval import Interval, up
 from armdyn.optimal.bound.forces import Forces
-from armdyn.optimal.bound.leg import Leg
+from armdyn.optimal.bound.leg import BoundLeg
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ class End:
     outward: int
 
     @classmethod
-    def at(cls, leg: Leg, outward: int) -> End | None:
+    def at(cls, leg: BoundLeg, outward: int) -> End | None:
         """A leg's start (outward 1) or goal (-1); None where any velocity is allowed."""
         v = leg.v_start if outward > 0 else leg.v_goal
         return None if v is None else cls(leg.inertia[0 if outward > 0 else 1], v, outward)
@@ -50,7 +50,7 @@ class End:
         return self.inertia.times(self.v[:, None])[:, 0]
 
 
-def reached(leg: Leg, cells: Cells, forces: Forces) -> Interval:
+def reached(leg: BoundLeg, cells: Cells, forces: Forces) -> Interval:
     """Bounds of the velocities in every cell, shape (2 k + 1, nv)."""
     k = cells.middle
     lower, upper = cells.v.lower.copy(), cells.v.upper.copy()
@@ -64,7 +64,7 @@ def reached(leg: Leg, cells: Cells, forces: Forces) -> Interval:
     return Interval(lower, upper)
 
 
-def _from_end(leg: Leg, end: End, times: Array, forces: Forces) -> Interval:
+def _from_end(leg: BoundLeg, end: End, times: Array, forces: Forces) -> Interval:
     """Bounds by momentum, shape (k, nv)."""
     w, joint = multipliers(leg, end)
     units = np.zeros_like(w)
@@ -80,17 +80,17 @@ def _from_end(leg: Leg, end: End, times: Array, forces: Forces) -> Interval:
     return forces.v.meet(Interval(lower, upper))
 
 
-def _accelerated(leg: Leg, end: End, times: Array) -> Interval:
+def _accelerated(leg: BoundLeg, end: End, times: Array) -> Interval:
     """Bounds by the limits of acceleration, shape (k, nv)."""
     room = up(Interval.at(times).running().upper[1:, None] * leg.acceleration)
     return Interval.at(end.v) + Interval(-room, room)
 
 
-def multipliers(leg: Leg, end: End) -> tuple[Array, NDArray[np.intp]]:
+def multipliers(leg: BoundLeg, end: End) -> tuple[Array, NDArray[np.intp]]:
     """Multipliers, shape (nv, m), and the joint that each is for, shape (m,)."""
     inertia = end.inertia.lower / 2 + end.inertia.upper / 2
     nv = len(inertia)
-    torque = np.maximum(np.abs(leg.torque.effort_lower), np.abs(leg.torque.effort_upper))
+    torque = leg.torque.actuators.strongest
     times = leg.velocity / (np.abs(np.linalg.inv(inertia)) @ torque)  # [s] to the greatest speed, roughly
     slowest = np.argsort(-times)
     columns, joints = [], []

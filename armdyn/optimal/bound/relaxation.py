@@ -24,7 +24,7 @@ from scipy.sparse import block_diag, csr_matrix, eye, hstack, vstack
 from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.forces import Forces
-from armdyn.optimal.bound.leg import Leg
+from armdyn.optimal.bound.leg import BoundLeg
 
 Array = NDArray[np.float64]
 
@@ -55,9 +55,9 @@ class Multipliers:
     momentum: Array
     speed: Array
 
-    def ramp(self, leg: Leg, cells: Cells) -> float:
+    def ramp(self, leg: BoundLeg, cells: Cells) -> float:
         """How long after the start, or before the goal, torque or acceleration still counts [s]: the longer one."""
-        torque = np.maximum(np.abs(leg.torque.effort_lower), np.abs(leg.torque.effort_upper))
+        torque = leg.torque.actuators.strongest
         acceleration = np.where(np.isfinite(leg.acceleration), leg.acceleration, 0.0)
         worth = np.abs(self.momentum) @ torque + np.abs(self.speed) @ acceleration
         counts = worth > _IDLE * np.max(worth)
@@ -87,7 +87,7 @@ class _Rows:
     scale: Array
 
 
-def relaxed(leg: Leg, cells: Cells, forces: Forces, duration: float) -> Multipliers | None:
+def relaxed(leg: BoundLeg, cells: Cells, forces: Forces, duration: float) -> Multipliers | None:
     """The multipliers of a leg's program for a duration [s]; None if the solver finds none."""
     nv, nodes = len(leg.velocity), 2 * cells.middle + 1
     kinds = [_rows(leg, cells, forces.terms.inertia, forces.rate(np.eye(nv)), duration)]
@@ -132,7 +132,7 @@ def relaxed(leg: Leg, cells: Cells, forces: Forces, duration: float) -> Multipli
     )
 
 
-def _rows(leg: Leg, cells: Cells, held: Interval, rate: Interval, duration: float) -> _Rows:
+def _rows(leg: BoundLeg, cells: Cells, held: Interval, rate: Interval, duration: float) -> _Rows:
     """Rows of a momentum M v, with M as each cell holds it, shape (cells, nv, nv), and bounds of the rate."""
     k, nv, inertia = cells.middle, len(leg.velocity), held.centre
     half = np.repeat(cells.lengths[:, None] / 2, nv, axis=1)
@@ -168,7 +168,7 @@ def _between_nodes(blocks: csr_matrix, nv: int) -> csr_matrix:
     return csr_matrix(vstack([blocks, none]) - vstack([none, blocks]))
 
 
-def _free_at_ends(leg: Leg, nodes: Array) -> Array:
+def _free_at_ends(leg: BoundLeg, nodes: Array) -> Array:
     """Multipliers, zero at an end where no velocity is given."""
     for node, v in ((0, leg.v_start), (-1, leg.v_goal)):
         if v is None:

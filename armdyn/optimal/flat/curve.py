@@ -20,7 +20,7 @@ _RAMP = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Leg:
+class CurveLeg:
     """A curve from one given pose to the next.
 
     Attributes:
@@ -56,7 +56,7 @@ class Curve:
         legs: from pose to pose, at least one.
     """
 
-    legs: tuple[Leg, ...]
+    legs: tuple[CurveLeg, ...]
 
     @classmethod
     def straight(cls, problem: MinimumTimeProblem, basis: Basis, durations: ArrayLike) -> Self:
@@ -72,7 +72,7 @@ class Curve:
         part = np.where(basis.places < 0.5, half, 1 - half)[:, None]
         lengths = np.broadcast_to(durations, len(problem.poses) - 1)
         ends = zip(problem.poses[:-1], problem.poses[1:], lengths, strict=True)
-        return cls(tuple(Leg(basis, (1 - part) * a + part * b, float(T)) for a, b, T in ends))
+        return cls(tuple(CurveLeg(basis, (1 - part) * a + part * b, float(T)) for a, b, T in ends))
 
     @classmethod
     def near(cls, motion: Trajectory, basis: Basis, passing: Array | None = None) -> Self:
@@ -86,7 +86,7 @@ class Curve:
         inner = np.empty(0) if passing is None else passing
         marks = np.concatenate([motion.t[:1], inner, motion.t[-1:]])
         spans = zip(marks[:-1], np.diff(marks), strict=True)
-        return cls(tuple(Leg(basis, motion(start + T * basis.places).q, float(T)) for start, T in spans))
+        return cls(tuple(CurveLeg(basis, motion(start + T * basis.places).q, float(T)) for start, T in spans))
 
     @property
     def duration(self) -> float:

@@ -53,7 +53,7 @@ class Shared:
 
 
 @built_once(maxsize=16)
-def torque_equations(dynamics: Dynamics, asked: bool | None) -> IntervalFunctions:
+def torque_equations(dynamics: Dynamics, compile_mode: bool | None) -> IntervalFunctions:
     """Torque at a point of the curve by inverse dynamics, less its unknown, both over half the torque's range.
 
     Unknowns: the control points of its window, the leg's duration T [s], the scaled torques.
@@ -83,7 +83,7 @@ def torque_equations(dynamics: Dynamics, asked: bool | None) -> IntervalFunction
             ca.Function("torque_jacobian", [y, p], [ca.substitute(nonzeros_of(jacobian), curve, at)]),
             ca.Function("torque_hessian", [y, p, sigma, lam], [ca.substitute(nonzeros_of(hessian), curve, at)]),
         ),
-        asked,
+        compile_mode,
         later=True,
     )
     return IntervalFunctions(

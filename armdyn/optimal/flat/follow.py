@@ -32,7 +32,7 @@ def follow(task: Task, wanted: Trajectory) -> Trajectory:
     robot, limits, n = problem.robot, problem.limits, problem.robot.nv
     # Where rates of the torque are limited it is the curve's: the better lines change more steeply at their corners.
     t, jumps, tau = wanted.t, wanted.jumps, wanted.tau.copy() if problem.continuous_torque else _lines(wanted)
-    tau = np.clip(tau, limits.effort_lower, limits.effort_upper)
+    tau = limits.actuators.clip(tau, wanted.q, wanted.v)
     reached, bandwidth = under_linear_torque(robot), numbers.bandwidth / wanted.duration
     inertia = joint_inertia(robot)
     x = np.empty((t.size, 2 * n))
@@ -47,7 +47,7 @@ def follow(task: Task, wanted: Trajectory) -> Trajectory:
             led = (
                 tau[k + 1] - fade * inertia(x[k, :n]) @ beside
             )  # torques that may not jump end with what holds the arm
-            tau[k + 1] = np.clip(led, limits.effort_lower, limits.effort_upper)
+            tau[k + 1] = limits.actuators.clip(led, x[k, :n], x[k, n:])
             x[k + 1] = reached(t[k : k + 2], x[k], tau[k : k + 2])
         if not np.all(np.isfinite(x[k + 1])):
             x[1] = x[1] if k else x[0]

@@ -29,7 +29,7 @@ Index = NDArray[np.int_]
 
 
 @dataclass(frozen=True)
-class Shape:
+class CurveLayout:
     """What a program of curves looks like, whatever its numbers are.
 
     Attributes:
@@ -125,18 +125,20 @@ class Shape:
 
 
 @built_once(maxsize=32)
-def build(dynamics: Dynamics, shape: Shape, rows: tuple[Rows, ...], asked: bool | None) -> Program:
+def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[Rows, ...], compile_mode: bool | None) -> Program:
     """The program of curves: torques and rates leg by leg, where legs meet, then path constraints.
 
     Args:
         dynamics: with a free last body.
         shape: of the curves.
         rows: what conditions ask for, over the intervals of all legs.
-        asked: for `compiled`.
+        compile_mode: for `compiled`.
     """
     n, blocks = shape.joints, list[Block]()
     for leg in shape.legs:
-        blocks.append(Block(torque_equations(dynamics, asked), shape.at_points(leg), 3 * WINDOW + 2, shared=True))
+        blocks.append(
+            Block(torque_equations(dynamics, compile_mode), shape.at_points(leg), 3 * WINDOW + 2, shared=True)
+        )
         blocks += [
             Block(rate_equations(n, order), shape.differences(leg, order), order + 1 + n) for order in shape.orders
         ]
@@ -149,13 +151,13 @@ def build(dynamics: Dynamics, shape: Shape, rows: tuple[Rows, ...], asked: bool 
         blocks += _torque_rates(shape)
     everywhere = np.hstack([shape.in_intervals(leg) for leg in shape.legs])
     for each in rows:
-        one = each.functions(CurveInterval(dynamics, asked))
+        one = each.functions(CurveInterval(dynamics, compile_mode))
         index = {"every": everywhere, "first": everywhere[:, :1], "last": everywhere[:, -1:]}[each.where]
         blocks.append(Block(_block_functions(one), index, WINDOW**2 + 1, shared=True, common=each.numbers))
     return program_of(blocks, shape.size, Shared.size(n), [shape.duration(leg) for leg in shape.legs])
 
 
-def _torque_rates(shape: Shape) -> list[Block]:
+def _torque_rates(shape: CurveLayout) -> list[Block]:
     """Rates of the torques: leg by leg, where legs meet, and at both ends."""
     n = shape.joints
     steps = [Block(torque_rate_equations(n, 1), shape.torque_steps(leg), 1 + n) for leg in shape.legs]

@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 from armdyn.codegen.background import arrived
 from armdyn.locks import forget
 from armdyn.optimal.flat.curve import Curve
-from armdyn.optimal.flat.posing import Wanted, pose, rows_of, shape_of
-from armdyn.optimal.flat.program import Shape, build
+from armdyn.optimal.flat.nlp_data import CurveSpec, assemble_curve, curve_layout, rows_of
+from armdyn.optimal.flat.program import CurveLayout, build
 from armdyn.optimal.path_constraints.rows import Rows
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Program
-from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, Outcome, in_time
+from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, NlpResult, in_time
 from armdyn.optimal.task.task import Task
 
 _WARM = 1e-9
@@ -23,62 +23,62 @@ class Solved:
 
     Attributes:
         curve: where it ended: a motion, whether it converged or not.
-        outcome: IPOPT's own words and multipliers.
+        result: IPOPT's own words and multipliers.
         shape: of the program.
         rows: of its path constraints.
         guessed: duration that the guess had, with which the program measures time [s].
     """
 
     curve: Curve
-    outcome: Outcome
-    shape: Shape
+    result: NlpResult
+    shape: CurveLayout
     rows: tuple[Rows, ...]
     guessed: float
 
     @property
     def converged(self) -> bool:
         """It is a local optimum of the program."""
-        return self.outcome.status is Status.SOLVED
+        return self.result.status is Status.SOLVED
 
 
-def solve_curve(task: Task, guess: Curve, wanted: Wanted, near: Solved | None = None) -> Solved:
+def solve_curve(task: Task, guess: Curve, spec: CurveSpec, near: Solved | None = None) -> Solved:
     """One call of IPOPT.
 
     Args:
         task: what is to be solved, and how.
         guess: where it starts.
-        wanted: what is asked of the curve.
+        spec: what is asked of the curve.
         near: what came out where nearly the same was asked: it is started from with its multipliers.
 
     Raises:
         LateError: the time is up before the program is built.
     """
-    shape = shape_of(task.problem, guess, wanted.constraints)
-    rows = rows_of(task.problem, wanted.constraints)
+    shape = curve_layout(task.problem, guess, spec.constraints)
+    rows = rows_of(task.problem, spec.constraints)
     near = near if near is not None and (near.shape, near.rows) == (shape, rows) else None
     solver = _solver(task, shape, rows, warm=near is not None)
-    posed = pose(task, guess, wanted, shape)
-    outcome = solver.solve(
-        posed.x, posed.p, posed.x_bounds, posed.g_bounds, task.stop, None if near is None else near.outcome
+    nlp_data = assemble_curve(task, guess, spec, shape)
+    result = solver.solve(
+        nlp_data.x, nlp_data.p, nlp_data.x_bounds, nlp_data.g_bounds, task.stop, None if near is None else near.result
     )
     legs = tuple(
-        replace(leg, points=outcome.x[shape.points(k)], duration=float(outcome.x[shape.duration(k)]))
+        replace(leg, points=result.x[shape.points(k)], duration=float(result.x[shape.duration(k)]))
         for k, leg in enumerate(guess.legs)
     )
-    return Solved(Curve(legs), outcome, shape, rows, guess.duration)
+    return Solved(Curve(legs), result, shape, rows, guess.duration)
 
 
-def prepare_curve(task: Task, guess: Curve, wanted: Wanted) -> None:
+def prepare_curve(task: Task, guess: Curve, spec: CurveSpec) -> None:
     """Build, if it is not there, what `solve_curve` needs from a guess, and from what comes out.
 
     Args and raises: as of `solve_curve`.
     """
-    shape, rows = shape_of(task.problem, guess, wanted.constraints), rows_of(task.problem, wanted.constraints)
+    shape, rows = curve_layout(task.problem, guess, spec.constraints), rows_of(task.problem, spec.constraints)
     for warm in (False, True):
         _solver(task, shape, rows, warm)
 
 
-def _solver(task: Task, shape: Shape, rows: tuple[Rows, ...], warm: bool) -> Ipopt[Program]:
+def _solver(task: Task, shape: CurveLayout, rows: tuple[Rows, ...], warm: bool) -> Ipopt[Program]:
     """IPOPT for the program; what was built without machine code that has arrived since is built again."""
     if arrived():
         forget()

@@ -48,7 +48,7 @@ def _corrected(task: Task, pieces: Pieces, replay: Trajectory) -> Pieces:
     """One step of Newton's method: the smallest change that, to first order, lands and keeps velocity limits."""
     problem, numbers = task.problem, task.policy.landing
     limits, n = problem.limits, problem.robot.nv
-    half = limits.effort_size
+    half = limits.actuators.scale
     by_torque, by_time = sensitivity(problem.robot, pieces, replay, numbers.steps)
     columns = np.concatenate([by_torque * np.tile(half, len(pieces.tau)), by_time[..., None] / numbers.longer], axis=2)
     # A velocity is steered at the knots, so that it keeps its limit within the pieces on either side, too.
@@ -60,11 +60,13 @@ def _corrected(task: Task, pieces: Pieces, replay: Trajectory) -> Pieces:
     slower = np.sign(v[-1, :-1]) * np.minimum(room, 0.0)
     rows = np.concatenate([columns[:-1, n:][fast], columns[-1]])
     target = np.concatenate([slower[fast], -problem.beside_goal(replay)])
-    lower = np.append(((limits.effort_lower - pieces.tau) / half).ravel(), -0.5)
-    upper = np.append(((limits.effort_upper - pieces.tau) / half).ravel(), 0.5)
+    lower = np.append(((limits.actuators.lower - pieces.tau) / half).ravel(), -0.5)
+    upper = np.append(((limits.actuators.upper - pieces.tau) / half).ravel(), 0.5)
     change = _smallest(rows, target, (lower, upper), numbers.rank)
     tau = pieces.tau + change[:-1].reshape(pieces.tau.shape) * half
-    return Pieces(pieces.t * (1 + change[-1] / numbers.longer), np.clip(tau, limits.effort_lower, limits.effort_upper))
+    return Pieces(
+        pieces.t * (1 + change[-1] / numbers.longer), np.clip(tau, limits.actuators.lower, limits.actuators.upper)
+    )
 
 
 def _smallest(rows: Array, target: Array, bounds: tuple[Array, Array], rank: float) -> Array:

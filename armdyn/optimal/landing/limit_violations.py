@@ -60,8 +60,8 @@ def excesses(limits: JointLimits, motion: Trajectory, dense: int = 8) -> tuple[E
         Excess(
             "torque limit",
             motion.t,
-            np.maximum(motion.tau - limits.effort_upper, limits.effort_lower - motion.tau),
-            limits.effort_size,
+            limits.actuators.excess(motion.tau, motion.q, motion.v),
+            limits.actuators.scale,
         ),
         Excess(
             "velocity limit",

@@ -63,8 +63,9 @@ def least_factor(robot: Robot, limits: JointLimits, motion: Trajectory, toleranc
         tau, lost = motion.tau[k], robot.friction.torque(motion.v[k])
         held = inverse(motion.q[k], nothing, nothing) + lost
         rest = tau - held
-        room = np.where(tau > limits.effort_upper, limits.effort_upper - held, held - limits.effort_lower)
-        over = (tau > limits.effort_upper) | (tau < limits.effort_lower)
+        lower, upper = limits.actuators.range(motion.q[k], motion.v[k])
+        room = np.where(tau > upper, upper - held, held - lower)
+        over = ~limits.actuators.allows(tau, motion.q[k], motion.v[k])
         if np.any(room[over] <= 0):
             return np.inf
         factor = max(factor, float(np.sqrt(np.max(np.abs(rest[over]) / room[over]))))

@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from armdyn.dynamics.numeric import forward_dynamics_derivatives
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.landing.rollout import dense
 from armdyn.optimal.task.tableau import GAUSS_3
@@ -59,11 +60,11 @@ class Segments:
 
         Args:
             robot: the arm.
-            motion: states and torques; the torque is linear in a segment.
+            motion: states and torques; a segment is the interval between two samples.
             most: steps in a segment; 1 suffices for the growth.
         """
         x, h, n = np.concatenate([motion.q, motion.v], axis=1), np.diff(motion.t), robot.nv
-        tau, step = np.stack([motion.tau[:-1], motion.tau[1:]], axis=1), _GaussStep(robot)
+        tau, step = np.stack([motion.tau[:-1], motion.tau_end], axis=1), _GaussStep(robot)
         defect, forced = -np.diff(x, axis=0), np.zeros((h.size, 2 * n, n))
         through = np.tile(np.eye(2 * n), (h.size, 1, 1))
         scale = _AGREES * (1 + np.max(np.abs(x[:-1]), axis=1))
@@ -117,7 +118,9 @@ def ticked(robot: Robot, motion: Trajectory, longest: float) -> Trajectory:
     x, step = np.concatenate([finer.q, finer.v], axis=1), _GaussStep(robot)
     for part in range(1, int(np.max(np.diff(kept)))):
         at = kept[:-1][np.diff(kept) > part] + part
-        x[at] = step(finer.t[at] - finer.t[at - 1], x[at - 1], np.stack([finer.tau[at - 1], finer.tau[at]], axis=1))[0]
+        x[at] = step(
+            finer.t[at] - finer.t[at - 1], x[at - 1], np.stack([finer.tau[at - 1], finer.tau_end[at - 1]], axis=1)
+        )[0]
     return replace(finer, q=x[:, : robot.nv], v=x[:, robot.nv :])
 
 
@@ -137,6 +140,7 @@ class _GaussStep:
 
     def __init__(self, robot: Robot) -> None:
         self.robot, self.data = robot, robot.model.createData()
+        self.derivatives = forward_dynamics_derivatives(robot)
         self.configuration: Callable[[Array], Array] = robot.configuration
         if robot.model.nq != robot.model.nv:  # the same in a fifth of the time
             self.configuration = partial(pin.integrate, robot.model, pin.neutral(robot.model))
@@ -163,7 +167,8 @@ class _GaussStep:
         torque = tau[:, :1] + c[:, None] * (tau[:, 1:] - tau[:, :1])
         drift = q + h * c[:, None] * v
         a = np.repeat(self._accelerations(q, v, tau[:, :1]), s, axis=1)
-        by_q, by_v, by_tau = self._derivatives(q + h / 2 * v, v + h / 2 * a[:, :1], tau.mean(axis=1, keepdims=True))
+        middle = (q + h / 2 * v)[:, 0], (v + h / 2 * a[:, :1])[:, 0], tau.mean(axis=1)
+        _, by_q, by_v, by_tau = self.derivatives(*middle)
         system = h * np.einsum("ij,kab->kiajb", A, by_v).reshape(K, s * n, s * n)
         system += h**2 * np.einsum("ij,kab->kiajb", A @ A, by_q).reshape(K, s * n, s * n)
         inverse = np.linalg.inv(np.eye(s * n) - system)
@@ -203,14 +208,3 @@ class _GaussStep:
         for k in range(len(free)):
             found[k] = pin.aba(model, data, configuration(places[k]), speeds[k], free[k])
         return found.reshape(shape)
-
-    def _derivatives(self, q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array]:
-        """Derivatives of the acceleration by q, v and torque, friction included, each of shape (K, nv, nv)."""
-        model, data, friction, K, n = self.robot.model, self.data, self.robot.friction, len(q), q.shape[-1]
-        by_q, by_v, upper = np.empty((3, K, n, n))
-        free = tau - friction.torque(v)
-        for k in range(K):
-            pin.computeABADerivatives(model, data, self.configuration(q[k, 0]), v[k, 0], free[k, 0])
-            by_q[k], by_v[k], upper[k] = data.ddq_dq, data.ddq_dv, data.Minv
-        inverse = np.triu(upper) + np.triu(upper, 1).swapaxes(1, 2)
-        return by_q, by_v - inverse * friction.slope(v), inverse

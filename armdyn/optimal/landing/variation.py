@@ -6,9 +6,9 @@ Bryson and Ho, Applied Optimal Control, section 2.4.
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
+from armdyn.dynamics.numeric import forward_dynamics_derivatives
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.landing.pieces import Pieces
 from armdyn.trajectory import Trajectory
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class _Step:
+class _LinearizedStep:
     """How a state at the end of a constant torque follows from its start, to first order.
 
     Attributes:
@@ -53,31 +53,26 @@ def sensitivity(robot: Robot, pieces: Pieces, replay: Trajectory, count: int) ->
     return by_torque, by_time
 
 
-def _steps(robot: Robot, pieces: Pieces, motion: Trajectory, count: int) -> list[_Step]:
+def _steps(robot: Robot, pieces: Pieces, motion: Trajectory, count: int) -> list[_LinearizedStep]:
     """From every piece's start to its end, along a motion; `count` steps over the whole, about."""
     n, duration = robot.nv, pieces.t[-1]
-    model, data, friction = robot.model, robot.model.createData(), robot.friction
+    derivatives = forward_dynamics_derivatives(robot)
     counts = np.maximum(np.ceil(count * np.diff(pieces.t) / duration).astype(int), 2)
     found = []
     for k, parts in enumerate(counts.tolist()):
         h = (pieces.t[k + 1] - pieces.t[k]) / parts
         middles = motion(np.minimum(pieces.t[k] + h * (np.arange(parts) + 0.5), motion.t[-1]))
         through, forced, stretched = np.eye(2 * n), np.zeros((2 * n, n)), np.zeros(2 * n)
-        rates = np.zeros((parts, 2 * n))
         blocks = np.zeros((parts, 3 * n, 3 * n))
         blocks[:, :n, n : 2 * n] = np.eye(n)
-        for block, rate, q, v in zip(blocks, rates, middles.q, middles.v, strict=True):
-            pin.computeABADerivatives(model, data, robot.configuration(q), v, pieces.tau[k] - friction.torque(v))
-            inverse = np.triu(data.Minv) + np.triu(data.Minv, 1).T
-            block[n : 2 * n, :n] = data.ddq_dq
-            block[n : 2 * n, n : 2 * n] = data.ddq_dv - inverse * friction.slope(v)
-            block[n : 2 * n, 2 * n :] = inverse
-            rate[:n], rate[n:] = v, data.ddq
+        a, by_q, by_v, inverse = derivatives(middles.q, middles.v, np.broadcast_to(pieces.tau[k], (parts, n)))
+        blocks[:, n : 2 * n] = np.concatenate([by_q, by_v, inverse], axis=2)
+        rates = np.concatenate([middles.v, a], axis=1)
         for part, rate in zip(_exponentials(h * blocks), rates, strict=True):
             own = part[: 2 * n, : 2 * n]
             through, forced = own @ through, own @ forced + part[: 2 * n, 2 * n :]
             stretched = own @ stretched + h * rate
-        found.append(_Step(through, forced, stretched))
+        found.append(_LinearizedStep(through, forced, stretched))
     return found
 
 

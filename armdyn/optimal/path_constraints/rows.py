@@ -21,7 +21,7 @@ from armdyn.optimal.program.assembly import (
     jacobian_function,
     scatter,
 )
-from armdyn.optimal.program.interval import Collocated, Place, nonzeros_of
+from armdyn.optimal.program.interval import Collocated, IntervalView, nonzeros_of
 from armdyn.optimal.program.layout import Parameters
 
 Array = NDArray[np.float64]
@@ -64,7 +64,7 @@ class Rows(Protocol):
     @property
     def where(self) -> Where: ...  # noqa: D102
 
-    def functions(self, place: Place) -> RowFunctions:
+    def functions(self, place: IntervalView) -> RowFunctions:
         """The rows and their derivatives."""
         ...
 
@@ -87,7 +87,7 @@ class StageRows:
     numbers: int = 0
     where: Where = "every"
 
-    def functions(self, place: Place) -> RowFunctions:
+    def functions(self, place: IntervalView) -> RowFunctions:
         """The rows and their derivatives."""
         return _stage_functions(self, place)
 
@@ -177,7 +177,7 @@ def _places(pattern: ca.Sparsity) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
 
 
 @built_once(maxsize=64)
-def _stage_functions(rows: StageRows, place: Place) -> RowFunctions:
+def _stage_functions(rows: StageRows, place: IntervalView) -> RowFunctions:
     one = place.stages()
     numbers = ca.SX.sym("numbers", rows.numbers)
     column = rows.expression(one, numbers, *rows.of)

@@ -14,7 +14,7 @@ from armdyn.optimal.path_constraints.rows import Rows, RowValues, spread
 from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
-from armdyn.optimal.program.interval import Place
+from armdyn.optimal.program.interval import IntervalView
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -98,7 +98,9 @@ class TightenedConstraints:
         return replace(self, path_constraints=tuple(each.on_finer_mesh() for each in self.path_constraints), aim=Aim())
 
 
-def row_bounds(rows: Sequence[Rows], values: Sequence[RowValues], place: Place, intervals: int) -> tuple[Array, Array]:
+def row_bounds(
+    rows: Sequence[Rows], values: Sequence[RowValues], place: IntervalView, intervals: int
+) -> tuple[Array, Array]:
     """Lower and upper bounds of a program's rows besides the equations of motion, in their order."""
     sides = [spread(each, each.functions(place), own, intervals) for each, own in zip(rows, values, strict=True)]
     lower, upper = zip(*sides, strict=True) if sides else ((), ())

@@ -73,7 +73,7 @@ def check_motors(robot: Robot, limits: JointLimits, relative_effort_weight: floa
 def check_limits(robot: Robot, limits: JointLimits) -> None:
     """Refuse limits that leave no room, and torques without limits."""
     for i, joint in enumerate(robot.joint_names):
-        lower, upper = limits.effort_lower[i], limits.effort_upper[i]
+        lower, upper = limits.actuators.lower[i], limits.actuators.upper[i]
         if not (lower < upper or limits.passive[i]) or not np.isfinite(upper - lower):
             raise ProblemError(
                 f"joint {joint!r} has torque limits [{lower}, {upper}] N m; minimum time needs finite ones, the lower "
@@ -168,14 +168,14 @@ def unheld_joints(robot: Robot, limits: JointLimits, torque: Array, reserve: Arr
     found = []
     _, coulomb = robot.friction.per_joint(robot.nv)
     for i, joint in enumerate(robot.joint_names):
-        bound = limits.effort_upper[i] if torque[i] > 0 else limits.effort_lower[i]
-        room, unit = coulomb[i] + _ROUNDING * limits.effort_size[i], "N" if robot.slides[i] else "N m"
+        bound = limits.actuators.upper[i] if torque[i] > 0 else limits.actuators.lower[i]
+        room, unit = coulomb[i] + _ROUNDING * limits.actuators.scale[i], "N" if robot.slides[i] else "N m"
         if abs(torque[i]) <= abs(bound) + room:
             continue
         kept = "" if limits.passive[i] else kept_words(reserve[i], bound, unit)
         most = "it has no motor" if limits.passive[i] else f"its limit is {bound:.4g} {unit}{kept}"
         own = abs(bound) / (1 - reserve[i])
-        excess = (abs(torque[i]) - abs(bound)) / limits.effort_size[i]
+        excess = (abs(torque[i]) - abs(bound)) / limits.actuators.scale[i]
         words = f"joint {joint!r} needs {torque[i]:.4g} {unit} to hold the goal but {most}"
         found.append(Unheld(joint, float(excess), not limits.passive[i], bool(abs(torque[i]) > own + room), words))
     return sorted(found, key=lambda one: -one.excess)

@@ -57,11 +57,12 @@ class Reserve:
                 f"[{limits.effort_lower[i]:g}, {limits.effort_upper[i]:g}] N m leave out zero; a reserve needs it "
                 "between them"
             )
+        reserving = limits.actuators.reserving(self.effort)
         return replace(
             limits,
             velocity=limits.velocity * (1 - self.velocity),
-            effort_lower=limits.effort_lower * (1 - self.effort),
-            effort_upper=limits.effort_upper * (1 - self.effort),
+            effort_lower=reserving.lower,
+            effort_upper=reserving.upper,
         )
 
 
@@ -107,8 +108,8 @@ def resolved_limits(
         if len(pair) != 2:
             raise ProblemError("position_limit must be a pair (lower, upper) [rad or m]")
         lower, upper = (read(x, "position_limit") for x in pair)
-    return JointLimits(
-        position_lower=lower, position_upper=upper, velocity=velocity,
+    return replace(
+        own, position_lower=lower, position_upper=upper, velocity=velocity,
         effort_lower=effort_lower, effort_upper=effort_upper,
     )  # fmt: skip
 

@@ -9,7 +9,6 @@ from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from typing import Any, Self
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, flag, number, path, several
@@ -52,8 +51,7 @@ class MinimumTimeProblem:
     """Bring an arm from one state to another in minimum time, or minimum time and effort.
 
     Minimise J = ∫ (1 + w/2 τᵀτ) dt over the torques and the final time, subject to the equations of
-    motion, the joints' friction included, and the limits. With w = 0 this is equation (8) of the paper
-    with (9) put right.
+    motion, the joints' friction included, and the limits. With w = 0 this is minimum time.
 
     Attributes:
         robot: the arm.
@@ -210,7 +208,7 @@ class MinimumTimeProblem:
 
     def effort_weights(self) -> Array:
         """Weights of the squared torques in J, shape (nv,) [1/(N m)²]."""
-        return self.effort_weight + self.relative_effort_weight / self.limits.effort_size**2
+        return self.effort_weight + self.relative_effort_weight / self.limits.actuators.scale**2
 
     def to_toml(self, folder: str | os.PathLike[str] | None = None) -> str:
         """This problem as a problem file, which `read_problem` reads; docs/problem_files.md.
@@ -257,15 +255,11 @@ class MinimumTimeProblem:
         return next((one for one in self._unheld_at(np.asarray(self.q_goal)) if one.motor and one.beyond), None)
 
     def _unheld_at(self, q: Array) -> list[Unheld]:
-        return unheld_joints(self.robot, self.limits, self._holding(q), self.reserves.effort)
+        return unheld_joints(self.robot, self.limits, self.robot.holding_torque(q), self.reserves.effort)
 
     def holding_torque(self) -> Array:
         """Torque that holds the arm still at the goal [N m or N], shape (nv,)."""
-        return self._holding(np.asarray(self.q_goal))
-
-    def _holding(self, q: Array) -> Array:
-        model = self.robot.model
-        return np.array(pin.computeGeneralizedGravity(model, model.createData(), self.robot.configuration(q)))
+        return self.robot.holding_torque(np.asarray(self.q_goal))
 
     def duration_bound(self) -> float:
         """No motion within the velocity limits is faster than this [s]; 0 without such limits."""

@@ -135,7 +135,7 @@ class Stages:
     position: Callable[[ca.SX], ca.SX]
 
 
-class Place(Protocol):
+class IntervalView(Protocol):
     """An interval of some program, as path constraints see it; equal ones share what is made of them.
 
     Attributes:
@@ -224,7 +224,9 @@ def interval_functions(dynamics: Dynamics, scheme: Scheme) -> IntervalFunctions:
     return differentiated("interval", *_equations(dynamics, scheme), scheme.compile)
 
 
-def differentiated(name: str, y: ca.SX, p: ca.SX, defects: ca.SX, cost: ca.SX, asked: bool | None) -> IntervalFunctions:
+def differentiated(
+    name: str, y: ca.SX, p: ca.SX, defects: ca.SX, cost: ca.SX, compile_mode: bool | None
+) -> IntervalFunctions:
     """An interval's equations as functions, with their derivatives.
 
     Args:
@@ -233,7 +235,7 @@ def differentiated(name: str, y: ca.SX, p: ca.SX, defects: ca.SX, cost: ca.SX, a
         p: its parameters.
         defects: its equations.
         cost: its part of the cost.
-        asked: for `compiled`.
+        compile_mode: for `compiled`.
     """
     sigma, lam = ca.SX.sym("sigma"), ca.SX.sym("lam", defects.numel())
     jacobian = ca.jacobian(defects, y)
@@ -242,7 +244,7 @@ def differentiated(name: str, y: ca.SX, p: ca.SX, defects: ca.SX, cost: ca.SX, a
         ca.Function(f"{name}_jacobian", [y, p], [nonzeros_of(jacobian)]),
         ca.Function(f"{name}_hessian", [y, p, sigma, lam], [nonzeros_of(hessian)]),
     )
-    fast = compiled(derivatives, asked)
+    fast = compiled(derivatives, compile_mode)
     return IntervalFunctions(
         defects=ca.Function(f"{name}_defects", [y, p], [defects]),
         cost=ca.Function(f"{name}_cost", [y, p], [cost]),  # apart: its gradient needs no dynamics

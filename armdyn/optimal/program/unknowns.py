@@ -36,8 +36,8 @@ class Scales:
         """Scales from the limits and the size of a guess."""
         length = float(max(np.max(np.ptp(guess.q, axis=0)), 0.1))
         limits = problem.limits
-        most = np.maximum(np.abs(limits.effort_lower), np.abs(limits.effort_upper))
-        effort = np.where(limits.passive, limits.effort_size, most)
+        most = limits.actuators.strongest
+        effort = np.where(limits.passive, limits.actuators.scale, most)
         return cls(guess.duration, length, length / guess.duration, effort)
 
     def parameters(self, fractions: Array, weights: Array, last_body: Array) -> Array:
@@ -157,8 +157,8 @@ def bounds(problem: MinimumTimeProblem, layout: Layout, intervals: int, scales: 
     limits, N, sides = problem.limits, intervals, []
     states = layout.states(N)
     for position, speed, effort, end in (
-        (limits.position_lower, -limits.velocity, limits.effort_lower, -1),
-        (limits.position_upper, limits.velocity, limits.effort_upper, 1),
+        (limits.position_lower, -limits.velocity, limits.actuators.lower, -1),
+        (limits.position_upper, limits.velocity, limits.actuators.upper, 1),
     ):
         state, torque = _states(position, speed, scales), effort / scales.effort
         side = np.full(layout.size(N), end * np.inf)

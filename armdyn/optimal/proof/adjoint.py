@@ -11,10 +11,9 @@ costates are held against that solution of the equations which is nearest to all
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
-from armdyn.dynamics.numeric import forward_dynamics
+from armdyn.dynamics.numeric import forward_dynamics, forward_dynamics_derivatives
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.arcs.arc import POSITION, VELOCITY
 from armdyn.optimal.arcs.phases import TABLEAU, Phases
@@ -28,11 +27,11 @@ _PRECISE = 1e-7
 """Of a stretch's propagator, as H feels it: a thousandth of the costates' tolerance. What is taken is 64 times as good:
 the two halves' of what one step of sixth order is held against."""
 _SAMPLES = 400
-"""Of the replay, about: quintics between them are then right to 1e-9 of what the paper's arms do."""
+"""Of the replay, about: quintics between them are then right to 1e-9 of what planar arms do."""
 _POWERS = np.arange(6.0)
 """Of a quintic."""
 _MOST = 20_000
-"""Stretches: fifty times what the paper's arms take, some seconds."""
+"""Stretches: fifty times what planar arms take, some seconds."""
 _DEEPEST = 16
 """Times that one is halved: the turn of a joint through dry friction takes some."""
 _NEAR = 1e-3
@@ -116,19 +115,8 @@ class Along:
 
     def slopes(self, times: Array) -> Array:
         """−(∂f/∂x)ᵀ at such times, friction included, shape (k, 2 nv, 2 nv)."""
-        robot, n, friction = self.robot, self.robot.nv, self.robot.friction
-        model, data, rubs = robot.model, robot.model.createData(), friction.present
-        q, v, tau = self.states(times)
-        if rubs:
-            tau = tau - friction.torque(v)
-        by_q, by_v, inverse = np.empty((3, times.size, n, n))
-        for k in range(times.size):
-            pin.computeABADerivatives(model, data, robot.configuration(q[k]), v[k], tau[k])
-            by_q[k], by_v[k] = data.ddq_dq, data.ddq_dv
-            if rubs:
-                inverse[k] = data.Minv
-        if rubs:
-            by_v -= (np.triu(inverse) + np.triu(inverse, 1).swapaxes(1, 2)) * friction.slope(v)[:, None]
+        n = self.robot.nv
+        _, by_q, by_v, _ = forward_dynamics_derivatives(self.robot)(*self.states(times))
         down = np.zeros((times.size, 2 * n, 2 * n))
         down[:, :n, n:], down[:, n:, n:] = -by_q.swapaxes(1, 2), -by_v.swapaxes(1, 2)
         down[:, n:, :n] = -np.eye(n)

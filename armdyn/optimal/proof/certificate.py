@@ -36,7 +36,7 @@ HAMILTONIAN_TOLERANCE = 1e-4
 SWITCHING_TOLERANCE = 1e-4
 """Of what H could still fall by if one torque went to a limit that it is not on, against the 1 that time costs."""
 ADJOINT_TOLERANCE = 1e-4
-"""Of what H feels of costates that are beside the adjoint equations: as of |H|, for the same reason. The paper's arms
+"""Of what H feels of costates that are beside the adjoint equations: as of |H|, for the same reason. Planar arms
 come to 2e-5 at the most, where a torque limit or a touch bends the motion within an interval."""
 SEGMENT_TOLERANCE = 1e-7
 """Of the state at the end of a segment [rad or m, and per second], integrated from the motion's own sample before: a

@@ -55,7 +55,7 @@ def deciding(problem: MinimumTimeProblem, phases: Phases) -> tuple[Share, ...]:
         return ()
     names, limits = problem.robot.joint_names, problem.limits
     upper, lower, velocity = by_limits(phases)
-    torque = -(upper * limits.effort_upper + lower * limits.effort_lower) / phases.duration
+    torque = -(upper * limits.actuators.upper + lower * limits.actuators.lower) / phases.duration
     speed = -velocity * np.where(velocity == 0, 0.0, limits.velocity) / phases.duration
     shares = [Share("torque limit", name, float(part)) for name, part in zip(names, torque, strict=True)]
     shares += [Share("velocity limit", name, float(part)) for name, part in zip(names, speed, strict=True)]

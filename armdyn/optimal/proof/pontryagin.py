@@ -25,7 +25,8 @@ def pontryagin(problem: MinimumTimeProblem, phases: Phases) -> tuple[Array, Arra
         a = acceleration(phases.q[k], v, tau[k])
         switching[k] = np.linalg.solve(inertia(phases.q[k]), phases.costate[k, n:]) + w * tau[k]
         hamiltonian[k] = 1 + w / 2 * tau[k] @ tau[k] + phases.costate[k, :n] @ v + phases.costate[k, n:] @ a
-    up, down = problem.limits.effort_upper - tau, tau - problem.limits.effort_lower
+    lower, upper = problem.limits.actuators.range(phases.q, phases.v)
+    up, down = upper - tau, tau - lower
     fall = np.maximum(switching, 0) * down + np.maximum(-switching, 0) * up
     if w > 0:  # H is a parabola in the torque: its bottom may be nearer than the limit
         fall = np.minimum(fall, switching**2 / (2 * w))
@@ -52,7 +53,7 @@ def idle_joints(problem: MinimumTimeProblem, phases: Phases, switching: Array, t
     if problem.effort_weight > 0:  # every torque costs
         return ()
     limits, n = problem.limits, problem.robot.nv
-    by_torque = np.abs(switching) * (limits.effort_upper - limits.effort_lower)
+    by_torque = np.abs(switching) * (limits.actuators.width)
     by_position = np.abs(phases.costate[:, :n]) * np.max(np.abs(phases.v), axis=0)
     zero = np.maximum(by_torque, by_position) <= tolerance
     free = np.array([[mode is Mode.FREE for mode in phases.arcs[a].modes] for a in phases.arc_of])

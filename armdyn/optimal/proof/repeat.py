@@ -77,7 +77,7 @@ def repeated(problem: MinimumTimeProblem, motion: Trajectory, certificate: Certi
         limit_violation=exceeded.value if exceeded else certificate.limit_violation,
         exceeded=exceeded,
         correction=float(np.max(followed.correction)),
-        correction_share=float(np.max(followed.correction / problem.limits.effort_size)),
+        correction_share=float(np.max(followed.correction / problem.limits.actuators.scale)),
     )
 
 
@@ -117,8 +117,9 @@ def under_feedback(robot: Robot, limits: JointLimits, motion: Trajectory, segmen
     if ticks is not motion:
         segments = Segments.of(robot, ticks)
     n, inertia = robot.nv, joint_inertia(robot)
-    lowest = np.minimum(limits.effort_lower - np.minimum(ticks.tau[:-1], ticks.tau[1:]), 0)
-    highest = np.maximum(limits.effort_upper - np.maximum(ticks.tau[:-1], ticks.tau[1:]), 0)
+    lower, upper = limits.actuators.range(ticks.q[:-1], ticks.v[:-1])
+    lowest = np.minimum(lower - np.minimum(ticks.tau[:-1], ticks.tau[1:]), 0)
+    highest = np.maximum(upper - np.maximum(ticks.tau[:-1], ticks.tau[1:]), 0)
     stiffness, damping = FEEDBACK_BANDWIDTH**2, 2 * FEEDBACK_BANDWIDTH
     beside, correction, largest = np.zeros((ticks.t.size, 2 * n)), np.zeros((ticks.t.size, n)), np.zeros(n)
     for k, state in enumerate(beside[:-1]):

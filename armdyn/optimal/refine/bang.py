@@ -14,7 +14,7 @@ from armdyn.optimal.refine.resolve import prepare_resolving, resolve
 from armdyn.optimal.search.candidates import Found, find
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import solve_quickly
-from armdyn.optimal.task.ladder import Ladder
+from armdyn.optimal.task.mesh_refinement import MeshRefinement
 from armdyn.optimal.task.task import Task
 from armdyn.parallel import in_processes
 
@@ -47,14 +47,14 @@ def refined(task: Task, found: Found) -> list[Optimum]:
     if _resolvable(task):
         prepare_resolving(task)
     # With an answer in hand a slower optimum is worth one mesh, not all of them.
-    few, many = Ladder(options.intervals), Ladder(options.max_intervals)
+    few, many = MeshRefinement(options.intervals), MeshRefinement(options.max_intervals)
 
     def climbed(k: int) -> _Reached:
         return _up(task, few if k else many, _first(task, attempts[k], numbers.budget * 2 / 3 ** (k + 1)))
 
     optima: list[Optimum] = []
     beaten = np.inf
-    task.tell(f"refining optimum 1 of {len(attempts)}, about {attempts[0].trajectory.duration:.4f} s")
+    task.progress(f"refining optimum 1 of {len(attempts)}, about {attempts[0].trajectory.duration:.4f} s")
     for k, reached in enumerate(in_processes([partial(climbed, k) for k in range(len(attempts))], task.workers)):
         landed = any(optimum.landed(options.replay_tolerance) for optimum in optima)
         optima.append(_optimum(task, reached if landed else _up(task, many, reached)))
@@ -66,7 +66,7 @@ def refined(task: Task, found: Found) -> list[Optimum]:
         if left and (task.stop or slower):
             break
         if left:
-            task.tell(f"refining optimum {k + 2}, about {left[0].trajectory.duration:.4f} s")
+            task.progress(f"refining optimum {k + 2}, about {left[0].trajectory.duration:.4f} s")
     return optima
 
 
@@ -115,10 +115,10 @@ def _on(task: Task, mesh: int, step: _Reached) -> _Reached:
     return _Reached(attempt, mesh, best, iterations, left=left)
 
 
-def _up(task: Task, ladder: Ladder, step: _Reached) -> _Reached:
+def _up(task: Task, refinement: MeshRefinement, step: _Reached) -> _Reached:
     """On finer and finer meshes until there is enough."""
     while not (_enough(task, step) or task.stop):
-        finer = task.options.intervals if step.mesh is None else ladder.above(step.mesh)
+        finer = task.options.intervals if step.mesh is None else refinement.above(step.mesh)
         if finer is None or (step.best is None and step.mesh is not None and step.mesh > task.options.intervals):
             break
         step = _on(task, finer, step)

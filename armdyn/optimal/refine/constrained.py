@@ -5,6 +5,7 @@ What the mesh asks for only at its points is checked everywhere on the replay, a
 where it does not hold there.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,13 +15,12 @@ from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.path_constraints.tightened import ConstraintReports, TightenedConstraints
 from armdyn.optimal.proof.certificate import certify
-from armdyn.optimal.refine.bang import minimum_time
 from armdyn.optimal.refine.optimum import Optimum
-from armdyn.optimal.refine.smooth import time_energy, trajectory_cost
+from armdyn.optimal.refine.smooth import trajectory_cost
 from armdyn.optimal.search.candidates import Found, find
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.direct import solve_on_mesh
-from armdyn.optimal.task.ladder import Ladder
+from armdyn.optimal.task.mesh_refinement import MeshRefinement
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -31,8 +31,6 @@ def constrained(task: Task) -> tuple[list[Optimum], Found]:
     Args:
         task: a problem with path constraints.
     """
-    if free := _clear_anyway(task):
-        return free
     found = find(task)
     optima: list[Optimum] = []
     listed = list(found.listed)
@@ -41,30 +39,32 @@ def constrained(task: Task) -> tuple[list[Optimum], Found]:
         if optima and (task.stop or attempt.trajectory.duration >= best):
             listed.append(attempt.trajectory.duration)
             continue
-        task.tell(f"optimum {len(optima) + 1}, about {attempt.trajectory.duration:.4f} s")
+        task.progress(f"optimum {len(optima) + 1}, about {attempt.trajectory.duration:.4f} s")
         optima.append(settled(task, attempt))
     return optima, replace(found, listed=tuple(listed))
 
 
-def _clear_anyway(task: Task) -> tuple[list[Optimum], Found] | None:
-    """What comes out without obstacles and self-collision, if its fastest motion is clear of them all the same."""
-    problem = task.problem
-    if not any(constraint.goes_round for constraint in path_constraints_of(problem)):
+def without_obstacles(task: Task) -> Task | None:
+    """The task without obstacles and self-collision; None: there are none."""
+    if not any(constraint.goes_round for constraint in path_constraints_of(task.problem)):
         return None
-    free = task.about(problem.variant(obstacles=(), self_collision=False))
-    task.tell("the way without obstacles")
-    if free.problem.path_constraint_names:
-        optima, found = constrained(free)
-    else:
-        optima, found = time_energy(free) if problem.pays_effort else minimum_time(free)
-    if not optima:
-        return None
-    constraints = TightenedConstraints.of(problem)
-    reported = [
+    task.progress("the way without obstacles")
+    return task.about(task.problem.variant(obstacles=(), self_collision=False))
+
+
+def clear_optima(task: Task, optima: Sequence[Optimum]) -> list[Optimum]:
+    """Optima of the task without obstacles, with reports on the constraints; none: the best of them is not clear.
+
+    Args:
+        task: with obstacles.
+        optima: of `without_obstacles`.
+    """
+    problem, constraints = task.problem, TightenedConstraints.of(task.problem)
+    found = [
         replace(one, reports=constraints.check(problem, one.trajectory, np.array(one.via_times))) for one in optima
     ]
-    best = min(reported, key=lambda one: (not one.landed(task.options.replay_tolerance), one.cost))
-    return (reported, found) if best.reports is None or _mended(task, best.reports) else None
+    best = min(found, key=lambda one: (not one.landed(task.options.replay_tolerance), one.cost), default=None)
+    return found if best is not None and (best.reports is None or _mended(task, best.reports)) else []
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,7 @@ def settled(task: Task, attempt: Attempt) -> Optimum:
         found = _judged(task, replay, attempt)
         best = found if best is None or _rank(task, found) <= _rank(task, best) else best
         reasons = found.reports.reasons if found.reports else ()
-        task.tell("; ".join((f"round {k + 1}: {attempt.trajectory.duration:.4f} s", *reasons)))
+        task.progress("; ".join((f"round {k + 1}: {attempt.trajectory.duration:.4f} s", *reasons)))
         mesh = None if task.stop else _next(task, mesh, found, replay, attempt)
     if best is None:
         best = _judged(task, _replayed(task, attempt), attempt)
@@ -110,7 +110,7 @@ def settled(task: Task, attempt: Attempt) -> Optimum:
 def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: Attempt) -> _Mesh | None:
     """What to ask of the next mesh; None: nothing, it is well, or no mesh mends it."""
     numbers, problem, duration = task.policy.path_constraints, task.problem, found.trajectory.duration
-    finer = Ladder(task.options.max_intervals).above(mesh.intervals)
+    finer = MeshRefinement(task.options.max_intervals).above(mesh.intervals)
     if not any(_faults(task, found)):
         if finer is None or abs(duration / mesh.settled - 1) < numbers.settled:
             return None

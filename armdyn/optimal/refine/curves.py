@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from armdyn.codegen.background import awaited
 from armdyn.codegen.deadline import LateError
-from armdyn.errors import ProblemError
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.follow import follow
-from armdyn.optimal.flat.posing import Wanted
-from armdyn.optimal.flat.settle import Settled, constraints_mended, reports_on, sampled, settle
+from armdyn.optimal.flat.nlp_data import CurveSpec
+from armdyn.optimal.flat.refinement import RefinedCurve, constraints_mended, refine_curve, reports_on, sampled
 from armdyn.optimal.flat.solve import prepare_curve
 from armdyn.optimal.landing.limit_violations import worst_violation
 from armdyn.optimal.path_constraints.registry import path_constraints_of
@@ -25,7 +24,7 @@ from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.smooth import trajectory_cost
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
-from armdyn.optimal.search.starts import detours, spline, straight_curve
+from armdyn.optimal.search.starts import spline, straight_curve, via_guesses
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.task.task import Task
 from armdyn.parallel import in_processes
@@ -47,28 +46,25 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
 
     Args:
         task: any problem.
-
-    Raises:
-        ProblemError: a guess in the options moves other joints.
     """
     numbers = task.policy.curves
     try:
         found, clear = _without_obstacles(task)
         if not (clear or (found and _enough(task, found[0]))):
-            found += _settled(task, _guesses(task, task.policy.search.guesses(task.options, numbers.starts)))
+            found += _refined(task, _guesses(task, task.policy.search.guesses(task.options, numbers.starts)))
         if len(found) == 1 and not (clear or task.stop) and _trouble(found[0]):
-            found += _settled(task, _guesses(task, numbers.more_starts)[1:])
+            found += _refined(task, _guesses(task, numbers.more_starts)[1:])
     except LateError:
         unbegun = Attempt.unbegun(task.stop, spline(task.problem, []), task.policy.curves.intervals)
         return [], Found((), failed=(unbegun,))
     if awaited():
-        task.tell("its machine code is being built in the background, once: later solves are faster")
+        task.progress("its machine code is being built in the background, once: later solves are faster")
     found.sort(key=lambda one: (one.excess > _HOPELESS, not constraints_mended(task, one.reports), one.curve.duration))
     if found[0].excess > _HOPELESS:
         return [], Found((), failed=(_failed(task, found[0]),), iterations=sum(one.iterations for one in found))
     optima: list[Optimum] = []
     for one in found:
-        task.tell(f"replaying a motion of {one.curve.duration:.6f} s")
+        task.progress(f"replaying a motion of {one.curve.duration:.6f} s")
         optima.append(_landed(task, one))
         kept = optima[-1].reports is None or constraints_mended(task, optima[-1].reports)
         if task.stop or (optima[-1].landed(task.options.replay_tolerance) and kept):
@@ -78,7 +74,7 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
     return optima, Found((), listed=others, iterations=iterations, met=_met(task, found))
 
 
-def _met(task: Task, found: Sequence[Settled]) -> str:
+def _met(task: Task, found: Sequence[RefinedCurve]) -> str:
     """How many different optima the guesses have met, for people; empty where a bound says how good the best is.
 
     Args:
@@ -105,25 +101,25 @@ def optima_met(durations: Sequence[float], guesses: int, same: float) -> str:
     return f"{several} met, {times}; other seeds may find a faster one"
 
 
-def _without_obstacles(task: Task) -> tuple[list[Settled], bool]:
+def _without_obstacles(task: Task) -> tuple[list[RefinedCurve], bool]:
     """The fastest curve of all, if it is clear of what is to be kept clear of; else what it leads to; and which."""
     problem = task.problem
     if not any(constraint.goes_round for constraint in path_constraints_of(problem)):
         return [], False
-    task.tell("the way without obstacles")
+    task.progress("the way without obstacles")
     free = problem.variant(obstacles=(), self_collision=False)
-    (best,) = _settled(task.about(free), _guesses(task.about(free), 1)[:1])
+    (best,) = _refined(task.about(free), _guesses(task.about(free), 1)[:1])
     constraints = TightenedConstraints.of(problem)
     kept = reports_on(task, best.curve, constraints)
     if not constraints_mended(task, kept):
-        return [settle(task, best.curve)], False
+        return [refine_curve(task, best.curve)], False
     return [replace(best, constraints=constraints, reports=kept)], True
 
 
-def _trouble(settled: Settled) -> bool:
+def _trouble(refined: RefinedCurve) -> bool:
     """Whether another guess may lead to a better curve: this one did not converge, or had to be slowed down."""
-    slowed = settled.curve.duration / settled.solved.curve.duration - 1
-    return not settled.solved.converged or settled.excess > _HOPELESS or slowed > _HOPELESS
+    slowed = refined.curve.duration / refined.solved.curve.duration - 1
+    return not refined.solved.converged or refined.excess > _HOPELESS or slowed > _HOPELESS
 
 
 def _guesses(task: Task, count: int) -> list[Curve]:
@@ -136,70 +132,69 @@ def _guesses(task: Task, count: int) -> list[Curve]:
     problem, numbers, options = task.problem, task.policy.curves, task.options
     guesses = [straight_curve(task, numbers.intervals)]
     basis = guesses[0].legs[0].basis
-    for k, guess in enumerate(options.guesses):
-        if guess.q.shape[1] != problem.robot.nv:
-            name, joints = problem.robot.name, problem.robot.nv
-            raise ProblemError(f"options.guesses[{k}] moves {guess.q.shape[1]} joints, {name} has {joints}")
-        if not problem.via:
-            guesses.append(Curve.near(guess, basis))
-    if count > 1 and not problem.via:
-        ways = detours(problem, options.seed, count, task.stop)[1:]
+    if problem.via:
+        return guesses
+    guesses += [Curve.near(guess, basis) for guess in options.guesses]
+    if count > 1:
+        ways = via_guesses(problem, options.seed, count, task.stop)[1:]
         guesses += [Curve.near(spline(problem, way), basis) for way in ways]
     return guesses
 
 
-def _settled(task: Task, guesses: Sequence[Curve]) -> list[Settled]:
+def _refined(task: Task, guesses: Sequence[Curve]) -> list[RefinedCurve]:
     """The curves that guesses lead to."""
     if len(guesses) < 2:
-        return [settle(task, guess) for guess in guesses]
-    task.tell(f"{len(guesses)} guesses")
-    prepare_curve(task, guesses[0], Wanted(TightenedConstraints.of(task.problem)))  # workers know what was built before
+        return [refine_curve(task, guess) for guess in guesses]
+    task.progress(f"{len(guesses)} guesses")
+    prepare_curve(
+        task, guesses[0], CurveSpec(TightenedConstraints.of(task.problem))
+    )  # workers know what was built before
     found = []
-    jobs = [partial(settle, task, guess) for guess in guesses]
+    jobs = [partial(refine_curve, task, guess) for guess in guesses]
     for one in in_processes(jobs, task.workers):
         found.append(one)
-        task.tell(f"{len(found)} of {len(guesses)}: {one.curve.duration:.4f} s")
+        task.progress(f"{len(found)} of {len(guesses)}: {one.curve.duration:.4f} s")
         if _enough(task, one):
             break
     return found
 
 
-def _enough(task: Task, settled: Settled) -> bool:
+def _enough(task: Task, refined: RefinedCurve) -> bool:
     """Whether other guesses have nothing to give: a proven bound is near."""
-    if not constraints_mended(task, settled.reports) or _trouble(settled):
+    if not constraints_mended(task, refined.reports) or _trouble(refined):
         return False
-    floor = task.floor()
-    return floor is not None and settled.curve.duration <= (1 + GAP_TOLERANCE) * floor
+    bound = task.lower_bound()
+    return bound is not None and refined.curve.duration <= (1 + GAP_TOLERANCE) * bound
 
 
-def _failed(task: Task, settled: Settled) -> Attempt:
+def _failed(task: Task, refined: RefinedCurve) -> Attempt:
     """A curve whose torques exceed their limits at any pace."""
-    problem, outcome = task.problem, settled.solved.outcome
-    motion = settled.curve.trajectory(problem.robot, 1, 0)
+    problem, result = task.problem, refined.solved.result
+    motion = refined.curve.trajectory(problem.robot, 1, 0)
     hold, limits = problem.holding_torque(), problem.limits
-    over = np.maximum(hold - limits.effort_upper, limits.effort_lower - hold)
-    message, j = outcome.message, int(np.argmax(over))
+    over = limits.actuators.excess(hold, np.asarray(problem.q_goal), np.zeros_like(hold))
+    message, j = result.message, int(np.argmax(over))
     if over[j] > 0:
-        name, most = problem.robot.joint_names[j], limits.effort_upper[j]
+        name, most = problem.robot.joint_names[j], limits.actuators.upper[j]
         message += f"; joint {name!r} takes {abs(hold[j]):.3g} to be held at the goal, of {most:.3g} N m or N"
-    status = Status.INFEASIBLE if outcome.status is Status.SOLVED else outcome.status
+    status = Status.INFEASIBLE if result.status is Status.SOLVED else result.status
     worst = worst_violation(limits, motion, problem.robot.joint_names, dense=1)
-    return Attempt(status, message, motion, settled.curve.legs[0].basis.intervals, settled.iterations, worst)
+    return Attempt(status, message, motion, refined.curve.legs[0].basis.intervals, refined.iterations, worst)
 
 
-def _deciding(task: Task, settled: Settled) -> tuple[Share, ...]:
+def _deciding(task: Task, refined: RefinedCurve) -> tuple[Share, ...]:
     """The limits that decide a curve's duration, by the multipliers of its program, most first."""
-    problem, solved, shape = task.problem, settled.solved, settled.solved.shape
+    problem, solved, shape = task.problem, refined.solved, refined.solved.shape
     if problem.pays_effort or not solved.converged:
         return ()
     names, by_joint = problem.robot.joint_names, dict[str, Array]()
-    half = (problem.limits.effort_upper - problem.limits.effort_lower) / 2
+    half = problem.limits.actuators.half_range
     for leg in shape.legs:
-        torques, pull = shape.torques(leg), solved.outcome.lam_x[shape.torques(leg)]
-        size = np.where(pull > 0, problem.limits.effort_upper, problem.limits.effort_lower) / half
+        torques, pull = shape.torques(leg), solved.result.lam_x[shape.torques(leg)]
+        size = np.where(pull > 0, problem.limits.actuators.upper, problem.limits.actuators.lower) / half
         parts = {"torque limit": np.sum(pull * size, axis=0)} if torques.size else {}
         for order in shape.orders:
-            parts[_LIMITS[order]] = np.sum(np.abs(solved.outcome.lam_g[shape.rates(leg, order)]), axis=0)
+            parts[_LIMITS[order]] = np.sum(np.abs(solved.result.lam_g[shape.rates(leg, order)]), axis=0)
         for limit, part in parts.items():
             by_joint[limit] = by_joint.get(limit, 0.0) + part * solved.guessed / solved.curve.duration
     shares = [
@@ -211,15 +206,15 @@ def _deciding(task: Task, settled: Settled) -> tuple[Share, ...]:
     return tuple(sorted(shares, key=lambda share: -share.part))
 
 
-def _landed(task: Task, settled: Settled) -> Optimum:
+def _landed(task: Task, refined: RefinedCurve) -> Optimum:
     """A curve's motion, replayed."""
-    problem, curve = task.problem, settled.curve
+    problem, curve = task.problem, refined.curve
     # `follow` integrates as `replay_torques` does, sample by sample; `proof.repeat` judges by another integrator.
     replay = replace(follow(task, sampled(task, curve)), name="minimum time")
-    looked = settled.constraints.check(problem, replay, curve.passing) if settled.constraints.path_constraints else None
-    outcome = settled.solved.outcome
-    remark = ON_CURVE if settled.solved.converged else f"the curve did not converge ({outcome.message})"
-    shares = _deciding(task, settled)
+    looked = refined.constraints.check(problem, replay, curve.passing) if refined.constraints.path_constraints else None
+    result = refined.solved.result
+    remark = ON_CURVE if refined.solved.converged else f"the curve did not converge ({result.message})"
+    shares = _deciding(task, refined)
     decisive = {share.joint for share in shares if share.part > _IDLE}
     idle = tuple(name for name in problem.robot.joint_names if shares and name not in decisive)
     return Optimum(
@@ -227,7 +222,7 @@ def _landed(task: Task, settled: Settled) -> Optimum:
         certificate=replace(certify(problem, replay, None, remark), idle=idle),
         cost=trajectory_cost(replay, problem.effort_weights()),
         intervals=curve.legs[0].basis.intervals,
-        iterations=settled.iterations,
+        iterations=refined.iterations,
         reports=looked,
         via_times=tuple(map(float, curve.passing)),
         decides=shares,

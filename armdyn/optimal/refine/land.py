@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from armdyn.optimal.arcs.nlp_data import PhaseAim, TiedArcs
 from armdyn.optimal.arcs.phases import Phases, Unresolved
-from armdyn.optimal.arcs.posing import PhaseAim, TiedArcs
 from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.landing.segments import Segments
@@ -17,7 +17,7 @@ from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.switching.costates import phases_of
 from armdyn.optimal.switching.extremal.descent import Extremal, ended, finer
-from armdyn.optimal.task.ladder import Ladder
+from armdyn.optimal.task.mesh_refinement import MeshRefinement
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -91,8 +91,8 @@ def land_extremal(task: Task, extremal: Extremal, intervals: int, stop: Stop) ->
 def _finer(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
     """On finer meshes while H strays; with the replay, and what went wrong."""
     numbers = task.policy.refinement
-    ladder = Ladder(max(numbers.most_intervals, numbers.most_per_arc * len(phases.arcs)))
-    while (size := ladder.above(phases.arc_of.size)) and not task.stop:
+    refinement = MeshRefinement(max(numbers.most_intervals, numbers.most_per_arc * len(phases.arcs)))
+    while (size := refinement.above(phases.arc_of.size)) and not task.stop:
         if np.max(np.abs(pontryagin(task.problem, phases)[0])) <= numbers.stray:
             break
         aim = PhaseAim(near=True, density=phases.density)

@@ -10,10 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdyn.errors import ProblemError
 from armdyn.optimal.arcs.arc import Arc, Mode
+from armdyn.optimal.arcs.nlp_data import PhaseAim
 from armdyn.optimal.arcs.phases import TABLEAU, Phases, Unresolved
-from armdyn.optimal.arcs.posing import PhaseAim
 from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.arcs.structure import with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -24,9 +23,9 @@ from armdyn.optimal.refine.land import land, with_costates
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
-from armdyn.optimal.search.multistart import Grounds, search
+from armdyn.optimal.search.multistart import SearchSettings, search
 from armdyn.optimal.solve.attempt import Attempt
-from armdyn.optimal.task.ladder import Ladder
+from armdyn.optimal.task.mesh_refinement import MeshRefinement
 from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -40,12 +39,9 @@ def time_energy(task: Task) -> tuple[list[Optimum], Found]:
 
     Args:
         task: with a weight on effort. Guesses of its options are looked at before what its search finds.
-
-    Raises:
-        ProblemError: a guess in the options moves other joints.
     """
     numbers, options, weight = task.policy.smooth, task.options, task.problem.effort_weight
-    given = [_Lead(0.0, guess) for guess in _given(task)]
+    given = [_Lead(0.0, guess) for guess in options.guesses]
     attempts = _searched(task, task.policy.search.guesses(options, numbers.starts))
     coarse = _distinct(task, attempts)[: task.policy.search.refinements(options, numbers.refined)]
     found = [_Lead(numbers.optimism * trajectory_cost(motion, weight), motion) for motion in coarse]
@@ -53,7 +49,7 @@ def time_energy(task: Task) -> tuple[list[Optimum], Found]:
     landed: list[Optimum] = []
     for phases in settling.optima():
         paid = cost(task.problem, phases)
-        task.tell(f"replaying an optimum of J = {paid:.4f} s")
+        task.progress(f"replaying an optimum of J = {paid:.4f} s")
         landed.append(replace(_landed(task, phases), cost=paid))
         if landed[-1].landed(options.replay_tolerance) or task.stop:
             break
@@ -101,21 +97,12 @@ def smooth_optima(task: Task, starts: int, most: int) -> tuple[tuple[Phases, ...
     return tuple(group[0] for group in groups), tuple(attempts)
 
 
-def _given(task: Task) -> tuple[Trajectory, ...]:
-    """The options' guesses."""
-    robot = task.problem.robot
-    for k, guess in enumerate(task.options.guesses):
-        if guess.q.shape[1] != robot.nv:
-            raise ProblemError(f"options.guesses[{k}] moves {guess.q.shape[1]} joints, {robot.name} has {robot.nv}")
-    return task.options.guesses
-
-
 def _searched(task: Task, starts: int) -> list[Attempt]:
     """Attempts of the search on a coarse mesh."""
     numbers = task.policy.smooth
     linear = replace(task, scheme=replace(task.scheme, method="lobatto3", control="linear"))
     coarse = [DirectOptions(task.policy.program.coarse_tolerance, numbers.iterations)]
-    return search(linear, starts, Grounds([numbers.coarse], coarse))
+    return search(linear, starts, SearchSettings([numbers.coarse], coarse))
 
 
 def _none_of(task: Task, attempts: Sequence[Attempt], resisted: Sequence[Attempt]) -> list[Attempt]:
@@ -226,7 +213,9 @@ class _Settling:
         """Another structure, or a finer mesh; where neither converges, or is to be had, what is rough is let go."""
         numbers, rough = self._task.policy.smooth, stray >= self._task.policy.smooth.rough
         better: Phases | Unresolved | None = None if rough else _restructured(self._task, best, stray)
-        if better is None and (size := Ladder(numbers.most_rough if rough else numbers.most).above(best.arc_of.size)):
+        if better is None and (
+            size := MeshRefinement(numbers.most_rough if rough else numbers.most).above(best.arc_of.size)
+        ):
             better = _solved(self._task, best.arcs, size, best, stray)
         if isinstance(better, Phases):
             self._waiting.append(_Lead(cost(self._task.problem, better), better))
@@ -284,12 +273,12 @@ def _distinct(task: Task, attempts: Sequence[Attempt]) -> list[Trajectory]:
 
 
 def trajectory_cost(motion: Trajectory, weight: ArrayLike) -> float:
-    """J = ∫ (1 + ½ Σ wᵢ τᵢ²) dt [s], exact for torques that are linear between samples.
+    """J = ∫ (1 + ½ Σ wᵢ τᵢ²) dt [s], exact for linear and held torques.
 
     Args:
         motion: of which times and torques count.
         weight: w [1/(N m)²], one number or one per joint.
     """
-    a, b = motion.tau[:-1], motion.tau[1:]
+    a, b = motion.tau[:-1], motion.tau_end
     squares = np.sum(np.asarray(weight) * (a * a + a * b + b * b), axis=1) / 3
     return float(motion.duration + np.diff(motion.t) @ squares / 2)

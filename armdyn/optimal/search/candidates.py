@@ -7,16 +7,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from armdyn.errors import ProblemError
 from armdyn.optimal.landing.rollout import replay_of
-from armdyn.optimal.search.crossover import offspring
+from armdyn.optimal.search.crossover import crossover_guesses
 from armdyn.optimal.search.distinct import distinct, ranked
-from armdyn.optimal.search.multistart import Grounds, Job, search
+from armdyn.optimal.search.multistart import Job, SearchSettings, search
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
 from armdyn.optimal.solve.direct import solve_on_mesh
-from armdyn.optimal.task.ladder import Ladder
+from armdyn.optimal.task.mesh_refinement import MeshRefinement
 from armdyn.optimal.task.scheme import DynamicsForm
 from armdyn.optimal.task.task import Task
 from armdyn.parallel import in_processes
@@ -46,7 +45,7 @@ class Found:
 
 
 @dataclass(frozen=True, eq=False)
-class _Settled:
+class _RefinedSearch:
     """The best coarse optima on a finer mesh, in the order that it puts them in; durations of the others."""
 
     attempts: list[Attempt]
@@ -59,17 +58,16 @@ def find(task: Task) -> Found:
 
     Args:
         task: what is to be solved.
-
-    Raises:
-        ProblemError: a guess in the options moves other joints.
     """
     options, numbers = task.options, task.policy.search
     same = task.policy.same.coarse, task.policy.same.apart
     count = numbers.guesses(options)
-    beside = _beside(task)
-    task.tell(f"search: {count} guesses" + (f", and {len(beside)} on {options.intervals} intervals" if beside else ""))
-    attempts = _searched(task, count, Grounds(task.meshes, task.coarse()), beside)
-    fine, coarse = (distinct(some, *same) for some in (attempts[: len(beside)], attempts[len(beside) :]))
+    extra_jobs = _extra_jobs(task)
+    task.progress(
+        f"search: {count} guesses" + (f", and {len(extra_jobs)} on {options.intervals} intervals" if extra_jobs else "")
+    )
+    attempts = _searched(task, count, SearchSettings(task.meshes, task.coarse()), extra_jobs)
+    fine, coarse = (distinct(some, *same) for some in (attempts[: len(extra_jobs)], attempts[len(extra_jobs) :]))
     found = ranked([*fine, *coarse])  # what is on the finer mesh already hides none of the others: it costs no more
     if not found:
         attempts = _without_search(task, ranked(attempts))
@@ -77,22 +75,26 @@ def find(task: Task) -> Found:
     iterations = sum(attempt.iterations for attempt in attempts)
     if not found:
         return Found((), failed=tuple(attempts), iterations=iterations)
-    settled, mesh = _settled(task, found), options.intervals
-    iterations += settled.iterations
-    if finer := _too_coarse(task, found, settled):
+    refined, mesh = _refined(task, found), options.intervals
+    iterations += refined.iterations
+    if finer := _too_coarse(task, found, refined):
         mesh, meshes, share = finer
         # Those that meshes err on are heavy: their optima are near the way.
         near = replace(task, policy=task.policy.changed("search", spread=1.0, turn=0.0))
         several = min(count, max(count // share, numbers.again_at_least))
-        again = _searched(near, several, Grounds(meshes, task.coarse()), known=settled.attempts)
-        found = distinct([*settled.attempts, *again], *same)
-        settled = _settled(task.with_options(intervals=mesh), found)
-        iterations += settled.iterations + sum(attempt.iterations for attempt in again)
-    return Found(tuple(settled.attempts), mesh=mesh, listed=tuple(settled.listed), iterations=iterations)
+        again = _searched(near, several, SearchSettings(meshes, task.coarse()), known=refined.attempts)
+        found = distinct([*refined.attempts, *again], *same)
+        refined = _refined(task.with_options(intervals=mesh), found)
+        iterations += refined.iterations + sum(attempt.iterations for attempt in again)
+    return Found(tuple(refined.attempts), mesh=mesh, listed=tuple(refined.listed), iterations=iterations)
 
 
 def _searched(
-    task: Task, count: int, grounds: Grounds, beside: Sequence[Job] = (), known: Sequence[Attempt] = ()
+    task: Task,
+    count: int,
+    search_settings: SearchSettings,
+    extra_jobs: Sequence[Job] = (),
+    known: Sequence[Attempt] = (),
 ) -> list[Attempt]:
     """Attempts from guesses through random poses, and from changes of what these have led to, and of what is known.
 
@@ -100,32 +102,31 @@ def _searched(
     its best.
     """
     changes = round(task.policy.search.changes * count)
-    attempts = search(task, count - changes, grounds, beside)
-    if not changes or len(attempts) < len(beside) + count - changes:  # enough, or no more time
+    attempts = search(task, count - changes, search_settings, extra_jobs)
+    if not changes or len(attempts) < len(extra_jobs) + count - changes:  # enough, or no more time
         return attempts
-    nearby = replace(grounds, settings=grounds.settings[:1])  # the smallest barrier keeps most of a guess
+    nearby = replace(
+        search_settings, settings=search_settings.settings[:1]
+    )  # the smallest barrier keeps most of a guess
     lineages = max(1, round(count / task.policy.search.starts))
     ends = [changes * k // lineages for k in range(lineages + 1)]
     for k, (first, end) in enumerate(pairwise(ends)):
-        ancestors = [*known, *attempts[len(beside) : len(beside) + count - changes][k::lineages]]
-        attempts = [*attempts, *offspring(task, ancestors, end - first, nearby, first)]
+        ancestors = [*known, *attempts[len(extra_jobs) : len(extra_jobs) + count - changes][k::lineages]]
+        attempts = [*attempts, *crossover_guesses(task, ancestors, end - first, nearby, first)]
     return attempts
 
 
-def _beside(task: Task) -> list[Job]:
+def _extra_jobs(task: Task) -> list[Job]:
     """What is solved on the fine mesh at once: the options' guesses."""
-    problem, intervals, settings = task.problem, task.options.intervals, task.fine()
+    intervals, settings = task.options.intervals, task.fine()
     jobs: list[Job] = []
-    for k, guess in enumerate(task.options.guesses):
-        if guess.q.shape[1] != problem.robot.nv:
-            name, joints = problem.robot.name, problem.robot.nv
-            raise ProblemError(f"options.guesses[{k}] moves {guess.q.shape[1]} joints, {name} has {joints}")
+    for guess in task.options.guesses:
         prepare_quickly(task, intervals, settings)
         jobs.append(partial(solve_quickly, task, guess, intervals, settings))
     return jobs
 
 
-def _settled(task: Task, found: Sequence[Attempt]) -> _Settled:
+def _refined(task: Task, found: Sequence[Attempt]) -> _RefinedSearch:
     """The best coarse optima, each once, on the mesh that arcs are read from first.
 
     Args:
@@ -141,7 +142,7 @@ def _settled(task: Task, found: Sequence[Attempt]) -> _Settled:
             return attempt
         return solve_quickly(task, attempt.trajectory, options.intervals, settings)
 
-    task.tell(f"the best optima, about {found[0].trajectory.duration:.4f} s, on {options.intervals} intervals")
+    task.progress(f"the best optima, about {found[0].trajectory.duration:.4f} s, on {options.intervals} intervals")
     candidates: list[Attempt] = []
     iterations, looked = 0, most * task.policy.search.looked_at
     jobs = [partial(finer, attempt) for attempt in found]
@@ -154,10 +155,12 @@ def _settled(task: Task, found: Sequence[Attempt]) -> _Settled:
         if k + 1 == looked or task.stop or (later and later[0].trajectory.duration >= worth):
             break
     candidates = candidates[:most] or list(found[:1])
-    return _Settled(candidates, [attempt.trajectory.duration for attempt in found[k + 1 :]], iterations)
+    return _RefinedSearch(candidates, [attempt.trajectory.duration for attempt in found[k + 1 :]], iterations)
 
 
-def _too_coarse(task: Task, found: Sequence[Attempt], settled: _Settled) -> tuple[int, tuple[int, int], int] | None:
+def _too_coarse(
+    task: Task, found: Sequence[Attempt], refined: _RefinedSearch
+) -> tuple[int, tuple[int, int], int] | None:
     """Where to search again if the finer mesh contradicts the search; None: it does not.
 
     Returns:
@@ -166,12 +169,12 @@ def _too_coarse(task: Task, found: Sequence[Attempt], settled: _Settled) -> tupl
     numbers, mesh = task.policy.search, task.options.intervals
     if not numbers.again or task.stop:
         return None
-    slower = settled.attempts[0].trajectory.duration / found[0].trajectory.duration
-    astray = slower > numbers.doubted and all(_astray(task, attempt) for attempt in settled.attempts)
+    slower = refined.attempts[0].trajectory.duration / found[0].trajectory.duration
+    astray = slower > numbers.doubted and all(_astray(task, attempt) for attempt in refined.attempts)
     if not (astray or slower > numbers.too_coarse):
         return None
-    task.tell(f"optima of {task.meshes} intervals are {slower:.2f} times as slow on {mesh}")
-    finer = Ladder(task.options.max_intervals).above(mesh) if astray else None
+    task.progress(f"optima of {task.meshes} intervals are {slower:.2f} times as slow on {mesh}")
+    finer = MeshRefinement(task.options.max_intervals).above(mesh) if astray else None
     on = finer or mesh
     return on, (on, on * 3 // 2), 4 if finer else 2
 
@@ -191,7 +194,7 @@ def _without_search(task: Task, failed: list[Attempt]) -> list[Attempt]:
     for form, guess in ((task.scheme.dynamics, straight), (other, straight), (task.scheme.dynamics, remains)):
         if task.stop:
             break
-        task.tell(f"no guess converged: trying {form} dynamics on {intervals} intervals")
+        task.progress(f"no guess converged: trying {form} dynamics on {intervals} intervals")
         step = replace(task, scheme=replace(task.scheme, dynamics=form))
         attempts.append(solve_on_mesh(step, guess, intervals, task.alone()))
         if attempts[-1].usable:

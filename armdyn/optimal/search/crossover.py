@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.search.distinct import distinct
-from armdyn.optimal.search.multistart import Grounds, in_bunches
+from armdyn.optimal.search.multistart import SearchSettings, in_bunches
 from armdyn.optimal.search.starts import SAMPLES
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import solve_quickly
@@ -24,7 +24,9 @@ from armdyn.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 
-def offspring(task: Task, attempts: Sequence[Attempt], count: int, grounds: Grounds, first: int = 0) -> list[Attempt]:
+def crossover_guesses(
+    task: Task, attempts: Sequence[Attempt], count: int, search_settings: SearchSettings, first: int = 0
+) -> list[Attempt]:
     """Attempts from changes of the best among others, and among themselves: round by round, from the best so far.
 
     The same attempts and the same seed give the same, on however many cores.
@@ -33,7 +35,7 @@ def offspring(task: Task, attempts: Sequence[Attempt], count: int, grounds: Grou
         task: what is to be solved.
         attempts: what guesses have led to.
         count: of changes.
-        grounds: on which they are solved in turn.
+        search_settings: on which they are solved in turn.
         first: number of the first: others' changes are others.
     """
     numbers, same, born = task.policy.search, task.policy.same, list[Attempt]()
@@ -42,18 +44,18 @@ def offspring(task: Task, attempts: Sequence[Attempt], count: int, grounds: Grou
         if not best:
             break
         parents = [attempt.trajectory for attempt in best]
-        task.tell(f"search: change {len(born)} of {count} of the best optima, about {parents[0].duration:.4f} s")
+        task.progress(f"search: change {len(born)} of {count} of the best optima, about {parents[0].duration:.4f} s")
 
         def job(k: int, parents: list[Trajectory]) -> Attempt:
-            guess = child(task.problem, parents, np.random.default_rng([task.options.seed, k]), k)
-            return solve_quickly(task, guess, *grounds.of(k), between=False)
+            guess = crossover(task.problem, parents, np.random.default_rng([task.options.seed, k]), k)
+            return solve_quickly(task, guess, *search_settings.of(k), between=False)
 
         several = range(first + len(born), first + min(count, len(born) + numbers.round))
         born += in_bunches([partial(job, k, parents) for k in several], task.workers)
     return born
 
 
-def child(
+def crossover(
     problem: MinimumTimeProblem, parents: list[Trajectory], random: np.random.Generator, number: int
 ) -> Trajectory:
     """A change of one of some motions, most often of one of the first, in a little more time.

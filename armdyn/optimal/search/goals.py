@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.codegen.deadline import LateError
-from armdyn.optimal.flat.posing import Wanted
+from armdyn.optimal.flat.nlp_data import CurveSpec
 from armdyn.optimal.flat.solve import solve_curve
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -40,19 +40,19 @@ class GoalTried:
 
 
 def screened(
-    problem: MinimumTimeProblem, options: MinimumTimeOptions, tell: Callable[[str], None]
+    problem: MinimumTimeProblem, options: MinimumTimeOptions, progress: Callable[[str], None]
 ) -> tuple[list[MinimumTimeProblem], list[GoalTried]]:
     """One problem for each of the most promising goals, best first; and all goals with coarse durations.
 
     Args:
         problem: with several `goals`.
         options: meshes and time limit, of which this takes a third at most.
-        tell: told in words what is being tried.
+        progress: called with a line of text on what is being tried.
     """
     branches: list[MinimumTimeProblem] = []
     durations: list[float] = []
     with stopping(options.time_limit / 3) as stop:
-        task = Task.of(problem, options, stop, tell)
+        task = Task.of(problem, options, stop, progress)
         numbers = task.policy.search
         goals = [*slid_goals(problem), *problem.goals]
         for i, q in enumerate(goals, start=1):
@@ -61,7 +61,7 @@ def screened(
             if stop or branch.unheld or branch.duration_bound() > numbers.hopeless * min(durations, default=np.inf):
                 durations.append(np.inf)
                 continue
-            tell(f"goal {i} of {len(goals)}")
+            progress(f"goal {i} of {len(goals)}")
             durations.append(_tried(task.about(branch)))
     order = sorted(range(len(branches)), key=lambda i: (durations[i], i))
     order = sorted(order, key=lambda i: branches[i].unheld is not None)  # those where the arm can stay first
@@ -72,13 +72,13 @@ def screened(
 
 def _tried(task: Task) -> float:
     """The duration of one coarse solve from the straight way [s]; inf: it did not converge, or was not begun."""
-    if not task.policy.curves.alone:
+    if not task.policy.strategy.curves_alone:
         guess, intervals = spline(task.problem, []), task.meshes[0]
         attempt = solve_on_mesh(task, guess, intervals, task.coarse()[-1])
         return attempt.trajectory.duration if attempt.usable else np.inf
     with suppress(LateError):
         smooth = 0.0 if task.problem.pays_effort else task.options.smooth
-        wanted = Wanted(TightenedConstraints.of(task.problem), smooth=smooth)
-        solved = solve_curve(task, straight_curve(task, task.policy.curves.coarse), wanted)
+        spec = CurveSpec(TightenedConstraints.of(task.problem), smooth=smooth)
+        solved = solve_curve(task, straight_curve(task, task.policy.curves.coarse), spec)
         return solved.curve.duration if solved.converged else np.inf
     return np.inf

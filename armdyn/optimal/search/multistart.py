@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from armdyn.optimal.search.distinct import distinct
-from armdyn.optimal.search.starts import detours, spline
+from armdyn.optimal.search.starts import spline, via_guesses
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
 from armdyn.optimal.task.options import DirectOptions
@@ -21,7 +21,7 @@ _LOOKS = 24
 
 
 @dataclass(frozen=True)
-class Grounds:
+class SearchSettings:
     """What guesses are solved on in turn: what one hides another may show.
 
     Attributes:
@@ -37,7 +37,7 @@ class Grounds:
         return self.meshes[k % len(self.meshes)], self.settings[k // len(self.meshes) % len(self.settings)]
 
 
-def search(task: Task, count: int, grounds: Grounds, beside: Sequence[Job] = ()) -> list[Attempt]:
+def search(task: Task, count: int, search_settings: SearchSettings, extra_jobs: Sequence[Job] = ()) -> list[Attempt]:
     """Attempts from guesses, in the order of the guesses; the first is the straight one.
 
     The same seed gives the same attempts, on however many cores.
@@ -45,30 +45,30 @@ def search(task: Task, count: int, grounds: Grounds, beside: Sequence[Job] = ())
     Args:
         task: what is to be solved.
         count: guesses; fewer are solved where they have led to few optima again and again.
-        grounds: on which they are solved in turn.
-        beside: other solves, which come first and are begun first.
+        search_settings: on which they are solved in turn.
+        extra_jobs: other solves, which come first and are begun first.
     """
     numbers = task.policy.search
-    ways = detours(task.problem, task.options.seed, count, task.stop, (numbers.spread, numbers.turn))
-    for intervals in grounds.meshes:  # before the fork, so that every worker has them
-        for setting in grounds.settings:
+    ways = via_guesses(task.problem, task.options.seed, count, task.stop, (numbers.spread, numbers.turn))
+    for intervals in search_settings.meshes:  # before the fork, so that every worker has them
+        for setting in search_settings.settings:
             prepare_quickly(task, intervals, setting)
 
     def job(k: int) -> Attempt:
-        return solve_quickly(task, spline(task.problem, ways[k], numbers.haste), *grounds.of(k), between=False)
+        return solve_quickly(task, spline(task.problem, ways[k], numbers.haste), *search_settings.of(k), between=False)
 
     attempts: list[Attempt] = []
-    jobs: list[Job] = [*beside, *(partial(job, k) for k in range(count))]
+    jobs: list[Job] = [*extra_jobs, *(partial(job, k) for k in range(count))]
     for attempt in in_bunches(jobs[:1] if task.stop else jobs, task.workers):
         attempts.append(attempt)
-        own = attempts[len(beside) :]
+        own = attempts[len(extra_jobs) :]
         if not own:
             continue
         solved = [a.trajectory.duration for a in own if a.usable]
         best = f", best {min(solved):.4f} s" if solved else ""
-        task.tell(f"search: guess {len(own)} of {count}{best}")
+        task.progress(f"search: guess {len(own)} of {count}{best}")
         # An optimum has another duration on another mesh, and counts on each: safer than to match them.
-        asked = task.options.effort != "thorough" and len(own) % max(1, count // _LOOKS) == 0
+        asked = task.options.search != "thorough" and len(own) % max(1, count // _LOOKS) == 0
         if task.stop or (asked and enough(len(solved), len(distinct(own, task.policy.same.coarse)), numbers.least)):
             break
     return attempts

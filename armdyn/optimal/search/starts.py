@@ -13,7 +13,7 @@ from armdyn.optimal.path_constraints.constraint import Path
 from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.search.swing_up import swinging_time, swings
+from armdyn.optimal.search.swing_up import swing_up_guesses, swinging_time
 from armdyn.optimal.task.policy.search import SearchPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -24,7 +24,7 @@ SAMPLES = 51
 """Of a guess: on the search's meshes twice as many lead to the same optima, and take twice as long."""
 
 
-def detours(
+def via_guesses(
     problem: MinimumTimeProblem,
     seed: int,
     count: int,
@@ -61,7 +61,7 @@ def detours(
         else [[via] for via in vias]
     )
     if not (round_it or problem.via):
-        to_and_fro = swings(problem, random, (count - 1) // 2)
+        to_and_fro = swing_up_guesses(problem, random, (count - 1) // 2)
         ways[1 : 2 * len(to_and_fro) : 2] = to_and_fro
     straight: list[Array] = [np.asarray(q) for q in problem.via]
     return [straight, *(_clearest(problem, ways, count - 1, stop or Stop()) if round_it else ways)]
@@ -128,7 +128,7 @@ def spline(problem: MinimumTimeProblem, via: list[Array], haste: float = 1.0) ->
         duration = max(duration, swinging_time(problem, static, inertial))
     v = dq / duration
     tau = static + inertial / duration**2 + friction.torque(v)
-    tau = np.clip(tau, problem.limits.effort_lower, problem.limits.effort_upper)
+    tau = problem.limits.actuators.clip(tau, q, v)
     v[0], v[-1] = problem.v_start, problem.v_goal
     haste = max(haste, problem.duration_bound() / duration)
     v[1:-1] /= haste
@@ -165,8 +165,8 @@ def _fitting_duration(problem: MinimumTimeProblem, path: Path, inertial: Array) 
     """
     viscous = np.maximum(np.sign(inertial) * np.asarray(problem.robot.friction.damping) * path.dq, 0)
     limits = problem.limits
-    bound = np.where(inertial > 0, limits.effort_upper, -limits.effort_lower)
-    bound = np.maximum(bound, 2e-3 * limits.effort_size)
+    bound = np.where(inertial > 0, limits.actuators.upper, -limits.actuators.lower)
+    bound = np.maximum(bound, 2e-3 * limits.actuators.scale)
     bound[:, limits.passive] = np.inf  # which no torque can make keep to the path
     half = viscous / (2 * bound)
     by_torque = np.max(half + np.sqrt(half**2 + np.abs(inertial) / bound))

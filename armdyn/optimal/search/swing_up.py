@@ -12,7 +12,7 @@ _ALIKE = 0.1
 """Cosine between what gravity does along a path and what would be needed, below which it has nothing to do with it."""
 
 
-def swings(problem: MinimumTimeProblem, random: np.random.Generator, count: int) -> list[list[Array]]:
+def swing_up_guesses(problem: MinimumTimeProblem, random: np.random.Generator, count: int) -> list[list[Array]]:
     """Ways on which joints without a motor swing further and further, until the last swing brings them to the goal.
 
     Weak motors cannot do it in fewer swings, and guesses that go straight to the goal lead to no motion then.
@@ -20,7 +20,7 @@ def swings(problem: MinimumTimeProblem, random: np.random.Generator, count: int)
     Args:
         problem: what is to be solved.
         random: what varies the ways' amplitudes, and the poses of the joints with a motor.
-        count: how many ways; of as many swings more than the way before as there are in `SearchPolicy.swings`.
+        count: how many ways; of as many swings more than the way before as there are in `SearchPolicy.swing_ups`.
 
     Returns:
         For each the poses in between [rad or m], each of shape (nv,); empty if no such joint is to move.
@@ -31,7 +31,7 @@ def swings(problem: MinimumTimeProblem, random: np.random.Generator, count: int)
         return []
     ways = []
     for k in range(count):
-        most = SearchPolicy.swings[k % len(SearchPolicy.swings)]
+        most = SearchPolicy.swing_ups[k % len(SearchPolicy.swing_ups)]
         parts = np.arange(1, most + 1)[:, None] / (most + 1)
         sides = np.where((most - np.arange(most))[:, None] % 2, -1.0, 1.0)  # the last swing is away from the goal
         swung = parts * sides * away * random.lognormal(0, SearchPolicy.unlike, (most, away.size))

@@ -12,7 +12,7 @@ from armdyn.optimal.program.layout import CondensedLayout
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.direct import prepare, solve_on_mesh
-from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, Outcome, in_time
+from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, NlpResult, in_time
 from armdyn.optimal.solve.stagewise.solver import Stagewise
 from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.scheme import Scheme
@@ -121,18 +121,18 @@ def _condensed(
     sides = lower[kept], upper[kept]
     if bounded and isinstance(solver, Stagewise):
         inner = full.inner_states(intervals)[:, 0]
-        outcome = solver.solve(start, parameters, sides, task.stop, (lower[inner].T, upper[inner].T))
+        result = solver.solve(start, parameters, sides, task.stop, (lower[inner].T, upper[inner].T))
     else:
-        outcome = solver.solve(start, parameters, sides, task.stop)
-    x = layout.expanded(outcome.x, solver.middles(outcome.x, parameters))
+        result = solver.solve(start, parameters, sides, task.stop)
+    x = layout.expanded(result.x, solver.middles(result.x, parameters))
     violation = None
-    if outcome.status is not Status.SOLVED:
-        defects = solver.equations(outcome.x, parameters).reshape(intervals, -1)
+    if result.status is not Status.SOLVED:
+        defects = solver.equations(result.x, parameters).reshape(intervals, -1)
         violation = worst_defect(problem, full, x, defects, fractions, scales)
     motion = to_trajectory(x, full, fractions, scales, problem.robot.joint_names)
     beyond = np.maximum(lower - x, x - upper)[full.inner_states(intervals)]
     within = bool(np.max(beyond) <= max(settings.tolerance, _RELAXED))
-    return Attempt(outcome.status, outcome.message, motion, intervals, outcome.iterations, violation), within
+    return Attempt(result.status, result.message, motion, intervals, result.iterations, violation), within
 
 
 def _solver(task: Task, intervals: int, settings: DirectOptions) -> "Stagewise | _ByIpopt":
@@ -157,7 +157,7 @@ class _ByIpopt:
     def layout(self) -> CondensedLayout:
         return self.ipopt.program.layout
 
-    def solve(self, x: Array, p: Array, bounds: tuple[Array, Array], stop: Stop) -> Outcome:
+    def solve(self, x: Array, p: Array, bounds: tuple[Array, Array], stop: Stop) -> NlpResult:
         equal = np.zeros(self.ipopt.program.functions["g"].numel())
         return self.ipopt.solve(x, p, bounds, (equal, equal), stop)
 

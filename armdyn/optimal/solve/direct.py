@@ -70,18 +70,18 @@ def solve_on_mesh(
     x = np.clip(x, lower, upper)
     sides = row_bounds(rows, values, Collocated(task.dynamics, task.scheme), intervals)
     lbg, ubg = (np.concatenate(both) for both in zip(_equations(nlp, legs), sides, strict=True))
-    outcome = solver.solve(x, parameters, (lower, upper), (lbg, ubg), task.stop)
-    x, g = outcome.x, solver.equations(outcome.x, parameters)
-    landed = outcome.status is Status.SOLVED
+    result = solver.solve(x, parameters, (lower, upper), (lbg, ubg), task.stop)
+    x, g = result.x, solver.equations(result.x, parameters)
+    landed = result.status is Status.SOLVED
     # Rows after the equations of motion are not looked at.
     beyond = np.maximum(g - ubg, lbg - g)[: intervals * nlp.defects].reshape(intervals, -1)
     own = np.maximum(x[layout.times(intervals)[np.append(0, legs.knots[:-1])]] * scales.time, 0)
     return Attempt(
-        status=outcome.status,
-        message=outcome.message,
+        status=result.status,
+        message=result.message,
         trajectory=to_trajectory(x, layout, fractions, scales, problem.robot.joint_names, legs.intervals),
         intervals=intervals,
-        iterations=outcome.iterations,
+        iterations=result.iterations,
         worst_violation=None if landed else worst_defect(problem, layout, x, beyond, fractions, scales),
         passing=np.cumsum(own)[:-1],
     )

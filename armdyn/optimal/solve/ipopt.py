@@ -65,7 +65,7 @@ class IpoptSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class NlpResult:
     """What IPOPT made of a program.
 
     Attributes:
@@ -133,8 +133,8 @@ class Ipopt(Generic[P]):
         x_bounds: tuple[Array, Array],
         g_bounds: tuple[Array, Array],
         stop: Stop,
-        near: Outcome | None = None,
-    ) -> Outcome:
+        near: NlpResult | None = None,
+    ) -> NlpResult:
         """One call of IPOPT, and all of them go through here.
 
         Args:
@@ -160,7 +160,7 @@ class Ipopt(Generic[P]):
         return np.array(self._solver.get_function("nlp_g")(x, p)).ravel()
 
 
-def ended(word: str, stop: Stop, iterations: int, x: Array, begun: Array, lam_x: Array, lam_g: Array) -> Outcome:
+def ended(word: str, stop: Stop, iterations: int, x: Array, begun: Array, lam_x: Array, lam_g: Array) -> NlpResult:
     """What became of a program.
 
     Args:
@@ -177,7 +177,7 @@ def ended(word: str, stop: Stop, iterations: int, x: Array, begun: Array, lam_x:
         status, word = Status.TIME_LIMIT, "time limit reached"
     if not np.all(np.isfinite(x)):
         status, x = Status.FAILED if status is Status.SOLVED else status, begun
-    return Outcome(status, word.replace("_", " "), iterations, x, lam_x, lam_g)
+    return NlpResult(status, word.replace("_", " "), iterations, x, lam_x, lam_g)
 
 
 def in_time(task: Task, build: Callable[[Scheme], S]) -> S:

@@ -50,7 +50,7 @@ def _finer(task: Task, attempt: Attempt, numbers: SwitchMeshPolicy) -> Array:
     limits, knots = task.problem.limits, attempt.mesh
     lengths = np.diff(knots)
     middle = attempt.trajectory(attempt.trajectory.duration * (knots[:-1] + knots[1:]) / 2)
-    levels = (middle.tau - (limits.effort_upper + limits.effort_lower) / 2) / limits.effort_size
+    levels = (middle.tau - limits.actuators.center) / limits.actuators.scale
     more = [float(time) for time in _beyond_limits(task, attempt, numbers)]
     for level in levels.T[~limits.passive]:
         for run in stretches(np.flatnonzero(np.abs(level) < 1 - task.policy.arcs.near)):

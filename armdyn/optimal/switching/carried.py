@@ -36,14 +36,14 @@ def with_carrier(extremal: Extremal, whole: Whole, segment: Segment, press: Mode
         return None
     i, middle = contact.joint, (whole.t[:-1] + whole.t[1:]) / 2
     own = np.flatnonzero((middle > begin) & (middle < end))
-    less = whole.tau[own, :, i] - (limits.effort_upper if press is Mode.UPPER else limits.effort_lower)[i]
+    less = whole.tau[own, :, i] - (limits.actuators.upper if press is Mode.UPPER else limits.actuators.lower)[i]
     inverse = np.linalg.inv(whole.inertia[own])
     found: list[tuple[float, int]] = []
     for j in range(len(schedule.first)):
         if j == i or not _on_limits(schedule, j, begin, end):
             continue
         more = less * inverse[..., i, i] / inverse[..., i, j]
-        if limits.effort_lower[j] <= np.median(whole.tau[own, :, j] + more) <= limits.effort_upper[j]:
+        if limits.actuators.lower[j] <= np.median(whole.tau[own, :, j] + more) <= limits.actuators.upper[j]:
             found.append((float(np.median(np.abs(whole.switching[own, :, j] * more))), j))
     if not found:
         return None

@@ -129,7 +129,7 @@ class _Contact:
         i, sign, lengths = change.joint, outward(change.mode), np.diff(whole.t)
         holder = change.carrier.joint if change.carrier else i
         t = whole.t[own][:, None] + lengths[own][:, None] * NODES
-        upper, lower = limits.effort_upper[holder], limits.effort_lower[holder]
+        upper, lower = limits.actuators.upper[holder], limits.actuators.lower[holder]
         torque = (2 * whole.tau[own, :, holder] - upper - lower) / (upper - lower)
         costate, K = whole.costate[:, :, i], lengths.size
         knots = range(int(own[0]), int(own[-1]) + 2)

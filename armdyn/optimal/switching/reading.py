@@ -77,7 +77,7 @@ def _with_courses(setting: Setting, schedule: Schedule, motion: Trajectory) -> S
 def _nearest(setting: Setting, joint: int, tau: Array) -> Mode:
     """The limit that a joint's torque is nearer to."""
     limits = setting.problem.limits
-    return Mode.UPPER if 2 * tau[joint] > limits.effort_upper[joint] + limits.effort_lower[joint] else Mode.LOWER
+    return Mode.UPPER if 2 * tau[joint] > limits.actuators.upper[joint] + limits.actuators.lower[joint] else Mode.LOWER
 
 
 def banged(arcs: Sequence[Arc], shares: Array, left: NDArray[np.bool_] | None = None) -> list[Arc]:
@@ -118,8 +118,8 @@ def shares_of(problem: MinimumTimeProblem, arcs: Sequence[Arc], motion: Trajecto
     edges = np.cumsum([0.0, *(arc.duration for arc in arcs)])
     edges *= motion.duration / edges[-1]
     means = np.array([np.mean(motion(np.linspace(a, b, _IN_ARC)).tau, axis=0) for a, b in pairwise(edges)])
-    ranges = limits.effort_upper - limits.effort_lower
-    return np.asarray((means - limits.effort_lower) / np.where(ranges > 0, ranges, 1.0))
+    ranges = limits.actuators.width
+    return np.asarray((means - limits.actuators.lower) / np.where(ranges > 0, ranges, 1.0))
 
 
 def _pieces(before: Mode | None, after: Mode | None, share: float) -> tuple[Mode, list[tuple[float, Mode]]]:

@@ -205,7 +205,7 @@ def leaves_idle(extremal: Extremal, tolerance: float) -> bool:
         tolerance: of what H feels of a torque, against the 1 that time costs.
     """
     march, limits = extremal.march, extremal.march.setting.problem.limits
-    ranges = limits.effort_upper - limits.effort_lower
+    ranges = limits.actuators.width
     idle = (np.abs(extremal.switching) * ranges <= tolerance) & (ranges > 0)
     elsewhere = (march.torques.felt > 0) | (march.torques.held > 0) | (march.torques.carried[:, ranges.size :] > 0)
     shares = np.tile(march.h, 2) @ (idle & ~np.tile(elsewhere, (2, 1))) / 2

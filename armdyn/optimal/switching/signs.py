@@ -55,7 +55,7 @@ def wrong_signs(extremal: Extremal, least: float) -> list[Wrong]:
     for i in range(len(extremal.schedule.first)):
         own = [modes[a][i] for a in march.arc]
         sign = np.array([0.0 if mode not in BANG else 1.0 if mode is Mode.UPPER else -1.0 for mode in own])
-        range_ = limits.effort_upper[i] - limits.effort_lower[i]
+        range_ = limits.actuators.width[i]
         fall = np.column_stack(np.split(extremal.switching[:, i], 2)) * sign[:, None] * range_
         fall = fall.ravel()
         for run in stretches(np.flatnonzero(fall > 0.05 * least)):

@@ -120,7 +120,7 @@ class _Along:
         march, joint = extremal.march, extremal.schedule.changes[k].joint
         limits = march.setting.problem.limits
         own = np.flatnonzero((march.arc > k) & (march.arc <= extremal.schedule.end_of(k)))
-        low, high = limits.effort_lower[joint], limits.effort_upper[joint]
+        low, high = limits.actuators.lower[joint], limits.actuators.upper[joint]
         switching = np.column_stack([each[own, joint] for each in np.split(extremal.switching, 2)]).ravel()
         tau = np.column_stack([each[own, joint] for each in march.torques.tau]).ravel()
         t = np.column_stack([march.times[own], march.times[own + 1]]).ravel()
@@ -182,8 +182,8 @@ def idle_fall(extremal: Extremal, k: int) -> float:
     for switching, tau in zip(np.split(extremal.switching, 2), march.torques.tau, strict=True):
         s, u = switching[own, joint], tau[own, joint]
         falls += [
-            *(np.maximum(s, 0) * (u - limits.effort_lower[joint])),
-            *(np.maximum(-s, 0) * (limits.effort_upper[joint] - u)),
+            *(np.maximum(s, 0) * (u - limits.actuators.lower[joint])),
+            *(np.maximum(-s, 0) * (limits.actuators.upper[joint] - u)),
         ]
     return float(max(falls))
 
@@ -237,7 +237,7 @@ def course_near(setting: Setting, joint: int, tau: Array, leaping: frozenset[int
     """
     limits, unit = setting.problem.limits, setting.course[joint]
     s = np.linspace(0, 1, len(tau) + 2)[1:-1]
-    middle, half = (limits.effort_upper + limits.effort_lower) / 2, limits.effort_size
+    middle, half = limits.actuators.center, limits.actuators.scale
     signs: Array = np.sign(tau - middle) * (np.abs(tau - middle) > _ON_LIMIT * half)
     course = Course((0.0,) * few, tuple((other, (0.0,)) for other in sorted(leaping)))
     terms = course.terms(s, signs)

@@ -4,14 +4,14 @@ from dataclasses import dataclass
 
 from armdyn.arguments import expect, flag, number, one_of, several, whole
 from armdyn.errors import ProblemError
-from armdyn.optimal.task.effort import EFFORTS, Effort
 from armdyn.optimal.task.scheme import Control, DynamicsForm
+from armdyn.optimal.task.search_level import SEARCH_LEVELS, SearchLevel
 from armdyn.optimal.task.tableau import TABLEAUS
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 
 MAX_STARTS = 10**5
-"""Guesses of one search, at most: a hundred times what `effort="thorough"` has; they are drawn before it begins."""
+"""Guesses of one search, at most: a hundred times what `search="thorough"` has; they are drawn before it begins."""
 REPLAY_TOLERANCE = 1e-3
 """Default of `MinimumTimeOptions.replay_tolerance` [rad or m]: about a millimetre at the tip, which a controller makes
 up for."""
@@ -45,10 +45,10 @@ class MinimumTimeOptions:
 
     Attributes:
         guesses: motions of the same joints to begin with, beside the search's own: optima of similar problems.
-        effort: how much is searched: "quick" solves a third of the guesses, "thorough" five times as many and all of
+        search: how much is searched: "quick" solves a third of the guesses, "thorough" five times as many and all of
             them, and refines three times as many optima (docs/search.md); likewise of curves, and where effort is paid
             for, which have numbers of their own.
-        starts: guesses of the global search, whatever the effort; at most 100,000.
+        starts: guesses of the global search, whatever the level; at most 100,000.
         seed: of the guesses after the first; the same seed gives the same answer.
         refinements: so many of the optima found are refined, slower ones than a certified one, too; None: these are
             listed as the mesh has them.
@@ -74,7 +74,7 @@ class MinimumTimeOptions:
     """
 
     guesses: tuple[Trajectory, ...] = ()
-    effort: Effort = "normal"
+    search: SearchLevel = "normal"
     starts: int | None = None
     seed: int = 0
     refinements: int | None = None
@@ -114,7 +114,7 @@ class MinimumTimeOptions:
         for name in ("replay_tolerance", "tolerance", "time_limit"):
             number(getattr(self, name), name, sign="positive", finite=False)
         number(self.smooth, "smooth", sign="not negative")
-        one_of(self.effort, EFFORTS, "effort")
+        one_of(self.search, SEARCH_LEVELS, "search")
         one_of(self.method, tuple(TABLEAUS), "method")
         one_of(self.control, ("linear", "constant"), "control")
         one_of(self.dynamics, ("forward", "inverse"), "dynamics")

@@ -88,7 +88,7 @@ def _gauss(stages: int) -> Tableau:
 
 
 LOBATTO_3 = _collocation("lobatto3", np.array([0.0, 0.5, 1.0]), 4)
-"""Three-stage Lobatto IIIA: Hermite-Simpson, the paper's "three-stage Lobatto formula"."""
+"""Three-stage Lobatto IIIA: Hermite-Simpson."""
 RADAU_2, RADAU_3 = _radau(2), _radau(3)
 RADAU_5 = _radau(5)
 """For the smooth arcs of a known structure, where a high order pays."""

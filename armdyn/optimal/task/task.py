@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.errors import ProblemError
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.task.options import DirectOptions, MinimumTimeOptions
@@ -31,8 +32,8 @@ class Task:
         options: what the user chose.
         policy: what depends on the kind of problem, and the tuned numbers.
         stop: asked every few iterations.
-        tell: told in words what is being tried.
-        floor: gives a duration that no motion beats [s], as is proven, and may wait for it; None: none is known.
+        progress: called with a line of text on what is being tried.
+        lower_bound: returns the proven lower bound on the duration [s], and may wait for it; None: none is known.
     """
 
     problem: MinimumTimeProblem
@@ -41,8 +42,8 @@ class Task:
     options: MinimumTimeOptions
     policy: Policy
     stop: Stop = field(default_factory=Stop)
-    tell: Callable[[str], None] = _silently
-    floor: Callable[[], float | None] = _unknown
+    progress: Callable[[str], None] = _silently
+    lower_bound: Callable[[], float | None] = _unknown
 
     @classmethod
     def of(
@@ -50,7 +51,7 @@ class Task:
         problem: MinimumTimeProblem,
         options: MinimumTimeOptions | None = None,
         stop: Stop | None = None,
-        tell: Callable[[str], None] | None = None,
+        progress: Callable[[str], None] | None = None,
     ) -> Self:
         """The task that a problem and a user's options make.
 
@@ -58,9 +59,16 @@ class Task:
             problem: what is to be solved.
             options: by default, `MinimumTimeOptions()`.
             stop: by default nothing stops it.
-            tell: by default nobody is told.
+            progress: by default nobody is told.
+
+        Raises:
+            ProblemError: a guess in the options moves other joints.
         """
         options, policy = options or MinimumTimeOptions(), Policy.of(problem)
+        for k, guess in enumerate(options.guesses):
+            if guess.q.shape[1] != problem.robot.nv:
+                name, joints = problem.robot.name, problem.robot.nv
+                raise ProblemError(f"options.guesses[{k}] moves {guess.q.shape[1]} joints, {name} has {joints}")
         dynamics = Dynamics(problem.robot, free_last_body=True)
         return cls(
             problem,
@@ -69,7 +77,7 @@ class Task:
             options,
             policy,
             Stop() if stop is None else stop,
-            tell or _silently,
+            progress or _silently,
         )
 
     def about(self, problem: MinimumTimeProblem) -> Self:

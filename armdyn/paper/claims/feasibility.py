@@ -7,13 +7,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from armdyn.models.values.spec import PAPER_ARMS, PaperArm
+from armdyn.models.values.spec import PLANAR_ARMS, PlanarArmName
 from armdyn.paper.outcomes.case import READINGS, Case, Reading
 from armdyn.paper.printed.examples import PAYLOADS
 
 Array = NDArray[np.float64]
 
-_EXAMPLE: dict[PaperArm, int] = {"r": 1, "rr": 2, "rrr": 3}
+_EXAMPLE: dict[PlanarArmName, int] = {"r": 1, "rr": 2, "rrr": 3}
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Holding:
         limit: ± of every joint [N m].
     """
 
-    arm: PaperArm
+    arm: PlanarArmName
     payload: float
     reading: Reading
     torque: tuple[float, ...]
@@ -40,7 +40,7 @@ class Holding:
         return all(abs(torque) <= limit for torque, limit in zip(self.torque, self.limit, strict=True))
 
 
-def holding(arm: PaperArm, payload: float, reading: Reading = "tip") -> Holding:
+def holding(arm: PlanarArmName, payload: float, reading: Reading = "tip") -> Holding:
     """The torque that holds an arm still at the goal of its minimum-time example: g(q_goal).
 
     Args:
@@ -54,7 +54,7 @@ def holding(arm: PaperArm, payload: float, reading: Reading = "tip") -> Holding:
     return Holding(arm, payload, reading, tuple(map(float, torque)), tuple(map(float, robot.limits.effort_upper)))
 
 
-def largest_payload(arm: PaperArm, reading: Reading = "tip") -> float:
+def largest_payload(arm: PlanarArmName, reading: Reading = "tip") -> float:
     """The largest payload that an arm's actuators can hold still at the goal [kg].
 
     In closed form: g(q) is linear in the payload, so two payloads tell all, and each joint bounds it by
@@ -74,4 +74,4 @@ def largest_payload(arm: PaperArm, reading: Reading = "tip") -> float:
 @cache
 def all_holdings() -> tuple[Holding, ...]:
     """Every arm with every payload of Table 2 in both readings."""
-    return tuple(holding(arm, m, reading) for arm in PAPER_ARMS for reading in READINGS for m in PAYLOADS)
+    return tuple(holding(arm, m, reading) for arm in PLANAR_ARMS for reading in READINGS for m in PAYLOADS)

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from armdyn.models.values.spec import PaperArm
+from armdyn.models.values.spec import PlanarArmName
 from armdyn.paper.claims.feasibility import holding
 from armdyn.paper.claims.traits import PayloadEffect, Traits, largest_error
 from armdyn.paper.outcomes.case import READINGS, Case
@@ -18,7 +18,7 @@ from armdyn.paper.printed.loop import DURATION
 Verdict = Literal["supported", "partly supported", "not supported", "not computed"]
 Found = Mapping[Case, Outcome]
 
-SECTIONS: dict[PaperArm, str] = {"r": "6.1", "rr": "6.2", "rrr": "6.3"}
+SECTIONS: dict[PlanarArmName, str] = {"r": "6.1", "rr": "6.2", "rrr": "6.3"}
 """The paper's section about each arm."""
 
 _TOLERANCE = 0.005
@@ -67,7 +67,7 @@ class Statement:
         return "supported" if all(held) else "partly supported" if any(held) else "not supported"
 
 
-def statements(arm: PaperArm, outcomes: Iterable[Outcome], payload: float = PAYLOAD) -> tuple[Statement, ...]:
+def statements(arm: PlanarArmName, outcomes: Iterable[Outcome], payload: float = PAYLOAD) -> tuple[Statement, ...]:
     """A section's items (i) to (v), computed.
 
     The two motions compared are the minimum time and the PID loop with the payload at the tip; the effect of

@@ -26,7 +26,7 @@ _SHORTEST_STEP = 2.0**-10
 
 
 @dataclass(frozen=True, eq=False)
-class Extremal:
+class BoundaryExtremal:
     """A solution of the canonical system, or a guess of one.
 
     Attributes:
@@ -71,7 +71,7 @@ class BoundaryProblem:
     weight: float
     lower: Array
     upper: Array
-    guess: Extremal
+    guess: BoundaryExtremal
     stop: Stop
 
     @cached_property
@@ -115,7 +115,7 @@ class BoundaryProblem:
         return at_first, at_last, np.zeros((size + 1, 1))
 
 
-def solve_lobatto(problem: BoundaryProblem, tolerance: float, max_nodes: int) -> Extremal:
+def solve_lobatto(problem: BoundaryProblem, tolerance: float, max_nodes: int) -> BoundaryExtremal:
     """Three-stage Lobatto IIIA collocation, of order 4, on a mesh that adapts: `scipy.integrate.solve_bvp`.
 
     Args:
@@ -146,10 +146,10 @@ def solve_lobatto(problem: BoundaryProblem, tolerance: float, max_nodes: int) ->
     message = f"{found.message} Largest residual {residual:.2g} at {found.x[worst]:.4g} of the duration"
     if not duration > 0:
         status, message = Status.FAILED, f"the duration came out as {duration:.3g} s. {message}"
-    return Extremal(found.x, found.y * problem.scale[:, None], duration, status, message, residual)
+    return BoundaryExtremal(found.x, found.y * problem.scale[:, None], duration, status, message, residual)
 
 
-def solve_trapezoidal(problem: BoundaryProblem, intervals: int, tolerance: float) -> Extremal:
+def solve_trapezoidal(problem: BoundaryProblem, intervals: int, tolerance: float) -> BoundaryExtremal:
     """Finite differences: the trapezoidal rule (Lobatto IIIA with two stages), of order 2, on an even mesh.
 
     The equations z_{k+1} − z_k = h/2 (g_k + g_{k+1}) are solved by Newton's method with steps halved until the
@@ -169,14 +169,14 @@ def solve_trapezoidal(problem: BoundaryProblem, intervals: int, tolerance: float
     return _extremal(problem, s, root)
 
 
-def _extremal(problem: BoundaryProblem, s: Array, root: Root) -> Extremal:
+def _extremal(problem: BoundaryProblem, s: Array, root: Root) -> BoundaryExtremal:
     """What the unknowns say, with the interval in which the residual is largest."""
     z, duration = root.unknowns[:-1].reshape(s.size, -1), float(root.unknowns[-1]) * problem.guess.duration
     worst = int(np.argmax(np.abs(root.residual)))
     value = float(np.abs(root.residual[worst]))
     place = s[min(worst // problem.scale.size, s.size - 1)]
     message = f"{root.reason}; largest residual {value:.2g} at {place:.4g} of the duration"
-    return Extremal(s, z.T * problem.scale[:, None], duration, root.status, message, value)
+    return BoundaryExtremal(s, z.T * problem.scale[:, None], duration, root.status, message, value)
 
 
 def _trapezoidal(problem: BoundaryProblem, s: Array, unknowns: Array) -> Point:

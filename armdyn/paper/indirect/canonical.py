@@ -6,7 +6,7 @@ With L = 1 + w/2 τᵀτ and H = L + ρᵀf(x, τ), x = (q, v), f = (v, ABA(q, v
 
 f is affine in τ, so that with the switching function S = ∂(ρᵀf)/∂τ = D(q)⁻¹ ρ_v the minimising torque is
 −S/w cut off at the limits, and −sign S times the limit for w = 0 (Bryson and Ho, Applied Optimal Control, ch. 3).
-Another torque, and another L, is another `Law`.
+Another torque, and another L, is another `TorqueLaw`.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.models.robots.robot import Robot
-from armdyn.paper.indirect.law import MINIMUM, Law, LawSymbols
+from armdyn.paper.indirect.law import MINIMUM, LawSymbols, TorqueLaw
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ class CanonicalSystem:
     terminal: ca.Function
 
 
-def canonical_system(robot: Robot, law: Law = MINIMUM) -> CanonicalSystem:
+def canonical_system(robot: Robot, law: TorqueLaw = MINIMUM) -> CanonicalSystem:
     """The canonical system of an arm; the same arm and law give the same one.
 
     Args:
@@ -83,7 +83,7 @@ def columns(function: ca.Function, *arguments: Array) -> list[Array]:
 
 
 @built_once(maxsize=64)
-def _build(dynamics: Dynamics, law: Law) -> CanonicalSystem:
+def _build(dynamics: Dynamics, law: TorqueLaw) -> CanonicalSystem:
     n = dynamics.nv
     y, tau = ca.SX.sym("y", 4 * n), ca.SX.sym("tau", n)
     w, lower, upper = ca.SX.sym("w"), ca.SX.sym("lower", n), ca.SX.sym("upper", n)

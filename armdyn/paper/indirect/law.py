@@ -32,7 +32,7 @@ class LawSymbols:
 
 
 @dataclass(frozen=True)
-class Law:
+class TorqueLaw:
     """A torque, cut off at the limits afterwards, and the Hamiltonian H = L + ρᵀf that goes with it.
 
     Its functions are to stand in a module, so that it can be a key of caches and go to other processes.
@@ -63,5 +63,5 @@ def _time_and_effort(symbols: LawSymbols) -> ca.SX:
     return 1 + symbols.weight / 2 * ca.sumsqr(symbols.tau)
 
 
-MINIMUM = Law("minimum", _least, _time_and_effort, minimises=True)
+MINIMUM = TorqueLaw("minimum", _least, _time_and_effort, minimises=True)
 """The torque that minimises H with L = 1 + w/2 τᵀτ: −S/w."""

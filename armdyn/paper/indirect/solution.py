@@ -16,9 +16,9 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.task.options import MAX_STARTS
 from armdyn.paper.indirect.bang_bang import BangBangExtremal, BangBangProblem
-from armdyn.paper.indirect.boundary import BoundaryProblem, Extremal
+from armdyn.paper.indirect.boundary import BoundaryExtremal, BoundaryProblem
 from armdyn.paper.indirect.canonical import columns
-from armdyn.paper.indirect.law import MINIMUM, Law
+from armdyn.paper.indirect.law import MINIMUM, TorqueLaw
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 
@@ -37,7 +37,7 @@ class IndirectOptions:
     """How `solve_indirect` goes about it.
 
     Attributes:
-        law: what the torque is: MINIMUM, which minimises H, or another `Law`.
+        law: what the torque is: MINIMUM, which minimises H, or another `TorqueLaw`.
         method: "lobatto", three-stage Lobatto IIIA on a mesh that adapts, of order 4; or "trapezoidal",
             finite differences on an even mesh, of order 2.
         bounded: keep the torque limits (saturated law); or have none.
@@ -50,7 +50,7 @@ class IndirectOptions:
         time_limit: wall time [s].
     """
 
-    law: Law = MINIMUM
+    law: TorqueLaw = MINIMUM
     method: Method = "lobatto"
     bounded: bool = True
     tolerance: float = 1e-6
@@ -62,7 +62,7 @@ class IndirectOptions:
     time_limit: float = 60.0
 
     def __post_init__(self) -> None:
-        if not isinstance(self.law, Law):
+        if not isinstance(self.law, TorqueLaw):
             raise ProblemError(
                 f"law is {shown(self.law)}; it must be a value of the class Law, not a name: "
                 "armdyn.paper.indirect.MINIMUM, or one like it (see docs/indirect.md)"
@@ -119,7 +119,7 @@ class IndirectSolution:
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class ExtremalSamples:
     """An extremal and what follows from it, before it is held against limits that it does not know.
 
     Attributes:
@@ -146,7 +146,7 @@ class Samples:
 def from_extremal(
     problem: MinimumTimeProblem,
     boundary: BoundaryProblem,
-    found: Extremal,
+    found: BoundaryExtremal,
     options: IndirectOptions,
     direct: Phases | None,
 ) -> IndirectSolution:
@@ -170,7 +170,7 @@ def from_extremal(
         message += f"; H varies by {np.ptp(hamiltonian):.3g}: {options.law.remark}"
     squares = CubicSpline(t, np.sum(tau**2, axis=0)).integrate(0, found.duration)
     cost = float(found.duration + problem.effort_weight / 2 * squares)
-    samples = Samples(t, found.y.T, tau.T, hamiltonian, cost, found.status, message, found.residual)
+    samples = ExtremalSamples(t, found.y.T, tau.T, hamiltonian, cost, found.status, message, found.residual)
     return checked(problem, options, samples, direct)
 
 
@@ -195,12 +195,14 @@ def from_arcs(
     tau = np.repeat(shooting.torques(found.arcs), t.shape[1], axis=0)
     y = found.y.reshape(t.size, -1)
     hamiltonian = columns(shooting.system.hamiltonian, y.T, tau.T, np.zeros(1))[0][0, 0]
-    samples = Samples(t.ravel(), y, tau, hamiltonian, found.duration, found.status, found.message, found.residual)
+    samples = ExtremalSamples(
+        t.ravel(), y, tau, hamiltonian, found.duration, found.status, found.message, found.residual
+    )
     return replace(checked(problem, options, samples, direct), arcs=found.arcs)
 
 
 def checked(
-    problem: MinimumTimeProblem, options: IndirectOptions, samples: Samples, direct: Phases | None
+    problem: MinimumTimeProblem, options: IndirectOptions, samples: ExtremalSamples, direct: Phases | None
 ) -> IndirectSolution:
     """The solution, if it keeps the limits on position and velocity that went into no equation.
 

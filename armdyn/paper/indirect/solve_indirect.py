@@ -30,13 +30,13 @@ from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.policy.refinement import IndirectPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.paper.indirect.bang_bang import BangBangProblem, guess_arcs
-from armdyn.paper.indirect.boundary import BoundaryProblem, Extremal, solve_lobatto, solve_trapezoidal
+from armdyn.paper.indirect.boundary import BoundaryExtremal, BoundaryProblem, solve_lobatto, solve_trapezoidal
 from armdyn.paper.indirect.canonical import CanonicalSystem, canonical_system
 from armdyn.paper.indirect.shooting import shoot
 from armdyn.paper.indirect.solution import (
+    ExtremalSamples,
     IndirectOptions,
     IndirectSolution,
-    Samples,
     checked,
     from_arcs,
     from_extremal,
@@ -93,7 +93,7 @@ class _Question:
             return law.seed_weight(self.problem)
         return self.problem.effort_weight or self.numbers.first_weight * self.unit
 
-    def boundary(self, weight: float, guess: Extremal) -> BoundaryProblem:
+    def boundary(self, weight: float, guess: BoundaryExtremal) -> BoundaryProblem:
         """The boundary value problem of a weight."""
         problem = self.problem
         lower, upper = problem.limits.effort_lower, problem.limits.effort_upper
@@ -107,7 +107,7 @@ class _Question:
 class _Seed:
     """An extremal, or nearly, of some weight."""
 
-    extremal: Extremal
+    extremal: BoundaryExtremal
     weight: float
     direct: Phases | None
 
@@ -115,7 +115,7 @@ class _Seed:
     def of(cls, phases: Phases, weight: float) -> Self:
         """The direct method's solution, whose multipliers are the costates."""
         y = np.hstack([phases.q, phases.v, phases.costate]).T
-        return cls(Extremal(phases.t / phases.duration, y, phases.duration), weight, phases)
+        return cls(BoundaryExtremal(phases.t / phases.duration, y, phases.duration), weight, phases)
 
 
 def solve_indirect(
@@ -246,5 +246,5 @@ def _no_seed(question: _Question) -> IndirectSolution:
     y = np.hstack([motion.q, motion.v, np.zeros((motion.t.size, 2 * problem.robot.nv))])
     message = f"{status.replace('_', ' ')}: the direct method found nothing to start from"
     nowhere = np.full(motion.t.size, np.nan)
-    samples = Samples(motion.t, y, motion.tau, nowhere, np.inf, status, message, np.inf)
+    samples = ExtremalSamples(motion.t, y, motion.tau, nowhere, np.inf, status, message, np.inf)
     return checked(problem, question.options, samples, direct=None)

@@ -8,7 +8,7 @@ from armdyn.arguments import one_of
 from armdyn.control.tracking.arrival import ArrivalRule
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
-from armdyn.models.values.spec import ArmSpec, PaperArm, Payload
+from armdyn.models.values.spec import ArmSpec, Payload, PlanarArmName
 from armdyn.optimal import MinimumTimeProblem
 from armdyn.paper.continuous_pid import ContinuousLoop
 from armdyn.paper.printed.equations import PrintedArm
@@ -57,7 +57,7 @@ class Case:
     """
 
     example: int
-    arm: PaperArm
+    arm: PlanarArmName
     kind: Kind
     payload: float
     reading: Reading = "tip"

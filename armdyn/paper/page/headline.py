@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Sequence
 
-from armdyn.models.values.spec import PAPER_ARMS
+from armdyn.models.values.spec import PLANAR_ARMS
 from armdyn.paper.claims.feasibility import largest_payload
 from armdyn.paper.outcomes.outcome import Outcome
 from armdyn.paper.page.mathematics import formula, scientific, typeset
@@ -85,7 +85,7 @@ def _card(title: str, *content: str, link: str, kind: str = "bad") -> Html:
 
 def _minima(rows: Sequence[Row], outcomes: Sequence[Outcome]) -> Html | None:
     told = []
-    for arm in PAPER_ARMS:
+    for arm in PLANAR_ARMS:
         pairs = column(rows, arm=arm, kind="minimum_time", reading="tip")
         if pairs and ratios(pairs)[0] > 1:
             low, high = ratios(pairs)
@@ -119,7 +119,7 @@ def _loop(rows: Sequence[Row], outcomes: Sequence[Outcome]) -> Html | None:
 
 def _laws(rows: Sequence[Row], outcomes: Sequence[Outcome]) -> Html | None:
     parts = []
-    for arm in PAPER_ARMS:
+    for arm in PLANAR_ARMS:
         pairs = column(rows, arm=arm, kind="time_energy", reading="tip")
         if len(pairs) > 1:
             relative = rms([(1.0, ours / published) for published, ours in pairs])
@@ -144,7 +144,7 @@ def _equation(rows: Sequence[Row], outcomes: Sequence[Outcome]) -> Html | None:
 
 
 def _payload(rows: Sequence[Row], outcomes: Sequence[Outcome]) -> Html | None:
-    most = {arm: largest_payload(arm, "tip") for arm in PAPER_ARMS}
+    most = {arm: largest_payload(arm, "tip") for arm in PLANAR_ARMS}
     if min(most.values()) >= LARGEST_PAYLOAD:
         return None
     told = ", ".join(f"{mass:.3f} kg ({arm.upper()})" for arm, mass in most.items())

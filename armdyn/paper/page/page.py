@@ -2,6 +2,7 @@
 
 import base64
 import gzip
+import json
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from importlib.metadata import version
@@ -9,7 +10,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from armdyn.files import write_whole
-from armdyn.models.values.spec import PAPER_ARMS
+from armdyn.models.values.spec import PLANAR_ARMS
 from armdyn.paper.claims.statements import SECTIONS, statements
 from armdyn.paper.outcomes.case import Case
 from armdyn.paper.outcomes.outcome import Outcome, by_case
@@ -33,7 +34,8 @@ from armdyn.paper.tables.standing import VERDICTS
 from armdyn.show.figures.style import INK, SOFT
 from armdyn.show.markup import Html, element, fill, inline_svg, join, script_json
 from armdyn.show.page.assets import viewer_script
-from armdyn.show.replay import page_template, replay_fields
+from armdyn.show.page.report import page_fields, page_template
+from armdyn.show.replay import replay_of
 
 _SVG_COLORS = {
     INK: "var(--ink)",
@@ -168,7 +170,7 @@ def _stage(payload: float) -> Html:
 
 def _statements(outcomes: Sequence[Outcome], payload: float) -> Html:
     parts = []
-    for arm in PAPER_ARMS:
+    for arm in PLANAR_ARMS:
         items = statements(arm, outcomes, payload)
         heading = element("h3", f"Section {SECTIONS[arm]}: {arm.upper()}")
         summary = join(
@@ -206,16 +208,11 @@ def _replays(outcomes: Iterable[Outcome], payload: float) -> dict[str, object]:
         moves = [(case, motion) for case in cases if case in found and (motion := found[case].trajectory) is not None]
         if moves:
             what = "PID" if one.kind == "pid" else "time optimal"
-            fields = replay_fields(cases[0].robot(), [motion for _, motion in moves])
-            motions.append(
-                {
-                    "label": f"Example {one.number}: {one.arm.upper()}, {what}",
-                    "title": fields["title"],
-                    "data": _packed(fields["data"]),
-                }
-            )
+            fields = page_fields(replay_of(cases[0].robot(), [motion for _, motion in moves]))
+            label = f"Example {one.number}: {one.arm.upper()}, {what}"
+            motions.append({"label": label, "fields": _packed(json.dumps(fields))})
     return {
-        "template": _packed(page_template()),
+        "template": _packed(page_template(evaluates=True)),
         "viewer": _packed(viewer_script()),
         "motions": motions,
         "first": min(1, max(len(motions) - 1, 0)),

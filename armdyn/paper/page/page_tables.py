@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
-from armdyn.models.values.spec import PAPER_ARMS
+from armdyn.models.values.spec import PLANAR_ARMS
 from armdyn.paper.claims.statements import Statement
 from armdyn.paper.outcomes.case import Case
 from armdyn.paper.outcomes.outcome import Outcome, by_case
@@ -137,7 +137,7 @@ def at_a_glance(outcomes: Iterable[Outcome], rows: Iterable[Row], payload: float
     )  # fmt: skip
     head = [[element("th", "arm", class_="first"), *(element("th", typeset(name)) for name in names)]]
     body = []
-    for arm in PAPER_ARMS:
+    for arm in PLANAR_ARMS:
         optimal, loop = example(arm, "minimum_time").number, example(arm, "pid").number
         said, said_loop = (published.printed_time(number, payload) for number in (optimal, loop))
         closed = found.get(Case(loop, arm, "pid", payload))

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from armdyn.models.values.spec import PaperArm
+from armdyn.models.values.spec import PlanarArmName
 
 PAYLOAD = 0.1006
 """The payload of the paper's figures [kg]."""
@@ -34,7 +34,7 @@ class Example:
     """
 
     number: int
-    arm: PaperArm
+    arm: PlanarArmName
     kind: Kind
     q_start: tuple[float, ...]
     q_goal: tuple[float, ...]
@@ -46,7 +46,7 @@ class Example:
         return f"example{self.number}_{self.arm}_{'pid' if self.kind == 'pid' else 'mintime'}"
 
 
-_POSES: dict[PaperArm, tuple[tuple[float, ...], tuple[float, ...]]] = {
+_POSES: dict[PlanarArmName, tuple[tuple[float, ...], tuple[float, ...]]] = {
     "r": ((-np.pi / 2,), (np.pi / 20,)),
     "rr": ((-np.pi / 2, _TURN), (np.pi / 20, -_TURN)),
     "rrr": ((-np.pi / 2, _TURN, -_TURN), (np.pi / 20, -_TURN, _TURN)),

@@ -9,7 +9,7 @@ import casadi as ca
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal import MinimumTimeProblem
-from armdyn.paper.indirect import Law, LawSymbols
+from armdyn.paper.indirect import LawSymbols, TorqueLaw
 
 
 def _printed_torque(symbols: LawSymbols) -> ca.SX:
@@ -27,7 +27,7 @@ def _weight_of_the_law(problem: MinimumTimeProblem) -> float:
     return 1 / float(Dynamics(problem.robot).crba(problem.q_start)[0, 0])
 
 
-PRINTED = Law(
+PRINTED = TorqueLaw(
     name="printed",
     torque=_printed_torque,
     running_cost=_time_alone,

@@ -6,7 +6,7 @@ Kept as printed, so that the last printed digit of each is known.
 from dataclasses import dataclass
 from typing import Self
 
-from armdyn.models.values.spec import PaperArm
+from armdyn.models.values.spec import PlanarArmName
 from armdyn.paper.printed.examples import PAYLOAD
 
 _TABLE_3 = """
@@ -115,7 +115,7 @@ _TIMES: dict[int, dict[str, Printed]] = {
     3: _column(_TABLE_6_RRR, 1),
     6: _column(_TABLE_6_RRR, 2),
 }
-TABLE_OF_ARM: dict[PaperArm, int] = {"r": 4, "rr": 5, "rrr": 6}
+TABLE_OF_ARM: dict[PlanarArmName, int] = {"r": 4, "rr": 5, "rrr": 6}
 """Which table has an arm's times."""
 
 

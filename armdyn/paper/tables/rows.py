@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from armdyn.models.values.spec import PaperArm
+from armdyn.models.values.spec import PlanarArmName
 from armdyn.paper.claims.first_approach import OneLink, printed_law
 from armdyn.paper.outcomes.case import READINGS, Case, Reading, Variant
 from armdyn.paper.outcomes.outcome import Outcome
@@ -57,7 +57,7 @@ class Row:
     """
 
     table: int
-    arm: PaperArm
+    arm: PlanarArmName
     payload_kg: float
     reading: Reading
     variant: Variant

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from armdyn.models.values.spec import PaperArm
+from armdyn.models.values.spec import PlanarArmName
 from armdyn.paper.outcomes.outcome import Outcome
 from armdyn.paper.printed.published import TABLE_OF_ARM
 from armdyn.paper.tables.columns import paper_column, table_line
@@ -21,7 +21,7 @@ def number_of(row: Row) -> Number:
     return (row.table, paper_column(row), *table_line(row))
 
 
-def time_of(arm: PaperArm, example: int, payload: float) -> Number:
+def time_of(arm: PlanarArmName, example: int, payload: float) -> Number:
     """Which of the paper's numbers an example's time is, as `number_of` says it.
 
     Args:

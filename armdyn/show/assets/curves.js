@@ -256,7 +256,7 @@ const armdynCurves = (host, course, names, seek, zooms) => {
       const a = xs[i], b = i + 1 < n ? xs[i + 1] : null;
       return b === null || t[i + 1] === t[i] ? a : a + (b - a) * (Math.min(now, last) - t[i]) / (t[i + 1] - t[i]);
     },
-    on(j, now) { return (course.moves[0].lanes[j].find(([a, b]) => a <= now && now < b) || ["", "", ""])[2]; },
+    on(j, now, k = 0) { return (course.moves[k].lanes[j].find(([a, b]) => a <= now && now < b) || ["", "", ""])[2]; },
     joint(j, yes) { shown[j] = yes; kinds.forEach(refresh); charts.lanes.u.redraw(); },
     move(k, yes) { there[k] = yes; kinds.forEach(refresh); charts.lanes.u.redraw(); },
     theme(dark) { palette = armdynPalette(dark); all().forEach(u => u.redraw(false)); },

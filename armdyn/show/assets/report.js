@@ -1,4 +1,4 @@
-/* The report's player: one time for the arm, the curves, the slider and the numbers. */
+/* The page: one time for the arm, the curves, the slider and the numbers. Alone, the arm fills the window. */
 "use strict";
 (async () => {
   const el = id => document.getElementById(id);
@@ -35,7 +35,8 @@
         const above = drawn.arms.length > 1 ? Math.min(el("motions").offsetHeight / el("pane").clientHeight, .5) : 0;
         return { high: .84 * (1 - above), wide: .9, up: -above, right: 0 };
       };
-      scene = armdynScene(el("pane"), drawn, { overlay: true, room });
+      scene = armdynScene(el("pane"), drawn, { overlay: !data.alone, room });
+      el("grid").textContent = `grid ${+scene.spacing.toPrecision(1)} m`;
       drawn.arms.forEach((arm, k) => {
         const key = make(k ? "button" : "span", el("motions"), undefined, "move");
         make("i", key).style.background = `rgb(${arm.color.map(c => Math.round(255 * c)).join(",")})`;
@@ -62,14 +63,32 @@
     });
   }
   el("fit").onclick = () => scene && scene.fit();
+  const body = document.body.classList;
+  const view = alone => {
+    body.toggle("alone", alone);
+    el("view").textContent = alone ? "show curves" : "arm alone";
+    if (scene) scene.fit();
+  };
+  view(data.alone);
+  el("view").onclick = () => view(!body.contains("alone"));
+  // A press on a button in the pane is no grip on the arm, whose controls would capture the pointer and its click.
+  document.querySelectorAll(".tools, .keys").forEach(node => node.addEventListener("pointerdown", event => event.stopPropagation()));
   // A wheel over the arm scrolls the page, as everywhere else in it; with Ctrl held, or by two fingers, it zooms.
-  el("pane").addEventListener("wheel", event => { if (!event.ctrlKey) event.stopPropagation(); }, { capture: true });
+  el("pane").addEventListener("wheel", event => { if (!event.ctrlKey && !body.contains("alone")) event.stopPropagation(); }, { capture: true });
 
-  // The numbers of the moment.
+  // The numbers of the moment, of the first motion; alone, of all of them.
   const head = make("div", el("now"), undefined, "row head");
   ["joint", "position", "velocity", "torque", "of its limit", "on"].forEach(word => make("span", head, word));
-  const rows = labels.map((label, j) => {
-    const row = make("div", el("now"), undefined, "row"), name = make("label", row, undefined, "name");
+  const blocks = course.moves.map((move, k) => {
+    const block = make("div", el("now"), undefined, k ? "block further" : "block"), run = make("div", block, undefined, "run");
+    const [level, headline] = data.verdicts[k];
+    make("span", run, move.name);
+    const time = make("b", run);
+    if (headline) make("small", run, headline, level);
+    return { block, time };
+  });
+  const rows = course.moves.flatMap((_, k) => labels.map((label, j) => {
+    const row = make("div", blocks[k].block, undefined, "row"), name = make("label", row, undefined, "name");
     const box = make("input", name);
     Object.assign(box, { type: "checkbox", checked: true, title: "show its curves" });
     box.onchange = () => curves.joint(j, box.checked);
@@ -78,17 +97,18 @@
     text.title = data.joints[j];
     const cells = ["q", "v", "tau"].map(() => make("span", row, "", "value"));
     const bar = make("span", row, undefined, "bar"), fill = make("s", bar), on = make("span", row, "", "on");
-    return { name, cells, bar, fill, on };
-  });
+    return { k, j, name, cells, bar, fill, on };
+  }));
   const said = { "T+": "torque, upper", "T-": "torque, lower", "V+": "speed, upper", "V-": "speed, lower", "Q+": "position, upper",
     "Q-": "position, lower", P: "no motor", "": "–" };
   const full = labels.map((_, j) => {
     const [a, b] = course.limits.tau[j];
     return a !== null && b !== null ? [a, b] : null;
   });
-  full.forEach((limit, j) => {
-    rows[j].bar.classList.toggle("unlimited", limit === null);
-    rows[j].bar.title = limit === null ? "no torque limit" : `full at ${limit[1]}, or at ${limit[0]} ${curves.unit("tau", j)}`;
+  rows.forEach(({ bar, j }) => {
+    const limit = full[j];
+    bar.classList.toggle("unlimited", limit === null);
+    bar.title = limit === null ? "no torque limit" : `full at ${limit[1]}, or at ${limit[0]} ${curves.unit("tau", j)}`;
   });
 
   // The player.
@@ -108,15 +128,16 @@
   function show(time) {
     if (scene) scene.show(time);
     curves.at(time);
-    rows.forEach(({ cells, fill, on }, j) => {
+    rows.forEach(({ k, j, cells, fill, on }) => {
       ["q", "v", "tau"].forEach((kind, i) => {
-        cells[i].textContent = `${number(curves.values(kind, j, time), places[kind])} ${curves.unit(kind, j)}`;
+        cells[i].textContent = `${number(curves.values(kind, j, time, k), places[kind])} ${curves.unit(kind, j)}`;
       });
-      const torque = curves.values("tau", j, time);
+      const torque = curves.values("tau", j, time, k);
       const part = full[j] ? (torque < 0 ? -torque / full[j][0] : torque / full[j][1]) || 0 : 0;
       fill.style.transform = `scaleX(${Math.max(-1, Math.min(1, part))})`;
-      on.textContent = said[curves.on(j, Math.min(time, course.moves[0].duration * (1 - 1e-9)))];
+      on.textContent = said[curves.on(j, Math.min(time, course.moves[k].duration * (1 - 1e-9)), k)];
     });
+    course.moves.forEach((move, k) => { blocks[k].time.textContent = `${seconds(move.duration)} s${time >= move.duration ? " ✓" : ""}`; });
     el("scrubber").setAttribute("aria-valuetext", `${seconds(time)} s`);
     el("clock").textContent = `${seconds(time)} / ${seconds(duration)} s`;
   }
@@ -129,7 +150,7 @@
   function theme() {
     curves.theme(dark.matches);
     if (scene) scene.theme(dark.matches);
-    rows.forEach(({ name, fill }, j) => {
+    rows.forEach(({ name, fill, j }) => {
       name.style.setProperty("--joint", curves.color(j));
       fill.style.background = curves.color(j);
     });

@@ -1,4 +1,4 @@
-/* The arm in MeshCat's viewer: one scene, shared by the replay and the report.
+/* The arm in MeshCat's viewer.
 
    scene(pane, data, options) draws `data`, which `armdyn.show.page.scene` has written, into an element.
    options.overlay: arms stand in one place, all but the first translucent; else one behind the other, or side by side.
@@ -6,7 +6,7 @@
 "use strict";
 const armdynScene = (pane, data, options) => {
   const bytes = text => Uint8Array.from(atob(text), c => c.charCodeAt(0));
-  const joints = data.joints.length;
+  const joints = data.joints;
   const viewer = new MeshCat.Viewer(pane);
   const resize = viewer.set_3d_pane_size;
   viewer.set_3d_pane_size = () => resize.call(viewer, Math.max(pane.clientWidth, 1), Math.max(pane.clientHeight, 1));
@@ -26,7 +26,7 @@ const armdynScene = (pane, data, options) => {
     arm.poses = new Float32Array(bytes(arm.poses).buffer);
     run(arm.trail);
     arm.trail = object([...root(k), "trail", "<object>"]).geometry;
-    arm.groups = data.joints.map((_, j) => object([...root(k), `joint${j + 1}`]));
+    arm.groups = Array.from({ length: joints }, (_, j) => object([...root(k), `joint${j + 1}`]));
     const ghost = options.overlay && k > 0;
     if (ghost || (data.arms.length > 1 && !options.overlay)) object(root(k)).traverse(node => {
       if (!node.isMesh || !node.parent.name.startsWith("shape")) return;
@@ -132,7 +132,7 @@ const armdynScene = (pane, data, options) => {
   viewer.camera.fov = 32;
   let touched = false;
   viewer.controls.addEventListener("start", () => { touched = true; });
-  addEventListener("resize", () => (touched ? viewer.set_3d_pane_size() : fit()));
+  new ResizeObserver(() => (touched ? viewer.set_3d_pane_size() : fit())).observe(pane);
   fit();
 
   return {

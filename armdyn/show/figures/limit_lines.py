@@ -25,7 +25,7 @@ def scales(limits: JointLimits | None, joints: int) -> list[tuple[int, ...]]:
     every = tuple(range(joints))
     if limits is None:
         return [every]
-    strength = np.maximum(np.abs(limits.effort_lower), np.abs(limits.effort_upper))
+    strength = limits.actuators.strongest
     groups: list[list[int]] = []
     for joint in sorted(every, key=lambda i: -strength[i]):
         if groups and (not strength[joint] < strength[groups[-1][0]] / 3 or not np.isfinite(strength[groups[-1][0]])):

@@ -1,10 +1,9 @@
-"""What is left on disk of a sweep over payloads: a table, a figure, and every motion."""
+"""Table and figure of a sweep over payload."""
 
 from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
-from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,40 +16,17 @@ from armdyn.show.results import save_result
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from armdyn.optimal import Solution
+    from armdyn.models.robots.robot import Robot
 
 _REACH = 0.3
 """A tangent goes this part of the way to the neighbouring payloads."""
-
-
-def sweep_row(payload: float, solution: Solution) -> dict[str, Any]:
-    """One line of the table: what is not known is None.
-
-    Args:
-        payload: that the arm carries [kg].
-        solution: with it.
-    """
-    by, most = solution.sensitivities(), next(iter(solution.decides), None)
-    return {
-        "payload_kg": payload,
-        "duration_s": solution.duration if solution.moves else None,
-        "success": solution.success,
-        "usable": solution.usable,
-        "certified": solution.certified,
-        "gap": solution.gap,
-        "ms_per_gram": by.payload_mass if by else None,
-        "limited_most_by": most.name if most else None,
-        "ms_saved_by_one_per_cent": 10 * most.part * solution.duration if most else None,
-        "solve_time_s": round(solution.solve_time, 3),
-        "message": solution.message,
-    }
 
 
 def plot_sweep(rows: Sequence[dict[str, Any]], title: str | None = None) -> Figure:
     """Minimum time over payload, with the slope that each optimum's multipliers give.
 
     Args:
-        rows: `sweep_row` of increasing payloads; those that did not land are left out.
+        rows: of increasing payloads, with the columns of sweep.csv; those that did not land are left out.
         title: above the axes.
 
     Returns:
@@ -91,20 +67,20 @@ def plot_sweep(rows: Sequence[dict[str, Any]], title: str | None = None) -> Figu
 
 def write_sweep(
     folder: Path,
-    solutions: Sequence[Solution],
+    robot: Robot,
     rows: Sequence[dict[str, Any]],
     motions: Sequence[Path],
     title: str,
     *,
     figure: bool = True,
 ) -> list[Path]:
-    """Table (CSV), figure and JSON of a sweep, beside its motions.
+    """Write table (CSV), figure and JSON of a sweep.
 
     Args:
-        folder: that there is.
-        solutions: with increasing payload, at least one.
-        rows: `sweep_row` of each.
-        motions: files of `write_motion`.
+        folder: of the files; it exists.
+        robot: the arm.
+        rows: one for each payload, increasing; at least one.
+        motions: their files.
         title: the figure's.
         figure: whether there is one.
 
@@ -126,26 +102,14 @@ def write_sweep(
         files += [save_figure(drawn, folder / f"figure.{suffix}") for suffix in ("png", "pdf")]
     result = folder / "result.json"
     summary: dict[str, object] = {"rows": rows, "files": [path.name for path in [*files, result]]}
-    return [*files, save_result(result, solutions[0].problem.robot, summary)]
-
-
-def write_motion(folder: Path, payload: float, solution: Solution) -> Path:
-    """One motion of a sweep, under its payload's name.
-
-    Args:
-        folder: that there is.
-        payload: that the arm carries [kg].
-        solution: with it.
-    """
-    motion = replace(solution.trajectory, model_hash=solution.problem.robot.model_hash)
-    return motion.save(folder / motion_name(payload))
+    return [*files, save_result(result, robot, summary)]
 
 
 def motion_name(payload: float) -> str:
-    """What the motion with a payload [kg] is called."""
+    """File name of the motion with a payload [kg]."""
     return f"{1e3 * payload:g}g.npz"
 
 
 def table_names(*, figure: bool) -> list[str]:
-    """The files that `write_sweep` writes."""
+    """Names of the files that `write_sweep` writes."""
     return ["sweep.csv", *(["figure.png", "figure.pdf"] if figure else []), "result.json"]

@@ -37,7 +37,7 @@ Segment = tuple[float, float, str]
 
 
 @dataclass(frozen=True, eq=False)
-class Move:
+class ShownMotion:
     """A motion, what it is called, and what is known of it.
 
     Attributes:
@@ -60,7 +60,7 @@ def until(motion: Trajectory, end: float | None) -> Trajectory:
     return replace(motion, t=motion.t[rows], q=motion.q[rows], v=motion.v[rows], tau=motion.tau[rows])
 
 
-def course_data(moves: Sequence[Move], limits: JointLimits, sliding: Sequence[bool]) -> dict[str, Any]:
+def course_data(moves: Sequence[ShownMotion], limits: JointLimits, sliding: Sequence[bool]) -> dict[str, Any]:
     """All curves at common times from 0 on, with limits, what limit each joint is on, and switching instants.
 
     Args:
@@ -92,7 +92,7 @@ def _times(motion: Trajectory) -> Array:
     return np.asarray(np.union1d(own, even) - motion.t[0])
 
 
-def _curves(move: Move, times: Array, limits: JointLimits) -> dict[str, Any]:
+def _curves(move: ShownMotion, times: Array, limits: JointLimits) -> dict[str, Any]:
     """One motion; beyond its end there is nothing of it."""
     motion = move.motion
     sample = motion(motion.t[0] + times)
@@ -161,7 +161,7 @@ def sampled_lanes(t: Array, sample: Sample, limits: JointLimits) -> list[list[Se
     return lanes
 
 
-def switches(move: Move, lanes: Sequence[Sequence[Segment]], *, resolved: bool) -> list[dict[str, Any]]:
+def switches(move: ShownMotion, lanes: Sequence[Sequence[Segment]], *, resolved: bool) -> list[dict[str, Any]]:
     """Switching instants of a motion, and of which joints [s from the start]; at most `_TICKS`.
 
     Of solved arcs their ends; of a motion whose arcs were looked for and not resolved none, for its jumps are a mesh's;
@@ -212,13 +212,8 @@ def _left(limits: JointLimits, facts: Facts) -> JointLimits:
     if kept is None:
         return limits
     effort, velocity = 1 - np.array(kept["tau"]), 1 - np.array(kept["v"])
-    return JointLimits(
-        position_lower=limits.position_lower,
-        position_upper=limits.position_upper,
-        velocity=limits.velocity * velocity,
-        effort_lower=limits.effort_lower * effort,
-        effort_upper=limits.effort_upper * effort,
-    )
+    left = limits.actuators.reserving(1 - effort)
+    return replace(limits, velocity=limits.velocity * velocity, effort_lower=left.lower, effort_upper=left.upper)
 
 
 def _packed(array: Array, kind: str) -> str:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.markup import Html, element, join
-from armdyn.show.page.course import Move
+from armdyn.show.page.course import ShownMotion
 from armdyn.show.page.sections import Section, stacked, td, th
 from armdyn.show.page.verdict import Tile, seconds, verdict_of
 from armdyn.trajectory import Trajectory
@@ -37,7 +37,7 @@ def mechanical_work(motion: Trajectory) -> float:
     return float(np.trapezoid(np.abs(v * tau).sum(axis=1), t))
 
 
-def joint_section(move: Move, joints: Sequence[str], limits: JointLimits, sliding: Sequence[bool]) -> Section:
+def joint_section(move: ShownMotion, joints: Sequence[str], limits: JointLimits, sliding: Sequence[bool]) -> Section:
     """What each joint does in a motion, beside its limits."""
     _, q, v, tau = dense(move.motion)
     switching = [len(times) for times in move.motion.switch_times]
@@ -81,7 +81,7 @@ class Compared:
     verdict: str
 
 
-def compared(moves: Sequence[Move], limits: JointLimits) -> list[Compared]:
+def compared(moves: Sequence[ShownMotion], limits: JointLimits) -> list[Compared]:
     """Several motions side by side; they are measured by the first."""
     first, rows = at_the_goal(moves[0]), []
     for move in moves:
@@ -102,20 +102,20 @@ def compared(moves: Sequence[Move], limits: JointLimits) -> list[Compared]:
     return rows
 
 
-def worth_seeing(rows: Sequence[Compared], end: float | None = None) -> float | None:
-    """A loop that was watched long after it had arrived says little there: so much is seen at first [s]; None: all.
+def worth_seeing(moves: Sequence[ShownMotion], end: float | None = None) -> float | None:
+    """Span shown at first [s]: a little more than the motions need to arrive; None: all.
 
     Args:
-        rows: the motions.
-        end: so much of them is drawn [s]; None: all.
+        moves: the motions.
+        end: they are drawn up to this time [s]; None: all of them.
     """
-    longest = min(max(row.duration for row in rows), np.inf if end is None else end)
-    there = [row.there for row in rows if row.there is not None]
+    longest = min(max(move.motion.duration for move in moves), np.inf if end is None else end)
+    there = [time for time in map(at_the_goal, moves) if time is not None]
     seen = 1.2 * max(there, default=np.inf)
     return seen if seen < 0.8 * longest else None
 
 
-def at_the_goal(move: Move) -> float | None:
+def at_the_goal(move: ShownMotion) -> float | None:
     """When a closed loop has settled, by its own rule; of any other motion its end [s]. None: it has not."""
     for name in ("settled_time", "arrival_time"):
         if name in move.facts:

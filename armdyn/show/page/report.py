@@ -21,7 +21,7 @@ from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.markup import Html, element, fill, join, script_json
 from armdyn.show.page.assets import asset, script, viewer_script
-from armdyn.show.page.course import Move, course_data, until
+from armdyn.show.page.course import ShownMotion, course_data, until
 from armdyn.show.page.joints import (
     Compared,
     compared,
@@ -45,8 +45,6 @@ from armdyn.show.page.verdict import Tile, Verdict, tiles_of, verdict_of
 
 MOST_MOVES = 5
 """Motions in one report: one colour each."""
-
-_SCRIPT = re.compile(r"<script>(.*?)</script>", re.DOTALL)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +74,19 @@ class Subject:
         return cls(robot.name, tuple(robot.joint_names), robot.limits, sliding, robot, tuple(obstacles))
 
 
+@dataclass(frozen=True)
+class Replay:
+    """Options of a page that opens with the arm alone.
+
+    Attributes:
+        fps: stored frames per second of playing time, from 1e-3 to 1e3.
+        slow_motion: seconds shown per second of motion, from 1e-6 to 1e6; None: about 4 s in all.
+    """
+
+    fps: float = 60
+    slow_motion: float | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Report:
     """All that a report says and shows.
@@ -99,26 +110,38 @@ class Report:
     data: Mapping[str, Any]
 
 
-def report_of(subject: Subject, moves: Sequence[Move], title: str = "", end: float | None = None) -> Report:
-    """A report of motions of one arm; the first is the one that is judged, the others its ghosts.
+def report_of(
+    subject: Subject,
+    moves: Sequence[ShownMotion],
+    title: str = "",
+    end: float | None = None,
+    replay: Replay | None = None,
+) -> Report:
+    """A report of motions of one arm. The first motion is judged; the others are compared with it.
 
     Args:
-        subject: what moves.
-        moves: at least one, at most `MOST_MOVES`.
+        subject: the arm.
+        moves: at least one; at most `MOST_MOVES` if it is no replay.
         title: empty: the robot's name.
-        end: so much of each motion is drawn [s]; what is said is of all of it. None: all.
+        end: each motion is drawn up to this time [s], and judged as a whole. None: all of it is drawn.
+        replay: the page opens with the arm alone, and several arms stand apart. None: the page opens with arm and
+            curves, and several arms stand in one place.
 
     Raises:
-        TrajectoryError: there is none, there are too many, or one has another number of joints than the arm.
+        TrajectoryError: there is no motion, there are too many, or one has another number of joints than the arm.
+        ProblemError: see `Replay`.
     """
-    if not 1 <= len(moves) <= MOST_MOVES:
+    if not moves:
+        raise TrajectoryError(f"no motion given; a page shows 1 or more, a report 1 to {MOST_MOVES}")
+    if replay is None and len(moves) > MOST_MOVES:
         raise TrajectoryError(f"a report shows 1 to {MOST_MOVES} motions, not {len(moves)}")
     for move in moves:
         if not move.motion.q.shape[1] == move.motion.v.shape[1] == len(subject.joints):
             raise TrajectoryError(
-                f"{move.name}: a motion of {move.motion.q.shape[1]} joints, where {subject.name} has "
+                f"{move.name}: a motion of {move.motion.q.shape[1]} joints cannot move {subject.name}, which has "
                 f"{len(subject.joints)}"
             )
+    data = _data(subject, moves, end, replay)
     first = moves[0]
     verdict = verdict_of(first.facts)
     count = len(subject.joints)
@@ -137,11 +160,13 @@ def report_of(subject: Subject, moves: Sequence[Move], title: str = "", end: flo
         verdict,
         tuple(tiles),
         tuple(_sections(subject, moves, verdict, rows)),
-        _data(subject, moves, end, worth_seeing(rows, end)),
+        data,
     )
 
 
-def _sections(subject: Subject, moves: Sequence[Move], verdict: Verdict, rows: Sequence[Compared]) -> list[Section]:
+def _sections(
+    subject: Subject, moves: Sequence[ShownMotion], verdict: Verdict, rows: Sequence[Compared]
+) -> list[Section]:
     facts, duration = moves[0].facts, moves[0].motion.duration
     others = [(k, move) for k, move in enumerate(moves) if k]
     sections = [
@@ -160,56 +185,72 @@ def _sections(subject: Subject, moves: Sequence[Move], verdict: Verdict, rows: S
     return [section for section in sections if section is not None]
 
 
-def _data(subject: Subject, moves: Sequence[Move], end: float | None, seen: float | None) -> dict[str, Any]:
-    """What the scripts draw, up to a time, and how much is seen at first [s]. The scene, the largest, is packed."""
+def _data(subject: Subject, moves: Sequence[ShownMotion], end: float | None, replay: Replay | None) -> dict[str, Any]:
+    """Data of the scripts: curves up to a time, the span seen at first [s], the scene, compressed."""
+    seen = worth_seeing(moves, end) if replay is None else None
     shown = [replace(move, motion=until(move.motion, end)) for move in moves]
     motions = [move.motion for move in shown]
-    scene = None
+    speed = playing_speed([min(motion.duration, seen or np.inf) for motion in motions])
+    packed = None
     if subject.robot is not None:
-        text = script_json(scene_data(subject.robot, motions, obstacles=subject.obstacles))
-        scene = base64.b64encode(gzip.compress(text.encode(), 9, mtime=0)).decode("ascii")
+        options = replay or Replay()
+        scene = scene_data(
+            subject.robot, motions, fps=options.fps, slow_motion=options.slow_motion, obstacles=subject.obstacles
+        )
+        speed = scene["speed"] if replay else speed
+        packed = base64.b64encode(gzip.compress(script_json(scene).encode(), 9, mtime=0)).decode("ascii")
+    verdicts = [verdict_of(move.facts) for move in moves]
     return {
+        "alone": replay is not None,
         "joints": list(subject.joints),
         "labels": short_names(subject.joints),
+        "verdicts": [[one.level, "" if one.level == "none" else one.headline] for one in verdicts],
         "cut": [drawn.motion.duration < whole.motion.duration for drawn, whole in zip(shown, moves, strict=True)],
-        "speed": playing_speed([min(motion.duration, seen or np.inf) for motion in motions]),
+        "speed": speed,
         "seen": seen,
         "course": course_data(shown, subject.limits, subject.sliding),
-        "scene": scene,
+        "scene": packed,
     }
 
 
 def report_html(report: Report) -> str:
-    """The page. Its policy lets only its own scripts run, by their checksums, and nothing leave it."""
-    body = fill(
-        asset("report.html"),
-        {
-            "title": join([report.title]),
-            "lead": join([report.lead]),
-            "level": report.verdict.level,
-            "headline": join([report.headline]),
-            "said": join([report.verdict.said]),
-            "tiles": join(_tile(tile) for tile in report.tiles),
-            "sections": join(_section(section) for section in report.sections),
-            "plotstyle": asset("uplot/uPlot.min.css"),
-            "style": asset("report.css"),
-            "data": script_json(report.data),
-            "viewer": viewer_script(),
-            "plot": script("uplot/uPlot.iife.min.js"),
-            "scene": script("scene.js"),
-            "zoom": script("zoom.js"),
-            "curves": script("curves.js"),
-            "player": script("player.js"),
-            "report": script("report.js"),
-            "policy": "{{policy}}",  # known when the scripts are
-        },
-    )
-    hashes = (hashlib.sha256(text.encode()).digest() for text in _SCRIPT.findall(body))
+    """The page; its only scripts are its own."""
+    return fill(page_template(evaluates=bool(report.data["alone"])), page_fields(report) | {"viewer": viewer_script()})
+
+
+def page_fields(report: Report) -> dict[str, str]:
+    """Parts of a page that differ from report to report, by their names in `page_template`."""
+    return {
+        "title": join([report.title]),
+        "lead": join([report.lead]),
+        "level": report.verdict.level,
+        "headline": join([report.headline]),
+        "said": join([report.verdict.said]),
+        "tiles": join(_tile(tile) for tile in report.tiles),
+        "sections": join(_section(section) for section in report.sections),
+        "data": script_json(report.data),
+    }
+
+
+def page_template(*, evaluates: bool) -> str:
+    """The page with {{viewer}} for `viewer_script` and {{name}} for each of `page_fields`.
+
+    Its policy lets only its own scripts run, by their checksums, and nothing leave the page.
+
+    Args:
+        evaluates: scripts that drive the page from outside may evaluate text in it, as a browser under test does.
+    """
+    scripts = {"plot": script("uplot/uPlot.iife.min.js")}
+    scripts |= {name: script(f"{name}.js") for name in ("scene", "zoom", "curves", "player", "report")}
+    styles = {"plotstyle": asset("uplot/uPlot.min.css"), "style": asset("report.css")}
+    hashes = (hashlib.sha256(text.encode()).digest() for text in [viewer_script(), *scripts.values()])
     allowed = " ".join(f"'sha256-{base64.b64encode(each).decode('ascii')}'" for each in hashes)
+    if evaluates:
+        allowed += " 'unsafe-eval'"
     # MeshCat's controls bring a style sheet of their own, with a picture in it.
     rest = "style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
-    policy = f"default-src 'none'; script-src {allowed}; {rest}"
-    return body.replace("{{policy}}", policy, 1)
+    static = {**scripts, **styles, "policy": f"default-src 'none'; script-src {allowed}; {rest}"}
+    return re.sub(r"\{\{(\w+)\}\}", lambda match: static.get(match[1], match[0]), asset("report.html"))
 
 
 def _tile(tile: Tile) -> Html:

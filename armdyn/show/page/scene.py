@@ -1,8 +1,4 @@
-"""The arm in three dimensions, as data: its shapes, and where they are from frame to frame.
-
-`assets/scene.js` draws it in meshcat's viewer, of the replay and of the report alike. Shapes are meshcat's own
-commands; poses over time are ours.
-"""
+"""Scene of a page as data: shapes as meshcat's commands, joint poses per frame. `assets/scene.js` draws it."""
 
 from __future__ import annotations
 
@@ -21,7 +17,7 @@ from armdyn.arguments import number, shown
 from armdyn.errors import ProblemError, TrajectoryError
 from armdyn.models import Robot
 from armdyn.models.scene.obstacles import Obstacle
-from armdyn.show.visuals import Shape, obstacle_shapes, robot_shapes
+from armdyn.show.visuals import VisualShape, obstacle_shapes, robot_shapes
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -77,14 +73,9 @@ def scene_data(
     step = min(speed, min(durations) / WATCHABLE) / fps
     shapes = _shape_commands(robot_shapes(robot), obstacle_shapes(obstacles))
     return {
-        "name": robot.name,
-        "payload": None if robot.payload is None else robot.payload.mass,
-        "joints": list(robot.joint_names),
-        "labels": short_names(robot.joint_names),
+        "joints": robot.nv,
         "points": _named_points(robot),
         "tip": robot.tip,
-        "unit": "torque, force [N m, N]" if robot.slides.any() else "torque [N m]",
-        "effort": finite_pairs(robot.limits.effort_lower, robot.limits.effort_upper),
         "planar": _is_planar(robot),
         "reach": _reach(robot),
         "speed": speed,
@@ -134,7 +125,7 @@ def _set_object(
     return commands
 
 
-def _shape_commands(shapes: Sequence[Shape], obstacles: Sequence[Shape]) -> list[dict[str, Any]]:
+def _shape_commands(shapes: Sequence[VisualShape], obstacles: Sequence[VisualShape]) -> list[dict[str, Any]]:
     """The robot, and what stands around it, once; the page clones both for every further trajectory."""
     named = [(f"shape{i}", shape) for i, shape in enumerate(shapes)]
     named += [(f"obstacle{i}", shape) for i, shape in enumerate(obstacles)]
@@ -148,29 +139,22 @@ def _shape_commands(shapes: Sequence[Shape], obstacles: Sequence[Shape]) -> list
 
 
 def _arm(robot: Robot, i: int, trajectory: Trajectory, step: float) -> dict[str, Any]:
-    """One trajectory as the page wants it: poses and torques on a uniform grid of times."""
+    """Joint poses of one trajectory on a uniform grid of times, and the path of its tip."""
     n = int(np.clip(np.ceil(trajectory.duration / step) + 1, 2, _MAX_FRAMES))
-    sample = trajectory(np.linspace(trajectory.t[0], trajectory.t[-1], n))
-    poses, tips = _poses(robot, sample.q)
+    poses, tips = _poses(robot, trajectory(np.linspace(trajectory.t[0], trajectory.t[-1], n)).q)
     color = COLORS[i % len(COLORS)]
-    every = -(-n // _MAX_TRAIL)
-    centres, radius = (
-        tips[np.r_[0 : n - 1 : every, n - 1]],
-        (0.004 if _is_planar(robot) else 0.003) * _reach(robot),
-    )
+    centres = tips[np.r_[0 : n - 1 : -(-n // _MAX_TRAIL), n - 1]]
+    radius = (0.004 if _is_planar(robot) else 0.003) * _reach(robot)
     trail = [
         _packed(command)
         for path, size, opacity in (("path", 0.5, 0.35), ("trail", 1.0, 1.0))
         for command in _set_object(f"/armdyn/arm{i}/{path}", _tube(centres, size * radius), (*color, opacity))
     ]
     return {
-        "name": trajectory.name or f"trajectory {i + 1}",
         "duration": trajectory.duration,
         "color": list(color),
         "frames": n,
         "poses": _floats(poses),
-        "torques": _floats(sample.tau),
-        "strongest": np.abs(trajectory.tau).max(axis=0).tolist(),
         "trail": trail,
     }
 

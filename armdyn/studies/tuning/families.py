@@ -191,3 +191,20 @@ def chosen(family: ControllerFamily, reference: Trajectory | Ramps) -> tuple[Par
 def by_name(parameters: Sequence[Parameter], logarithms: Array) -> dict[str, float]:
     """Values of a point of the search, shape (n,)."""
     return {one.name: float(np.exp(x)) for one, x in zip(parameters, logarithms, strict=True)}
+
+
+def family_named(
+    name: str, robot: Robot, q_goal: ArrayLike, *, form: Form = "computed_torque", shared: bool = True
+) -> ControllerFamily:
+    """Family of a controller by its name.
+
+    Args:
+        name: "pid", "computed-torque" or "lqr".
+        robot: the controller's model.
+        q_goal: where it ends [rad or m], shape (nv,).
+        form: of "pid".
+        shared: of "pid": all joints have the same gains.
+    """
+    if name == "pid":
+        return ControllerFamily.pid(robot, q_goal, form=form, shared=shared)
+    return ControllerFamily.lqr() if name == "lqr" else ControllerFamily.computed_torque()

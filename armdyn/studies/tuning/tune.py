@@ -1,10 +1,10 @@
-"""The controller of a family that is best on a set of arms, found by differential evolution."""
+"""Gains of a controller, found by differential evolution on a set of arms."""
 
 import os
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
-from typing import Literal
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from importlib.metadata import version
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,38 +13,46 @@ from armdyn.arguments import expect, listener, number, one_of, whole
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.tracking.setup import Setup
-from armdyn.errors import ProblemError
+from armdyn.errors import ProblemError, ResultError
 from armdyn.models.robots.robot import Robot, expect_robot, expect_robots
 from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.reprs import brief
+from armdyn.studies.executors.executor import Executor
+from armdyn.studies.executors.in_process import in_process
+from armdyn.studies.plant_study import digest, identity, named
+from armdyn.studies.rows import RowStore, StudyRow, Value, row_store
+from armdyn.studies.run import run_cases
+from armdyn.studies.study import Cases
+from armdyn.studies.tasks.task import CaseResult, Neighbours
 from armdyn.studies.tuning.families import ControllerFamily, Ramps, Values, by_name, chosen
 from armdyn.studies.tuning.index import INDICES, Index, Worth, worth
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
+FORMAT = "armdyn-tune-1"
 _LOOP = Loop()
 _NEVER = 1e6
-"""Cost of what cannot be run: gains without a law."""
+"""Cost of a controller that cannot be run."""
 _SPREAD = 0.01
 """The search has converged when the costs of its members are within this part of each other."""
 
 TuningStatus = Literal["converged", "generations", "time_limit", "interrupted"]
-"""How a search ended: its members agree; after the most generations; at the time limit; by Ctrl-C."""
+"""End of a search: its members agree; after the largest number of generations; at the time limit; by Ctrl-C."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TuneOptions:
-    """What is made small, and how long it is searched.
+    """Index to minimise, and extent of the search.
 
     Attributes:
         index: see `Index`.
-        overshoot: that costs nothing, as a part of the largest travel of a joint [-].
-        duration: how long each arm is watched [s].
+        overshoot: largest one without a cost, as a part of the largest travel of a joint [-].
+        duration: time for which each arm is watched [s].
         tolerance: of a joint's distance from the goal, to be settled [rad or m].
         seed: of the search; the same gives the same, however many threads there are.
         members: controllers per generation and parameter.
-        generations: most of them.
+        generations: largest number of them.
         time_limit: of the search [s]; the generation under way is not ended.
         workers: threads; None: one per core.
 
@@ -81,18 +89,18 @@ _OPTIONS = TuneOptions()
 @brief
 @dataclass(frozen=True, eq=False)
 class Tuned:
-    """The best controller that a search has found.
+    """Result of a search for gains.
 
     Attributes:
-        controller: it.
-        reference: along which it was run; of `Ramps` the best.
+        controller: the best one.
+        reference: motion that it followed; of `Ramps` the best.
         values: the parameters by name.
-        training: what it is worth on the arms that it was chosen on.
-        held_out: what it is worth on others; None: there were none.
+        training: its worth on the arms that the choice was made on.
+        held_out: its worth on others; None: there were none.
         history: cost of the best after each generation.
-        evaluations: controllers that were run.
+        evaluations: number of controllers that were run.
         status: see `TuningStatus`.
-        message: the same in a sentence, with its numbers.
+        message: one sentence.
     """
 
     controller: Controller
@@ -115,28 +123,32 @@ def tune(
     loop: Loop = _LOOP,
     options: TuneOptions = _OPTIONS,
     progress: Callable[[str], None] | None = None,
+    file: str | os.PathLike[str] | None = None,
 ) -> Tuned:
     """Choose the controller of a family that is best on the worst of some arms, in the loop as it is built.
 
     Differential evolution (Storn and Price, Journal of Global Optimization 11, 1997) over the logarithms of the
     parameters, as scipy has it. A controller that overshoots by more than it may is the answer only where the search
-    has found no other.
+    has found no other. With a file each controller that was run has a row, and the same search goes on where it was
+    stopped or killed.
 
     Args:
         robot: the controller's model of the arm.
-        reference: the motion that is asked for; or `Ramps`, whose duration is chosen, too.
-        family: what is chosen, such as `ControllerFamily.pid(robot, q_goal)`.
-        plants: the arms that it is chosen on, such as `Plants(…).corners(robot)`.
+        reference: motion to follow; or `Ramps`, whose duration is chosen, too.
+        family: controllers to choose from, such as `ControllerFamily.pid(robot, q_goal)`.
+        plants: arms that the choice is made on, such as `Plants(…).corners(robot)`.
         held_out: others, on which only the answer is run, such as `Plants(…).arms(robot, 100)`.
-        loop: how controller and arm are joined.
-        options: what is made small, and how long it is searched.
-        progress: told in words how far it is.
+        loop: connection of controller and arm.
+        options: the index to minimise, and the extent of the search.
+        progress: called with the progress in words.
+        file: SQLite, for the rows; those of another search are replaced. None: no file.
 
     Returns:
-        The best that was found; after Ctrl-C, or at the time limit, until then.
+        The best controller; after Ctrl-C, or at the time limit, of those that were run.
 
     Raises:
-        ProblemError: something does not fit the robot; no arms; no controller of the family could be run at all.
+        ProblemError: an argument does not fit the robot; no arms; no controller of the family could be run at all.
+        FileError: the file cannot be read or written.
     """
     expect(family, ControllerFamily, "family", "such as ControllerFamily.pid(robot, q_goal)")
     if not isinstance(reference, Trajectory):
@@ -146,16 +158,16 @@ def tune(
     on, off = (expect_robots(arms, name) for arms, name in ((plants, "plants"), (held_out, "held_out")))
     if not on:
         raise ProblemError("plants are none; expected some arms, such as Plants(payload=(0.8, 1.2)).corners(robot)")
-    tell = listener(progress)
-    search = _Search(expect_robot(robot), reference, family, on, loop, options)
-    with stopping(options.time_limit) as stop, ThreadPoolExecutor(options.workers or os.cpu_count() or 1) as pool:
-        status = search.go(stop, pool, tell)
+    progress = listener(progress)
+    search = GainSearch(expect_robot(robot), reference, family, on, loop, options)
+    asked = {} if file is None else search.description()
+    with stopping(options.time_limit) as stop, row_store(file, asked, "normal", replace=True) as rows:
+        with in_process(search, options.workers or os.cpu_count()) as executor:
+            status = search.go(rows, executor, stop, progress)
         if search.best is None:
             raise ProblemError(f"no controller was run: {search.refused or 'the search was stopped at once'}")
-        own, x = search.best
-        setup = search.setup(x)
-        others = worth(setup, off, options.index) if off else None
-    values = by_name(chosen(family, reference), x)
+        own, values = search.best
+        others = worth(search.setup(values), off, options.index) if off else None
     return Tuned(
         controller=family.controller(values),
         reference=search.motion(values),
@@ -170,8 +182,8 @@ def tune(
 
 
 @dataclass(eq=False)
-class _Search:
-    """What a search is asked, and what it has found so far."""
+class GainSearch(Cases):
+    """Study whose cases are the controllers that a search tries, generation by generation; also their task."""
 
     robot: Robot
     reference: Trajectory | Ramps
@@ -179,44 +191,74 @@ class _Search:
     plants: tuple[Robot, ...]
     loop: Loop
     options: TuneOptions
-    best: tuple[Worth, Array] | None = None
+    tried: list[dict[str, float]] = field(default_factory=list)
+    best: tuple[Worth, dict[str, float]] | None = None
     evaluations: int = 0
     history: list[float] = field(default_factory=list)
     refused: str = ""
-    """Why the last controller that could not be run could not."""
+    """Reason why the last controller that could not be run could not."""
+    neighbours: Neighbours = "off"
 
-    def go(self, stop: Stop, pool: ThreadPoolExecutor, tell: Callable[[str], None]) -> TuningStatus:
-        """Search, and say how it ended."""
+    @property
+    def task(self) -> Self:  # type: ignore[override]
+        """The work on one controller."""
+        return self
+
+    def __len__(self) -> int:
+        return len(self.tried)
+
+    def parameters(self, k: int) -> dict[str, Value]:
+        """Parameters of controller k."""
+        return dict(self.tried[k])
+
+    def work(self, settings: Mapping[str, Value], guess: bytes = b"", revisit: bool = False) -> CaseResult:
+        """Run one controller on all arms."""
+        try:
+            found = worth(self.setup(settings), self.plants, self.options.index)
+        except ProblemError as error:  # no law for such numbers
+            return CaseResult(status="refused", message=str(error))
+        return CaseResult(status="run", good=found.settled == found.count, message=str(found), facts=asdict(found))
+
+    def description(self) -> dict[str, object]:
+        """All that the rows depend on, as JSON."""
+        options = {name: value for name, value in asdict(self.options).items() if name not in ("time_limit", "workers")}
+        given = self.reference
+        return {
+            "format": FORMAT,
+            "armdyn": version("armdyn"),
+            "robot": identity(self.robot),
+            "reference": digest(given) if isinstance(given, Trajectory) else named(given),
+            "family": self.family.name,
+            "parameters": [asdict(one) for one in self.family.parameters],
+            "plants": [{**identity(arm), "friction": repr(arm.friction)} for arm in self.plants],
+            "loop": asdict(self.loop),
+            **options,
+        }
+
+    def go(self, rows: RowStore, executor: Executor, stop: Stop, progress: Callable[[str], None]) -> TuningStatus:
+        """Search, and return the way in which the search ended."""
         from scipy.optimize import differential_evolution
 
         options, parameters = self.options, chosen(self.family, self.reference)
         bounds = [(np.log(one.low), np.log(one.high)) for one in parameters]
 
-        def judge(x: Array) -> Worth | None:
-            """None: not run, for the search is to stop, or there is no law for such numbers."""
-            if stop:
-                return None
-            try:
-                return worth(self.setup(x), self.plants, options.index)
-            except ProblemError as error:
-                self.refused = str(error)
-                return None
-
         def generation(_: object, points: Iterable[Array]) -> list[float]:
-            """Costs of points, in their order, side by side: what scipy takes for a `map` of its function."""
-            rows = list(points)
-            judged = list(pool.map(judge, rows))
-            for found, x in zip(judged, rows, strict=True):
-                if found is not None:
-                    self.evaluations += 1
-                    if self.best is None or self.rank(found) < self.rank(self.best[0]):
-                        self.best = found, np.array(x)
-            return [_NEVER if found is None else found.cost(options.overshoot) for found in judged]
+            """Costs of points, in their order: what scipy takes for a `map` of its function."""
+            first = len(self.tried)
+            self.tried += [by_name(parameters, np.array(x)) for x in points]
+            run_cases(self, rows, executor, stop)
+            costs = [_NEVER] * (len(self.tried) - first)
+            for row in rows.rows(first):
+                if row.k < len(self.tried):
+                    if row.settings != self.tried[row.k]:
+                        raise ResultError(f"{rows.path}: row {row.k} is of another controller; begin with another file")
+                    costs[row.k - first] = self._cost(row)
+            return costs
 
         def told(x: Array, convergence: float) -> bool:
             if self.best is not None:
                 self.history.append(self.best[0].cost(options.overshoot))
-                tell(f"generation {len(self.history)} of {options.generations}: {self.best[0]}")
+                progress(f"generation {len(self.history)} of {options.generations}: {self.best[0]}")
             return bool(stop)
 
         found = differential_evolution(
@@ -228,23 +270,34 @@ class _Search:
             return "interrupted" if stop.interrupted else "time_limit"
         return "converged" if found.success else "generations"
 
-    def rank(self, found: Worth) -> tuple[bool, float]:
-        """The less, the better."""
-        most = self.options.overshoot
-        return found.overshoot > most, found.cost(most)
+    def _cost(self, row: StudyRow) -> float:
+        """Cost of a controller that was run, which may be the best."""
+        if row.status != "run":
+            self.refused = row.message
+            return _NEVER
+        numbers: dict[str, Any] = {name: np.inf if value is None else value for name, value in row.facts.items()}
+        found, most = Worth(**numbers), self.options.overshoot
+        self.evaluations += 1
+        if self.best is None or _rank(found, most) < _rank(self.best[0], most):
+            self.best = found, self.tried[row.k]
+        return found.cost(most)
 
     def motion(self, values: Values) -> Trajectory:
         """The reference of some parameters."""
         given = self.reference
         return given.reference(self.robot, values) if isinstance(given, Ramps) else given
 
-    def setup(self, x: Array) -> Setup:
-        """The controller of a point, ready for its reference."""
-        values = by_name(chosen(self.family, self.reference), x)
+    def setup(self, values: Values) -> Setup:
+        """The controller of some parameters, ready for its reference."""
         return Setup.of(
             self.robot, self.motion(values), self.family.controller(values), self.loop,
             duration=self.options.duration, tolerance=self.options.tolerance,
         )  # fmt: skip
+
+
+def _rank(found: Worth, most: float) -> tuple[bool, float]:
+    """The less, the better: controllers within the overshoot first."""
+    return found.overshoot > most, found.cost(most)
 
 
 _ENDS: dict[TuningStatus, str] = {

@@ -18,7 +18,7 @@ q_start = [-1.5, "2deg"]
 q_goal = [0.2, "-pi/84"]
 
 [options]
-effort = "quick"
+search = "quick"
 """
 
 
@@ -118,7 +118,7 @@ def test_degrees_are_not_of_files(write):
 
 def test_mintime_solves_a_file_and_its_options_go_before(write):
     facts = answer(run_here("mintime", write(RR), "--json", "--no-figure", "--no-report", "--require", "certified"))
-    task = ("--payload", 0.1006, "--q-start", "-1.5,2deg", "--q-goal", "0.2,-pi/84", "--effort", "quick")
+    task = ("--payload", 0.1006, "--q-start", "-1.5,2deg", "--q-goal", "0.2,-pi/84", "--search", "quick")
     told = run_here("mintime", "rr", *task, "--json", "--no-figure", "--no-report")
     assert facts["duration"] == answer(told)["duration"] and facts["files"][0].startswith("results/mintime-problem")
     facts = answer(run_here("mintime", "problem.toml", "--json", "--no-figure", "--no-report", "--time-limit", "-1"), 2)

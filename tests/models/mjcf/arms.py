@@ -1,13 +1,13 @@
 """MJCFs written by hand."""
 
-from armdyn.models.values.spec import PAPER_LINKS
+from armdyn.models.values.spec import PLANAR_LINKS
 
-AXIAL = [0.5 * link.mass * 0.012**2 for link in PAPER_LINKS]
+AXIAL = [0.5 * link.mass * 0.012**2 for link in PLANAR_LINKS]
 """Moments of the paper's rods about their own axes, as `urdf_from_spec` has them [kg m²]."""
 
 
 def inertial(i):
-    link = PAPER_LINKS[i]
+    link = PLANAR_LINKS[i]
     return f'<inertial mass="{link.mass}" pos="{link.com} 0 0" diaginertia="{AXIAL[i]} {link.inertia} {link.inertia}"/>'
 
 
@@ -20,9 +20,9 @@ RR = f"""<mujoco model="rr">
  <worldbody>
   <body name="link1" childclass="arm">
    <joint name="joint1"/>{inertial(0)}
-   <body name="link2" pos="{PAPER_LINKS[0].length} 0 0">
+   <body name="link2" pos="{PLANAR_LINKS[0].length} 0 0">
     <joint name="joint2"/>{inertial(1)}
-    <site name="tip" pos="{PAPER_LINKS[1].length} 0 0"/>
+    <site name="tip" pos="{PLANAR_LINKS[1].length} 0 0"/>
    </body>
   </body>
  </worldbody>

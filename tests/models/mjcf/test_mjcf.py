@@ -20,7 +20,7 @@ def test_the_same_arm_as_its_urdf(tmp_path):
     for q, v, a in random_states(2):
         # The same numbers, in another order of additions.
         np.testing.assert_allclose(dynamics.rnea(q, v, a), expected.rnea(q, v, a), atol=1e-12)
-    for name, own in vars(robot.limits).items():
+    for name, own in robot.limits.rows.items():
         wanted = np.full(2, np.inf) if name == "velocity" else getattr(same.limits, name)
         np.testing.assert_array_equal(own, wanted, err_msg=name)
     assert (robot.name, robot.source, robot.tip, robot.joint_names) == ("rr", str(file), "tip", ("joint1", "joint2"))

@@ -32,7 +32,7 @@ def test_a_librarys_arm_is_the_same_arm(name):
     robot = MODEL(model, lock=same.locked, arm=(same.joint_names[0], same.tip))
     assert (robot.joint_names, robot.tip, robot.nv) == (same.joint_names, same.tip, same.nv)
     assert robot.model_hash == same.model_hash and model.nv == pin.buildModelFromUrdf(str(path)).nv
-    for what, own in vars(robot.limits).items():
+    for what, own in robot.limits.rows.items():
         np.testing.assert_array_equal(own, getattr(same.limits, what), err_msg=what)
     mine, other = ad.Dynamics(robot), ad.Dynamics(same)
     for q, v, a in random_states(robot.nv, count=2):

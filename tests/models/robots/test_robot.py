@@ -3,13 +3,13 @@ import pinocchio as pin
 import pytest
 
 from armdyn.errors import SpecError, UnknownRobotError, UrdfError
-from armdyn.models import PAPER_ARMS, ArmSpec, Payload, Robot
+from armdyn.models import PLANAR_ARMS, ArmSpec, Payload, Robot
 from armdyn.models.robots.arm import payload_inertia
 from armdyn.models.robots.library import library_urdf
 from oracles import joint, link, random_states, robot_named, two_links, urdf
 
 
-@pytest.mark.parametrize("arm", PAPER_ARMS)
+@pytest.mark.parametrize("arm", PLANAR_ARMS)
 def test_from_spec(arm):
     robot = Robot.from_spec(ArmSpec.paper(arm))
     n = len(arm)

@@ -19,11 +19,11 @@ def limits(lower, upper):
 def test_passive_is_what_has_no_torque():
     own = limits([-1.0, 0.0, 0.0], [3.0, 0.0, 2.0])
     assert own.passive.tolist() == [False, True, False]  # the last pushes one way
-    assert own.effort_size.tolist() == [2.0, 1.0, 1.0]  # half the ranges; the least of the others'
+    assert own.actuators.scale.tolist() == [2.0, 1.0, 1.0]  # half the ranges; the least of the others'
 
 
 def test_sizes_are_positive_where_nothing_has_a_motor():
-    assert limits([0.0, 0.0], [0.0, 0.0]).effort_size.tolist() == [1.0, 1.0]
+    assert limits([0.0, 0.0], [0.0, 0.0]).actuators.scale.tolist() == [1.0, 1.0]
 
 
 def test_without_motors():

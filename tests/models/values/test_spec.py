@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from armdyn.errors import SpecError
-from armdyn.models import PAPER_ARMS, ArmSpec, LinkSpec, Payload
+from armdyn.models import PLANAR_ARMS, ArmSpec, LinkSpec, Payload
 from armdyn.paper.printed.examples import PAYLOADS
 
 LINK = LinkSpec(length=0.5, com=0.2, mass=1.0, inertia=0.01)
@@ -12,7 +12,7 @@ LINK = LinkSpec(length=0.5, com=0.2, mass=1.0, inertia=0.01)
 
 def test_paper_arms_are_the_leading_links_of_table_1():
     table = [(0.250, 0.198, 0.193, 1.15e-3), (0.234, 0.143, 0.115, 4.99e-4), (0.218, 0.109, 0.100, 6.58e-4)]
-    for arm in PAPER_ARMS:
+    for arm in PLANAR_ARMS:
         spec = ArmSpec.paper(arm)
         assert spec.name == arm
         numbers = [(x.length, x.com, x.mass, x.inertia) for x in spec.links]
@@ -26,7 +26,7 @@ def test_payloads_are_table_2():
 
 
 def test_unknown_paper_arm():
-    with pytest.raises(SpecError, match="no arm 'rrrr'; it has r, rr, rrr"):
+    with pytest.raises(SpecError, match="no planar arm is called 'rrrr'; known: r, rr, rrr"):
         ArmSpec.paper("rrrr")
 
 
@@ -104,7 +104,7 @@ def test_payload_inertia_of_a_thin_rod_is_allowed():
     assert Payload(mass=1.0, inertia=(0, 1, 1)).inertia == (0.0, 1.0, 1.0)
 
 
-@pytest.mark.parametrize("arm", PAPER_ARMS)
+@pytest.mark.parametrize("arm", PLANAR_ARMS)
 def test_payload_at_last_com(arm):
     spec = ArmSpec.paper(arm)
     payload = Payload.at_last_com(spec, 0.2)

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from armdyn.models import PAPER_ARMS, ArmSpec, LinkSpec, Payload, urdf_from_spec
+from armdyn.models import PLANAR_ARMS, ArmSpec, LinkSpec, Payload, urdf_from_spec
 from armdyn.models.reading.urdf_check import parse_urdf
 from armdyn.paper.printed.examples import PAYLOADS
 from scripts_of import script
@@ -23,7 +23,7 @@ def generate_urdfs():
 
 def test_urdf_folder_is_what_the_script_writes(script):
     files = script.contents()
-    assert len(files) == len(PAPER_ARMS) * (1 + len(PAYLOADS))
+    assert len(files) == len(PLANAR_ARMS) * (1 + len(PAYLOADS))
     assert {"r.urdf", "rr_100.6g.urdf", "rrr_21.2g.urdf", "r_1000g.urdf"} <= set(files)
     assert script.differing(ROOT / "urdf", files) == []
 
@@ -51,7 +51,7 @@ def test_same_input_same_text():
 
 
 def test_text_passes_the_check_and_has_no_negative_zero():
-    for arm in PAPER_ARMS:
+    for arm in PLANAR_ARMS:
         text = urdf_from_spec(ArmSpec.paper(arm), Payload(mass=0.1))
         parse_urdf(text, arm)
         assert "-0.0 " not in text

@@ -13,7 +13,7 @@ from problems import POSES
 def solution():
     start, goal = POSES["rr"]
     problem = ad.MinimumTimeProblem(ad.Robot.from_spec(ad.ArmSpec.paper("rr")), q_start=start, q_goal=goal)
-    return ad.solve_minimum_time(problem, ad.MinimumTimeOptions(effort="quick"))
+    return ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick"))
 
 
 def test_print_says_duration_verdict_and_what_decides(solution):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from armdyn.optimal.arcs.arc import Mode
+from armdyn.optimal.arcs.nlp_data import PhaseAim
 from armdyn.optimal.arcs.phases import Phases, Unresolved
-from armdyn.optimal.arcs.posing import PhaseAim
 from armdyn.optimal.arcs.solving import prepare_phases, solve_phases
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.solve.ipopt import _built

@@ -5,7 +5,7 @@ import numpy as np
 import armdyn as ad
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
-from armdyn.optimal.flat.posing import Wanted
+from armdyn.optimal.flat.nlp_data import CurveSpec
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.task.task import Task
 from problems import POSES, paper_arm
@@ -57,6 +57,6 @@ def bent(problem, intervals=4, shortest=0.2):
     return Curve(legs)
 
 
-def wanted(problem, **more):
+def spec(problem, **more):
     """What the problem asks, no more."""
-    return Wanted(TightenedConstraints.of(problem), **more)
+    return CurveSpec(TightenedConstraints.of(problem), **more)

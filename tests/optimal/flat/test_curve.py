@@ -6,7 +6,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.flat.basis import Basis, graded
-from armdyn.optimal.flat.curve import Curve, Leg
+from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.trajectory import Trajectory
 from optimal.flat.bends import GOAL, START, VIA, bent, problem
 
@@ -26,9 +26,9 @@ def test_velocity_and_acceleration_are_derivatives_by_time():
 
 
 def test_torques_are_pinocchios_and_frictions():
-    posed = problem("friction")
-    robot = posed.robot
-    (leg,) = bent(posed).legs
+    nlp_data = problem("friction")
+    robot = nlp_data.robot
+    (leg,) = bent(nlp_data).legs
     data, friction = robot.model.createData(), robot.friction
     for q, v, a, tau in zip(*leg.at(S), leg.torques(robot, S), strict=True):
         rubbing = friction.damping * v + friction.coulomb * np.tanh(v / friction.width)
@@ -37,8 +37,8 @@ def test_torques_are_pinocchios_and_frictions():
 
 
 def test_at_a_slower_pace_what_is_not_gravity_falls_by_the_square():
-    posed = problem("plain")
-    robot, curve = posed.robot, bent(posed)
+    nlp_data = problem("plain")
+    robot, curve = nlp_data.robot, bent(nlp_data)
     slow = curve.slower(3.0)
     data = robot.model.createData()
     (leg,), (slow_leg,) = curve.legs, slow.legs
@@ -52,10 +52,12 @@ def test_at_a_slower_pace_what_is_not_gravity_falls_by_the_square():
 
 @pytest.mark.parametrize("kind", ["plain", "via"])
 def test_a_straight_curve_goes_from_pose_to_pose_on_lines(kind):
-    posed = problem(kind)
-    curve = Curve.straight(posed, Basis(graded(12, 0.01)), 1.2 * posed.leg_bounds())
-    assert len(curve.legs) == len(posed.poses) - 1
-    for leg, a, b, least in zip(curve.legs, posed.poses[:-1], posed.poses[1:], posed.leg_bounds(), strict=True):
+    nlp_data = problem(kind)
+    curve = Curve.straight(nlp_data, Basis(graded(12, 0.01)), 1.2 * nlp_data.leg_bounds())
+    assert len(curve.legs) == len(nlp_data.poses) - 1
+    for leg, a, b, least in zip(
+        curve.legs, nlp_data.poses[:-1], nlp_data.poses[1:], nlp_data.leg_bounds(), strict=True
+    ):
         q, v, _ = leg.at(S)
         np.testing.assert_allclose(q[[0, -1]], [a, b], rtol=0, atol=1e-15)  # an ulp, by SciPy's de Boor
         part = (q - a) @ (b - a) / np.sum((b - a) ** 2)
@@ -63,13 +65,15 @@ def test_a_straight_curve_goes_from_pose_to_pose_on_lines(kind):
         assert np.all(np.diff(part) > 0)
         assert np.max(np.abs(v[0])) < np.max(np.abs(v[11])) / 2  # it gains speed first
         assert leg.duration == pytest.approx(1.2 * least)
-        assert np.all(np.abs(v) <= posed.limits.velocity)  # 1.2 times the least time, cruising at 1 / 0.9 of the mean
+        assert np.all(
+            np.abs(v) <= nlp_data.limits.velocity
+        )  # 1.2 times the least time, cruising at 1 / 0.9 of the mean
     assert curve.passing.size == len(curve.legs) - 1
 
 
 def test_a_straight_curve_takes_the_time_that_is_given():
-    posed = ad.MinimumTimeProblem(problem("plain").robot, q_start=START, q_goal=GOAL, velocity_limit=np.inf)
-    assert Curve.straight(posed, Basis(graded(4, 1.0)), 0.7).duration == 0.7
+    nlp_data = ad.MinimumTimeProblem(problem("plain").robot, q_start=START, q_goal=GOAL, velocity_limit=np.inf)
+    assert Curve.straight(nlp_data, Basis(graded(4, 1.0)), 0.7).duration == 0.7
 
 
 def motion():
@@ -82,29 +86,29 @@ def motion():
 
 
 def test_a_curve_near_a_motion_begins_ends_and_passes_where_it_does():
-    basis, wanted = Basis(graded(40, 1.0)), motion()
-    curve = Curve.near(wanted, basis, np.array([0.3]))
+    basis, spec = Basis(graded(40, 1.0)), motion()
+    curve = Curve.near(spec, basis, np.array([0.3]))
     assert curve.duration == pytest.approx(0.6, rel=1e-14) and curve.passing == pytest.approx([0.3])
     for leg, a, b in zip(curve.legs, (START, VIA), (VIA, GOAL), strict=True):
         q = leg.at(np.array([0.0, 1.0]))[0]
         np.testing.assert_allclose(q, [a, b], atol=1e-12)  # the motion's interpolation
-    (whole,) = Curve.near(wanted, basis).legs
+    (whole,) = Curve.near(spec, basis).legs
     # A curve is beside its control points by about q'' h²: 20 of (1/40)².
-    np.testing.assert_allclose(whole.at(S)[0], wanted(0.6 * S).q, atol=20 / 40**2)
-    np.testing.assert_allclose(whole.at(S)[0][[0, -1]], wanted.q[[0, -1]], rtol=0, atol=1e-15)  # an ulp
+    np.testing.assert_allclose(whole.at(S)[0], spec(0.6 * S).q, atol=20 / 40**2)
+    np.testing.assert_allclose(whole.at(S)[0][[0, -1]], spec.q[[0, -1]], rtol=0, atol=1e-15)  # an ulp
 
 
 def test_samples_are_the_curves_and_no_fewer_than_asked():
-    posed = problem("via")
-    curve = bent(posed)
-    samples = curve.trajectory(posed.robot, 3, 20)
+    nlp_data = problem("via")
+    curve = bent(nlp_data)
+    samples = curve.trajectory(nlp_data.robot, 3, 20)
     assert np.count_nonzero(samples.jumps) == 1 and samples.t[0] == 0 and samples.duration == curve.duration
     (k,) = np.flatnonzero(samples.jumps)
     np.testing.assert_array_equal(samples.q[k], samples.q[k + 1])
     assert np.max(np.abs(samples.tau[k] - samples.tau[k + 1])) > 0.1  # it jumps: the bends are not the same
     first, second = curve.legs
     s = np.clip(samples.t[: k + 1] / first.duration, 0, 1)
-    np.testing.assert_allclose(samples.tau[: k + 1], first.torques(posed.robot, s), atol=1e-9)  # of s from t: an ulp
+    np.testing.assert_allclose(samples.tau[: k + 1], first.torques(nlp_data.robot, s), atol=1e-9)  # of s from t: an ulp
     s = (samples.t[k + 1 :] - first.duration) / second.duration
     np.testing.assert_allclose(samples.q[k + 1 :], second.at(s)[0], atol=1e-12)
     for leg, t in ((first, samples.t[: k + 1]), (second, samples.t[k + 1 :] - first.duration)):
@@ -113,14 +117,14 @@ def test_samples_are_the_curves_and_no_fewer_than_asked():
 
 
 def test_where_the_torque_may_not_jump_legs_share_a_sample():
-    posed = problem("via")
-    curve = bent(posed)
-    jumping, smooth = (curve.trajectory(posed.robot, 3, 20, jumps=jumps) for jumps in (True, False))
+    nlp_data = problem("via")
+    curve = bent(nlp_data)
+    jumping, smooth = (curve.trajectory(nlp_data.robot, 3, 20, jumps=jumps) for jumps in (True, False))
     assert smooth.t.size == jumping.t.size - 1 and not np.any(smooth.jumps)
     assert curve.passing[0] in smooth.t
 
 
 def test_legs_are_values():
-    leg = Leg(Basis(graded(2, 1.0)), np.zeros((6, 2)), 1.0)
+    leg = CurveLeg(Basis(graded(2, 1.0)), np.zeros((6, 2)), 1.0)
     with pytest.raises(AttributeError):
         leg.duration = 2.0

@@ -14,18 +14,18 @@ from armdyn.optimal.flat.equations import (
     torque_equations,
     torque_rate_equations,
 )
-from armdyn.optimal.flat.posing import pose, shape_of
-from optimal.flat.bends import bent, problem, task, wanted
+from armdyn.optimal.flat.nlp_data import assemble_curve, curve_layout
+from optimal.flat.bends import bent, problem, spec, task
 
 
 def intervals(kind="plain"):
     """The curve, its interval in symbols, and the numbers of y and p for every interval of its first leg."""
     job = task(kind)
-    guess, asked = bent(job.problem), wanted(job.problem)
-    shape = shape_of(job.problem, guess, asked.constraints)
-    x = pose(job, guess, asked, shape).x
+    guess, asked = bent(job.problem), spec(job.problem)
+    shape = curve_layout(job.problem, guess, asked.constraints)
+    x = assemble_curve(job, guess, asked, shape).x
     leg, limits = guess.legs[0], job.problem.limits
-    half = (limits.effort_upper - limits.effort_lower) / 2
+    half = limits.actuators.half_range
     gauss = leg.basis.gauss(POINTS)[0].ravel()
     x[shape.points(0)], x[shape.duration(0)] = leg.points, leg.duration
     x[shape.torques(0)] = leg.torques(job.problem.robot, gauss) / half

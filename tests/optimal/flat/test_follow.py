@@ -9,40 +9,42 @@ import armdyn as ad
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.follow import follow
-from armdyn.optimal.flat.settle import sampled
+from armdyn.optimal.flat.refinement import sampled
 from armdyn.optimal.landing.rollout import replay_torques, under_linear_torque
 from armdyn.optimal.task.task import Task
 from optimal.flat.bends import problem
 from problems import cart
 
 
-def gentle(posed, duration, intervals=12):
+def gentle(nlp_data, duration, intervals=12):
     """A curve that takes its time: about a minimum-jerk profile from pose to pose, with no acceleration at its ends."""
-    straight = Curve.straight(posed, Basis(graded(intervals, 1.0)), duration)
+    straight = Curve.straight(nlp_data, Basis(graded(intervals, 1.0)), duration)
     s = straight.legs[0].basis.places[:, None]
     part = s**3 * (10 - 15 * s + 6 * s**2)
     part[:3], part[-3:] = 0, 1
-    ends = zip(straight.legs, posed.poses[:-1], posed.poses[1:], strict=True)
+    ends = zip(straight.legs, nlp_data.poses[:-1], nlp_data.poses[1:], strict=True)
     legs = tuple(replace(leg, points=(1 - part) * a + part * b, duration=duration) for leg, a, b in ends)
     return Curve(legs)
 
 
 @pytest.mark.parametrize(("kind", "jumps"), [("plain", 0), ("friction", 0), ("via", 1), ("torque rate", 0)])
 def test_states_and_torques_fit_and_land(kind, jumps):
-    posed = problem(kind)
-    job, curve = Task.of(posed), gentle(posed, 0.9)
+    nlp_data = problem(kind)
+    job, curve = Task.of(nlp_data), gentle(nlp_data, 0.9)
     motion = follow(job, sampled(job, curve))
     assert motion.duration == pytest.approx(curve.duration, rel=1e-15)
     assert np.count_nonzero(motion.jumps) == jumps
-    limits = posed.limits
+    limits = nlp_data.limits
     assert np.all(motion.tau <= limits.effort_upper) and np.all(motion.tau >= limits.effort_lower)
-    replay = replay_torques(posed.robot, motion)
+    replay = replay_torques(nlp_data.robot, motion)
     # The very same integration, sample by sample: bit for bit.
     np.testing.assert_array_equal(replay.q, motion.q)
     np.testing.assert_array_equal(replay.v, motion.v)
     # Feedback is a sample late, and fades in the last interval where torques may not jump. That interval is 1/12 of the
     # motion here, 3e-4 where velocities are limited: there they, too, are within 1e-6.
-    assert np.max(np.abs(posed.beside_goal(motion)[:2])) < 1e-6 and np.max(np.abs(posed.beside_goal(motion))) < 2e-5
+    assert (
+        np.max(np.abs(nlp_data.beside_goal(motion)[:2])) < 1e-6 and np.max(np.abs(nlp_data.beside_goal(motion))) < 2e-5
+    )
     for k, leg in enumerate(curve.legs):  # and it is near the curve all the way
         start = 0.9 * k
         s = np.linspace(0.01, 0.99, 50)
@@ -50,49 +52,49 @@ def test_states_and_torques_fit_and_land(kind, jumps):
 
 
 def test_torque_limits_that_saturate_are_not_exceeded():
-    posed = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0])
-    curve = gentle(posed, 3.0)  # 1.28 N where 1 N is the limit: 10 / √3 d/T² at most
-    wanted = curve.legs[0].torques(posed.robot, np.linspace(0, 1, 200))
-    assert np.max(np.abs(wanted)) > 1.2
-    motion = follow(Task.of(posed), sampled(Task.of(posed), curve))
+    nlp_data = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0])
+    curve = gentle(nlp_data, 3.0)  # 1.28 N where 1 N is the limit: 10 / √3 d/T² at most
+    spec = curve.legs[0].torques(nlp_data.robot, np.linspace(0, 1, 200))
+    assert np.max(np.abs(spec)) > 1.2
+    motion = follow(Task.of(nlp_data), sampled(Task.of(nlp_data), curve))
     assert np.max(motion.tau) == 1.0 and np.min(motion.tau) == -1.0
-    replay = replay_torques(posed.robot, motion)
+    replay = replay_torques(nlp_data.robot, motion)
     # Samples of one constant torque are replayed in one step of the integrator: to its tolerance of 1e-10.
     np.testing.assert_allclose(replay.q, motion.q, atol=1e-10)
 
 
 def test_a_motion_in_flight_begins_in_flight():
-    posed = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0], v_start=[0.3])
-    motion = follow(Task.of(posed), sampled(Task.of(posed), gentle(posed, 6.0)))
+    nlp_data = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0], v_start=[0.3])
+    motion = follow(Task.of(nlp_data), sampled(Task.of(nlp_data), gentle(nlp_data, 6.0)))
     np.testing.assert_array_equal(motion.v[0], [0.3])
     # The curve begins at rest: feedback, 160 times as fast as the motion, brings the cart onto it.
-    assert np.max(np.abs(posed.beside_goal(motion))) < 1e-6
+    assert np.max(np.abs(nlp_data.beside_goal(motion))) < 1e-6
 
 
 def test_torques_that_may_not_jump_end_with_what_holds_the_arm():
-    posed = problem("torque rate")
-    motion = follow(Task.of(posed), sampled(Task.of(posed), gentle(posed, 0.9)))
-    np.testing.assert_allclose(motion.tau[-1], posed.holding_torque(), atol=1e-9)  # the curve's end, to rounding
+    nlp_data = problem("torque rate")
+    motion = follow(Task.of(nlp_data), sampled(Task.of(nlp_data), gentle(nlp_data, 0.9)))
+    np.testing.assert_allclose(motion.tau[-1], nlp_data.holding_torque(), atol=1e-9)  # the curve's end, to rounding
 
 
 def test_lines_have_the_impulses_of_the_torque():
     """Open loop, without feedback: lines through the torque miss by h², those that are laid by h⁴."""
-    posed = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0])
-    curve = gentle(posed, 4.0)
-    job = Task.of(posed)
+    nlp_data = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0])
+    curve = gentle(nlp_data, 4.0)
+    job = Task.of(nlp_data)
     misses = []
     for samples in (4, 8):
         few = replace(job, policy=job.policy.changed("curves", samples=samples, steps=1, bandwidth=0.0))
-        misses.append(np.max(np.abs(posed.beside_goal(follow(few, sampled(few, curve))))))
-        plain = curve.trajectory(posed.robot, samples, 1)
-        naive = np.max(np.abs(posed.beside_goal(replay_torques(posed.robot, plain))))
+        misses.append(np.max(np.abs(nlp_data.beside_goal(follow(few, sampled(few, curve))))))
+        plain = curve.trajectory(nlp_data.robot, samples, 1)
+        naive = np.max(np.abs(nlp_data.beside_goal(replay_torques(nlp_data.robot, plain))))
         assert misses[-1] < naive / 5 or naive < 1e-9
     assert misses[1] < misses[0] / 6 or misses[0] < 1e-9  # the ends' lines are of the third order
 
 
 @pytest.mark.parametrize("steps", [0, 5])
 def test_a_motion_that_is_lost_ends_early(monkeypatch, steps):
-    posed = problem("plain")
+    nlp_data = problem("plain")
     left = iter(range(steps))
 
     def lost(robot):
@@ -100,6 +102,6 @@ def test_a_motion_that_is_lost_ends_early(monkeypatch, steps):
         return lambda t, x, tau: reached(t, x, tau) if next(left, None) is not None else np.full_like(x, np.nan)
 
     monkeypatch.setattr("armdyn.optimal.flat.follow.under_linear_torque", lost)
-    motion = follow(Task.of(posed), sampled(Task.of(posed), gentle(posed, 0.9)))
+    motion = follow(Task.of(nlp_data), sampled(Task.of(nlp_data), gentle(nlp_data, 0.9)))
     assert motion.t.size == max(steps + 1, 2)
     assert np.all(np.isfinite(motion.q)) and np.all(np.isfinite(motion.v))

@@ -6,9 +6,9 @@ import pinocchio as pin
 import pytest
 
 from armdyn.optimal.flat.equations import POINTS
-from armdyn.optimal.flat.posing import pose, rows_of, shape_of
-from armdyn.optimal.flat.program import Shape, build
-from optimal.flat.bends import KINDS, bent, problem, task, wanted
+from armdyn.optimal.flat.nlp_data import assemble_curve, curve_layout, rows_of
+from armdyn.optimal.flat.program import CurveLayout, build
+from optimal.flat.bends import KINDS, bent, problem, spec, task
 
 SMOOTH = 0.01
 
@@ -16,10 +16,10 @@ SMOOTH = 0.01
 def built(kind):
     """A program, and the numbers of a bent curve."""
     job = task(kind)
-    guess, asked = bent(job.problem), wanted(job.problem, smooth=SMOOTH)
-    shape = shape_of(job.problem, guess, asked.constraints)
+    guess, asked = bent(job.problem), spec(job.problem, smooth=SMOOTH)
+    shape = curve_layout(job.problem, guess, asked.constraints)
     program = build(job.dynamics, shape, rows_of(job.problem, asked.constraints), False)
-    return program, shape, guess, job, pose(job, guess, asked, shape)
+    return program, shape, guess, job, assemble_curve(job, guess, asked, shape)
 
 
 def values(program):
@@ -40,14 +40,14 @@ def differences(function, x, step):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_derivatives_are_those_of_the_values(kind):
-    program, _, _, _, posed = built(kind)
+    program, _, _, _, nlp_data = built(kind)
     rng, both = np.random.default_rng(1), values(program)
-    x = posed.x + 0.002 * rng.normal(size=posed.x.size)
+    x = nlp_data.x + 0.002 * rng.normal(size=nlp_data.x.size)
 
     def equations(x):
-        return both(x, posed.p)[1].full().ravel()
+        return both(x, nlp_data.p)[1].full().ravel()
 
-    jacobian = program.jacobian(x, posed.p)[1].full()
+    jacobian = program.jacobian(x, nlp_data.p)[1].full()
     # Rounding 1e-16 over a step of 1e-4, of values of up to a few hundred; the fourth order adds less.
     scale = np.max(np.abs(jacobian))
     assert np.max(np.abs(jacobian - differences(equations, x, 1e-4))) < 1e-8 * scale
@@ -57,9 +57,9 @@ def test_derivatives_are_those_of_the_values(kind):
     slope = ca.Function("slope", [program.functions["x"], p], [ca.gradient(f, program.functions["x"])])
 
     def gradient(x):
-        return sigma * slope(x, posed.p).full().ravel() + program.jacobian(x, posed.p)[1].full().T @ lam
+        return sigma * slope(x, nlp_data.p).full().ravel() + program.jacobian(x, nlp_data.p)[1].full().T @ lam
 
-    upper = program.hessian(x, posed.p, sigma, lam)
+    upper = program.hessian(x, nlp_data.p, sigma, lam)
     rows, cols = map(np.array, upper.sparsity().get_triplet())
     assert np.all(rows <= cols)
     upper = upper.full()
@@ -69,14 +69,14 @@ def test_derivatives_are_those_of_the_values(kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_all_equations_but_those_of_the_torques_are_those_of_the_curve(kind):
-    program, shape, guess, job, posed = built(kind)
-    x, robot, limits = posed.x.copy(), job.problem.robot, job.problem.limits
-    half = (limits.effort_upper - limits.effort_lower) / 2
+    program, shape, guess, job, nlp_data = built(kind)
+    x, robot, limits = nlp_data.x.copy(), job.problem.robot, job.problem.limits
+    half = limits.actuators.half_range
     for k, leg in enumerate(guess.legs):  # not the fixed control points, nor torques clipped, but the curve's
         x[shape.points(k)] = leg.points
         x[shape.torques(k)] = leg.torques(robot, leg.basis.gauss(POINTS)[0].ravel()) / half
-    cost, equations = (value.full().ravel() for value in values(program)(x, posed.p))
-    lower, upper = posed.g_bounds
+    cost, equations = (value.full().ravel() for value in values(program)(x, nlp_data.p))
+    lower, upper = nlp_data.g_bounds
     assert equations.shape == lower.shape == upper.shape
     count, place = guess.legs[0].basis.intervals * POINTS * 2, 0
     for leg in guess.legs:
@@ -103,8 +103,8 @@ def test_all_equations_but_those_of_the_torques_are_those_of_the_curve(kind):
 
 @pytest.mark.parametrize("kind", ["torque rate", "via and torque rate"])
 def test_torque_rates_are_differences_of_the_curves_torques_by_time(kind):
-    program, shape, guess, job, posed = built(kind)
-    x, problem, half = posed.x.copy(), job.problem, job.problem.limits.effort_upper
+    program, shape, guess, job, nlp_data = built(kind)
+    x, problem, half = nlp_data.x.copy(), job.problem, job.problem.limits.effort_upper
     times, torques, starts = [], [], np.append(0.0, guess.passing)
     for k, (leg, start) in enumerate(zip(guess.legs, starts, strict=True)):
         s = leg.basis.gauss(POINTS)[0].ravel()
@@ -127,16 +127,16 @@ def test_torque_rates_are_differences_of_the_curves_torques_by_time(kind):
     ]
     limit = np.asarray(problem.path_constraints[0].limit)
     expected = np.concatenate(rates) / np.where(np.isinf(limit), 1, limit)
-    equations = values(program)(x, posed.p)[1].full().ravel()[-expected.size :]
+    equations = values(program)(x, nlp_data.p)[1].full().ravel()[-expected.size :]
     np.testing.assert_allclose(equations, expected.ravel(), rtol=1e-10, atol=1e-10)  # rounding of differences
-    for bound, sign in zip(posed.g_bounds, (-1, 1), strict=True):
+    for bound, sign in zip(nlp_data.g_bounds, (-1, 1), strict=True):
         np.testing.assert_array_equal(
             bound[-expected.size :].reshape(-1, 2), [np.where(np.isinf(limit), np.inf, 1) * sign] * len(expected)
         )
 
 
 def test_unknowns_stand_where_they_are_said_to_once_each():
-    shape = Shape(3, (4, 2), (1, 2))
+    shape = CurveLayout(3, (4, 2), (1, 2))
     places = [shape.points(k).ravel() for k in shape.legs] + [shape.torques(k).ravel() for k in shape.legs]
     places = np.concatenate([*places, [shape.duration(k) for k in shape.legs]])
     np.testing.assert_array_equal(np.sort(places), np.arange(shape.size))
@@ -149,8 +149,8 @@ def test_unknowns_stand_where_they_are_said_to_once_each():
 
 def test_equal_questions_get_one_program():
     job = task("via")
-    guess, asked = bent(job.problem), wanted(job.problem)
+    guess, asked = bent(job.problem), spec(job.problem)
     first, second = (
-        build(job.dynamics, shape_of(problem("via"), guess, asked.constraints), (), False) for _ in range(2)
+        build(job.dynamics, curve_layout(problem("via"), guess, asked.constraints), (), False) for _ in range(2)
     )
     assert first is second

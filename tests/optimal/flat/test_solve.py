@@ -6,7 +6,7 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
-from armdyn.optimal.flat.posing import Wanted
+from armdyn.optimal.flat.nlp_data import CurveSpec
 from armdyn.optimal.flat.solve import solve_curve
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.status import Status
@@ -21,8 +21,8 @@ def fastest(intervals=56, shortest=EVEN, near=None, goal=AWAY, **asked):
     problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[goal], **asked)
     task = Task.of(problem, ad.MinimumTimeOptions(compile=False))
     guess = near.curve if near else Curve.straight(problem, Basis(graded(intervals, shortest)), 3.0)
-    solved = solve_curve(task, guess, Wanted(TightenedConstraints.of(problem)), near)
-    assert solved.converged, solved.outcome.message
+    solved = solve_curve(task, guess, CurveSpec(TightenedConstraints.of(problem)), near)
+    assert solved.converged, solved.result.message
     return solved
 
 
@@ -101,7 +101,7 @@ def test_position_limits_are_kept_everywhere():
     lowest = [solved.curve.legs[0].at(np.linspace(0, 1, 2000))[0].min() for solved in (free, held)]
     assert lowest[0] < -0.3
     assert -0.25 - 1e-7 < lowest[1] < -0.2  # control points are bounded, up to IPOPT's relaxation of 1e-8
-    assert held.outcome.status is Status.SOLVED
+    assert held.result.status is Status.SOLVED
 
 
 def test_velocity_limits_are_kept_everywhere():
@@ -114,7 +114,7 @@ def test_a_warm_start_is_quicker_and_as_good():
     asked = {"velocity_limit": 0.6}
     cold = fastest(**asked)
     warm = fastest(near=cold, **asked)
-    assert warm.outcome.iterations < cold.outcome.iterations / 2
+    assert warm.result.iterations < cold.result.iterations / 2
     assert warm.curve.duration == pytest.approx(cold.curve.duration, rel=1e-6)  # IPOPT's 1e-7
 
 

@@ -26,7 +26,7 @@ def kinova():
     """A short motion of a Kinova with 0.5 kg, whose open-loop errors grow by 10⁸ and more."""
     robot = ad.Robot.from_library("kinova", payload=ad.Payload(mass=0.5))
     problem = ad.MinimumTimeProblem(robot, q_start=KINOVA[0], q_goal=KINOVA[1])
-    return ad.solve_minimum_time(problem, ad.MinimumTimeOptions(effort="quick"))
+    return ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick"))
 
 
 def segment(robot, motion, k, x, method, rtol, correction=0.0):

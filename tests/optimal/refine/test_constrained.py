@@ -132,7 +132,7 @@ def test_a_via_point_is_passed_in_flight():
 
 
 @pytest.mark.parametrize(
-    ("conditions", "says"),
+    ("path_constraints", "says"),
     [
         ({"via": [[0.0]]}, r"via\[0\]"),
         ({"via": [[0.0, np.inf]]}, "must be finite"),

@@ -234,7 +234,7 @@ ROUND = ([0, -1.2, 1.2, -1.5, -1.5, 0], [1.6, -1.2, 1.2, -1.5, -1.5, 0])
 @pytest.mark.parametrize("asked", [{"obstacles": [FAR]}, {"self_collision": True}], ids=["far", "itself"])
 def test_what_the_free_optimum_clears_costs_nothing(asked):
     problem, told = ur5(**asked), []
-    task = replace(Task.of(problem), tell=told.append)
+    task = replace(Task.of(problem), progress=told.append)
     optima, found = curves(task)
     assert optima[0].trajectory.duration == pytest.approx(FREE, rel=SAME)
     assert "the way without obstacles" in told and not any("guesses" in text for text in told)
@@ -258,7 +258,9 @@ def test_round_a_ball_that_the_straight_way_hits():
 def test_guesses_of_the_options_are_begun_with():
     problem, told = ur5(), []
     optimum = solved(problem)
-    task = replace(Task.of(problem, ad.MinimumTimeOptions(guesses=(optimum.trajectory,), workers=1)), tell=told.append)
+    task = replace(
+        Task.of(problem, ad.MinimumTimeOptions(guesses=(optimum.trajectory,), workers=1)), progress=told.append
+    )
     again, _ = curves(task)
     assert "2 guesses" in told
     assert again[0].trajectory.duration == pytest.approx(FREE, rel=SAME)

@@ -92,7 +92,7 @@ def test_effort_says_how_many_guesses_there_are(monkeypatch, effort, count):
         return []
 
     monkeypatch.setattr("armdyn.optimal.refine.smooth._searched", searched)
-    assert time_energy(Task.of(paper_problem("rr", effort_weight=1.0), ad.MinimumTimeOptions(effort=effort)))[0] == []
+    assert time_energy(Task.of(paper_problem("rr", effort_weight=1.0), ad.MinimumTimeOptions(search=effort)))[0] == []
     assert counts == [count]
 
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from armdyn.optimal.search.crossover import child, offspring
-from armdyn.optimal.search.multistart import Grounds, search
+from armdyn.optimal.search.crossover import crossover, crossover_guesses
+from armdyn.optimal.search.multistart import SearchSettings, search
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task
@@ -20,12 +20,12 @@ PARENTS = [spline(PROBLEM, [np.array(via)]) for via in ([0.5, -1.0, 1.0], [-1.0,
 
 @given(number=st.integers(0, 50), seed=st.integers(0, 2**16), many=st.integers(1, 3))
 def test_a_child_goes_from_start_to_goal_within_its_limits(number, seed, many):
-    guess = child(PROBLEM, PARENTS[:many], np.random.default_rng(seed), number)
+    guess = crossover(PROBLEM, PARENTS[:many], np.random.default_rng(seed), number)
     np.testing.assert_allclose(guess.q[[0, -1]], [PROBLEM.q_start, PROBLEM.q_goal], atol=1e-12)
     limits = PROBLEM.limits
     assert np.all(limits.position_lower <= guess.q) and np.all(guess.q <= limits.position_upper)
     assert np.all(limits.effort_lower <= guess.tau) and np.all(guess.tau <= limits.effort_upper)
-    again = child(PROBLEM, PARENTS[:many], np.random.default_rng(seed), number)
+    again = crossover(PROBLEM, PARENTS[:many], np.random.default_rng(seed), number)
     np.testing.assert_array_equal(guess.q, again.q)
 
 
@@ -33,8 +33,8 @@ def test_a_child_goes_from_start_to_goal_within_its_limits(number, seed, many):
 def test_kinds_of_change_take_turns(seed):
     """All joints bent; some of the mate's; one led elsewhere. The only parent's other joints are its own."""
     alone = paper_problem("rrr", position_limit=(-np.inf, np.inf))
-    bent, led = (child(alone, PARENTS[:1], np.random.default_rng(seed), number) for number in (0, 2))
-    crossed = child(alone, PARENTS[:2], np.random.default_rng(seed), 1)
+    bent, led = (crossover(alone, PARENTS[:1], np.random.default_rng(seed), number) for number in (0, 2))
+    crossed = crossover(alone, PARENTS[:2], np.random.default_rng(seed), 1)
 
     def own(guess, parent):
         s = np.linspace(0, 1, len(guess.t))
@@ -49,7 +49,7 @@ def test_kinds_of_change_take_turns(seed):
 @given(number=st.sampled_from([0, 2]), seed=st.integers(0, 2**16))
 def test_a_childs_velocities_are_those_of_its_way(number, seed):
     free = paper_problem("rrr", position_limit=(-np.inf, np.inf))
-    guess = child(free, PARENTS[:1], np.random.default_rng(seed), number)
+    guess = crossover(free, PARENTS[:1], np.random.default_rng(seed), number)
     slopes = np.gradient(guess.q, guess.t, axis=0)[2:-2]
     # Central differences of a way whose third derivative is at most some 1e3 of its size, over a fiftieth of it.
     assert np.max(np.abs(guess.v[2:-2] - slopes)) <= 0.05 * np.max(np.abs(guess.v))
@@ -59,9 +59,9 @@ def test_a_childs_velocities_are_those_of_its_way(number, seed):
 def test_changes_of_optima_are_the_same_on_any_number_of_cores_and_find_better_ones():
     def found(workers):
         task = Task.of(PROBLEM, MinimumTimeOptions(workers=workers))
-        grounds = Grounds(task.meshes, task.coarse())
-        first = search(task, 12, grounds)
-        return first, offspring(task, first, 24, grounds)
+        search_settings = SearchSettings(task.meshes, task.coarse())
+        first = search(task, 12, search_settings)
+        return first, crossover_guesses(task, first, 24, search_settings)
 
     (first, alone), (_, together) = found(1), found(2)
     assert len(alone) == 24
@@ -72,16 +72,19 @@ def test_changes_of_optima_are_the_same_on_any_number_of_cores_and_find_better_o
 
 def test_there_are_no_changes_of_nothing():
     task = Task.of(PROBLEM, MinimumTimeOptions(workers=1))
-    first = search(task, 1, Grounds(task.meshes, task.coarse()))
+    first = search(task, 1, SearchSettings(task.meshes, task.coarse()))
     failed = [replace(attempt, status=type(attempt.status).FAILED) for attempt in first]
-    assert offspring(task, failed, 6, Grounds(task.meshes, task.coarse())) == []
+    assert crossover_guesses(task, failed, 6, SearchSettings(task.meshes, task.coarse())) == []
 
 
 def test_a_later_lineage_has_other_changes_of_the_same():
     task = Task.of(PROBLEM, MinimumTimeOptions(workers=1))
-    grounds = Grounds(task.meshes, task.coarse())
-    ancestors = search(task, 4, grounds)
-    both, later = offspring(task, ancestors, 4, grounds), offspring(task, ancestors, 2, grounds, first=2)
+    search_settings = SearchSettings(task.meshes, task.coarse())
+    ancestors = search(task, 4, search_settings)
+    both, later = (
+        crossover_guesses(task, ancestors, 4, search_settings),
+        crossover_guesses(task, ancestors, 2, search_settings, first=2),
+    )
     # Changes of one round depend on their numbers and their ancestors alone.
     assert [a.trajectory.duration for a in later] == [a.trajectory.duration for a in both[2:]]
     assert len({a.trajectory.duration for a in both}) == 4

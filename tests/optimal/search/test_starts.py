@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import armdyn as ad
 from armdyn.models.scene.collision import CollisionModel
 from armdyn.models.scene.obstacles import Sphere
-from armdyn.optimal.search.starts import detours, spline
+from armdyn.optimal.search.starts import spline, via_guesses
 from oracles import PinDynamics
 from problems import POSES, cart, paper_arm, paper_problem
 
@@ -65,7 +65,7 @@ def test_no_guess_is_hastier_than_velocity_limits_allow():
 
 def test_random_poses_within_a_turn_are_as_likely_everywhere():
     problem = paper_problem("rr", position_limit=(-np.inf, np.inf))
-    poses = np.array([way[0] for way in detours(problem, 0, 2001, wide=(0.0, 8.0))[1:]])
+    poses = np.array([way[0] for way in via_guesses(problem, 0, 2001, wide=(0.0, 8.0))[1:]])
     off = poses - (np.asarray(problem.q_goal) + np.asarray(problem.q_start)) / 2
     assert np.all(np.abs(off) <= 8)
     # 2000 draws of two joints: a quarter of them in each quarter, to five standard deviations of 1 %.
@@ -90,7 +90,7 @@ def test_moving_ends_are_kept():
 
 def test_same_seed_same_guesses_and_they_fit_the_problem():
     problem = paper_problem("rr")
-    first, second = ([spline(problem, way) for way in detours(problem, seed=1, count=3)] for _ in range(2))
+    first, second = ([spline(problem, way) for way in via_guesses(problem, seed=1, count=3)] for _ in range(2))
     for a, b in zip(first, second, strict=True):
         np.testing.assert_array_equal(a.q, b.q)
     np.testing.assert_allclose(spline(problem, []).q[[0, -1]], [problem.q_start, problem.q_goal], atol=1e-14)
@@ -100,21 +100,21 @@ def test_same_seed_same_guesses_and_they_fit_the_problem():
 @given(st.integers(0, 2**16), st.integers(1, 20))
 def test_the_first_way_is_straight_and_all_are_within_limits(seed, count):
     problem = arm_problem("rr")
-    ways = detours(problem, seed, count)
+    ways = via_guesses(problem, seed, count)
     assert len(ways) == count and ways[0] == []
     limits = problem.limits
     assert all(np.all(limits.position_lower <= q) and np.all(q <= limits.position_upper) for way in ways for q in way)
 
 
 def test_more_guesses_begin_with_the_same():
-    few, many = (detours(arm_problem("rr"), 0, count) for count in (4, 9))
+    few, many = (via_guesses(arm_problem("rr"), 0, count) for count in (4, 9))
     for one, other in zip(few, many, strict=False):
         np.testing.assert_array_equal(one, other)
 
 
 def test_ways_of_a_problem_with_via_points_pass_them():
     via = [[-0.7, 0.8], [-0.3, 0.9]]
-    ways = detours(paper_problem("rr", via=via), 0, 6)
+    ways = via_guesses(paper_problem("rr", via=via), 0, 6)
     np.testing.assert_array_equal(ways[0], via)
     for way in ways[1:]:
         assert len(way) == 3
@@ -126,14 +126,14 @@ def test_ways_round_an_obstacle_touch_nothing_where_they_are_looked_at():
     start, goal = POSES["rr"]
     ball = Sphere((0.33, 0, -0.12), 0.05)
     problem = ad.MinimumTimeProblem(paper_arm("rr"), q_start=start, q_goal=goal, obstacles=[ball])
-    straight, *ways = detours(problem, 0, 6)
+    straight, *ways = via_guesses(problem, 0, 6)
     assert straight == [] and len(ways) == 5
 
     model = CollisionModel(problem.robot, [ball])
 
     def clearance(way):
         guess = spline(problem, way)
-        looks = np.linspace(0, guess.duration, 25)  # as many as `detours` takes: in between it may still touch
+        looks = np.linspace(0, guess.duration, 25)  # as many as `via_guesses` takes: in between it may still touch
         return min(model.nearest(q).distance for q in guess(looks).q)
 
     assert clearance(straight) < 0

@@ -3,8 +3,8 @@
 import numpy as np
 
 import armdyn as ad
-from armdyn.optimal.search.starts import detours, spline
-from armdyn.optimal.search.swing_up import swinging_time, swings
+from armdyn.optimal.search.starts import spline, via_guesses
+from armdyn.optimal.search.swing_up import swing_up_guesses, swinging_time
 from armdyn.optimal.task.policy.search import SearchPolicy
 from problems import paper_problem
 
@@ -14,8 +14,8 @@ def problem_of(goal, **more):
 
 
 def test_swings_go_to_and_fro_and_further():
-    ways = swings(problem_of([0.0, np.pi]), np.random.default_rng(0), 30)
-    assert [len(way) for way in ways[:6]] == list(SearchPolicy.swings)
+    ways = swing_up_guesses(problem_of([0.0, np.pi]), np.random.default_rng(0), 30)
+    assert [len(way) for way in ways[:6]] == list(SearchPolicy.swing_ups)
     for way in ways:
         poses = np.array(way)
         assert np.all(np.abs(poses[:, 0]) <= 2)  # the rail's end
@@ -26,15 +26,15 @@ def test_swings_go_to_and_fro_and_further():
 
 
 def test_no_swings_where_nothing_is_to_swing():
-    assert swings(problem_of([1.0, 0.0]), np.random.default_rng(0), 4) == []
-    assert swings(paper_problem("rr"), np.random.default_rng(0), 4) == []
+    assert swing_up_guesses(problem_of([1.0, 0.0]), np.random.default_rng(0), 4) == []
+    assert swing_up_guesses(paper_problem("rr"), np.random.default_rng(0), 4) == []
 
 
 def test_the_straight_way_stays_the_first_guess_and_half_of_the_others_swing():
-    ways = detours(problem_of([0.0, np.pi]), 0, 9)
+    ways = via_guesses(problem_of([0.0, np.pi]), 0, 9)
     assert ways[0] == [] and len(ways) == 9
     assert [len(way) for way in ways[1:]] == [1, 1, 1, 2, 1, 3, 1, 4]
-    again = detours(problem_of([0.0, np.pi]), 0, 9)
+    again = via_guesses(problem_of([0.0, np.pi]), 0, 9)
     assert all(np.array_equal(one, other) for one, other in zip(ways, again, strict=True))
 
 
@@ -51,7 +51,7 @@ def test_swinging_takes_the_time_of_a_pendulum():
 
 def test_guesses_push_with_motors_only():
     problem = problem_of([0.0, np.pi])
-    for way in detours(problem, 0, 8):
+    for way in via_guesses(problem, 0, 8):
         guess = spline(problem, way)
         assert not np.any(guess.tau[:, 1]) and np.all(np.abs(guess.tau[:, 0]) <= 20)
         assert 0 < guess.duration < 60

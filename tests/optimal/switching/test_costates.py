@@ -5,8 +5,8 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.arcs.arc import POSITION, outward
+from armdyn.optimal.arcs.nlp_data import PhaseAim
 from armdyn.optimal.arcs.phases import Phases
-from armdyn.optimal.arcs.posing import PhaseAim
 from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.proof.sensitivity import sensitivities
 from armdyn.optimal.task.options import MinimumTimeOptions

@@ -47,9 +47,30 @@ def test_what_depends_on_the_kind_of_problem(kind):
     program, search, curves = policy.program, policy.search, policy.curves
     found = (
         search.starts, program.condensed, program.flat, program.linear, search.again,
-        curves.alone, curves.starts, search.neighbour_starts,
+        policy.strategy.curves_alone, curves.starts, search.neighbour_starts,
     )  # fmt: skip
     assert found == TABLE[kind]
+
+
+STRATEGIES = {
+    # kind: methods, fallback, whether a lower bound is computed
+    "rr": (("arcs",), ("curves",), False),
+    "rr ball": (("mesh",), ("curves",), False),
+    "rr effort": (("time-energy",), ("curves",), False),
+    "ur5": (("curves",), (), True),
+}
+
+
+@pytest.mark.parametrize("kind", STRATEGIES)
+def test_the_strategy_of_a_kind_of_problem(kind):
+    strategy = Policy.of(problem(kind)).strategy
+    assert (strategy.methods, strategy.fallback, strategy.bounded) == STRATEGIES[kind]
+
+
+def test_where_velocity_limits_shape_the_motion_curves_come_first():
+    for more, methods in (({}, ("curves", "arcs")), ({"effort_weight": 0.1}, ("curves", "time-energy"))):
+        strategy = Policy.of(paper_problem("rr", velocity_limit=3.0, **more)).strategy
+        assert strategy.methods == methods and strategy.bounded == (not more)
 
 
 @pytest.mark.parametrize(
@@ -94,7 +115,7 @@ def test_what_is_no_group_has_no_rows():
 @pytest.mark.parametrize(("effort", "guesses", "optima"), [("quick", 8, 6), ("normal", 24, 6), ("thorough", 120, 18)])
 def test_effort_scales_whatever_is_guessed(effort, guesses, optima):
     search = Policy.of(paper_problem("rrr", effort_weight=1.0)).search
-    options = ad.MinimumTimeOptions(effort=effort)
+    options = ad.MinimumTimeOptions(search=effort)
     assert (search.guesses(options, 24), search.refinements(options, 6)) == (guesses, optima)
-    asked = ad.MinimumTimeOptions(effort=effort, starts=3, refinements=2)
+    asked = ad.MinimumTimeOptions(search=effort, starts=3, refinements=2)
     assert (search.guesses(asked, 24), search.refinements(asked, 6)) == (3, 2)

@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from armdyn.models import PAPER_ARMS
+from armdyn.models import PLANAR_ARMS
 from armdyn.paper.claims.feasibility import all_holdings, holding, largest_payload
 from armdyn.paper.outcomes.case import READINGS
 from paper.references import EVERY, REFERENCE, reference
 
 
-@pytest.mark.parametrize("arm", PAPER_ARMS)
+@pytest.mark.parametrize("arm", PLANAR_ARMS)
 @pytest.mark.parametrize(("payload", "reading"), EVERY)
 def test_holding_torque(arm, payload, reading):
     expected = reference("static_hold_torque", reading, payload)[arm.upper()]
@@ -16,7 +16,7 @@ def test_holding_torque(arm, payload, reading):
     np.testing.assert_allclose(holding(arm, payload, reading).torque, expected, rtol=1e-12)
 
 
-@pytest.mark.parametrize("arm", PAPER_ARMS)
+@pytest.mark.parametrize("arm", PLANAR_ARMS)
 @pytest.mark.parametrize("reading", READINGS)
 def test_largest_payload(arm, reading):
     largest = largest_payload(arm, reading)

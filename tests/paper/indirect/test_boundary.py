@@ -7,7 +7,7 @@ import pytest
 
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
-from armdyn.paper.indirect.boundary import BoundaryProblem, Extremal, solve_lobatto, solve_trapezoidal
+from armdyn.paper.indirect.boundary import BoundaryExtremal, BoundaryProblem, solve_lobatto, solve_trapezoidal
 from armdyn.paper.indirect.canonical import canonical_system, columns
 from problems import cart, paper_problem
 
@@ -18,7 +18,7 @@ def cart_problem(distance, weight):
     """∫ (1 + w/2 u²) dt on the double integrator, from rest to rest, with a poor guess."""
     s = np.linspace(0, 1, 9)
     q, v = distance * s, np.full(s.size, distance)
-    guess = Extremal(s, np.array([q, v, -np.ones(s.size), 2 * s - 1]), 1.0)
+    guess = BoundaryExtremal(s, np.array([q, v, -np.ones(s.size), 2 * s - 1]), 1.0)
     ends = np.array([0.0, 0.0]), np.array([distance, 0.0])
     return BoundaryProblem(canonical_system(cart()), *ends, weight, -NONE, NONE, guess, Stop())
 
@@ -28,14 +28,14 @@ def arm_problem(intervals):
     problem = paper_problem("r", effort_weight=1.0)
     s = np.linspace(0, 1, 101)
     swing = problem.q_start[0] + (problem.q_goal[0] - problem.q_start[0]) * (3 * s**2 - 2 * s**3)
-    guess = Extremal(s, np.array([swing, 34 * s * (1 - s), -0.5 + 0 * s, 0.1 * (2 * s - 1)]), 0.3)
+    guess = BoundaryExtremal(s, np.array([swing, 34 * s * (1 - s), -0.5 + 0 * s, 0.1 * (2 * s - 1)]), 0.3)
     system = canonical_system(problem.robot)
     boundary = BoundaryProblem(system, problem.x_start, problem.x_goal, 1.0, -NONE, NONE, guess, Stop())
     exact = solve_lobatto(boundary, 1e-10, 20_000)
     assert exact.status is Status.SOLVED, exact.message
     s = np.linspace(0, 1, intervals + 1)
     y = np.array([np.interp(s, exact.s, row) for row in exact.y])
-    return replace(boundary, guess=Extremal(s, y, exact.duration)), exact
+    return replace(boundary, guess=BoundaryExtremal(s, y, exact.duration)), exact
 
 
 @pytest.mark.parametrize("distance", [0.5, 2.0])

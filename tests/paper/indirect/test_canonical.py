@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from armdyn.paper.indirect.canonical import canonical_system, columns
-from armdyn.paper.indirect.law import MINIMUM, Law
+from armdyn.paper.indirect.law import MINIMUM, TorqueLaw
 from oracles import PinDynamics, random_states, robot_named
 
 ARMS = ("r", "rr", "rrr", "double_pendulum", "ur5")
 W = 0.7
 """Effort weight [1/(N m)²]."""
-OTHER = Law("other", lambda symbols: -symbols.rho_v, lambda symbols: ca.SX(1), minimises=False)
+OTHER = TorqueLaw("other", lambda symbols: -symbols.rho_v, lambda symbols: ca.SX(1), minimises=False)
 
 
 def points(robot, count=3):

@@ -10,7 +10,7 @@ import pytest
 import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.paper import IndirectOptions, solve_indirect
-from armdyn.paper.indirect import MINIMUM, Law
+from armdyn.paper.indirect import MINIMUM, TorqueLaw
 from armdyn.paper.indirect.canonical import canonical_system
 from oracles import robot_named
 from problems import cart
@@ -26,7 +26,7 @@ def time_and_four_efforts(symbols):
     return 1 + 2 * symbols.weight * ca.sumsqr(symbols.tau)
 
 
-FOURFOLD = Law("fourfold", dearer, time_and_four_efforts, minimises=False)
+FOURFOLD = TorqueLaw("fourfold", dearer, time_and_four_efforts, minimises=False)
 """The law of 4 w."""
 
 

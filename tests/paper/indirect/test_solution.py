@@ -11,10 +11,10 @@ from armdyn.optimal import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.paper import IndirectOptions, compare_with_direct, solve_indirect
 from armdyn.paper.indirect.bang_bang import with_samples
-from armdyn.paper.indirect.boundary import BoundaryProblem, Extremal
+from armdyn.paper.indirect.boundary import BoundaryExtremal, BoundaryProblem
 from armdyn.paper.indirect.canonical import canonical_system
 from armdyn.paper.indirect.shooting import shoot
-from armdyn.paper.indirect.solution import Samples, checked, from_arcs, from_extremal
+from armdyn.paper.indirect.solution import ExtremalSamples, checked, from_arcs, from_extremal
 from paper.indirect.carts import cart_bang_bang, cart_guess
 from problems import cart
 
@@ -30,17 +30,17 @@ def line(problem, status=Status.SOLVED, shift=0.0):
     t = np.linspace(0, 4, 41)
     s = t / 4
     y = np.column_stack([shift + 2 * (3 * s**2 - 2 * s**3), 3 * s * (1 - s), -1 + 0 * t, 2 * s - 1])
-    samples = Samples(t, y, np.zeros((41, 1)), 0.1 * s, 4.5, status, "as told", 1e-7)
+    samples = ExtremalSamples(t, y, np.zeros((41, 1)), 0.1 * s, 4.5, status, "as told", 1e-7)
     return checked(problem, OPTIONS, samples, direct=None)
 
 
 def extremal(problem, y, duration=4.0):
     """A boundary problem of w = 1 without limits, and an extremal of it."""
     none, s = np.array([np.inf]), np.linspace(0, 1, y.shape[1])
-    guess = Extremal(s, np.ones((4, s.size)), 3.0)
+    guess = BoundaryExtremal(s, np.ones((4, s.size)), 3.0)
     system = canonical_system(problem.robot)
     boundary = BoundaryProblem(system, problem.x_start, problem.x_goal, 1.0, -none, none, guess, Stop())
-    return boundary, Extremal(s, y, duration, Status.SOLVED, "as told", 1e-8)
+    return boundary, BoundaryExtremal(s, y, duration, Status.SOLVED, "as told", 1e-8)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armdyn.models import PAPER_ARMS
+from armdyn.models import PLANAR_ARMS
 from armdyn.optimal import solve_minimum_time
 from armdyn.paper import example
 from armdyn.paper.outcomes import run
@@ -121,7 +121,7 @@ def test_eigenvalues_at_the_goal(payload, reading):
         assert case.loop().growth() == pytest.approx(value, abs=1e-6), name
 
 
-@pytest.mark.parametrize("arm", PAPER_ARMS)
+@pytest.mark.parametrize("arm", PLANAR_ARMS)
 def test_the_printed_sign_of_the_derivative_is_unstable(arm):
     outcome = run_case(Case(example(arm, "pid").number, arm, "pid", 0.1006, "mM", derivative_sign="printed"))
     assert outcome.time is None and outcome.status == "diverged" and outcome.facts["max_real_eigenvalue"] > 5

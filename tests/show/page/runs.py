@@ -3,7 +3,7 @@
 import numpy as np
 
 import armdyn as ad
-from armdyn.show.page.course import Move
+from armdyn.show.page.course import ShownMotion
 from armdyn.show.page.facts import Facts
 from problems import paper_arm
 
@@ -65,4 +65,4 @@ FACTS = {
 def judged(**more):
     """The bang-bang motion with what a solve says of it."""
     robot, motion = bang_bang()
-    return robot, Move("minimum time", motion, Facts({**FACTS, **more}))
+    return robot, ShownMotion("minimum time", motion, Facts({**FACTS, **more}))

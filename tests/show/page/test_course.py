@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from armdyn.models.values.joint_limits import JointLimits
-from armdyn.show.page.course import Move, arc_lanes, course_data, sampled_lanes
+from armdyn.show.page.course import ShownMotion, arc_lanes, course_data, sampled_lanes
 from armdyn.show.page.facts import Facts
 from armdyn.trajectory.value import Sample
 from show.motions import HANGING, RAISED, quintic
@@ -25,7 +25,7 @@ def data_of(*moves, robot):
 def test_jumps_stay_jumps_and_what_has_ended_is_not_drawn():
     robot, first = judged()
     later = quintic(robot, HANGING["rr"], RAISED["rr"], 0.5, "slow")
-    data = data_of(first, Move("slow", later, Facts()), robot=robot)
+    data = data_of(first, ShownMotion("slow", later, Facts()), robot=robot)
     t = floats(data["t"], "<f8")
     assert np.all(np.diff(t) > 0) and t[0] == 0 and t[-1] == 0.5
     tau = floats(data["moves"][0]["tau"], "<f4").reshape(2, -1)
@@ -41,7 +41,7 @@ def test_times_begin_at_zero():
     robot, _ = judged()
     motion = quintic(robot, HANGING["rr"], RAISED["rr"], 0.5)
     later = replace(motion, t=motion.t + 1.0)
-    t = floats(data_of(Move("later", later, Facts()), robot=robot)["t"], "<f8")
+    t = floats(data_of(ShownMotion("later", later, Facts()), robot=robot)["t"], "<f8")
     assert t[0] == 0 and t[-1] == pytest.approx(0.5, rel=1e-12)
 
 
@@ -65,7 +65,7 @@ def test_a_bare_motion_s_jumps_are_ticks_and_a_mesh_s_are_not():
 def test_without_arcs_the_samples_say_it():
     robot, motion = bang_bang()
     robot = replace(robot, limits=replace(robot.limits, effort_lower=[-LIMIT] * 2, effort_upper=[LIMIT] * 2))
-    first = data_of(Move("bare", motion, Facts()), robot=robot)["moves"][0]
+    first = data_of(ShownMotion("bare", motion, Facts()), robot=robot)["moves"][0]
     assert not first["resolved"]
     assert [[code for _, _, code in lane] for lane in first["lanes"]] == [["T+", "T-"], ["T+", "T-"]]
     assert first["lanes"][1][0][1] == pytest.approx(0.08, abs=1e-12)
@@ -75,7 +75,7 @@ def test_what_is_kept_for_feedback_is_no_limit():
     robot, motion = bang_bang()
     limits = replace(robot.limits, effort_lower=[-LIMIT / 0.9] * 2, effort_upper=[LIMIT / 0.9] * 2)
     facts = Facts({"reserve": {"effort": [0.1, 0.1], "velocity": [0.0, 0.0]}})
-    data = course_data([Move("kept", motion, facts)], limits, [False] * 2)
+    data = course_data([ShownMotion("kept", motion, facts)], limits, [False] * 2)
     assert data["kept"]["tau"] == [0.1, 0.1]
     assert [code for _, _, code in data["moves"][0]["lanes"][0]] == ["T+", "T-"]
 

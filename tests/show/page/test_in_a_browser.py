@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from armdyn.show.page.course import Move
+from armdyn.show.page.course import ShownMotion
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.report import Subject, report_html, report_of
 from show.browser import left_the_page, open_page, screenshot, wait_until
@@ -30,7 +30,7 @@ def pair():
     robot, _ = judged()
     fast, slow = (quintic(robot, HANGING["rr"], RAISED["rr"], duration, name) for duration, name in
                   ((0.35, "fast"), (0.5, "slow")))  # fmt: skip
-    return robot, Move("fast", fast, Facts()), Move("slow", slow, Facts())
+    return robot, ShownMotion("fast", fast, Facts()), ShownMotion("slow", slow, Facts())
 
 
 def tip_of(robot, q):

@@ -11,7 +11,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import TrajectoryError
-from armdyn.show.page.course import Move
+from armdyn.show.page.course import ShownMotion
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.report import Report, Subject, report_html, report_of
 from armdyn.show.page.verdict import verdict_of
@@ -129,7 +129,9 @@ def test_a_planar_arms_report_is_small():
 def test_a_pandas_report_is_not_large():
     robot = ad.Robot.from_library("panda")
     home = np.array([0, -0.3, 0, -2.2, 0, 2, 0.8])
-    moves = [Move(name, quintic(robot, home, home + rise, 0.8), Facts()) for name, rise in (("a", 0.4), ("b", 0.2))]
+    moves = [
+        ShownMotion(name, quintic(robot, home, home + rise, 0.8), Facts()) for name, rise in (("a", 0.4), ("b", 0.2))
+    ]
     assert len(page_of(*moves, robot=robot).encode()) < 8e6
 
 
@@ -164,7 +166,7 @@ def test_paths_are_told_without_their_folders():
 def test_of_several_motions_their_times_are_seen_first():
     robot, move = judged()
     loop = quintic(robot, [0, 0], [1, 1], 10.0, "PID")
-    moves = [move, Move("PID", loop, Facts({"arrival_time": 0.42, "arrival_rule": "all_joints"}))]
+    moves = [move, ShownMotion("PID", loop, Facts({"arrival_time": 0.42, "arrival_rule": "all_joints"}))]
     report = report_of(Subject.of(robot), moves)
     assert [(tile.label, tile.value) for tile in report.tiles] == [("minimum time", "0.2100 s"), ("PID", "0.4200 s")]
     assert report.tiles[1].note == "+100 %, arrived"

@@ -66,7 +66,7 @@ _BINARY: dict[int, Callable[[Any, Any], Any]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class _Step:
+class _Instruction:
     """Operations of one kind on values that are known.
 
     Attributes:
@@ -94,7 +94,7 @@ class LevelledFunction:
 
     inputs: tuple[tuple[int, int], ...]
     constants: tuple[tuple[int, float], ...]
-    steps: tuple[_Step, ...]
+    steps: tuple[_Instruction, ...]
     outputs: Indices
     size: int
 
@@ -182,7 +182,7 @@ class _Reading:
             _, first, second = np.array(groups[key], dtype=np.intp).T
             into = slice(begin, begin + len(first))
             sources = (first,) if key[1] in _UNARY else (first, second)
-            steps.append(_Step(key[1], into, tuple(place[source] for source in sources)))
+            steps.append(_Instruction(key[1], into, tuple(place[source] for source in sources)))
             begin = into.stop
         return LevelledFunction(
             inputs=tuple((int(place[name]), index) for name, index in self.inputs),

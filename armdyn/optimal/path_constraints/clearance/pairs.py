@@ -12,7 +12,7 @@ from armdyn.locks import built_once
 from armdyn.models.scene.obstacles import Capsule, Obstacle
 from armdyn.optimal.path_constraints.clearance.distance import SIZES, Solid, from_segment, least_over_segment, solid
 from armdyn.optimal.path_constraints.rows import RowFunctions, Where
-from armdyn.optimal.program.interval import Place, nonzeros_of
+from armdyn.optimal.program.interval import IntervalView, nonzeros_of
 
 Kinds = tuple[type[Obstacle], ...]
 
@@ -57,7 +57,7 @@ class PairRows:
         """The part of the interval, and those of the obstacles."""
         return 1 + sum(SIZES[kind] for kind in self.kinds)
 
-    def functions(self, place: Place) -> RowFunctions:
+    def functions(self, place: IntervalView) -> RowFunctions:
         """The rows and their derivatives."""
         return _distance_rows(place, self.pairs, self.kinds)
 
@@ -70,7 +70,7 @@ def distances_at(dynamics: Dynamics, pairs: tuple[Pair, ...], kinds: Kinds = ())
 
 
 @built_once(maxsize=16)
-def _distance_rows(place: Place, pairs: tuple[Pair, ...], kinds: Kinds) -> RowFunctions:
+def _distance_rows(place: IntervalView, pairs: tuple[Pair, ...], kinds: Kinds) -> RowFunctions:
     """Distances at a part s of an interval.
 
     Differentiated by q, and by the chain rule from there to the interval's unknowns: a third of the operations.

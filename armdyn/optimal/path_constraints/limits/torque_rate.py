@@ -7,7 +7,6 @@ from typing import Self
 
 import casadi as ca
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import numbers
@@ -104,7 +103,7 @@ class TorqueRateLimit(PathConstraint):
         ends = zip(_ends(problem), motion.t[[0, -1]], motion.tau[[0, -1]], ("begins", "ends"), strict=True)
         for x, t, tau, end in ends:
             hold, free = self._held(problem, x)
-            beside = np.where(free > 0, 0, np.abs(tau - hold)) / problem.limits.effort_size
+            beside = np.where(free > 0, 0, np.abs(tau - hold)) / problem.limits.actuators.scale
             if np.max(beside) > _TOLERANCE:
                 worst.append(
                     Violation("jump of the torque", names[int(np.argmax(beside))], float(t), float(np.max(beside)))
@@ -119,10 +118,10 @@ class TorqueRateLimit(PathConstraint):
     def _held(self, problem: MinimumTimeProblem, x: Array) -> tuple[Array, Array]:
         """What holds the arm in a state [N m or N], and how far from it each torque may be: 0, or inf if it is free."""
         robot, limits, n = problem.robot, problem.limits, problem.robot.nv
-        hold = pin.computeGeneralizedGravity(robot.model, robot.model.createData(), robot.configuration(x[:n]))
-        able = (hold >= limits.effort_lower) & (hold <= limits.effort_upper)
+        hold = robot.holding_torque(x[:n])
+        able = limits.actuators.allows(hold, x[:n], x[n:])
         held = able & np.isfinite(self.limit) & (not np.any(x[n:]))
-        return np.array(hold), np.where(held, 0.0, np.inf)
+        return hold, np.where(held, 0.0, np.inf)
 
 
 def _slope(stages: Stages) -> ca.SX:

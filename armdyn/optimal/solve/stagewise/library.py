@@ -23,24 +23,24 @@ WATCH = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int, *[ctypes.c_double] * 4)
 
 
 @built_once(maxsize=16)
-def stagewise_library(dynamics: Dynamics, asked: bool | None) -> ctypes.CDLL | None:
+def stagewise_library(dynamics: Dynamics, compile_mode: bool | None) -> ctypes.CDLL | None:
     """The library of an arm, with `solve` and `values_at` as `interior_point.c` says.
 
     Args:
         dynamics: with a free last body.
-        asked: for `compiled_library`.
+        compile_mode: for `compiled_library`.
 
     Returns:
         None: there is none, for want of a compiler, of time or of a word for what the dynamics need.
     """
-    if asked is False:
+    if compile_mode is False:
         return None
     one = StageFunctions.of(dynamics)
     try:
         source = _source(dynamics.nv, one)
     except UnwrittenError:
         return None
-    library = compiled_library(source, sum(f.n_instructions() for f in one.functions) + _OWN, asked)
+    library = compiled_library(source, sum(f.n_instructions() for f in one.functions) + _OWN, compile_mode)
     if library is not None:
         library.solve.argtypes = [
             ctypes.c_int, ctypes.c_int, _Numbers, _Numbers, _Numbers, ctypes.c_double, ctypes.c_double,

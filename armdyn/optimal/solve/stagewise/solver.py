@@ -11,7 +11,7 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.condensed import has_condensed
 from armdyn.optimal.program.layout import CondensedLayout, Layout
-from armdyn.optimal.solve.ipopt import Outcome, ended
+from armdyn.optimal.solve.ipopt import NlpResult, ended
 from armdyn.optimal.solve.stagewise.library import WATCH, stagewise_library
 from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.scheme import Scheme
@@ -75,7 +75,7 @@ class Stagewise:
         bounds: tuple[Array, Array],
         stop: Stop,
         middles: tuple[Array, Array] | None = None,
-    ) -> Outcome:
+    ) -> NlpResult:
         """One call of the method.
 
         Args:

@@ -109,12 +109,12 @@ def _called(function: ca.Function, *rows: Array) -> list[Array]:
 
 
 @built_once(maxsize=64)
-def flow_of(dynamics: Dynamics, asked: bool | None) -> Flow:
+def flow_of(dynamics: Dynamics, compile_mode: bool | None) -> Flow:
     """The flow of an arm.
 
     Args:
         dynamics: with a free last body.
-        asked: whether as machine code, see `compiled`.
+        compile_mode: whether as machine code, see `compiled`.
     """
     rate, switching = _functions(dynamics)
     n = dynamics.nv
@@ -149,7 +149,7 @@ def flow_of(dynamics: Dynamics, asked: bool | None) -> Flow:
     many = switching.map(2 * STEPS)
     columns = many.mx_in()
     march, many = compiled(
-        [step.mapaccum("march", STEPS, 1), ca.Function("switchings", columns, many.call(columns))], asked
+        [step.mapaccum("march", STEPS, 1), ca.Function("switchings", columns, many.call(columns))], compile_mode
     )
     return Flow(march, many, rate)
 

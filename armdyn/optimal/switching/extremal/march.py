@@ -64,7 +64,7 @@ class Setting:
     def of(cls, problem: MinimumTimeProblem, flow: Flow, body: Array, duration: float) -> Self:
         """Of a problem, whose motion takes about so long [s]."""
         limits = problem.limits
-        return cls(problem, flow, body, (limits.effort_upper - limits.effort_lower) / (_SWAY * duration))
+        return cls(problem, flow, body, (limits.actuators.width) / (_SWAY * duration))
 
     @property
     def end(self) -> Array:
@@ -191,7 +191,7 @@ class March:
             for i, (before, after) in enumerate(zip(modes[k], modes[k + 1], strict=True)):
                 own = mode if i == joint else before if after is Mode.FREE else after
                 held[i] = own in POSITION or own in VELOCITY
-                tau[i] = {Mode.UPPER: limits.effort_upper[i], Mode.LOWER: limits.effort_lower[i]}.get(own, 0.0)
+                tau[i] = {Mode.UPPER: limits.actuators.upper[i], Mode.LOWER: limits.actuators.lower[i]}.get(own, 0.0)
             rate, slope, _ = self.setting.flow.rate(self.schedule.states[k], tau, np.zeros(n), held, self.setting.body)
             scale = self.schedule.duration / self.unit[n + joint]
             out.append((k, scale * np.asarray(slope)[n + joint], scale * float(rate[n + joint])))

@@ -11,10 +11,6 @@ TRAINED = "Panda and UR5, ten random pairs each (seed 1)"
 class CurvePolicy:
     """How a curve is laid out, solved, kept within its limits and followed."""
 
-    alone: bool = by_kind("-", "beyond three joints idle ones leave arcs undetermined: curves alone", TRAINED)
-    possible: bool = by_kind(
-        "-", "every joint has a motor: a torque of zero would be an equation all along the curve", "by definition"
-    )
     cruises: bool = by_kind("-", "velocity limits shape the motion: a joint reaches its limit on its way", TRAINED)
     intervals: int = tuned(56, "intervals", "of a leg; 40 are 0.004 % slower, 100 as much faster", TRAINED)
     coarse: int = tuned(16, "intervals", "of a leg, where goals are compared: right to 1 %", "UR5: eight branches")

@@ -2,18 +2,18 @@
 
 from dataclasses import dataclass
 
-from armdyn.optimal.task.policy.tuned import LARGE, PAPER, tuned
+from armdyn.optimal.task.policy.tuned import LARGE, PLANAR, tuned
 
 
 @dataclass(frozen=True, kw_only=True)
 class LandingPolicy:
     """How torques of a mesh are brought to land."""
 
-    rounds: int = tuned(8, "rounds", "of Newton's method on the torques", PAPER)
-    landed: float = tuned(1e-9, "rad or m", "miss of the goal that is a few of the integrator's own", PAPER)
+    rounds: int = tuned(8, "rounds", "of Newton's method on the torques", PLANAR)
+    landed: float = tuned(1e-9, "rad or m", "miss of the goal that is a few of the integrator's own", PLANAR)
     far: float = tuned(0.1, "rad or m", "miss beyond which a replay is no neighbour of what is sought", LARGE)
     steps: int = tuned(600, "steps", "of the variational equations: 1 ms resolves a turn through dry friction", "Panda")
-    samples: int = tuned(8, "samples", "of the motion under each constant torque", PAPER)
+    samples: int = tuned(8, "samples", "of the motion under each constant torque", PLANAR)
     below: float = tuned(1e-8, "of a limit", "kept from a velocity limit: what interpolation may be off", LARGE)
     near: float = tuned(1e-3, "of a limit", "a velocity so near its limit is held while the goal is corrected", LARGE)
     rank: float = tuned(1e-10, "-", "part of the most that torques can do about the goal: rounding", LARGE)

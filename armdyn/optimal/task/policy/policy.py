@@ -10,7 +10,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.curves import CurvePolicy
 from armdyn.optimal.task.policy.landing import LandingPolicy, PathConstraintPolicy
-from armdyn.optimal.task.policy.problem_class import speed_shapes
+from armdyn.optimal.task.policy.problem_class import is_speed_limited
 from armdyn.optimal.task.policy.refinement import (
     ArcsPolicy,
     IndirectPolicy,
@@ -19,6 +19,7 @@ from armdyn.optimal.task.policy.refinement import (
     SwitchMeshPolicy,
 )
 from armdyn.optimal.task.policy.search import ProgramPolicy, SamePolicy, SearchPolicy
+from armdyn.optimal.task.policy.strategy import Method, StrategyPolicy
 from armdyn.optimal.task.policy.tuned import rows
 from armdyn.optimal.task.scheme import Scheme
 
@@ -28,6 +29,7 @@ class Policy:
     """How a kind of problem is gone about; every number says its unit, its reason and what it was chosen on.
 
     Attributes:
+        strategy: methods of refinement, in the order in which they are tried.
         program: how motion becomes a nonlinear program.
         search: guesses, and which of their optima go on.
         same: when two durations are one optimum's.
@@ -41,6 +43,7 @@ class Policy:
         curves: motions as curves.
     """
 
+    strategy: StrategyPolicy
     program: ProgramPolicy
     search: SearchPolicy
     same: SamePolicy = field(default_factory=SamePolicy)
@@ -57,12 +60,13 @@ class Policy:
     def of(cls, problem: MinimumTimeProblem) -> Self:
         """The policy for a problem, by its joints, its limits and its path constraints."""
         motors = not np.any(problem.limits.passive)
-        speedy = speed_shapes(problem)
+        speed_limited = is_speed_limited(problem)
         joints, asked = problem.robot.nv, bool(problem.path_constraint_names)
         crowded = bool(problem.obstacles) or problem.self_collision
         many = joints == 3 and motors and not asked and not problem.pays_effort  # optima, hundreds
         starts = _by_joints(joints, 1, 16 if motors else 40, 140 if many else 100)
         return cls(
+            strategy=_strategy(problem, motors, speed_limited),
             program=ProgramPolicy(
                 linear=problem.continuous_torque,
                 condensed=not asked,
@@ -87,12 +91,10 @@ class Policy:
             smooth=SmoothPolicy(starts=_by_joints(joints, 2, 16, 24), refined=10 if joints == 2 else 6),
             indirect=IndirectPolicy(starts=_by_joints(joints, 1, 6, 16)),
             curves=CurvePolicy(
-                alone=motors and (joints > 3 or problem.relative_effort_weight > 0),
-                possible=motors,
-                cruises=speedy,
+                cruises=speed_limited,
                 patience=300 if asked or np.any(problem.robot.friction.coulomb) else 120,
-                shortest=_shortest(problem, speedy),
-                starts=6 if crowded else 1 if speedy else 4,
+                shortest=_shortest(problem, speed_limited),
+                starts=6 if crowded else 1 if speed_limited else 4,
             ),
         )
 
@@ -110,9 +112,22 @@ class Policy:
         return replace(self, **{group: replace(getattr(self, group), **numbers)})
 
 
-def _shortest(problem: MinimumTimeProblem, speedy: bool) -> float:
+def _strategy(problem: MinimumTimeProblem, motors: bool, speed_limited: bool) -> StrategyPolicy:
+    """The methods for a kind of problem."""
+    alone = motors and (problem.robot.nv > 3 or problem.relative_effort_weight > 0)
+    constrained = bool(problem.path_constraint_names)
+    own: Method = "mesh" if constrained else "time-energy" if problem.pays_effort else "arcs"
+    first: tuple[Method, ...] = ("curves",) if alone or (speed_limited and motors and not constrained) else ()
+    return StrategyPolicy(
+        methods=first if alone else (*first, own),
+        fallback=("curves",) if motors and not alone else (),
+        bounded=speed_limited and not problem.pays_effort,
+    )
+
+
+def _shortest(problem: MinimumTimeProblem, speed_limited: bool) -> float:
     """The first interval of a curve: torques that may not jump ramp more slowly than velocity limits are reached."""
-    if not speedy:
+    if not speed_limited:
         return 1.0
     return 2e-3 if problem.continuous_torque else 3e-4
 

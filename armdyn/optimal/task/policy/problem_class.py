@@ -6,7 +6,7 @@ import pinocchio as pin
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 
 
-def speed_shapes(problem: MinimumTimeProblem) -> bool:
+def is_speed_limited(problem: MinimumTimeProblem) -> bool:
     """Whether velocity limits shape the fastest motion, by an estimate.
 
     They do if the joint that they keep longest on its way reaches its limit on it: alone, from and to rest, with the
@@ -21,5 +21,5 @@ def speed_shapes(problem: MinimumTimeProblem) -> bool:
     if times[leg, j] == 0:
         return False
     inertia = pin.crba(robot.model, robot.model.createData(), robot.configuration(problem.poses[leg]))[j, j]
-    torque = (limits.effort_upper[j] - limits.effort_lower[j]) / 2
+    torque = limits.actuators.half_range[j]
     return bool(limits.velocity[j] ** 2 * inertia <= ways[leg, j] * torque)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import Self
 
-from armdyn.optimal.task.policy.tuned import LARGE, PAPER, UNRECORDED, by_kind, tuned
+from armdyn.optimal.task.policy.tuned import LARGE, PLANAR, UNRECORDED, by_kind, tuned
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,19 +38,19 @@ class RefinementPolicy:
         5.0, "-", "slower by so many times what the certified one's mesh was wrong by", "RRR, ten payloads"
     )
     slower: float = tuned(1.02, "of a certified duration", "the same, at the most", "RRR, ten payloads")
-    intervals: int = tuned(24, "intervals", "of the first mesh of arcs", PAPER)
-    most_intervals: int = tuned(100, "intervals", "of the finest such mesh", PAPER)
+    intervals: int = tuned(24, "intervals", "of the first mesh of arcs", PLANAR)
+    most_intervals: int = tuned(100, "intervals", "of the finest such mesh", PLANAR)
     most_per_arc: int = tuned(12, "intervals", "the same for each arc: 17 arcs need more than 100", "RRR, random pairs")
     most_arcs: int = tuned(60, "arcs", "more are no structure", UNRECORDED)
     blur: int = tuned(
         20, "-", "off its limits for less than this part of a fine mesh a torque is switching", "RRR 1 kg"
     )
-    rounds: int = tuned(12, "rounds", "of structures corrected by multipliers", PAPER)
-    aims: int = tuned(8, "rounds", "of aiming arcs beside the goal", PAPER)
+    rounds: int = tuned(12, "rounds", "of structures corrected by multipliers", PLANAR)
+    aims: int = tuned(8, "rounds", "of aiming arcs beside the goal", PLANAR)
     landed: float = tuned(
-        1e-8, "rad or m", "goal error at which a replay has landed: a hundredth of what is certified", PAPER
+        1e-8, "rad or m", "goal error at which a replay has landed: a hundredth of what is certified", PLANAR
     )
-    stray: float = tuned(1e-6, "-", "|H| that is as good as it can be: a hundredth of what is certified", PAPER)
+    stray: float = tuned(1e-6, "-", "|H| that is as good as it can be: a hundredth of what is certified", PLANAR)
     slowing: int = tuned(6, "rounds", "of slowing a motion down until it keeps all limits; most take one or two", LARGE)
     slow_samples: int = tuned(1000, "samples", "of a motion that is slowed down or held against conditions", "RR")
 
@@ -81,13 +81,13 @@ class SwitchMeshPolicy:
 class ArcsPolicy:
     """How arcs are read from a mesh, laid on intervals and solved."""
 
-    near: float = tuned(2e-3, "of a limit", "a torque so near is on it: IPOPT's barrier leaves 1e-4", PAPER)
+    near: float = tuned(2e-3, "of a limit", "a torque so near is on it: IPOPT's barrier leaves 1e-4", PLANAR)
     near_speed: float = tuned(
         2e-2, "of a limit", "the same for speeds: a constant torque holds one in the mean", "Panda, UR5"
     )
     touching: float = tuned(1e-4, "of a joint's way", "a position so near its limit touches it", "RRR, ten payloads")
     in_contact: float = tuned(5e-3, "of a joint's way", "the same for one that is held there", "RRR, ten payloads")
-    switch: int = tuned(2, "intervals", "off all limits in a row are a switch; more are an arc", PAPER)
+    switch: int = tuned(2, "intervals", "off all limits in a row are a switch; more are an arc", PLANAR)
     brief: float = tuned(
         1e-3,
         "of the duration",
@@ -99,10 +99,10 @@ class ArcsPolicy:
     held: float = tuned(
         1e-7, "of the duration", "that hangs on a limit, for its whole size: it holds the motion back", "RRR"
     )
-    shortest: float = tuned(1e-6, "of the duration", "arcs shorter than that are taken out", PAPER)
+    shortest: float = tuned(1e-6, "of the duration", "arcs shorter than that are taken out", PLANAR)
     touch: int = tuned(2, "intervals", "a position limit that holds the motion back for no more is touched", "RRR")
-    floor: float = tuned(0.15, "of the mean", "least density of a mesh: an estimate may overlook something", PAPER)
-    per_arc: int = tuned(2, "intervals", "of the shortest arc", PAPER)
+    floor: float = tuned(0.15, "of the mean", "least density of a mesh: an estimate may overlook something", PLANAR)
+    per_arc: int = tuned(2, "intervals", "of the shortest arc", PLANAR)
     layer_samples: int = tuned(
         4000, "samples", "in which turns through dry friction are looked for", "RR with friction"
     )
@@ -110,16 +110,16 @@ class ArcsPolicy:
         3.0, "widths", "of the jump at which a mesh thins out: friction is 0.5 % short", "RR with friction"
     )
     in_layers: float = tuned(0.5, "-", "part of the intervals that such turns get", "RR with friction")
-    tolerance: float = tuned(1e-10, "scaled", "of IPOPT: durations then hold to about as much", PAPER)
-    held_iterations: int = tuned(60, "iterations", "where all torques are held", PAPER)
-    free_iterations: int = tuned(100, "iterations", "where some are free", PAPER)
+    tolerance: float = tuned(1e-10, "scaled", "of IPOPT: durations then hold to about as much", PLANAR)
+    held_iterations: int = tuned(60, "iterations", "where all torques are held", PLANAR)
+    free_iterations: int = tuned(100, "iterations", "where some are free", PLANAR)
     near_iterations: int = tuned(
         40,
         "iterations",
         "where the guess solves nearly the same: what takes more comes to nothing",
         "RRR, random pairs",
     )
-    smooth_iterations: int = tuned(150, "iterations", "where they are to be smooth", PAPER)
+    smooth_iterations: int = tuned(150, "iterations", "where they are to be smooth", PLANAR)
     tie: float = tuned(1e-5, "of 1 for time", "cost of full torques that time leaves free: it makes them unique", "RRR")
     samples: int = tuned(480, "samples", "of torques that are not constant, 4 to 16 on an interval", "RRR time-energy")
 
@@ -133,23 +133,23 @@ class ArcsPolicy:
 class SmoothPolicy:
     """How optima of time and energy are searched and refined."""
 
-    starts: int = by_kind("guesses", "16 for two joints, 24 for three", "the paper's arms, w = 1, unbounded")
-    refined: int = by_kind("optima", "so many are refined", "the paper's arms, w = 1, unbounded")
-    coarse: int = tuned(25, "intervals", "of the search", PAPER)
-    iterations: int = tuned(200, "iterations", "of a guess of the search", PAPER)
-    fine: int = tuned(30, "intervals", "of the first solution by a high order", PAPER)
+    starts: int = by_kind("guesses", "16 for two joints, 24 for three", "planar arms, w = 1, unbounded")
+    refined: int = by_kind("optima", "so many are refined", "planar arms, w = 1, unbounded")
+    coarse: int = tuned(25, "intervals", "of the search", PLANAR)
+    iterations: int = tuned(200, "iterations", "of a guess of the search", PLANAR)
+    fine: int = tuned(30, "intervals", "of the first solution by a high order", PLANAR)
     most_rough: int = tuned(120, "intervals", "of the last mesh that is rough", "RRR, 500 g and 1 kg")
     most: int = tuned(240, "intervals", "of the finest mesh", "RRR, 500 g and 1 kg")
     optimism: float = tuned(
         0.98, "of a coarse J", "what it may yet fall to: more is another optimum's", "RR, RRR, ten payloads"
     )
     steps: int = tuned(12, "solves", "spent on all optima together: one takes 0.1 to 6 s", "RRR, ten payloads")
-    settled: float = tuned(1e-5, "-", "|H| at which a mesh is replayed: a tenth of what is certified", PAPER)
+    settled: float = tuned(1e-5, "-", "|H| at which a mesh is replayed: a tenth of what is certified", PLANAR)
     warm: float = tuned(
-        0.02, "-", "|H| below which the next solve stays where it is: 4 to 10 iterations, not 50", PAPER
+        0.02, "-", "|H| below which the next solve stays where it is: 4 to 10 iterations, not 50", PLANAR
     )
-    rough: float = tuned(0.05, "-", "|H| beyond which a mesh is too coarse to tell limits by", PAPER)
-    artefact: float = tuned(1.0, "-", "|H| beyond which it says nothing of where to look, either", PAPER)
+    rough: float = tuned(0.05, "-", "|H| beyond which a mesh is too coarse to tell limits by", PLANAR)
+    artefact: float = tuned(1.0, "-", "|H| beyond which it says nothing of where to look, either", PLANAR)
     unlikely: float = tuned(
         2.0,
         "-",
@@ -157,7 +157,7 @@ class SmoothPolicy:
         "RR, RRR, 500 g and 1 kg: good ones began with 1.1 at the most, artefacts with 1 to 60",
     )
     worth: float = tuned(
-        1.5, "of the least J", "coarse optima beyond are let go; some of the best are artefacts", PAPER
+        1.5, "of the least J", "coarse optima beyond are let go; some of the best are artefacts", PLANAR
     )
     doubted: float = tuned(
         1.5,

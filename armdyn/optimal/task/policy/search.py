@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from armdyn.optimal.task.options import MinimumTimeOptions
-from armdyn.optimal.task.policy.tuned import PAPER, UNRECORDED, by_kind, tuned
+from armdyn.optimal.task.policy.tuned import PLANAR, UNRECORDED, by_kind, tuned
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,14 +25,14 @@ class ProgramPolicy:
     near_limit: float = tuned(
         1e-3, "of travel or limit", "a guess so near a limit is likely to exceed it between knots", UNRECORDED
     )
-    coarse_tolerance: float = tuned(1e-5, "scaled", "of IPOPT in the search: with 1e-4 durations blur", PAPER)
+    coarse_tolerance: float = tuned(1e-5, "scaled", "of IPOPT in the search: with 1e-4 durations blur", PLANAR)
     coarse_barriers: tuple[float, ...] = by_kind(
         "scaled",
         "IPOPT's mu_init in turn: small ones keep more of the guess; with three joints ten times as large ones miss "
         "fewer best optima",
-        "the paper's arms; RRR, random",
+        "planar arms; RRR, random",
     )
-    fine_tolerance: float = tuned(1e-6, "scaled", "of IPOPT from a solution on another mesh", PAPER)
+    fine_tolerance: float = tuned(1e-6, "scaled", "of IPOPT from a solution on another mesh", PLANAR)
     fine_barrier: float = tuned(
         1e-4,
         "scaled",
@@ -50,13 +50,13 @@ class SearchPolicy:
         "guesses",
         "16 for two joints met the best optimum within six over eight seeds; 140 for three, changes of optima among "
         "them; 40 where one of two has no motor; around obstacles ways are chosen among many",
-        "the paper's arms; RRR, random pairs (seed 1)",
+        "planar arms; RRR, random pairs (seed 1)",
     )
     meshes: tuple[int, ...] = by_kind(
         "intervals",
         "which guesses take turns on; without a motor there are swings to resolve, and coarse meshes know faster ones "
         "that there are not",
-        PAPER,
+        PLANAR,
     )
     least: int = by_kind(
         "guesses",
@@ -64,26 +64,26 @@ class SearchPolicy:
         "probability of 5 %; after 18, which had met two optima, 2.5 % of the duration was lost",
         "RRR, random (seed 1, poses within ±π)",
     )
-    quick: float = tuned(1 / 3, "of the guesses", 'effort "quick"', "RRR, random")
-    thorough: float = tuned(5.0, "of the guesses", 'effort "thorough"; all of them are solved', "RRR, random")
-    more_refined: int = tuned(3, "times the optima", 'effort "thorough" refines', "RRR, random")
+    quick: float = tuned(1 / 3, "of the guesses", 'search="quick"', "RRR, random")
+    thorough: float = tuned(5.0, "of the guesses", 'search="thorough"; all of them are solved', "RRR, random")
+    more_refined: int = tuned(3, "times the optima", 'search="thorough" refines', "RRR, random")
     neighbour_starts: int = by_kind(
         "guesses",
         "of a search that has a neighbour's optimum; half where effort is paid for; beyond three joints the straight",
-        PAPER,
+        PLANAR,
     )
-    side_by_side: bool = by_kind("-", "in processes: up to two joints a fork takes as long as the solve", PAPER)
-    again: bool = by_kind("-", "where a finer mesh contradicts the search it is done again on that", PAPER)
-    refined: int = tuned(4, "optima", "so many are worth a finer mesh", PAPER)
+    side_by_side: bool = by_kind("-", "in processes: up to two joints a fork takes as long as the solve", PLANAR)
+    again: bool = by_kind("-", "where a finer mesh contradicts the search it is done again on that", PLANAR)
+    refined: int = tuned(4, "optima", "so many are worth a finer mesh", PLANAR)
     looked_at: int = tuned(
         6, "times as many", "coarse optima are solved on the finer mesh: many are too good to be true", "RRR, random"
     )
-    again_at_least: int = tuned(50, "guesses", "of another search, on finer meshes", PAPER)
-    worth: float = tuned(1.2, "of the best duration", "coarse solutions slower than that are only listed", PAPER)
+    again_at_least: int = tuned(50, "guesses", "of another search, on finer meshes", PLANAR)
+    worth: float = tuned(1.2, "of the best duration", "coarse solutions slower than that are only listed", PLANAR)
     too_coarse: float = tuned(
-        1.05, "of the coarse duration", "where the finer mesh makes the best this slow, coarse ones are left", PAPER
+        1.05, "of the coarse duration", "where the finer mesh makes the best this slow, coarse ones are left", PLANAR
     )
-    doubted: float = tuned(1.01, "of the coarse duration", "the same, where replays tell whether it is", PAPER)
+    doubted: float = tuned(1.01, "of the coarse duration", "the same, where replays tell whether it is", PLANAR)
     astray: float = tuned(
         0.2, "of a joint's way", "it is where those of all its optima end this far beside the goal", "RRR 500 g, 1 kg"
     )
@@ -94,14 +94,14 @@ class SearchPolicy:
     bow: float = tuned(
         2.0, "rad", "least spread of random poses: fast motions fold far out of the straight way", "RR, RRR, Luus"
     )
-    swings: tuple[int, ...] = tuned(
+    swing_ups: tuple[int, ...] = tuned(
         (1, 2, 3, 4, 6, 8),
         "swings",
         "in turn, of guesses on which joints without a motor swing up",
         "cart-pole, acrobot, pendubot, Furuta pendulum, their own and weaker motors",
     )
     unlike: float = tuned(0.3, "of the way, rad or m", "by which such guesses differ from each other", "the same")
-    spread: float = by_kind("times the way", "standard deviation of random poses", PAPER)
+    spread: float = by_kind("times the way", "standard deviation of random poses", PLANAR)
     turn: float = by_kind(
         "rad",
         "by which random poses are off beside that, any distance as likely; 0: not. With three joints, within a turn "
@@ -140,20 +140,20 @@ class SearchPolicy:
             options: starts, or effort.
             normal: so many where effort is normal; None: those of this search.
         """
-        factor = {"quick": self.quick, "normal": 1.0, "thorough": self.thorough}[options.effort]
+        factor = {"quick": self.quick, "normal": 1.0, "thorough": self.thorough}[options.search]
         return options.starts or max(1, math.ceil(factor * (self.starts if normal is None else normal)))
 
     def refinements(self, options: MinimumTimeOptions, normal: int | None = None) -> int:
         """How many optima the options ask for. Arguments as of `guesses`."""
         own = self.refined if normal is None else normal
-        return options.refinements or own * (self.more_refined if options.effort == "thorough" else 1)
+        return options.refinements or own * (self.more_refined if options.search == "thorough" else 1)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SamePolicy:
     """When two durations are one optimum's, as parts of them: by how well each kind of answer is known."""
 
-    coarse: float = tuned(2e-3, "-", "on coarse meshes", PAPER)
+    coarse: float = tuned(2e-3, "-", "on coarse meshes", PLANAR)
     apart: float = tuned(
         0.3,
         "rad or m",
@@ -161,10 +161,10 @@ class SamePolicy:
         "RRR, random",
     )
     near_known: float = tuned(
-        8e-3, "-", "a coarse one beside a better known one: it may be off by a few of those", PAPER
+        8e-3, "-", "a coarse one beside a better known one: it may be off by a few of those", PLANAR
     )
-    mesh: float = tuned(5e-4, "-", "from different guesses on one mesh", PAPER)
-    coarse_cost: float = tuned(1e-4, "-", "J on coarse meshes", PAPER)
-    coarse_duration: float = tuned(1e-3, "-", "durations of motions of the same J on coarse meshes", PAPER)
-    resolved: float = tuned(1e-6, "-", "resolved to arcs", PAPER)
-    resolved_cost: float = tuned(1e-7, "-", "J by the ninth order", PAPER)
+    mesh: float = tuned(5e-4, "-", "from different guesses on one mesh", PLANAR)
+    coarse_cost: float = tuned(1e-4, "-", "J on coarse meshes", PLANAR)
+    coarse_duration: float = tuned(1e-3, "-", "durations of motions of the same J on coarse meshes", PLANAR)
+    resolved: float = tuned(1e-6, "-", "resolved to arcs", PLANAR)
+    resolved_cost: float = tuned(1e-7, "-", "J by the ninth order", PLANAR)

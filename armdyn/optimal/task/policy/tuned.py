@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 
 Value = TypeVar("Value")
 
-PAPER = "the paper's R, RR and RRR, ten payloads, with and without ±π; Luus' two-link arm"
+PLANAR = "planar R, RR and RRR, ten payloads, with and without ±π; Luus' two-link arm"
 LARGE = "Panda and UR5, three pairs of poses each; one random pair of 39 library arms, on meshes"
 UNRECORDED = "not recorded"
 

@@ -9,7 +9,7 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_unknowns
-from armdyn.optimal.search.starts import detours, spline
+from armdyn.optimal.search.starts import spline, via_guesses
 from armdyn.optimal.solve.condensed import _within, solve_quickly
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.solve.stagewise.solver import Stagewise
@@ -87,7 +87,7 @@ def test_multipliers_are_those_of_the_solution():
 
 def test_every_guess_of_a_search_converges_back_from_where_the_filter_stops():
     task = replace(Task.of(paper_problem("rrr")), scheme=CONSTANT)
-    ways = detours(task.problem, 0, 24, Stop())
+    ways = via_guesses(task.problem, 0, 24, Stop())
     attempts = [
         solve_quickly(task, spline(task.problem, way), 15, task.coarse()[k % 2], between=False)
         for k, way in enumerate(ways)

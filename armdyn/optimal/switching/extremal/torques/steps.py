@@ -45,7 +45,7 @@ class Torques:
         """
         modes = schedule.modes()
         signs = np.array([[_KINDS.get(mode, 0) for mode in each] for each in modes])[arc]
-        bang = np.where(signs > 0, limits.effort_upper, np.where(signs < 0, limits.effort_lower, 0.0))
+        bang = limits.actuators.extreme(signs)
         free = np.array([[mode is Mode.FREE for mode in each] for each in modes])[arc]
         held = np.array([[mode in POSITION or mode in VELOCITY for mode in each] for each in modes])[arc]
         lifted, carrying = np.zeros(bang.shape), np.zeros(bang.shape)
@@ -54,7 +54,7 @@ class Torques:
                 own = arc == k
                 lifted[own, joint], carrying[own, carrier.joint], held[own, joint] = 1.0, 1.0, False
                 upper = carrier.press is Mode.UPPER
-                bang[own, joint] = (limits.effort_upper if upper else limits.effort_lower)[joint]
+                bang[own, joint] = (limits.actuators.upper if upper else limits.actuators.lower)[joint]
                 bang[own, carrier.joint], free[own, carrier.joint] = 0.0, False
         tau = bang.copy(), bang.copy()
         by = tuple(np.zeros((*bang.shape, schedule.width)) for _ in tau)
@@ -92,7 +92,7 @@ class Torques:
         steps, joints = np.nonzero(self.felt)
         scale, values, rows = unit[joints], [np.empty(0)], [np.empty((0, self.by[0].shape[2]))]
         for tau, by in zip(self.tau, self.by, strict=True):
-            for sign, bound in ((-1.0, limits.effort_upper), (1.0, -limits.effort_lower)):
+            for sign, bound in ((-1.0, limits.actuators.upper), (1.0, -limits.actuators.lower)):
                 values.append((bound[joints] + sign * tau[steps, joints]) / scale)
                 rows.append(sign * by[steps, joints] / scale[:, None])
         return np.concatenate(values), np.concatenate(rows)

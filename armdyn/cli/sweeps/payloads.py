@@ -1,0 +1,192 @@
+"""What `armdyn sweep ROBOT` does: minimum times over payload, their table, figure and motions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armdyn.cli.console import (
+    DONE,
+    INTERRUPTED,
+    NOT_AS_REQUIRED,
+    NOT_USABLE,
+    Answer,
+    console,
+    errors,
+    escape,
+    working,
+)
+from armdyn.cli.motion.words import options_of
+from armdyn.cli.options.joints import reserve_words
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    import armdyn as ad
+    from armdyn.cli.motion.requirements import Requirement
+    from armdyn.cli.sweeps.study import SweepResults
+    from armdyn.studies.rows import StudyRow
+    from armdyn.studies.tasks.task import CaseResult
+
+ROWS = "study.sqlite"
+_SAME = ("certified", "gap", "ms_per_gram", "limited_most_by", "ms_saved_by_one_per_cent")
+"""Facts of the study's row that are columns of the table."""
+_CODES = {"done": DONE, "not_landed": NOT_USABLE, "interrupted": INTERRUPTED}
+
+
+def run_payloads(
+    name: str,
+    problems: Mapping[float, ad.MinimumTimeProblem],
+    options: ad.MinimumTimeOptions,
+    required: Sequence[Requirement],
+    results: SweepResults,
+    answer: Answer,
+) -> None:
+    """Solve one motion with several payloads, or those that are missing, and write table, figure and motions.
+
+    Args:
+        name: of the robot, as it was given.
+        problems: by payload [kg], increasing.
+        options: of every search.
+        required: of every motion.
+        results: what is written.
+        answer: filled in.
+    """
+    from armdyn.optimal.answer.summary import reserve_summary
+    from armdyn.show.figures.payload_sweep import motion_name, table_names, write_sweep
+
+    first = next(iter(problems.values()))
+    arm, figure = first.robot, not results.no_figure
+    folder = results.output.folder("sweep", name, [ROWS, *map(motion_name, problems), *table_names(figure=figure)])
+    folder.mkdir(parents=True, exist_ok=True)
+    with working(f"minimum times of {arm.name}", results.output.json) as progress:
+        found, motions = _solved(folder, problems, options, progress)
+        status = _status(found, len(problems))
+        if not found:
+            answer.interrupted()
+            return
+        rows = [_line(row) for row in found]
+        figure = figure and status != "interrupted"  # who pressed Ctrl-C does not wait for it
+        progress("writing the table and the figure" if figure else "writing the table")
+        files = write_sweep(folder, arm, rows, motions, f"{arm.name}: minimum time over payload", figure=figure)
+    missing = [text for row in found for text in _missing(required, row)]
+    answer.facts |= {
+        "success": status == "done",
+        "status": status,
+        "robot": arm.name,
+        "reserve": reserve_summary(first),
+        "rows": rows,
+        "missing": missing,
+        "files": [str(file) for file in files],
+    }
+    answer.code = NOT_AS_REQUIRED if status == "done" and missing else _CODES[status]
+    if status == "interrupted":
+        answer.facts["message"] = f"interrupted; what was solved is in {folder}"
+    if not results.output.json:
+        console.print(_table(arm.name, rows))
+        for what, parts in reserve_words(first).items():
+            console.print(f"{what}: {parts}")
+        console.print(f"results in {escape(str(folder))}")
+        _complain(status, missing)
+
+
+def _solved(
+    folder: Path, problems: Mapping[float, ad.MinimumTimeProblem], options: ad.MinimumTimeOptions, progress: Any
+) -> tuple[list[StudyRow], list[Path]]:
+    """Rows and files of motions, by payload; after Ctrl-C with the motion that was found so far."""
+    from armdyn.optimal.problem.stop import stopping
+    from armdyn.show.figures.payload_sweep import motion_name
+    from armdyn.studies.continuation import chain
+    from armdyn.studies.executors.in_process import in_process
+    from armdyn.studies.rows import row_store
+    from armdyn.studies.run import run_cases
+    from armdyn.studies.tasks.task import INTERRUPTED as STOPPED
+    from armdyn.studies.tasks.task import motion_from
+
+    files: dict[int, Path] = {}
+    partial: dict[int, StudyRow] = {}
+    robots = [one.robot for one in problems.values()]
+    names = [motion_name(mass) for mass in problems]
+
+    def save(k: int, motion: ad.Trajectory) -> None:
+        files[k] = replace(motion, model_hash=robots[k].model_hash).save(folder / names[k])
+
+    def keep(row: StudyRow, result: CaseResult) -> None:
+        if row.status == STOPPED:
+            partial[row.k] = row
+        if result.value.success:
+            save(row.k, result.value.trajectory)
+
+    study = chain("payload", problems, options, lambda text: progress(f"{len(files) + 1} of {len(problems)}: {text}"))
+    with row_store(folder / ROWS, study.description(), replace=True) as rows, stopping(np.inf) as stop:
+        with in_process(study.task) as executor:
+            run_cases(study, rows, executor, stop, ended=keep)
+        found = partial | {row.k: row for row in rows.rows()}
+        for k in rows.moved() - files.keys():  # of an earlier run
+            save(k, replace(motion_from(rows.motion(k), robots[k]), name="minimum time"))
+    return [found[k] for k in sorted(found)], [files[k] for k in sorted(files)]
+
+
+def _line(row: StudyRow) -> dict[str, Any]:
+    """One line of the table; None: not known."""
+    facts = row.facts
+    return {
+        "payload_kg": row.settings["payload"],
+        "duration_s": facts["duration_s"],
+        "success": facts["landed"],
+        "usable": row.good,
+        **{name: facts[name] for name in _SAME},
+        "solve_time_s": round(row.seconds, 3),
+        "message": row.message,
+    }
+
+
+def _status(found: Sequence[StudyRow], wanted: int) -> str:
+    """Status of the sweep in a word."""
+    if len(found) < wanted or any(row.status == "interrupted" for row in found):
+        return "interrupted"
+    return "done" if all(row.facts["landed"] for row in found) else "not_landed"
+
+
+def _missing(required: Sequence[Requirement], row: StudyRow) -> list[str]:
+    """Requirements that a motion does not meet, and what may help."""
+    facts, grams = row.facts, 1e3 * row.settings["payload"]
+    proven = facts["gap"] if facts["gap_proven"] else None
+    missed = {"certified": not facts["certified"], "extremal": not facts["extremal"]}
+    return [
+        f"{grams:g} g: {one.text} is missing: {facts['missing'][one.kind] if row.good else 'the motion is not usable'}"
+        for one in required
+        if not row.good or missed.get(one.kind, proven is None or proven > one.most)
+    ]
+
+
+def _complain(status: str, missing: Sequence[str]) -> None:
+    """Print what is not as it should be."""
+    if status == "not_landed":
+        errors.print("some motions are not usable: their messages are in sweep.csv")
+    for text in missing:
+        errors.print(f"required: {escape(options_of(text))}")
+
+
+def _table(name: str, rows: Sequence[Mapping[str, Any]]) -> Table:
+    """The table for people."""
+    from rich.table import Table
+
+    table = Table(title=f"{escape(name)}: minimum time over payload", title_justify="left")
+    for column in ("payload", "minimum time", "certified", "1 g costs", "limited most by", "1 % saves"):
+        table.add_column(column, justify="left" if column in ("certified", "limited most by") else "right")
+    for row in rows:
+        gram, most, saved = row["ms_per_gram"], row["limited_most_by"], row["ms_saved_by_one_per_cent"]
+        table.add_row(
+            f"{1e3 * row['payload_kg']:g} g",
+            f"{row['duration_s']:.6f} s" if row["success"] else "-",
+            "yes" if row["certified"] else "no",
+            "-" if gram is None else f"{gram:.3f} ms",
+            "-" if most is None else escape(str(most)),
+            "-" if saved is None else f"{saved:.2f} ms",
+        )
+    return table

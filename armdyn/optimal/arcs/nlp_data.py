@@ -1,0 +1,237 @@
+"""A structure of arcs as the numbers of a nonlinear program: where it starts, and bounds that say what is held."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.arcs.arc import HELD, POSITION, VELOCITY, Arc, Mode
+from armdyn.optimal.arcs.grid import Density, deal, layered
+from armdyn.optimal.arcs.phases import TABLEAU
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.program.layout import Layout
+from armdyn.optimal.program.unknowns import Scales, bounds, to_unknowns
+from armdyn.optimal.task.task import Task
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int_]
+
+_SHORTEST = 1e-9
+"""Least duration of an arc, scaled."""
+_INSIDE = 1e-9
+"""Of an arc: what is this side of the jumps at its ends."""
+
+
+@dataclass(frozen=True, eq=False)
+class TiedArcs:
+    """Torques that stay where they are off all limits, arc by arc.
+
+    Attributes:
+        motion: whose torques they are, with a jump one ulp wide where an arc begins.
+        durations: of its arcs [s].
+    """
+
+    motion: Trajectory
+    durations: Array
+
+    @classmethod
+    def of(cls, arcs: Sequence[Arc], motion: Trajectory) -> Self:
+        """Of a motion with such arcs."""
+        return cls(motion, np.array([arc.duration for arc in arcs]))
+
+    def at_stages(self, arc_of: Index, part: Array) -> Array:
+        """At the stages of intervals, shape (N, stages, nv).
+
+        Args:
+            arc_of: which arc an interval is in, shape (N,).
+            part: of its arc that an interval is, shape (N,).
+        """
+        ends = np.cumsum(part)
+        before = np.concatenate([[0.0], ends])[np.searchsorted(arc_of, arc_of)]  # of the arcs before
+        s = (ends - part - before)[:, None] + part[:, None] * TABLEAU.c
+        starts = np.concatenate([[0.0], np.cumsum(self.durations)])
+        inside = np.clip(s, _INSIDE, 1 - _INSIDE)
+        tau: Array = self.motion((starts[arc_of][:, None] + inside * self.durations[arc_of][:, None]).ravel()).tau
+        return tau.reshape(*s.shape, -1)
+
+
+@dataclass(frozen=True, eq=False)
+class PhaseAim:
+    """What phases are to come to, and what is known of them already.
+
+    Attributes:
+        offset: how far beside the goal the collocation shall end, in (q, v), shape (2 nv,): where the
+            collocation's error takes it back.
+        near: the guess solves nearly the same problem: IPOPT stays where it is.
+        density: where the intervals are needed; None: they are dealt out by the arcs' lengths.
+        keep: torques off all limits that stay; None: they are free. That leaves the arcs' durations, of which every
+            limit met takes one, beside those that the goal takes: see `ArcNlpData.spare`.
+    """
+
+    offset: Array | float = 0.0
+    near: bool = False
+    density: Density | None = None
+    keep: TiedArcs | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ArcNlpData:
+    """Arcs as numbers.
+
+    Attributes:
+        arcs: their structure.
+        scales: of the unknowns.
+        density: what the intervals were laid by; None: the arcs' lengths.
+        arc_of: which arc an interval is in, shape (N,).
+        part: of its arc that an interval is, shape (N,).
+        x: unknowns to start from.
+        parameters: of the program.
+        x_bounds: least and largest unknowns.
+        g_bounds: least and largest values of the equations.
+    """
+
+    arcs: tuple[Arc, ...]
+    scales: Scales
+    density: Density | None
+    arc_of: Index
+    part: Array
+    x: Array
+    parameters: Array
+    x_bounds: tuple[Array, Array]
+    g_bounds: tuple[Array, Array]
+
+    @property
+    def spare(self) -> int:
+        """Unknowns that are free, less the equations; negative: more conditions than the structure can meet."""
+        return int(np.sum(np.less(*self.x_bounds)) - np.sum(np.equal(*self.g_bounds)))
+
+
+def assemble_arcs(
+    task: Task, arcs: Sequence[Arc], guess: Trajectory, layout: Layout, intervals: int, aim: PhaseAim
+) -> ArcNlpData:
+    """The numbers of a structure.
+
+    Args:
+        task: what is to be solved.
+        arcs: the structure, and guesses of its durations.
+        guess: states to start from, at the times that the durations say.
+        layout: of the program.
+        intervals: of the whole mesh.
+        aim: see there.
+    """
+    problem, numbers, N = task.problem, task.policy.arcs, intervals
+    scales = Scales.of(problem, guess)
+    durations = np.array([arc.duration for arc in arcs])
+    density = aim.density or layered(guess, problem.robot.friction, numbers)
+    arc_of, part = deal(durations, N, density, numbers.per_arc)
+    x = to_unknowns(guess, layout, durations[arc_of] * part / durations.sum(), scales)
+    lower, upper = bounds(problem, layout, N, scales)
+    kept = None if aim.keep is None else aim.keep.at_stages(arc_of, part)
+    narrowed = _Narrowed(problem, layout, scales, lower, upper)
+    if aim.near:
+        narrowed.loosen(arcs, N)
+    narrowed.to(arcs, arc_of, kept)
+    for bound in (lower, upper):
+        bound[layout.states(N)[-1]] += aim.offset / np.repeat([scales.length, scales.speed], layout.nv)
+    times = layout.times(N)
+    x[times] = np.append(durations[arc_of], durations[-1]) / scales.time
+    lower[times] = _SHORTEST
+    tied = any(arc.singular for arc in arcs) and problem.effort_weight == 0
+    weights = scales.weights(problem.effort_weight, numbers.tie if tied else 0.0)
+    sides = [_equation_bounds(arcs, arc_of, layout)]
+    if tied:
+        sides.append(_line_bounds(problem, arcs, arc_of, scales, held=aim.keep is not None))
+    return ArcNlpData(
+        arcs=tuple(arcs),
+        scales=scales,
+        density=density,
+        arc_of=arc_of,
+        part=part,
+        x=np.clip(x, lower, upper),
+        parameters=scales.parameters(part, weights, task.dynamics.last_body),
+        x_bounds=(lower, upper),
+        g_bounds=(np.concatenate([side[0] for side in sides]), np.concatenate([side[1] for side in sides])),
+    )
+
+
+def _equation_bounds(arcs: Sequence[Arc], arc_of: Index, layout: Layout) -> tuple[Array, Array]:
+    """All equations hold but those between the durations of arcs, and those that say 0 = 0."""
+    least = np.zeros((arc_of.size, layout.equations.size))
+    least[np.flatnonzero(np.diff(arc_of)), layout.equations.time] = -np.inf  # every arc has a duration of its own
+    for i in range(layout.nv):
+        held = np.array([arcs[a].modes[i] in POSITION for a in arc_of.tolist()])
+        least[np.ix_(held, layout.defects[:, layout.knot.q][:, i])] = -np.inf
+    return least.ravel(), -least.ravel()
+
+
+def _line_bounds(
+    problem: MinimumTimeProblem, arcs: Sequence[Arc], arc_of: Index, scales: Scales, held: bool
+) -> tuple[Array, Array]:
+    """A free torque does not bend within an interval, and begins it within its limits; held, it is given already."""
+    free = np.array([[mode is Mode.FREE and not held for mode in arcs[a].modes] for a in arc_of])  # (N, nv)
+    sides = []
+    for limit, infinity in ((problem.limits.actuators.lower, -np.inf), (problem.limits.actuators.upper, np.inf)):
+        bends = np.where(free, 0.0, infinity)[:, None].repeat(TABLEAU.c.size - 2, axis=1)
+        begins = np.where(free, limit / scales.effort, infinity)[:, None]
+        sides.append(np.concatenate([bends, begins], axis=1).ravel())
+    return sides[0], sides[1]
+
+
+@dataclass(frozen=True, eq=False)
+class _Narrowed:
+    """Bounds that are narrowed, in place, to what arcs say."""
+
+    problem: MinimumTimeProblem
+    layout: Layout
+    scales: Scales
+    lower: Array
+    upper: Array
+
+    def loosen(self, arcs: Sequence[Arc], intervals: int) -> None:
+        """Without the limits of position that are touched, but where they are.
+
+        About a touch the states of a fine mesh are so near the limit that multipliers would spread over them.
+        """
+        q = self.layout.knot.q
+        for i, mode in {touch for arc in arcs for touch in arc.touches if touch[1] in POSITION}:
+            bound, infinity = (self.upper, np.inf) if mode is Mode.POSITION_UPPER else (self.lower, -np.inf)
+            for states in (self.layout.states(intervals)[1:-1], self.layout.inner_states(intervals)):
+                bound[states[..., q][..., i]] = infinity
+
+    def to(self, arcs: Sequence[Arc], arc_of: Index, keep: Array | None) -> None:
+        """Every joint in its mode on every interval, and the torques that stay where they are."""
+        N, layout, limits = arc_of.size, self.layout, self.problem.limits
+        knots, inner, torques = layout.states(N), layout.inner_states(N), layout.torques(N)
+        for k in range(N):
+            arc, last = arcs[arc_of[k]], k == N - 1
+            for i, mode in enumerate(arc.modes):
+                if mode in HELD:
+                    bound = limits.actuators.upper if mode is Mode.UPPER else limits.actuators.lower
+                    self._fix(torques[k, :, i], bound[i] / self.scales.effort[i])
+                if mode is Mode.FREE and keep is not None:
+                    tau = np.clip(keep[k, :, i], limits.actuators.lower[i], limits.actuators.upper[i])
+                    self._fix(torques[k, :, i], tau / self.scales.effort[i])
+                if k > 0 and arc_of[k - 1] != arc_of[k]:
+                    self._hold(knots[k], i, mode)  # entered on the limit, not within the first interval
+                self._hold(inner[k], i, mode)
+                if not last:
+                    self._hold(knots[k + 1], i, mode)  # Radau's last stage is the next knot
+            if not last and arc_of[k + 1] != arc_of[k]:
+                for i, mode in arc.touches:
+                    self._hold(knots[k + 1], i, mode)
+
+    def _hold(self, states: Index, i: int, mode: Mode) -> None:
+        """Joint i on its limit in states, shape (…, 2 nv)."""
+        limits, q, v = self.problem.limits, states[..., self.layout.knot.q], states[..., self.layout.knot.v]
+        if mode in VELOCITY:
+            self._fix(v[..., i], (1 if mode is Mode.VELOCITY_UPPER else -1) * limits.velocity[i] / self.scales.speed)
+        if mode in POSITION:
+            bound = limits.position_upper if mode is Mode.POSITION_UPPER else limits.position_lower
+            self._fix(q[..., i], bound[i] / self.scales.length)
+            self._fix(v[..., i], 0.0)
+
+    def _fix(self, places: Index, values: Array | float) -> None:
+        self.lower[places] = self.upper[places] = values

@@ -1,0 +1,272 @@
+"""Numbers of the program of curves: a guess, parameters, and bounds of unknowns and equations."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from math import factorial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.flat.basis import Basis
+from armdyn.optimal.flat.curve import Curve
+from armdyn.optimal.flat.equations import POINTS, CurveInterval
+from armdyn.optimal.flat.program import CurveLayout
+from armdyn.optimal.path_constraints.constraint import Knots, PathConstraint
+from armdyn.optimal.path_constraints.rows import Rows, RowValues, spread
+from armdyn.optimal.path_constraints.tightened import TightenedConstraints
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.task.task import Task
+
+Array = NDArray[np.float64]
+
+_CAUTIOUS = 0.9
+"""Part of their limits that a guess's torques are clipped to: IPOPT begins inside."""
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueMargin:
+    """What is left of the torque limits at the points of a leg, since the torque goes further beside them.
+
+    Attributes:
+        upper: taken off the upper limits, as parts of half the range, shape (points, nv).
+        lower: added to the lower ones, likewise.
+        rates: taken off the limits of how fast torques change, as parts of them, from the point before (or the leg's
+            beginning) to every point, and from the last point to the leg's end, shape (points + 1, nv).
+    """
+
+    upper: Array | float = 0.0
+    lower: Array | float = 0.0
+    rates: Array | float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class CurveSpec:
+    """What is asked of a curve.
+
+    Attributes:
+        constraints: path constraints, as strict as they have to be.
+        margins: of every leg; empty: none is left.
+        smooth: weight of the mean squared torque against the duration.
+    """
+
+    constraints: TightenedConstraints
+    margins: tuple[TorqueMargin, ...] = ()
+    smooth: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class CurveNlpData:
+    """The program in numbers.
+
+    Attributes:
+        x: the unknowns to start from.
+        p: its parameters.
+        x_bounds: least and largest unknowns.
+        g_bounds: least and largest values of the equations.
+    """
+
+    x: Array
+    p: Array
+    x_bounds: tuple[Array, Array]
+    g_bounds: tuple[Array, Array]
+
+
+def curve_layout(problem: MinimumTimeProblem, guess: Curve, constraints: TightenedConstraints) -> CurveLayout:
+    """What the program of a problem looks like."""
+    intervals = tuple(leg.basis.intervals for leg in guess.legs)
+    orders = {limit[0] for each in constraints.path_constraints if (limit := each.derivative_limit(problem))}
+    if problem.jerk_limit is not None and not problem.from_rest_to_rest:
+        orders.add(2)  # accelerations that are zero at an end in flight
+    rated = any(each.torque_rate_limit(problem) is not None for each in constraints.path_constraints)
+    return CurveLayout(problem.robot.nv, intervals, (1, *sorted(orders)), 2 if problem.continuous_torque else 1, rated)
+
+
+def torque_rates(task: Task, constraints: TightenedConstraints) -> Array | None:
+    """How fast a curve's torques may change [N m/s or N/s], shape (nv,); None: that has no limits."""
+    problem = task.problem
+    found = [each.torque_rate_limit(problem) for each in constraints.path_constraints]
+    given = [limit for limit in found if limit is not None]
+    kept = 0.0 if problem.from_rest_to_rest else task.policy.curves.steep_in_flight
+    return (1 - kept) * np.min(given, axis=0) if given else None
+
+
+def _has_rows(problem: MinimumTimeProblem, constraint: PathConstraint) -> bool:
+    """Whether a condition is not kept by control points or torques alone."""
+    return constraint.derivative_limit(problem) is None and constraint.torque_rate_limit(problem) is None
+
+
+def rows_of(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[Rows, ...]:
+    """Rows of the conditions that are not limits of derivatives or of torques' rates."""
+    asked = (each for each in constraints.path_constraints if _has_rows(problem, each))
+    return tuple(rows for each in asked for rows in each.rows(problem))
+
+
+class _Numbers:
+    """Parameters and bounds of equations, block by block in the program's order."""
+
+    def __init__(self) -> None:
+        self.parameters: list[Array] = []
+        self.lower: list[Array] = []
+        self.upper: list[Array] = []
+
+    def add(self, parameters: Array, lower: Array, upper: Array) -> None:
+        """Those of one block."""
+        for numbers, more in ((self.parameters, parameters), (self.lower, lower), (self.upper, upper)):
+            numbers.append(np.ravel(more))
+
+
+def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) -> CurveNlpData:
+    """The program in numbers.
+
+    Args:
+        task: what is to be solved.
+        guess: the curve to start from, with the bases of all legs.
+        spec: what is asked.
+        shape: of the program.
+    """
+    problem, numbers, whole = task.problem, _Numbers(), guess.duration
+    limits, n = problem.limits, shape.joints
+    half = limits.actuators.half_range
+    x, lower, upper = np.empty(shape.size), np.full(shape.size, -np.inf), np.full(shape.size, np.inf)
+    for k, leg in enumerate(guess.legs):
+        s, weights = leg.basis.gauss(POINTS)
+        basis = leg.basis.local(s.ravel()).reshape(s.size, -1)
+        tie = spec.smooth * leg.duration / whole / n
+        nothing = np.zeros(s.size * n)
+        numbers.add(np.hstack([basis, weights.reshape(-1, 1), tie * weights.reshape(-1, 1)]), nothing, nothing)
+        _add_rates(numbers, task, spec.constraints, leg.basis, shape, k)
+        points, torques, margin = shape.points(k), shape.torques(k), spec.margins[k] if spec.margins else TorqueMargin()
+        lower[points], upper[points] = limits.position_lower, limits.position_upper
+        least, most = limits.actuators.lower / half, limits.actuators.upper / half
+        lower[torques], upper[torques] = least + margin.lower, most - margin.upper
+        lower[shape.duration(k)] = max(float(problem.leg_bounds()[k]), 1e-3 * leg.duration)
+        x[points], x[shape.duration(k)] = leg.points, leg.duration
+        x[torques] = np.clip(leg.torques(problem.robot, s.ravel()) / half, _CAUTIOUS * least, _CAUTIOUS * most)
+        _fix_ends(problem, k, points, (lower, upper))
+    for k in shape.legs[1:]:
+        for order in range(1, shape.smooth + 1):
+            sides = _factors(guess.legs[k - 1].basis, order)[-1], _factors(guess.legs[k].basis, order)[0]
+            numbers.add(np.concatenate([*sides, 1 / _finite(limits.velocity)]), np.zeros(n), np.zeros(n))
+    _add_torque_rates(numbers, task, spec, guess)
+    _add_rows(numbers, task, guess, spec.constraints)
+    squares = problem.effort_weights() * half**2
+    shared = np.concatenate([half, squares, task.dynamics.last_body, [1 / whole]])
+    parameters, g_lower, g_upper = map(np.concatenate, (numbers.parameters, numbers.lower, numbers.upper))
+    return CurveNlpData(np.clip(x, lower, upper), np.append(parameters, shared), (lower, upper), (g_lower, g_upper))
+
+
+def _finite(limit: Array) -> Array:
+    return np.where(np.isinf(limit), 1.0, limit)
+
+
+def _factors(basis: Basis, order: int) -> Array:
+    """What control points are multiplied by to make those of a derivative, shape (size - order, order + 1)."""
+    matrix = np.eye(basis.size)
+    for k in range(1, order + 1):
+        matrix = basis.factors(k)[:, None] * np.diff(matrix, axis=0)
+    window = np.arange(len(matrix))[:, None] + np.arange(order + 1)
+    return np.take_along_axis(matrix, window, axis=1)
+
+
+def _add_rates(
+    numbers: _Numbers, task: Task, constraints: TightenedConstraints, basis: Basis, shape: CurveLayout, leg: int
+) -> None:
+    """Limits of derivatives on one leg, by their control points."""
+    problem = task.problem
+    most = 1.0 if problem.from_rest_to_rest else 1 - task.policy.curves.in_flight
+    given = {1: problem.limits.velocity, 2: np.full(shape.joints, np.inf)}
+    given |= dict(limit for each in constraints.path_constraints if (limit := each.derivative_limit(problem)))
+    for order in shape.orders:
+        factors, scale = _factors(basis, order), _finite(given[order])
+        bound = np.tile(np.where(np.isinf(given[order]), np.inf, most), (len(factors), 1))
+        lower, upper = -bound, bound.copy()
+        for place, outer, v in ((0, leg == 0, problem.v_start), (-1, leg == shape.legs[-1], problem.v_goal)):
+            if not (outer and np.any(v)):
+                continue  # at rest control points are fixed
+            if order == 1:
+                lower[place] = upper[place] = np.asarray(v) / scale
+            elif order == 2 and problem.jerk_limit is not None:
+                lower[place] = upper[place] = 0
+        numbers.add(np.hstack([factors, np.tile(1 / scale, (len(factors), 1))]), lower, upper)
+
+
+def _add_torque_rates(numbers: _Numbers, task: Task, spec: CurveSpec, guess: Curve) -> None:
+    """Limits of how fast torques change: leg by leg, where legs meet, and from and to what holds the arm."""
+    problem = task.problem
+    rates = torque_rates(task, spec.constraints)
+    if rates is None:
+        return
+    limits, n = problem.limits, problem.robot.nv
+    half = limits.actuators.half_range
+    over, whole = half / _finite(rates), np.where(np.isinf(rates), np.inf, 1.0)
+    places = [leg.basis.gauss(POINTS)[0].ravel() for leg in guess.legs]
+    margins = [margin.rates for margin in spec.margins or (TorqueMargin(),) * len(places)]
+    bounds = [whole - np.broadcast_to(margin, (s.size + 1, n)) for margin, s in zip(margins, places, strict=True)]
+    for s, bound in zip(places, bounds, strict=True):
+        numbers.add(np.hstack([np.diff(s)[:, None], np.tile(over, (s.size - 1, 1))]), -bound[1:-1], bound[1:-1])
+    for (before, own), (after, next_own) in pairwise(zip(places, bounds, strict=True)):
+        bound = np.minimum(own[-1], next_own[0])
+        numbers.add(np.concatenate([[1 - before[-1], after[0]], over]), -bound, bound)
+    starts = problem.q_start, problem.v_start, places[0][0], bounds[0][0]
+    ends = problem.q_goal, problem.v_goal, 1 - places[-1][-1], bounds[-1][-1]
+    for q, v, part, bound in (starts, ends):
+        hold = problem.robot.holding_torque(np.asarray(q))
+        held = limits.actuators.allows(hold, np.asarray(q), np.asarray(v)) & (not np.any(v))
+        free = np.where(held, bound, np.inf)
+        numbers.add(np.concatenate([hold / half, [part], over]), -free, free)
+
+
+def _fix_ends(problem: MinimumTimeProblem, leg: int, points: NDArray[np.int_], sides: tuple[Array, Array]) -> None:
+    """Give a leg's ends their poses, and rest where the motion begins and ends."""
+    ends = ((0, 1, leg == 0, problem.v_start), (-1, -1, leg == len(problem.poses) - 2, problem.v_goal))
+    for place, inward, outer, v in ends:
+        q = problem.poses[leg if place == 0 else leg + 1]
+        at_rest = outer and not np.any(v)
+        count = 1 + at_rest + (at_rest and _begins_gently(problem, q))
+        for k in range(count):
+            for side in sides:
+                side[points[place + inward * k]] = q
+
+
+def _begins_gently(problem: MinimumTimeProblem, q: Array) -> bool:
+    """Whether acceleration is zero where the arm is at rest: jerks are limited, or torques begin with what holds it."""
+    if problem.jerk_limit is not None or not problem.continuous_torque:
+        return problem.jerk_limit is not None
+    hold = problem.robot.holding_torque(q)
+    return bool(np.all(problem.limits.actuators.allows(hold, q, np.zeros_like(q))))
+
+
+def _add_rows(numbers: _Numbers, task: Task, guess: Curve, constraints: TightenedConstraints) -> None:
+    """Path constraints, over the intervals of all legs."""
+    problem, place = task.problem, CurveInterval(task.dynamics, task.scheme.compile)
+    rows, intervals = rows_of(problem, constraints), sum(leg.basis.intervals for leg in guess.legs)
+    if not rows:
+        return
+    powers = np.vstack([_powers(leg.basis) for leg in guess.legs])
+    values = constraint_values(problem, guess, constraints)
+    for each, own in zip(rows, values, strict=True):
+        own_powers = {"every": powers, "first": powers[:1], "last": powers[-1:]}[each.where]
+        numbers.add(np.append(own_powers, own.numbers), *spread(each, each.functions(place), own, intervals))
+
+
+def constraint_values(
+    problem: MinimumTimeProblem, guess: Curve, constraints: TightenedConstraints
+) -> tuple[RowValues, ...]:
+    """Numbers and bounds of each of `rows_of`."""
+    whole, ends = guess.duration, np.cumsum([leg.basis.intervals for leg in guess.legs])
+    starts = np.append(0.0, guess.passing)
+    breaks = [start + leg.duration * leg.basis.breaks[:-1] for start, leg in zip(starts, guess.legs, strict=True)]
+    knots = Knots(np.append(np.concatenate(breaks) / whole, 1.0), (0, *ends.tolist()))
+    asked = (each for each in constraints.path_constraints if _has_rows(problem, each))
+    return tuple(values for each in asked for values in each.values(problem, knots))
+
+
+def _powers(basis: Basis) -> Array:
+    """Coefficients of the B-splines of every interval by powers of its part, and its length, shape (intervals, …)."""
+    lengths = np.diff(basis.breaks)
+    derivatives = basis.local(basis.breaks[:-1], derivatives=4)  # (intervals, order, window)
+    orders = np.arange(5)
+    scale = lengths[:, None] ** orders / np.array([factorial(order) for order in orders])
+    powers = derivatives * scale[:, :, None]
+    # Column by column, as CasADi reads it: for every power the window's coefficients.
+    return np.hstack([powers.reshape(basis.intervals, -1), lengths[:, None]])

@@ -1,0 +1,200 @@
+"""Curves that keep between the points of the program what it asks for only there."""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.flat.curve import Curve, CurveLeg
+from armdyn.optimal.flat.equations import POINTS
+from armdyn.optimal.flat.follow import follow
+from armdyn.optimal.flat.nlp_data import CurveSpec, TorqueMargin, torque_rates
+from armdyn.optimal.flat.solve import Solved, solve_curve
+from armdyn.optimal.landing.pace import can_be_slowed, least_factor, mended
+from armdyn.optimal.path_constraints.tightened import ConstraintReports, TightenedConstraints
+from armdyn.optimal.task.task import Task
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_MOST = 0.95
+"""Part of half the torque's range that room may take."""
+_KEPT = -1.0
+"""Excess of a rate that is zero, or has no limit."""
+_PACES = 3
+"""Rounds of slowing down: the first is exact but for friction, which the next knows at the new pace."""
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedCurve:
+    """A curve within its limits, or as near to that as it has come.
+
+    Attributes:
+        curve: the motion.
+        solved: the program's last solution; the curve may be slower.
+        constraints: as strict as they had to be.
+        iterations: of IPOPT, over all rounds.
+        excess: of a torque between the points, as a part of half its range; not positive: none.
+        reports: the path constraints.
+    """
+
+    curve: Curve
+    solved: Solved
+    constraints: TightenedConstraints
+    iterations: int
+    excess: float
+    reports: ConstraintReports
+
+
+def refine_curve(task: Task, guess: Curve) -> RefinedCurve:
+    """The fastest curve near a guess whose torques are within their limits everywhere, as path constraints are.
+
+    What a torque exceeds its limit by between two points is taken off the limit there, and the program solved again.
+
+    Args:
+        task: what is to be solved.
+        guess: the curve to start from.
+    """
+    numbers, problem = task.policy.curves, task.problem
+    smooth = 0.0 if problem.pays_effort else task.options.smooth
+    spec = CurveSpec(TightenedConstraints.of(problem), smooth=smooth)
+    solved = solve_curve(task, guess, spec)
+    iterations = solved.result.iterations
+    for k in range(numbers.rounds):
+        over, kept = excesses_of(task, solved.curve), reports_on(task, solved.curve, spec.constraints)
+        enough = numbers.little if can_be_slowed(problem) else 0.0
+        if (max(map(_worst, over)) <= enough and constraints_mended(task, kept)) or task.stop or not solved.converged:
+            break
+        task.progress(f"round {k + 1}: {solved.curve.duration:.6f} s, torques {_percent(over)} beyond between points")
+        margins = spec.margins or (TorqueMargin(),) * len(over)
+        more = tuple(_larger_margin(task, margin, here) for margin, here in zip(margins, over, strict=True))
+        tightened = spec.constraints.tightened(problem, kept)
+        spec = replace(spec, margins=more, constraints=tightened)
+        again = solve_curve(task, solved.curve, spec, solved)
+        iterations += again.result.iterations
+        if not again.converged:
+            break
+        solved = again
+    curve = solved.curve
+    if can_be_slowed(problem):
+        curve = _slowed(task, curve)
+    excess = max(map(_worst, excesses_of(task, curve)))
+    return RefinedCurve(curve, solved, spec.constraints, iterations, excess, reports_on(task, curve, spec.constraints))
+
+
+def excesses_of(task: Task, curve: Curve) -> tuple[TorqueMargin, ...]:
+    """How far torques, and how fast they change, exceed their limits near every point of every leg, as parts of these.
+
+    Args:
+        task: its limits, and at how many places they are looked at.
+        curve: a motion.
+    """
+    problem, looks = task.problem, task.policy.curves.looks
+    limits, limit = problem.limits, torque_rates(task, TightenedConstraints.of(problem))
+    half = limits.actuators.half_range
+    found = []
+    for leg in curve.legs:
+        breaks = leg.basis.breaks
+        s = breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, looks + 1)
+        tau = leg.torques(problem.robot, s.ravel()).reshape(*s.shape, -1)
+        least, most = -_tops(-tau), _tops(tau)
+        marks = np.linspace(0, looks, POINTS + 1).astype(int)
+        halves = [slice(first, last + 1) for first, last in pairwise(marks)]  # every point has its half of an interval
+        upper = (
+            np.stack([np.max(most[:, half_of], axis=1) - limits.actuators.upper for half_of in halves], axis=1) / half
+        )
+        lower = (
+            np.stack([limits.actuators.lower - np.min(least[:, half_of], axis=1) for half_of in halves], axis=1) / half
+        )
+        rates = _KEPT if limit is None else _rate_excess(leg, s, tau, limit)
+        found.append(TorqueMargin(upper.reshape(-1, half.size), lower.reshape(-1, half.size), rates))
+    return tuple(found)
+
+
+def _tops(tau: Array) -> Array:
+    """Torques in an interval, raised to the top of the parabola through three of them where that lies between.
+
+    Args:
+        tau: shape (intervals, places, nv).
+    """
+    slope, bend = tau[:, 2:] - tau[:, :-2], tau[:, 2:] - 2 * tau[:, 1:-1] + tau[:, :-2]
+    near = np.abs(slope) < -2 * bend  # the top is no farther than the next place
+    tops = tau.copy()
+    tops[:, 1:-1] += np.where(near, slope**2, 0.0) / (8 * np.where(near, -bend, 1.0))
+    return tops
+
+
+def _rate_excess(leg: CurveLeg, s: Array, tau: Array, limit: Array) -> Array:
+    """How far torques change too fast between a leg's points, as parts of the limits, shape (points + 1, nv).
+
+    Args:
+        leg: its points and its duration.
+        s: places of every interval, shape (intervals, places).
+        tau: torques there [N m or N], shape (intervals, places, nv).
+        limit: [N m/s or N/s], shape (nv,).
+    """
+    rates = np.abs(np.diff(tau, axis=1)) / (leg.duration * np.diff(s, axis=1)[..., None]) / limit - 1
+    middle = (s[:, 1:] + s[:, :-1]).ravel() / 2
+    which = np.searchsorted(leg.basis.gauss(POINTS)[0].ravel(), middle)
+    over = np.full((leg.basis.intervals * POINTS + 1, limit.size), _KEPT)
+    rates = rates.reshape(-1, limit.size)
+    for beside in (-1, 0, 1):  # a step that has no room left leaves the excess to its neighbours
+        np.maximum.at(over, np.clip(which + beside, 0, len(over) - 1), rates)
+    return over
+
+
+def _worst(over: TorqueMargin) -> float:
+    return float(max(np.max(over.upper), np.max(over.lower), np.max(over.rates)))
+
+
+def _percent(over: tuple[TorqueMargin, ...]) -> str:
+    return f"{100 * max(max(map(_worst, over)), 0.0):.2g} %"
+
+
+def _larger_margin(task: Task, margin: TorqueMargin, over: TorqueMargin) -> TorqueMargin:
+    """More room where a torque exceeds its limit."""
+    numbers = task.policy.curves
+
+    def more(own: Array | float, beyond: Array | float) -> Array:
+        extra = np.maximum(np.asarray(beyond) + numbers.spare, 0) * numbers.eager
+        return np.minimum(own + extra, _MOST)
+
+    return TorqueMargin(more(margin.upper, over.upper), more(margin.lower, over.lower), more(margin.rates, over.rates))
+
+
+def reports_on(task: Task, curve: Curve, constraints: TightenedConstraints) -> ConstraintReports:
+    """How a curve keeps the path constraints.
+
+    Args:
+        task: what is asked.
+        curve: the motion.
+        constraints: the conditions.
+    """
+    if not constraints.path_constraints:
+        return ConstraintReports(())
+    motion = sampled(task, curve)
+    if not can_be_slowed(task.problem):  # nothing later mends what feedback to the curve adds
+        motion = follow(task, motion)
+    return constraints.check(task.problem, motion, curve.passing)
+
+
+def sampled(task: Task, curve: Curve) -> Trajectory:
+    """A curve's samples, between which the torques of its motion are lines."""
+    numbers, problem = task.policy.curves, task.problem
+    return curve.trajectory(problem.robot, numbers.samples, numbers.steps, jumps=not problem.continuous_torque)
+
+
+def constraints_mended(task: Task, kept: ConstraintReports) -> bool:
+    """Whether conditions are kept, or will be by slowing down at little cost."""
+    return mended(task.problem, kept.slowing, task.policy.path_constraints.slower)
+
+
+def _slowed(task: Task, curve: Curve) -> Curve:
+    """The same path, as much slower as its torques and speeds take to keep their limits; as it is if no pace does."""
+    for _ in range(_PACES):
+        factor = least_factor(task.problem.robot, task.problem.limits, sampled(task, curve))
+        if factor == 1 or not np.isfinite(factor):
+            break
+        curve = curve.slower(factor)
+    return curve

@@ -1,0 +1,258 @@
+"""Cases done by the workers of a Dask cluster that runs already."""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from importlib.metadata import version
+from typing import TYPE_CHECKING
+
+from armdyn.arguments import text
+from armdyn.errors import ClusterError, MissingPackageError, ProblemError
+from armdyn.studies.executors.batch import BatchSize, target
+from armdyn.studies.executors.executor import Ended, Executor, ExecutorOf, StudyCase, run_in_turn
+from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, StudyTask
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+_PATIENCE = 10.0
+"""For a scheduler to answer, and for a first worker to join it [s]."""
+_AHEAD = 2
+"""Batches per thread that the cluster has at once: one under way, and one that begins as it ends."""
+_FETCHES = (3.0, 6.0, 12.0, 24.0, 48.0)
+"""For a batch's results to arrive, from time to time [s]. A worker that dies when its batch has ended takes them along:
+Dask asks it in vain for half a minute, but has the batch done again meanwhile."""
+_RECONNECT = 30.0
+"""For a connection to the scheduler that has broken to be made again, which Dask does by itself [s]."""
+_BREAKS = 10_000
+"""Batches in a row that were lost so, at most: as many as the largest cluster has at once."""
+_LOOK = 2.0
+"""How often one looks for new workers [s]."""
+_GONE = 180.0
+"""A cluster that brings nothing back, and has no worker whenever one looks, is given up after so long [s]: one whose
+workers a case kills at once, time and again, looks like that for half a minute."""
+
+
+def dask_executor(address: str) -> ExecutorOf:
+    """Executor of `run_study` that sends cases to the workers of a Dask scheduler.
+
+    The workers need the same version of armdyn, and no files: robots are sent with the cases. One thread per worker is
+    best. When a worker dies, Dask has its cases done by another one, as often as the setting
+    `distributed.scheduler.allowed-failures` says (3), and then gives up; then each case is done once more, alone.
+
+    Args:
+        address: HOST:PORT.
+
+    Raises:
+        ProblemError: the address is not one.
+    """
+    text(address, "scheduler")
+    host, colon, port = address.removeprefix("tcp://").rpartition(":")
+    if not (host and colon and port.isdigit() and int(port) < 2**16):
+        raise ProblemError(f"scheduler {address[:100]!r}: write HOST:PORT, such as node1:8786")
+    return partial(_connected, f"tcp://{host}:{port}")
+
+
+class DaskCluster:
+    """Workers of a cluster, which get batches of cases that take about a second.
+
+    Dask counts a worker's death against all batches that it had been given, so that one case that kills takes others
+    with it. The cases of those that Dask gives up are therefore done once more at the end, one at a time, when nothing
+    else can be to blame.
+    """
+
+    def __init__(self, client: Client, task: StudyTask):
+        self._client, self._task = client, task
+        self._under_way: dict[str, tuple[tuple[StudyCase, ...], Future]] = {}
+        self._suspects: deque[StudyCase] = deque()
+        self._alone, self._broken = False, 0
+        self._deaths: dict[int, int] = {}
+        self._done: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._late: dict[str, int] = {}
+        self._batch, self._given = BatchSize(), 0
+        self._size = max(_threads(client), 1)
+        self._looked = self._alive = time.monotonic()
+
+    @property
+    def size(self) -> int:
+        """Number of threads of all workers."""
+        return self._size
+
+    def wanted(self, left: int) -> int:
+        """Size of the next batch, while there are few batches in the cluster."""
+        if self._alone or len(self._under_way) >= _AHEAD * self._size:
+            return 0
+        return self._batch.cases(left, self._size) if left else 0
+
+    def give(self, cases: Sequence[StudyCase]) -> None:
+        """Submit a batch."""
+        key = f"armdyn-{id(self)}-{self._given}"
+        self._given += 1
+        future = self._client.submit(_do, self._task, tuple(cases), 2 * target(self._size), key=key, pure=False)
+        self._under_way[key] = tuple(cases), future
+        future.add_done_callback(lambda done: self._done.put(done.key))
+
+    def ended(self, seconds: float) -> list[Ended]:
+        """Wait for reports.
+
+        Raises:
+            ClusterError: the scheduler or all workers are gone.
+        """
+        found = list[Ended]()
+        if not self._under_way:
+            self._alone = bool(self._suspects)
+            if self._alone:
+                self.give([self._suspects.popleft()])
+        for key in self._late:
+            if self._under_way[key][1].status in ("finished", "error", "cancelled"):
+                self._done.put(key)
+        try:
+            key = self._done.get(timeout=seconds)
+        except queue.Empty:
+            self._look()
+            return []
+        self._alive = time.monotonic()
+        if self._alive - self._looked > _LOOK:
+            self._look()
+        while True:
+            cases, future = self._under_way[key]
+            try:
+                found += self._read(cases, future, _FETCHES[self._late.get(key, 0)])
+                del self._under_way[key]
+                self._late.pop(key, None)
+                future.release()
+            except TimeoutError:  # fetched again, less often each time
+                self._late[key] = min(self._late.get(key, -1) + 1, len(_FETCHES) - 1)
+            try:
+                key = self._done.get_nowait()
+            except queue.Empty:
+                return found
+
+    def _look(self) -> None:
+        """Count the workers: they come and go.
+
+        Raises:
+            ClusterError: there has been none for long, or the scheduler is gone.
+        """
+        if self._client.status != "running":
+            self._connect()
+        threads, self._looked = _threads(self._client), time.monotonic()
+        self._alive = self._looked if threads else self._alive
+        if self._looked - self._alive > _GONE:
+            raise ClusterError(f"the cluster at {_address(self._client)} has no workers any more; the rows are kept")
+        self._size = max(threads, 1)
+
+    def _connect(self) -> None:
+        """Wait until the client has found its scheduler again, which has dropped all batches.
+
+        Raises:
+            ClusterError: the scheduler is gone.
+        """
+        until = time.monotonic() + _RECONNECT
+        while self._client.status == "connecting" and time.monotonic() < until:
+            time.sleep(0.1)
+        self._broken += 1
+        if self._client.status != "running" or self._broken > _BREAKS:
+            raise ClusterError(f"the Dask scheduler at {_address(self._client)} has gone; the rows so far are kept")
+
+    def _read(self, cases: Sequence[StudyCase], future: Future, patience: float) -> list[Ended]:
+        """Reports on a batch; its cases become suspects where one of them may have killed the worker.
+
+        Raises:
+            ClusterError: the scheduler is gone.
+            TimeoutError: the results have not arrived after so long [s]: the worker has died since, or the network is
+                slow.
+        """
+        from distributed import KilledWorker
+
+        try:
+            done, worker = future.result(timeout=patience)
+        except KilledWorker as error:
+            for case in cases:
+                self._deaths[case.k] = self._deaths.get(case.k, 0) + error.allowed_failures + 1
+            if not self._alone:
+                self._suspects.extend(cases)
+                return []
+            died = Ended(k=-1, result=None, worker=str(error.last_worker.address))
+            return [replace(died, k=case.k, deaths=self._deaths[case.k], begun_from=case.begun_from) for case in cases]
+        except Exception as error:
+            if future.cancelled() or self._client.status != "running":
+                self._connect()
+                return _again(cases)
+            if isinstance(error, TimeoutError):
+                raise
+            if len(cases) > 1:
+                self._suspects.extend(cases)
+                return []
+            told = f"{type(error).__name__}: {error}"[:1000]  # it could not be sent, or its results not fetched
+            return [Ended(k=cases[0].k, result=CaseResult(status="error", message=told))]
+        self._broken = 0
+        self._batch.add(len(done), sum(one.seconds for one in done))
+        found = [replace(one, worker=worker, deaths=self._deaths.get(one.k, 0)) for one in done]
+        return found + _again(cases[len(done) :])
+
+
+@contextmanager
+def _connected(address: str, task: StudyTask) -> Iterator[Executor]:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise MissingPackageError(
+            "armdyn[cluster]", "--scheduler", "without it, processes of this machine work"
+        ) from None
+    try:
+        client = Client(address, timeout=_PATIENCE, set_as_default=False, name="armdyn")
+    except (OSError, TimeoutError) as error:
+        raise ClusterError(f"no Dask scheduler answers at {address} ({error})"[:300]) from None
+    try:
+        _check(client, address)
+        yield DaskCluster(client, task)
+    finally:
+        client.close(timeout=_PATIENCE)  # cases under way are not begun again, and their results dropped
+
+
+def _check(client: Client, address: str) -> None:
+    """Check that there is a worker, and that all have this version of armdyn.
+
+    Raises:
+        ClusterError: no, or another version.
+    """
+    try:
+        client.wait_for_workers(1, timeout=_PATIENCE)
+    except TimeoutError:
+        raise ClusterError(f"the scheduler at {address} has no worker: start some, dask worker {address}") from None
+    own, versions = _version(), client.run(_version, on_error="return")
+    for worker, other in versions.items():
+        if other != own:
+            told = f"armdyn {other}" if isinstance(other, str) else f"no armdyn ({other})"
+            raise ClusterError(f"worker {worker} has {told}; this is armdyn {own}: install the same there")
+
+
+def _version() -> str:
+    return version("armdyn")
+
+
+def _do(task: StudyTask, cases: Sequence[StudyCase], patience: float) -> tuple[list[Ended], str]:
+    """Do a batch on a worker; cases that are not begun after so long [s] are left out."""
+    from distributed import get_worker
+
+    return list(run_in_turn(task, cases, patience)), str(get_worker().address)
+
+
+def _again(cases: Sequence[StudyCase]) -> list[Ended]:
+    """Reports that have the engine give cases again."""
+    return [Ended(k=case.k, result=CaseResult(status=INTERRUPTED)) for case in cases]
+
+
+def _threads(client: Client) -> int:
+    return sum(client.nthreads().values())
+
+
+def _address(client: Client) -> str:
+    return str(client.scheduler.address if client.scheduler else "?")

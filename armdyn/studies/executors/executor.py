@@ -1,0 +1,109 @@
+"""Executors do the cases of a study; a worker goes through some of them in turn."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import Protocol
+
+from armdyn.studies.rows import Value
+from armdyn.studies.tasks.task import CaseResult, StudyTask, result_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyCase:
+    """One case as it is sent to a worker.
+
+    Attributes:
+        k: its number.
+        settings: of the case.
+        guess: motion of a neighbour; empty: none.
+        begun_from: number of that neighbour; None: none.
+        near: numbers of its neighbours, the nearest first: the motion of one that the same worker has just done is
+            preferred to a farther guess.
+        revisit: the case has a row already.
+    """
+
+    k: int
+    settings: Mapping[str, Value]
+    guess: bytes = b""
+    begun_from: int | None = None
+    near: tuple[int, ...] = ()
+    revisit: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ended:
+    """Report on one case that a worker had.
+
+    Attributes:
+        k: number of the case.
+        result: None: the worker died.
+        seconds: work on it [s].
+        worker: name of the worker.
+        deaths: number of workers that died of the case, and that the executor has replaced itself.
+        begun_from: number of the case whose motion was the guess; None: none.
+    """
+
+    k: int
+    result: CaseResult | None
+    seconds: float = 0.0
+    worker: str = ""
+    deaths: int = 0
+    begun_from: int | None = None
+
+
+class Executor(Protocol):
+    """Workers that are given cases."""
+
+    @property
+    def size(self) -> int:
+        """Number of cases that are done at once."""
+
+    def wanted(self, left: int) -> int:
+        """Number of cases to be given now, in one `give`; 0: there is enough to do.
+
+        Args:
+            left: number of cases that wait.
+        """
+
+    def give(self, cases: Sequence[StudyCase]) -> None:
+        """Send cases to one worker, which does one after the other."""
+
+    def ended(self, seconds: float) -> list[Ended]:
+        """Wait for reports for so long at most [s]."""
+
+
+ExecutorOf = Callable[[StudyTask], AbstractContextManager[Executor]]
+"""Opens an executor for a task."""
+
+
+def run_in_turn(task: StudyTask, cases: Sequence[StudyCase], patience: float) -> Iterator[Ended]:
+    """Do cases one after the other, each from the nearest motion that is there.
+
+    Args:
+        task: what is done in each.
+        cases: at least one; the first is done in any case.
+        patience: time [s] after which no case is begun any more; those left out are to be given again.
+    """
+    began, motions = time.perf_counter(), dict[int, bytes]()
+    for case in cases:
+        begun_from, guess = _nearest(case, motions)
+        result, seconds = result_of(task, case.settings, guess, case.revisit)
+        if result.motion:
+            motions[case.k] = result.motion
+        yield Ended(k=case.k, result=result, seconds=seconds, begun_from=begun_from)
+        if time.perf_counter() - began > patience:
+            return
+
+
+def _nearest(case: StudyCase, motions: Mapping[int, bytes]) -> tuple[int | None, bytes]:
+    """Number and motion of the nearest case, of those done here and the one given."""
+    for k in case.near:
+        if k == case.begun_from:
+            break
+        if k in motions:
+            return k, motions[k]
+    return case.begun_from, case.guess

@@ -1,0 +1,229 @@
+"""Study of one controller along one reference on many random arms: its cases, and their work."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
+from importlib.metadata import version
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.arguments import expect, number, shown, whole
+from armdyn.control.laws.lqr import Lqr
+from armdyn.control.loop.law import Controller
+from armdyn.control.loop.loop import Loop
+from armdyn.control.tracking.run import Run
+from armdyn.control.tracking.setup import Setup
+from armdyn.errors import ResultError
+from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.studies.plants import MAX_ARMS, Plants, PlantSample
+from armdyn.studies.rows import StudyRow, Value
+from armdyn.studies.study import Cases
+from armdyn.studies.tasks.task import CaseResult, Neighbours
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+FORMAT = "armdyn-monte-carlo-2"
+_MOST = float(np.finfo(float).max)
+"""Stands for infinity, which JSON does not have."""
+_NUMBERS = ("settled_time", "error_at_end", "peak_error", "peak_velocity", "saturated", "went_wrong")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MonteCarloOptions:
+    """Number of arms, and how each is watched.
+
+    Attributes:
+        count: number of arms, at most a million.
+        duration: time for which each is watched [s]; see `track`.
+        tolerance: of a joint's distance from the goal, to be settled [rad or m].
+        workers: threads; None: one per core. The loop runs in C, without the interpreter's lock.
+
+    Raises:
+        ProblemError: a number is not positive or not finite.
+    """
+
+    count: int = 1000
+    duration: float = 1.0
+    tolerance: float = 0.005
+    workers: int | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "count", whole(self.count, "count", least=1, most=MAX_ARMS))
+        object.__setattr__(self, "duration", number(self.duration, "duration", unit="s", sign="positive"))
+        object.__setattr__(self, "tolerance", number(self.tolerance, "tolerance", unit="rad", sign="positive"))
+        if self.workers is not None:
+            object.__setattr__(self, "workers", whole(self.workers, "workers", least=1))
+
+
+@dataclass(frozen=True)
+class PlantRow:
+    """Result of one arm; the numbers are those of `Run`, None where there is none.
+
+    Attributes:
+        k: number of the arm.
+        sample: its differences from the model.
+        status: see `Run`.
+        settled_time: [s].
+        error_at_end: [rad or m].
+        peak_error: [rad or m].
+        peak_velocity: [-].
+        saturated: [-].
+        went_wrong: [s].
+        overshoot: [rad or m], shape (nv,).
+    """
+
+    k: int
+    sample: PlantSample
+    status: str
+    settled_time: float | None
+    error_at_end: float | None
+    peak_error: float | None
+    peak_velocity: float | None
+    saturated: float | None
+    went_wrong: float | None
+    overshoot: tuple[float, ...]
+
+    @classmethod
+    def of(cls, row: StudyRow, sample: PlantSample) -> Self:
+        """The arm's row of the study."""
+        numbers = {name: row.facts[name] for name in _NUMBERS}
+        return cls(k=row.k, sample=sample, status=row.status, overshoot=tuple(row.facts["overshoot"]), **numbers)
+
+
+@dataclass(frozen=True, eq=False)
+class PlantStudy(Cases):
+    """A controller along a reference on random arms; also the task of its cases.
+
+    Attributes:
+        robot: the controller's model.
+        reference: motion to follow.
+        controller: of the loop.
+        plants: ranges that the arms are drawn from.
+        loop: connection of controller and arm.
+        options: number of arms, and how each is watched.
+
+    Raises:
+        ProblemError: an argument does not fit the robot.
+    """
+
+    robot: Robot
+    reference: Trajectory
+    controller: Controller = field(default_factory=Lqr)
+    plants: Plants = field(default_factory=Plants)
+    loop: Loop = field(default_factory=Loop)
+    options: MonteCarloOptions = field(default_factory=MonteCarloOptions)
+
+    neighbours: Neighbours = field(default="off", init=False)
+
+    def __post_init__(self) -> None:
+        expect(self.plants, Plants, "plants", "Plants(payload=(0.8, 1.2))").check(expect_robot(self.robot))
+        expect(self.options, MonteCarloOptions, "options", "MonteCarloOptions(count=1000)")
+        self.setup  # noqa: B018  # made now: wrong arguments are refused before there is a file
+
+    @property
+    def task(self) -> Self:  # type: ignore[override]
+        """The work on one arm."""
+        return self
+
+    def __len__(self) -> int:
+        return self.options.count
+
+    @cached_property
+    def setup(self) -> Setup:
+        """The controller, ready for its reference."""
+        options = self.options
+        return Setup.of(
+            self.robot, self.reference, self.controller, self.loop,
+            duration=options.duration, tolerance=options.tolerance,
+        )  # fmt: skip
+
+    def sample(self, k: int) -> PlantSample:
+        """Differences of arm k from the model."""
+        return self.plants.sample(k, self.robot.nv)
+
+    def plant(self, k: int) -> Robot:
+        """Arm number k."""
+        return self.sample(k).arm(self.robot)
+
+    def run(self, k: int) -> Run:
+        """Run arm number k; threads may call this at the same time."""
+        return self._run(self.sample(k), f"plant {k}")
+
+    def parameters(self, k: int) -> dict[str, Value]:
+        """Differences of arm k from the model, as JSON."""
+        return {name: list(x) if isinstance(x, tuple) else x for name, x in asdict(self.sample(k)).items()}
+
+    def work(self, settings: Mapping[str, Value], guess: bytes = b"", revisit: bool = False) -> CaseResult:
+        """Run one arm."""
+        given: Any = {name: tuple(x) if isinstance(x, list) else x for name, x in settings.items()}
+        run = self._run(PlantSample(**given), "plant")
+        facts = {name: one for name, one in run.summary().items() if name in _NUMBERS}
+        overshoot = np.nan_to_num(run.overshoot, nan=_MOST, posinf=_MOST).tolist()
+        facts["overshoot"] = overshoot
+        return CaseResult(status=str(run.status), good=run.settled, message=run.message, facts=facts)
+
+    def description(self) -> dict[str, object]:
+        """All that a row depends on, besides its number, as JSON.
+
+        Raises:
+            ResultError: the controller is no dataclass of numbers.
+        """
+        return {
+            "format": FORMAT,
+            "armdyn": version("armdyn"),
+            "robot": identity(self.robot),
+            "reference": digest(self.reference),
+            "controller": named(self.controller),
+            "loop": asdict(self.loop),
+            "plants": named(self.plants),
+            "duration": self.options.duration,
+            "tolerance": self.options.tolerance,
+        }
+
+    def _run(self, sample: PlantSample, name: str) -> Run:
+        offset = np.concatenate([sample.start, np.zeros(self.robot.nv)])
+        setup = replace(self.setup, start=self.setup.start + offset)
+        return setup.run(sample.arm(self.robot), sample.noise, name)
+
+
+def identity(robot: Robot) -> dict[str, object]:
+    """The robot as JSON tells it from others."""
+    effort = np.concatenate([robot.limits.effort_lower, robot.limits.effort_upper])
+    return {"name": robot.name, "model": robot.model_hash, "effort": [f"{x:g}" for x in effort]}
+
+
+def digest(motion: Trajectory) -> str:
+    """Checksum of a motion's samples."""
+    found = hashlib.sha256(b"" if motion.hold == "linear" else motion.hold.encode())
+    for array in (motion.t, motion.q, motion.v, motion.tau):
+        found.update(repr(array.shape).encode() + array.tobytes())
+    return found.hexdigest()
+
+
+def named(value: object) -> dict[str, object]:
+    """A dataclass as JSON: its class and its fields.
+
+    Raises:
+        ResultError: the value is none, and cannot be told from another one of its class.
+    """
+    if not hasattr(value, "__dataclass_fields__"):
+        raise ResultError(
+            f"rows on disk say which {type(value).__name__} they are of: make it a dataclass, or give no file"
+        )
+    own = {field: getattr(value, field) for field in value.__dataclass_fields__}
+    plain = json.loads(json.dumps(own, default=_plain))
+    return {"class": type(value).__name__, **plain}
+
+
+def _plain(value: object) -> object:
+    if hasattr(value, "__dataclass_fields__"):
+        return named(value)
+    array = np.asarray(value)
+    if array.dtype == object:
+        raise ResultError(f"rows on disk say what they are of in numbers; {shown(value)} is none: give no file")
+    return array.tolist()

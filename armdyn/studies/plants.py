@@ -1,0 +1,183 @@
+"""Random arms: ranges in which they differ from a controller's model, samples, and the arms that these make."""
+
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Self
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from armdyn.arguments import MOST_MEMBERS, Sign, interval, number, whole
+from armdyn.errors import ProblemError
+from armdyn.models.robots.arm import payload_inertia
+from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.values.spec import Payload
+
+Array = NDArray[np.float64]
+Range = tuple[float, float]
+"""Least and greatest; uniformly distributed."""
+
+MAX_ARMS = 10**6
+"""Largest study [arms]: all rows are in memory at the end."""
+_RANGES: tuple[tuple[str, str, Sign], ...] = (
+    ("payload", "times its mass", "positive"),
+    ("coulomb", "N m or N", "not negative"),
+    ("damping", "N m s/rad or N s/m", "not negative"),
+)
+
+
+@dataclass(frozen=True)
+class PlantSample:
+    """Differences of one arm from the model.
+
+    Attributes:
+        payload: its mass and inertia as a multiple of the model's payload.
+        coulomb: friction of each joint [N m or N], in addition to the model's, shape (nv,).
+        damping: viscous friction of each joint [N m s/rad or N s/m], likewise.
+        start: distance of each joint from the reference's start [rad or m], shape (nv,).
+        noise: seed of the readings' noise.
+    """
+
+    payload: float
+    coulomb: tuple[float, ...]
+    damping: tuple[float, ...]
+    start: tuple[float, ...]
+    noise: int
+
+    def arm(self, robot: Robot) -> Robot:
+        """The arm with these differences from a model."""
+        damping, coulomb = robot.friction.per_joint(robot.nv)
+        arm = robot if self.payload == 1 else with_payload_times(robot, self.payload)
+        return arm.with_friction(damping + np.array(self.damping), coulomb + np.array(self.coulomb))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plants:
+    """Ranges of what nobody knows well of an arm: payload, friction, start.
+
+    Each number is uniformly distributed in its range, and each joint has its own.
+
+    Attributes:
+        payload: mass and inertia of the payload, as multiples of the model's.
+        coulomb: dry friction of a joint [N m or N], in addition to the model's.
+        damping: viscous friction of a joint [N m s/rad or N s/m], likewise.
+        start: greatest distance of a joint from the reference's start [rad or m].
+        seed: arm k of a seed is the same, however many there are and in whatever order they are drawn.
+
+    Raises:
+        ProblemError: a range that is not two numbers in order; negative friction; a payload that is not positive.
+    """
+
+    payload: Range = (0.8, 1.2)
+    coulomb: Range = (0.0, 0.0)
+    damping: Range = (0.0, 0.0)
+    start: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name, unit, sign in _RANGES:
+            object.__setattr__(self, name, interval(getattr(self, name), name, unit=unit, sign=sign, widths="any"))
+        object.__setattr__(self, "start", number(self.start, "start", unit="rad or m", sign="not negative"))
+        object.__setattr__(self, "seed", whole(self.seed, "seed", least=0))
+
+    def sample(self, k: int, nv: int) -> PlantSample:
+        """Sample number k.
+
+        All parts are drawn, also where a range has no width: the payload does not depend on the friction.
+
+        Args:
+            k: from 0.
+            nv: number of joints.
+        """
+        nv = whole(nv, "nv", least=1, most=MOST_MEMBERS)
+        random = np.random.default_rng([self.seed, whole(k, "k", least=0)])
+        parts = random.random(1 + 3 * nv)
+        noise = int(random.integers(2**31))
+        payload, coulomb, damping, start = np.split(parts, [1, 1 + nv, 1 + 2 * nv])
+        return PlantSample(
+            payload=float(_between(self.payload, payload)[0]),
+            coulomb=tuple(_between(self.coulomb, coulomb).tolist()),
+            damping=tuple(_between(self.damping, damping).tolist()),
+            start=tuple(_between((-self.start, self.start), start).tolist()),
+            noise=noise,
+        )
+
+    def arms(self, robot: Robot, count: int) -> tuple[Robot, ...]:
+        """The first arms of the seed.
+
+        Args:
+            robot: the controller's model.
+            count: of arms.
+
+        Raises:
+            ProblemError: it carries no payload that could differ.
+        """
+        self.check(robot)
+        return tuple(
+            self.sample(k, robot.nv).arm(robot) for k in range(whole(count, "count", least=0, most=MOST_MEMBERS))
+        )
+
+    def corners(self, robot: Robot) -> tuple[Robot, ...]:
+        """The arms at the ends of the ranges, and with the payload in the middle: six, or less where one has no width.
+
+        Friction is the least in all joints, or the greatest.
+
+        Args:
+            robot: the controller's model.
+
+        Raises:
+            ProblemError: it carries no payload that could differ.
+        """
+        self.check(robot)
+        least, greatest = self.payload
+        loads = dict.fromkeys((least, (least + greatest) / 2, greatest))
+        rubbing = dict.fromkeys(zip(self.coulomb, self.damping, strict=True))
+        rest, nv = (0.0,) * robot.nv, robot.nv
+        return tuple(
+            PlantSample(load, (coulomb,) * nv, (damping,) * nv, rest, 0).arm(robot)
+            for (coulomb, damping), load in product(rubbing, loads)
+        )
+
+    def check(self, robot: Robot) -> Self:
+        """These, if an arm can differ so.
+
+        Raises:
+            ProblemError: it carries no payload that could differ.
+        """
+        carries = expect_robot(robot).payload is not None and robot.payload.mass > 0  # type: ignore[union-attr]
+        if self.payload != (1.0, 1.0) and not carries:
+            raise ProblemError(
+                f"plants carry {self.payload[0]:g} to {self.payload[1]:g} times the payload of {robot.name}, which has "
+                "none: give the robot a payload, or payload=(1, 1)"
+            )
+        return self
+
+
+def with_payload_times(robot: Robot, factor: float) -> Robot:
+    """A robot whose payload has so many times its mass and inertia.
+
+    The dynamic parameters of what a joint carries are sums over its bodies, so that a part of one body's can be added.
+
+    Args:
+        robot: with a payload.
+        factor: positive.
+
+    Raises:
+        ProblemError: it has no payload.
+    """
+    load = robot.payload
+    if load is None:
+        raise ProblemError(f"{robot.name} carries no payload; give it one: payload=Payload(mass=…)")
+    frame = robot.frame(load.frame or robot.tip)
+    model = robot.model.copy()
+    body = model.inertias[frame.parentJoint].toDynamicParameters()
+    more = (factor - 1) * frame.placement.act(payload_inertia(load)).toDynamicParameters()
+    model.inertias[frame.parentJoint] = pin.Inertia.FromDynamicParameters(body + more)
+    moments = tuple(factor * part for part in load.inertia)
+    carried = Payload(mass=factor * load.mass, com=load.com, inertia=moments, frame=load.frame)
+    return replace(robot, model=model, payload=carried)
+
+
+def _between(ends: Range, part: Array) -> Array:
+    return np.asarray(ends[0] + (ends[1] - ends[0]) * part)

@@ -1,0 +1,286 @@
+"""Rows of studies in SQLite: one per case, on disk as soon as the case has ended, never two."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import sqlite3
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, fields
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal
+
+from armdyn.arguments import path as path_of
+from armdyn.errors import ArmdynError, DiskFullError, FileError, ResultError
+
+Value = Any
+"""A setting's value, as JSON has it: a number, a text, or a list or table of these."""
+
+Sync = Literal["full", "normal"]
+"""When a row is on the disk itself: "full", before the next begins; "normal", when the operating system writes it."""
+SYNCS: tuple[Sync, ...] = ("full", "normal")
+
+_ID = 0x61726D73
+"""SQLite's application_id of the file: "arms"."""
+_SHOWN = 4
+"""Differences between two studies that a message shows, at most."""
+_PATIENCE = 5.0
+"""Time [s] for the workers of a killed study to end: they hold its lock for a moment."""
+_TABLES = (
+    "CREATE TABLE study (asked TEXT NOT NULL, armdyn TEXT NOT NULL)",
+    "CREATE TABLE rows (k INTEGER PRIMARY KEY, status TEXT NOT NULL, good INTEGER NOT NULL, message TEXT NOT NULL, "
+    "settings TEXT NOT NULL, facts TEXT NOT NULL, seconds REAL NOT NULL, attempts INTEGER NOT NULL, "
+    "worker TEXT NOT NULL, begun_from INTEGER)",
+    "CREATE TABLE motions (k INTEGER PRIMARY KEY, motion BLOB NOT NULL)",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyRow:
+    """Result of one case, with the way to it.
+
+    Attributes:
+        k: number of the case.
+        status: one word; "worker_died": every worker that tried the case died.
+        good: whether the case has the result that its task looks for, such as a usable motion.
+        message: one sentence.
+        settings: of the case.
+        facts: results by name.
+        seconds: work on the case [s].
+        attempts: number of workers that tried.
+        worker: name of the last one.
+        begun_from: number of the case whose motion was the initial guess; None: no motion was.
+    """
+
+    k: int
+    status: str
+    good: bool
+    message: str
+    settings: Mapping[str, Value]
+    facts: Mapping[str, Any]
+    seconds: float = 0.0
+    attempts: int = 1
+    worker: str = ""
+    begun_from: int | None = None
+
+
+_COLUMNS = tuple(field.name for field in fields(StudyRow))
+
+
+class RowStore:
+    """Rows and motions of a study; one process writes, others may read meanwhile."""
+
+    def __init__(self, path: Path, connection: sqlite3.Connection):
+        self.path, self._connection = path, connection
+
+    def append(self, rows: Sequence[StudyRow], motions: Mapping[int, bytes], *, replace: bool = False) -> None:
+        """Write rows and motions: all of them, or none if this process is killed.
+
+        Args:
+            rows: of cases without a row.
+            motions: by the number of their case.
+            replace: the cases may have rows already, which are replaced.
+
+        Raises:
+            DiskFullError: the disk is full.
+            ResultError: a case has a row already.
+        """
+        insert = "INSERT OR REPLACE INTO" if replace else "INSERT INTO"
+        values = [_dumped(row) for row in rows]
+        with _errors(self.path), self._connection:
+            self._connection.executemany(f"{insert} rows VALUES ({', '.join('?' * len(_COLUMNS))})", values)
+            self._connection.executemany(f"{insert} motions VALUES (?, ?)", motions.items())
+
+    def forget(self, statuses: Sequence[str]) -> None:
+        """Delete the rows of some statuses, so that their cases are done again."""
+        with _errors(self.path), self._connection:
+            self._connection.executemany("DELETE FROM rows WHERE status = ?", [(status,) for status in statuses])
+
+    def numbers(self) -> set[int]:
+        """Numbers of the cases that have a row."""
+        with _errors(self.path):
+            return {k for (k,) in self._connection.execute("SELECT k FROM rows")}
+
+    def moved(self) -> set[int]:
+        """Numbers of the cases whose motion is stored."""
+        with _errors(self.path):
+            return {k for (k,) in self._connection.execute("SELECT k FROM motions")}
+
+    def motion(self, k: int) -> bytes:
+        """Motion of a case as `motion_from` reads it; empty if none is stored."""
+        with _errors(self.path):
+            found = self._connection.execute("SELECT motion FROM motions WHERE k = ?", (k,)).fetchone()
+        return found[0] if found else b""
+
+    def counts(self) -> dict[str, int]:
+        """Number of rows of each status, the most frequent first."""
+        with _errors(self.path):
+            query = "SELECT status, COUNT(*) AS n FROM rows GROUP BY status ORDER BY n DESC, status"
+            return dict(self._connection.execute(query).fetchall())
+
+    def rows(self, first: int = 0) -> Iterator[StudyRow]:
+        """Rows from the number `first` on, by their numbers."""
+        with _errors(self.path):
+            for values in self._connection.execute("SELECT * FROM rows WHERE k >= ? ORDER BY k", (first,)):
+                row = dict(zip(_COLUMNS, values, strict=True))
+                read = {"good": bool(row["good"]), **{name: json.loads(row[name]) for name in ("settings", "facts")}}
+                yield StudyRow(**(row | read))
+
+
+@contextmanager
+def row_store(
+    path: str | os.PathLike[str] | None,
+    description: Mapping[str, object],
+    sync: Sync = "full",
+    *,
+    replace: bool = False,
+) -> Iterator[RowStore]:
+    """Open the rows of a study: new ones, or those of an earlier run.
+
+    With sync "full" a row that `append` has written survives a SIGKILL of this process and, on a disk that does not lie
+    about its writes, a power cut; with "normal" it survives a SIGKILL, and a power cut may take the last moments.
+
+    Args:
+        path: of the file, whose folder is made; next to it lie SQLite's -wal and -shm, and a .lock. None: in memory.
+        description: of the study, as JSON.
+        sync: see above.
+        replace: rows of another study are deleted instead of refused.
+
+    Raises:
+        DiskFullError: the disk is full.
+        FileError: the file cannot be read or written.
+        ResultError: the file is not a study's, belongs to another study, is damaged, or another process writes to it.
+    """
+    here = Path(":memory:" if path is None else path_of(path, "file", error=ResultError))
+    if not here.name:
+        raise FileError(here, "cannot be written (it is a folder); give the path of a file")
+    with nullcontext() if path is None else _locked(here), _connected(here) as connection:
+        with _errors(here):
+            connection.execute("PRAGMA journal_mode = WAL")
+            connection.execute(f"PRAGMA synchronous = {'FULL' if sync == 'full' else 'NORMAL'}")
+            _begin(connection, here, description, replace)
+        yield RowStore(here, connection)
+
+
+@contextmanager
+def read_rows(path: str | os.PathLike[str]) -> Iterator[RowStore]:
+    """Open the rows of a study to read, also while the study runs.
+
+    Raises:
+        FileError: there is no such file.
+        ResultError: the file is not a study's, or damaged.
+    """
+    path = Path(path_of(path, "file", error=ResultError))
+    with _errors(path):
+        if not path.is_file():
+            raise FileError(path, "no such file")
+    with _connected(path) as connection:
+        with _errors(path):
+            connection.execute("PRAGMA query_only = ON")
+            _check_kind(connection, path)
+        yield RowStore(path, connection)
+
+
+def differences(there: Mapping[str, Any], here: Mapping[str, Any], within: str = "") -> Iterable[str]:
+    """Differences between two studies, as JSON has them, in words."""
+    for name in dict.fromkeys([*there, *here]):
+        old, new = there.get(name), here.get(name)
+        if isinstance(old, dict) and isinstance(new, dict):
+            yield from differences(old, new, f"{within}{name}.")
+        elif old != new:
+            yield f"{within}{name} is {json.dumps(old)[:80]} there and {json.dumps(new)[:80]} here"
+
+
+def _dumped(row: StudyRow) -> list[object]:
+    """Values of the columns."""
+    values = {name: getattr(row, name) for name in _COLUMNS}
+    return [json.dumps(dict(one), allow_nan=False) if isinstance(one, Mapping) else one for one in values.values()]
+
+
+@contextmanager
+def _connected(path: Path) -> Iterator[sqlite3.Connection]:
+    with _errors(path):
+        connection = sqlite3.connect(path, timeout=30.0)
+    try:
+        yield connection
+    finally:
+        connection.close()
+
+
+def _begin(connection: sqlite3.Connection, path: Path, description: Mapping[str, object], replace: bool) -> None:
+    """Make the tables of a new file, or check that an old one belongs to the same study."""
+    here = json.loads(json.dumps(description, allow_nan=False))
+    if connection.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]:
+        _check_kind(connection, path)
+        there = json.loads(connection.execute("SELECT asked FROM study").fetchone()[0])
+        different = list(differences(there, here))
+        if not different:
+            return
+        if not replace:
+            told = [one for one in different if not one.startswith("places ")] or different  # places are a checksum
+            more = f"; and {len(told) - _SHOWN} more" if len(told) > _SHOWN else ""
+            raise ResultError(
+                f"{path}: its rows answer another study: {'; '.join(told[:_SHOWN])}{more}. Ask the same, or elsewhere"
+            )
+    with connection:
+        connection.execute("BEGIN IMMEDIATE")
+        for name in ("study", "rows", "motions"):
+            connection.execute(f"DROP TABLE IF EXISTS {name}")
+        connection.execute(f"PRAGMA application_id = {_ID}")
+        for table in _TABLES:
+            connection.execute(table)
+        connection.execute("INSERT INTO study VALUES (?, ?)", (json.dumps(here), version("armdyn")))
+
+
+def _check_kind(connection: sqlite3.Connection, path: Path) -> None:
+    if connection.execute("PRAGMA application_id").fetchone()[0] != _ID:
+        raise ResultError(f"{path}: an SQLite file, but not one of a study")
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Hold the file's lock, which ends with this process and its workers, however they end.
+
+    Raises:
+        FileError: the folder cannot be written.
+        ResultError: another process holds it.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lock = path.with_name(f"{path.name}.lock").open("ab")
+    except OSError as error:
+        raise FileError(path, f"cannot be written ({error.strerror}); give the path of a file that can") from None
+    with lock:
+        until = time.monotonic() + _PATIENCE
+        while True:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except OSError:
+                if time.monotonic() > until:
+                    raise ResultError(f"{path}: another process is at this study") from None
+                time.sleep(0.05)
+        yield
+
+
+@contextmanager
+def _errors(path: Path) -> Iterator[None]:
+    """Raise SQLite's errors as armdyn's."""
+    try:
+        yield
+    except ArmdynError:
+        raise
+    except sqlite3.IntegrityError as error:
+        raise ResultError(f"{path}: a case has a row already ({error})") from None
+    except sqlite3.OperationalError as error:
+        if "full" in str(error):
+            raise DiskFullError(path) from None
+        raise FileError(path, f"cannot be used ({error})") from None
+    except OSError as error:
+        raise FileError(path, f"cannot be used ({error.strerror})") from None
+    except (sqlite3.DatabaseError, ValueError) as error:
+        raise ResultError(f"{path}: no study's file, or damaged ({error})") from None

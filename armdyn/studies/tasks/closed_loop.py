@@ -1,0 +1,150 @@
+"""Settings that all study tasks with a controller share: the controller, its loop, and the motion that it follows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Self
+
+from armdyn.arguments import number, one_of
+from armdyn.control.laws.computed_torque import ComputedTorque
+from armdyn.control.laws.lqr import Lqr
+from armdyn.control.laws.pid import Pid, PidGains
+from armdyn.control.loop.law import Controller
+from armdyn.control.loop.loop import Loop
+from armdyn.control.loop.references import ramp
+from armdyn.errors import ProblemError
+from armdyn.optimal import MinimumTimeOptions, Status, solve_minimum_time
+from armdyn.parsing.toml import Table
+from armdyn.studies.rows import Value
+from armdyn.studies.settings import SIGNS, ArmProblems
+from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, Neighbours, finite
+from armdyn.trajectory import Trajectory
+
+_REMEMBERED = 16
+"""References that a process keeps."""
+_references: dict[str, Trajectory] = {}
+
+_GAINS = {"pid": ("kp", "ki", "kd"), "computed-torque": ("bandwidth",), "lqr": ("position", "velocity", "integral")}
+"""Settings of each controller."""
+_WITHOUT = {"ramp": ("reserve", "velocity_reserve"), "minimum-time": ("ramp",)}
+"""Settings without a meaning for each reference."""
+CONTROLLERS, REFERENCES = tuple(_GAINS), tuple(_WITHOUT)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClosedLoopTask:
+    """A controller along a reference.
+
+    Attributes:
+        problems: problem of each case.
+        controller: "pid" (settings kp, ki, kd), "computed-torque" (bandwidth) or "lqr" (position, velocity, integral).
+        reference: "ramp" (setting ramp [s]) or "minimum-time".
+        duration: time for which an arm is watched [s].
+        tolerance: of a joint's distance from the goal, to be settled [rad or m].
+    """
+
+    name: ClassVar[str]
+    section: ClassVar[str]
+    signs: ClassVar = SIGNS | {
+        "kp": "any", "ki": "any", "kd": "any", "bandwidth": "positive", "position": "positive",
+        "velocity": "not negative", "integral": "not negative", "ramp": "positive", "rate": "positive",
+        "delay": "not negative", "cutoff": "positive", "noise": "not negative",
+    }  # fmt: skip
+    outcomes: ClassVar[tuple[str, str]] = ("settled_time_s", "peak_error")
+    neighbours: ClassVar[Neighbours] = "off"
+    own: ClassVar[tuple[str, ...]] = ("controller", "reference", "duration", "tolerance")
+    """Keys of the task's table."""
+
+    problems: ArmProblems
+    controller: str = "lqr"
+    reference: str = "minimum-time"
+    duration: float = 2.0
+    tolerance: float = 0.005
+
+    def __post_init__(self) -> None:
+        one_of(self.controller, CONTROLLERS, "controller")
+        one_of(self.reference, REFERENCES, "reference")
+        number(self.duration, "duration", unit="s", sign="positive")
+        number(self.tolerance, "tolerance", unit="rad", sign="positive")
+
+    @classmethod
+    def read(cls, table: Table, problems: ArmProblems, names: Mapping[str, Table]) -> Self:
+        """The task that its table of a study file describes.
+
+        Args:
+            table: of the task.
+            problems: of the cases.
+            names: tables of the settings that are fixed or vary, by their names.
+
+        Raises:
+            ProblemError: a key is unknown or wrong, or a setting without a meaning; with the line.
+        """
+        table.only(cls.own)
+        given: dict[str, Any] = dict(table.values)
+        with table.telling():
+            task = cls(problems=problems, **given)
+        for name, where in names.items():
+            with where.telling():
+                task.check([name])
+        return task
+
+    def description(self) -> dict[str, object]:
+        """The task as JSON."""
+        own = {name: finite(x) if isinstance(x := getattr(self, name), float) else x for name in self.own}
+        return {"task": self.name, **self.problems.description(), **own}
+
+    def check(self, names: Sequence[str]) -> None:
+        """Refuse settings of another controller or another reference.
+
+        Raises:
+            ProblemError: there is one.
+        """
+        for name in _WITHOUT[self.reference]:
+            if name in names:
+                raise ProblemError(f"{name} says nothing of reference {self.reference!r}")
+        for other, gains in _GAINS.items():
+            for name in gains:
+                if name in names and other != self.controller:
+                    raise ProblemError(f"{name} is a setting of controller {other!r}, not of {self.controller!r}")
+
+    def controller_of(self, own: Mapping[str, Value]) -> Controller:
+        """The controller with the gains of a case.
+
+        Raises:
+            ProblemError: a gain of a PID controller is missing.
+        """
+        if self.controller == "pid" and (missing := [name for name in _GAINS["pid"] if name not in own]):
+            raise ProblemError(f"controller 'pid' needs {', '.join(missing)}: fix or vary them")
+        gains = {name: float(own[name]) for name in _GAINS[self.controller] if name in own}
+        if self.controller == "pid":
+            return Pid(PidGains(**gains))
+        return Lqr(**gains) if self.controller == "lqr" else ComputedTorque(**gains)
+
+    def loop_of(self, own: Mapping[str, Value]) -> Loop:
+        """The loop of a case."""
+        joined: dict[str, Any] = {name: float(own[name]) for name in ("rate", "cutoff", "noise") if name in own}
+        if "delay" in own:
+            joined["delay"] = round(float(own["delay"]))
+        return Loop(**joined)
+
+    def reference_of(self, own: Mapping[str, Value]) -> Trajectory | CaseResult:
+        """The motion to follow, or the result of a case that has none; each process solves a fastest one once.
+
+        Raises:
+            ProblemError: the ramp has no duration.
+        """
+        if self.reference == "ramp":
+            if "ramp" not in own:
+                raise ProblemError("a ramp takes how long? Fix or vary the setting ramp [s]")
+            return ramp(self.problems.robot(own), *self.problems.ends(own), float(own["ramp"]))
+        key = self.problems.key({name: own[name] for name in own if name not in self.signs or name in SIGNS})
+        if key not in _references:
+            solution = solve_minimum_time(self.problems.problem(own), MinimumTimeOptions(workers=1))
+            if not solution.usable:
+                status = INTERRUPTED if solution.status is Status.INTERRUPTED else "no_reference"
+                return CaseResult(status=status, message=f"no motion to follow: {solution.message}")
+            if len(_references) >= _REMEMBERED:
+                _references.clear()
+            _references[key] = solution.trajectory
+        return _references[key]

@@ -1,0 +1,150 @@
+"""Study task "minimum-time": the fastest motion of every case."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from armdyn.arguments import expect, one_of
+from armdyn.optimal import MinimumTimeOptions, Solution, Status, solve_minimum_time
+from armdyn.optimal.answer.advice import advice
+from armdyn.optimal.proof.certificate import GAP_TOLERANCE, percent
+from armdyn.optimal.refine.smooth import trajectory_cost
+from armdyn.optimal.task.policy import Policy
+from armdyn.optimal.task.policy.search import SamePolicy
+from armdyn.parsing.toml import Table
+from armdyn.studies.rows import StudyRow, Value
+from armdyn.studies.settings import SIGNS, ProblemSource
+from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, Neighbours, finite, motion_bytes, motion_from
+from armdyn.trajectory import Trajectory
+
+NEIGHBOURS: tuple[Neighbours, ...] = ("add", "lead", "off", "chain")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MinimumTimeTask:
+    """Search of the fastest motion.
+
+    Attributes:
+        problems: problem of each case.
+        options: of every search; with neighbours "chain" its workers count, else each search has one.
+        neighbours: see `Neighbours`.
+        progress: called with the progress of a search in this process, in words.
+    """
+
+    name: ClassVar = "minimum-time"
+    section: ClassVar = "search"
+    signs: ClassVar = SIGNS | {"acceleration_limit": "positive"}
+    outcomes: ClassVar = ("duration_s", "torque_squared")
+
+    problems: ProblemSource
+    options: MinimumTimeOptions = field(default_factory=MinimumTimeOptions)
+    neighbours: Neighbours = "add"
+    progress: Callable[[str], None] | None = None
+
+    def __post_init__(self) -> None:
+        one_of(self.neighbours, NEIGHBOURS, "neighbours")
+        expect(self.options, MinimumTimeOptions, "options")
+
+    @classmethod
+    def read(cls, table: Table, problems: ProblemSource, names: Mapping[str, Table]) -> Self:
+        """The task that a table [search] describes."""
+        table.only(("search", "starts", "seed", "time_limit", "neighbours"))
+        given: dict[str, Any] = {name: value for name, value in table.values.items() if name != "neighbours"}
+        with table.telling():
+            options = MinimumTimeOptions(**given)
+        neighbours: Any = table.text("neighbours", "add", NEIGHBOURS)
+        return cls(problems=problems, options=options, neighbours=neighbours)
+
+    def work(self, settings: Mapping[str, Value], guess: bytes, revisit: bool = False) -> CaseResult:
+        """Solve the problem of a case."""
+        problem = self.problems.problem(settings)
+        options = self.options if self.neighbours == "chain" else replace(self.options, workers=1)
+        if guess:
+            options = replace(options, guesses=(*options.guesses, motion_from(guess, problem.robot)))
+            if self.neighbours != "add":
+                search = Policy.of(problem).search
+                options = replace(options, starts=1 if revisit else search.guesses(options, search.neighbour_starts))
+        solution = solve_minimum_time(problem, options, self.progress)
+        facts = _facts(solution)
+        if self.neighbours == "chain":
+            facts |= _chain_facts(solution)
+        status = "usable" if solution.usable else "not_usable" if solution.success else str(solution.status)
+        kept = solution.success if self.neighbours == "chain" else solution.usable and self.neighbours != "off"
+        return CaseResult(
+            status=INTERRUPTED if solution.status is Status.INTERRUPTED else status,
+            good=solution.usable,
+            message=solution.message,
+            facts=facts,
+            motion=motion_bytes(solution.trajectory) if kept else b"",
+            value=solution,
+        )
+
+    def description(self) -> dict[str, object]:
+        """The task as JSON."""
+        options = {name: getattr(self.options, name) for name in ("search", "starts", "seed", "time_limit")}
+        search = {**options, "neighbours": self.neighbours}
+        return {"task": self.name, **self.problems.description(), "search": search}
+
+    def promising(self, row: StudyRow, later: StudyRow) -> bool:
+        """Whether the later optimum is of another branch, and the row is not proven to be about as fast as can be."""
+        own = row.facts
+        proven = own["gap_proven"] and own["gap"] is not None and own["gap"] <= GAP_TOLERANCE
+        alike = own["arcs"] and own["arcs"] == later.facts["arcs"]
+        return bool(later.facts["landed"] and not proven and not alike)
+
+    def better(self, row: StudyRow, other: StudyRow) -> bool:
+        """Whether a row lands where the other does not, or costs less."""
+        own, its = row.facts, other.facts
+        if own["landed"] != its["landed"]:
+            return bool(own["landed"])
+        return bool(own["cost"] < its["cost"] * (1 - SamePolicy.resolved))
+
+
+def _facts(solution: Solution) -> dict[str, Any]:
+    """Columns of a fastest motion; None: not known."""
+    motion, most = solution.trajectory, next(iter(solution.decides), None)
+    moves = solution.moves
+    return {
+        "duration_s": solution.duration if moves else None,
+        "certified": solution.certified,
+        "gap": finite(solution.gap),
+        "lower_bound_s": finite(solution.lower_bound),
+        "limited_most_by": most.name if most else None,
+        "ms_saved_by_one_per_cent": 10 * most.part * solution.duration if most else None,
+        "peak_speed": float(np.abs(motion.v).max()) if moves else None,
+        "torque_squared": _torque_squared(motion) if moves else None,
+    }
+
+
+def _chain_facts(solution: Solution) -> dict[str, Any]:
+    """Facts by which the optima of a chain are compared, and which `--require` asks for."""
+    by, weight = solution.sensitivities(), solution.problem.effort_weight
+    certificate = solution.certificate
+    reasons = "; ".join(certificate.reasons)
+    help_ = advice(solution.problem, certificate, solution.constraint_reports, solution.phases is not None)
+    gap = help_.get("gap", reasons)
+    if solution.gap_proven and solution.gap is not None:
+        gap = f"the gap is {percent(solution.gap)}"
+    return {
+        "ms_per_gram": by.payload_mass if by else None,
+        "landed": solution.success,
+        "extremal": certificate.extremal,
+        "gap_proven": solution.gap_proven,
+        # Where effort is paid for torques are on no limit, and their arcs say nothing.
+        "arcs": ""
+        if solution.problem.pays_effort
+        else "; ".join(", ".join(mode.value for mode in arc.modes) for arc in solution.arcs),
+        "cost": solution.duration + trajectory_cost(solution.trajectory, weight) - solution.trajectory.duration,
+        "missing": {"certified": reasons, "extremal": help_.get("extremal", reasons), "gap": gap},
+    }
+
+
+def _torque_squared(motion: Trajectory) -> float:
+    """∫ τᵀτ dt [(N m)² s], exact for a torque that is linear between samples (Simpson's rule of its square)."""
+    tau, steps = motion.tau, np.diff(motion.t)
+    squares = (tau[:-1] ** 2 + tau[:-1] * tau[1:] + tau[1:] ** 2).sum(axis=1) / 3
+    return float(squares @ steps)

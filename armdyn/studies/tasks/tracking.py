@@ -1,0 +1,42 @@
+"""Study task "track": a controller has the arm of every case follow a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from armdyn.control.tracking.track import track
+from armdyn.studies.rows import Value
+from armdyn.studies.tasks.closed_loop import ClosedLoopTask
+from armdyn.studies.tasks.task import CaseResult, finite
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackTask(ClosedLoopTask):
+    """One arm, which settings "plant_…" make different from the controller's model."""
+
+    name: ClassVar = "track"
+    section: ClassVar = "track"
+    signs: ClassVar = ClosedLoopTask.signs | dict.fromkeys(
+        ("plant_payload", "plant_damping", "plant_friction"), "not negative"
+    )
+
+    def work(self, settings: Mapping[str, Value], guess: bytes, revisit: bool = False) -> CaseResult:
+        """Run the loop of a case."""
+        own = self.problems.settings(settings)
+        self.check(list(own))
+        controller, motion = self.controller_of(own), self.reference_of(own)
+        if isinstance(motion, CaseResult):
+            return motion
+        run = track(
+            self.problems.robot(own), motion, controller, self.problems.plant(own), self.loop_of(own),
+            self.duration, tolerance=self.tolerance,
+        )  # fmt: skip
+        facts: dict[str, Any] = {"reference_s": motion.duration}
+        facts |= {f"{name}_s": finite(getattr(run, name)) for name in ("settled_time", "went_wrong")}
+        facts |= {name: finite(getattr(run, name)) for name in ("error_at_end", "peak_error", "saturated")}
+        facts["overshoot"] = finite(float(np.max(run.overshoot)))
+        return CaseResult(status=str(run.status), good=run.settled, message=run.message, facts=facts)

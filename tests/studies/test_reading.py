@@ -1,0 +1,173 @@
+"""Study files: what they say, and what a stranger's may not."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import armdyn as ad
+from armdyn.errors import ArmdynError, FileError, ProblemError
+from armdyn.studies.reading import read_study
+
+ARM = "[arms.rr]\nq_start = [-1.5, 0.0]\nq_goal = [0.2, 0.0]\n"
+VARY = "[vary]\npayload = [0.1, 0.2]\n"
+
+
+@pytest.fixture
+def study(tmp_path):
+    def write(text, folder=tmp_path):
+        path = folder / "study.toml"
+        path.write_text(text)
+        return read_study(path)
+
+    return write
+
+
+def test_what_a_study_says(study):
+    asked = study(
+        ARM + '[fixed]\nreserve = 0.1\nq_start."joint1" = -1.4\n[vary]\npayload = [0.1, 0.2]\n'
+        "q_goal.joint2 = { from = -0.1, to = 0.1, count = 3 }\n[search]\nstarts = 4\nneighbours = 'off'\n"
+    )
+    assert len(asked) == 6 and asked.parameters(5) == {"payload": 0.2, "q_goal.joint2": 0.1}
+    problem = asked.task.problems.problem(asked.parameters(5))
+    assert problem.q_start.tolist() == [-1.4, 0.0] and problem.q_goal.tolist() == [0.2, 0.1]
+    assert problem.robot.payload.mass == 0.2 and problem.reserves.effort.tolist() == [0.1, 0.1]
+    assert asked.task.options.starts == 4 and asked.task.neighbours == "off"
+
+
+def test_positions_are_written_as_on_the_command_line(study):
+    asked = study(
+        "[arms.panda]\nq_start = 'ready'\nq_goal = [1, 'pi/8', 0.5, '-90deg', 0.3, 2, '-0.5rad']\n"
+        "[vary]\nq_goal.panda_joint1 = ['30deg', 0.1]\n"
+        "q_start.panda_joint2 = {from = '-10deg', to = 'pi/18', count = 3}\n"
+    )
+    panda, problem = ad.Robot.from_library("panda"), asked.task.problems.problem(asked.parameters(0))
+    assert problem.q_start.tolist() == pytest.approx([0, -np.pi / 18, *panda.pose("ready")[2:]], rel=1e-11)  # 12 digits
+    assert problem.q_goal.tolist() == [np.pi / 6, np.pi / 8, 0.5, -np.pi / 2, 0.3, 2, -0.5]
+
+
+def test_poses_vary_by_their_names(study):
+    asked = study("[arms.ur3]\nq_start = 'zero'\n[arms.ur5]\nq_start = 'zero'\n[vary]\nq_goal = ['home', 'up']\n")
+    assert asked.parameters(3) == {"arm": "ur5", "q_goal": "up"}
+    up = ad.Robot.from_library("ur5").pose("up")
+    assert asked.task.problems.problem(asked.parameters(3)).q_goal.tolist() == up.tolist()
+    assert asked.description()["task"]["arms"]["ur5"]["named"]["up"] == up.tolist()
+
+
+def test_poses_of_an_srdf_by_the_urdf(study, tmp_path):
+    (tmp_path / "one.urdf").write_text(ad.urdf_from_spec(ad.ArmSpec.paper("r")))
+    (tmp_path / "one.srdf").write_text(
+        '<robot name="one"><group_state name="down"><joint name="joint1" value="-1.5"/></group_state></robot>'
+    )
+    asked = study("[arms.mine]\nrobot = 'one.urdf'\nq_start = 'down'\nq_goal = ['20deg']\n" + VARY)
+    problem = asked.task.problems.problem(asked.parameters(0))
+    assert problem.q_start.tolist() == [-1.5] and problem.q_goal.tolist() == [np.deg2rad(20)]
+
+
+def test_limits_are_scaled_and_replaced(study):
+    asked = study(ARM + "[fixed]\nvelocity_limit = 8.0\n[vary]\neffort_scale = [0.5]\n")
+    own = ad.Robot.from_spec(ad.ArmSpec.paper("rr")).limits
+    limits = asked.task.problems.problem(asked.parameters(0)).limits
+    assert limits.effort_upper == pytest.approx(0.5 * own.effort_upper, rel=1e-15)
+    assert limits.velocity.tolist() == [8.0, 8.0]
+
+
+def test_several_arms_are_an_axis_of_their_own(study):
+    asked = study(ARM + "[arms.single]\nrobot = 'r'\nq_start = [0.0]\nq_goal = [1.0]\n" + VARY)
+    assert [axis.name for axis in asked.axes] == ["arm", "payload"]
+    assert asked.task.problems.problem(asked.parameters(2)).robot.joint_names == ("joint1",)
+
+
+def test_a_file_beside_the_study_goes_with_it(study, tmp_path):
+    text = ad.urdf_from_spec(ad.ArmSpec.paper("r"))
+    (tmp_path / "arms").mkdir()
+    (tmp_path / "arms" / "one.urdf").write_text(text)
+    arm = "[arms.mine]\nrobot = 'arms/one.urdf'\nq_start = [0.0]\nq_goal = [1.0]\n"
+    asked = study(arm + VARY)
+    before = asked.description()
+    (tmp_path / "arms" / "one.urdf").write_text(text.replace('name="r"', 'name="s"', 1))
+    assert asked.task.problems.problem(asked.parameters(0)).robot.joint_names == (
+        "joint1",
+    )  # it needs the file no more
+    assert study(arm + VARY).description() != before  # another file is another study
+
+
+@pytest.mark.parametrize("place", ["../outside.urdf", "/etc/passwd.urdf", "link.urdf", "sub/../../outside.urdf"])
+def test_no_file_beyond_the_studys_folder(study, tmp_path, place):
+    (tmp_path / "outside.urdf").write_text(ad.urdf_from_spec(ad.ArmSpec.paper("r")))
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    (inner / "link.urdf").symlink_to(tmp_path / "outside.urdf")
+    with pytest.raises(ProblemError, match=r"line 2: .*lie in its own folder or below"):
+        study(f"[arms.a]\nrobot = '{place}'\nq_start = [0.0]\nq_goal = [1.0]\n" + VARY, inner)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (VARY, "line 1: no arm"),
+        (ARM, "line 1: nothing varies"),
+        (ARM + VARY + "[paylod]\n", "line 6: no table 'paylod' at the top; known: task"),
+        (
+            "task = 'drive'\n" + ARM + VARY,
+            "line 1: task is 'drive'; it is one of 'minimum-time', 'track', 'monte-carlo'",
+        ),
+        (ARM + "[vary]\npaylod = [1]\n", "line 5: paylod is no setting; did you mean 'payload'"),
+        (ARM + "[vary]\npayload = 1\n", "line 5: payload is 1; write a list, or {from"),
+        (ARM + "[vary]\npayload = [1, 'two']\n", "line 5: payload is 'two' kg; it must be|line 5: payload is 'two'"),
+        (ARM + "[vary]\npayload = [-1]\n", "line 5: payload is -1 kg; it must be finite and not negative"),
+        (ARM + "[vary]\npayload = [nan]\n", "line 5: payload is nan kg"),
+        (ARM + "[vary]\npayload = []\n", "line 5: payload has 0 values"),
+        (ARM + "[vary]\npayload = {from = 0, to = 1}\n", "line 5: payload has a range without count"),
+        (ARM + "[vary]\npayload = {from = 0, to = 1, count = 1e9}\n", "line 5: payload: count is 1000000000.0"),
+        (ARM + "[vary]\npayload = {from = 0, to = 1, steps = 2}\n", "line 5: payload: steps is not known"),
+        (ARM + "[vary]\nreserve = [1.5]\n", "line 5: reserve is 1.5; it is a part of the limits"),
+        (ARM + "[vary]\nq_goal.joint3 = [1]\n", "line 5: q_goal.joint3: arm rr has no joint 'joint3'"),
+        (ARM + "[vary]\nkp = [1]\n", "line 5: kp is no setting"),
+        (ARM + "[vary]\nq_goal.joint2 = ['30grad']\n", "line 5: q_goal.joint2: '30grad' is not a number"),
+        (ARM + "[vary]\nq_goal.joint2 = ['0.1m']\n", "line 5: q_goal.joint2: '0.1m', but the joint turns"),
+        (ARM + "[vary]\nq_goal = ['zero', 'hoem']\n", "line 1: q_goal is 'hoem'"),
+        (ARM + "[vary]\nq_goal = ['zero', 1]\n", "line 5: q_goal is 1; write names of poses, or q_goal.JOINT"),
+        (ARM + "[vary]\nq_goal = ['zero', 'zero']\n", "line 5: q_goal has a value twice"),
+        (ARM + f"[vary]\nq_goal = {['zero'] * 65}\n", "line 5: q_goal has 65 names of poses; give at most 64"),
+        (ARM + "[vary]\narm = ['r']\n", "line 5: arm is 'r'; the study's arms are rr"),
+        (ARM + "[vary]\narm = [3]\n", "line 5: arm is 3; the study's arms are rr"),
+        (ARM + VARY + "[fixed]\npayload = 1\n", "line 7: payload is both fixed and varied|payload is both"),
+        (ARM + VARY + "[sample]\nmethod = 'random'\n", "line 6: count is 0; a study has 1 to 1000000 cases"),
+        (ARM + VARY + "[sample]\nmethod = 'random'\ncount = 10000000\n", "line 8: count is 10000000; a study has"),
+        (ARM + VARY + "[search]\nworkers = 3\n", r"line 7: no key 'workers' in \[search\]; known: search"),
+        (ARM + VARY + "[search]\nstarts = 'many'\n", "line 7: starts is 'many'"),
+        (ARM + VARY + "[track]\n", r"line 6: \[track\] is for task = 'track'"),
+        ("[arms.rr]\nq_start = [0, 0]\n" + VARY, "line 1: arms.rr.q_goal is missing: 2 positions"),
+        ("[arms.rr]\nq_start = 'hoem'\nq_goal = [0, 1]\n" + VARY, "line 2: arms.rr.q_start is 'hoem'"),
+        ("[arms.rr]\nq_start = [0, true]\nq_goal = [0, 1]\n" + VARY, "line 2: arms.rr.q_start has True; a position"),
+        ("[arms.rr]\nq_start = 1\nq_goal = [0, 1]\n" + VARY, "line 2: arms.rr.q_start is 1; it must be 2 positions"),
+        ("[arms.rr]\nq_start = [0]\nq_goal = [0, 1]\n" + VARY, "line 2: arms.rr.q_start has 1 numbers; joint1, joint2"),
+        ("[arms.'../x']\nq_start = [0]\nq_goal = [1]\n" + VARY, "line 1: arm '../x': a name has letters"),
+        (
+            "[arms.pandaa]\nq_start = [0]\nq_goal = [1]\n" + VARY,
+            "line 1: no robot named 'pandaa'.*did you mean 'panda'",
+        ),
+        ("[arms.a]\nrobot = 'none.urdf'\nq_start = [0]\nq_goal = [1]\n" + VARY, "line 2: .*no such file"),
+        ("task = 'track'\n" + ARM + "[vary]\nkp = [1]\n", "line 6: kp is a setting of controller 'pid', not of 'lqr'"),
+        ("task = 'track'\n" + ARM + "[vary]\nramp = [1]\n", "line 6: ramp says nothing of reference 'minimum-time'"),
+        ("task = 'track'\n" + ARM + VARY + "[track]\ncontroller = 'fuzzy'\n", "line 8: controller is 'fuzzy'"),
+        ("task = 'track'\n" + ARM + VARY + "[track]\nduration = -1\n", "line 8: duration is -1 s"),
+    ],
+)
+def test_a_complaint_says_the_line_and_what_would_be_right(study, text, told):
+    with pytest.raises(ProblemError, match=told):
+        study(text)
+
+
+def test_the_studies_of_the_docs(study):
+    docs = (Path(__file__).parents[2] / "docs" / "sweeps.md").read_text()
+    found = [study(text) for text in re.findall(r"```toml\n(.*?)```", docs, flags=re.S)]
+    assert [len(one) for one in found] == [30, 49, 150]
+
+
+def test_a_study_that_is_not_there(tmp_path):
+    with pytest.raises(FileError, match="no such file"):
+        read_study(tmp_path / "none.toml")
+    assert issubclass(FileError, ArmdynError)
