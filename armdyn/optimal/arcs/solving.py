@@ -122,9 +122,9 @@ def _read(task: Task, nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult) -> Phas
     tau = x[layout.torques(N)] * scales.effort
     states = np.concatenate([knots[:-1], stages], axis=1)
     torques = motion_of(problem, arcs, nlp_data.arc_of, t, states, tau, numbers.samples)
-    slope = _slope(nlp, nlp_data, result)
-    costate, stage_costate = _costates(nlp, nlp_data, result, slope)
-    pull = scales.time / units
+    gradient = _gradient(nlp, nlp_data, result)
+    costate, stage_costate = _costates(nlp, nlp_data, result, gradient)
+    multiplier = scales.time / units
     return Phases(
         arcs=arcs,
         t=t,
@@ -134,40 +134,42 @@ def _read(task: Task, nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult) -> Phas
         tau=tau,
         arc_of=nlp_data.arc_of,
         laid=nlp_data.density,
-        density=_density(t, states, stage_costate, layered(torques, problem.robot.friction, numbers), numbers.floor),
+        density=_density(
+            t, states, stage_costate, layered(torques, problem.robot.friction, numbers), numbers.least_density
+        ),
         stage_q=stages[:, :, 0],
         stage_v=stages[:, :, 1],
         stage_costate=stage_costate,
-        torque_pull=slope[layout.torques(N)] * (scales.time / scales.effort),
-        state_pull=slope[layout.inner_states(N)].reshape(N, -1, 2, n) * pull,
-        knot_pull=slope[layout.states(N)[1:-1]].reshape(N - 1, 2, n) * pull,
+        torque_multiplier=gradient[layout.torques(N)] * (scales.time / scales.effort),
+        state_multiplier=gradient[layout.inner_states(N)].reshape(N, -1, 2, n) * multiplier,
+        knot_multiplier=gradient[layout.states(N)[1:-1]].reshape(N - 1, 2, n) * multiplier,
         torques=torques,
         iterations=result.iterations,
     )
 
 
-def _density(t: Array, states: Array, stage_costate: Array, layers: Density | None, floor: float) -> Density:
+def _density(t: Array, states: Array, stage_costate: Array, layers: Density | None, least_density: float) -> Density:
     """Where another mesh needs its intervals: where states and costates bend, and where dry friction turns around."""
     flat = states.reshape(*states.shape[:2], -1)
     costate = stage_costate / (TABLEAU.b[:, None] * np.diff(t)[:, None, None])
-    bends = density_of(t, [(np.append(0, TABLEAU.c), flat), (TABLEAU.c, costate)], floor)
+    bends = density_of(t, [(np.append(0, TABLEAU.c), flat), (TABLEAU.c, costate)], least_density)
     return bends if layers is None else bends.with_half_of(layers)
 
 
-def _slope(nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult) -> Array:
+def _gradient(nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult) -> Array:
     """The Lagrangian's gradient without the bounds' multipliers, which it therefore is."""
     jacobian = nlp.jacobian(result.x, nlp_data.parameters)[1]
-    slope = np.array(ca.mtimes(jacobian.T, result.lam_g)).ravel()
-    slope += np.array(nlp.gradient(result.x, nlp_data.parameters)).ravel()
-    return slope
+    gradient = np.array(ca.mtimes(jacobian.T, result.lam_g)).ravel()
+    gradient += np.array(nlp.gradient(result.x, nlp_data.parameters)).ravel()
+    return gradient
 
 
-def _costates(nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult, slope: Array) -> tuple[Array, Array]:
+def _costates(nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult, gradient: Array) -> tuple[Array, Array]:
     """Costates at the knots, shape (N + 1, 2 nv), and their integrals over the stages, shape (N, stages, 2 nv)."""
     layout, N, scales = nlp.layout, nlp.intervals, nlp_data.scales
     rows = result.lam_g[: N * nlp.defects].reshape(N, nlp.defects)[:, layout.defects]  # (N, stages, 2 nv)
     units = np.repeat([scales.length, scales.speed], layout.nv)
-    costate = np.concatenate([-rows.sum(axis=1), -slope[layout.states(N)[-1:]]])
+    costate = np.concatenate([-rows.sum(axis=1), -gradient[layout.states(N)[-1:]]])
     lengths = nlp_data.part * result.x[layout.times(N)[:-1]]
     integrals = -np.einsum("kia,ij,k->kja", rows, TABLEAU.A, lengths * scales.time)
     return costate * scales.time / units, integrals * scales.time / units

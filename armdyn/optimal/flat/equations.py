@@ -65,8 +65,8 @@ def torque_equations(dynamics: Dynamics, compile_mode: bool | None) -> IntervalF
     curve, duration, torque = ca.SX.sym("curve", 3 * n), ca.SX.sym("T"), ca.SX.sym("torque", n)
     basis, part, tie = ca.SX.sym("basis", 3 * WINDOW), ca.SX.sym("part"), ca.SX.sym("tie")
     present = ca.vertcat(*(shared.body[i] if there else 0 for i, there in enumerate(dynamics.last_body != 0)))
-    q, slope, bend = (curve[i * n : (i + 1) * n] for i in range(3))
-    load = dynamics.rnea(q, slope / duration, bend / duration**2, present) / shared.effort
+    q, dq, ddq = (curve[i * n : (i + 1) * n] for i in range(3))
+    load = dynamics.rnea(q, dq / duration, ddq / duration**2, present) / shared.effort
     cost = (tie * ca.sumsqr(torque) + shared.hurry * part * duration * ca.dot(shared.weights, torque**2)) / 2
 
     points, lam, sigma = ca.SX.sym("points", n * WINDOW), ca.SX.sym("lam", n), ca.SX.sym("sigma")
@@ -74,10 +74,10 @@ def torque_equations(dynamics: Dynamics, compile_mode: bool | None) -> IntervalF
     chain = ca.kron(ca.reshape(basis, WINDOW, 3).T, ca.SX.eye(n))
     outer, at = ca.diagcat(chain, ca.SX.eye(1)), chain @ points
     inner = ca.vertcat(curve, duration)
-    bends = ca.hessian(ca.dot(lam, load), inner)[0]
+    curvature = ca.hessian(ca.dot(lam, load), inner)[0]
     jacobian = ca.horzcat(ca.jacobian(load, inner) @ outer, -ca.SX.eye(n))
     paying = ca.hessian(sigma * cost, ca.vertcat(points, duration, torque))[0]
-    hessian = ca.triu(ca.diagcat(outer.T @ bends @ outer, ca.SX(n, n)) + paying)
+    hessian = ca.triu(ca.diagcat(outer.T @ curvature @ outer, ca.SX(n, n)) + paying)
     fast = compiled(
         (
             ca.Function("torque_jacobian", [y, p], [ca.substitute(nonzeros_of(jacobian), curve, at)]),

@@ -118,10 +118,10 @@ def _tops(tau: Array) -> Array:
     Args:
         tau: shape (intervals, places, nv).
     """
-    slope, bend = tau[:, 2:] - tau[:, :-2], tau[:, 2:] - 2 * tau[:, 1:-1] + tau[:, :-2]
-    near = np.abs(slope) < -2 * bend  # the top is no farther than the next place
+    first, second = tau[:, 2:] - tau[:, :-2], tau[:, 2:] - 2 * tau[:, 1:-1] + tau[:, :-2]
+    near = np.abs(first) < -2 * second  # the top is no farther than the next place
     tops = tau.copy()
-    tops[:, 1:-1] += np.where(near, slope**2, 0.0) / (8 * np.where(near, -bend, 1.0))
+    tops[:, 1:-1] += np.where(near, first**2, 0.0) / (8 * np.where(near, -second, 1.0))
     return tops
 
 

@@ -113,7 +113,7 @@ class Along:
         velocities = np.einsum("kp,kpn->kn", _POWERS[1:] * powers[:, :-1], quintics[:, 1:]) / h
         return np.einsum("kp,kpn->kn", powers, quintics), velocities, tau[k] + s * (tau[k + 1] - tau[k])
 
-    def slopes(self, times: Array) -> Array:
+    def jacobians(self, times: Array) -> Array:
         """−(∂f/∂x)ᵀ at such times, friction included, shape (k, 2 nv, 2 nv)."""
         n = self.robot.nv
         _, by_q, by_v, _ = forward_dynamics_derivatives(self.robot)(*self.states(times))
@@ -165,7 +165,7 @@ class Along:
         s, own = GAUSS_3.c.size, self.size.size
         h = (ends - starts)[:, None]
         backwards = ends[:, None] - h * GAUSS_3.c
-        rates = self.slopes(backwards.ravel()).reshape(-1, s, own, own)
+        rates = self.jacobians(backwards.ravel()).reshape(-1, s, own, own)
         system = np.einsum("k,jl,kjab->kjalb", h[:, 0], GAUSS_3.A, rates).reshape(-1, s * own, s * own)
         stages = np.linalg.solve(np.eye(s * own) + system, rates.reshape(-1, s * own, own))
         moved = np.einsum("j,kjab->kab", GAUSS_3.b, stages.reshape(-1, s, own, own))
@@ -179,7 +179,7 @@ def _backwards(along: Along, phases: Phases) -> Array | None:
     Returns:
         Their solution, and how it answers to each costate at the goal, shape (K + 1, 2 nv, 1 + 2 nv).
     """
-    inner, knots, on_limit = _pulls(phases)
+    inner, knots, on_limit = _impulses(phases)
     K, own = phases.arc_of.size, phases.costate.shape[1]
     stops = phases.t[:-1, None] + np.diff(phases.t)[:, None] * TABLEAU.c[:-1]  # where limits pull
     breaks = np.unique(np.concatenate([phases.t, stops[on_limit].ravel()]))
@@ -195,11 +195,11 @@ def _backwards(along: Along, phases: Phases) -> Array | None:
         here = found[k + 1].copy()
         if k < K - 1:
             here[:, 0] -= knots[k]
-        pulls = dict(zip(np.searchsorted(edges, stops[k]).tolist(), inner[k], strict=True)) if on_limit[k] else {}
+        impulses = dict(zip(np.searchsorted(edges, stops[k]).tolist(), inner[k], strict=True)) if on_limit[k] else {}
         for step in range(place[k + 1] - 1, place[k] - 1, -1):
             here = steps[step] @ here
-            if step in pulls:
-                here[:, 0] -= pulls[step]
+            if step in impulses:
+                here[:, 0] -= impulses[step]
         found[k] = here
     return found if np.all(np.isfinite(found)) else None
 
@@ -213,7 +213,7 @@ def _edges(breaks: Array, samples: Array) -> Array:
     return np.sort(np.concatenate([breaks, others[near > _NEAR * (after - before)]]))
 
 
-def _pulls(phases: Phases) -> tuple[Array, Array, NDArray[np.bool_]]:
+def _impulses(phases: Phases) -> tuple[Array, Array, NDArray[np.bool_]]:
     """What limits of the state pull on the costates: impulses, none from a limit that no arc names.
 
     Impulses at the stages are what the collocation's quadrature makes of a limit that is held. A touch has its own
@@ -232,5 +232,5 @@ def _pulls(phases: Phases) -> tuple[Array, Array, NDArray[np.bool_]]:
         for i, mode in phases.arcs[a].touches:
             rows = slice(None) if mode in POSITION else slice(1, 2)
             met[k, rows, i] = held[k : k + 2, rows, i] = True
-    inner = (phases.state_pull * held[:, None]).reshape(K, -1, 2 * n)
-    return inner, (phases.knot_pull * met).reshape(K - 1, 2 * n), np.asarray(np.any(held, axis=(1, 2)))
+    inner = (phases.state_multiplier * held[:, None]).reshape(K, -1, 2 * n)
+    return inner, (phases.knot_multiplier * met).reshape(K - 1, 2 * n), np.asarray(np.any(held, axis=(1, 2)))

@@ -128,7 +128,7 @@ def under_feedback(robot: Robot, limits: JointLimits, motion: Trajectory, segmen
         correction[k] = np.clip(wanted, lowest[k], highest[k])
         unseen = (damping + stiffness) * ACCURACY * np.sum(np.abs(M), axis=1)
         largest = np.maximum(largest, np.abs(correction[k]) + unseen)
-        beside[k + 1] = segments.through[k] @ state + segments.forced[k] @ correction[k] + segments.defect[k]
+        beside[k + 1] = segments.state_transition[k] @ state + segments.forced[k] @ correction[k] + segments.defect[k]
         if not np.max(np.abs(beside[k + 1])) <= _NEAR:
             return None
     x = np.concatenate([ticks.q, ticks.v], axis=1) + beside

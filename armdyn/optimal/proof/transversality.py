@@ -16,7 +16,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 Array = NDArray[np.float64]
 
 
-def end_slope(robot: Robot, goal: GoalPose, q: Array, phases: Phases) -> Array:
+def end_gradient(robot: Robot, goal: GoalPose, q: Array, phases: Phases) -> Array:
     """How the duration changes where the goal moves along the joint positions that reach a pose [s/rad], shape (nv,).
 
     Args:
@@ -43,4 +43,4 @@ def transversality(problem: MinimumTimeProblem, goal: GoalPose | None, q: Array,
     if phases is None:
         return float("inf")
     way = np.linalg.norm(q - problem.poses[-2])
-    return float(np.linalg.norm(end_slope(problem.robot, goal, q, phases)) * way / phases.duration)
+    return float(np.linalg.norm(end_gradient(problem.robot, goal, q, phases)) * way / phases.duration)

@@ -190,9 +190,9 @@ def _deciding(task: Task, refined: RefinedCurve) -> tuple[Share, ...]:
     names, by_joint = problem.robot.joint_names, dict[str, Array]()
     half = problem.limits.actuators.half_range
     for leg in shape.legs:
-        torques, pull = shape.torques(leg), solved.result.lam_x[shape.torques(leg)]
-        size = np.where(pull > 0, problem.limits.actuators.upper, problem.limits.actuators.lower) / half
-        parts = {"torque limit": np.sum(pull * size, axis=0)} if torques.size else {}
+        torques, multiplier = shape.torques(leg), solved.result.lam_x[shape.torques(leg)]
+        size = np.where(multiplier > 0, problem.limits.actuators.upper, problem.limits.actuators.lower) / half
+        parts = {"torque limit": np.sum(multiplier * size, axis=0)} if torques.size else {}
         for order in shape.orders:
             parts[_LIMITS[order]] = np.sum(np.abs(solved.result.lam_g[shape.rates(leg, order)]), axis=0)
         for limit, part in parts.items():

@@ -16,7 +16,7 @@ from armdyn.optimal.proof.certificate import SEGMENT_TOLERANCE, certify
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.switching.costates import phases_of
-from armdyn.optimal.switching.extremal.descent import Extremal, ended, finer
+from armdyn.optimal.switching.extremal.descent import Extremal, finer, in_one_piece
 from armdyn.optimal.task.mesh_refinement import MeshRefinement
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -64,11 +64,11 @@ def land_extremal(task: Task, extremal: Extremal, intervals: int, stop: Stop) ->
         task: what is solved.
         extremal: of it.
         intervals: of the mesh that it was read from.
-        stop: asked before it is marched in finer steps.
+        stop: asked before it is integrated in finer steps.
     """
     problem, policy, n, aim, samples = task.problem, task.policy, task.problem.robot.nv, Aim(), 1
     for _ in range(policy.refinement.aims):
-        phases = phases_of(ended(extremal, aim.at_goal(n)), policy.arcs)
+        phases = phases_of(in_one_piece(extremal, aim.at_goal(n)), policy.arcs)
         astray = float(np.max(np.abs(pontryagin(problem, phases)[0]))) > policy.refinement.stray
         if astray and not stop and (more := finer(extremal, stop)) is not None:
             extremal = more

@@ -22,10 +22,17 @@ from armdyn.optimal.solve.condensed import solve_on_knots
 from armdyn.optimal.solve.switch_mesh import at_switches
 from armdyn.optimal.switching.costates import phases_of
 from armdyn.optimal.switching.extremal.descent import Extremal
-from armdyn.optimal.switching.extremal.march import Setting
-from armdyn.optimal.switching.extremal.schedule import Schedule
-from armdyn.optimal.switching.reading import schedules_of
-from armdyn.optimal.switching.settle import Settled, has_switching, leaves_idle, prepare_switching, setting_of, settled
+from armdyn.optimal.switching.extremal.rollout import ShootingProblem
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
+from armdyn.optimal.switching.from_arcs import structures_of
+from armdyn.optimal.switching.refinement import (
+    RefinedExtremal,
+    has_switching,
+    leaves_idle,
+    prepare_switching,
+    refine_extremal,
+    shooting_problem,
+)
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -46,13 +53,13 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
     motion, sharp, known = attempt.trajectory, attempt, list[Optimum]()
     remark = f"{task.stop.word} before the arcs were read"
     if not task.stop:
-        own, marched = Budget(task.stop) if budget is None else budget, has_switching(task)
-        if marched:
+        own, rolled_out = Budget(task.stop) if budget is None else budget, has_switching(task)
+        if rolled_out:
             found = _by_switching(task, attempt, own)
             extremal, remark, sharp = found.extremal, found.why, found.mesh
             known += [land_extremal(task, extremal, attempt.intervals, own)] if extremal else []
         # Where no schedule leads to a motion a finer mesh does sooner than the collocation of arcs, at less cost.
-        other = not marched or remark == _IDLE or _at_speed(task, motion, *(one.trajectory for one in known))
+        other = not rolled_out or remark == _IDLE or _at_speed(task, motion, *(one.trajectory for one in known))
         if other and not (known and known[0].certificate.ok):
             phases, remark = _structure(task, _arcs_of(task, attempt), motion, budget)
             if phases is not None:
@@ -191,33 +198,37 @@ class _Structures:
         mesh: the finest solution that structures were read from.
     """
 
-    def __init__(self, task: Task, attempt: Attempt, setting: Setting) -> None:
+    def __init__(self, task: Task, attempt: Attempt, shooting: ShootingProblem) -> None:
         self.mesh = attempt
-        self._task, self._setting = task, setting
+        self._task, self._setting = task, shooting
 
-    def tries(self) -> Iterator[tuple[Schedule, int]]:
+    def tries(self) -> Iterator[tuple[SwitchingStructure, int]]:
         """Schedules, each with the integrator steps that it may take."""
         numbers, attempt = self._task.policy.refinement, self.mesh
         first = self._read()
-        yield from ((schedule, numbers.glance) for schedule in first)
+        yield from ((structure, numbers.glance) for structure in first)
         self.mesh = at_switches(self._task, attempt)
         if self.mesh is not attempt:
-            yield from ((schedule, numbers.sharp) for schedule in self._read())
-        yield from ((schedule, numbers.share) for schedule in first)
+            yield from ((structure, numbers.sharp) for structure in self._read())
+        yield from ((structure, numbers.share) for structure in first)
 
-    def _read(self) -> list[Schedule]:
+    def _read(self) -> list[SwitchingStructure]:
         arcs, sure = _arcs_of(self._task, self.mesh), self.mesh.knots is not None
-        return list(schedules_of(self._setting, arcs, self.mesh.trajectory, sure))
+        return list(structures_of(self._setting, arcs, self.mesh.trajectory, sure))
 
 
 def _by_switching(task: Task, attempt: Attempt, budget: Budget) -> _Marched:
     """The extremal that a structure comes to when it is mended, or what is nearest to one."""
-    setting, best, least = setting_of(task, attempt.trajectory.duration), Settled(None, np.inf, ""), (np.inf, np.inf)
-    structures = _Structures(task, attempt, setting)
-    for schedule, most in structures.tries():
+    shooting, best, least = (
+        shooting_problem(task, attempt.trajectory.duration),
+        RefinedExtremal(None, np.inf, ""),
+        (np.inf, np.inf),
+    )
+    structures = _Structures(task, attempt, shooting)
+    for structure, most in structures.tries():
         granted = min(budget.left, most)
         own = Budget(task.stop, granted)
-        found = settled(replace(setting, budget=own), schedule, own)
+        found = refine_extremal(replace(shooting, budget=own), structure, own)
         budget.spend(granted - own.left)
         best = found if best.extremal is None else best
         if (lack := _lack(task, found)) < least:
@@ -228,14 +239,14 @@ def _by_switching(task: Task, attempt: Attempt, budget: Budget) -> _Marched:
     return _Marched(None, _IDLE, structures.mesh) if idle else _Marched(best.extremal, best.why, structures.mesh)
 
 
-def _lack(task: Task, settled: Settled) -> tuple[float, float]:
+def _lack(task: Task, refine_extremal: RefinedExtremal) -> tuple[float, float]:
     """Sorts: extremals before others, by duration; the others by the worst sign of a torque or of a limit's pull."""
-    if settled.extremal is None:
+    if refine_extremal.extremal is None:
         return np.inf, np.inf
-    wrong = settled.wrong
+    wrong = refine_extremal.wrong
     if wrong <= SWITCHING_TOLERANCE:  # contacts that could not be mended are not in it
-        wrong = pontryagin(task.problem, phases_of(settled.extremal, task.policy.arcs))[2]
-    return wrong if wrong > SWITCHING_TOLERANCE else 0.0, settled.extremal.schedule.duration
+        wrong = pontryagin(task.problem, phases_of(refine_extremal.extremal, task.policy.arcs))[2]
+    return wrong if wrong > SWITCHING_TOLERANCE else 0.0, refine_extremal.extremal.structure.duration
 
 
 def _named(arcs: tuple[Arc, ...] | list[Arc]) -> Structure:

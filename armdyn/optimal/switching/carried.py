@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, Mode
-from armdyn.optimal.switching.costates import Whole
+from armdyn.optimal.switching.costates import SampledExtremal
 from armdyn.optimal.switching.extremal.change import Carrier, Change, Segment
 from armdyn.optimal.switching.extremal.descent import Extremal
-from armdyn.optimal.switching.extremal.limits import state_at
-from armdyn.optimal.switching.extremal.schedule import Schedule
-from armdyn.optimal.switching.signs import Wrong
+from armdyn.optimal.switching.extremal.state_limits import state_at
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
+from armdyn.optimal.switching.signs import WrongSign
 
 Array = NDArray[np.float64]
 
@@ -19,19 +19,21 @@ _NEAR = 1e-3
 """Of the duration: switches of the carrier so near a contact are part of it."""
 
 
-def with_carrier(extremal: Extremal, whole: Whole, segment: Segment, press: Mode) -> Schedule | None:
-    """The schedule with a contact that another joint holds; None: none can, or another does already.
+def with_carrier(
+    extremal: Extremal, whole: SampledExtremal, segment: Segment, press: Mode
+) -> SwitchingStructure | None:
+    """The structure with a contact that another joint holds; None: none can, or another does already.
 
     Of the joints that can, the one whose torque H feels least.
 
     Args:
-        extremal: whose schedule it is.
+        extremal: whose structure it is.
         whole: its costates and torques.
         segment: the contact, of more torque than there is.
         press: the limit that the torque is beyond.
     """
-    schedule, limits = extremal.schedule, extremal.march.setting.problem.limits
-    contact, (begin, end) = schedule.changes[segment.begin], schedule.span(segment)
+    structure, limits = extremal.structure, extremal.rollout.shooting.problem.limits
+    contact, (begin, end) = structure.changes[segment.begin], structure.span(segment)
     if contact.carrier or contact.mode not in POSITION:
         return None
     i, middle = contact.joint, (whole.t[:-1] + whole.t[1:]) / 2
@@ -39,33 +41,33 @@ def with_carrier(extremal: Extremal, whole: Whole, segment: Segment, press: Mode
     less = whole.tau[own, :, i] - (limits.actuators.upper if press is Mode.UPPER else limits.actuators.lower)[i]
     inverse = np.linalg.inv(whole.inertia[own])
     found: list[tuple[float, int]] = []
-    for j in range(len(schedule.first)):
-        if j == i or not _on_limits(schedule, j, begin, end):
+    for j in range(len(structure.first)):
+        if j == i or not _on_limits(structure, j, begin, end):
             continue
         more = less * inverse[..., i, i] / inverse[..., i, j]
         if limits.actuators.lower[j] <= np.median(whole.tau[own, :, j] + more) <= limits.actuators.upper[j]:
             found.append((float(np.median(np.abs(whole.switching[own, :, j] * more))), j))
     if not found:
         return None
-    left = schedule.without_changes([segment.begin])
+    left = structure.without_changes([segment.begin])
     return _held(extremal, left, contact, (begin, end), Carrier(min(found)[1], press, Mode.FREE))
 
 
 @dataclass(frozen=True, eq=False)
 class CarriedTouches:
-    """A schedule with a contact in place of touches.
+    """A structure with a contact in place of touches.
 
     Attributes:
-        schedule: with the contact.
+        structure: with the contact.
         pair: the joint that touches, and the one whose torque holds it.
     """
 
-    schedule: Schedule
+    structure: SwitchingStructure
     pair: tuple[int, int]
 
 
-def with_carried_touches(extremal: Extremal, wrong: list[Wrong], refused: set[object]) -> CarriedTouches | None:
-    """The schedule with touches that become a contact, held by a joint whose torque is on the wrong limit about them.
+def with_carried_touches(extremal: Extremal, wrong: list[WrongSign], refused: set[object]) -> CarriedTouches | None:
+    """The structure with touches that become a contact, held by a joint whose torque is on the wrong limit about them.
 
     A touch bends the switching functions of the other joints: where one of them asks for the other limit just then, and
     for the first one beside, its torque is to hold the joint that touches.
@@ -82,13 +84,13 @@ def with_carried_touches(extremal: Extremal, wrong: list[Wrong], refused: set[ob
     return None
 
 
-def _carried_touches(extremal: Extremal, wrong: list[Wrong], refused: set[object]) -> CarriedTouches | None:
+def _carried_touches(extremal: Extremal, wrong: list[WrongSign], refused: set[object]) -> CarriedTouches | None:
     """The same of stretches of one joint."""
-    schedule, j = extremal.schedule, wrong[0].joint
-    begin, end = _stretch(wrong, _NEAR * schedule.duration)
+    structure, j = extremal.structure, wrong[0].joint
+    begin, end = _stretch(wrong, _NEAR * structure.duration)
     touches = [
         k
-        for k, (change, time) in enumerate(zip(schedule.changes, schedule.times, strict=True))
+        for k, (change, time) in enumerate(zip(structure.changes, structure.times, strict=True))
         if change.touch
         and change.mode in POSITION
         and change.joint != j
@@ -97,94 +99,94 @@ def _carried_touches(extremal: Extremal, wrong: list[Wrong], refused: set[object
     ]
     if not touches:
         return None
-    nearest = min(touches, key=lambda k: abs(schedule.times[k] - wrong[0].worst))
-    touch = schedule.changes[nearest]
-    times = [float(schedule.times[k]) for k in touches if schedule.changes[k] == touch]
-    half = (end - begin) / 8 if max(times) - min(times) < _NEAR * schedule.duration else 0.0
+    nearest = min(touches, key=lambda k: abs(structure.times[k] - wrong[0].worst))
+    touch = structure.changes[nearest]
+    times = [float(structure.times[k]) for k in touches if structure.changes[k] == touch]
+    half = (end - begin) / 8 if max(times) - min(times) < _NEAR * structure.duration else 0.0
     ends = max(begin, min(times) - half), min(end, max(times) + half)
-    press = schedule.modes()[nearest][touch.joint]
-    switched = any(c.joint == touch.joint and not c.touch and c.mode is not press for c in _within(schedule, *ends))
-    if press not in BANG or switched or not _on_limits(schedule, j, *ends):
+    press = structure.modes()[nearest][touch.joint]
+    switched = any(c.joint == touch.joint and not c.touch and c.mode is not press for c in _within(structure, *ends))
+    if press not in BANG or switched or not _on_limits(structure, j, *ends):
         return None
-    contact = _held(extremal, schedule, replace(touch, touch=False), ends, Carrier(j, press, Mode.FREE), press)
+    contact = _held(extremal, structure, replace(touch, touch=False), ends, Carrier(j, press, Mode.FREE), press)
     return CarriedTouches(contact, (touch.joint, j))
 
 
-def with_other_press(schedule: Schedule, wrong: list[Wrong]) -> Schedule | None:
-    """The schedule with joints in contact on their other torque limit where that is asked for; None: it is nowhere.
+def with_other_press(structure: SwitchingStructure, wrong: list[WrongSign]) -> SwitchingStructure | None:
+    """The structure with joints in contact on their other torque limit where that is asked for; None: it is nowhere.
 
     Args:
-        schedule: an extremal's.
+        structure: an extremal's.
         wrong: its stretches on the wrong limit.
     """
-    changes = list(schedule.changes)
+    changes = list(structure.changes)
     for one in wrong:
-        for k, change in enumerate(schedule.changes):
+        for k, change in enumerate(structure.changes):
             if not one.carried or change.carrier is None or change.joint != one.joint:
                 continue
-            begin, end = schedule.span(Segment(k, schedule.end_of(k)))
+            begin, end = structure.span(Segment(k, structure.end_of(k)))
             if begin < (one.begin + one.end) / 2 < end:
                 changes[k] = replace(change, carrier=replace(change.carrier, press=OPPOSITE[one.mode]))
-    return replace(schedule, changes=tuple(changes)) if tuple(changes) != schedule.changes else None
+    return replace(structure, changes=tuple(changes)) if tuple(changes) != structure.changes else None
 
 
 def _held(
     extremal: Extremal,
-    schedule: Schedule,
+    structure: SwitchingStructure,
     contact: Change,
     ends: tuple[float, float],
     carrier: Carrier,
     leaving: Mode | None = None,
-) -> Schedule:
-    """The schedule with a contact that a carrier holds.
+) -> SwitchingStructure:
+    """The structure with a contact that a carrier holds.
 
     Args:
         extremal: which the contact's states come from.
-        schedule: without it.
+        structure: without it.
         contact: the change that begins it.
         ends: when it begins and ends [s].
-        carrier: of what it does afterwards the schedule decides.
-        leaving: the torque that the joint has afterwards; None: the schedule says it.
+        carrier: of what it does afterwards the structure decides.
+        leaving: the torque that the joint has afterwards; None: the structure says it.
     """
-    near = _NEAR * schedule.duration
+    near = _NEAR * structure.duration
     begin, end = ends
-    gone, after = [], schedule.modes()[int(np.searchsorted(schedule.times, begin - near))][carrier.joint]
-    for k, (change, time) in enumerate(zip(schedule.changes, schedule.times, strict=True)):
+    gone, after = [], structure.modes()[int(np.searchsorted(structure.times, begin - near))][carrier.joint]
+    for k, (change, time) in enumerate(zip(structure.changes, structure.times, strict=True)):
         if not begin - near <= time <= end + near:
             continue
         if change.joint == carrier.joint and not change.touch:
             gone.append(k)
             after = change.mode
-        elif change.joint == contact.joint and (change.mode if change.touch else schedule.modes()[k][change.joint]) is (
-            contact.mode
-        ):
+        elif change.joint == contact.joint and (
+            change.mode if change.touch else structure.modes()[k][change.joint]
+        ) is (contact.mode):
             gone.append(k)  # a touch, or the end of a contact that goes on as this one
     more = [(begin, replace(contact, carrier=replace(carrier, after=after)))]
     if leaving is not None:
         more.append((end, Change(contact.joint, leaving)))
-    left = schedule.without_changes(gone)
-    return left.with_changes((time, change, state_at(extremal.march, time)) for time, change in more).without(())
+    left = structure.without_changes(gone)
+    return left.with_changes((time, change, state_at(extremal.rollout, time)) for time, change in more).without(())
 
 
-def _within(schedule: Schedule, begin: float, end: float) -> list[Change]:
-    near = _NEAR * schedule.duration
+def _within(structure: SwitchingStructure, begin: float, end: float) -> list[Change]:
+    near = _NEAR * structure.duration
     return [
         change
-        for change, time in zip(schedule.changes, schedule.times, strict=True)
+        for change, time in zip(structure.changes, structure.times, strict=True)
         if begin - near <= time <= end + near
     ]
 
 
-def _on_limits(schedule: Schedule, joint: int, begin: float, end: float) -> bool:
+def _on_limits(structure: SwitchingStructure, joint: int, begin: float, end: float) -> bool:
     """Whether a joint's torque is on its limits between two times [s], so that it may hold another joint instead."""
-    first = int(np.searchsorted(schedule.times, begin - _NEAR * schedule.duration))
-    modes = [schedule.modes()[first][joint]]
-    modes += [change.mode for change in _within(schedule, begin, end) if change.joint == joint and not change.touch]
-    carrying = any(carrier.joint == joint for each in schedule.carriers()[first:] for carrier in each.values())
+    first = int(np.searchsorted(structure.times, begin - _NEAR * structure.duration))
+    modes = [structure.modes()[first][joint]]
+    modes += [change.mode for change in _within(structure, begin, end) if change.joint == joint and not change.touch]
+    carrying = any(carrier.joint == joint for each in structure.carriers()[first:] for carrier in each.values())
     return all(mode in BANG for mode in modes) and not carrying
 
 
-def _stretch(own: list[Wrong], apart: float) -> tuple[float, float]:
+def _stretch(own: list[WrongSign], apart: float) -> tuple[float, float]:
     """The worst stretch of one joint and those that join it [s]."""
     begin, end = own[0].begin, own[0].end
     for _ in own:

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from armdyn.optimal.arcs.arc import BANG, VELOCITY, Mode
 from armdyn.optimal.switching.extremal.change import Change, Segment
 from armdyn.optimal.switching.extremal.descent import Extremal
-from armdyn.optimal.switching.extremal.limits import state_at
-from armdyn.optimal.switching.extremal.schedule import Schedule
+from armdyn.optimal.switching.extremal.state_limits import state_at
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 
 Array = NDArray[np.float64]
 
@@ -17,14 +17,16 @@ _AT = 1e-6
 """Of the duration: so near each other two changes are at one time."""
 
 
-def kept_at_speed(extremal: Extremal, segment: Segment, part: tuple[float, float], press: Mode) -> Schedule | None:
-    """The schedule with another joint's torque such that a joint stays on its velocity limit with all of its own.
+def kept_at_speed(
+    extremal: Extremal, segment: Segment, part: tuple[float, float], press: Mode
+) -> SwitchingStructure | None:
+    """The structure with another joint's torque such that a joint bang arcs on its velocity limit with all of its own.
 
     Where no torque jumps, at the begin or at the end, the joint's velocity stays as it is with the other torque on its
     limit: stationarity of the duration alone would lead away from there, as it is longest there.
 
     Args:
-        extremal: whose schedule it is.
+        extremal: whose structure it is.
         segment: the joint on its velocity limit.
         part: of the segment in which it takes more torque than it has, from 0 to 1.
         press: the torque limit that it is on there.
@@ -32,25 +34,25 @@ def kept_at_speed(extremal: Extremal, segment: Segment, part: tuple[float, float
     Returns:
         It; None: it is on a limit of position, or no other joint's torque is on a limit.
     """
-    schedule = extremal.schedule
-    joint, (start, stop) = schedule.changes[segment.begin].joint, schedule.span(segment)
-    if schedule.changes[segment.begin].mode not in VELOCITY:
+    structure = extremal.structure
+    joint, (start, stop) = structure.changes[segment.begin].joint, structure.span(segment)
+    if structure.changes[segment.begin].mode not in VELOCITY:
         return None
     begin, end = (start + each * (stop - start) for each in part)
-    near, modes = _AT * schedule.duration, schedule.modes()
+    near, modes = _AT * structure.duration, structure.modes()
     jumps = [
         k
-        for k, (change, time) in enumerate(zip(schedule.changes, schedule.times, strict=True))
+        for k, (change, time) in enumerate(zip(structure.changes, structure.times, strict=True))
         if change.joint != joint
         and not change.touch
         and begin - near <= time <= end + near
         and {modes[k][change.joint], change.mode} <= set(BANG)
     ]
-    first = next((k for k in jumps if schedule.times[k] <= begin + near), None)
-    later = [k for k in jumps if schedule.times[k] > begin + near]
-    after = int(np.searchsorted(schedule.times, begin + near))
+    first = next((k for k in jumps if structure.times[k] <= begin + near), None)
+    later = [k for k in jumps if structure.times[k] > begin + near]
+    after = int(np.searchsorted(structure.times, begin + near))
     if first is not None or later:
-        other = schedule.changes[first if first is not None else later[0]].joint
+        other = structure.changes[first if first is not None else later[0]].joint
     else:
         free = [i for i, mode in enumerate(modes[after]) if i != joint and mode in BANG]
         if not free:
@@ -59,12 +61,12 @@ def kept_at_speed(extremal: Extremal, segment: Segment, part: tuple[float, float
     last = next(
         (
             k
-            for k, (change, time) in enumerate(zip(schedule.changes, schedule.times, strict=True))
+            for k, (change, time) in enumerate(zip(structure.changes, structure.times, strict=True))
             if change.joint == other and not change.touch and begin + near < time <= end + near
         ),
         None,
     )
-    end = min(end, stop - near) if last is None else min(end, float(schedule.times[last]))
+    end = min(end, stop - near) if last is None else min(end, float(structure.times[last]))
     if modes[after][other] not in BANG or end <= begin:
         return None
     limit = (joint, press)
@@ -73,33 +75,33 @@ def kept_at_speed(extremal: Extremal, segment: Segment, part: tuple[float, float
     if last is None:
         tangent = None if part[1] == 1 else limit
         more.append((end, Change(other, modes[after][other], tangent=tangent)))
-    every = [(time, change, state_at(extremal.march, time)) for time, change in more]
-    return schedule.without_changes([] if first is None else [first]).with_changes(every)
+    every = [(time, change, state_at(extremal.rollout, time)) for time, change in more]
+    return structure.without_changes([] if first is None else [first]).with_changes(every)
 
 
 def left_at_speed(
-    extremal: Extremal, schedule: Schedule, segment: Segment, part: tuple[float, float] | None = None
-) -> Schedule | None:
-    """The schedule with a joint off its velocity limit, where another joint's torque keeps it there.
+    extremal: Extremal, structure: SwitchingStructure, segment: Segment, part: tuple[float, float] | None = None
+) -> SwitchingStructure | None:
+    """The structure with a joint off its velocity limit, where another joint's torque keeps it there.
 
     Args:
         extremal: of which the states are.
-        schedule: its own, or that with another joint's torque.
+        structure: its own, or that with another joint's torque.
         segment: of the extremal's: the joint on its velocity limit.
         part: of it that is let go, from 0 to 1; None: what another joint's torque keeps.
 
     Returns:
         It; None: no other joint's torque keeps it there, in that part.
     """
-    contact = extremal.schedule.changes[segment.begin]
-    start, stop = extremal.schedule.span(segment)
+    contact = extremal.structure.changes[segment.begin]
+    start, stop = extremal.structure.span(segment)
     begin, end = (start + each * (stop - start) for each in part or (0.0, 1.0))
-    for k, change in enumerate(schedule.changes):
-        after = schedule.end_of(k) if change.keeps and change.keeps[0] == contact.joint else schedule.size
-        if after == schedule.size or schedule.times[after] < begin or schedule.times[k] > end:
+    for k, change in enumerate(structure.changes):
+        after = structure.end_of(k) if change.keeps and change.keeps[0] == contact.joint else structure.size
+        if after == structure.size or structure.times[after] < begin or structure.times[k] > end:
             continue
         assert change.keeps is not None  # noqa: S101 - else there is no end
-        last, first, final = schedule.changes[after], float(schedule.times[k]), float(schedule.times[after])
+        last, first, final = structure.changes[after], float(structure.times[k]), float(structure.times[after])
         a, b = (min(begin, first), max(end, final)) if part else (first, final)
         off = replace(contact, mode=change.keeps[1], tangent=change.tangent, tied=False)
         on = replace(contact, tangent=last.tangent, tied=False)
@@ -113,14 +115,14 @@ def left_at_speed(
             more.append((b, on))
             more.append((b, replace(change, tied=True)))
         elif part and first < begin < final and last.tangent is None:  # only its last
-            before = schedule.modes()[k][change.joint]
+            before = structure.modes()[k][change.joint]
             gone = {after}
             more = [(begin, replace(last, mode=before)), (begin, replace(off, tangent=None, tied=True)), (final, last)]
             more += [(b, on)] if b < stop else []
         elif b < stop:
             more.append((b, on))
-        if a <= start + 2 * _AT * schedule.duration:
-            gone |= {j for j, one in enumerate(schedule.changes) if one is contact}
-        every = [(time, one, state_at(extremal.march, time)) for time, one in more]
-        return schedule.without_changes(gone).with_changes(every).without(())
+        if a <= start + 2 * _AT * structure.duration:
+            gone |= {j for j, one in enumerate(structure.changes) if one is contact}
+        every = [(time, one, state_at(extremal.rollout, time)) for time, one in more]
+        return structure.without_changes(gone).with_changes(every).without(())
     return None

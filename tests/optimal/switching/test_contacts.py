@@ -8,8 +8,8 @@ from armdyn.optimal.arcs.arc import POSITION, Mode
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.switching.contacts import with_contacts
 from armdyn.optimal.switching.extremal.descent import Extremal, fastest
-from armdyn.optimal.switching.extremal.schedule import Schedule
-from armdyn.optimal.switching.settle import setting_of
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
+from armdyn.optimal.switching.refinement import shooting_problem
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task
 from problems import paper_problem, random_problem
@@ -54,19 +54,19 @@ def test_another_joint_holds_a_contact_while_the_joints_own_torque_is_full():
 def test_a_contact_that_is_pushed_all_along_stays():
     problem = random_problem(53)
     solution = ad.solve_minimum_time(problem)
-    setting = setting_of(Task.of(problem, MinimumTimeOptions(compile=False)), solution.duration)
-    found = fastest(setting, Schedule.of(solution.phases.arcs, solution.phases.torques), Stop())
+    shooting = shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), solution.duration)
+    found = fastest(shooting, SwitchingStructure.of(solution.phases.arcs, solution.phases.torques), Stop())
     assert isinstance(found, Extremal)
-    assert any(mode in POSITION for modes in found.schedule.modes() for mode in modes)
+    assert any(mode in POSITION for modes in found.structure.modes() for mode in modes)
     assert not with_contacts(found)
-    assert found.schedule.duration == pytest.approx(solution.duration, rel=1e-8)
+    assert found.structure.duration == pytest.approx(solution.duration, rel=1e-8)
 
 
 def test_arcs_without_contacts_have_none_to_mend():
     problem = paper_problem("rr", 0.1006)
     solution = ad.solve_minimum_time(problem)
-    setting = setting_of(Task.of(problem, MinimumTimeOptions(compile=False)), solution.duration)
-    found = fastest(setting, Schedule.of(solution.phases.arcs, solution.phases.torques), Stop())
+    shooting = shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), solution.duration)
+    found = fastest(shooting, SwitchingStructure.of(solution.phases.arcs, solution.phases.torques), Stop())
     assert isinstance(found, Extremal)
     assert not with_contacts(found)
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from armdyn.optimal.arcs.arc import Mode
-from armdyn.optimal.switching.extremal.torques.course import Course
+from armdyn.optimal.switching.extremal.singular_control import SingularControl
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Change:
         joint: its number.
         mode: what it is in from then on; of a touch, the limit that it meets and leaves at once.
         touch: it keeps the mode that it was in.
-        course: of a free torque; else none.
+        control: of a free torque; else none.
         carrier: the joint that holds this one on a limit of position; None: its own torque does.
         keeps: of a torque that keeps another joint on its velocity limit: that joint, and the torque limit it is on.
         tangent: a joint and a torque limit: with this torque, and the others' on their limits, the joint's velocity
@@ -40,7 +40,7 @@ class Change:
     joint: int
     mode: Mode
     touch: bool = False
-    course: Course | None = None
+    control: SingularControl | None = None
     carrier: Carrier | None = None
     keeps: tuple[int, Mode] | None = None
     tangent: tuple[int, Mode] | None = None

@@ -101,7 +101,9 @@ class ArcsPolicy:
     )
     shortest: float = tuned(1e-6, "of the duration", "arcs shorter than that are taken out", PLANAR)
     touch: int = tuned(2, "intervals", "a position limit that holds the motion back for no more is touched", "RRR")
-    floor: float = tuned(0.15, "of the mean", "least density of a mesh: an estimate may overlook something", PLANAR)
+    least_density: float = tuned(
+        0.15, "of the mean", "least density of a mesh: an estimate may overlook something", PLANAR
+    )
     per_arc: int = tuned(2, "intervals", "of the shortest arc", PLANAR)
     layer_samples: int = tuned(
         4000, "samples", "in which turns through dry friction are looked for", "RR with friction"

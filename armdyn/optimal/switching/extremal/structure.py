@@ -1,4 +1,4 @@
-"""A schedule: which limit every joint is on from when to when, and the states at which that changes."""
+"""A structure: which limit every joint is on from when to when, and the states at which that changes."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import VELOCITY, Arc, Mode, merged
 from armdyn.optimal.switching.extremal.change import Carrier, Change, Segment
-from armdyn.optimal.switching.extremal.torques.course import Course
+from armdyn.optimal.switching.extremal.singular_control import SingularControl
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
-Structure = tuple[tuple[Mode, ...], tuple[tuple[int, Mode, bool, Carrier | None], ...]]
+StructureKey = tuple[tuple[Mode, ...], tuple[tuple[int, Mode, bool, Carrier | None], ...]]
 
 _MET = 1e-7
 """Of the duration: a joint that is on a limit of velocity for less touches it."""
 
 
 @dataclass(frozen=True, eq=False)
-class Schedule:
+class SwitchingStructure:
     """Modes over time, all joints together.
 
     Attributes:
@@ -60,7 +60,7 @@ class Schedule:
         return cls(arcs[0].modes, tuple(changes), np.array(times), np.hstack([at.q, at.v]), duration)
 
     @property
-    def structure(self) -> Structure:
+    def key(self) -> StructureKey:
         """Modes at the start, and all changes in turn, without their times."""
         return self.first, tuple((each.joint, each.mode, each.touch, each.carrier) for each in self.changes)
 
@@ -70,28 +70,28 @@ class Schedule:
         return len(self.changes)
 
     @property
-    def courses(self) -> dict[int, Course]:
+    def controls(self) -> dict[int, SingularControl]:
         """Of free torques, by the number of the change that begins them."""
-        return {k: change.course for k, change in enumerate(self.changes) if change.course}
+        return {k: change.control for k, change in enumerate(self.changes) if change.control}
 
     @property
     def unknowns(self) -> Array:
-        """Times of the changes, the duration [s], and the courses of free torques, shape (width,)."""
-        return np.concatenate([self.times, [self.duration], *(course.values for course in self.courses.values())])
+        """Times of the changes, the duration [s], and the singular controls of free torques, shape (width,)."""
+        return np.concatenate([self.times, [self.duration], *(control.values for control in self.controls.values())])
 
     @property
     def width(self) -> int:
-        """How many unknowns there are: m + 1, and those of the courses."""
-        return self.size + 1 + sum(course.size for course in self.courses.values())
+        """How many unknowns there are: m + 1, and those of the singular controls."""
+        return self.size + 1 + sum(control.size for control in self.controls.values())
 
     @property
     def places(self) -> dict[int, slice]:
-        """Where the courses stand in the unknowns, by the number of the change that begins them."""
+        """Where the singular controls stand in the unknowns, by the number of the change that begins them."""
         out: dict[int, slice] = {}
         first = self.size + 1
-        for k, course in self.courses.items():
-            out[k] = slice(first, first + course.size)
-            first += course.size
+        for k, control in self.controls.items():
+            out[k] = slice(first, first + control.size)
+            first += control.size
         return out
 
     def modes(self) -> list[tuple[Mode, ...]]:
@@ -122,7 +122,7 @@ class Schedule:
         return out
 
     def moved(self, by: Array, states: Array, in_order: bool = True) -> Self:
-        """With other times, courses and states.
+        """With other times, singular controls and states.
 
         Args:
             by: what the unknowns change by, shape (width,).
@@ -131,8 +131,8 @@ class Schedule:
         """
         m, changes, places = self.size, list(self.changes), self.places
         times = self.times + by[:m]
-        for k, course in self.courses.items():
-            changes[k] = replace(changes[k], course=course.with_values(course.values + by[places[k]]))
+        for k, control in self.controls.items():
+            changes[k] = replace(changes[k], control=control.with_values(control.values + by[places[k]]))
         order = np.argsort(times, kind="stable") if in_order else np.arange(m)
         duration = self.duration + float(by[m])
         return replace(
@@ -212,7 +212,7 @@ class Schedule:
             if segment.begin in gone or segment.end in gone:
                 continue
             if segment.begin < 0 and self.changes[segment.end].mode is Mode.FREE:
-                continue  # a course begins with a change
+                continue  # a singular control begins with a change
             if segment.begin < 0:
                 change = self.changes[segment.end]
                 first[change.joint] = change.mode

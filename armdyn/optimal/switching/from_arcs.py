@@ -1,4 +1,4 @@
-"""From arcs of a mesh to schedules: short stretches off all limits are stays, long ones may be singular arcs."""
+"""From arcs of a mesh to structures: short stretches off all limits are bang arcs, long ones may be singular arcs."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from armdyn.optimal.arcs.arc import BANG, OPPOSITE, Arc, Mode, merged, stretches
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.switching.extremal.change import Change, Segment
-from armdyn.optimal.switching.extremal.march import Setting
-from armdyn.optimal.switching.extremal.schedule import Schedule
-from armdyn.optimal.switching.singular import course_near, leaping_within
+from armdyn.optimal.switching.extremal.rollout import ShootingProblem
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
+from armdyn.optimal.switching.singular import control_near, leaping_within
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -20,27 +20,29 @@ Array = NDArray[np.float64]
 _LONG = 0.05
 """Of the duration: a stretch off all limits that is shorter is read as stays alone."""
 _FIRST = 1e-3
-"""Of the duration: a stay at the start, before the first course."""
+"""Of the duration: a bang arc at the start, before the first singular control."""
 _IN_ARC = 50
 """Samples of a torque in an arc."""
 _SAMPLES = 100
 """Of the torques along a stretch."""
 
 
-def schedules_of(setting: Setting, arcs: Sequence[Arc], motion: Trajectory, sure: bool = False) -> Iterator[Schedule]:
-    """Schedules to begin with: all torques full, and long stretches off all limits as singular arcs, if there are any.
+def structures_of(
+    shooting: ShootingProblem, arcs: Sequence[Arc], motion: Trajectory, sure: bool = False
+) -> Iterator[SwitchingStructure]:
+    """Structures to begin with: all torques full, and long stretches off all limits as singular arcs, if there are any.
 
     Args:
-        setting: what will be marched.
+        shooting: the shooting problem.
         arcs: of a mesh.
         motion: its states and torques.
         sure: what is off all limits on the mesh is a singular arc: it is tried alone.
     """
-    shares, left = shares_of(setting.problem, arcs, motion), _long_stretches(arcs)
+    shares, left = shares_of(shooting.problem, arcs, motion), _long_stretches(arcs)
     if not (sure and np.any(left)):
-        yield Schedule.of(banged(arcs, shares), motion)
+        yield SwitchingStructure.of(banged(arcs, shares), motion)
     if np.any(left):
-        yield _with_courses(setting, Schedule.of(banged(arcs, shares, left), motion), motion)
+        yield _with_controls(shooting, SwitchingStructure.of(banged(arcs, shares, left), motion), motion)
 
 
 def _long_stretches(arcs: Sequence[Arc]) -> NDArray[np.bool_]:
@@ -53,30 +55,30 @@ def _long_stretches(arcs: Sequence[Arc]) -> NDArray[np.bool_]:
     return free
 
 
-def _with_courses(setting: Setting, schedule: Schedule, motion: Trajectory) -> Schedule:
-    """The schedule with courses for its free torques, each begun by a change."""
-    starting = [i for i, mode in enumerate(schedule.first) if mode is Mode.FREE]
+def _with_controls(shooting: ShootingProblem, structure: SwitchingStructure, motion: Trajectory) -> SwitchingStructure:
+    """The structure with singular controls for its free torques, each begun by a change."""
+    starting = [i for i, mode in enumerate(structure.first) if mode is Mode.FREE]
     if starting:
-        begin = _FIRST * schedule.duration
-        at = motion(np.array([begin * motion.duration / schedule.duration]))
-        first = [_nearest(setting, i, at.tau[0]) if i in starting else mode for i, mode in enumerate(schedule.first)]
+        begin = _FIRST * structure.duration
+        at = motion(np.array([begin * motion.duration / structure.duration]))
+        first = [_nearest(shooting, i, at.tau[0]) if i in starting else mode for i, mode in enumerate(structure.first)]
         state = np.concatenate([at.q[0], at.v[0]])
-        schedule = replace(schedule, first=tuple(first))
-        schedule = schedule.with_changes((begin, Change(i, Mode.FREE), state) for i in starting)
-    changes = list(schedule.changes)
+        structure = replace(structure, first=tuple(first))
+        structure = structure.with_changes((begin, Change(i, Mode.FREE), state) for i in starting)
+    changes = list(structure.changes)
     for k, change in enumerate(changes):
         if change.mode is not Mode.FREE:
             continue
-        begin, end = schedule.span(Segment(k, schedule.end_of(k)))
-        t = np.linspace(begin, end, _SAMPLES + 2)[1:-1] * (motion.duration / schedule.duration)
-        leaping = leaping_within(schedule, change.joint, begin, end)
-        changes[k] = replace(change, course=course_near(setting, change.joint, motion(t).tau, leaping))
-    return replace(schedule, changes=tuple(changes))
+        begin, end = structure.span(Segment(k, structure.end_of(k)))
+        t = np.linspace(begin, end, _SAMPLES + 2)[1:-1] * (motion.duration / structure.duration)
+        leaping = leaping_within(structure, change.joint, begin, end)
+        changes[k] = replace(change, control=control_near(shooting, change.joint, motion(t).tau, leaping))
+    return replace(structure, changes=tuple(changes))
 
 
-def _nearest(setting: Setting, joint: int, tau: Array) -> Mode:
+def _nearest(shooting: ShootingProblem, joint: int, tau: Array) -> Mode:
     """The limit that a joint's torque is nearer to."""
-    limits = setting.problem.limits
+    limits = shooting.problem.limits
     return Mode.UPPER if 2 * tau[joint] > limits.actuators.upper[joint] + limits.actuators.lower[joint] else Mode.LOWER
 
 
