@@ -13,9 +13,9 @@ import pytest
 
 from armdyn.errors import FileError, ResultError
 from armdyn.studies.executors.local import local_executor
+from armdyn.studies.problems import ARM
 from armdyn.studies.rows import read_rows, row_store
 from armdyn.studies.run import run_study
-from armdyn.studies.settings import ARM
 from armdyn.studies.study import Axis, Study
 from armdyn.studies.time_left import TimeLeft
 from toys import Square, squares

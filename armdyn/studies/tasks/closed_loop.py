@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import inspect
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TypeVar
 
-from armdyn.arguments import number, one_of
+from armdyn.arguments import expect, number, one_of
 from armdyn.control.laws.computed_torque import ComputedTorque
 from armdyn.control.laws.lqr import Lqr
 from armdyn.control.laws.pid import Pid, PidGains
@@ -14,10 +15,13 @@ from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop
 from armdyn.control.loop.references import ramp
 from armdyn.errors import ProblemError
+from armdyn.models.robots.robot import Robot
 from armdyn.optimal import MinimumTimeOptions, Status, solve_minimum_time
 from armdyn.parsing.toml import Table
+from armdyn.studies.plants import Plants
+from armdyn.studies.problems import ArmProblems
 from armdyn.studies.rows import Value
-from armdyn.studies.settings import SIGNS, ArmProblems
+from armdyn.studies.settings import SIGNS
 from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, Neighbours, finite
 from armdyn.trajectory import Trajectory
 
@@ -29,6 +33,7 @@ _GAINS = {"pid": ("kp", "ki", "kd"), "computed-torque": ("bandwidth",), "lqr": (
 """Settings of each controller."""
 _WITHOUT = {"ramp": ("reserve", "velocity_reserve"), "minimum-time": ("ramp",)}
 """Settings without a meaning for each reference."""
+Options = TypeVar("Options")
 CONTROLLERS, REFERENCES = tuple(_GAINS), tuple(_WITHOUT)
 
 
@@ -148,3 +153,21 @@ class ClosedLoopTask:
                 _references.clear()
             _references[key] = solution.trajectory
         return _references[key]
+
+
+def options_of(kind: Callable[..., Options], given: Mapping[str, Any], name: str, **others: Any) -> Options:
+    """A value of options from a table of a study file.
+
+    Raises:
+        ProblemError: an option is unknown or wrong.
+    """
+    known = set(inspect.signature(kind).parameters) - others.keys()
+    if unknown := expect(given, dict, name).keys() - known:
+        raise ProblemError(f"{name}: no option {min(unknown)!r}; known: {', '.join(sorted(known))}")
+    return kind(**given, **others)
+
+
+def plants_of(given: Mapping[str, Any], robot: Robot) -> Plants:
+    """Ranges of random arms; the payload of a robot without one does not vary by default."""
+    loaded = robot.payload is not None and robot.payload.mass > 0
+    return options_of(Plants, given if loaded else {"payload": (1.0, 1.0), **given}, "plants").check(robot)
