@@ -3,9 +3,12 @@
 import re
 from pathlib import Path
 
+import numpy as np
+import pinocchio as pin
 import pytest
 
 import armdyn as ad
+from armdyn.optimal.solve.registry import SOLVERS
 from armdyn.studies.tasks.registry import TASKS
 
 DOCS = (Path(__file__).parents[1] / "docs" / "extending.md").read_text()
@@ -47,3 +50,37 @@ def test_a_study_task(bound_task, tmp_path):
     (tmp_path / "study.toml").write_text((tmp_path / "study.toml").read_text().replace("least = 0.1", "least = 0.2"))
     with pytest.raises(ad.ArmdynError, match=r"task\.least is 0.1 there and 0.2 here"):
         ad.run_study(ad.read_study(tmp_path / "study.toml"), run.file)
+
+
+def test_a_path_constraint():
+    made = shown("A path constraint")
+    limited, problem, robot = made["limited"], made["problem"], made["robot"]
+    free = ad.solve_minimum_time(problem.variant(path_constraints=()))
+    assert limited.usable and limited.duration > 1.05 * free.duration
+    # By nothing of armdyn's but its trajectory: second differences of the tip's position.
+    model, data = robot.model, robot.model.createData()
+    number, t = model.getFrameId(robot.tip), np.linspace(0.01, limited.duration - 0.01, 200)
+
+    def tip(times):
+        places = []
+        for q in limited.trajectory(times).q:
+            pin.framesForwardKinematics(model, data, q)
+            places.append(data.oMf[number].translation.copy())
+        return np.array(places)
+
+    h = 1e-3
+    sizes = np.linalg.norm(tip(t + h) - 2 * tip(t) + tip(t - h), axis=1) / h**2
+    assert 4.5 < np.max(sizes) < 5.01  # over h the torque may jump
+
+
+@pytest.fixture
+def solver():
+    """The section about a solver, its registration taken back afterwards."""
+    yield shown("A solver")
+    del SOLVERS["slsqp"]
+
+
+def test_a_solver(solver):
+    assert solver["one"].usable and solver["other"].usable
+    # IPOPT relaxes bounds by 1e-8 of them, SLSQP does not.
+    assert solver["other"].trajectory.duration == pytest.approx(solver["one"].trajectory.duration, rel=1e-6)

@@ -1,4 +1,4 @@
-"""What a robot looks like: the shapes of its URDF, on the joints that carry them."""
+"""Shapes of a robot: the visuals of its URDF, by the joints that carry them."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def robot_shapes(robot: Robot) -> list[VisualShape]:
 
 
 def obstacle_shapes(obstacles: Sequence[Obstacle]) -> list[VisualShape]:
-    """What obstacles look like; they are fixed to the world."""
+    """Shapes of obstacles, fixed to the world."""
     shapes: list[VisualShape] = []
     for obstacle in obstacles:
         if isinstance(obstacle, Box):

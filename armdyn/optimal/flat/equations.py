@@ -107,7 +107,7 @@ def rate_equations(joints: int, order: int) -> IntervalFunctions:
     factors, over = ca.SX.sym("factors", order + 1), ca.SX.sym("over", joints)
     rates = (points @ factors) / duration**order * over
     y, p = ca.vertcat(ca.vec(points), duration), ca.vertcat(factors, over)
-    return differentiated(f"rate{order}", y, p, rates, ca.SX(0), False)
+    return differentiated(f"rate{order}", y, p, rates, None, False)
 
 
 @built_once(maxsize=16)
@@ -126,7 +126,7 @@ def meeting_equations(joints: int, order: int) -> IntervalFunctions:
         part = factors[side * (order + 1) : (side + 1) * (order + 1)]
         sides.append(ca.reshape(own[:count], joints, order + 1) @ part / own[count] ** order)
     gap = (sides[0] - sides[1]) * over
-    return differentiated(f"meeting{order}", y, ca.vertcat(factors, over), gap, ca.SX(0), False)
+    return differentiated(f"meeting{order}", y, ca.vertcat(factors, over), gap, None, False)
 
 
 @built_once(maxsize=16)
@@ -145,7 +145,7 @@ def torque_rate_equations(joints: int, sides: int) -> IntervalFunctions:
     durations, parts, over = ca.SX.sym("T", sides), ca.SX.sym("parts", sides), ca.SX.sym("over", joints)
     rates = (after - before) * over / ca.dot(parts, durations)
     y, p = ca.vertcat(before, after, durations), ca.vertcat(parts, over)
-    return differentiated(f"torque_rate{sides}", y, p, rates, ca.SX(0), False)
+    return differentiated(f"torque_rate{sides}", y, p, rates, None, False)
 
 
 @built_once(maxsize=16)
@@ -160,7 +160,7 @@ def torque_end_equations(joints: int) -> IntervalFunctions:
     given, part, over = ca.SX.sym("given", joints), ca.SX.sym("part"), ca.SX.sym("over", joints)
     rates = (torque - given) * over / (part * duration)
     y, p = ca.vertcat(torque, duration), ca.vertcat(given, part, over)
-    return differentiated("torque_end", y, p, rates, ca.SX(0), False)
+    return differentiated("torque_end", y, p, rates, None, False)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from armdyn.optimal.path_constraints.constraint import Knots, PathConstraint
 from armdyn.optimal.path_constraints.rows import Rows, RowValues, spread
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.solve.solver import NlpData
 from armdyn.optimal.task.task import Task
 
 Array = NDArray[np.float64]
@@ -52,23 +53,6 @@ class CurveSpec:
     constraints: TightenedConstraints
     margins: tuple[TorqueMargin, ...] = ()
     smooth: float = 0.0
-
-
-@dataclass(frozen=True, eq=False)
-class CurveNlpData:
-    """The program in numbers.
-
-    Attributes:
-        x: the unknowns to start from.
-        p: its parameters.
-        x_bounds: least and largest unknowns.
-        g_bounds: least and largest values of the equations.
-    """
-
-    x: Array
-    p: Array
-    x_bounds: tuple[Array, Array]
-    g_bounds: tuple[Array, Array]
 
 
 def curve_layout(problem: MinimumTimeProblem, guess: Curve, constraints: TightenedConstraints) -> CurveLayout:
@@ -115,7 +99,7 @@ class _Numbers:
             numbers.append(np.ravel(more))
 
 
-def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) -> CurveNlpData:
+def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) -> NlpData:
     """The program in numbers.
 
     Args:
@@ -152,7 +136,7 @@ def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout
     squares = problem.effort_weights() * half**2
     shared = np.concatenate([half, squares, task.dynamics.last_body, [1 / whole]])
     parameters, g_lower, g_upper = map(np.concatenate, (numbers.parameters, numbers.lower, numbers.upper))
-    return CurveNlpData(np.clip(x, lower, upper), np.append(parameters, shared), (lower, upper), (g_lower, g_upper))
+    return NlpData(np.clip(x, lower, upper), np.append(shared, parameters), (lower, upper), (g_lower, g_upper))
 
 
 def _finite(limit: Array) -> Array:

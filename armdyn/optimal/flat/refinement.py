@@ -153,14 +153,17 @@ def _percent(over: tuple[TorqueMargin, ...]) -> str:
 
 
 def _larger_margin(task: Task, margin: TorqueMargin, over: TorqueMargin) -> TorqueMargin:
-    """More room where a torque exceeds its limit."""
+    """More room where a torque exceeds its limit; a point that has no room left takes it from both its neighbours."""
     numbers = task.policy.curves
 
-    def more(own: Array | float, beyond: Array | float) -> Array:
-        extra = np.maximum(np.asarray(beyond) + numbers.spare, 0) * numbers.eager
-        return np.minimum(own + extra, _MOST)
+    def more(beyond: Array | float) -> Array:
+        return np.asarray(np.maximum(np.asarray(beyond) + numbers.spare, 0) * numbers.eager)
 
-    return TorqueMargin(more(margin.upper, over.upper), more(margin.lower, over.lower), more(margin.rates, over.rates))
+    upper, lower, rates = more(over.upper), more(over.lower), more(over.rates)
+    left = np.pad(np.maximum(upper * (margin.upper >= _MOST), lower * (margin.lower >= _MOST)), ((1, 1), (0, 0)))
+    beside = np.maximum(left[:-2], left[2:])
+    upper, lower = margin.upper + upper + beside, margin.lower + lower + beside
+    return TorqueMargin(np.minimum(upper, _MOST), np.minimum(lower, _MOST), np.minimum(margin.rates + rates, _MOST))
 
 
 def reports_on(task: Task, curve: Curve, constraints: TightenedConstraints) -> ConstraintReports:
@@ -180,9 +183,12 @@ def reports_on(task: Task, curve: Curve, constraints: TightenedConstraints) -> C
 
 
 def sampled(task: Task, curve: Curve) -> Trajectory:
-    """A curve's samples, between which the torques of its motion are lines."""
+    """Samples of a curve, between which torques are linear; fewer after an interrupt, for an answer within seconds."""
     numbers, problem = task.policy.curves, task.problem
-    return curve.trajectory(problem.robot, numbers.samples, numbers.steps, jumps=not problem.continuous_torque)
+    finer = numbers.finer_with_friction if np.any(np.asarray(problem.robot.friction.coulomb) > 0) else 1
+    coarser = numbers.coarser_after_interrupt if task.stop.interrupted else 1
+    samples, steps = finer * numbers.samples // coarser, numbers.steps // coarser
+    return curve.trajectory(problem.robot, samples, steps, jumps=not problem.continuous_torque)
 
 
 def constraints_mended(task: Task, kept: ConstraintReports) -> bool:

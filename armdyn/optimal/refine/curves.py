@@ -15,10 +15,11 @@ from armdyn.optimal.flat.nlp_data import CurveSpec
 from armdyn.optimal.flat.refinement import RefinedCurve, constraints_mended, refine_curve, reports_on, sampled
 from armdyn.optimal.flat.solve import prepare_curve
 from armdyn.optimal.landing.limit_violations import worst_violation
+from armdyn.optimal.landing.pace import can_be_slowed, least_factor
 from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.proof.certificate import GAP_TOLERANCE, ON_CURVE, certify
+from armdyn.optimal.proof.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE, certify
 from armdyn.optimal.proof.deciding import Share
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.smooth import trajectory_cost
@@ -210,7 +211,14 @@ def _landed(task: Task, refined: RefinedCurve) -> Optimum:
     """A curve's motion, replayed."""
     problem, curve = task.problem, refined.curve
     # `follow` integrates as `replay_torques` does, sample by sample; `proof.repeat` judges by another integrator.
-    replay = replace(follow(task, sampled(task, curve)), name="minimum time")
+    replay = follow(task, sampled(task, curve))
+    if problem.robot.friction.present and can_be_slowed(problem):
+        # Where friction jumps the replay is farther off its curve: `refine.slowing` would end off the goal.
+        factor = least_factor(problem.robot, problem.limits, replay, LIMIT_TOLERANCE)
+        if 1 < factor < 1 + _HOPELESS:
+            curve = curve.slower(1 + task.policy.curves.slower_again * (factor - 1))
+            replay = follow(task, sampled(task, curve))
+    replay = replace(replay, name="minimum time")
     looked = refined.constraints.check(problem, replay, curve.passing) if refined.constraints.path_constraints else None
     result = refined.solved.result
     remark = ON_CURVE if refined.solved.converged else f"the curve did not converge ({result.message})"

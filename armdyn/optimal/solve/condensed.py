@@ -1,18 +1,17 @@
 """One guess on one mesh with few unknowns where that will do, as in the search; else with all."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.condensed import CondensedNlp, build_condensed, has_condensed
-from armdyn.optimal.program.layout import CondensedLayout
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.direct import prepare, solve_on_mesh
-from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, NlpResult, in_time
+from armdyn.optimal.solve.registry import in_time, solver_for
+from armdyn.optimal.solve.solver import NlpData, Solver, SolverSettings
 from armdyn.optimal.solve.stagewise.solver import Stagewise
 from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.scheme import Scheme
@@ -112,19 +111,21 @@ def _condensed(
     if task.stop:
         return Attempt.unbegun(task.stop, guess, intervals), False
     problem, solver = task.problem, _solver(task, intervals, settings)
-    scales, layout = Scales.of(problem, guess), solver.layout
+    program = solver if isinstance(solver, Stagewise) else solver.program
+    scales, layout = Scales.of(problem, guess), program.layout
     full, kept, fractions = layout.full, layout.kept(intervals), np.diff(knots)
     weights = scales.weights(problem.effort_weight)
     parameters = scales.parameters(fractions, weights, task.dynamics.last_body)
     lower, upper = bounds(problem, full, intervals, scales)
     start = np.clip(to_unknowns(guess, full, fractions, scales), lower, upper)[kept]
-    sides = lower[kept], upper[kept]
+    equal = np.zeros(2 * full.nv * intervals)
+    data = NlpData(start, parameters, (lower[kept], upper[kept]), (equal, equal))
     if bounded and isinstance(solver, Stagewise):
         inner = full.inner_states(intervals)[:, 0]
-        result = solver.solve(start, parameters, sides, task.stop, (lower[inner].T, upper[inner].T))
+        result = solver.solve(data, task.stop, (lower[inner].T, upper[inner].T))
     else:
-        result = solver.solve(start, parameters, sides, task.stop)
-    x = layout.expanded(result.x, solver.middles(result.x, parameters))
+        result = solver.solve(data, task.stop)
+    x = layout.expanded(result.x, np.array(program.middles(result.x, parameters)))
     violation = None
     if result.status is not Status.SOLVED:
         defects = solver.equations(result.x, parameters).reshape(intervals, -1)
@@ -135,34 +136,12 @@ def _condensed(
     return Attempt(result.status, result.message, motion, intervals, result.iterations, violation), within
 
 
-def _solver(task: Task, intervals: int, settings: DirectOptions) -> "Stagewise | _ByIpopt":
-    """Our own method where it can be had, else IPOPT."""
+def _solver(task: Task, intervals: int, settings: DirectOptions) -> Stagewise | Solver[CondensedNlp]:
+    """The stagewise method where it can be had, else the policy's solver."""
 
-    def build(scheme: Scheme) -> "Stagewise | _ByIpopt":
-        own = Stagewise.of(task.dynamics, scheme, intervals, settings)
-        if own is not None:
-            return own
-        return _ByIpopt(Ipopt.of(IpoptSettings.of(settings), build_condensed, task.dynamics, scheme, intervals))
+    def build(scheme: Scheme) -> Stagewise | Solver[CondensedNlp]:
+        stagewise = Stagewise.of(task.dynamics, scheme, intervals, settings)
+        own = SolverSettings.of(settings)
+        return stagewise or solver_for(task, own, build_condensed, task.dynamics, scheme, intervals)
 
     return in_time(task, build)
-
-
-@dataclass(frozen=True, eq=False)
-class _ByIpopt:
-    """IPOPT where `Stagewise` would be."""
-
-    ipopt: Ipopt[CondensedNlp]
-
-    @property
-    def layout(self) -> CondensedLayout:
-        return self.ipopt.program.layout
-
-    def solve(self, x: Array, p: Array, bounds: tuple[Array, Array], stop: Stop) -> NlpResult:
-        equal = np.zeros(self.ipopt.program.functions["g"].numel())
-        return self.ipopt.solve(x, p, bounds, (equal, equal), stop)
-
-    def equations(self, x: Array, p: Array) -> Array:
-        return self.ipopt.equations(x, p)
-
-    def middles(self, x: Array, p: Array) -> Array:
-        return np.array(self.ipopt.program.middles(x, p))

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from armdyn.optimal.problem.stop import Budget, Stop
-from armdyn.optimal.solve.ipopt import in_time
+from armdyn.optimal.solve.registry import in_time
 from armdyn.optimal.switching.carried import with_carried_touches, with_other_press
 from armdyn.optimal.switching.contacts import with_contacts
 from armdyn.optimal.switching.extremal.descent import Extremal, NoExtremal, fastest

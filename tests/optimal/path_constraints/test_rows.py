@@ -47,7 +47,7 @@ def test_derivatives(method, form):
     dynamics, rows, N = ad.Dynamics(problem.robot, free_last_body=True), constraints.rows(problem), KNOTS.intervals
     values = constraints.values(problem, KNOTS)
     nlp = build_nlp(dynamics, scheme, N)
-    more = with_rows(nlp, dynamics, rows)
+    more = with_rows(dynamics, scheme, N, rows)
     x, p, f, g = (more.functions[name] for name in "xpfg")
     lower, upper = row_bounds(rows, values, Collocated(dynamics, scheme), N)
     assert lower.size == upper.size == g.numel() - N * nlp.defects and np.all(lower <= upper)

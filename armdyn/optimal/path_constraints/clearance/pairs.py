@@ -11,8 +11,8 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.models.scene.obstacles import Capsule, Obstacle
 from armdyn.optimal.path_constraints.clearance.distance import SIZES, Solid, from_segment, least_over_segment, solid
-from armdyn.optimal.path_constraints.rows import RowFunctions, Where
-from armdyn.optimal.program.interval import IntervalView, nonzeros_of
+from armdyn.optimal.path_constraints.rows import Where
+from armdyn.optimal.program.interval import IntervalFunctions, IntervalView, nonzeros_of
 
 Kinds = tuple[type[Obstacle], ...]
 
@@ -57,7 +57,7 @@ class PairRows:
         """The part of the interval, and those of the obstacles."""
         return 1 + sum(SIZES[kind] for kind in self.kinds)
 
-    def functions(self, place: IntervalView) -> RowFunctions:
+    def functions(self, place: IntervalView) -> IntervalFunctions:
         """The rows and their derivatives."""
         return _distance_rows(place, self.pairs, self.kinds)
 
@@ -70,7 +70,7 @@ def distances_at(dynamics: Dynamics, pairs: tuple[Pair, ...], kinds: Kinds = ())
 
 
 @built_once(maxsize=16)
-def _distance_rows(place: IntervalView, pairs: tuple[Pair, ...], kinds: Kinds) -> RowFunctions:
+def _distance_rows(place: IntervalView, pairs: tuple[Pair, ...], kinds: Kinds) -> IntervalFunctions:
     """Distances at a part s of an interval.
 
     Differentiated by q, and by the chain rule from there to the interval's unknowns: a third of the operations.
@@ -90,17 +90,18 @@ def _distance_rows(place: IntervalView, pairs: tuple[Pair, ...], kinds: Kinds) -
         ca.Function("distance_chain", [y, p, s, by_q], [nonzeros_of(jacobian)]),
         ca.Function("distance_chain2", [y, p, s, bends, pulls], [nonzeros_of(hessian)]),
     )
-    numbers = ca.MX.sym("numbers", 1 + values.numel_in(1))
-    every = [ca.MX.sym("y", y.numel()), ca.MX.sym("p", p.numel()), numbers]
-    inputs, world, weights = [*every[:2], numbers[0]], numbers[1:], ca.MX.sym("lam", len(pairs))
+    own, part, count = ca.MX.sym("y", y.numel()), p.numel(), values.numel_in(1)
+    given, sigma, weights = ca.MX.sym("p", part + 1 + count), ca.MX.sym("sigma"), ca.MX.sym("lam", len(pairs))
+    inputs, world = [own, given[:part], given[part]], given[part + 1 :]
     there = position(*inputs)
-    return RowFunctions(
-        len(pairs),
-        ca.Function("distance_values", every, [values(there, world)]),
-        ca.Function("distance_jacobian", every, [chain[0](*inputs, slopes(there, world))]),
-        jacobian.sparsity(),
-        ca.Function("distance_hessian", [*every, weights], [chain[1](*inputs, *bends_at(there, world, weights))]),
-        hessian.sparsity(),
+    second = chain[1](*inputs, *bends_at(there, world, weights))
+    return IntervalFunctions(
+        defects=ca.Function("distance_values", [own, given], [values(there, world)]),
+        cost=None,
+        jacobian=ca.Function("distance_jacobian", [own, given], [chain[0](*inputs, slopes(there, world))]),
+        jacobian_pattern=jacobian.sparsity(),
+        hessian=ca.Function("distance_hessian", [own, given, sigma, weights], [second]),
+        hessian_pattern=hessian.sparsity(),
     )
 
 

@@ -11,6 +11,7 @@ from armdyn.optimal.task.policy.tuned import PLANAR, UNRECORDED, by_kind, tuned
 class ProgramPolicy:
     """How a motion becomes a nonlinear program, and what IPOPT is told of it."""
 
+    solver: str = tuned("ipopt", "-", "solver of nonlinear programs, by its name in `solve.registry`", "by definition")
     linear: bool = by_kind("-", "torque linear between knots: a condition forbids it to jump", "by definition")
     condensed: bool = by_kind(
         "-",
