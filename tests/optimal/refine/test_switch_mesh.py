@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import armdyn as ad
+from armdyn.optimal.refine.switch_mesh import at_switches
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.condensed import has_stagewise, solve_quickly
-from armdyn.optimal.solve.switch_mesh import at_switches
 from armdyn.optimal.task.scheme import Scheme
 from armdyn.optimal.task.task import Task
 from problems import paper_problem
