@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from armdyn.models import Robot
     from armdyn.models.scene.obstacles import Obstacle
 
-SHAPES = {"box": (3, 1), "sphere": (1, 1), "capsule": (1, 2)}
-"""How many sizes and how many places a shape has."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class RateOptions:
@@ -108,7 +105,7 @@ def obstacles_of(texts: Sequence[str]) -> tuple[Obstacle, ...]:
     Raises:
         ProblemError: a text is no shape and no file, or the file has none.
     """
-    from armdyn.models.scene.obstacles import load_obstacles
+    from armdyn.models.scene.obstacles import SHAPES, load_obstacles
 
     found: list[Obstacle] = []
     for text in texts:
@@ -119,16 +116,11 @@ def obstacles_of(texts: Sequence[str]) -> tuple[Obstacle, ...]:
 
 def _shape(kind: str, text: str, what: str) -> Obstacle:
     """One shape, written SIZES@PLACES."""
-    from armdyn.models.scene.obstacles import obstacle_from
+    from armdyn.models.scene.obstacles import SHAPES, obstacle_from
 
-    sizes, _, places = text.partition("@")
+    shape, (sizes, _, places) = SHAPES[kind], text.partition("@")
     values, at = numbers(sizes, what), [numbers(place, what) for place in places.split(";")]
-    if (len(values), len(at)) != SHAPES[kind]:
-        raise ProblemError(f"{what}: write box:SX,SY,SZ@X,Y,Z or sphere:R@X,Y,Z or capsule:R@X,Y,Z;X,Y,Z")
-    if kind == "box":
-        entry: dict[str, object] = {"size": values, "position": at[0]}
-    elif kind == "sphere":
-        entry = {"radius": values[0], "center": at[0]}
-    else:
-        entry = {"radius": values[0], "a": at[0], "b": at[1]}
-    return obstacle_from({"type": kind, **entry}, what)
+    right = shape.option.partition("@")
+    if (len(values), len(at)) != (right[0].count(",") + 1, right[2].count(";") + 1):
+        raise ProblemError(f"{what}: write {' or '.join(f'{name}:{one.option}' for name, one in SHAPES.items())}")
+    return obstacle_from({"type": kind, **shape.from_option(values, at)}, what)

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdyn.cli.options.course import SHAPES, obstacles_of
+from armdyn.cli.options.course import obstacles_of
 from armdyn.cli.options.robot import PartOptions
 from armdyn.cli.reports.saved import Saved
 from armdyn.errors import ArmdynError, ArmdynWarning, ProblemError, TrajectoryError
 from armdyn.models import PLANAR_ARMS, JointLimits, Payload, Robot
-from armdyn.models.scene.obstacles import obstacle_from
+from armdyn.models.scene.obstacles import SHAPES, obstacle_from
 from armdyn.show.page.facts import Facts, as_number
 from armdyn.show.page.report import Subject
 
