@@ -40,7 +40,7 @@ def pontryagin(problem: MinimumTimeProblem, phases: Phases) -> tuple[Array, Arra
 
 
 def idle_joints(problem: MinimumTimeProblem, phases: Phases, switching: Array, tolerance: float) -> tuple[str, ...]:
-    """Joints that time does not determine for more than half of the motion: on no limit, and their costates zero.
+    """Joints that time leaves undetermined for more than half of the motion: off all limits, with zero costates.
 
     Zero is the one value that Pontryagin's conditions allow there: whatever the joint does, H does not feel it.
 
@@ -62,7 +62,7 @@ def idle_joints(problem: MinimumTimeProblem, phases: Phases, switching: Array, t
 
 
 def _worst_multiplier(phases: Phases) -> float:
-    """How much a held velocity or position would rather be let inward, relative to its largest pull outward."""
+    """Largest inward multiplier of an active state limit, relative to its largest outward multiplier."""
     worst, K = 0.0, phases.arc_of.size
     for i in range(phases.q.shape[1]):
         modes = [phases.arcs[a].modes[i] for a in phases.arc_of]

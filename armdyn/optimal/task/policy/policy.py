@@ -1,4 +1,4 @@
-"""The one place that knows what depends on the kind of problem, and every tuned number."""
+"""The policy of a problem: strategies and tuned numbers by its class."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -26,7 +26,7 @@ from armdyn.optimal.task.scheme import Scheme
 
 @dataclass(frozen=True, kw_only=True)
 class Policy:
-    """How a kind of problem is gone about; every number says its unit, its reason and what it was chosen on.
+    """Settings for one class of problems; every number has its unit, its reason and the cases that it was tuned on.
 
     Attributes:
         strategy: methods of refinement, in the order in which they are tried.

@@ -1,4 +1,4 @@
-"""Numbers of what comes after the search: arcs, their mesh, smooth optima, path constraints."""
+"""Tuned numbers of refinement: arcs, their mesh, smooth optima."""
 
 from dataclasses import dataclass, replace
 from typing import Self
