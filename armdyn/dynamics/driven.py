@@ -1,4 +1,4 @@
-"""A controller around an arm, tick by tick, by the bridge's loop: the arm and the law in C, one thread each run."""
+"""Closed-loop simulation tick by tick, by the bridge's C++ loop."""
 
 import ctypes
 from collections.abc import Mapping
@@ -84,7 +84,7 @@ class Driven(NamedTuple):
 def drive(
     plant: ca.Function, law: ca.Function, model: ca.Function | None, tables: Tables, scalars: Mapping[str, object]
 ) -> Driven:
-    """Run a loop; other threads go on meanwhile.
+    """Run a loop; it releases the interpreter's lock.
 
     Args:
         plant: the arm that moves, a(q, v, tau, p).

@@ -1,4 +1,4 @@
-"""The file of a trajectory: an npz of its arrays and texts. Nothing in it is executed, and nothing is trusted."""
+"""File format of a trajectory: an npz of arrays and texts. Read without pickle, every size checked."""
 
 import io
 import os

@@ -49,7 +49,7 @@ def samples_of(motion: Trajectory, rate: float | None) -> Samples:
 
 
 def _even(duration: float, rate: float) -> Array:
-    """Whole ticks from the start, and the end [s], shape (n,)."""
+    """Multiples of the period from the start, and the end [s], shape (n,)."""
     rate = number(rate, "rate", unit="Hz", sign="positive", error=TrajectoryError)
     if rate > MOST_RATE:
         raise TrajectoryError(f"rate is {rate:g} Hz; it must be at most {MOST_RATE:g} Hz")

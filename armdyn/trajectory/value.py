@@ -96,7 +96,6 @@ class Trajectory:
             raise TrajectoryError(f"{len(self.joint_names)} joint names for {self.v.shape[1]} joints")
 
     def _words(self) -> list[str]:
-        """What `repr` says."""
         joints = self.v.shape[1]
         return [
             called(self.name) if self.name else "without a name",
@@ -106,7 +105,7 @@ class Trajectory:
         ]
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: a table and a picture."""
+        """HTML for notebooks: a table and a picture."""
         return renderer().card(self)
 
     @property

@@ -20,7 +20,7 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
     A group is a frozen dataclass. Its fields are annotated as a command's parameters are, `Annotated[type,
     typer.Option(…)] = default`, or are groups themselves; they become the command's options in their order. All
     options of a group stand in the help panel that its class attribute `panel` names, if it has one. After them come
-    the options that every command has, see `typed.everywhere`.
+    the options that every command has, see `parsing.everywhere`.
 
     Raises:
         TypeError: two groups of a command have an option of the same name.

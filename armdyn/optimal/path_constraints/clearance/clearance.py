@@ -1,4 +1,4 @@
-"""What obstacles and self-collision have in common: pairs that are to keep a distance."""
+"""Base of the clearance constraints: pairs of bodies that keep a distance."""
 
 from abc import abstractmethod
 from dataclasses import dataclass, replace
