@@ -1,4 +1,4 @@
-"""Pinocchio's dynamics as numbers, with the friction that its models do not have."""
+"""Numeric dynamics by Pinocchio, with joint friction."""
 
 from collections.abc import Callable
 

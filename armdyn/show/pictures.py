@@ -20,7 +20,7 @@ from armdyn.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 _MOST_SAMPLES = 600
-"""Of a motion that is drawn as it is: a longer one is drawn at even times, and the picture stays small."""
+"""Most samples that are drawn; a longer motion is resampled at even times."""
 _AXES = "xyz"
 
 

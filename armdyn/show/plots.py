@@ -25,7 +25,7 @@ _DENSE = 1200
 _MOST_TICKS = 40
 _Place = Literal["outside upper center", "outside lower center"]
 UNRESOLVED = " (switching times not resolved)"
-"""What a legend says of a motion on a mesh or a curve."""
+"""Remark in the legend for a motion on a mesh or a curve."""
 _UNDATED: dict[str, dict[str, str | None]] = {
     "png": {"Software": "armdyn"},
     "pdf": {"Creator": "armdyn", "Producer": "armdyn", "CreationDate": None},
@@ -85,7 +85,7 @@ def plot_trajectories(
 def plot_panels(
     trajectories: Sequence[Trajectory], limits: JointLimits | None, unresolved: Collection[int] = ()
 ) -> Figure:
-    """What `plot_trajectories` draws, without what is above the panels."""
+    """Panels of `plot_trajectories`, without title and legend above them."""
     joints = trajectories[0].v.shape[1]
     groups = scales(limits, joints)
     with rc_context(LOOK):
@@ -123,7 +123,7 @@ def put_head(figure: Figure, title: str | None, handles: Sequence[Line2D] = ()) 
 
 
 def run_handles(captions: Sequence[str]) -> list[Line2D]:
-    """What a legend says of each trajectory."""
+    """Legend entries of the trajectories."""
     drawn = zip(captions, styles(len(captions)), strict=True)
     return [Line2D([], [], color=INK, linestyle=style, linewidth=1.4, label=literal(text)) for text, style in drawn]
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from armdyn.arguments import expect, flag, function, listener, one_of
 from armdyn.optimal.problem.stop import Stop, stopping
-from armdyn.studies.executors.executor import Ended, Executor, ExecutorOf, StudyCase
+from armdyn.studies.executors.executor import HERE, Ended, Executor, ExecutorOf, StudyCase
 from armdyn.studies.executors.local import local_executor
 from armdyn.studies.rows import SYNCS, RowStore, StudyRow, Sync, row_store
 from armdyn.studies.study import Cases, Study
@@ -261,7 +261,7 @@ class _Run:
         if result is None and self.deaths[k] >= ATTEMPTS:
             return CaseResult(status=DIED, message=f"its worker died, {self.deaths[k]} times; last {one.worker}")
         if result is not None and result.status == INTERRUPTED:
-            if not one.worker:  # this process heard Ctrl-C
+            if one.worker == HERE:  # which heard Ctrl-C
                 self.stop.interrupt()
             return None
         return result

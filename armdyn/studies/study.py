@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from armdyn.errors import ProblemError
 from armdyn.studies.neighbours import neighbours_of
 from armdyn.studies.problems import ARM
 from armdyn.studies.rows import Value
-from armdyn.studies.tasks.task import StudyTask
+from armdyn.studies.tasks.task import CaseResult, Neighbours, StudyTask
 
 Array = NDArray[np.float64]
 
@@ -123,6 +123,21 @@ class Cases:
     def nearest(self, k: int) -> tuple[int, ...]:
         """Cases whose motion may be the guess of a case, the nearest first, whether they are done or not."""
         return ()
+
+
+class OwnTask(Cases):
+    """Cases that are their own task."""
+
+    neighbours: ClassVar[Neighbours] = "off"
+
+    @property
+    def task(self) -> Self:  # type: ignore[override]
+        """The cases themselves."""
+        return self
+
+    def work(self, settings: Mapping[str, Value], guess: bytes = b"", revisit: bool = False) -> CaseResult:
+        """Do one case."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,4 +1,4 @@
-"""The one value that leaves every solver and every simulation, and what others read of it."""
+"""Trajectories, the one result of solvers and simulations, and their formats."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""The one value that leaves every solver and every simulation."""
+"""The one result of solvers and simulations: a motion."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.arguments import numbers, several, text
+from armdyn.arguments import numbers, text
 from armdyn.errors import TrajectoryError
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called
 from armdyn.trajectory import npz
-from armdyn.trajectory.samples import Samples
+from armdyn.trajectory.samples import Samples, check_fields
 from armdyn.trajectory.sampling import samples_of
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ Hold = Literal["linear", "zero-order"]
 HOLDS: tuple[Hold, ...] = ("linear", "zero-order")
 
 LEAST_STEP = 1e-30
-"""Times nearer than that are refused [s]: rates over them, and squares of rates, leave what numbers can hold. An ulp of
+"""Times nearer than that are refused [s]: rates over them, and squares of rates, overflow. An ulp of
 a femtosecond is longer."""
 
 
@@ -59,7 +59,7 @@ class Trajectory:
         v: joint velocities [rad/s or m/s], shape (n, nv).
         tau: joint torques [N m or N], shape (n, nv).
         joint_names: one name per column of v; may be empty.
-        name: what it is called in legends and tables.
+        name: in legends and tables.
         model_hash: `Robot.model_hash` of the arm that it is a motion of; empty if it is not known.
         hold: torque between samples, see `Hold`.
     """
@@ -74,12 +74,7 @@ class Trajectory:
     hold: Hold = "linear"
 
     def __post_init__(self) -> None:
-        for field in _ARRAYS:
-            array = numbers(getattr(self, field), field, "an array of numbers", error=TrajectoryError)
-            array.setflags(write=False)
-            object.__setattr__(self, field, array)
-            if not np.all(np.isfinite(array)):
-                raise TrajectoryError(f"{field} has a value that is not finite")
+        check_fields(self, _ARRAYS)
         n = self.t.shape[0] if self.t.ndim == 1 else 0
         if n < 2 or not np.all(np.diff(self.t) > 0):
             raise TrajectoryError(f"t must be at least two increasing times [s], got shape {self.t.shape}")
@@ -95,18 +90,12 @@ class Trajectory:
                 raise TrajectoryError(f"{field} has shape {shape}; expected ({n}, joints) as t has {n} samples")
         if self.v.shape != self.tau.shape:
             raise TrajectoryError(f"v has shape {self.v.shape} but tau {self.tau.shape}")
-        names = several(self.joint_names, "joint_names", error=TrajectoryError)
-        names = tuple(text(name, f"joint_names[{i}]", error=TrajectoryError) for i, name in enumerate(names))
-        object.__setattr__(self, "joint_names", names)
-        for field in ("name", "model_hash"):
-            text(getattr(self, field), field, error=TrajectoryError)
         if text(self.hold, "hold", error=TrajectoryError) not in HOLDS:
             raise TrajectoryError(f"hold is {self.hold!r}; it is one of {', '.join(map(repr, HOLDS))}")
         if self.joint_names and len(self.joint_names) != self.v.shape[1]:
             raise TrajectoryError(f"{len(self.joint_names)} joint names for {self.v.shape[1]} joints")
 
     def _words(self) -> list[str]:
-        """What `repr` says."""
         joints = self.v.shape[1]
         return [
             called(self.name) if self.name else "without a name",
@@ -116,7 +105,7 @@ class Trajectory:
         ]
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: a table and a picture."""
+        """HTML for notebooks: a table and a picture."""
         return renderer().card(self)
 
     @property
@@ -190,11 +179,11 @@ class Trajectory:
         return npz.read(path, Trajectory)
 
     def resample(self, rate: float | None = None) -> Samples:
-        """What a controller is given, at even times: state, and what is held until the next time.
+        """Sample the motion at even times: states, and torques to hold until the next time.
 
         Stamps are k / rate from the start, and the end itself. The last step is as short as it must be for that; of a
         tick less than a thousandth of a tick before the end there is no stamp. Torques and accelerations are
-        means over the step that begins at their stamp: what a controller that holds its output for a tick plays, and
+        means over the step that begins at their stamp, as a controller holds its output for a tick, and
         v[k + 1] = v[k] + (t[k + 1] - t[k]) a[k].
 
         Args:
@@ -208,13 +197,13 @@ class Trajectory:
         return samples_of(self, rate)
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Its own samples as a table; see `resample` and `Samples.to_csv`."""
+        """Write the motion's samples as a table; see `resample` and `Samples.to_csv`."""
         return self.resample().to_csv(path)
 
     def to_dataframe(self) -> DataFrame:
-        """Its own samples as a table of pandas; see `resample` and `Samples.to_dataframe`."""
+        """The motion's samples as a pandas DataFrame; see `resample` and `Samples.to_dataframe`."""
         return self.resample().to_dataframe()
 
     def to_joint_trajectory(self) -> dict[str, Any]:
-        """Its own samples as ROS 2 says a motion; see `resample` and `Samples.to_joint_trajectory`."""
+        """The motion's samples as a ROS 2 message; see `resample` and `Samples.to_joint_trajectory`."""
         return self.resample().to_joint_trajectory()

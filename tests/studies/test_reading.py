@@ -2,6 +2,7 @@
 
 import re
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -261,17 +262,17 @@ def test_a_search_for_gains_is_gone_on_with(tmp_path, monkeypatch):
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("r"), ad.Payload(mass=0.1))
     reference = ad.ramp(robot, [-1.57], [0.16], 0.5)
     family, file = ad.ControllerFamily.lqr(), tmp_path / "rows.sqlite"
-    options = ad.TuneOptions(members=2, generations=2, duration=0.8)
+    options = ad.TuneOptions(members=2, generations=2, duration=0.8, file=file)
 
     def press(text):
         signal.raise_signal(signal.SIGINT)
 
-    first = ad.tune(robot, reference, family, [robot], options=options, progress=press, file=file)
+    first = ad.tune(robot, reference, family, [robot], options=options, progress=press)
     assert first.status == "interrupted"
     there, ran = len(ad.study_table(file)), []
     work = GainSearch.work
     monkeypatch.setattr(GainSearch, "work", lambda self, *given: ran.append(given) or work(self, *given))
-    second = ad.tune(robot, reference, family, [robot], options=options, file=file)
-    alone = ad.tune(robot, reference, family, [robot], options=options)
+    second = ad.tune(robot, reference, family, [robot], options=options)
+    alone = ad.tune(robot, reference, family, [robot], options=replace(options, file=None))
     assert second.values == alone.values and second.history == alone.history
     assert there > 0 and len(ran) == 2 * alone.evaluations - there

@@ -1,4 +1,4 @@
-"""The command that closes a PID loop around an arm."""
+"""The command `armdyn pid`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from armdyn.parsing.numbers import numbers
 
 @dataclass(frozen=True, kw_only=True)
 class PidLoopOptions:
-    """The controller, and how long it is watched; see `simulate_pid`."""
+    """The controller, and the simulated time; see `simulate_pid`."""
 
     panel: ClassVar[str] = "Loop"
 
@@ -35,7 +35,7 @@ class PidLoopOptions:
             metavar="FORM", help="acceleration (the paper's), torque (saturated, not sampled), or computed_torque."
         ),
     ] = "acceleration"
-    duration: Annotated[float, typer.Option(metavar="S", help="How long to simulate \\[s].")] = 10.0
+    duration: Annotated[float, typer.Option(metavar="S", help="Simulated time \\[s].")] = 10.0
     arrival_rule: Annotated[
         str | None,
         typer.Option(
@@ -53,7 +53,7 @@ class PidLoopOptions:
             arm: that moves.
             start: from here.
             goal: to here.
-            usual: rule of arrival where none is asked for.
+            usual: default rule of arrival.
 
         Raises:
             ProblemError: the gains are not three numbers, or something does not fit the arm.
@@ -80,7 +80,7 @@ def pid(
     loop: PidLoopOptions,
     results: ResultOptions,
 ) -> None:
-    """What a PID loop does between two poses.
+    """Simulate a PID loop between two poses.
 
     r, rr and rrr move as in the paper's Examples 4 to 6, and count as arrived when joint 1 is there to stay.
 
@@ -93,8 +93,8 @@ def pid(
         from armdyn.control.tracking.pid import pid_summary
         from armdyn.paper.printed.loop import PAPER_RULE
 
-        asked = requested_arm(robot, poses, payload, joints)
-        arm, (start, goal) = asked.arm, asked.ends("pid")
+        request = requested_arm(robot, poses, payload, joints)
+        arm, (start, goal) = request.arm, request.ends("pid")
         folder = results.folder("pid", robot.robot)
         with working(f"PID loop of {arm.name}", json) as progress:
             run = loop.run(arm, start, goal, PAPER_RULE if robot.robot in models.PLANAR_ARMS else ARRIVAL_RULES[0])
@@ -122,10 +122,10 @@ def _words(run: ad.Run) -> dict[str, str]:
 def _arrival(run: ad.Run) -> str:
     """When a loop arrived, and by which rule; with another rule than that all joints stay, when they all do, too."""
     rule = run.arrival_rule.replace("_", " ")
-    told = f"{_seconds(run.arrival_time)} ({rule})"
+    words = f"{_seconds(run.arrival_time)} ({rule})"
     if run.arrival_rule == ARRIVAL_RULES[0]:
-        return told
-    return f"{told}; all joints: {_seconds(run.settled_time)}"
+        return words
+    return f"{words}; all joints: {_seconds(run.settled_time)}"
 
 
 def _seconds(time: float | None) -> str:

@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from armdyn.models import Robot
     from armdyn.models.scene.obstacles import Obstacle
 
-SHAPES = {"box": (3, 1), "sphere": (1, 1), "capsule": (1, 2)}
-"""How many sizes and how many places a shape has."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class RateOptions:
@@ -90,7 +87,7 @@ def obstacles_of(texts: Sequence[str]) -> tuple[Obstacle, ...]:
     Raises:
         ProblemError: a text is no shape and no file, or the file has none.
     """
-    from armdyn.models.scene.obstacles import load_obstacles
+    from armdyn.models.scene.obstacles import SHAPES, load_obstacles
 
     found: list[Obstacle] = []
     for text in texts:
@@ -101,16 +98,13 @@ def obstacles_of(texts: Sequence[str]) -> tuple[Obstacle, ...]:
 
 def _shape(kind: str, text: str, what: str) -> Obstacle:
     """One shape, written SIZES@PLACES."""
-    from armdyn.models.scene.obstacles import obstacle_from
+    from armdyn.models.scene.obstacles import SHAPES, obstacle_from
 
-    sizes, _, places = text.partition("@")
+    shape, (sizes, _, places) = SHAPES[kind], text.partition("@")
     values, at = numbers(sizes, what), [numbers(place, what) for place in places.split(";")]
-    if (len(values), len(at)) != SHAPES[kind]:
-        raise ProblemError(f"{what}: write box:SX,SY,SZ@X,Y,Z or sphere:R@X,Y,Z or capsule:R@X,Y,Z;X,Y,Z")
-    if kind == "box":
-        entry: dict[str, object] = {"size": values, "position": at[0]}
-    elif kind == "sphere":
-        entry = {"radius": values[0], "center": at[0]}
-    else:
-        entry = {"radius": values[0], "a": at[0], "b": at[1]}
+    counts = [metavar.count(",") + 1 for metavar in shape.sizes.values()]
+    if (len(values), len(at)) != (sum(counts), len(shape.places)):
+        raise ProblemError(f"{what}: write {' or '.join(f'{name}:{one.option()}' for name, one in SHAPES.items())}")
+    each = [values.pop(0) if count == 1 else [values.pop(0) for _ in range(count)] for count in counts]
+    entry = dict(zip((*shape.sizes, *shape.places), (*each, *at), strict=True))
     return obstacle_from({"type": kind, **entry}, what)

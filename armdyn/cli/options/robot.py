@@ -13,7 +13,6 @@ from armdyn.cli.options.groups import option
 from armdyn.cli.parsing.panels import ROBOT
 from armdyn.cli.parsing.positions import position, sliding_locks
 from armdyn.errors import ProblemError, SpecError
-from armdyn.models.robots.source import RobotSource
 from armdyn.parsing.numbers import numbers
 
 TAKE_FILES = "mintime, bound, sweep, track, monte-carlo, tune and pid"
@@ -79,6 +78,8 @@ class PartOptions:
         """The robot of a name that is not one of the paper's."""
         if name.lower().endswith(".toml"):
             raise SpecError(f"{name} is a problem file, which {TAKE_FILES} take; here a robot is needed")
+        from armdyn.models.robots.source import RobotSource
+
         options = ad.RobotOptions(payload=payload, lock=self.locks(), arm=self.ends())
         return ad.Robot.from_source(RobotSource.named(name), options)
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from armdyn.cli.console import (
     DONE,
@@ -122,7 +121,7 @@ def _solved(
             save(row.k, result.value.trajectory)
 
     study = chain("payload", problems, options, lambda text: progress(f"{len(files) + 1} of {len(problems)}: {text}"))
-    with row_store(folder / ROWS, study.description(), replace=True) as rows, stopping(np.inf) as stop:
+    with row_store(folder / ROWS, study.description(), replace=True) as rows, stopping(inf) as stop:
         with in_process(study.task) as executor:
             run_cases(study, rows, executor, stop, ended=keep)
         found = partial | {row.k: row for row in rows.rows()}

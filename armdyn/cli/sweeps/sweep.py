@@ -34,8 +34,8 @@ def sweep(
 
     Of a ROBOT: how much each gram costs, and which limit counts. Each optimum is where the search for the next
     payload's begins; what a heavier payload's search finds is tried on the lighter one, too. A payload that is solved
-    is on disk at once. Exit code 0: all motions are usable; 3: some are not; 4: all are, but some are not what
-    --require asks for.
+    is on disk at once, and the same command goes on with the others. Exit code 0: all motions are usable; 3: some are
+    not; 4: all are, but some are not what --require asks for.
 
     A STUDY.toml says all of its motions itself: options of task, robot, limits and solver are for a ROBOT. Its cases
     are done side by side, on this machine or on a Dask cluster. Each row is on disk as soon as it has ended. Ctrl-C

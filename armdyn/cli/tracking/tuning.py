@@ -17,7 +17,7 @@ from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.cli.parsing.panels import SOLVER
 from armdyn.cli.parsing.requests import requested_arm
-from armdyn.cli.tracking.controllers import CONTROLLERS, LoopOptions
+from armdyn.cli.tracking.controllers import LoopOptions
 from armdyn.cli.tracking.many import ROWS, ArmsOptions, range_of
 
 
@@ -44,7 +44,7 @@ class FamilyOptions:
         """
         from armdyn.studies.tuning.families import family_named
 
-        one_of(self.controller, CONTROLLERS, "--controller")
+        one_of(self.controller, ("lqr", "computed-torque", "pid"), "--controller")
         form: Any = self.form
         return family_named(self.controller, robot, q_goal, form=form, shared=not self.per_joint)
 
@@ -94,8 +94,8 @@ def tune(
     """The gains, and the ramp, with which the worst of some arms settles soonest in the loop as it is built.
 
     They are chosen on the corners of the ranges, three payloads with the least and the greatest friction, and
-    then tried on random arms. Ctrl-C gives the best so far. Exit code 0: all arms that they were chosen on settle;
-    3: some do not.
+    then tried on random arms. Ctrl-C gives the best so far, and the same command goes on. Exit code 0: all arms that
+    they were chosen on settle; 3: some do not.
 
     [dim]armdyn tune rr --payload 0.1006 --friction-range 0,0.06 --damping-range 0,0.003
     armdyn tune problem.toml --controller lqr
@@ -107,11 +107,11 @@ def tune(
         plants, options = arms.plants(model), search.options()
         folder = output.folder("tune", robot.robot, [ROWS, "reference.npz", "result.json"])
         folder.mkdir(parents=True, exist_ok=True)
+        options = replace(options, file=folder / ROWS)
         with working(f"tuning {family.controller} for {model.name}", output.json) as progress:
             found = ad.tune(
                 model, ad.Ramps(start, goal, range_of(family.ramp_range, "--ramp-range")), family.family(model, goal),
                 plants.corners(model), plants.arms(model, search.held_out), loop.joined(), options, progress,
-                folder / ROWS,
             )  # fmt: skip
         summary = _summary(found)
         files = _write(folder, model, found, summary)

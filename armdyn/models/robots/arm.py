@@ -253,7 +253,7 @@ class Arm:
         names = [str(frame.name) for frame in self.model.frames]
         raise SpecError(f"no frame {shown(name)} in {self.source}{did_you_mean(name, names)}")
 
-    def holding_torque(self, q: Array) -> Array:
+    def holding_torque(self, q: ArrayLike) -> Array:
         """Torque that holds the arm still at joint positions q [N m or N], both of shape (nv,)."""
         return np.array(pin.computeGeneralizedGravity(self.model, self.model.createData(), self.configuration(q)))
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from armdyn.locks import built_once, one_at_a_time
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.bodies import Body, bodies
-from armdyn.models.scene.obstacles import Capsule, Obstacle, Sphere
+from armdyn.models.scene.obstacles import Obstacle
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -76,7 +76,7 @@ class CollisionModel:
         for i, body in enumerate(own):
             self._add(f"{i} {body.name}", body.joint, body.placement, body.geometry)
         for i, obstacle in enumerate(self.obstacles):
-            self._add(f"obstacle {i}", 0, *_solid(obstacle))
+            self._add(f"obstacle {i}", 0, *obstacle.solid())
         indices: list[tuple[int, int]] = []
         if self_collision:
             indices += _apart(robot)
@@ -143,24 +143,6 @@ class CollisionModel:
 def collision_model(robot: Robot, obstacles: tuple[Obstacle, ...], self_collision: bool) -> CollisionModel:
     """A `CollisionModel`, built once for the same arguments."""
     return CollisionModel(robot, obstacles, self_collision)
-
-
-def _solid(obstacle: Obstacle) -> tuple[Array, Any]:
-    """An obstacle's placement in the world, shape (4, 4), and coal's geometry."""
-    import coal
-
-    placement = np.eye(4)
-    if isinstance(obstacle, Sphere):
-        placement[:3, 3] = obstacle.center
-        return placement, coal.Sphere(obstacle.radius)
-    if isinstance(obstacle, Capsule):
-        a, b = np.array(obstacle.a), np.array(obstacle.b)
-        length = float(np.linalg.norm(b - a))
-        placement[:3, 3] = (a + b) / 2
-        if length > 0:
-            placement[:3, :3] = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), b - a).matrix()
-        return placement, coal.Capsule(obstacle.radius, length)
-    return obstacle.pose, coal.Box(*obstacle.size)
 
 
 @built_once(maxsize=16)

@@ -1,4 +1,4 @@
-"""The equations of a curve: torques at its points, rates of its control points, legs that meet."""
+"""Equations of a B-spline program: inverse dynamics at points, limits of derivatives, continuity between legs."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -38,17 +38,14 @@ class Shared:
 
     @staticmethod
     def size(joints: int) -> int:
-        """How many."""
         return 2 * joints + BODY + 1
 
     @classmethod
     def symbols(cls, joints: int) -> "Shared":
-        """As symbols."""
         sizes = (("effort", joints), ("weights", joints), ("body", BODY), ("hurry", 1))
         return cls(*(ca.SX.sym(name, size) for name, size in sizes))
 
     def column(self) -> ca.SX:
-        """One after the other."""
         return ca.vertcat(self.effort, self.weights, self.body, self.hurry)
 
 

@@ -1,4 +1,4 @@
-"""The nonlinear program of curves: where its unknowns stand, and the blocks that it is made of."""
+"""Nonlinear program of B-spline motions: layout of its unknowns, and its blocks."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ Index = NDArray[np.int_]
 
 @dataclass(frozen=True)
 class CurveLayout:
-    """What a program of curves looks like, whatever its numbers are.
+    """Layout of unknowns and equations of a B-spline program.
 
     Attributes:
         joints: of the arm.
@@ -47,7 +47,6 @@ class CurveLayout:
 
     @property
     def legs(self) -> range:
-        """Their numbers."""
         return range(len(self.intervals))
 
     @property
@@ -56,16 +55,16 @@ class CurveLayout:
         return self._before(len(self.intervals))
 
     def points(self, leg: int) -> Index:
-        """Where a leg's control points stand, shape (intervals + DEGREE, joints)."""
+        """Indices of a leg's control points, shape (intervals + DEGREE, joints)."""
         size = (self.intervals[leg] + DEGREE) * self.joints
         return self._before(leg) + np.arange(size).reshape(-1, self.joints)
 
     def duration(self, leg: int) -> int:
-        """Where its duration stands."""
+        """Index of a leg's duration."""
         return int(self.points(leg)[-1, -1]) + 1
 
     def torques(self, leg: int) -> Index:
-        """Where its torques stand, shape (intervals * POINTS, joints)."""
+        """Indices of a leg's torques, shape (intervals * POINTS, joints)."""
         size = self.intervals[leg] * POINTS * self.joints
         return self.duration(leg) + 1 + np.arange(size).reshape(-1, self.joints)
 

@@ -1,4 +1,4 @@
-"""Curves that keep between the points of the program what it asks for only there."""
+"""Refinement of a curve until its limits hold between the points of the program, too."""
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -28,7 +28,7 @@ _PACES = 3
 
 @dataclass(frozen=True, eq=False)
 class RefinedCurve:
-    """A curve within its limits, or as near to that as it has come.
+    """A refined curve, and its remaining excess over the limits.
 
     Attributes:
         curve: the motion.
@@ -192,12 +192,12 @@ def sampled(task: Task, curve: Curve) -> Trajectory:
 
 
 def constraints_mended(task: Task, kept: ConstraintReports) -> bool:
-    """Whether conditions are kept, or will be by slowing down at little cost."""
+    """Whether the path constraints are kept, or would be by slowing down at little cost."""
     return mended(task.problem, kept.slowing, task.policy.path_constraints.slower)
 
 
 def _slowed(task: Task, curve: Curve) -> Curve:
-    """The same path, as much slower as its torques and speeds take to keep their limits; as it is if no pace does."""
+    """The same path, slowed down until torques and speeds keep their limits; unchanged if no pace does."""
     for _ in range(_PACES):
         factor = least_factor(task.problem.robot, task.problem.limits, sampled(task, curve))
         if factor == 1 or not np.isfinite(factor):

@@ -38,7 +38,7 @@ class Solved:
 
     @property
     def converged(self) -> bool:
-        """It is a local optimum of the program."""
+        """Whether IPOPT converged to a local optimum."""
         return self.result.status is Status.SOLVED
 
 

@@ -33,10 +33,10 @@ class Rows(Protocol):
     """
 
     @property
-    def numbers(self) -> int: ...  # noqa: D102
+    def numbers(self) -> int: ...
 
     @property
-    def where(self) -> Where: ...  # noqa: D102
+    def where(self) -> Where: ...
 
     def functions(self, place: IntervalView) -> IntervalFunctions:
         """The rows of one interval, of its unknowns and of its parameters with the numbers after them."""

@@ -17,7 +17,8 @@ from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.robots.tables import robot_table
 from armdyn.models.scene.collision import collision_model
-from armdyn.models.scene.obstacles import Obstacle, obstacle_entry, pose_entry
+from armdyn.models.scene.obstacles import Obstacle, obstacle_entry
+from armdyn.models.scene.placement import pose_entry
 from armdyn.models.scene.reaching import GoalPose, poses_reaching
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.per_joint import per_joint

@@ -143,7 +143,7 @@ class IntervalView(Protocol):
     """
 
     @property
-    def compile(self) -> bool | None: ...  # noqa: D102
+    def compile(self) -> bool | None: ...
 
     def stages(self) -> Stages:
         """The interval in symbols."""

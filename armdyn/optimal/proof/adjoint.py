@@ -1,4 +1,4 @@
-"""The costates once more, without the program that they were read from: the adjoint equations along the replay.
+"""Independent check of the costates: the adjoint equations integrated along the replay.
 
 ρ̇ = −∂H/∂x = −(∂f/∂x)ᵀρ, with ∂f/∂x from Pinocchio's derivatives of forward dynamics, integrated from the goal back
 to the start. Of the program only the multipliers of held limits enter: where a joint is on a limit of its velocity or
@@ -43,7 +43,7 @@ _MIDDLE = 0.3
 
 
 def adjoint_error(robot: Robot, replay: Trajectory, phases: Phases) -> float:
-    """How far the costates are from a solution of the adjoint equations, as H feels it, against the 1 that time costs.
+    """Residual of the costates in the adjoint equations, as a change of H, relative to the 1 that time costs.
 
     A difference in ρ_q counts by the joint's largest velocity, one in ρ_v by its largest acceleration.
 
@@ -75,7 +75,7 @@ def adjoint_error(robot: Robot, replay: Trajectory, phases: Phases) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Along:
-    """A motion between whose samples positions are quintics: through q, v and a at both.
+    """A motion interpolated by quintics that match q, v and a at both ends of every sample.
 
     Attributes:
         robot: that moves.
@@ -91,7 +91,7 @@ class Along:
 
     @classmethod
     def of(cls, robot: Robot, motion: Trajectory) -> "Along":
-        """With what forward dynamics say of the samples."""
+        """Interpolate a motion, with accelerations from forward dynamics."""
         acceleration = forward_dynamics(robot)
         q, v, h = motion.q, motion.v, np.diff(motion.t)[:, None]
         a = np.array([acceleration(*sample) for sample in zip(q, v, motion.tau, strict=True)])
@@ -114,7 +114,7 @@ class Along:
         return np.einsum("kp,kpn->kn", powers, quintics), velocities, tau[k] + s * (tau[k + 1] - tau[k])
 
     def jacobians(self, times: Array) -> Array:
-        """−(∂f/∂x)ᵀ at such times, friction included, shape (k, 2 nv, 2 nv)."""
+        """System matrix −(∂f/∂x)ᵀ of the adjoint equations, friction included, shape (k, 2 nv, 2 nv)."""
         n = self.robot.nv
         _, by_q, by_v, _ = forward_dynamics_derivatives(self.robot)(*self.states(times))
         down = np.zeros((times.size, 2 * n, 2 * n))
@@ -123,7 +123,7 @@ class Along:
         return down
 
     def carried(self, edges: Array, precise: float) -> Array | None:
-        """What costates at the end of each stretch are at its start: matrices, shape (k, 2 nv, 2 nv).
+        """Transition matrices of the costates from the end of each stretch to its start, shape (k, 2 nv, 2 nv).
 
         By the sixth order of Gauss in one step and in two: where these differ, each half once more.
 
@@ -138,7 +138,7 @@ class Along:
         return self._halved(starts, ends, self._step(starts, ends), precise, _DEEPEST)
 
     def _halved(self, starts: Array, ends: Array, whole: Array, precise: float, deepest: int) -> Array | None:
-        """The same by halves, which are halved as long as it makes a difference."""
+        """Transition matrices by bisection of the stretches, until another bisection changes nothing."""
         t = self.motion.t
         middles = (starts + ends) / 2
         k = np.searchsorted(t, middles)
@@ -161,7 +161,7 @@ class Along:
         return both
 
     def _step(self, starts: Array, ends: Array) -> Array:
-        """The same in one step."""
+        """Transition matrices in one step."""
         s, own = GAUSS_3.c.size, self.size.size
         h = (ends - starts)[:, None]
         backwards = ends[:, None] - h * GAUSS_3.c
@@ -174,7 +174,7 @@ class Along:
 
 
 def _backwards(along: Along, phases: Phases) -> Array | None:
-    """The adjoint equations at the knots, from the costate at the goal; None if they cannot be followed.
+    """Integrate the adjoint equations backwards from the costate at the goal to the knots; None if they diverge.
 
     Returns:
         Their solution, and how it answers to each costate at the goal, shape (K + 1, 2 nv, 1 + 2 nv).
@@ -205,7 +205,7 @@ def _backwards(along: Along, phases: Phases) -> Array | None:
 
 
 def _edges(breaks: Array, samples: Array) -> Array:
-    """Of stretches to integrate over: all breaks, and every second sample that is not too near one."""
+    """Edges of the stretches of integration: all breaks, and every second sample that is not too near a break."""
     others = samples[::2]
     k = np.clip(np.searchsorted(breaks, others), 1, breaks.size - 1)
     before, after = breaks[k - 1], breaks[k]
@@ -214,7 +214,7 @@ def _edges(breaks: Array, samples: Array) -> Array:
 
 
 def _impulses(phases: Phases) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """What limits of the state pull on the costates: impulses, none from a limit that no arc names.
+    """Impulses of the state limits on the costates; none from a limit that no arc names.
 
     Impulses at the stages are what the collocation's quadrature makes of a limit that is held. A touch has its own
     at the knot, and IPOPT's barrier some of it at the stages beside.

@@ -40,7 +40,7 @@ def pontryagin(problem: MinimumTimeProblem, phases: Phases) -> tuple[Array, Arra
 
 
 def idle_joints(problem: MinimumTimeProblem, phases: Phases, switching: Array, tolerance: float) -> tuple[str, ...]:
-    """Joints that time does not determine for more than half of the motion: on no limit, and their costates zero.
+    """Joints that time leaves undetermined for more than half of the motion: off all limits, with zero costates.
 
     Zero is the one value that Pontryagin's conditions allow there: whatever the joint does, H does not feel it.
 
@@ -62,7 +62,7 @@ def idle_joints(problem: MinimumTimeProblem, phases: Phases, switching: Array, t
 
 
 def _worst_multiplier(phases: Phases) -> float:
-    """How much a held velocity or position would rather be let inward, relative to its largest pull outward."""
+    """Largest inward multiplier of an active state limit, relative to its largest outward multiplier."""
     worst, K = 0.0, phases.arc_of.size
     for i in range(phases.q.shape[1]):
         modes = [phases.arcs[a].modes[i] for a in phases.arc_of]
@@ -78,7 +78,7 @@ def _worst_multiplier(phases: Phases) -> float:
         for a, arc in enumerate(phases.arcs[:-1]):
             for joint, mode in arc.touches:
                 if joint == i and mode in POSITION:
-                    met[np.flatnonzero(phases.arc_of == a)[-1]] = outward(mode)
+                    met[max(int(np.searchsorted(phases.arc_of, a, side="right")) - 1, 0)] = outward(mode)
         near = [-sign[k] * stages[k] for k in np.flatnonzero(inside)] + [-(met * knots)[met != 0]]
         for multipliers in (fast, near):
             if sum(map(len, multipliers)):
@@ -88,12 +88,10 @@ def _worst_multiplier(phases: Phases) -> float:
 
 
 def _velocity_blows(phases: Phases, i: int) -> list[Array]:
-    """Pulls of a velocity limit at once, outward: where a joint meets it, leaves it, or touches it."""
+    """Pulls of a velocity limit at once, outward: where a joint meets it, leaves it, is on it, or touches it."""
     blows: list[Array] = []
     for a, (here, after) in enumerate(pairwise(phases.arcs)):
-        at = [
-            mode for mode in (here.modes[i], after.modes[i]) if mode in VELOCITY and here.modes[i] is not after.modes[i]
-        ]
+        at = [mode for mode in {here.modes[i], after.modes[i]} if mode in VELOCITY]
         at += [mode for joint, mode in here.touches if joint == i and mode in VELOCITY]
         knot = np.flatnonzero(phases.arc_of == a)[-1:]
         blows += [-outward(mode) * phases.knot_multiplier[knot, 1, i] for mode in at]

@@ -1,4 +1,4 @@
-"""How the minimum time answers to what it was given, exactly, from the multipliers."""
+"""Derivatives of the minimum time by payload mass and limits, from the multipliers."""
 
 from __future__ import annotations
 

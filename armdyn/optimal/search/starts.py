@@ -35,7 +35,7 @@ def via_guesses(
 
     Args:
         problem: what is to be solved.
-        seed: the same seed gives the same detours.
+        seed: the same seed gives the same guesses.
         count: how many.
         stop: asked while ways round what is forbidden are looked for; then there are fewer.
         wide: how far random poses are from the middle of the way: standard deviation, in parts of the way, and how far

@@ -45,11 +45,29 @@ def solve_quickly(
         return solve_on_mesh(task, guess, intervals, settings)
     if between and _on_limits(task, guess):
         return _within(task, guess, intervals, settings)
-    attempt, within = _condensed(task, guess, intervals, settings)
+    attempt, within = _condensed(task, guess, mesh(intervals), settings)
     if within or not between or attempt.status is not Status.SOLVED:
         return attempt
     again = _within(task, attempt.trajectory, intervals, settings)
     return replace(again, iterations=attempt.iterations + again.iterations)
+
+
+def has_stagewise(task: Task) -> bool:
+    """Whether the stagewise method solves the task's programs, whatever the mesh: IPOPT would build one for each."""
+    return condensable(task) and isinstance(_solver(task, task.options.intervals, task.fine()), Stagewise)
+
+
+def solve_on_knots(task: Task, guess: Trajectory, knots: Array, settings: DirectOptions) -> Attempt:
+    """The condensed program on any mesh, within all limits in the middle of the intervals, too.
+
+    Args:
+        task: what is to be solved; `has_stagewise`.
+        guess: where it starts.
+        knots: of the mesh as parts of the duration, shape (N + 1,).
+        settings: iteration limit, tolerance, verbosity.
+    """
+    attempt, _ = _condensed(task, guess, knots, settings, bounded=True)
+    return replace(attempt, knots=knots)
 
 
 def prepare_quickly(task: Task, intervals: int, settings: DirectOptions) -> None:
@@ -73,28 +91,29 @@ def _on_limits(task: Task, guess: Trajectory) -> bool:
 def _within(task: Task, guess: Trajectory, intervals: int, settings: DirectOptions) -> Attempt:
     """An attempt that keeps all limits in the middle of the intervals, too."""
     if not task.stop and isinstance(_solver(task, intervals, settings), Stagewise):
-        return _condensed(task, guess, intervals, settings, bounded=True)[0]
+        return _condensed(task, guess, mesh(intervals), settings, bounded=True)[0]
     return solve_on_mesh(task, guess, intervals, settings)
 
 
 def _condensed(
-    task: Task, guess: Trajectory, intervals: int, settings: DirectOptions, bounded: bool = False
+    task: Task, guess: Trajectory, knots: Array, settings: DirectOptions, bounded: bool = False
 ) -> tuple[Attempt, bool]:
     """An attempt, and whether it keeps all limits between the knots, too.
 
     Args:
         task: what is to be solved, and how.
         guess: where it starts.
-        intervals: of the mesh.
+        knots: of the mesh as parts of the duration, shape (N + 1,).
         settings: iteration limit, tolerance, verbosity.
         bounded: whether it has to, which only `Stagewise` can see to.
     """
+    intervals = knots.size - 1
     if task.stop:
         return Attempt.unbegun(task.stop, guess, intervals), False
     problem, solver = task.problem, _solver(task, intervals, settings)
     program = solver if isinstance(solver, Stagewise) else solver.program
     scales, layout = Scales.of(problem, guess), program.layout
-    full, kept, fractions = layout.full, layout.kept(intervals), np.diff(mesh(intervals))
+    full, kept, fractions = layout.full, layout.kept(intervals), np.diff(knots)
     weights = scales.weights(problem.effort_weight)
     parameters = scales.parameters(fractions, weights, task.dynamics.last_body)
     lower, upper = bounds(problem, full, intervals, scales)

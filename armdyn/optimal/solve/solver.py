@@ -132,7 +132,7 @@ class Solver(Protocol[P_co]):
     """
 
     @property
-    def program(self) -> P_co: ...  # noqa: D102
+    def program(self) -> P_co: ...
 
     def solve(self, data: NlpData, stop: Stop, near: NlpResult | None = None) -> NlpResult:
         """Solve the program.

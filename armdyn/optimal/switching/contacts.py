@@ -5,11 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.arcs.arc import OPPOSITE, POSITION, VELOCITY, Mode, outward, stretches
+from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, VELOCITY, Mode, outward, stretches
+from armdyn.optimal.switching.carried import with_carrier
 from armdyn.optimal.switching.costates import NODES, SampledExtremal
+from armdyn.optimal.switching.extremal.change import Change, Segment
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.state_limits import state_at
-from armdyn.optimal.switching.extremal.structure import Change, Segment, SwitchingStructure
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
+from armdyn.optimal.switching.velocity_contacts import kept_at_speed, left_at_speed
 
 Array = NDArray[np.float64]
 
@@ -17,6 +20,8 @@ _BEYOND = 1e-6
 """Of a torque's range: by so much more than it has a joint cannot be held."""
 _INWARD = 5e-5
 """Of a contact's largest pull: half of what is certified, which is seen at other places of it."""
+_MOSTLY = 0.5
+"""Of a contact: where more of it takes more torque than there is, another joint rather holds all of it."""
 _WHOLE = 0.02
 """Of a contact: what is left of it at an end is not worth another contact."""
 _LEAST = 0.1
@@ -32,35 +37,53 @@ _TOWARDS = {
 """The torque that presses a joint against its limit."""
 
 
-def with_contacts(extremal: Extremal, is_extremal: bool = True) -> SwitchingStructure | None:
-    """The structure without parts of contacts that cannot be held or would rather be let go; None: there are none.
+def with_contacts(extremal: Extremal, is_extremal: bool = True) -> list[SwitchingStructure]:
+    """Structures without parts of a contact that cannot be held or would rather be let go, the likeliest first.
 
-    A joint that takes more torque than it has is given all of it, and touches at most. One that a limit would have to
+    Where a joint takes more torque than it has, it is given all of it, and another joint's torque holds it; or else it
+    touches at most. One that a limit would have to
     pull back against is let go: inward torque takes it off, outward torque brings it back, a bounce. Off a limit of
-    velocity it is slowed down and sped up again.
+    velocity it is slowed down and sped up again. What a mesh takes for a contact may be a touch alone.
 
     Args:
         extremal: whose contacts are looked at, one at a time.
         is_extremal: it is one, so that its costates say what would rather be let go.
+
+    Returns:
+        None where every contact is as it should be.
     """
-    structure, whole = extremal.structure, None
-    for segment in structure.segments():
-        if segment.begin < 0 or structure.changes[segment.begin].mode not in _TOWARDS:
-            continue
-        whole = whole or SampledExtremal.of(extremal)
-        contact = _Contact.of(extremal, whole, segment)
+    structure = extremal.structure
+    held = [s for s in structure.segments() if s.begin >= 0 and structure.changes[s.begin].mode in _TOWARDS]
+    whole = SampledExtremal.of(extremal) if held else None
+    contacts = [(s, _Contact.of(extremal, whole, s)) for s in held if whole is not None]
+    for segment, contact in contacts:
         if contact is None:
             continue
         if (weak := contact.weak) is not None:
-            return _let_go(extremal, segment, weak.part, [(0.0, weak.mode)])
-        if is_extremal and (part := contact.unwilling) is not None:
-            mode = structure.changes[segment.begin].mode
+            if (kept := kept_at_speed(extremal, segment, weak.part, weak.mode)) is not None:
+                left = left_at_speed(extremal, kept, segment)
+                return [kept] if left is None else [kept, left]
+            carried = with_carrier(extremal, whole, segment, weak.mode) if whole is not None else None
+            less = _let_go(extremal, segment, weak.part, [(0.0, weak.mode)])
+            every = [less] if carried is None else [carried, less]
+            return every if weak.part[1] - weak.part[0] >= _MOSTLY else every[::-1]
+        joint, mode = structure.changes[segment.begin].joint, structure.changes[segment.begin].mode
+        alike = [
+            other.largest
+            for own, other in contacts
+            if other and structure.changes[own.begin].joint == joint and structure.changes[own.begin].mode in VELOCITY
+        ]
+        largest = max(alike) if mode in VELOCITY else contact.largest
+        if is_extremal and (part := contact.unwilling(largest)) is not None:
+            if (left := left_at_speed(extremal, structure, segment, part)) is not None:
+                return [left]
             towards = _TOWARDS[mode]
             away = OPPOSITE[towards]
             if mode in VELOCITY:
-                return _let_go(extremal, segment, part, [(0.0, away), (0.5, towards)])
-            return _let_go(extremal, segment, part, [(0.0, away), (0.25, towards), (0.75, away)])
-    return None
+                return [_let_go(extremal, segment, part, [(0.0, away), (0.5, towards)])]
+            bounce = _let_go(extremal, segment, part, [(0.0, away), (0.25, towards), (0.75, away)])
+            return [bounce, *_as_touch(extremal, segment)]
+    return []
 
 
 @dataclass(frozen=True)
@@ -104,9 +127,10 @@ class _Contact:
         if not own.size:
             return None
         i, sign, lengths = change.joint, outward(change.mode), np.diff(whole.t)
+        holder = change.carrier.joint if change.carrier else i
         t = whole.t[own][:, None] + lengths[own][:, None] * NODES
-        upper, lower = limits.actuators.upper[i], limits.actuators.lower[i]
-        torque = (2 * whole.tau[own, :, i] - upper - lower) / (upper - lower)
+        upper, lower = limits.actuators.upper[holder], limits.actuators.lower[holder]
+        torque = (2 * whole.tau[own, :, holder] - upper - lower) / (upper - lower)
         costate, K = whole.costate[:, :, i], lengths.size
         knots = range(int(own[0]), int(own[-1]) + 2)
         blows = [costate[k - 1, -1] - costate[k, 0] if 0 < k < K else 0.0 for k in knots]
@@ -131,9 +155,17 @@ class _Contact:
         return _Weak(self._part(run), mode)
 
     @property
-    def unwilling(self) -> tuple[float, float] | None:
-        """The first part in which the limit would have to pull the joint; None: it never has to."""
-        least = -_INWARD * max(float(np.max(np.abs(self.multiplier))), float(np.max(np.abs(self.blows))))
+    def largest(self) -> float:
+        """Of the limit's pulls, per second and at once, in the time of the contact."""
+        return max(float(np.max(np.abs(self.multiplier))), float(np.max(np.abs(self.blows))))
+
+    def unwilling(self, largest: float) -> tuple[float, float] | None:
+        """The first part in which the limit would have to pull the joint; None: it never has to.
+
+        Args:
+            largest: of its pulls, of a limit of velocity of those of all the joint's contacts, as certificates have it.
+        """
+        least = -_INWARD * largest
         inward = self.multiplier < least
         for k in np.flatnonzero(self.blows[1:-1] < least) + 1:  # another joint's touch is felt here, too
             inward[k * NODES.size - 1 : k * NODES.size + 1] = True
@@ -149,6 +181,21 @@ class _Contact:
         before, after = self.s[max(run[0] - 1, 0)], self.s[min(run[-1] + 1, self.s.size - 1)]
         begin, end = (self.s[run[0]] + before) / 2, (self.s[run[-1]] + after) / 2
         return (0.0 if begin < _WHOLE else float(begin)), (1.0 if end > 1 - _WHOLE else float(end))
+
+
+def _as_touch(extremal: Extremal, segment: Segment) -> list[SwitchingStructure]:
+    """The structure with a touch where a contact ends, and from its beginning the torque that follows; if one does."""
+    structure = extremal.structure
+    contact = structure.changes[segment.begin]
+    if segment.end == structure.size or structure.changes[segment.end].mode not in BANG:
+        return []
+    begin, end = structure.span(segment)
+    more = [(begin, Change(contact.joint, structure.changes[segment.end].mode))]
+    more.append((end, Change(contact.joint, contact.mode, touch=True)))
+    if contact.carrier:
+        more.append((begin, Change(contact.carrier.joint, contact.carrier.after)))
+    every = [(time, change, state_at(extremal.rollout, time)) for time, change in more]
+    return [structure.without_changes([segment.begin, segment.end]).with_changes(every).without(())]
 
 
 def _let_go(

@@ -91,6 +91,7 @@ class SampledExtremal:
         state_multipliers: of held limits on ρ per second, shape (K, stages + 1, 2 nv).
         position: joints on a limit of position, shape (K, nv).
         velocity: on one of velocity, likewise.
+        inertia: M(q), shape (K, stages + 1, nv, nv).
     """
 
     t: Array
@@ -101,6 +102,7 @@ class SampledExtremal:
     state_multipliers: Array
     position: NDArray[np.bool_]
     velocity: NDArray[np.bool_]
+    inertia: Array
 
     @classmethod
     def of(cls, extremal: Extremal) -> Self:
@@ -109,7 +111,17 @@ class SampledExtremal:
         at = _At.of(extremal, grid)
         costate, state_multipliers = _adjoined(at, np.diff(grid.t), robot.nv)
         switching = np.asarray(np.linalg.solve(at.inertia, costate[..., robot.nv :, None])[..., 0], float)
-        return cls(grid.t, at.x, _torques(at, robot), costate, switching, state_multipliers, at.position, at.velocity)
+        return cls(
+            grid.t,
+            at.x,
+            _torques(at, robot),
+            costate,
+            switching,
+            state_multipliers,
+            at.position,
+            at.velocity,
+            at.inertia,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +170,7 @@ class _At:
         inertia: M(q), shape (..., nv, nv).
         position: joints held on a limit of position, shape (K, nv).
         velocity: on one of velocity, likewise.
+        holder: numbers of the joints whose torques hold them; of those that are not held their own, likewise.
     """
 
     x: Array
@@ -167,6 +180,7 @@ class _At:
     inertia: Array
     position: NDArray[np.bool_]
     velocity: NDArray[np.bool_]
+    holder: NDArray[np.int_]
 
     @classmethod
     def of(cls, extremal: Extremal, grid: _Grid) -> Self:
@@ -180,7 +194,11 @@ class _At:
         inertia = np.array([*map(joint_inertia(robot), x[:, :n])])
         modes = extremal.structure.modes()
         own = [modes[a] for a in rollout.arc[grid.step[:, 0]]]
-        shape = grid.step.shape
+        shape, carriers = grid.step.shape, extremal.structure.carriers()
+        holder = np.tile(np.arange(n), (shape[0], 1))
+        for k, a in enumerate(rollout.arc[grid.step[:, 0]]):
+            for joint, carrier in carriers[a].items():
+                holder[k, joint] = carrier.joint
         return cls(
             x.reshape(*shape, 2 * n),
             rate.reshape(*shape, 2 * n),
@@ -189,6 +207,7 @@ class _At:
             inertia.reshape(*shape, n, n),
             np.array([[mode in POSITION for mode in each] for each in own]),
             np.array([[mode in VELOCITY for mode in each] for each in own]),
+            holder,
         )
 
 
@@ -201,7 +220,7 @@ def _carried(rollout: Rollout, step: NDArray[np.int_], part: Array) -> tuple[Arr
     rows = rollout.start[some], np.ones(some.size), s * rollout.h[some], first[some], there
     body = np.tile(rollout.shooting.body, (some.size, 1))
     x, state_transition, _, rate = rollout.shooting.flow.rolled_out(
-        *rows, rollout.torques.free_mask[some], rollout.torques.held[some], body
+        *rows, rollout.torques.free_mask[some], rollout.torques.kept[some], body
     )
     return x[: step.size], state_transition[: step.size], rate[: step.size]
 
@@ -211,9 +230,9 @@ def _adjoined(at: _At, lengths: Array, n: int) -> tuple[Array, Array]:
     costate, state_multipliers = at.p.copy(), np.zeros_like(at.p)
     for k in np.flatnonzero(np.any(at.position | at.velocity, axis=1)):
         held = np.flatnonzero(at.position[k] | at.velocity[k])
-        inverse = np.linalg.inv(at.inertia[k])
-        pushed = inverse[:, held] @ at.p[k, :, n:, None]
-        eta = -np.linalg.solve(inverse[:, held[:, None], held], pushed)[..., 0]
+        inverse, holder = np.linalg.inv(at.inertia[k]), at.holder[k, held]
+        pushed = inverse[:, holder] @ at.p[k, :, n:, None]
+        eta = -np.linalg.solve(inverse[:, holder[:, None], held], pushed)[..., 0]
         derivative = _DIFFERENTIATION @ eta / lengths[k]
         costate[k][:, n + held] += eta
         on_position = at.position[k, held]
@@ -227,7 +246,7 @@ def _torques(at: _At, robot: Robot) -> Array:
     """With those that hold a joint."""
     n, tau, needed = robot.nv, at.tau.copy(), inverse_dynamics(robot)
     for k in np.flatnonzero(np.any(at.position | at.velocity, axis=1)):
-        held = at.position[k] | at.velocity[k]
+        held = at.holder[k, at.position[k] | at.velocity[k]]
         for x, rate, own in zip(at.x[k], at.rate[k], tau[k], strict=True):
             own[held] = needed(x[:n], x[n:], rate[n:])[held]
     return tau

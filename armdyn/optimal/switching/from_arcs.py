@@ -2,13 +2,16 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.arcs.arc import Arc, Mode, stretches
+from armdyn.optimal.arcs.arc import BANG, OPPOSITE, Arc, Mode, merged, stretches
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.switching.extremal.change import Change, Segment
 from armdyn.optimal.switching.extremal.rollout import ShootingProblem
-from armdyn.optimal.switching.extremal.structure import Change, Segment, SwitchingStructure, banged, shares_of
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.singular import control_near, leaping_within
 from armdyn.trajectory import Trajectory
 
@@ -18,21 +21,26 @@ _LONG = 0.05
 """Of the duration: a stretch off all limits that is shorter is read as stays alone."""
 _FIRST = 1e-3
 """Of the duration: a bang arc at the start, before the first singular control."""
+_IN_ARC = 50
+"""Samples of a torque in an arc."""
 _SAMPLES = 100
 """Of the torques along a stretch."""
 
 
-def structures_of(shooting: ShootingProblem, arcs: Sequence[Arc], motion: Trajectory) -> Iterator[SwitchingStructure]:
-    """Initial structures: all torques full, then long stretches off all limits as singular arcs, if any.
+def structures_of(
+    shooting: ShootingProblem, arcs: Sequence[Arc], motion: Trajectory, sure: bool = False
+) -> Iterator[SwitchingStructure]:
+    """Structures to begin with: all torques full, and long stretches off all limits as singular arcs, if there are any.
 
     Args:
         shooting: the shooting problem.
         arcs: of a mesh.
         motion: its states and torques.
+        sure: what is off all limits on the mesh is a singular arc: it is tried alone.
     """
-    shares = shares_of(shooting.problem, arcs, motion)
-    yield SwitchingStructure.of(banged(arcs, shares), motion)
-    left = _long_stretches(arcs)
+    shares, left = shares_of(shooting.problem, arcs, motion), _long_stretches(arcs)
+    if not (sure and np.any(left)):
+        yield SwitchingStructure.of(banged(arcs, shares), motion)
     if np.any(left):
         yield _with_controls(shooting, SwitchingStructure.of(banged(arcs, shares, left), motion), motion)
 
@@ -71,4 +79,57 @@ def _with_controls(shooting: ShootingProblem, structure: SwitchingStructure, mot
 def _nearest(shooting: ShootingProblem, joint: int, tau: Array) -> Mode:
     """The limit that a joint's torque is nearer to."""
     limits = shooting.problem.limits
-    return Mode.UPPER if tau[joint] > limits.actuators.center[joint] else Mode.LOWER
+    return Mode.UPPER if 2 * tau[joint] > limits.actuators.upper[joint] + limits.actuators.lower[joint] else Mode.LOWER
+
+
+def banged(arcs: Sequence[Arc], shares: Array, left: NDArray[np.bool_] | None = None) -> list[Arc]:
+    """Arcs whose free torques are full ones of the same mean.
+
+    Args:
+        arcs: perhaps with joints on no limit.
+        shares: of its range that a joint's torque is above the lower limit in an arc, in the mean, shape (arcs, nv).
+        left: whose torques are left free, likewise; None: nobody's.
+    """
+    out: list[Arc] = []
+    for k, arc in enumerate(arcs):
+        cuts: list[tuple[float, int, Mode]] = []
+        modes = list(arc.modes)
+        for i, mode in enumerate(arc.modes):
+            if mode is not Mode.FREE or (left is not None and left[k, i]):
+                continue
+            before = out[-1].modes[i] if out else None
+            after = arcs[k + 1].modes[i] if k + 1 < len(arcs) else None
+            modes[i], more = _pieces(before, after, float(shares[k, i]))
+            cuts += [(part, i, piece) for part, piece in more]
+        cuts.sort(key=lambda cut: cut[0])
+        ends = [part for part, _, _ in cuts] + [1.0]
+        begin = 0.0
+        for end, cut in zip(ends, [*cuts, None], strict=True):
+            if end > begin:
+                out.append(Arc((end - begin) * arc.duration, tuple(modes)))
+            if cut is not None:
+                modes[cut[1]] = cut[2]
+            begin = end
+        out[-1] = replace(out[-1], touches=arc.touches)
+    return merged(out)
+
+
+def shares_of(problem: MinimumTimeProblem, arcs: Sequence[Arc], motion: Trajectory) -> Array:
+    """How much of its range every torque is above its lower limit in every arc, in the mean, shape (arcs, nv)."""
+    limits = problem.limits
+    edges = np.cumsum([0.0, *(arc.duration for arc in arcs)])
+    edges *= motion.duration / edges[-1]
+    means = np.array([np.mean(motion(np.linspace(a, b, _IN_ARC)).tau, axis=0) for a, b in pairwise(edges)])
+    ranges = limits.actuators.width
+    return np.asarray((means - limits.actuators.lower) / np.where(ranges > 0, ranges, 1.0))
+
+
+def _pieces(before: Mode | None, after: Mode | None, share: float) -> tuple[Mode, list[tuple[float, Mode]]]:
+    """A free stretch as full torques: its first mode, and where it changes to which, as parts of the stretch."""
+    share = min(max(share, 0.02), 0.98)
+    first = before if before in BANG else OPPOSITE.get(after, Mode.UPPER) if after is not None else Mode.UPPER
+    own = share if first is Mode.UPPER else 1 - share
+    other = OPPOSITE[first]
+    if after is first:  # there and back
+        return first, [(own / 2, other), (1 - own / 2, first)]
+    return first, [(own, other)]

@@ -5,8 +5,9 @@ from typing import Self
 
 import numpy as np
 
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.stop import Budget, Stop
 from armdyn.optimal.solve.registry import in_time
+from armdyn.optimal.switching.carried import with_carried_touches, with_other_press
 from armdyn.optimal.switching.contacts import with_contacts
 from armdyn.optimal.switching.extremal.descent import Extremal, NoExtremal, fastest
 from armdyn.optimal.switching.extremal.flow import Flow, flow_of
@@ -29,6 +30,8 @@ _ASTRAY = 1e-3
 """The same where no extremal was found: then that may be why."""
 _SHORTER = 1e-11
 """Of the duration: what mending a contact gains at least, or it is left."""
+_TRIAL = 1 / 3
+"""Of the budget that is left: what a structure may spend while others wait; those that lead on take a tenth."""
 _PATIENCE, _BETTER = 3, 0.7
 """Rounds in a row that come no nearer than by so much: more go in circles."""
 
@@ -91,36 +94,33 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure, st
         structure: to begin with.
         stop: asked before every step.
     """
-    best, mended, stale = RefinedExtremal(None, np.inf, "nothing was tried"), False, 0
-    chattering: tuple[SwitchingStructure, int] | None = None
-    refused, seen = set[int](), dict[StructureKey, float]()
+    best, mended, stale, others = RefinedExtremal(None, np.inf, "nothing was tried"), False, 0, _Others()
     for _ in range(_ROUNDS):
         while structure.size + 1 > shooting.most_arcs and shooting.finer is not None:
             shooting = shooting.finer
-        found = fastest(shooting, structure, stop)
+        found, given_up = _tried(shooting, structure, stop, bool(others.left))
         finer, enough = shooting.finer, _DRIFT if isinstance(found, Extremal) else _ASTRAY
         if found.linear is not None and found.linear.drift > enough and finer is not None and not stop:
             shooting, structure = finer, found.linear.rollout.structure
             continue
         if isinstance(found, NoExtremal):
-            weak = with_contacts(Extremal(found.linear), is_extremal=False) if found.linear and not stop else None
-            if weak is not None:
-                structure = weak
-                continue
-            if chattering is None or stop:
+            others.add(
+                with_contacts(Extremal(found.linear), is_extremal=False) if found.linear and not given_up else []
+            )
+            if not others.left or stop:
                 return best.or_else(found.linear, found.why)
-            (structure, hovering), chattering = chattering, None
-            refused.add(hovering)
+            structure = others.next()
             continue
-        key, duration = found.structure.key, found.structure.duration
-        again = duration > (1 - _SHORTER) * seen.get(key, np.inf)  # mended contacts came out as they were
         limited = with_limits(found.rollout) or without_unwanted(found)
-        if limited is None and not again:
-            seen[key], limited = duration, with_contacts(found)
-        if limited is not None:
-            structure, best = limited, best.or_else(found.linear, "limits of position are not settled")
+        contacts = [limited] if limited else others.of_contacts(found)
+        wrong = [] if limited else wrong_signs(found, _LEAST)
+        carried = with_carried_touches(found, wrong, others.refused)
+        if contacts:
+            best = best.or_else(found.linear, "limits of position are not settled")
+            others.add(contacts, carried.pair if carried else None)
+            structure = carried.structure if carried else others.next()
             continue
-        wrong, idle = wrong_signs(found, _LEAST), max([0.0, *(idle_fall(found, k) for k in found.structure.controls)])
+        idle = max([0.0, *(idle_fall(found, k) for k in found.structure.controls)])
         worst = max([idle, *(one.value for one in wrong[:1])])
         stale = 0 if worst < _BETTER * best.wrong else stale + 1
         if worst < best.wrong:
@@ -133,13 +133,71 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure, st
             continue
         if not wrong:
             return best
-        chattering = None
-        structure = with_signs(found, wrong)
-        left = [one for one in wrong if one.joint not in refused]
-        if mended and left and (smooth := with_singular(found, left)) is not None:
-            structure, chattering = smooth, (structure, left[0].joint)
+        structure, left = with_signs(found, wrong), [one for one in wrong if one.joint not in others.refused]
+        pressed = None if "press" in others.refused else with_other_press(found.structure, wrong)
+        if pressed is not None:
+            others.add([structure], "press")
+            structure = pressed
+        elif carried is not None:
+            others.add([structure], carried.pair)
+            structure = carried.structure
+        elif mended and left and (smooth := with_singular(found, left)) is not None:
+            others.add([structure], left[0].joint)
+            structure = smooth
         mended = True
     return best
+
+
+def _tried(
+    shooting: ShootingProblem, structure: SwitchingStructure, stop: Stop, waiting: bool
+) -> tuple[Extremal | NoExtremal, bool]:
+    """What a structure leads to, within a part of the budget where others wait; and whether it was given up."""
+    if not waiting or not isinstance(stop, Budget):
+        found = fastest(shooting, structure, stop)
+        return found, bool(stop)
+    granted = stop.left * _TRIAL
+    trial = Budget(stop, granted)
+    found = fastest(replace(shooting, budget=trial), structure, trial)
+    stop.spend(granted - trial.left)
+    return found, bool(trial)
+
+
+class _Others:
+    """Structures to be tried where nothing comes of one.
+
+    Attributes:
+        left: the structures, the next one last, each with what is refused once it is tried.
+        refused: joints whose singular arcs, and pairs of joints whose carried contacts, led to nothing.
+    """
+
+    def __init__(self) -> None:
+        self.left: list[tuple[SwitchingStructure, object]] = []
+        self.refused = set[object]()
+        self._seen, self._instead = dict[StructureKey, float](), list[SwitchingStructure]()
+
+    def add(self, structures: list[SwitchingStructure], reason: object = None) -> None:
+        """Structures, the likeliest first, which is tried next; the reason is what is tried before it."""
+        self.left = [each for each in self.left if each[0] not in structures]
+        self.left += [(structure, None) for structure in reversed(structures[1:])]
+        self.left += [(structure, reason) for structure in structures[:1]]
+
+    def next(self) -> SwitchingStructure:
+        """The next one."""
+        structure, reason = self.left.pop()
+        self.refused.add(reason)
+        return structure
+
+    def of_contacts(self, found: Extremal) -> list[SwitchingStructure]:
+        """Structures with contacts mended; where they came out as they were, those that were the others then."""
+        key, duration = found.structure.key, found.structure.duration
+        known = self._seen.get(key, np.inf)
+        self._seen[key] = min(duration, known)
+        if duration > (1 - _SHORTER) * known:
+            contacts, self._instead = self._instead, []
+            return contacts
+        contacts = with_contacts(found)
+        self._instead = contacts[1:]
+        return contacts
 
 
 def leaves_idle(extremal: Extremal, tolerance: float) -> bool:
@@ -154,6 +212,8 @@ def leaves_idle(extremal: Extremal, tolerance: float) -> bool:
     rollout, limits = extremal.rollout, extremal.rollout.shooting.problem.limits
     ranges = limits.actuators.width
     idle = (np.abs(extremal.switching) * ranges <= tolerance) & (ranges > 0)
-    elsewhere = (rollout.torques.free_mask > 0) | (rollout.torques.held > 0)
+    elsewhere = (
+        (rollout.torques.free_mask > 0) | (rollout.torques.held > 0) | (rollout.torques.carried[:, ranges.size :] > 0)
+    )
     shares = np.tile(rollout.h, 2) @ (idle & ~np.tile(elsewhere, (2, 1))) / 2
     return bool(np.any(shares > extremal.structure.duration / 2))

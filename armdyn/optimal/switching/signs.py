@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, VELOCITY, Mode, outward, stretches
+from armdyn.optimal.switching.extremal.change import Change
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.state_limits import state_at
-from armdyn.optimal.switching.extremal.structure import Change, SwitchingStructure
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 
 Array = NDArray[np.float64]
 
@@ -29,6 +30,7 @@ class WrongSign:
         begin: of the stretch [s].
         end: of it [s].
         worst: when it is worst [s].
+        carried: the joint is on a limit of position that another joint's torque holds it on.
     """
 
     value: float
@@ -37,6 +39,7 @@ class WrongSign:
     begin: float
     end: float
     worst: float
+    carried: bool = False
 
 
 def wrong_signs(extremal: Extremal, least: float) -> list[WrongSign]:
@@ -47,8 +50,8 @@ def wrong_signs(extremal: Extremal, least: float) -> list[WrongSign]:
         least: by how much H must fall for that.
     """
     rollout, limits = extremal.rollout, extremal.rollout.shooting.problem.limits
-    modes, t = extremal.structure.modes(), np.repeat(rollout.times, 2)[1:-1]
-    found: list[WrongSign] = []
+    modes, t = _torque_modes(extremal.structure), np.repeat(rollout.times, 2)[1:-1]
+    found, carriers = list[WrongSign](), extremal.structure.carriers()
     for i in range(len(extremal.structure.first)):
         own = [modes[a][i] for a in rollout.arc]
         sign = np.array([0.0 if mode not in BANG else 1.0 if mode is Mode.UPPER else -1.0 for mode in own])
@@ -59,10 +62,19 @@ def wrong_signs(extremal: Extremal, least: float) -> list[WrongSign]:
             if np.max(fall[run]) > least:
                 worst = int(run[np.argmax(fall[run])])
                 begin, end = t[max(run[0] - 1, 0)], t[min(run[-1] + 1, t.size - 1)]
-                found.append(
-                    WrongSign(float(fall[worst]), i, own[worst // 2], float(begin), float(end), float(t[worst]))
-                )
+                carried = i in carriers[rollout.arc[worst // 2]]
+                mode = own[worst // 2]
+                found.append(WrongSign(float(fall[worst]), i, mode, float(begin), float(end), float(t[worst]), carried))
     return sorted(found, key=lambda wrong: -wrong.value)
+
+
+def _torque_modes(structure: SwitchingStructure) -> list[list[Mode]]:
+    """Modes between the changes; of a joint that another one holds, the torque limit that it is on."""
+    out = [list(modes) for modes in structure.modes()]
+    for modes, carriers in zip(out, structure.carriers(), strict=True):
+        for joint, carrier in carriers.items():
+            modes[joint], modes[carrier.joint] = carrier.press, Mode.FREE
+    return out
 
 
 def with_signs(
@@ -79,6 +91,8 @@ def with_signs(
     for one in wrong:
         if one.value < _WORSE * wrong[0].value:
             break
+        if one.carried:  # it is on its limit of position, and another joint's torque answers for it
+            continue
         half = (one.end - one.begin) / 8
         middle = min(max(one.worst, one.begin + half), one.end - half)
         for time, mode in ((middle - half, OPPOSITE[one.mode]), (middle + half, one.mode)):
@@ -95,7 +109,7 @@ def without_unwanted(extremal: Extremal) -> SwitchingStructure | None:
         return slow
     size = extremal.rollout.start.shape[1]
     gone: set[int] = set()
-    for (k, j, _), multiplier in zip(extremal.rollout.held_states, extremal.multipliers[size:], strict=True):
+    for (k, j, _), multiplier in zip(extremal.rollout.held_states, extremal.multipliers[size:], strict=False):
         change = extremal.structure.changes[k]
         if change.touch and change.mode in POSITION and j < size // 2 and outward(change.mode) * multiplier < 0:
             gone.add(k)
@@ -107,7 +121,7 @@ def _without_idle_speeds(extremal: Extremal) -> SwitchingStructure | None:
     structure, size = extremal.structure, extremal.rollout.start.shape[1]
     state_multipliers = {
         k: outward(structure.changes[k].mode) * multiplier
-        for (k, _, _), multiplier in zip(extremal.rollout.held_states, extremal.multipliers[size:], strict=True)
+        for (k, _, _), multiplier in zip(extremal.rollout.held_states, extremal.multipliers[size:], strict=False)
         if structure.changes[k].mode in VELOCITY
     }
     short = _MET * structure.duration

@@ -7,11 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import Mode, stretches
+from armdyn.optimal.switching.extremal.change import Change, Segment
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.rollout import ShootingProblem
 from armdyn.optimal.switching.extremal.singular_control import SingularControl
 from armdyn.optimal.switching.extremal.state_limits import state_at
-from armdyn.optimal.switching.extremal.structure import Change, Segment, SwitchingStructure
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.signs import WrongSign
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ _EXAMPLE: dict[PlanarArmName, int] = {"r": 1, "rr": 2, "rrr": 3}
 
 @dataclass(frozen=True)
 class Holding:
-    """What it takes to hold an arm still at its goal.
+    """Torques that hold an arm still at its goal.
 
     Attributes:
         arm: of the paper.

@@ -9,8 +9,9 @@ import armdyn as ad
 from armdyn.optimal.arcs.arc import Mode
 from armdyn.optimal.problem.stop import Budget, Stop
 from armdyn.optimal.switching.costates import phases_of
+from armdyn.optimal.switching.extremal.change import Segment
 from armdyn.optimal.switching.extremal.descent import in_one_piece
-from armdyn.optimal.switching.extremal.structure import Segment, SwitchingStructure
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.refinement import refine_extremal, shooting_problem
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.refinement import ArcsPolicy

@@ -1,1 +1,1 @@
-"""Keeping clear of obstacles, and of oneself."""
+"""Clearance from obstacles and between the arm's own links."""

@@ -1,4 +1,4 @@
-"""What obstacles and self-collision have in common: pairs that are to keep a distance."""
+"""Base of the clearance constraints: pairs of bodies that keep a distance."""
 
 from abc import abstractmethod
 from dataclasses import dataclass, replace
@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.models.scene.collision import CollisionModel
-from armdyn.optimal.path_constraints.clearance.distance import numbers_of
 from armdyn.optimal.path_constraints.clearance.pairs import Pair, PairRows, distances_at
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, PathConstraint
 from armdyn.optimal.path_constraints.rows import Rows, RowValues
@@ -112,4 +111,4 @@ class ClearanceConstraint(PathConstraint):
 
 def scene_of(problem: MinimumTimeProblem) -> Array:
     """The obstacles as parameters of a program."""
-    return np.array([number for obstacle in problem.obstacles for number in numbers_of(obstacle)])
+    return np.array([number for obstacle in problem.obstacles for number in obstacle.numbers()])

@@ -23,7 +23,6 @@ class Obstacles(ClearanceConstraint):
 
     @classmethod
     def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
-        """By its keyword."""
         return cls() if problem.obstacles else None
 
     def pairs(self, problem: MinimumTimeProblem) -> tuple[Pair, ...]:

@@ -9,8 +9,8 @@ from armdyn.codegen.compiled import compiled
 from armdyn.codegen.deadline import ask
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
+from armdyn.models.scene.distance import Solid, from_segment, least_over_segment
 from armdyn.models.scene.obstacles import Capsule, Obstacle
-from armdyn.optimal.path_constraints.clearance.distance import SIZES, Solid, from_segment, least_over_segment, solid
 from armdyn.optimal.path_constraints.rows import Where
 from armdyn.optimal.program.interval import IntervalFunctions, IntervalView, nonzeros_of
 
@@ -55,7 +55,7 @@ class PairRows:
     @property
     def numbers(self) -> int:
         """The part of the interval, and those of the obstacles."""
-        return 1 + sum(SIZES[kind] for kind in self.kinds)
+        return 1 + sum(kind.count for kind in self.kinds)
 
     def functions(self, place: IntervalView) -> IntervalFunctions:
         """The rows and their derivatives."""
@@ -65,7 +65,7 @@ class PairRows:
 @built_once(maxsize=16)
 def distances_at(dynamics: Dynamics, pairs: tuple[Pair, ...], kinds: Kinds = ()) -> ca.Function:
     """Function of q [rad or m], shape (nv,), and the obstacles' numbers: the distance of every pair [m]."""
-    q, scene = ca.SX.sym("q", dynamics.nv), ca.SX.sym("scene", sum(SIZES[kind] for kind in kinds))
+    q, scene = ca.SX.sym("q", dynamics.nv), ca.SX.sym("scene", sum(kind.count for kind in kinds))
     return ca.Function("distances", [q, scene], [ca.cse(_distances(dynamics, q, scene, pairs, kinds))])
 
 
@@ -110,7 +110,7 @@ def _by_positions(
 ) -> tuple[ca.Function, ca.Function, ca.Function]:
     """Distances of (q, scene), their slopes by q, and, weighted, their bends and gradient."""
     at, lam = ca.SX.sym("q", dynamics.nv), ca.SX.sym("lam", len(pairs))
-    scene = ca.SX.sym("scene", sum(SIZES[kind] for kind in kinds))
+    scene = ca.SX.sym("scene", sum(kind.count for kind in kinds))
     distances = ca.cse(_distances(dynamics, at, scene, pairs, kinds))
     ask()  # for many pairs each of these takes half a second
     slopes = ca.cse(ca.jacobian(distances, at))
@@ -131,8 +131,8 @@ def _by_positions(
 
 def _distances(dynamics: Dynamics, q: ca.SX, scene: ca.SX, pairs: tuple[Pair, ...], kinds: Kinds) -> ca.SX:
     poses = dynamics.placements(q)
-    ends = np.cumsum([0, *(SIZES[kind] for kind in kinds)]).tolist()
-    solids = [solid(kind, scene[ends[i] : ends[i + 1]]) for i, kind in enumerate(kinds)]
+    ends = np.cumsum([0, *(kind.count for kind in kinds)]).tolist()
+    solids = [kind.symbolic(scene[ends[i] : ends[i + 1]]) for i, kind in enumerate(kinds)]
 
     def segment(joint: int, capsule: Capsule) -> tuple[ca.SX, ca.SX]:
         if joint == 0:

@@ -23,7 +23,6 @@ class SelfCollision(ClearanceConstraint):
 
     @classmethod
     def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
-        """By its keyword."""
         return cls() if problem.self_collision else None
 
     def pairs(self, problem: MinimumTimeProblem) -> tuple[Pair, ...]:

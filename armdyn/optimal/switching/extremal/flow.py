@@ -1,6 +1,7 @@
 """The flow of an arm under constant torques, its derivatives, and the switching functions.
 
-A joint that is held keeps its velocity: the others move as if it were no joint. Steps are Cooper and Verner's method
+A joint that is held keeps its velocity: the others move as if it were no joint. It may be held by its own torque or by
+that of another joint, which is whatever that takes. Steps are Cooper and Verner's method
 of eighth order (Some explicit Runge-Kutta methods of high order, SIAM J. Numer. Anal. 9, 1972).
 """
 
@@ -59,12 +60,15 @@ class Flow:
             (2 nv, STEPS); what they answer to their starts, ∂end/∂start, each as a column, shape
             (2 nv, 2 nv STEPS); what they answer to a torque along `free_mask`, at the start and at the end, shape
             (2 nv, 2 STEPS); and ẋ at the ends, shape (2 nv, STEPS). A step starts where the one before ended or,
-            where `begins` is 1, at its own x; its torque is linear. The last eight have a column for each step.
+            where `begins` is 1, at its own x; its torque is linear. The last eight have a column for each step. `held`
+            has 3 nv rows: 1 for joints that their own torques hold, for one that another's holds, for that other.
         switching: (q, p, held, body), 2 STEPS columns each -> S = ∂(pᵀẋ)/∂τ, shape (nv, 2 STEPS).
+        rate: (x, τ, felt, held, body) -> ẋ, ∂ẋ/∂x and ∂ẋ/∂τ along `free_mask`, at one state.
     """
 
     rollout: ca.Function
     switching: ca.Function
+    rate: ca.Function
 
     def rolled_out(self, own: Array, begins: Array, *columns: Array) -> tuple[Array, Array, Array, Array]:
         """Any multiple of `STEPS` steps, as many at a time: what `rollout` gives, a row for each step.
@@ -121,7 +125,7 @@ def flow_of(dynamics: Dynamics, compile_mode: bool | None) -> Flow:
         ca.MX.sym("h"),
     )
     first, last, free_mask = ca.MX.sym("first", n), ca.MX.sym("last", n), ca.MX.sym("felt", n)
-    rest = [free_mask, ca.MX.sym("held", n), ca.MX.sym("body", dynamics.last_body.size)]
+    rest = [free_mask, ca.MX.sym("held", 3 * n), ca.MX.sym("body", dynamics.last_body.size)]
     start, identity = begins * own + (1 - begins) * previous, ca.densify(ca.MX.eye(2 * n))
     rates: list[ca.MX] = []
     jacobians: list[ca.MX] = []
@@ -151,21 +155,31 @@ def flow_of(dynamics: Dynamics, compile_mode: bool | None) -> Flow:
     rollout, many = compiled(
         [step.mapaccum("march", STEPS, 1), ca.Function("switchings", columns, many.call(columns))], compile_mode
     )
-    return Flow(rollout, many)
+    return Flow(rollout, many, rate)
 
 
 def _functions(dynamics: Dynamics) -> tuple[ca.Function, ca.Function]:
     """(x, τ, felt, held, body) -> ẋ, ∂ẋ/∂x and ∂ẋ/∂τ along `free_mask`; and one column of `Flow.switching`."""
     n = dynamics.nv
-    x, tau, held = ca.SX.sym("x", 2 * n), ca.SX.sym("tau", n), ca.SX.sym("held", n)
+    x, tau, held = ca.SX.sym("x", 2 * n), ca.SX.sym("tau", n), ca.SX.sym("held", 3 * n)
     numbers, p = ca.SX.sym("body", dynamics.last_body.size), ca.SX.sym("p", 2 * n)
     body, free_mask = only_present(dynamics, numbers), ca.SX.sym("felt", n)
-    q, v, free = x[:n], x[n:], 1 - held
-    inertia = ca.diag(free) @ dynamics.crba(q, body) @ ca.diag(free) + ca.diag(held)
-    f = ca.vertcat(v, _solved(inertia, free * (tau - dynamics.nle(q, v, body))))
+    q, v, (own, lifted, carrying) = x[:n], x[n:], ca.vertsplit(held, n)
+    free = 1 - own
+    inertia = ca.diag(free) @ dynamics.crba(q, body) @ ca.diag(free) + ca.diag(own)
+    by_carrier = _solved(inertia, carrying)
+    reach = ca.dot(lifted, by_carrier) + 1 - ca.sum1(lifted)
+
+    def accelerated(torque: ca.SX) -> ca.SX:
+        """Accelerations by a torque and by what the carrying joint adds to it."""
+        alone = _solved(inertia, free * torque)
+        return alone - by_carrier * ca.dot(lifted, alone) / reach
+
+    f = ca.vertcat(v, accelerated(tau - dynamics.nle(q, v, body)))
     jacobian = ca.densify(ca.jacobian(f, x))
-    torque_sensitivity = ca.densify(ca.vertcat(ca.SX.zeros(n), free * _solved(inertia, free * free_mask)))
-    switching = free * _solved(inertia, free * p[n:])
+    torque_sensitivity = ca.densify(ca.vertcat(ca.SX.zeros(n), free * accelerated(free_mask)))
+    alone = _solved(inertia, free * p[n:])
+    switching = free * (alone - _solved(inertia, lifted) * ca.dot(carrying, alone) / reach)
     return (
         ca.Function("rate", [x, tau, free_mask, held, numbers], [f, jacobian, torque_sensitivity], {"cse": True}),
         ca.Function("switching", [q, p, held, numbers], [ca.densify(switching)], {"cse": True}),

@@ -134,7 +134,7 @@ class Rollout:
             shooting.budget.spend(arc.size * len(torques.layers))
         torque_sensitivity = np.zeros((arc.size, own.shape[1], 2, torques.free_mask.shape[1]))
         for free_mask in torques.layers:
-            end, state_transition, along, rate = shooting.flow.rolled_out(*columns, free_mask, torques.held, body)
+            end, state_transition, along, rate = shooting.flow.rolled_out(*columns, free_mask, torques.kept, body)
             torque_sensitivity += along[:, :, :, None] * free_mask[:, None, None]
         start = np.where(begins[:, None], own, np.vstack([states[:1], end[:-1]]))
         if joined is not None and np.any(joined):
@@ -162,13 +162,41 @@ class Rollout:
         """What limits of the state ask for: number of the change, place in (q, v), and the value there."""
         n, limits = self.shooting.problem.robot.nv, self.shooting.problem.limits
         out: list[tuple[int, int, float]] = []
+        modes = self.structure.modes()
         for k, change in enumerate(self.structure.changes):
             i, mode = change.joint, change.mode
+            if mode is modes[k][i] and mode in POSITION:
+                continue  # it is there already
             if mode in POSITION:
                 bound = limits.position_upper if mode is Mode.POSITION_UPPER else limits.position_lower
                 out += [(k, i, float(bound[i])), (k, n + i, 0.0)]
             elif mode in VELOCITY:
                 out.append((k, n + i, outward(mode) * float(limits.velocity[i])))
+        return out
+
+    @cached_property
+    def tangents(self) -> list[tuple[int, Array, float]]:
+        """Accelerations that are to be zero: number of the change, ∂/∂(q, v), and the value, as a part of `unit`.
+
+        In the time of the motion. Where a joint's torque leaves its limit, or reaches it, while the joint is on its
+        velocity limit, and no torque jumps.
+        """
+        n, limits, modes = self.shooting.problem.robot.nv, self.shooting.problem.limits, self.structure.modes()
+        out: list[tuple[int, Array, float]] = []
+        for k, change in enumerate(self.structure.changes):
+            if change.tangent is None:
+                continue
+            joint, mode = change.tangent
+            held, tau = np.zeros(3 * n), np.zeros(n)
+            for i, (before, after) in enumerate(zip(modes[k], modes[k + 1], strict=True)):
+                own = mode if i == joint else before if after is Mode.FREE else after
+                held[i] = own in POSITION or own in VELOCITY
+                tau[i] = {Mode.UPPER: limits.actuators.upper[i], Mode.LOWER: limits.actuators.lower[i]}.get(own, 0.0)
+            rate, slope, _ = self.shooting.flow.rate(
+                self.structure.states[k], tau, np.zeros(n), held, self.shooting.body
+            )
+            scale = self.structure.duration / self.unit[n + joint]
+            out.append((k, scale * np.asarray(slope)[n + joint], scale * float(rate[n + joint])))
         return out
 
     @cached_property
@@ -183,7 +211,7 @@ class Rollout:
         Args:
             costates: p there, each of shape (steps, 2 nv).
         """
-        n, held = self.shooting.problem.robot.nv, np.tile(self.torques.held, (2, 1))
+        n, held = self.shooting.problem.robot.nv, np.tile(self.torques.kept, (2, 1))
         body = np.tile(self.shooting.body, (len(held), 1))
         q = np.vstack([self.start, self.end])[:, :n]
         return self.shooting.flow.switchings(q, np.vstack(costates), held, body)

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import VELOCITY, Mode, stretches
+from armdyn.optimal.switching.extremal.change import Change
 from armdyn.optimal.switching.extremal.rollout import Rollout
-from armdyn.optimal.switching.extremal.structure import Change, SwitchingStructure
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 
 Array = NDArray[np.float64]
 

@@ -21,13 +21,15 @@ class Torques:
 
     Attributes:
         tau: at the starts and at the ends [N m], each of shape (steps, nv).
-        held: 1 for joints that are held, shape (steps, nv).
+        held: 1 for joints that their own torques hold, shape (steps, nv).
+        carried: 1 for a joint that another one's torque holds, and for that other joint, shape (steps, 2 nv).
         free_mask: 1 for joints whose torques are free, likewise.
         by: ∂τ/∂(unknowns) of free torques at the starts and at the ends, each of shape (steps, nv, width).
     """
 
     tau: tuple[Array, Array]
     held: Array
+    carried: Array
     free_mask: Array
     by: tuple[Array, Array]
 
@@ -46,6 +48,14 @@ class Torques:
         bang = limits.actuators.extreme(signs)
         free = np.array([[mode is Mode.FREE for mode in each] for each in modes])[arc]
         held = np.array([[mode in POSITION or mode in VELOCITY for mode in each] for each in modes])[arc]
+        lifted, carrying = np.zeros(bang.shape), np.zeros(bang.shape)
+        for k, carriers in enumerate(structure.carriers()):
+            for joint, carrier in carriers.items():
+                own = arc == k
+                lifted[own, joint], carrying[own, carrier.joint], held[own, joint] = 1.0, 1.0, False
+                upper = carrier.press is Mode.UPPER
+                bang[own, joint] = (limits.actuators.upper if upper else limits.actuators.lower)[joint]
+                bang[own, carrier.joint], free[own, carrier.joint] = 0.0, False
         tau = bang.copy(), bang.copy()
         by = tuple(np.zeros((*bang.shape, structure.width)) for _ in tau)
         places = structure.places
@@ -59,7 +69,12 @@ class Torques:
                 torque[own, joint] = terms @ control.values
                 torque_sensitivity[own, joint] = (unit[joint] * control.derivative(s, signs[own]))[:, None] * by_z
                 torque_sensitivity[own, joint, place] += terms
-        return cls(tau, held.astype(float), free.astype(float), (by[0], by[1]))
+        return cls(tau, held.astype(float), np.hstack([lifted, carrying]), free.astype(float), (by[0], by[1]))
+
+    @property
+    def kept(self) -> Array:
+        """`held` and `carried`, as the flow takes them, shape (steps, 3 nv)."""
+        return np.hstack([self.held, self.carried])
 
     @property
     def layers(self) -> list[Array]:

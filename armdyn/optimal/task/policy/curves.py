@@ -1,4 +1,4 @@
-"""Numbers of motions as curves."""
+"""Tuned numbers of B-spline motions."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Numbers of replays, of bringing them onto the goal, and of path constraints."""
+"""Tuned numbers of replays, terminal corrections and path constraints."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ class LandingPolicy:
 
 @dataclass(frozen=True, kw_only=True)
 class PathConstraintPolicy:
-    """How a mesh is asked again until its replay keeps what was asked along the way."""
+    """Tightening of path constraints until the replay keeps them."""
 
     rounds: int = tuned(8, "rounds", "of meshes solved again", "RR: spheres, boxes; Panda: a post")
     most_points: int = tuned(8, "points", "of an interval, at which distances are asked for", "RR: thin boxes")

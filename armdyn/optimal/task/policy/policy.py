@@ -1,4 +1,4 @@
-"""The one place that knows what depends on the kind of problem, and every tuned number."""
+"""The policy of a problem: strategies and tuned numbers by its class."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -16,6 +16,7 @@ from armdyn.optimal.task.policy.refinement import (
     IndirectPolicy,
     RefinementPolicy,
     SmoothPolicy,
+    SwitchMeshPolicy,
 )
 from armdyn.optimal.task.policy.search import ProgramPolicy, SamePolicy, SearchPolicy
 from armdyn.optimal.task.policy.strategy import Method, StrategyPolicy
@@ -25,7 +26,7 @@ from armdyn.optimal.task.scheme import Scheme
 
 @dataclass(frozen=True, kw_only=True)
 class Policy:
-    """How a kind of problem is gone about; every number says its unit, its reason and what it was chosen on.
+    """Settings for one class of problems; every number has its unit, its reason and the cases that it was tuned on.
 
     Attributes:
         strategy: methods of refinement, in the order in which they are tried.
@@ -33,6 +34,7 @@ class Policy:
         search: guesses, and which of their optima go on.
         same: when two durations are one optimum's.
         refinement: how far an optimum of a mesh is refined.
+        switch_mesh: how a mesh is refined at the switches before arcs are read from it.
         arcs: how arcs are read, laid and solved.
         landing: how a mesh's torques are brought to land.
         smooth: optima of time and energy.
@@ -46,6 +48,7 @@ class Policy:
     search: SearchPolicy
     same: SamePolicy = field(default_factory=SamePolicy)
     refinement: RefinementPolicy
+    switch_mesh: SwitchMeshPolicy = field(default_factory=SwitchMeshPolicy)
     arcs: ArcsPolicy = field(default_factory=ArcsPolicy)
     landing: LandingPolicy = field(default_factory=LandingPolicy)
     smooth: SmoothPolicy
@@ -82,7 +85,9 @@ class Policy:
                 side_by_side=joints > 2 or (joints > 1 and (asked or problem.pays_effort)),
                 again=joints > 1 and not crowded,
             ),
-            refinement=RefinementPolicy(extremal_is_enough=joints > 2, lists_slower=joints > 1),
+            refinement=RefinementPolicy(
+                extremal_is_enough=joints > 2, lists_slower=joints > 1, budget=150_000 if joints > 2 else 180_000
+            ),
             smooth=SmoothPolicy(starts=_by_joints(joints, 2, 16, 24), refined=10 if joints == 2 else 6),
             indirect=IndirectPolicy(starts=_by_joints(joints, 1, 6, 16)),
             curves=CurvePolicy(

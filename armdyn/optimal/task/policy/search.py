@@ -1,4 +1,4 @@
-"""Numbers of the program and of the search."""
+"""Tuned numbers of the program and of the search."""
 
 import math
 from dataclasses import dataclass

@@ -8,10 +8,11 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.switching.extremal.change import Change
 from armdyn.optimal.switching.extremal.descent import Extremal, fastest
 from armdyn.optimal.switching.extremal.rollout import Rollout
 from armdyn.optimal.switching.extremal.state_limits import BEYOND, excess, state_at, with_limits
-from armdyn.optimal.switching.extremal.structure import Change, SwitchingStructure
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.refinement import shooting_problem
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task

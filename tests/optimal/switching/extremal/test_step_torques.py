@@ -3,9 +3,10 @@
 import numpy as np
 
 from armdyn.optimal.arcs.arc import Mode
+from armdyn.optimal.switching.extremal.change import Change
 from armdyn.optimal.switching.extremal.rollout import Rollout
 from armdyn.optimal.switching.extremal.singular_control import SingularControl
-from armdyn.optimal.switching.extremal.structure import Change, SwitchingStructure
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.refinement import shooting_problem
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from armdyn.models.scene.obstacles import Box, Capsule, Obstacle, Sphere
-
 _ROUNDING = 1e-4
 """Distances are rounded off within this of a body's surface or axis, to smaller ones [m]."""
 _BISECTIONS = 12
@@ -33,34 +31,6 @@ class Solid:
     thickness: ca.SX
 
 
-SIZES = {Sphere: 4, Capsule: 7, Box: 15}
-"""How many numbers an obstacle of each kind has."""
-
-
-def numbers_of(obstacle: Obstacle) -> list[float]:
-    """An obstacle as the numbers that `solid` takes."""
-    if isinstance(obstacle, Sphere):
-        return [*obstacle.center, obstacle.radius]
-    if isinstance(obstacle, Capsule):
-        return [*obstacle.a, *obstacle.b, obstacle.radius]
-    return [*obstacle.pose[:3, :3].T.ravel(), *obstacle.pose[:3, 3], *obstacle.size]
-
-
-def solid(kind: type[Obstacle], numbers: ca.SX) -> Solid:
-    """An obstacle of a kind, with numbers as `numbers_of` gives them."""
-    if kind is Sphere:
-        return Solid(lambda p: _norm(p - numbers[:3]), numbers[3])
-    if kind is Capsule:
-        return Solid(from_segment(numbers[:3], numbers[3:6]), numbers[6])
-    rotation, centre, half = ca.reshape(numbers[:9], 3, 3), numbers[9:12], numbers[12:] / 2
-
-    def field(p: ca.SX) -> ca.SX:
-        beyond = ca.fabs(rotation.T @ (p - centre)) - half
-        return _norm(ca.fmax(beyond, 0)) + ca.fmin(ca.mmax(beyond), 0)
-
-    return Solid(field, ca.SX(0))
-
-
 def from_segment(a: ca.SX, b: ca.SX) -> Field:
     """The distance of a point from a segment between two points [m]."""
     d = b - a
@@ -68,7 +38,7 @@ def from_segment(a: ca.SX, b: ca.SX) -> Field:
 
     def field(p: ca.SX) -> ca.SX:
         t = ca.fmin(ca.fmax(ca.dot(p - a, d) / (length + 1e-12), 0), 1)
-        return _norm(p - a - t * d)
+        return norm(p - a - t * d)
 
     return field
 
@@ -91,6 +61,15 @@ def least_over_segment(field: Field, a: ca.SX, b: ca.SX) -> ca.SX:
     return field(a + where * (b - a))
 
 
-def _norm(x: ca.SX) -> ca.SX:
+def from_surface(beyond: ca.SX) -> ca.SX:
+    """The signed distance of a point from a body that is a product of intervals, such as a box or a cylinder [m].
+
+    Args:
+        beyond: how far the point is outside each of the intervals [m]; negative inside.
+    """
+    return norm(ca.fmax(beyond, 0)) + ca.fmin(ca.mmax(beyond), 0)
+
+
+def norm(x: ca.SX) -> ca.SX:
     """|x| rounded off at 0, and never more than |x|."""
     return ca.sqrt(ca.sumsqr(x) + _ROUNDING**2) - _ROUNDING
