@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.parsing.positions import reading_degrees
-from armdyn.cli.parsing.problem_file import problem_file
+from armdyn.cli.parsing.problem_file import problem_file, refuse_beside_a_file
 from armdyn.errors import ProblemError
 from cli.command import answer, run_here
 
@@ -112,8 +113,8 @@ def test_a_sweep_over_payload_takes_a_file(write):
 
 
 def test_degrees_are_not_of_files(write):
-    with reading_degrees(True):
-        assert "says units itself" in refused(write(RR))
+    with reading_degrees(True), pytest.raises(ProblemError, match="says units itself"):
+        refuse_beside_a_file(write(RR), PoseOptions())
 
 
 def test_mintime_solves_a_file_and_its_options_go_before(write):
