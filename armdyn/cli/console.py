@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from rich.console import Console
+    from rich.progress import Progress
     from rich.table import Table
 
 DONE, INTERNAL, NOT_USABLE, NOT_AS_REQUIRED = 0, 1, 3, 4
@@ -194,10 +196,10 @@ def _os_message(error: OSError) -> str:
 
 
 @contextmanager
-def working(what: str, as_json: bool = False) -> Iterator[Callable[[str], None]]:
+def working(what: str) -> Iterator[Callable[[str], None]]:
     """A spinner on standard error while something runs; the function it gives updates its words."""
     interrupts.at(what)
-    if as_json or console.quiet or not errors.is_terminal:
+    if console.quiet or not errors.is_terminal:
         yield lambda text: interrupts.at(f"{what}: {text}")
         return
     with errors.rich.status(escape(what)) as status:
@@ -207,6 +209,52 @@ def working(what: str, as_json: bool = False) -> Iterator[Callable[[str], None]]
             status.update(escape(f"{what}: {text}"))
 
         yield update
+
+
+_REDRAWN = 0.1
+"""A bar is drawn again after so long at the earliest [s]: some studies do thousands of cases a second."""
+
+
+class Bar:
+    """A progress bar on standard error; without one, nothing is shown."""
+
+    def __init__(self, bar: Progress | None, total: int):
+        self._bar, self._task = bar, bar.add_task("", total=total) if bar else None
+        self._drawn = 0.0
+
+    def update(self, done: int, text: str, total: int | None = None) -> None:
+        """So many are done; the text stands behind the bar."""
+        if self._bar and self._task is not None:
+            now = time.monotonic()
+            due = now - self._drawn >= _REDRAWN
+            self._drawn = now if due else self._drawn
+            self._bar.update(self._task, completed=done, total=total, description=escape(text), refresh=due)
+
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """Out of the way, while something else is said."""
+        if self._bar:
+            self._bar.stop()
+        yield
+        if self._bar:
+            self._bar.start()
+
+
+@contextmanager
+def progress_bar(name: str, total: int) -> Iterator[Bar]:
+    """A bar with a name and a count, where someone watches."""
+    if console.quiet or not errors.is_terminal:
+        yield Bar(None, total)
+        return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn(escape(name)), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    # It refreshes itself in a thread otherwise, and processes are to be forked.
+    text = TextColumn("{task.description}")
+    with Progress(*columns, text, console=errors.rich, transient=True, auto_refresh=False) as bar:
+        own = Bar(bar, total)
+        bar.refresh()
+        yield own
 
 
 def facts_table(title: str, facts: dict[str, str]) -> Table:
