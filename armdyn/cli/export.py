@@ -22,15 +22,14 @@ def export(
     format: Annotated[  # noqa: A002  # the option's name
         str,
         typer.Option(
-            metavar="|".join(FORMATS),
-            help=" ".join(f"{name}: {kind.summary}." for name, kind in FORMATS.items()),
+            metavar="|".join(FORMATS), help=" ".join(f"{name}: {kind.summary}." for name, kind in FORMATS.items())
         ),
     ] = "csv",
     rate: Annotated[
         str, typer.Option(metavar="HZ", help="Rows per second; own: at the motion's own samples instead.")
     ] = "1000",
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for what is written. By default that of FILE.")
+        Path | None, typer.Option(metavar="DIR", help="Folder for the written file. By default that of FILE.")
     ] = None,
     motors: Annotated[
         bool,
@@ -43,9 +42,8 @@ def export(
 ) -> None:
     """A motion as a table, as ROS 2's message, or as MuJoCo's keyframes.
 
-    Each row has a time, q, v, a and tau. Rows are 1 / rate apart and strictly increasing, the first at 0, the last at
-    the motion's end. Torques and accelerations are means over the step that begins there: what a controller holds until
-    the next row.
+    Each row has a time, q, v, a and tau. Rows are 1 / rate apart, the first at 0, the last at the motion's end. Torques
+    and accelerations are means over the step that begins there: what a controller holds until the next row.
 
     ROS 2's message (trajectory_msgs/msg/JointTrajectory) is JSON, which is YAML, too; joints have the URDF's names.
 
@@ -74,15 +72,8 @@ def export(
         content = kind(**options).text(samples)
         target.parent.mkdir(parents=True, exist_ok=True)
         write_whole(target, content.encode())
-        answer.facts |= {
-            "success": True,
-            "status": "written",
-            "format": format,
-            "rate": ticks,
-            "samples": samples.t.size,
-            "duration": motion.duration,
-            "files": [str(target)],
-        }
-        if not json:
-            even = "its own samples" if ticks is None else f"{ticks:g} Hz"
-            console.print(f"{escape(str(target))}  ({samples.t.size} rows at {even}, {motion.duration:.6f} s)")
+        rows = samples.t.size
+        facts = {"format": format, "rate": ticks, "samples": rows, "duration": motion.duration}
+        answer.done("written", facts, [target])
+        even = "its own samples" if ticks is None else f"{ticks:g} Hz"
+        console.print(f"{escape(str(target))}  ({rows} rows at {even}, {motion.duration:.6f} s)")

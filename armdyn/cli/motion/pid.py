@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
-
-import typer
+from typing import ClassVar
 
 import armdyn as ad
 from armdyn import models
 from armdyn.cli.console import NOT_USABLE, answering, console, facts_table, working
+from armdyn.cli.options.groups import option
 from armdyn.cli.options.joints import JointOptions, friction_facts, friction_words
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import ResultOptions
@@ -26,25 +25,21 @@ class PidLoopOptions:
 
     panel: ClassVar[str] = "Loop"
 
-    gains: Annotated[
-        str, typer.Option(metavar="KP,KI,KD", help="The same for every joint; by default those of the paper's arms.")
-    ] = "30,50,10"
-    form: Annotated[
-        str,
-        typer.Option(
-            metavar="FORM", help="acceleration (the paper's), torque (saturated, not sampled), or computed_torque."
-        ),
-    ] = "acceleration"
-    duration: Annotated[float, typer.Option(metavar="S", help="Simulated time \\[s].")] = 10.0
-    arrival_rule: Annotated[
-        str | None,
-        typer.Option(
-            metavar="RULE",
-            help="When it has arrived: " + ", ".join(ARRIVAL_RULES) + "; by default the first, of r, rr and rrr the "
-            "paper's, which is the second.",
-            show_default=False,
-        ),
-    ] = None
+    gains: str = option(
+        "KP,KI,KD", "The same for every joint; by default those of the paper's arms.", default="30,50,10"
+    )
+    form: str = option(
+        "FORM",
+        "acceleration (the paper's), torque (saturated, not sampled), or computed_torque.",
+        default="acceleration",
+    )
+    duration: float = option("S", "Simulated time \\[s].", default=10.0)
+    arrival_rule: str | None = option(
+        "RULE",
+        "When it has arrived: " + ", ".join(ARRIVAL_RULES) + "; by default the first, of r, rr and rrr the "
+        "paper's, which is the second.",
+        show_default=False,
+    )
 
     def run(self, arm: ad.Robot, start: list[float], goal: list[float], usual: ArrivalRule) -> ad.Run:
         """Close the loop between two poses [rad or m], each of shape (nv,).
@@ -88,15 +83,14 @@ def pid(
     armdyn pid problem.toml
     armdyn pid rr --form torque --gains 30,50,3[/]
     """
-    json = results.output.json
-    with answering(json) as answer:
+    with answering(results.output.json) as answer:
         from armdyn.control.tracking.pid import pid_summary
         from armdyn.paper.printed.loop import PAPER_RULE
 
         request = requested_arm(robot, poses, payload, joints)
         arm, (start, goal) = request.arm, request.ends("pid")
         folder = results.folder("pid", robot.robot)
-        with working(f"PID loop of {arm.name}", json) as progress:
+        with working(f"PID loop of {arm.name}") as progress:
             run = loop.run(arm, start, goal, PAPER_RULE if robot.robot in models.PLANAR_ARMS else ARRIVAL_RULES[0])
             summary = pid_summary(run)
             carried = f", {1000 * arm.payload.mass:g} g" if arm.payload is not None else ""
@@ -104,9 +98,8 @@ def pid(
             written = results.write(folder, arm, {"trajectory": run.trajectory}, summary, title, progress=progress)
         answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, **written.facts}
         answer.code = 0 if run.arrival_time is not None else NOT_USABLE
-        if not json:
-            words = friction_words(arm) | _words(run) | written.words
-            console.print(facts_table(f"{arm.name}: PID loop", words))
+        words = friction_words(arm) | _words(run) | written.words
+        console.print(facts_table(f"{arm.name}: PID loop", words))
 
 
 def _words(run: ad.Run) -> dict[str, str]:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
-import typer
-
+from armdyn.cli.options.groups import flag, option
 from armdyn.cli.options.path_limits import Limits
 from armdyn.cli.parsing.panels import LIMITS, SCENE, TASK
 from armdyn.cli.parsing.positions import positions
@@ -25,17 +24,8 @@ class RateOptions:
 
     panel: ClassVar[str] = LIMITS
 
-    acceleration_limit: Annotated[
-        str | None,
-        typer.Option(metavar="A[,A…]", help="Acceleration limits \\[rad/s²]; by default none."),
-    ] = None
-    jerk_limit: Annotated[
-        str | None,
-        typer.Option(
-            metavar="J[,J…]",
-            help="Jerk limits \\[rad/s³]: the torque no longer jumps. By default none.",
-        ),
-    ] = None
+    acceleration_limit: str | None = option("A[,A…]", "Acceleration limits \\[rad/s²]; by default none.")
+    jerk_limit: str | None = option("J[,J…]", "Jerk limits \\[rad/s³]: the torque no longer jumps. By default none.")
 
     def problem_arguments(self) -> dict[str, Any]:
         """The arguments of a `MinimumTimeProblem` that they are.
@@ -55,26 +45,18 @@ class PathConstraintOptions:
 
     panel: ClassVar[str] = SCENE
 
-    via: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="Q,Q,…|NAME",
-            help="Pose to pass through, at any time and speed, like --q-start; may be given again, in order.",
-            rich_help_panel=TASK,
-        ),
-    ] = None
-    obstacle: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="SHAPE|FILE.json",
-            help="Something to keep clear of, in the world \\[m]: box:SX,SY,SZ@X,Y,Z (edges, centre), sphere:R@X,Y,Z, "
-            "capsule:R@X,Y,Z;X,Y,Z, or a file of them, boxes turned too (docs/obstacles.md). May be given again.",
-        ),
-    ] = None
-    self_collision: Annotated[
-        bool, typer.Option("--self-collision", help="Keep the arm's links clear of each other, too.")
-    ] = False
-    clearance: Annotated[float, typer.Option(metavar="M", help="From obstacles, and between links \\[m].")] = 0.005
+    via: list[str] | None = option(
+        "Q,Q,…|NAME",
+        "Pose to pass through, at any time and speed, like --q-start; may be given again, in order.",
+        rich_help_panel=TASK,
+    )
+    obstacle: list[str] | None = option(
+        "SHAPE|FILE.json",
+        "Something to keep clear of, in the world \\[m]: box:SX,SY,SZ@X,Y,Z (edges, centre), sphere:R@X,Y,Z, "
+        "capsule:R@X,Y,Z;X,Y,Z, or a file of them, boxes turned too (docs/obstacles.md). May be given again.",
+    )
+    self_collision: bool = flag("Keep the arm's links clear of each other, too.")
+    clearance: float = option("M", "From obstacles, and between links \\[m].", default=0.005)
     rates: RateOptions = field(default_factory=RateOptions)
     limit: Limits = None
 

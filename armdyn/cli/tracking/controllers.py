@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
-
-import typer
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import armdyn as ad
 from armdyn.arguments import one_of
+from armdyn.cli.options.groups import flag, option
 from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers, one_or_more
 
@@ -26,24 +25,14 @@ class ControllerOptions:
 
     panel: ClassVar[str] = "Controller"
 
-    controller: Annotated[
-        str, typer.Option(metavar="NAME", help="lqr (linear-quadratic along the motion), computed-torque or pid.")
-    ] = "lqr"
-    weights: Annotated[
-        str | None,
-        typer.Option(
-            metavar="E,T,I",
-            help="Of lqr: error worth half the torque range \\[rad], what a velocity error counts beside it \\[s], and "
-            "its integral \\[1/s].",
-        ),
-    ] = None
-    bandwidth: Annotated[
-        str | None, typer.Option(metavar="W", help="Of computed-torque: its natural frequency \\[rad/s].")
-    ] = None
-    gains: Annotated[
-        str | None,
-        typer.Option(metavar="KP,KI,KD", help="Of pid and others, the same for every joint \\[N m/rad and so on]."),
-    ] = None
+    controller: str = option("NAME", "lqr (linear-quadratic along the motion), computed-torque or pid.", default="lqr")
+    weights: str | None = option(
+        "E,T,I",
+        "Of lqr: error worth half the torque range \\[rad], what a velocity error counts beside it \\[s], and "
+        "its integral \\[1/s].",
+    )
+    bandwidth: str | None = option("W", "Of computed-torque: its natural frequency \\[rad/s].")
+    gains: str | None = option("KP,KI,KD", "Of pid and others, the same for every joint \\[N m/rad and so on].")
 
     def chosen(self) -> Controller:
         """The controller.
@@ -71,21 +60,19 @@ class LoopOptions:
 
     panel: ClassVar[str] = "Loop"
 
-    rate: Annotated[float, typer.Option(metavar="HZ", help="Samples per second \\[Hz].")] = 1000.0
-    delay: Annotated[int, typer.Option(metavar="TICKS", help="From a reading to its torque \\[ticks].")] = 1
-    encoder: Annotated[float, typer.Option(metavar="RAD", help="Step of the encoders \\[rad]; 0: none.")] = 1e-4
-    velocity: Annotated[
-        str, typer.Option(metavar="HOW", help="filtered (differences of readings), observer (Luenberger) or exact.")
-    ] = "filtered"
-    cutoff: Annotated[float, typer.Option(metavar="HZ", help="Of the filter or the observer \\[Hz].")] = 80.0
-    noise: Annotated[float, typer.Option(metavar="RAD", help="Standard deviation of each reading \\[rad].")] = 0.0
-    seed: Annotated[int, typer.Option(metavar="N", help="Of the noise.")] = 0
-    antiwindup: Annotated[
-        str, typer.Option(metavar="HOW", help="conditional, back_calculation or none: the integral at a torque limit.")
-    ] = "conditional"
-    ideal: Annotated[
-        bool, typer.Option("--ideal", help="A continuous loop without imperfections; torques are clipped.")
-    ] = False
+    rate: float = option("HZ", "Samples per second \\[Hz].", default=1000.0)
+    delay: int = option("TICKS", "From a reading to its torque \\[ticks].", default=1)
+    encoder: float = option("RAD", "Step of the encoders \\[rad]; 0: none.", default=1e-4)
+    velocity: str = option(
+        "HOW", "filtered (differences of readings), observer (Luenberger) or exact.", default="filtered"
+    )
+    cutoff: float = option("HZ", "Of the filter or the observer \\[Hz].", default=80.0)
+    noise: float = option("RAD", "Standard deviation of each reading \\[rad].", default=0.0)
+    seed: int = option("N", "Of the noise.", default=0)
+    antiwindup: str = option(
+        "HOW", "conditional, back_calculation or none: the integral at a torque limit.", default="conditional"
+    )
+    ideal: bool = flag("A continuous loop without imperfections; torques are clipped.")
 
     def joined(self) -> ad.Loop:
         """The loop.
@@ -105,15 +92,9 @@ class PlantOptions:
 
     panel: ClassVar[str] = "The arm that moves, where it differs from the model"
 
-    plant_payload: Annotated[
-        float | None, typer.Option(metavar="KG", help="Payload that the arm carries \\[kg], instead of --payload.")
-    ] = None
-    plant_damping: Annotated[
-        str | None, typer.Option(metavar="D[,D…]", help="Viscous friction of its joints \\[N m s/rad].")
-    ] = None
-    plant_friction: Annotated[
-        str | None, typer.Option(metavar="F[,F…]", help="Coulomb friction of its joints \\[N m].")
-    ] = None
+    plant_payload: float | None = option("KG", "Payload that the arm carries \\[kg], instead of --payload.")
+    plant_damping: str | None = option("D[,D…]", "Viscous friction of its joints \\[N m s/rad].")
+    plant_friction: str | None = option("F[,F…]", "Coulomb friction of its joints \\[N m].")
 
     def real(self, request: ArmRequest) -> ad.Robot:
         """The arm that moves.

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, ClassVar
-
-import typer
+from typing import ClassVar
 
 import armdyn as ad
 from armdyn.cli.console import INTERRUPTED, NOT_USABLE, Answer, answering, console, errors, escape, facts_table, working
+from armdyn.cli.options.groups import option
 from armdyn.cli.options.joints import FastJointOptions, friction_words
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import ResultOptions
@@ -27,16 +26,10 @@ class ReferenceOptions:
 
     panel: ClassVar[str] = TASK
 
-    reference: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.npz", help="A motion that was saved; by default the fastest one is searched."),
-    ] = None
-    ramp: Annotated[
-        float | None,
-        typer.Option(metavar="S", help="Instead of the fastest motion a quintic ramp that takes so long \\[s]."),
-    ] = None
-    duration: Annotated[float, typer.Option(metavar="S", help="Simulated time \\[s].")] = 2.0
-    tolerance: Annotated[float, typer.Option(metavar="RAD", help="From the goal, to be settled \\[rad].")] = 0.005
+    reference: Path | None = option("FILE.npz", "A motion that was saved; by default the fastest one is searched.")
+    ramp: float | None = option("S", "Instead of the fastest motion a quintic ramp that takes so long \\[s].")
+    duration: float = option("S", "Simulated time \\[s].", default=2.0)
+    tolerance: float = option("RAD", "From the goal, to be settled \\[rad].", default=0.005)
 
     def motion(self, request: ArmRequest, progress: Callable[[str], None]) -> ad.Trajectory | ad.Solution:
         """The motion to follow, or the unusable solution of a search that failed.
@@ -80,8 +73,7 @@ def track(
     armdyn track problem.toml --plant-payload 0.12
     armdyn track ur5 --reference results/mintime-ur5/trajectory.npz --controller computed-torque[/]
     """
-    json = results.output.json
-    with answering(json) as answer:
+    with answering(results.output.json) as answer:
         from armdyn.show.page.course import until
 
         model = requested_arm(robot, poses, payload, joints)
@@ -89,7 +81,7 @@ def track(
         law, joined, real = controller.chosen(), loop.joined(), plant.real(model)
         folder = results.folder("track", robot.robot, ("trajectory", "reference"))
 
-        with working(f"tracking with {arm.name}", json) as progress:
+        with working(f"tracking with {arm.name}") as progress:
             asked = reference.motion(model, progress)
             if isinstance(asked, ad.Solution):
                 no_motion(answer, asked)
@@ -105,9 +97,8 @@ def track(
             written = results.write(folder, real, motions, summary, title, progress=progress)
         answer.facts |= {**summary, **written.facts}
         answer.code = 0 if run.settled else NOT_USABLE
-        if not json:
-            words = friction_words(real) | _words(run, asked) | written.words
-            console.print(facts_table(f"{arm.name}: tracking with {controller.controller}", words))
+        words = friction_words(real) | _words(run, asked) | written.words
+        console.print(facts_table(f"{arm.name}: tracking with {controller.controller}", words))
 
 
 def no_motion(answer: Answer, found: ad.Solution) -> None:

@@ -49,7 +49,7 @@ LIMIT_TOLERANCE = 1e-6
 GAP_TOLERANCE = 1e-3
 """Of the duration, above a proven lower bound: less than a change of payload by a few grams makes."""
 
-ON_CURVE = "Pontryagin's conditions are not checked on a curve"
+ON_CURVE = "Pontryagin's conditions are not checked: the switching times are not resolved"
 """Remark of motions that are curves: what proves them is the gap."""
 
 
@@ -184,7 +184,8 @@ class Certificate:
             wrong += self._against_pontryagin
         elif not (wrong or self.remark):
             wrong = ("no costates: the arcs were not resolved",)
-        return (*((self.remark,) if self.remark else ()), *wrong, *self._against_gap)
+        remark = "" if self.remark == ON_CURVE and self.gap is not None else self.remark  # the gap says more
+        return (*((remark,) if remark else ()), *wrong, *self._against_gap)
 
     def bounded(self, lower_bound: float | None, duration: float) -> Self:
         """The certificate with a lower bound on the duration of all motions.

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.parsing.positions import reading_degrees
-from armdyn.cli.parsing.problem_file import problem_file
+from armdyn.cli.parsing.problem_file import problem_file, refuse_beside_a_file
 from armdyn.errors import ProblemError
 from cli.command import answer, run_here
 
@@ -85,7 +86,7 @@ def test_closed_loops_take_the_arm_and_the_poses_of_a_file(write, command):
     beside = {"files", "write_seconds", "seconds"} | ({"arrival_rule", "arrival_time"} if what == "pid" else set())
     assert {key for key in told if told[key] != same[key]} <= beside
     message = answer(run_here(what, name, *options, *TASK[:2], "--json"), 2)["message"]
-    assert message == "--payload: problem.toml says what the problem is; write it there"
+    assert message == "--payload: problem.toml says this itself; write it there"
 
 
 def test_track_follows_the_problem_of_a_file(write):
@@ -108,12 +109,12 @@ def test_a_sweep_over_payload_takes_a_file(write):
         assert one["payload_kg"] == other["payload_kg"]
         assert one["duration_s"] == pytest.approx(other["duration_s"], rel=1e-8)  # both are certified
     message = answer(run_here("sweep", name, "--payload", "0,1", "--q-goal", "0,0", "--json"), 2)["message"]
-    assert message == "--q-goal: problem.toml says what the problem is; write it there"
+    assert message == "--q-goal: problem.toml says this itself; write it there"
 
 
 def test_degrees_are_not_of_files(write):
-    with reading_degrees(True):
-        assert "says units itself" in refused(write(RR))
+    with reading_degrees(True), pytest.raises(ProblemError, match="says units itself"):
+        refuse_beside_a_file(write(RR), PoseOptions())
 
 
 def test_mintime_solves_a_file_and_its_options_go_before(write):
