@@ -79,4 +79,4 @@ def monte_carlo(
             if row.settings != study.parameters(row.k):
                 raise ResultError(f"{rows.path}: row {row.k} is not of the arm that this seed draws; it was changed")
             found.append(PlantRow.of(row, study.sample(row.k)))
-    return MonteCarlo(study, tuple(found), None if file is None else Path(file))
+    return MonteCarlo(study, tuple(found), None if file is None else Path(os.fsdecode(file)))

@@ -13,6 +13,8 @@ from typing import Protocol, cast
 import numpy as np
 
 from armdyn.arguments import expect, flag, function, listener, one_of
+from armdyn.arguments import path as path_of
+from armdyn.errors import ResultError
 from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.studies.executors.executor import HERE, Ended, Executor, ExecutorOf, StudyCase
 from armdyn.studies.executors.local import local_executor
@@ -113,8 +115,9 @@ def run_study(
     function(executor, "executor")
     progress, again = listener(progress), flag(again, "again")
     one_of(sync, SYNCS, "sync")
+    path = Path(path_of(file, "file", error=ResultError))
     began = time.monotonic()
-    with row_store(file, study.description(), sync) as rows, stopping(np.inf) as stop:
+    with row_store(path, study.description(), sync) as rows, stopping(np.inf) as stop:
         if again:
             rows.forget((DIED, ERROR))
         before = len(rows.numbers())
@@ -125,7 +128,7 @@ def run_study(
         counts = rows.counts()
     done = sum(counts.values())
     return StudyRun(
-        file=Path(file), cases=len(study), counts=counts, done_here=done - before,
+        file=path, cases=len(study), counts=counts, done_here=done - before,
         interrupted=done < len(study) or (chain and bool(stop)), seconds=time.monotonic() - began,
     )  # fmt: skip
 

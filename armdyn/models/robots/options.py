@@ -13,6 +13,7 @@ from armdyn.arguments import expect, path, several, shown
 from armdyn.errors import SpecError
 from armdyn.models.values.friction import FrictionValue
 from armdyn.models.values.spec import Payload
+from armdyn.reprs import brief
 
 
 class RobotKeywords(TypedDict, total=False):
@@ -31,6 +32,7 @@ class RobotKeywords(TypedDict, total=False):
     package_dirs: Sequence[str | os.PathLike[str]]
 
 
+@brief
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RobotOptions:
     """How a robot is read. Every reader takes these fields as keywords, or the whole value as `options`.
