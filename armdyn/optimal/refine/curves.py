@@ -137,7 +137,7 @@ def _guesses(task: Task, count: int) -> list[Curve]:
         return guesses
     guesses += [Curve.near(guess, basis) for guess in options.guesses]
     if count > 1:
-        ways = via_guesses(problem, options.seed, count, task.stop)[1:]
+        ways = via_guesses(problem, options.seed, count, task.stop, policy=task.policy.search)[1:]
         guesses += [Curve.near(spline(problem, way), basis) for way in ways]
     return guesses
 
