@@ -70,7 +70,7 @@ def monte_carlo(
 
     asked = {} if file is None else study.description()
     with row_store(file, asked, "normal") as rows, stopping(np.inf) as stop:
-        with in_process(study, options.workers or os.cpu_count()) as executor:
+        with in_process(study, options.workers) as executor:
             run_cases(study, rows, executor, stop, told)
         found = list[PlantRow]()
         for row in rows.rows():

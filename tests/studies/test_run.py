@@ -21,7 +21,7 @@ from armdyn.studies.run import run_study
 from armdyn.studies.study import Axis, Study
 from armdyn.studies.tasks.task import CaseResult
 from armdyn.studies.time_left import TimeLeft
-from toys import Square, squares
+from toys import Square, row_count, squares
 
 TWO = partial(local_executor, workers=2)
 HERE = Path(__file__).parents[1]
@@ -97,24 +97,16 @@ def test_killed_twice_and_gone_on_with(tmp_path):
     for more in (10, 15):
         process = subprocess.Popen(command)
         until = (counts[-1] if counts else 0) + more
-        while count(file) < until:
+        while row_count(file) < until:
             assert process.poll() is None
             time.sleep(0.01)
         process.kill()
         process.wait()
-        counts.append(count(file))
+        counts.append(row_count(file))
     assert counts[-1] < 60
     run_study(squares(60), file, TWO)
     rows = rows_of(file)
     assert [(row.k, row.facts["square"]) for row in rows] == [(k, k * k) for k in range(60)]
-
-
-def count(file):
-    try:
-        with read_rows(file) as rows:
-            return len(rows.numbers())
-    except (FileError, ResultError):  # there is none yet, or it is being begun
-        return 0
 
 
 def test_a_case_has_no_second_row(tmp_path):

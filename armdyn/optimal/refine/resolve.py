@@ -58,7 +58,7 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
             found = _by_switching(task, attempt, own)
             extremal, remark, sharp = found.extremal, found.why, found.mesh
             known += [land_extremal(task, extremal, attempt.intervals, own)] if extremal else []
-        # Where no schedule leads to a motion a finer mesh does sooner than the collocation of arcs, at less cost.
+        # Where no structure leads to a motion a finer mesh does sooner than the collocation of arcs, at less cost.
         other = not rolled_out or remark == _IDLE or _at_speed(task, motion, *(one.trajectory for one in known))
         if other and not (known and known[0].certificate.ok):
             phases, remark = _structure(task, _arcs_of(task, attempt), motion, budget)
@@ -174,8 +174,8 @@ def _structure(task: Task, arcs: list[Arc], motion: Trajectory, budget: Budget |
 
 
 @dataclass(frozen=True, eq=False)
-class _Marched:
-    """Result of the structures of a mesh's solution.
+class _Resolved:
+    """Result of the switching structures of a mesh's solution.
 
     Attributes:
         extremal: the best; None: nothing lands, or time does not determine what some joint does.
@@ -200,10 +200,10 @@ class _Structures:
 
     def __init__(self, task: Task, attempt: Attempt, shooting: ShootingProblem) -> None:
         self.mesh = attempt
-        self._task, self._setting = task, shooting
+        self._task, self._shooting = task, shooting
 
     def tries(self) -> Iterator[tuple[SwitchingStructure, int]]:
-        """Schedules, each with the integrator steps that it may take."""
+        """Structures, each with the integrator steps that it may take."""
         numbers, attempt = self._task.policy.refinement, self.mesh
         first = self._read()
         yield from ((structure, numbers.glance) for structure in first)
@@ -214,16 +214,13 @@ class _Structures:
 
     def _read(self) -> list[SwitchingStructure]:
         arcs, sure = _arcs_of(self._task, self.mesh), self.mesh.knots is not None
-        return list(structures_of(self._setting, arcs, self.mesh.trajectory, sure))
+        return list(structures_of(self._shooting, arcs, self.mesh.trajectory, sure))
 
 
-def _by_switching(task: Task, attempt: Attempt, budget: Budget) -> _Marched:
+def _by_switching(task: Task, attempt: Attempt, budget: Budget) -> _Resolved:
     """The extremal that a structure comes to when it is mended, or what is nearest to one."""
-    shooting, best, least = (
-        shooting_problem(task, attempt.trajectory.duration),
-        RefinedExtremal(None, np.inf, ""),
-        (np.inf, np.inf),
-    )
+    shooting = shooting_problem(task, attempt.trajectory.duration)
+    best, least = RefinedExtremal(None, np.inf, ""), (np.inf, np.inf)
     structures = _Structures(task, attempt, shooting)
     for structure, most in structures.tries():
         granted = min(budget.left, most)
@@ -236,17 +233,17 @@ def _by_switching(task: Task, attempt: Attempt, budget: Budget) -> _Marched:
         if least[0] == 0 or budget:
             break
     idle = best.extremal is not None and leaves_idle(best.extremal, SWITCHING_TOLERANCE)
-    return _Marched(None, _IDLE, structures.mesh) if idle else _Marched(best.extremal, best.why, structures.mesh)
+    return _Resolved(None, _IDLE, structures.mesh) if idle else _Resolved(best.extremal, best.why, structures.mesh)
 
 
-def _lack(task: Task, refine_extremal: RefinedExtremal) -> tuple[float, float]:
-    """Sorts: extremals before others, by duration; the others by the worst sign of a torque or of a limit's pull."""
-    if refine_extremal.extremal is None:
+def _lack(task: Task, refined: RefinedExtremal) -> tuple[float, float]:
+    """Sorts: extremals before others, by duration; the others by the worst sign of a torque or of a multiplier."""
+    if refined.extremal is None:
         return np.inf, np.inf
-    wrong = refine_extremal.wrong
+    wrong = refined.wrong
     if wrong <= SWITCHING_TOLERANCE:  # contacts that could not be mended are not in it
-        wrong = pontryagin(task.problem, phases_of(refine_extremal.extremal, task.policy.arcs))[2]
-    return wrong if wrong > SWITCHING_TOLERANCE else 0.0, refine_extremal.extremal.structure.duration
+        wrong = pontryagin(task.problem, phases_of(refined.extremal, task.policy.arcs))[2]
+    return wrong if wrong > SWITCHING_TOLERANCE else 0.0, refined.extremal.structure.duration
 
 
 def _named(arcs: tuple[Arc, ...] | list[Arc]) -> Structure:

@@ -40,10 +40,10 @@ _TOWARDS = {
 def with_contacts(extremal: Extremal, is_extremal: bool = True) -> list[SwitchingStructure]:
     """Structures without parts of a contact that cannot be held or would rather be let go, the likeliest first.
 
-    Where a joint takes more torque than it has, it is given all of it, and another joint's torque holds it; or else it
-    touches at most. One that a limit would have to
-    pull back against is let go: inward torque takes it off, outward torque brings it back, a bounce. Off a limit of
-    velocity it is slowed down and sped up again. What a mesh takes for a contact may be a touch alone.
+    Where a joint takes more torque than it has, its torque is full and another joint's torque holds it, or it only
+    touches. A contact whose multiplier has the wrong sign is let go: inward torque takes the joint off, outward torque
+    brings it back, a bounce. Off a velocity limit the joint is slowed down and sped up again. A contact of a mesh may
+    be a touch alone.
 
     Args:
         extremal: whose contacts are looked at, one at a time.

@@ -18,7 +18,7 @@ from armdyn.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 _LONG = 0.05
-"""Of the duration: a stretch off all limits that is shorter is read as stays alone."""
+"""Of the duration: a stretch off all limits that is shorter is read as bang arcs alone."""
 _FIRST = 1e-3
 """Of the duration: a bang arc at the start, before the first singular control."""
 _IN_ARC = 50

@@ -117,7 +117,7 @@ def without_unwanted(extremal: Extremal) -> SwitchingStructure | None:
 
 
 def _without_idle_speeds(extremal: Extremal) -> SwitchingStructure | None:
-    """The structure without stays of no length on limits of velocity that do not hold the motion back; None: all do."""
+    """The structure without segments of no length on velocity limits that do not hold the motion back; None: all do."""
     structure, size = extremal.structure, extremal.rollout.start.shape[1]
     state_multipliers = {
         k: outward(structure.changes[k].mode) * multiplier

@@ -26,17 +26,17 @@ _MORE = 2
 _INSIDE = 0.95
 """Of the way to a limit that such a singular control may go at first."""
 _ON_LIMIT = 0.9
-"""Of the way to a limit: a torque of a mesh or of stays that has gone so far is meant to be on it."""
+"""Of the way to a limit: a torque of a mesh or of bang arcs that is so near it is on it."""
 _REACHED = 1e-4
 """Of a torque's range: so near a limit it has reached it."""
 _FROM = 0.2
-"""Of that by which H must rise off a limit for a bang arc there: where the stay begins and ends."""
+"""Of that by which H must rise off a limit for a bang arc there: where the arc begins and ends."""
 _BEND = 0.05
 """Of a segment: half a bang arc where the switching function bends."""
 _SHORT = 0.05
-"""Of a segment: a singular control that would be shorter beside a bang arc is left to the stay."""
+"""Of a segment: a singular control that would be shorter next to a bang arc is left to the bang arc."""
 _SAMPLES = 200
-"""Of the stays."""
+"""Of a segment, where bang arcs are looked for."""
 
 
 def with_singular(extremal: Extremal, wrong: list[WrongSign]) -> SwitchingStructure | None:

@@ -20,10 +20,10 @@ _AT = 1e-6
 def kept_at_speed(
     extremal: Extremal, segment: Segment, part: tuple[float, float], press: Mode
 ) -> SwitchingStructure | None:
-    """The structure with another joint's torque such that a joint bang arcs on its velocity limit with all of its own.
+    """The structure in which another joint's torque keeps a joint on its velocity limit, its own torque being full.
 
-    Where no torque jumps, at the begin or at the end, the joint's velocity stays as it is with the other torque on its
-    limit: stationarity of the duration alone would lead away from there, as it is longest there.
+    Where no torque jumps, at the beginning or at the end, the joint's velocity stays as it is with the other torque on
+    its limit: stationarity of the duration alone would lead away from there, as it is longest there.
 
     Args:
         extremal: whose structure it is.

@@ -76,10 +76,10 @@ def in_process(task: StudyTask, workers: int | None = 1) -> Iterator[Executor]:
         task: what is done in each.
         workers: threads; with one the calling thread does the work; None: one per core.
     """
-    if workers == 1:
+    size = workers or os.cpu_count() or 1
+    if size == 1:
         yield InProcess(task)
         return
-    size = workers or os.cpu_count() or 1
     pool = ThreadPoolExecutor(size)
     try:
         yield Threads(task, size, pool)

@@ -165,7 +165,7 @@ def tune(
     search = GainSearch(expect_robot(robot), reference, family, on, loop, options)
     asked = {} if options.file is None else search.description()
     with stopping(options.time_limit) as stop, row_store(options.file, asked, "normal", replace=True) as rows:
-        with in_process(search, options.workers or os.cpu_count()) as executor:
+        with in_process(search, options.workers) as executor:
             status = search.go(rows, executor, stop, progress)
         if search.best is None:
             raise ProblemError(f"no controller was run: {search.refused or 'the search was stopped at once'}")

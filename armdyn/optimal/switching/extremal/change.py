@@ -49,7 +49,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Segment:
-    """A joint's stay in one mode.
+    """A joint's time in one mode.
 
     Attributes:
         begin: number of the change that begins it; -1: the start.

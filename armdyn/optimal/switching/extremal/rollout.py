@@ -108,7 +108,7 @@ class Rollout:
         joined: NDArray[np.bool_] | None = None,
         arc: NDArray[np.int_] | None = None,
     ) -> Self:
-        """March a structure.
+        """Integrate a structure.
 
         Args:
             shooting: the shooting problem.

@@ -144,7 +144,7 @@ class SwitchingStructure:
         )
 
     def segments(self) -> Iterator[Segment]:
-        """Every joint's stays that a change begins or ends."""
+        """Every joint's segments that a change begins or ends."""
         for joint in range(len(self.first)):
             own = [k for k, change in enumerate(self.changes) if change.joint == joint and not change.touch]
             if own:
