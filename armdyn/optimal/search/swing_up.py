@@ -14,7 +14,7 @@ _ALIKE = 0.1
 
 
 def swing_up_guesses(
-    problem: MinimumTimeProblem, random: np.random.Generator, count: int, swings: Sequence[int], unlike: float
+    problem: MinimumTimeProblem, random: np.random.Generator, count: int, swing_up_guesses: Sequence[int], unlike: float
 ) -> list[list[Array]]:
     """Ways on which joints without a motor swing further and further, until the last swing brings them to the goal.
 
@@ -24,7 +24,7 @@ def swing_up_guesses(
         problem: what is to be solved.
         random: what varies the ways' amplitudes, and the poses of the joints with a motor.
         count: how many ways.
-        swings: numbers of swings, by turns.
+        swing_up_guesses: numbers of swings, by turns.
         unlike: how far a way is from an even one: standard deviation of the logarithm of a swing, and of other poses
             [rad or m].
 
@@ -37,7 +37,7 @@ def swing_up_guesses(
         return []
     ways = []
     for k in range(count):
-        most = swings[k % len(swings)]
+        most = swing_up_guesses[k % len(swing_up_guesses)]
         parts = np.arange(1, most + 1)[:, None] / (most + 1)
         sides = np.where((most - np.arange(most))[:, None] % 2, -1.0, 1.0)  # the last swing is away from the goal
         swung = parts * sides * away * random.lognormal(0, unlike, (most, away.size))
