@@ -1,4 +1,4 @@
-"""What callers give: read and checked in one place, refused by name, and with what would be right.
+"""Checks of arguments: errors name the argument, its value, and what would be right.
 
 Numpy is imported where an array is read: the command line's help checks arguments, too, and does without.
 """
@@ -68,7 +68,7 @@ def shown(value: object) -> str:
 def expect(
     value: object, kind: type[Kind], name: str, hint: str = "", *, error: type[ArmdynError] = ProblemError
 ) -> Kind:
-    """The value, which is to be of a class.
+    """Return the value if it is of a class; raise otherwise.
 
     Args:
         value: as given.
@@ -102,7 +102,7 @@ def text(value: object, name: str, *, error: type[ArmdynError] = ProblemError) -
 
 
 def flag(value: object, name: str) -> bool:
-    """The value, which is to be True or False.
+    """Return the value if it is True or False; raise otherwise.
 
     Raises:
         ProblemError: it is neither.
@@ -115,7 +115,7 @@ def flag(value: object, name: str) -> bool:
 
 
 def function(value: object, name: str, default: Function | None = None) -> Function:
-    """The value, which is to be called.
+    """Return the value if it is callable; raise otherwise.
 
     Args:
         value: as given.

@@ -1,4 +1,4 @@
-"""What can be wrong with an input, as one family of exceptions that carry the facts.
+"""Exceptions: one root, children that carry the facts.
 
 Bad input raises. A solve that does not converge is no bad input: it returns a `Solution` that says so.
 """

@@ -1,4 +1,4 @@
-"""Files that are read within bounds, and written whole or not at all; and files that are what was written."""
+"""Bounded reading and atomic writing of files; files sealed by a checksum."""
 
 import errno
 import hashlib
@@ -81,7 +81,7 @@ def _read(handle: int, path: str | os.PathLike[str], most: int) -> bytes:
 
 
 def read_json(path: str | os.PathLike[str], most: int) -> object:
-    """What a JSON file says. Its numbers are finite and fit a float; its texts can be written again.
+    """Read a JSON file. Its numbers are finite and fit a float; its texts can be written again.
 
     Args:
         path: the file.
@@ -146,7 +146,7 @@ def write_whole(path: str | os.PathLike[str], data: bytes) -> Path:
 
 
 def probe_folder(folder: str | os.PathLike[str], *names: str) -> Path:
-    """Find out, before hours of work, whether results can be written to a folder. It leaves nothing behind.
+    """Check that a folder is writable, before a long computation. Leaves nothing behind.
 
     Args:
         folder: which there may not be yet.

@@ -1,4 +1,4 @@
-"""One at a time: what threads must not do at once.
+"""Lock around everything that CasADi and IPOPT cannot do in two threads at once.
 
 CasADi lets go of the interpreter's lock whenever it is called, so that threads do meet in it. Building expressions
 and evaluating Functions are safe there. A solver is not: it has one memory, whoever calls it, and one monitor that
@@ -49,7 +49,7 @@ def built_once(maxsize: int) -> Callable[[Callable[Parameters, Built]], Callable
 
 
 def forget() -> None:
-    """All that was built once is built again when it is asked for the next time."""
+    """Clear all caches of `built_once`."""
     with one_at_a_time:
         for clear in _forget:
             clear()

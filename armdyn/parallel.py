@@ -27,7 +27,7 @@ _own_ends: set[Connection] = set()
 
 
 def in_processes(jobs: Sequence[Callable[[], Result]], workers: int | None) -> Generator[Result]:
-    """The jobs' results, in their order, each as soon as those before it are there.
+    """Results of jobs in parallel processes, in the order of the jobs.
 
     Workers are forks, which know all that was built before; jobs are begun in order, results are pickled. Workers end
     with this process, however it ends, and with the thread that asked first. Who has seen enough stops asking: what
@@ -50,7 +50,7 @@ def in_processes(jobs: Sequence[Callable[[], Result]], workers: int | None) -> G
 def as_completed(
     jobs: Sequence[Callable[[], Result]], workers: int | None, after: Mapping[int, Collection[int]] | None = None
 ) -> Generator[Result]:
-    """The jobs' results as `in_processes` gives them, but each as soon as it is there.
+    """Results of jobs in parallel processes, in the order in which they finish.
 
     Who stops asking interrupts what is under way: a job hears SIGINT only where it listens, as `solve_minimum_time`
     does. What does not end within 1.5 s is killed.
@@ -70,7 +70,7 @@ def as_completed(
 
 @contextmanager
 def concurrently(job: Callable[[], Result], workers: int | None) -> Iterator[Callable[[], Result]]:
-    """A job in a process of its own while this one goes on; what is yielded waits for the result, and gives it.
+    """Run a job in a process of its own; yields a function that waits for the result and returns it.
 
     Args:
         job: what is to be done; if its worker dies or raises, or there is none, here, when the result is asked for.
@@ -95,7 +95,7 @@ def concurrently(job: Callable[[], Result], workers: int | None) -> Iterator[Cal
 
 
 class ForkPool(Generic[Result]):
-    """Forks that do one kind of thing to whatever they are given; one that dies is replaced by another.
+    """Pool of forked workers that apply one function; a worker that dies is replaced.
 
     Attributes:
         count: of them.
@@ -110,11 +110,11 @@ class ForkPool(Generic[Result]):
 
     @property
     def idle(self) -> int:
-        """So many can be given something now."""
+        """Number of idle workers."""
         return self.count - len(self._under_way)
 
     def submit(self, number: int, what: object) -> None:
-        """Have one of those that are idle do it.
+        """Submit an argument to an idle worker.
 
         Args:
             number: under which `finished` tells of it.
@@ -149,7 +149,7 @@ class ForkPool(Generic[Result]):
         return found
 
     def close(self) -> None:
-        """Kill them, whatever they are at."""
+        """Kill all workers."""
         for line in list(self._processes):
             self._dismiss(line)
 
@@ -163,7 +163,7 @@ class ForkPool(Generic[Result]):
 
 @contextmanager
 def fork_pool(do: Callable[[Any], Result], count: int | None) -> Iterator[ForkPool[Result]]:
-    """Workers for as long as they are wanted; afterwards they are killed. They end with this process, too.
+    """Pool of forked workers, killed on exit. They end with this process, too.
 
     Args:
         do: what they do, also what this process has built; results are pickled. What it raises kills its worker.
@@ -189,7 +189,7 @@ def _ended(
     waiting, known = list(range(len(jobs))), set[int]()
 
     def free() -> int | None:
-        """The first job that waits for none."""
+        """The first job whose predecessors have finished."""
         return next((k for k in waiting if known.issuperset((after or {}).get(k, ()))), None)
 
     while waiting or under_way:
@@ -259,7 +259,7 @@ def _fork(do: Callable[[Any], object], processes: dict[Connection, ForkProcess])
 
 
 def _interrupt(workers: Collection[ForkProcess]) -> None:
-    """Give them time to end. One that was not listening at the time, or does not end, is told again."""
+    """Interrupt workers and wait for them; those that still run after the grace period are interrupted once more."""
     for _ in range(2):
         for worker in [worker for worker in workers if worker.is_alive()]:
             os.kill(worker.ident or os.getpid(), signal.SIGINT)

@@ -1,4 +1,4 @@
-"""Values that say in one line what they are: a `repr` that fits a notebook's cell, a log, a debugger's row.
+"""One-line `repr` of dataclasses, for notebooks, logs and debuggers.
 
 A dataclass with arrays would write all of their numbers. Nobody reads those, and they hide the rest.
 """

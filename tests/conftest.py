@@ -2,6 +2,7 @@
 
 import signal
 import subprocess
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -43,6 +44,19 @@ def read(file):
         return Robot.from_urdf(file(text), **options)
 
     return from_text
+
+
+@pytest.fixture
+def write_problem(tmp_path, monkeypatch):
+    """Writes a problem file, in a folder of its own that is the working folder, and gives its name."""
+    (tmp_path / "home").mkdir()
+    monkeypatch.chdir(tmp_path / "home")
+
+    def put(text):
+        Path("problem.toml").write_text(text)
+        return "problem.toml"
+
+    return put
 
 
 @pytest.fixture

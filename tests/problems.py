@@ -32,6 +32,19 @@ GANTRY = f"""<robot name="gantry"><link name="base"/>
 <link name="head"><inertial>{_UNIT}</inertial></link></robot>"""
 """Two carts, each on its own rail, 2 kg and 1 kg, at most 1 N: none feels the other."""
 
+RR_FILE = """[robot]
+name = "rr"
+payload = { mass = 0.1006 }
+
+[problem]
+q_start = [-1.5, "2deg"]
+q_goal = [0.2, "-pi/84"]
+
+[options]
+search = "quick"
+"""
+"""A problem file."""
+
 
 def paper_arm(arm, mass=0.1006):
     """An arm of Table 1 with a point mass at its tip."""

@@ -128,13 +128,12 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
     return {
         ad.characteristic_polynomial: {"matrix": np.eye(2)},
         ad.routh_table: {"polynomial": [1.0, 2.0, 3.0]},
-        ad.closed_loop_eigenvalues: {"robot": RR, "q_goal": GOAL, "gains": ad.PidGains(1, 1, 1), "form": "torque"}
-        | {"dynamics": None},
+        ad.closed_loop_eigenvalues: {"robot": RR, "q_goal": GOAL, "gains": ad.PidGains(1, 1, 1), "form": "torque"},
         ad.dask_executor: {"address": "node:8786"},
         ad.gain_plane: {"robot": RR, "q_goal": GOAL, "kp": [1.0, 2.0], "kd": [1.0, 2.0], "ki": 1.0, "form": "torque"}
         | {"loop": None},
         ad.least_stable_factor: {"robot": RR, "q_goal": GOAL, "gains": ad.PidGains(1, 1, 1), "form": "torque"}
-        | {"dynamics": None, "factors": (0.9, 1.1)},
+        | {"factors": (0.9, 1.1)},
         ad.likely_plants: {"robot": RR},
         ad.loop_margins: {"loop": ad.sampled_loop(RR, GOAL, ad.Lqr(), LOOP)},
         ad.multiloop_disk: {"loop": ad.sampled_loop(RR, GOAL, ad.Lqr(), LOOP)},
@@ -159,7 +158,7 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
         ad.set_point: {"robot": RR, "q_goal": GOAL},
         ad.simulate_pid: {"robot": RR, "q_start": START, "q_goal": GOAL, "v_start": None, "gains": ad.PidGains(9, 9, 9)}
         | {"duration": 0.01, "form": "computed_torque", "saturate": None, "arrival_tolerance": 0.005}
-        | {"arrival_rule": "first_crossing", "samples": 2, "dynamics": None},
+        | {"arrival_rule": "first_crossing", "samples": 2},
         ad.slowest_stable_rate: {
             "robot": RR,
             "q_goal": GOAL,
@@ -213,6 +212,7 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
         RR.frame: {"name": "tip"},
         RR.pose: {"name": "zero"},
         RR.configuration: {"q": START},
+        RR.holding_torque: {"q": START},
         ad.Trajectory.load: {"path": MOTION.save(folder / "saved.npz")},
         MOTION.__call__: {"time": 0.1},
         MOTION.resample: {"rate": 100.0},
@@ -243,7 +243,7 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
         region.polynomial: {"kp": 1.0, "ki": 1.0, "kd": 1.0},
         region.stable: {"kp": 1.0, "ki": 1.0, "kd": 1.0},
         region.least_kd: {"kp": 1.0, "ki": 1.0},
-        PLANTS.draw: {"k": 1, "nv": 2},
+        PLANTS.sample: {"k": 1, "nv": 2},
         PLANTS.arms: {"robot": RR, "count": 1},
         PLANTS.corners: {"robot": RR},
         PLANTS.check: {"robot": RR},

@@ -39,8 +39,8 @@ def test_every_room_stands_on_the_map():
     assert rooms_of("models") == set(re.findall(r"^\| `models/([a-z_]+)` \|", MAP, flags=re.M))
 
 
-def rooms_of(floor):
-    return {path.name for path in (ROOT / "armdyn" / floor).iterdir() if (path / "__init__.py").exists()}
+def rooms_of(layer):
+    return {path.name for path in (ROOT / "armdyn" / layer).iterdir() if (path / "__init__.py").exists()}
 
 
 def test_every_file_named_is_there():

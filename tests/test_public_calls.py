@@ -63,7 +63,7 @@ INNER = {
         "of_option",
         "on",
     ),
-    *("rows", "tightened", "torque_rate_limit", "values", "with_stability", "without_motors"),
+    *("rows", "symbolic", "tightened", "torque_rate_limit", "values", "with_stability", "without_motors"),
     "from_description",  # takes a package, and the internet
 }
 """Methods that the pipeline asks of conditions and answers, with values that it has made."""

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from armdyn.errors import ProblemError
+from armdyn.errors import FileError, ProblemError, ResultError
+from armdyn.studies.rows import read_rows
 from armdyn.studies.study import Axis, Study
 from armdyn.studies.tasks.task import CaseResult
 
@@ -52,3 +53,12 @@ class Square:
 def squares(n, **options):
     """A study of n cases, case k is of the number k."""
     return Study(task=Square(**options), axes=(Axis(name="x", values=tuple(float(k) for k in range(n))),))
+
+
+def row_count(file):
+    """Number of rows in a study's file."""
+    try:
+        with read_rows(file) as rows:
+            return len(rows.numbers())
+    except (FileError, ResultError):  # there is none yet, or it is being begun
+        return 0

@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import os
 import sys
+import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -24,7 +25,10 @@ from armdyn.errors import ArmdynError, ArmdynWarning, DiskFullError
 from armdyn.files import is_full
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from rich.console import Console
+    from rich.progress import Progress
     from rich.table import Table
 
 DONE, INTERNAL, NOT_USABLE, NOT_AS_REQUIRED = 0, 1, 3, 4
@@ -114,60 +118,59 @@ class Answer:
     facts: dict[str, object] = field(default_factory=dict)
     code: int = DONE
 
+    def done(self, status: str, facts: Mapping[str, object], files: Iterable[Path] = ()) -> None:
+        """It has ended well."""
+        self.facts |= {"success": True, "status": status, **facts, "files": [str(file) for file in files]}
+
     def interrupted(self) -> None:
         """It ends by Ctrl-C."""
-        self.facts |= {"success": False, "status": "interrupted", "message": "interrupted"}
-        self.code = INTERRUPTED
+        self.failed("interrupted", "interrupted", INTERRUPTED)
 
-    def disk_full(self, error: DiskFullError) -> None:
-        """It ends for want of room."""
-        self.facts |= {"success": False, "status": "disk_full", "message": str(error)}
-        self.code = DISK_FULL
-
-    def internal(self, error: Exception) -> None:
-        """It ends by what nobody has thought of."""
-        hint = "this is a bug in armdyn; ARMDYN_DEBUG=1 shows where"
-        message = f"internal error ({type(error).__name__}: {error}); {hint}"
-        self.facts |= {"success": False, "status": "internal_error", "message": message}
-        self.code = INTERNAL
+    def failed(self, status: str, message: str, code: int) -> None:
+        """It ends without an answer."""
+        self.facts |= {"success": False, "status": status, "message": message}
+        self.code = code
 
 
 @contextmanager
 def answering(as_json: bool) -> Iterator[Answer]:
     """Turns what happens within into output and an exit code; no traceback leaves it.
 
+    Args:
+        as_json: the answer is one JSON object, and `console` says nothing.
+
     Raises:
         typer.Exit: always, with the code.
     """
-    answer = Answer()
+    answer, quiet = Answer(), console.quiet
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("ignore")
         warnings.simplefilter("always", ArmdynWarning)
         try:
+            console.quiet = quiet or as_json
             with interrupts.Raised():
                 yield answer
-        except DiskFullError as error:
-            answer.disk_full(error)
-        except ArmdynError as error:
-            answer.facts |= {"success": False, "status": "bad_input", "message": _by_option(str(error))}
-            answer.code = BAD_INPUT
-        except OSError as error:
-            if is_full(error):
-                answer.disk_full(DiskFullError(error.filename or "standard output"))
-            else:
-                answer.facts |= {"success": False, "status": "bad_input", "message": _os_message(error)}
-                answer.code = BAD_INPUT
         except typer.Exit:
             raise
-        except Exception as error:
-            if interrupts.pressed():
+        except DiskFullError as error:
+            answer.failed("disk_full", str(error), DISK_FULL)
+        except ArmdynError as error:
+            answer.failed("bad_input", _by_option(str(error)), BAD_INPUT)
+        except OSError as error:
+            if is_full(error):
+                answer.failed("disk_full", str(DiskFullError(error.filename or "standard output")), DISK_FULL)
+            else:
+                answer.failed("bad_input", _os_message(error), BAD_INPUT)
+        except (Exception, KeyboardInterrupt) as error:
+            if interrupts.pressed() or isinstance(error, KeyboardInterrupt):
                 answer.interrupted()
             elif os.environ.get("ARMDYN_DEBUG"):
                 raise
             else:
-                answer.internal(error)
-        except KeyboardInterrupt:
-            answer.interrupted()
+                hint = "this is a bug in armdyn; ARMDYN_DEBUG=1 shows where"
+                answer.failed("internal_error", f"internal error ({type(error).__name__}: {error}); {hint}", INTERNAL)
+        finally:
+            console.quiet = quiet
     messages = list(dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, ArmdynWarning)))
     for message in messages:
         errors.print(f"[yellow]warning:[/] {escape(message)}")
@@ -193,10 +196,10 @@ def _os_message(error: OSError) -> str:
 
 
 @contextmanager
-def working(what: str, as_json: bool) -> Iterator[Callable[[str], None]]:
+def working(what: str) -> Iterator[Callable[[str], None]]:
     """A spinner on standard error while something runs; the function it gives updates its words."""
     interrupts.at(what)
-    if as_json or console.quiet or not errors.is_terminal:
+    if console.quiet or not errors.is_terminal:
         yield lambda text: interrupts.at(f"{what}: {text}")
         return
     with errors.rich.status(escape(what)) as status:
@@ -206,6 +209,52 @@ def working(what: str, as_json: bool) -> Iterator[Callable[[str], None]]:
             status.update(escape(f"{what}: {text}"))
 
         yield update
+
+
+_REDRAWN = 0.1
+"""A bar is drawn again after so long at the earliest [s]: some studies do thousands of cases a second."""
+
+
+class Bar:
+    """A progress bar on standard error; without one, nothing is shown."""
+
+    def __init__(self, bar: Progress | None, total: int):
+        self._bar, self._task = bar, bar.add_task("", total=total) if bar else None
+        self._drawn = 0.0
+
+    def update(self, done: int, text: str, total: int | None = None) -> None:
+        """So many are done; the text stands behind the bar."""
+        if self._bar and self._task is not None:
+            now = time.monotonic()
+            due = now - self._drawn >= _REDRAWN
+            self._drawn = now if due else self._drawn
+            self._bar.update(self._task, completed=done, total=total, description=escape(text), refresh=due)
+
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """Out of the way, while something else is said."""
+        if self._bar:
+            self._bar.stop()
+        yield
+        if self._bar:
+            self._bar.start()
+
+
+@contextmanager
+def progress_bar(name: str, total: int) -> Iterator[Bar]:
+    """A bar with a name and a count, where someone watches."""
+    if console.quiet or not errors.is_terminal:
+        yield Bar(None, total)
+        return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn(escape(name)), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    # It refreshes itself in a thread otherwise, and processes are to be forked.
+    text = TextColumn("{task.description}")
+    with Progress(*columns, text, console=errors.rich, transient=True, auto_refresh=False) as bar:
+        own = Bar(bar, total)
+        bar.refresh()
+        yield own
 
 
 def facts_table(title: str, facts: dict[str, str]) -> Table:

@@ -6,6 +6,7 @@ import math
 import os
 import platform
 from collections.abc import Iterable
+from types import NoneType
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -57,20 +58,19 @@ def doctor(
         tables: list[str | Table]
         if robot is None:
             arm, facts = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), ad.Payload(mass=0.1)), _installation()
-            answer.facts |= {"success": True, "status": "healthy", "files": [], **facts}
+            answer.done("healthy", facts)
             tables = [facts_table("armdyn's installation", {k: str(v) for k, v in facts.items()})]
         else:
             arm = part.read(robot)
             joints, remarks = _joints(arm), _remarks(arm)
-            answer.facts |= {"success": True, "status": "read", "files": [], "robot": arm.name, "tip": arm.tip}
-            answer.facts |= {"joints": joints, "remarks": remarks}
+            answer.done("read", {"robot": arm.name, "tip": arm.tip, "joints": joints, "remarks": remarks})
             tables = [_table(arm, joints), *(f"[yellow]note:[/] {escape(remark)}" for remark in remarks)]
         if policy:
             rows = _policy(arm)
             answer.facts["policy"] = policy_facts(rows)
             tables.append(policy_table(arm.name, rows))
         if build:
-            with working(f"machine code of {arm.name}", json):
+            with working(f"machine code of {arm.name}"):
                 seconds = _built(arm)
             answer.facts["built"] = seconds
             tables.append(f"machine code of {escape(arm.name)} is there, after {seconds:.1f} s")
@@ -79,11 +79,9 @@ def doctor(
         if error > _AGREE:
             answer.facts |= {"success": False, "status": "dynamics_disagree"}
             answer.code = NOT_USABLE
-        if not json:
-            for table in tables:
-                console.print(table)
-            verdict = "[green]agree[/]" if error <= _AGREE else "[bold red]DISAGREE[/]"
-            console.print(f"CasADi and Pinocchio dynamics {verdict} (largest relative difference {error:.1e})")
+        verdict = "[green]agree[/]" if error <= _AGREE else "[bold red]DISAGREE[/]"
+        for shown in (*tables, f"CasADi and Pinocchio dynamics {verdict} (largest relative difference {error:.1e})"):
+            console.print(shown)
 
 
 def _built(robot: ad.Robot) -> float:
@@ -144,15 +142,11 @@ def _policy(robot: ad.Robot) -> list[PolicyRow]:
 
 def policy_facts(rows: Iterable[PolicyRow]) -> list[Facts]:
     """A policy for machines; a value that JSON does not know is its text."""
+    names = ("name", "value", "unit", "reason", "cases")
+    plain = (bool, int, float, str, NoneType)
     return [
-        {
-            "name": name,
-            "value": value if value is None or isinstance(value, bool | int | float | str) else str(value),
-            "unit": unit,
-            "reason": reason,
-            "cases": cases,
-        }
-        for name, value, unit, reason, cases in rows
+        dict(zip(names, (name, value if isinstance(value, plain) else str(value), *others), strict=True))
+        for name, value, *others in rows
     ]
 
 

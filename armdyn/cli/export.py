@@ -1,9 +1,10 @@
-"""The command that writes a motion as robots and simulators read it."""
+"""The command that writes a motion in another format."""
 
 from __future__ import annotations
 
+from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -13,11 +14,7 @@ from armdyn.cli.options.results import Json
 from armdyn.errors import ProblemError
 from armdyn.files import probe_folder, write_whole
 from armdyn.parsing.numbers import number
-
-if TYPE_CHECKING:
-    from armdyn.trajectory import Samples
-
-_SUFFIXES = {"csv": ".csv", "ros2": ".json", "mujoco": ".xml"}
+from armdyn.trajectory.formats import FORMATS
 
 
 def export(
@@ -25,15 +22,14 @@ def export(
     format: Annotated[  # noqa: A002  # the option's name
         str,
         typer.Option(
-            metavar="csv|ros2|mujoco",
-            help="csv: a table. ros2: a JointTrajectory message. mujoco: keyframes and motors, to include in a model.",
+            metavar="|".join(FORMATS), help=" ".join(f"{name}: {kind.summary}." for name, kind in FORMATS.items())
         ),
     ] = "csv",
     rate: Annotated[
         str, typer.Option(metavar="HZ", help="Rows per second; own: at the motion's own samples instead.")
     ] = "1000",
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for what is written. By default that of FILE.")
+        Path | None, typer.Option(metavar="DIR", help="Folder for the written file. By default that of FILE.")
     ] = None,
     motors: Annotated[
         bool,
@@ -46,9 +42,8 @@ def export(
 ) -> None:
     """A motion as a table, as ROS 2's message, or as MuJoCo's keyframes.
 
-    Each row has a time, q, v, a and tau. Rows are 1 / rate apart and strictly increasing, the first at 0, the last at
-    the motion's end. Torques and accelerations are means over the step that begins there: what a controller holds until
-    the next row.
+    Each row has a time, q, v, a and tau. Rows are 1 / rate apart, the first at 0, the last at the motion's end. Torques
+    and accelerations are means over the step that begins there: what a controller holds until the next row.
 
     ROS 2's message (trajectory_msgs/msg/JointTrajectory) is JSON, which is YAML, too; joints have the URDF's names.
 
@@ -65,35 +60,20 @@ def export(
     with answering(json) as answer:
         from armdyn.trajectory import Trajectory
 
-        one_of(format, tuple(_SUFFIXES), "--format")
+        kind = FORMATS[one_of(format, tuple(FORMATS), "--format")]
+        options = {"motors": motors} if "motors" in signature(kind).parameters else {}
         ticks = None if rate.strip() == "own" else number(rate, "--rate")
         if file.suffix.lower() != ".npz":
             raise ProblemError(f"{file} is no .npz file; armdyn export takes the trajectory.npz that armdyn wrote")
         motion = Trajectory.load(file)
-        name = file.with_suffix(_SUFFIXES[format]).name
+        name = file.with_suffix(kind.suffix).name
         target = probe_folder(out or file.parent, name) / name
         samples = motion.resample(ticks)
-        content = _content(samples, format, motors)
+        content = kind(**options).text(samples)
         target.parent.mkdir(parents=True, exist_ok=True)
         write_whole(target, content.encode())
-        answer.facts |= {
-            "success": True,
-            "status": "written",
-            "format": format,
-            "rate": ticks,
-            "samples": samples.t.size,
-            "duration": motion.duration,
-            "files": [str(target)],
-        }
-        if not json:
-            even = "its own samples" if ticks is None else f"{ticks:g} Hz"
-            console.print(f"{escape(str(target))}  ({samples.t.size} rows at {even}, {motion.duration:.6f} s)")
-
-
-def _content(samples: Samples, format: str, motors: bool) -> str:  # noqa: A002  # the option's name
-    """The file's text."""
-    from armdyn.trajectory.formats import csv_text, joint_trajectory_text
-
-    if format == "csv":
-        return csv_text(samples)
-    return joint_trajectory_text(samples) if format == "ros2" else samples.to_mjcf(motors=motors)
+        rows = samples.t.size
+        facts = {"format": format, "rate": ticks, "samples": rows, "duration": motion.duration}
+        answer.done("written", facts, [target])
+        even = "its own samples" if ticks is None else f"{ticks:g} Hz"
+        console.print(f"{escape(str(target))}  ({rows} rows at {even}, {motion.duration:.6f} s)")

@@ -1,23 +1,20 @@
 """Commands about the paper's arms: reproduce, urdf."""
 
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from armdyn.arguments import one_of
-from armdyn.cli.console import INTERRUPTED, NOT_USABLE, answering, console, errors, escape
+from armdyn.cli.console import INTERRUPTED, NOT_USABLE, answering, console, escape, progress_bar
 from armdyn.cli.options.results import Json
 from armdyn.control.tracking.arrival import ARRIVAL_RULES
 from armdyn.files import probe_folder, write_whole
 from armdyn.parsing.numbers import numbers
 
 if TYPE_CHECKING:
-    from rich.progress import Progress
-
     from armdyn.paper.outcomes.outcome import Outcome
     from armdyn.paper.plan import Plan
     from armdyn.paper.reproduce import Reproduced
@@ -66,12 +63,12 @@ def reproduce(
 
         plan, count = _plan(only or (), payload or (), arrival_rule, fresh), 0
         try:
-            with _progress(len(plan.cases()), json) as bar:
+            with progress_bar("reproduce", len(plan.cases())) as bar:
 
                 def done(outcome: "Outcome", number: int, of: int) -> None:
                     nonlocal count
                     count = number
-                    bar.progress(outcome, number, of)
+                    bar.update(number, outcome.case.name, of)
 
                 def shown(outcomes: "Sequence[Outcome]") -> None:
                     with bar.aside():
@@ -85,8 +82,7 @@ def reproduce(
         else:
             answer.facts |= _facts(result)
             answer.code = 0 if answer.facts["success"] else NOT_USABLE
-            if not json:
-                _print(result, out)
+            _print(result, out)
 
 
 def _plan(only: Sequence[str], payloads: Sequence[str], rule: str | None, fresh: bool) -> "Plan":
@@ -102,50 +98,6 @@ def _plan(only: Sequence[str], payloads: Sequence[str], rule: str | None, fresh:
         arrival_rule=rule,  # type: ignore[arg-type]  # checked above
         fresh=fresh,
     )
-
-
-class _Bar:
-    """A bar on standard error; without one, nothing is told."""
-
-    def __init__(self, bar: "Progress | None", total: int):
-        self._bar, self._task = bar, bar.add_task("", total=total) if bar else None
-
-    def progress(self, outcome: "Outcome", done: int, of: int) -> None:
-        """So many cases are done, this one last."""
-        if self._bar and self._task is not None:
-            description = escape(outcome.case.name)
-            self._bar.update(self._task, completed=done, total=of, description=description, refresh=True)
-
-    @contextmanager
-    def aside(self) -> Iterator[None]:
-        """Out of the way, while something else is said."""
-        if self._bar:
-            self._bar.stop()
-        yield
-        if self._bar:
-            self._bar.start()
-
-
-@contextmanager
-def _progress(total: int, as_json: bool) -> Iterator[_Bar]:
-    """A bar where someone watches."""
-    if as_json or console.quiet or not errors.is_terminal:
-        yield _Bar(None, total)
-        return
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (
-        TextColumn("reproduce"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("{task.description}"),
-    )
-    # It refreshes itself in a thread otherwise, and processes are to be forked.
-    with Progress(*columns, console=errors.rich, transient=True, auto_refresh=False) as bar:
-        own = _Bar(bar, total)
-        bar.refresh()
-        yield own
 
 
 def _facts(result: "Reproduced") -> dict[str, object]:
@@ -239,13 +191,12 @@ def urdf(
         spec = ArmSpec.paper(arm)  # type: ignore[arg-type]  # paper refuses what it does not know
         load = Payload(mass=payload)
         text = urdf_from_spec(spec, load)
-        answer.facts |= {"success": True, "status": "written", "files": []}
+        answer.done("written", {})
         if out is not None:
             probe_folder(out, urdf_file_name(spec, load)).mkdir(parents=True, exist_ok=True)
             path = write_whole(out / urdf_file_name(spec, load), text.encode())
             answer.facts["files"] = [str(path)]
-            if not json:
-                console.print(escape(str(path)))
+            console.print(escape(str(path)))
         elif json:
             answer.facts["urdf"] = text
         else:

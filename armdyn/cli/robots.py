@@ -50,39 +50,30 @@ def robots(
     """
     with answering(json) as answer:
         if name is not None:
-            _tell_poses(PartOptions().read(name), answer, json)
+            _tell_poses(PartOptions().read(name), answer)
             return
         from armdyn.models.robots.library import BENCHMARKS, LIBRARY_ARMS, other_robots
 
-        with working("robots", json) as progress:
+        with working("robots") as progress:
             arms = [_facts(name, progress) for name in (*models.PLANAR_ARMS, *BENCHMARKS, *LIBRARY_ARMS)]
             others = [_facts(name, progress) for name in other_robots()] if everything or json else []
-        answer.facts |= {"success": True, "status": "listed", "files": [], "robots": arms, "others": others}
-        if not json:
-            console.print(_table("Arms by name", arms))
-            if others:
-                console.print(_table("The library's other robots, base fixed and every joint free", others))
-            every, some, none = _marks()
-            console.print(
-                f"\nLimits of position q, velocity v and torque τ: {every} of all joints, {some} of some, {none} of "
-                "none. Minimum time needs torque limits: give what is missing with --effort-limit. armdyn doctor NAME "
-                "shows every joint."
-            )
+        answer.done("listed", {"robots": arms, "others": others})
+        console.print(_table("Arms by name", arms))
+        if others:
+            console.print(_table("The library's other robots, base fixed and every joint free", others))
+        every, some, none = _marks()
+        console.print(
+            f"\nLimits of position q, velocity v and torque τ: {every} of all joints, {some} of some, {none} of none. "
+            "Minimum time needs torque limits: give what is missing with --effort-limit. armdyn doctor NAME shows "
+            "every joint."
+        )
 
 
-def _tell_poses(robot: ad.Robot, answer: Answer, json: bool) -> None:
+def _tell_poses(robot: ad.Robot, answer: Answer) -> None:
     """The poses of one robot."""
     poses = robot.poses
-    answer.facts |= {
-        "success": True,
-        "status": "listed",
-        "files": [],
-        "robot": robot.name,
-        "joints": list(robot.joint_names),
-        "poses": {name: q.tolist() for name, q in poses.items()},
-    }
-    if json:
-        return
+    listed = {name: q.tolist() for name, q in poses.items()}
+    answer.done("listed", {"robot": robot.name, "joints": list(robot.joint_names), "poses": listed})
     words = {name: ", ".join(f"{x:.4g}" for x in q) for name, q in poses.items()}
     if not words:
         console.print(f"{escape(robot.name)} has no pose with a name: no SRDF is by its URDF")

@@ -1,1 +1,1 @@
-"""Functions as machine code: built once, kept, loaded; and how long that may take."""
+"""CasADi Functions as machine code: generated, compiled, cached, loaded."""

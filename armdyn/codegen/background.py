@@ -1,4 +1,4 @@
-"""Machine code that is built while others go on without it."""
+"""Compilation in the background."""
 
 import os
 import subprocess
@@ -15,7 +15,7 @@ _awaited: set[Path] = set()
 
 
 def build_later(library: Path, compiler: str, source: str) -> None:
-    """Have a process of its own build a library; it goes on when this one ends, and ends itself when it is done.
+    """Spawn a process that builds a library; it outlives this process and ends when the library is built.
 
     One builder is enough: a mark beside the library says that there is one.
 
@@ -57,12 +57,12 @@ def build_later(library: Path, compiler: str, source: str) -> None:
 
 
 def awaited() -> bool:
-    """Some library is being built."""
+    """Whether a library is being built."""
     return bool(_awaited)
 
 
 def arrived() -> bool:
-    """A library that was awaited is there; it is awaited no longer."""
+    """Whether an awaited library has been built; it is then no longer awaited."""
     there = {library for library in _awaited if os.path.lexists(library)}
     _awaited.difference_update(there)
     return bool(there)

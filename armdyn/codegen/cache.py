@@ -1,4 +1,4 @@
-"""Folders for machine code that nobody but this user can change.
+"""Cache folders of machine code that only this user can write.
 
 What lies in the cache is loaded and runs. A folder is therefore used only if it is this user's, no one else can write
 in it, and no one else can put another in its place: the folders above it belong to this user or to root, and others
@@ -51,7 +51,7 @@ def protected(folder: Path) -> Path:
 
 @contextmanager
 def private_folder() -> Iterator[Path]:
-    """A new folder that is gone afterwards.
+    """Temporary folder that only this user can read.
 
     Raises:
         OSError: there is no place for one.

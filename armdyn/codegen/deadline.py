@@ -1,4 +1,4 @@
-"""How long building a program may take: said where a solve begins, asked between what takes long to build."""
+"""Deadline of building programs: set by the solve, checked between the long steps of building."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -29,12 +29,12 @@ def until(deadline: float, stopped: Callable[[], bool] = lambda: False) -> Itera
 
 
 def left() -> float:
-    """What is left [s]; 0 once it is stopped, infinite where nobody has said."""
+    """Time left [s]; 0 once stopped, infinite without a deadline."""
     return 0.0 if _stopped.get()() else _deadline.get() - time.perf_counter()
 
 
 def ask() -> None:
-    """Go on only while there is time.
+    """Raise `LateError` if the deadline has passed.
 
     Raises:
         LateError: there is none.

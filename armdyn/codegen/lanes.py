@@ -1,4 +1,4 @@
-"""Functions as C that evaluates them at several places at once: what has a lane each in one vector register.
+"""Generate C that evaluates a Function at several points at once, one point per lane of a vector register.
 
 GCC and Clang know types of several numbers; sums and products of such are one instruction on every processor of
 today, and the numbers are those of one place alone.
@@ -39,7 +39,7 @@ class UnwrittenError(Exception):
 
 
 def prelude() -> str:
-    """What functions of `in_lanes` need before them."""
+    """C declarations that the functions of `in_lanes` need."""
     lines = [
         "#include <math.h>",
         f"enum {{ LANES = {LANES} }};",

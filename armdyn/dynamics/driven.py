@@ -1,4 +1,4 @@
-"""A controller around an arm, tick by tick, by the bridge's loop: the arm and the law in C, one thread each run."""
+"""Closed-loop simulation tick by tick, by the bridge's C++ loop."""
 
 import ctypes
 from collections.abc import Mapping
@@ -28,7 +28,7 @@ class Plant(NamedTuple):
 
 
 def plant_of(robot: Robot) -> Plant:
-    """A robot's."""
+    """Plant of a robot."""
     friction = robot.friction
     smooth = Dynamics(robot.with_friction(0.0, 0.0) if friction.present else robot, free_last_body=True)
     if not friction.present:
@@ -48,7 +48,7 @@ def _rubbing(dynamics: Dynamics) -> ca.Function:
 
 
 class Tables(NamedTuple):
-    """What a loop reads: see `_bridge/loop.hpp`."""
+    """Tables of a loop: see `_bridge/loop.hpp`."""
 
     plant_parameters: Array
     model_parameters: Array
@@ -63,7 +63,7 @@ class Tables(NamedTuple):
 
 
 class Driven(NamedTuple):
-    """What a loop did, tick by tick."""
+    """Simulated loop, tick by tick."""
 
     q: Array
     """Positions [rad or m], shape (ticks + 1, nv)."""
@@ -84,13 +84,13 @@ class Driven(NamedTuple):
 def drive(
     plant: ca.Function, law: ca.Function, model: ca.Function | None, tables: Tables, scalars: Mapping[str, object]
 ) -> Driven:
-    """Run a loop; other threads go on meanwhile.
+    """Run a loop; it releases the interpreter's lock.
 
     Args:
         plant: the arm that moves, a(q, v, tau, p).
         law: the controller's, tau(q, v, integral, pending, row).
         model: the observer's arm, like plant; None: there is no observer.
-        tables: what is read.
+        tables: of the loop.
         scalars: the single numbers of `_bridge/loop.hpp`, by name.
     """
     import _armdyn_bridge as bridge
@@ -126,5 +126,5 @@ def _callable(function: ca.Function) -> Any:
 
 @cache
 def _library(source: str, instructions: int) -> ctypes.CDLL | None:
-    """Never forgotten: its addresses were given away. Another Function of the same source shares it."""
+    """Load a library for good: addresses of its functions are in use. Another Function of the same source shares it."""
     return compiled_library(source, instructions)

@@ -1,4 +1,4 @@
-"""Pinocchio's dynamics as numbers, with the friction that its models do not have."""
+"""Numeric dynamics by Pinocchio, with joint friction."""
 
 from collections.abc import Callable
 
@@ -63,10 +63,12 @@ def joint_inertia(robot: Robot) -> Callable[[Array], Array]:
     For one thread, like `forward_dynamics`.
     """
     model, data, configuration = robot.model, robot.model.createData(), robot.configuration
+    lower = np.tril_indices(robot.nv, -1)
 
     def inertia(q: Array) -> Array:
-        upper: Array = np.triu(pin.crba(model, data, configuration(q)))
-        return upper + np.triu(upper, 1).T
+        matrix: Array = np.array(pin.crba(model, data, configuration(q)))
+        matrix[lower] = matrix.T[lower]
+        return matrix
 
     return inertia
 

@@ -1,4 +1,4 @@
-"""Arms: as numbers, as URDF, as Pinocchio models."""
+"""Robot models: specifications, URDF, MJCF, Pinocchio models."""
 
 from typing import TYPE_CHECKING
 

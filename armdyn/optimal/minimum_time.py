@@ -20,7 +20,7 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.optimal.proof.transversality import transversality
 from armdyn.optimal.refine.bang import minimum_time
-from armdyn.optimal.refine.constrained import clear_optima, constrained, without_obstacles
+from armdyn.optimal.refine.constrained import constrained, with_clearances, without_obstacles
 from armdyn.optimal.refine.curves import curves
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.slowing import slowed
@@ -111,12 +111,12 @@ def refined(task: Task) -> tuple[list[Optimum], Found]:
 
 
 def _by(method: Method, task: Task) -> tuple[list[Optimum], Found]:
-    """Optima by one method; on a mesh those without obstacles if they are clear of all obstacles all the same."""
-    if method == "mesh" and (free := without_obstacles(task)):
-        more, searched = _by(free.policy.strategy.methods[-1], free)
-        if clear := clear_optima(task, more):
-            return clear, searched
-    return METHODS[method](task)
+    """Optima by one method; only curves go round obstacles, the others leave them out, and clearances are checked."""
+    free = without_obstacles(task) if method != "curves" else None
+    if free is None:
+        return METHODS[method](task)
+    optima, searched = METHODS[method](free)
+    return with_clearances(task, optima), searched
 
 
 def _certified(task: Task, optimum: Optimum) -> bool:

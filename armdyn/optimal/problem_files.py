@@ -11,7 +11,8 @@ from armdyn.arguments import shown
 from armdyn.models.robots.poses import positions_of
 from armdyn.models.robots.robot import Robot
 from armdyn.models.robots.tables import robot_from
-from armdyn.models.scene.obstacles import obstacle_from, pose_of
+from armdyn.models.scene.obstacles import obstacle_from
+from armdyn.models.scene.placement import pose_of
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.path_constraints.registry import path_constraint_from
 from armdyn.optimal.problem.problem import MinimumTimeProblem

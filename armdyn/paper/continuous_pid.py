@@ -9,6 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -80,7 +81,11 @@ class ContinuousLoop:
         """D(q) [kg m²], shape (nv, nv)."""
         if self.dynamics is not None:
             return np.asarray(self.dynamics.inertia(q), dtype=float)
-        return np.array(pin.crba(self.robot.model, self.robot.model.createData(), self.robot.configuration(q)))
+        return np.array(pin.crba(self.robot.model, self._data, self.robot.configuration(q)))
+
+    @cached_property
+    def _data(self) -> pin.Data:
+        return self.robot.model.createData()
 
     def torque(self, x: Array) -> Array:
         """Torque of the controller [N m], shape (nv,)."""

@@ -1,4 +1,4 @@
-"""What is to be reproduced: which cases, in which order, and which begins where another has ended."""
+"""Plan of a reproduction: cases, their order, and warm starts between them."""
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
@@ -23,7 +23,7 @@ EXAMPLES_OF_PART = {
     "table7": (1, 2, 3, 4, 5, 6),
     **{f"figure{one.figure}": (one.number,) for one in EXAMPLES},
 }
-"""What `--only` takes, and the examples that each needs."""
+"""Values of `--only`, and the examples that each needs."""
 
 _ONLY_FIGURED_PAYLOAD = ("table7", *(f"figure{one.figure}" for one in EXAMPLES))
 """Parts that the paper has for 100.6 g alone."""
@@ -31,7 +31,7 @@ _ONLY_FIGURED_PAYLOAD = ("table7", *(f"figure{one.figure}" for one in EXAMPLES))
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What is to be reproduced.
+    """Plan of a reproduction.
 
     Attributes:
         only: names of `EXAMPLES_OF_PART`; empty: everything.
@@ -60,7 +60,7 @@ class Plan:
 
     @property
     def shown_payload(self) -> float:
-        """Of figures, replays and the examples' folders [kg]: the paper's, or else the first that is asked for."""
+        """Payload of figures, replays and the examples' folders [kg]: the paper's, else the first requested."""
         return PAYLOAD if not self.payloads or PAYLOAD in self.payloads else self.payloads[0]
 
     def wants(self, table: int) -> bool:

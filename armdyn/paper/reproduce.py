@@ -29,7 +29,7 @@ Job = Callable[[], "Outcome | Picture | DiskFullError"]
 
 @dataclass(frozen=True)
 class Reproduced:
-    """What came of a plan.
+    """Results of a plan.
 
     Attributes:
         outcomes: of its cases.
@@ -96,7 +96,7 @@ def reproduce(
 
 
 class _SoFar:
-    """What has come of a plan.
+    """Results of a plan so far.
 
     Attributes:
         found: outcomes by their cases.
@@ -110,7 +110,7 @@ class _SoFar:
         self._figures = len(_figures(plan, cases))
 
     def take(self, result: "Outcome | Picture | DiskFullError") -> Outcome | None:
-        """One result more; returned if it is an outcome.
+        """Add one result; returned if it is an outcome.
 
         Raises:
             DiskFullError: it is that.
@@ -133,7 +133,7 @@ class _SoFar:
 
     @property
     def rows(self) -> tuple[Row, ...]:
-        """Of the tables that the plan wants."""
+        """Rows of the plan's tables."""
         rows = all_rows(self.outcomes, self._plan.payloads or PAYLOADS)
         return tuple(row for row in rows if self._plan.wants(row.table))
 

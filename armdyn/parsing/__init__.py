@@ -1,1 +1,1 @@
-"""What people type: numbers and positions in options and files, and files of TOML."""
+"""Parsing of user input: numbers and positions with units, TOML files."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.planning.rrt_connect import IsFree, OutOfChecks, PlannerOptions, connect, length, shortened
+from armdyn.planning.rrt_connect import IsFree, OutOfChecksError, PlannerOptions, connect, length, shortened
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ class _Budget:
 
     def is_free(self, point: Array) -> bool:
         if self.attempt <= 0 or self.left <= 0:
-            raise OutOfChecks
+            raise OutOfChecksError
         self.attempt -= 1
         self.left -= 1
         return self._space.is_free(point * self._space.speed)
@@ -100,10 +100,10 @@ def _attempt(
     is_free: IsFree = budget.is_free
     try:
         path = connect(is_free, *frame, seed, options)
-    except OutOfChecks:
+    except OutOfChecksError:
         return None
     budget.attempt = checks
     try:
         return shortened(is_free, path, [*seed, 1], options)
-    except OutOfChecks:
+    except OutOfChecksError:
         return path

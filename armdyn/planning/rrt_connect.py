@@ -39,7 +39,7 @@ class PlannerOptions:
     paths: int = 4
 
 
-class OutOfChecks(Exception):
+class OutOfChecksError(Exception):
     """The budget of collision checks is used up."""
 
 
@@ -89,7 +89,7 @@ def connect(
     """Find a path.
 
     Args:
-        is_free: of a point; raises `OutOfChecks` to end the search.
+        is_free: of a point; raises `OutOfChecksError` to end the search.
         ends: start and goal, each of shape (n,).
         bounds: lower and upper, each of shape (n,).
         seed: of the random points.
@@ -99,7 +99,7 @@ def connect(
         Points of the path, shape (m, n), from start to goal.
 
     Raises:
-        OutOfChecks: no path was found within the budget.
+        OutOfChecksError: no path was found within the budget.
     """
     if segment_is_free(is_free, *ends, options.step):
         return np.array(ends)
@@ -115,9 +115,7 @@ def connect(
         growing, other, swapped = other, growing, not swapped
 
 
-def _extend(
-    tree: Tree, target: Array, is_free: IsFree, options: PlannerOptions, far: bool
-) -> tuple[int | None, bool]:
+def _extend(tree: Tree, target: Array, is_free: IsFree, options: PlannerOptions, far: bool) -> tuple[int | None, bool]:
     """Grow a tree towards a point as far as it is free, by at most `reach` unless `far`.
 
     Returns:

@@ -1,4 +1,4 @@
-"""What a motion looks like: figures and replays.
+"""Figures, replays and reports of motions.
 
 `from armdyn.show import plots, replay` loads matplotlib and meshcat; nothing else in armdyn does.
 """

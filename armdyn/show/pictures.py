@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -19,7 +20,7 @@ from armdyn.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 _MOST_SAMPLES = 600
-"""Of a motion that is drawn as it is: a longer one is drawn at even times, and the picture stays small."""
+"""Most samples that are drawn; a longer motion is resampled at even times."""
 _AXES = "xyz"
 
 
@@ -78,7 +79,7 @@ def _thinned(motion: Trajectory) -> Trajectory:
         return motion
     t = np.linspace(motion.t[0], motion.t[-1], _MOST_SAMPLES)
     at = motion(t)
-    return Trajectory(t, at.q, at.v, at.tau, motion.joint_names, motion.name, motion.model_hash)
+    return replace(motion, t=t, q=at.q, v=at.v, tau=at.tau)
 
 
 def _clear(figure: Figure) -> Figure:

@@ -25,7 +25,7 @@ _DENSE = 1200
 _MOST_TICKS = 40
 _Place = Literal["outside upper center", "outside lower center"]
 UNRESOLVED = " (switching times not resolved)"
-"""What a legend says of a motion on a mesh or a curve."""
+"""Remark in the legend for a motion on a mesh or a curve."""
 _UNDATED: dict[str, dict[str, str | None]] = {
     "png": {"Software": "armdyn"},
     "pdf": {"Creator": "armdyn", "Producer": "armdyn", "CreationDate": None},
@@ -85,7 +85,7 @@ def plot_trajectories(
 def plot_panels(
     trajectories: Sequence[Trajectory], limits: JointLimits | None, unresolved: Collection[int] = ()
 ) -> Figure:
-    """What `plot_trajectories` draws, without what is above the panels."""
+    """Panels of `plot_trajectories`, without title and legend above them."""
     joints = trajectories[0].v.shape[1]
     groups = scales(limits, joints)
     with rc_context(LOOK):
@@ -123,7 +123,7 @@ def put_head(figure: Figure, title: str | None, handles: Sequence[Line2D] = ()) 
 
 
 def run_handles(captions: Sequence[str]) -> list[Line2D]:
-    """What a legend says of each trajectory."""
+    """Legend entries of the trajectories."""
     drawn = zip(captions, styles(len(captions)), strict=True)
     return [Line2D([], [], color=INK, linestyle=style, linewidth=1.4, label=literal(text)) for text, style in drawn]
 
@@ -170,14 +170,16 @@ def _rendered(figure: Figure, kind: str) -> bytes:
 
 
 def _draw(panels: Sequence[Panel], trajectory: Trajectory, style: Style) -> None:
-    # Position and velocity are curved between samples; the torque is linear, its samples say it all.
+    # Position and velocity are curved between samples; the torque is linear or held, its samples say it all.
     t = np.union1d(trajectory.t, np.linspace(trajectory.t[0], trajectory.t[-1], _DENSE))
     dense = trajectory(t)
     curves = {"position": (t, dense.q), "velocity": (t, dense.v), "torque": (trajectory.t, trajectory.tau)}
     for panel in panels:
         time, values = curves[panel.quantity]
+        steps = "steps-post" if panel.quantity == "torque" and trajectory.hold == "zero-order" else "default"
+        look: dict[str, Any] = {"linestyle": style, "linewidth": 1.7, "zorder": 3, "drawstyle": steps}
         for joint in panel.joints:
-            panel.axes.plot(time, values[:, joint], color=color(joint), linestyle=style, linewidth=1.7, zorder=3)
+            panel.axes.plot(time, values[:, joint], color=color(joint), **look)
         panel.axes.axvline(trajectory.t[-1], color=INK, linestyle=style, linewidth=0.6, alpha=0.35, zorder=1)
 
 

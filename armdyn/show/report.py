@@ -1,4 +1,4 @@
-"""What is left on disk of a run: trajectory, figure, report and a summary, in one folder.
+"""Files of a run: trajectory, figure, report and summary, in one folder.
 
 A figure takes matplotlib and a report meshcat: each is loaded when it is drawn.
 """
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 Part = Literal["figure", "report"]
 PARTS: tuple[Part, ...] = ("figure", "report")
-"""What is drawn of a motion."""
+"""Drawings of a motion."""
 
 
 def file_names(parts: Collection[Part] = PARTS, motions: Iterable[str] = ("trajectory",)) -> list[str]:

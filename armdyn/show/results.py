@@ -38,7 +38,7 @@ MAX_BYTES = 8 * 2**20
 
 
 def model_facts(robot: Robot) -> dict[str, object]:
-    """Which arm it is, as JSON says it: what is needed to build it again from its name, and its limits.
+    """Description of the arm for JSON: data to rebuild it from its name, and its limits.
 
     What is not finite is null; units as everywhere.
     """
@@ -77,7 +77,7 @@ def source_name(source: str) -> str:
 
 
 def result_head(robot: Robot) -> dict[str, object]:
-    """What every result says first: its format, the versions at work, the units, and which arm it is."""
+    """Head of every result: format, package versions, units, arm."""
     return {
         "format": _FORMAT,
         "armdyn": version("armdyn"),

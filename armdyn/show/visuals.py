@@ -1,4 +1,4 @@
-"""What a robot looks like: the shapes of its URDF, on the joints that carry them."""
+"""Shapes of a robot: the visuals of its URDF, by the joints that carry them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from armdyn.errors import ArmdynWarning
 from armdyn.models import Robot
 from armdyn.models.reading.meshes import load_meshes, numbers, origin, resolve_mesh
 from armdyn.models.reading.urdf_check import parse_urdf
-from armdyn.models.scene.obstacles import Box, Capsule, Obstacle, Sphere
+from armdyn.models.scene.obstacles import Obstacle
 
 if TYPE_CHECKING:
     import trimesh
@@ -106,19 +106,23 @@ def robot_shapes(robot: Robot) -> list[VisualShape]:
 
 
 def obstacle_shapes(obstacles: Sequence[Obstacle]) -> list[VisualShape]:
-    """What obstacles look like; they are fixed to the world."""
+    """Obstacles, fixed to the world, drawn from coal's boxes, spheres, capsules and cylinders."""
+    import coal
+
     shapes: list[VisualShape] = []
     for obstacle in obstacles:
-        if isinstance(obstacle, Box):
-            shapes.append(VisualShape(0, obstacle.pose, mg.Box(list(obstacle.size)), _OBSTACLE))
+        placement, solid = obstacle.solid()
+        if isinstance(solid, coal.Box):
+            shapes.append(VisualShape(0, placement, mg.Box((2 * solid.halfSide).tolist()), _OBSTACLE))
             continue
-        ends = [obstacle.center] if isinstance(obstacle, Sphere) else [obstacle.a, obstacle.b]
-        for end in ends:
-            placement = np.eye(4)
-            placement[:3, 3] = end
-            shapes.append(VisualShape(0, placement, mg.Sphere(obstacle.radius), _OBSTACLE))
-        if isinstance(obstacle, Capsule):
-            shapes += _rod(0, np.array(obstacle.a), np.array(obstacle.b), obstacle.radius, _OBSTACLE)
+        half = 0.0 if isinstance(solid, coal.Sphere) else solid.halfLength
+        a, b = (placement[:3, 3] + side * half * placement[:3, 2] for side in (-1, 1))
+        if not isinstance(solid, coal.Cylinder):
+            for end in [a, b] if half else [a]:
+                ball = np.eye(4)
+                ball[:3, 3] = end
+                shapes.append(VisualShape(0, ball, mg.Sphere(solid.radius), _OBSTACLE))
+        shapes += _rod(0, a, b, solid.radius, _OBSTACLE)
     return shapes
 
 

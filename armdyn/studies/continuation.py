@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from armdyn.arguments import expect, listener
-from armdyn.errors import ProblemError
+from armdyn.errors import ArmdynError, ProblemError
 from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Solution
 from armdyn.optimal.problem.stop import stopping
 from armdyn.studies.executors.in_process import in_process
@@ -111,14 +110,10 @@ def continuation(
 
 
 def _digest(problem: MinimumTimeProblem) -> str:
-    """Checksum of all that a problem's answer depends on."""
-    limits = {name: value.tolist() for name, value in vars(problem.limits).items()}
-    told = {
-        "model": problem.robot.model_hash, "friction": repr(problem.robot.friction), "limits": limits,
-        "goals": [goal.tolist() for goal in problem.goals], "start": problem.x_start.tolist(),
-        "end": problem.x_goal.tolist(), "weights": problem.effort_weights().tolist(), "wrap": problem.wrap,
-        "via": [np.asarray(q).tolist() for q in problem.via], "obstacles": repr(problem.obstacles),
-        "clearance": [problem.self_collision, problem.clearance], "path_constraints": repr(problem.path_constraints),
-        "rates": repr((problem.acceleration_limit, problem.jerk_limit)),
-    }  # fmt: skip
-    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+    """Checksum of a problem as TOML, or of its values where no file can describe it."""
+    try:
+        text = problem.to_toml()
+    except ArmdynError:
+        own = {field.name: getattr(problem, field.name) for field in fields(problem) if field.name != "robot"}
+        text = f"{problem.robot.model_hash} {problem.robot.friction!r} {own!r}"
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -70,7 +70,7 @@ def monte_carlo(
 
     asked = {} if file is None else study.description()
     with row_store(file, asked, "normal") as rows, stopping(np.inf) as stop:
-        with in_process(study, options.workers or os.cpu_count()) as executor:
+        with in_process(study, options.workers) as executor:
             run_cases(study, rows, executor, stop, told)
         found = list[PlantRow]()
         for row in rows.rows():
@@ -79,4 +79,4 @@ def monte_carlo(
             if row.settings != study.parameters(row.k):
                 raise ResultError(f"{rows.path}: row {row.k} is not of the arm that this seed draws; it was changed")
             found.append(PlantRow.of(row, study.sample(row.k)))
-    return MonteCarlo(study, tuple(found), None if file is None else Path(file))
+    return MonteCarlo(study, tuple(found), None if file is None else Path(os.fsdecode(file)))

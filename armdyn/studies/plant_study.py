@@ -21,8 +21,8 @@ from armdyn.errors import ResultError
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.studies.plants import MAX_ARMS, Plants, PlantSample
 from armdyn.studies.rows import StudyRow, Value
-from armdyn.studies.study import Cases
-from armdyn.studies.tasks.task import CaseResult, Neighbours
+from armdyn.studies.study import OwnTask
+from armdyn.studies.tasks.task import CaseResult
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -96,7 +96,7 @@ class PlantRow:
 
 
 @dataclass(frozen=True, eq=False)
-class PlantStudy(Cases):
+class PlantStudy(OwnTask):
     """A controller along a reference on random arms; also the task of its cases.
 
     Attributes:
@@ -118,17 +118,10 @@ class PlantStudy(Cases):
     loop: Loop = field(default_factory=Loop)
     options: MonteCarloOptions = field(default_factory=MonteCarloOptions)
 
-    neighbours: Neighbours = field(default="off", init=False)
-
     def __post_init__(self) -> None:
         expect(self.plants, Plants, "plants", "Plants(payload=(0.8, 1.2))").check(expect_robot(self.robot))
         expect(self.options, MonteCarloOptions, "options", "MonteCarloOptions(count=1000)")
         self.setup  # noqa: B018  # made now: wrong arguments are refused before there is a file
-
-    @property
-    def task(self) -> Self:  # type: ignore[override]
-        """The work on one arm."""
-        return self
 
     def __len__(self) -> int:
         return self.options.count
@@ -199,7 +192,7 @@ def identity(robot: Robot) -> dict[str, object]:
 
 def digest(motion: Trajectory) -> str:
     """Checksum of a motion's samples."""
-    found = hashlib.sha256()
+    found = hashlib.sha256(b"" if motion.hold == "linear" else motion.hold.encode())
     for array in (motion.t, motion.q, motion.v, motion.tau):
         found.update(repr(array.shape).encode() + array.tobytes())
     return found.hexdigest()

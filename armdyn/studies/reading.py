@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 from armdyn.arguments import shown
 from armdyn.errors import ProblemError
 from armdyn.parsing.toml import Table, read_toml
 from armdyn.studies.arms import arms_of
+from armdyn.studies.problems import ARM, POSES, ArmProblems
 from armdyn.studies.rows import Value
-from armdyn.studies.settings import ARM, POSES, ArmProblems, ArmRecipe, check_setting
+from armdyn.studies.settings import check_setting
 from armdyn.studies.study import MAX_AXES, METHODS, Axis, Study
 from armdyn.studies.tasks.registry import TASKS
 
@@ -39,16 +39,16 @@ def read_study(path: str | os.PathLike[str]) -> Study:
     for section, name in sections.items():
         if section in table.values and section != kind.section:
             raise table.error(section, f"[{section}] is for task = {name!r}; this study's is {kind.name!r}")
-    arms = tuple(arms_of(table.table("arms"), Path(path).absolute().parent, _named_poses(table)))
+    arms = tuple(arms_of(table.table("arms"), _named_poses(table)))
     if not arms:
         raise table.error("arms", "no arm: write [arms.NAME] with robot, q_start and q_goal")
-    signs, where = kind.signs, dict[str, Table]()
+    signs, where, bare = kind.signs, dict[str, Table](), ArmProblems(arms=arms)
     fixed = dict[str, Value]()
-    for own, name, value in _flat(table.table("fixed")):
-        fixed[name], where[name] = _checked(own, name, value, signs, arms), table.table("fixed")
+    for own, name, value in _flat(table.table("fixed"), POSES):
+        fixed[name], where[name] = _checked(own, name, value, signs, bare), table.table("fixed")
     axes = list[Axis]()
-    for own, name, value in _flat(table.table("vary")):
-        axes.append(_axis(own, name, value, signs, arms))
+    for own, name, value in _flat(table.table("vary"), None):
+        axes.append(_axis(own, name, value, signs, bare))
         where[name] = table.table("vary")
     if len(arms) > 1 and ARM not in where:
         axes.insert(0, Axis(name=ARM, values=tuple(arm.name for arm in arms)))
@@ -66,15 +66,19 @@ def read_study(path: str | os.PathLike[str]) -> Study:
         raise table.table("vary" if of_an_axis or not sample.values else "sample").about(error) from None
 
 
-def _flat(table: Table) -> Iterator[tuple[Table, str, Any]]:
-    """Settings by their whole names: a joint's pose stands in a table of its own, or has a dot in its name."""
+def _flat(table: Table, into: tuple[str, ...] | None, way: str = "") -> Iterator[tuple[Table, str, Any]]:
+    """Settings by their whole names, with the table that each stands in.
+
+    Args:
+        table: of settings; a name may lead into tables, `q_goal.joint2 = …`.
+        into: names of the tables that hold settings; None: all but ranges.
+        way: names on the way to the table, each with a dot.
+    """
     for name, value in table.values.items():
-        if name in POSES and isinstance(value, dict):
-            inner = table.table(name)
-            for joint, own in inner.values.items():
-                yield inner, f"{name}.{joint}", own
+        if isinstance(value, dict) and (name in into if into is not None else not {"from", "to"} & value.keys()):
+            yield from _flat(table.table(name), None, f"{way}{name}.")
         else:
-            yield table, name, value
+            yield table, f"{way}{name}", value
     if len(table.values) > MAX_AXES:
         raise table.error("", f"more than {MAX_AXES} settings")
 
@@ -93,28 +97,23 @@ def _named_poses(table: Table) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def _checked(table: Table, name: str, value: object, signs: Any, arms: tuple[ArmRecipe, ...]) -> Value:
-    with table.at(_key(table, name)):
-        return check_setting(name, value, signs, arms)
+def _checked(table: Table, name: str, value: object, signs: Any, problems: ArmProblems) -> Value:
+    with table.at(name.rpartition(".")[2]):
+        return check_setting(name, value, signs, problems)
 
 
-def _axis(table: Table, name: str, value: object, signs: Any, arms: tuple[ArmRecipe, ...]) -> Axis:
+def _axis(table: Table, name: str, value: object, signs: Any, problems: ArmProblems) -> Axis:
     """What varies: a list of values, or a table from, to, count, scale."""
-    key = _key(table, name)
-    with table.at(key):
+    with table.at(name.rpartition(".")[2]):
         if isinstance(value, list):
             if not 1 <= len(value) <= _MAX_VALUES:
                 raise ProblemError(f"{name} has {len(value)} values; give 1 to {_MAX_VALUES}")
-            return Axis(name=name, values=tuple(check_setting(name, one, signs, arms) for one in value))
+            return Axis(name=name, values=tuple(check_setting(name, one, signs, problems) for one in value))
         if not isinstance(value, dict) or not {"from", "to"} <= value.keys():
             raise ProblemError(f"{name} is {shown(value)}; write a list, or {{from = A, to = B, count = N}}")
         if unknown := value.keys() - {"from", "to", "count", "scale"}:
             raise ProblemError(f"{name}: {min(unknown)} is not known; a range has from, to, count, scale")
-        low, high = (check_setting(name, value[end], signs, arms) for end in ("from", "to"))
-        if isinstance(low, str) or isinstance(high, str):
-            raise ProblemError(f"{name} has names for values: write a list")
+        low, high = (check_setting(name, value[end], signs, problems) for end in ("from", "to"))
+        if not all(isinstance(end, int | float) for end in (low, high)):
+            raise ProblemError(f"{name} has no numbers for values: write a list")
         return Axis(name=name, low=low, high=high, count=value.get("count", 0), scale=value.get("scale", "linear"))
-
-
-def _key(table: Table, name: str) -> str:
-    return name.partition(".")[2] if table.within and table.within[-1] in POSES else name

@@ -13,8 +13,10 @@ from typing import Protocol, cast
 import numpy as np
 
 from armdyn.arguments import expect, flag, function, listener, one_of
+from armdyn.arguments import path as path_of
+from armdyn.errors import ResultError
 from armdyn.optimal.problem.stop import Stop, stopping
-from armdyn.studies.executors.executor import Ended, Executor, ExecutorOf, StudyCase
+from armdyn.studies.executors.executor import HERE, Ended, Executor, ExecutorOf, StudyCase
 from armdyn.studies.executors.local import local_executor
 from armdyn.studies.rows import SYNCS, RowStore, StudyRow, Sync, row_store
 from armdyn.studies.study import Cases, Study
@@ -113,19 +115,21 @@ def run_study(
     function(executor, "executor")
     progress, again = listener(progress), flag(again, "again")
     one_of(sync, SYNCS, "sync")
+    path = Path(path_of(file, "file", error=ResultError))
     began = time.monotonic()
-    with row_store(file, study.description(), sync) as rows, stopping(np.inf) as stop:
+    with row_store(path, study.description(), sync) as rows, stopping(np.inf) as stop:
         if again:
             rows.forget((DIED, ERROR))
         before = len(rows.numbers())
-        if before < len(study) or study.comes_back:
+        chain = study.task.neighbours == "chain"
+        if before < len(study) or chain:
             with executor(study.task) as opened:
                 run_cases(study, rows, opened, stop, progress)
         counts = rows.counts()
     done = sum(counts.values())
     return StudyRun(
-        file=Path(file), cases=len(study), counts=counts, done_here=done - before,
-        interrupted=done < len(study) or (study.comes_back and bool(stop)), seconds=time.monotonic() - began,
+        file=path, cases=len(study), counts=counts, done_here=done - before,
+        interrupted=done < len(study) or (chain and bool(stop)), seconds=time.monotonic() - began,
     )  # fmt: skip
 
 
@@ -149,7 +153,7 @@ def run_cases(
     """
     run = _Run(cases, rows, executor, stop, progress, ended)
     run.forward()
-    if cases.comes_back and not stop:
+    if cases.task.neighbours == "chain" and not stop:
         run.back()
 
 
@@ -205,7 +209,7 @@ class _Run:
         """Try the motions of later cases on earlier ones, from the last to the first, and keep the better rows."""
         task, found = cast(ChainTask, self.cases.task), {row.k: row for row in self.rows.rows()}
         for k in reversed(range(len(self.cases))):
-            later = self.cases.later(k)
+            later = next((n for n in self.cases.nearest(k) if n > k), None)
             if later is None or "revisited" in found[k].facts or not task.promising(found[k], found[later]):
                 continue
             settings, motion = self.cases.parameters(k), self.rows.motion(later)
@@ -231,7 +235,7 @@ class _Run:
         while (count := self.executor.wanted(len(self.waiting))) and (chosen := self._take(count)):
             motions, cases = dict(fresh), list[StudyCase]()
             for k in chosen:
-                near = self.cases.near(k)
+                near = self._near(k)
                 begun_from = next((n for n in near if n in self.moved), None)
                 if begun_from is not None and begun_from not in motions:
                     motions[begun_from] = self.rows.motion(begun_from)  # one object, and so pickled once
@@ -240,14 +244,18 @@ class _Run:
                 cases.append(StudyCase(k=k, settings=settings, guess=guess, begun_from=begun_from, near=near))
             self.executor.give(cases)
 
+    def _near(self, k: int) -> tuple[int, ...]:
+        """Cases whose motion may be the guess of a case, the nearest first."""
+        kind = self.cases.task.neighbours
+        near = () if kind == "off" else self.cases.nearest(k)
+        return tuple(n for n in near if n < k) if kind == "chain" else near
+
     def _take(self, count: int) -> list[int]:
-        """Take waiting cases whose predecessors have their rows."""
-        chosen, held = list[int](), list[int]()
-        while self.waiting and len(chosen) < count:
-            k = self.waiting.popleft()
-            (chosen if self.done.issuperset(self.cases.after(k)) else held).append(k)
-        self.waiting.extendleft(reversed(held))
-        return chosen
+        """Take waiting cases; of a chain the next one, when the one before has its row."""
+        if self.cases.task.neighbours == "chain":
+            first = self.waiting[0] if self.waiting else 0
+            count = int(not first or first - 1 in self.done)
+        return [self.waiting.popleft() for _ in range(min(count, len(self.waiting)))]
 
     def _settled(self, one: Ended) -> CaseResult | None:
         """The result of a case; None: it is to be done again."""
@@ -256,7 +264,7 @@ class _Run:
         if result is None and self.deaths[k] >= ATTEMPTS:
             return CaseResult(status=DIED, message=f"its worker died, {self.deaths[k]} times; last {one.worker}")
         if result is not None and result.status == INTERRUPTED:
-            if not one.worker:  # this process heard Ctrl-C
+            if one.worker == HERE:  # which heard Ctrl-C
                 self.stop.interrupt()
             return None
         return result

@@ -5,10 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from armdyn.arguments import number, one_of, whole
 from armdyn.errors import ProblemError
 from armdyn.studies.neighbours import neighbours_of
+from armdyn.studies.problems import ARM
 from armdyn.studies.rows import Value
-from armdyn.studies.settings import ARM
-from armdyn.studies.tasks.task import StudyTask
+from armdyn.studies.tasks.task import CaseResult, Neighbours, StudyTask
 
 Array = NDArray[np.float64]
 
@@ -101,15 +101,13 @@ class Axis:
 
 
 class Cases:
-    """The cases of a task, in the order in which the engine does them.
+    """The cases of a task.
 
     Attributes:
         task: work to be done in each case.
-        comes_back: afterwards every case is done once more with the motion of a later one, where the task says so.
     """
 
     task: StudyTask
-    comes_back = False
 
     def __len__(self) -> int:
         raise NotImplementedError
@@ -122,17 +120,24 @@ class Cases:
         """All that the rows depend on, as JSON."""
         raise NotImplementedError
 
-    def near(self, k: int) -> tuple[int, ...]:
+    def nearest(self, k: int) -> tuple[int, ...]:
         """Cases whose motion may be the guess of a case, the nearest first, whether they are done or not."""
         return ()
 
-    def after(self, k: int) -> Collection[int]:
-        """Cases that must have their rows before a case is begun."""
-        return ()
 
-    def later(self, k: int) -> int | None:
-        """Case whose motion is tried on a case on the way back; None: none is."""
-        return None
+class OwnTask(Cases):
+    """Cases that are their own task."""
+
+    neighbours: ClassVar[Neighbours] = "off"
+
+    @property
+    def task(self) -> Self:  # type: ignore[override]
+        """The cases themselves."""
+        return self
+
+    def work(self, settings: Mapping[str, Value], guess: bytes = b"", revisit: bool = False) -> CaseResult:
+        """Do one case."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -207,28 +212,12 @@ class Study(Cases):
             "places": hashlib.sha256(np.ascontiguousarray(self.points, dtype="<f8").tobytes()).hexdigest(),
         }
 
-    @property
-    def comes_back(self) -> bool:  # type: ignore[override]
-        """Whether cases are tried again with the motions of later ones."""
-        return self.task.neighbours == "chain"
-
-    def near(self, k: int) -> tuple[int, ...]:
-        """Cases of the same arm, the nearest first; of a chain those before."""
-        if self.task.neighbours == "off":
-            return ()
-        found = self._neighbours(k)
-        return tuple(n for n in found if n < k) if self.comes_back else found
-
-    def after(self, k: int) -> Collection[int]:
-        """Of a chain the case before."""
-        return (k - 1,) if self.comes_back and k else ()
-
-    def later(self, k: int) -> int | None:
-        """The nearest later case."""
-        return next((n for n in self._neighbours(k) if n > k), None)
+    def nearest(self, k: int) -> tuple[int, ...]:
+        """Cases of the same arm, the nearest first."""
+        return self._near(k)
 
     @cached_property
-    def _neighbours(self) -> Callable[[int], tuple[int, ...]]:
+    def _near(self) -> Callable[[int], tuple[int, ...]]:
         points = self.points.copy()
         for column, axis in enumerate(self.axes):
             if axis.name == ARM:  # so far from each other that no arm's case is another's neighbour

@@ -1,6 +1,13 @@
-"""The one value that leaves every solver and every simulation, and what others read of it."""
+"""Trajectories, the one result of solvers and simulations, and their formats."""
 
-from armdyn.trajectory.samples import Samples as Samples
-from armdyn.trajectory.value import LEAST_STEP as LEAST_STEP
-from armdyn.trajectory.value import Sample as Sample
-from armdyn.trajectory.value import Trajectory as Trajectory
+from typing import TYPE_CHECKING
+
+from armdyn.lazy import facade
+
+if TYPE_CHECKING:
+    from armdyn.trajectory.samples import Samples
+    from armdyn.trajectory.value import HOLDS, LEAST_STEP, Hold, Sample, Trajectory
+else:
+    __getattr__, __dir__ = facade(__name__, {"samples": "Samples", "value": "HOLDS LEAST_STEP Hold Sample Trajectory"})
+
+__all__ = ["HOLDS", "LEAST_STEP", "Hold", "Sample", "Samples", "Trajectory"]

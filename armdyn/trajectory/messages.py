@@ -34,10 +34,10 @@ _USAGE = "a JointTrajectory has joint_names, and points with positions and time_
 
 
 def read_message(file: Path, joints: Sequence[str]) -> dict[str, Array]:
-    """What a message says of a motion: t [s], shape (n,); q, and perhaps v, a, tau, each of shape (n, nv).
+    """Read the motion of a message: t [s], shape (n,); q, and perhaps v, a, tau, each of shape (n, nv).
 
-    Its joints may come in any order, and others, such as a gripper's, beside them; those are left out. JSON is read
-    whatever the suffix, else YAML, as `ros2 topic echo --once` prints it.
+    The message's joints may come in any order; other joints than the robot's, such as a gripper's, are left out. The
+    content is parsed as JSON, else as YAML, as `ros2 topic echo --once` prints it.
 
     Args:
         file: .json, .yaml or .yml.
@@ -67,7 +67,7 @@ def read_message(file: Path, joints: Sequence[str]) -> dict[str, Array]:
 
 
 def _content(file: Path) -> object:
-    """What a file says, as JSON has it, or else YAML."""
+    """Parsed content of a file: JSON, or else YAML."""
     data = read_bounded(file, MAX_BYTES)
     try:
         return json.loads(data)
@@ -90,7 +90,7 @@ def _content(file: Path) -> object:
 
 
 def _message(file: Path, content: object) -> Mapping[Any, Any]:
-    """The message itself, where another is around it."""
+    """The JointTrajectory, unwrapped from a message around it."""
     for _ in range(3):  # goal.trajectory.joint_trajectory is the deepest
         inside = next((key for key in _INSIDE if isinstance(content, Mapping) and key in content), None)
         content = content[inside] if isinstance(content, Mapping) and inside else content
@@ -133,26 +133,20 @@ def _columns(file: Path, kind: str, points: Sequence[Mapping[Any, Any]], width: 
         if not isinstance(row, list) or len(row) != width:
             found = len(row) if isinstance(row, list) else shown(row)
             raise TrajectoryError(f"{file}: {kind} of points[{k}]: {found}; one of each of {width} joints is needed")
-    try:
-        # PyYAML takes 1e-05 for text: YAML 1.1 wants 1.0e-05.
-        return np.array([[_number(value) for value in row] for row in rows])
-    except (TypeError, ValueError, OverflowError):
-        k, value = next((k, value) for k, row in enumerate(rows) for value in row if not _is_number(value))
-        raise TrajectoryError(f"{file}: {kind} of points[{k}] has {shown(value)}, which is no number") from None
+    values = []
+    for k, row in enumerate(rows):
+        for value in row:
+            try:
+                values.append(_number(value))
+            except (TypeError, ValueError, OverflowError):
+                raise TrajectoryError(f"{file}: {kind} of points[{k}] has {shown(value)}, which is no number") from None
+    return np.reshape(values, (len(rows), width))
 
 
 def _number(value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):  # PyYAML takes 1e-05 for a text
         raise TypeError
     number = float(value)
     if not abs(number) < float("inf"):
         raise ValueError
     return number
-
-
-def _is_number(value: object) -> bool:
-    try:
-        _number(value)
-    except (TypeError, ValueError, OverflowError):
-        return False
-    return True

@@ -1,4 +1,4 @@
-"""The file of a trajectory: an npz of its arrays and texts. Nothing in it is executed, and nothing is trusted."""
+"""File format of a trajectory: an npz of arrays and texts. Read without pickle, every size checked."""
 
 import io
 import os
@@ -17,22 +17,22 @@ from armdyn.files import read_bounded, write_whole
 Made = TypeVar("Made")
 
 _FORMAT = "armdyn-trajectory-2"
-_OLD_FORMAT = "armdyn-trajectory-1"  # without model_hash, its units not checked
+_OLD_FORMAT = "armdyn-trajectory-1"  # without model_hash and hold, its units not checked
 _UNITS = "t s; q rad or m; v rad/s or m/s; tau N m or N"
 _ARRAYS = ("t", "q", "v", "tau")
-_TEXTS = ("format", "units", "name", "model_hash")
+_TEXTS = ("format", "units", "name", "model_hash", "hold")
 
 MAX_BYTES = 256 * 2**20
 """A trajectory whose arrays are larger is neither saved nor loaded [bytes]: 1.5 million samples of seven joints."""
 MAX_NUMBER = 1e12
-"""Largest number in a motion's file, in SI units: of a larger position [rad] less than 0.1 mrad is known, and what is
-computed of 1e308 overflows."""
+"""Largest number in a motion's file, in SI units: a larger position [rad] is known to 0.1 mrad at best, and computing
+with 1e308 overflows."""
 
 _HEADS = 2**20
-"""That its file may have beside the arrays [bytes]."""
+"""Largest size of a file's texts and headers [bytes]."""
 
 _LONGEST = 500
-"""Characters of a message about a file: numpy quotes what it finds there."""
+"""Characters of a message about a file: numpy quotes the content."""
 
 
 def write(
@@ -74,7 +74,7 @@ def read(path: str | os.PathLike[str], make: Callable[..., Made]) -> Made:
 
 
 def is_own(path: str | os.PathLike[str]) -> bool:
-    """Whether a file looks like one of `write`; what it holds is looked at when it is read."""
+    """Whether a file looks like one of `write`; its content is not checked."""
     try:
         with zipfile.ZipFile(io.BytesIO(read_bounded(path, MAX_BYTES + _HEADS))) as file:
             return "format.npy" in file.namelist()
@@ -114,7 +114,7 @@ def bounded(array: NDArray[np.float64], name: str) -> NDArray[np.float64]:
 
 
 def _read(file: zipfile.ZipFile, make: Callable[..., Made]) -> Made:
-    """What an npz file holds."""
+    """Trajectory of an open npz file."""
     found = file.namelist()
     if "format.npy" not in found:
         raise TrajectoryError(f"not a trajectory of format {_FORMAT}")
@@ -125,7 +125,7 @@ def _read(file: zipfile.ZipFile, make: Callable[..., Made]) -> Made:
         raise TrajectoryError(f"not a trajectory of format {_FORMAT} but {form[:80]!r}; a newer armdyn may read it")
     new = form == _FORMAT
     known = [f"{name}.npy" for name in (*_TEXTS, "joint_names", *_ARRAYS)]
-    optional = () if new else ("model_hash.npy", "units.npy")
+    optional = ("hold.npy",) if new else ("hold.npy", "model_hash.npy", "units.npy")
     if len(found) != len(set(found)) or not {*known} - {*optional} <= {*found} <= {*known}:
         raise TrajectoryError(f"not a readable npz trajectory: it holds {', '.join(map(repr, found[:12]))}")
     if new and (units := str(_member(file, "units", text=True))) != _UNITS:
@@ -140,6 +140,7 @@ def _read(file: zipfile.ZipFile, make: Callable[..., Made]) -> Made:
         joint_names=tuple(map(str, names)),
         name=str(_member(file, "name", text=True)),
         model_hash=str(_member(file, "model_hash", text=True)) if new else "",
+        hold=str(_member(file, "hold", text=True)) if "hold.npy" in found else "linear",
     )
     for field in _ARRAYS:
         bounded(getattr(made, field), field)
@@ -147,7 +148,7 @@ def _read(file: zipfile.ZipFile, make: Callable[..., Made]) -> Made:
 
 
 def _count(file: zipfile.ZipFile, name: str, text: bool = False) -> int:
-    """How many numbers or texts an array has, which are no more than fit into what the file says that it has."""
+    """Number of entries of an array, checked against the size of its member of the file."""
     info = file.getinfo(f"{name}.npy")
     if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):  # others may ask for gigabytes
         raise TrajectoryError(f"not a readable npz trajectory: {name} is compressed by another method than deflate")

@@ -1,4 +1,4 @@
-"""Motions as planners leave them on disk: a table with a head, an npz of arrays, or ROS 2's message.
+"""Reader of planners' motions: a table with a head, an npz of arrays, or ROS 2's message.
 
 Nothing of a file is executed, and its size is bounded.
 """
@@ -39,7 +39,7 @@ _NAMES = {
     "a": "a qdd qdds ddq qddot acc acceleration accelerations joint_accelerations qdd_sample qdds_sample",
     "tau": "tau taus effort efforts torque torques u",
 }
-"""What planners call time, positions, velocities, accelerations, torques; toppra's examples have ts_sample."""
+"""Planners' names of time, positions, velocities, accelerations, torques; toppra's examples have ts_sample."""
 
 _MEANS = {word: what for what, words in _NAMES.items() for word in words.split()}
 _HEAD = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
@@ -49,7 +49,7 @@ _COLUMN = re.compile(r"(?P<what>[a-z_]+?)[_\[./ ]*(?P<number>\d+)\]?")
 @brief
 @dataclass(frozen=True, eq=False)
 class Planned:
-    """What a file has of a motion; None where it has nothing.
+    """A motion of a file; None for missing quantities.
 
     Attributes:
         t: times [s], shape (n,).
@@ -66,7 +66,7 @@ class Planned:
     tau: Array | None = None
 
     def accelerations(self) -> Array:
-        """Accelerations [rad/s² or m/s²], shape (n, nv), by differences of what there is.
+        """Accelerations [rad/s² or m/s²], shape (n, nv), by differences of velocities or positions.
 
         Each is a mean of the accelerations between the samples around it: where those jump, as a planner's do that goes
         from limit to limit, it is between them, and a spline would be beyond.
@@ -84,7 +84,7 @@ class Planned:
 
 
 def read_planned(path: str | os.PathLike[str], joint_names: Sequence[str]) -> Planned:
-    """What a file has of a motion.
+    """Read a motion from a file.
 
     A table's first line names its columns: the time, and q, v, a, tau of each joint, such as `t,q1,q2,v1,v2`,
     `time,position_elbow,…`, or the joints' own names for their positions. A unit may stand behind a name in brackets;
@@ -119,7 +119,7 @@ def _usage() -> str:
 
 
 def _arrays(file: Path, joint_names: Sequence[str]) -> dict[str, Array]:
-    """The arrays of an npz that mean something; their columns are the joints in the robot's order."""
+    """Known arrays of an npz; their columns are the joints in the robot's order."""
     try:
         with zipfile.ZipFile(io.BytesIO(read_bounded(file, npz.MAX_BYTES))) as members:
             bare = [name.removesuffix(".npy") for name in members.namelist()]
@@ -145,7 +145,7 @@ def _arrays(file: Path, joint_names: Sequence[str]) -> dict[str, Array]:
 
 
 def _columns(file: Path, joint_names: Sequence[str]) -> dict[str, Array]:
-    """The columns of a table, by what they are."""
+    """Columns of a table, by quantity."""
     try:
         text = read_bounded(file, MAX_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -175,24 +175,16 @@ def _numbers(file: Path, rows: Iterable[tuple[int, list[str]]], width: int) -> A
     for number, row in rows:
         if len(row) != width:
             raise TrajectoryError(f"{file}, line {number}: {len(row)} values; the first line names {width}")
-        try:
-            values.append([float(value) for value in row])
-        except ValueError:
-            bad = next(value for value in row if not _is_number(value))
-            raise TrajectoryError(f"{file}, line {number}: {shown(bad)} is not a number") from None
-    return np.array(values)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+        for value in row:
+            try:
+                values.append(float(value))
+            except ValueError:
+                raise TrajectoryError(f"{file}, line {number}: {shown(value)} is not a number") from None
+    return np.reshape(values, (-1, width))
 
 
 def _sorted(file: Path, names: Sequence[str], table: Array, joints: Sequence[str]) -> dict[str, Array]:
-    """The columns of each kind in the robot's order; columns that mean nothing are left out."""
+    """Columns of each quantity in the robot's order; unknown columns are left out."""
     found: dict[str, dict[int, Array]] = {}
     for k, name in enumerate(names):
         match = _HEAD.fullmatch(name)
@@ -207,7 +199,7 @@ def _sorted(file: Path, names: Sequence[str], table: Array, joints: Sequence[str
 
 
 def _meaning(name: str, joints: Sequence[str]) -> tuple[str | None, int]:
-    """What a column is, and of which joint, or the number that it has."""
+    """Quantity of a column, and the index of its joint or the number in its name."""
     if name in joints:
         return "q", list(joints).index(name)
     if _MEANS.get(name.lower()) == "t":

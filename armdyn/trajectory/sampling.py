@@ -1,4 +1,4 @@
-"""From a trajectory to samples that a controller can play: stamps apart, torques held between them."""
+"""Sampling of a trajectory: distinct stamps, torques held between them."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def samples_of(motion: Trajectory, rate: float | None) -> Samples:
     if motion.duration < LEAST_STAMP:
         raise TrajectoryError(f"the motion lasts {motion.duration:.3g} s; expected at least {LEAST_STAMP:g} s")
     t = _own(motion) if rate is None else _even(motion.duration, rate)
-    with np.errstate(over="ignore", invalid="ignore"):  # what is beyond floats is refused by name
+    with np.errstate(over="ignore", invalid="ignore"):  # overflows are refused by name
         state = motion(np.minimum(motion.t[0] + t, motion.t[-1]))
         q, v = (np.vstack([known[:-1], end[-1:]]) for known, end in ((state.q, motion.q), (state.v, motion.v)))
         a, tau = np.diff(v, axis=0) / np.diff(t)[:, None], mean_torques(motion, t)
@@ -49,7 +49,7 @@ def samples_of(motion: Trajectory, rate: float | None) -> Samples:
 
 
 def _even(duration: float, rate: float) -> Array:
-    """Whole ticks from the start, and the end [s], shape (n,)."""
+    """Multiples of the period from the start, and the end [s], shape (n,)."""
     rate = number(rate, "rate", unit="Hz", sign="positive", error=TrajectoryError)
     if rate > MOST_RATE:
         raise TrajectoryError(f"rate is {rate:g} Hz; it must be at most {MOST_RATE:g} Hz")
@@ -80,7 +80,7 @@ def _check_count(count: float, what: str) -> None:
 def mean_torques(motion: Trajectory, t: Array) -> Array:
     """Mean torque over each step [N m or N], shape (n - 1, nv).
 
-    The torque is linear between the motion's samples: over a piece without one inside, its mean is its middle's.
+    Over a piece without a sample of the motion inside, the mean of a linear or held torque is its value in the middle.
 
     Args:
         motion: whose torques they are.
@@ -90,6 +90,9 @@ def mean_torques(motion: Trajectory, t: Array) -> Array:
     edges = np.union1d(own, t)
     edges = edges[edges <= t[-1]]
     lengths, middles = np.diff(edges), (edges[1:] + edges[:-1]) / 2
-    tau = np.stack([np.interp(middles, own, column) for column in motion.tau.T], axis=1)
+    if motion.hold == "linear":
+        tau = np.stack([np.interp(middles, own, column) for column in motion.tau.T], axis=1)
+    else:
+        tau = motion.tau[np.searchsorted(own, middles) - 1]
     first = np.searchsorted(edges, t[:-1])
     return np.asarray(np.add.reduceat(tau * lengths[:, None], first) / np.add.reduceat(lengths, first)[:, None])

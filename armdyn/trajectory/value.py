@@ -1,21 +1,21 @@
-"""The one value that leaves every solver and every simulation."""
+"""The one result of solvers and simulations: a motion."""
 
 from __future__ import annotations
 
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.arguments import numbers, several, text
+from armdyn.arguments import numbers, text
 from armdyn.errors import TrajectoryError
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called
 from armdyn.trajectory import npz
-from armdyn.trajectory.samples import Samples
+from armdyn.trajectory.samples import Samples, check_fields
 from armdyn.trajectory.sampling import samples_of
 
 if TYPE_CHECKING:
@@ -25,8 +25,12 @@ Array = NDArray[np.float64]
 
 _ARRAYS = ("t", "q", "v", "tau")
 
+Hold = Literal["linear", "zero-order"]
+"""Torque between two samples: linear, or that of the first sample, as a sampled controller holds it until the next."""
+HOLDS: tuple[Hold, ...] = ("linear", "zero-order")
+
 LEAST_STEP = 1e-30
-"""Times nearer than that are refused [s]: rates over them, and squares of rates, leave what numbers can hold. An ulp of
+"""Times nearer than that are refused [s]: rates over them, and squares of rates, overflow. An ulp of
 a femtosecond is longer."""
 
 
@@ -46,9 +50,8 @@ class Sample(NamedTuple):
 class Trajectory:
     """A motion: samples of state and torque over time.
 
-    Between samples the torque is linear and the position the cubic that matches position and
-    velocity at both ends. A jump of the torque is two samples one ulp of time apart, so that this
-    one rule also says bang-bang exactly.
+    Between samples the position is the cubic that matches position and velocity at both ends. The torque is linear,
+    or held, see `Hold`. A jump of a linear torque is two samples one ulp of time apart, so that bang-bang is exact.
 
     Attributes:
         t: times [s], shape (n,), strictly increasing by `LEAST_STEP` at least, n >= 2.
@@ -56,8 +59,9 @@ class Trajectory:
         v: joint velocities [rad/s or m/s], shape (n, nv).
         tau: joint torques [N m or N], shape (n, nv).
         joint_names: one name per column of v; may be empty.
-        name: what it is called in legends and tables.
+        name: in legends and tables.
         model_hash: `Robot.model_hash` of the arm that it is a motion of; empty if it is not known.
+        hold: torque between samples, see `Hold`.
     """
 
     t: Array
@@ -67,14 +71,10 @@ class Trajectory:
     joint_names: tuple[str, ...] = ()
     name: str = ""
     model_hash: str = ""
+    hold: Hold = "linear"
 
     def __post_init__(self) -> None:
-        for field in _ARRAYS:
-            array = numbers(getattr(self, field), field, "an array of numbers", error=TrajectoryError)
-            array.setflags(write=False)
-            object.__setattr__(self, field, array)
-            if not np.all(np.isfinite(array)):
-                raise TrajectoryError(f"{field} has a value that is not finite")
+        check_fields(self, _ARRAYS)
         n = self.t.shape[0] if self.t.ndim == 1 else 0
         if n < 2 or not np.all(np.diff(self.t) > 0):
             raise TrajectoryError(f"t must be at least two increasing times [s], got shape {self.t.shape}")
@@ -90,16 +90,12 @@ class Trajectory:
                 raise TrajectoryError(f"{field} has shape {shape}; expected ({n}, joints) as t has {n} samples")
         if self.v.shape != self.tau.shape:
             raise TrajectoryError(f"v has shape {self.v.shape} but tau {self.tau.shape}")
-        names = several(self.joint_names, "joint_names", error=TrajectoryError)
-        names = tuple(text(name, f"joint_names[{i}]", error=TrajectoryError) for i, name in enumerate(names))
-        object.__setattr__(self, "joint_names", names)
-        for field in ("name", "model_hash"):
-            text(getattr(self, field), field, error=TrajectoryError)
+        if text(self.hold, "hold", error=TrajectoryError) not in HOLDS:
+            raise TrajectoryError(f"hold is {self.hold!r}; it is one of {', '.join(map(repr, HOLDS))}")
         if self.joint_names and len(self.joint_names) != self.v.shape[1]:
             raise TrajectoryError(f"{len(self.joint_names)} joint names for {self.v.shape[1]} joints")
 
     def _words(self) -> list[str]:
-        """What `repr` says."""
         joints = self.v.shape[1]
         return [
             called(self.name) if self.name else "without a name",
@@ -109,7 +105,7 @@ class Trajectory:
         ]
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: a table and a picture."""
+        """HTML for notebooks: a table and a picture."""
         return renderer().card(self)
 
     @property
@@ -118,8 +114,13 @@ class Trajectory:
         return float(self.t[-1] - self.t[0])
 
     @property
+    def tau_end(self) -> Array:
+        """Torque at the end of each interval between samples [N m or N], shape (n - 1, nv); it begins with `tau`."""
+        return self.tau[:-1] if self.hold == "zero-order" else self.tau[1:]
+
+    @property
     def jumps(self) -> NDArray[np.bool_]:
-        """Where no time passes from one sample to the next, shape (n - 1,): there the torque may jump.
+        """Where no time passes from one sample to the next, shape (n - 1,): there a linear torque may jump.
 
         `jumps[k]` is of samples k and k + 1: they are one ulp of time apart, or two where a sum of times was rounded.
         """
@@ -127,7 +128,7 @@ class Trajectory:
 
     @property
     def switch_times(self) -> tuple[tuple[float, ...], ...]:
-        """For each joint the times at which its torque jumps [s], increasing; of each jump's first sample."""
+        """For each joint the times at which a linear torque jumps [s], increasing; of each jump's first sample."""
         jumping = self.jumps[:, None] & (self.tau[1:] != self.tau[:-1])
         return tuple(tuple(map(float, self.t[:-1][column])) for column in jumping.T)
 
@@ -150,7 +151,7 @@ class Trajectory:
         c3 = -2 * rise + h * (self.v[k] + self.v[k + 1])
         q = self.q[k] + s * (h * self.v[k] + s * (c2 + s * c3))
         v = self.v[k] + s * (2 * c2 + 3 * s * c3) / h
-        tau = self.tau[k] + s * (self.tau[k + 1] - self.tau[k])
+        tau = self.tau[k] + s * (self.tau_end[k] - self.tau[k])
         return Sample(q, v, tau)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
@@ -164,7 +165,7 @@ class Trajectory:
             FileError: the folder cannot be written.
             TrajectoryError: it is larger than `MAX_BYTES`.
         """
-        texts = {"name": self.name, "model_hash": self.model_hash}
+        texts = {"name": self.name, "model_hash": self.model_hash, "hold": self.hold}
         return npz.write(path, {field: getattr(self, field) for field in _ARRAYS}, texts, self.joint_names)
 
     @staticmethod
@@ -178,11 +179,11 @@ class Trajectory:
         return npz.read(path, Trajectory)
 
     def resample(self, rate: float | None = None) -> Samples:
-        """What a controller is given, at even times: state, and what is held until the next time.
+        """Sample the motion at even times: states, and torques to hold until the next time.
 
         Stamps are k / rate from the start, and the end itself. The last step is as short as it must be for that; of a
         tick less than a thousandth of a tick before the end there is no stamp. Torques and accelerations are
-        means over the step that begins at their stamp: what a controller that holds its output for a tick plays, and
+        means over the step that begins at their stamp, as a controller holds its output for a tick, and
         v[k + 1] = v[k] + (t[k + 1] - t[k]) a[k].
 
         Args:
@@ -196,13 +197,13 @@ class Trajectory:
         return samples_of(self, rate)
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Its own samples as a table; see `resample` and `Samples.to_csv`."""
+        """Write the motion's samples as a table; see `resample` and `Samples.to_csv`."""
         return self.resample().to_csv(path)
 
     def to_dataframe(self) -> DataFrame:
-        """Its own samples as a table of pandas; see `resample` and `Samples.to_dataframe`."""
+        """The motion's samples as a pandas DataFrame; see `resample` and `Samples.to_dataframe`."""
         return self.resample().to_dataframe()
 
     def to_joint_trajectory(self) -> dict[str, Any]:
-        """Its own samples as ROS 2 says a motion; see `resample` and `Samples.to_joint_trajectory`."""
+        """The motion's samples as a ROS 2 message; see `resample` and `Samples.to_joint_trajectory`."""
         return self.resample().to_joint_trajectory()

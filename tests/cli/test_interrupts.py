@@ -105,7 +105,7 @@ def test_a_line_says_what_is_still_being_finished():
     then = (
         "from armdyn.cli.console import working\n    from armdyn.optimal.problem.stop import stopping\n    import time"
     )
-    then += "\n    with working('the motion', True), stopping(60):\n        press_again()\n        time.sleep(1.5)"
+    then += "\n    with working('the motion'), stopping(60):\n        press_again()\n        time.sleep(1.5)"
     press = "press_again = lambda: os.kill(os.getpid(), signal.SIGINT)\nmodels.Robot.from_spec"
     code = AT_CALL.replace("    os.kill(os.getpid(), signal.SIGINT)\n", "").replace("models.Robot.from_spec", press)
     done = python(code.format(then=then))

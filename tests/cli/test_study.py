@@ -53,11 +53,11 @@ def test_a_case_that_is_refused_is_said(study, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["--payload", "1"], "leave out --payload"),
-        (["--q-start", "1"], "leave out --q-start"),
-        (["--reserve", "0.1"], "leave out limits, reserves and friction"),
-        (["--lock", "a=1"], "leave out --lock"),
-        (["--starts", "3"], "leave out --starts"),
+        (["--payload", "1"], "says this itself; write it there"),
+        (["--q-start", "1"], "--q-start: "),
+        (["--reserve", "0.1"], "--reserve: "),
+        (["--lock", "a=1"], "--lock: "),
+        (["--starts", "3"], "--starts: "),
         (["--require", "certified"], "a study's rows say what is certified"),
         (["--scheduler", "here"], "write HOST:PORT"),
         (["--scheduler", "here:1", "--workers", "2"], "--workers are processes of this machine"),

@@ -27,7 +27,7 @@ def test_the_same_in_words(tmp_path):
     done = run_here("track", "rr", "--ramp", "0.5", "--controller", "computed-torque", *BARE, "--out", tmp_path)
     assert done.returncode == 0
     words = " ".join(done.stdout.split())
-    assert "tracking with computed-torque" in words and "ms beside the reference's end" in words
+    assert "tracking with computed-torque" in words and "ms from the reference's end" in words
 
 
 def test_sampling_that_makes_it_unstable_is_named(tmp_path):

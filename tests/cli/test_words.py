@@ -18,7 +18,7 @@ def failure(**changes):
 
 def test_a_failure_pretends_no_digits():
     words = solution_words(failure(), wrap=False)
-    assert "duration" not in words and "replay" not in words
+    assert "duration" not in words and "lands" not in words
     assert not any("inf" in said.split() for said in words.values())
     assert title_words(failure()) == "infeasible, no motion to the goal"
 
@@ -42,32 +42,37 @@ def bounded(gap, **changes):
     return replace(solution, certificate=certificate.bounded(solution.duration / (1 + gap), solution.duration))
 
 
-def test_the_verdict_is_said_apart():
+def test_the_checks_are_said_apart():
     words = solution_words(solved("r"), wrap=False)
-    assert words["usable"].startswith("yes") and words["certified"] == "yes"
+    assert words["verdict"].startswith("The motion is executable. Pontryagin's conditions hold")
+    assert words["lands"].startswith("yes: open-loop replay") and words["keeps its limits"].startswith("yes: ")
     assert words["extremal"].startswith("yes: |H| ≤ ") and "adjoint equations to " in words["extremal"]
     assert words["time decided by"].startswith("joint1's torque limit 4")
-    assert not {"gap", "idle", "what you can do"} & set(words)
+    assert words["lower bound"] == "none is known" and not {"idle", "what you can do"} & set(words)
 
 
 def test_a_small_gap_certifies_and_a_larger_one_says_what_may_help():
     assert title_words(bounded(4e-4)).endswith(", certified, gap 0.04 %")
     near, far = (solution_words(bounded(gap), wrap=False) for gap in (4e-4, 2e-2))
-    assert near["certified"] == "yes" and near["extremal"].startswith("no: ") and "what you can do" not in near
-    assert near["gap"].startswith("at most 0.04 % above the lower bound of 0.17") and near["gap"].endswith("(proven)")
+    slower = "The motion is executable. It is proven to be at most {} % slower than the fastest possible."
+    assert near["verdict"] == slower.format("0.04") and far["verdict"] == slower.format("2")
+    assert near["extremal"].startswith("no: ") and "what you can do" not in near
+    assert near["lower bound"].startswith("yes: at most 0.04 % above the lower bound of 0.17")
     assert title_words(bounded(2e-2)).endswith(", not certified, gap 2 %")
-    assert far["certified"].startswith("no; the Hamiltonian strays")
     assert "--starts" in far["what you can do"] and "`" not in far["what you can do"]
     unproven = bounded(4e-4, goal_error=1e-5)
-    assert solution_words(unproven, wrap=False)["gap"].startswith("about ")
+    assert unproven.certificate.reasons[0] in solution_words(unproven, wrap=False)["verdict"]
+    assert "about 0.04 %" in solution_words(unproven, wrap=False)["lower bound"]
     assert title_words(unproven).endswith(" s, not certified")
 
 
 def test_idle_joints_are_named():
-    assert "joint2: time does not determine" in solution_words(bounded(0.0, idle=("joint2",)), wrap=False)["idle"]
+    assert (
+        "joint2: the duration does not determine" in solution_words(bounded(0.0, idle=("joint2",)), wrap=False)["idle"]
+    )
 
 
 def test_what_is_not_usable_says_what_to_do_before_all_else():
     words = solution_words(failure(), wrap=False)
-    assert words["usable"] == "NO" and "certified" not in words
+    assert words["verdict"] == "No motion was found: no motion was found." and "lands" not in words
     assert "--time-limit" in words["what you can do"]

@@ -34,7 +34,7 @@ def test_time_limit_returns_what_there_is():
 @pytest.mark.parametrize("more", [{}, {"effort_weight": 1.0}, {"acceleration_limit": 50.0}])
 def test_nothing_is_built_when_the_time_is_up(more, monkeypatch):
     """A hundredth of a second is gone when the search begins: then it ends without a program, or a fork."""
-    monkeypatch.setattr("armdyn.optimal.solve.ipopt._built", lambda *_: pytest.fail("a program is built"))
+    monkeypatch.setattr("armdyn.optimal.solve.registry._built", lambda *_: pytest.fail("a program is built"))
     solution = ad.solve_minimum_time(paper_problem("rrr", **more), ad.MinimumTimeOptions(time_limit=1e-9))
     assert solution.status is ad.Status.TIME_LIMIT and not solution.moves
     assert solution.message == "no motion was found: time limit reached"

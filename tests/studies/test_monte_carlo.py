@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.errors import FileError, ProblemError, ResultError
+from armdyn.errors import ProblemError, ResultError
 from armdyn.studies.plant_study import PlantRow, named
 from armdyn.studies.rows import read_rows
 from problems import POSES, paper_arm, paper_problem
+from toys import row_count
 
 PLANTS = ad.Plants(coulomb=(0.0, 0.06), damping=(0.0, 0.003), start=0.01, seed=11)
 NOISY = ad.Loop(noise=2e-5)
@@ -163,7 +164,7 @@ def test_killed_half_way_and_gone_on_with_no_row_is_lost_or_doubled(tmp_path):
     other = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.DEVNULL)
     try:
         until = time.monotonic() + 120
-        while count(file) <= 40:
+        while row_count(file) <= 40:
             assert other.poll() is None and time.monotonic() < until
             time.sleep(0.005)
         with pytest.raises(ResultError, match="another process is at this study"):
@@ -171,21 +172,13 @@ def test_killed_half_way_and_gone_on_with_no_row_is_lost_or_doubled(tmp_path):
     finally:
         os.kill(other.pid, signal.SIGKILL)
         other.wait()
-    there = count(file)
+    there = row_count(file)
     assert 40 <= there < 5000
     more = max(row.k for row in stored(file)) + 50
     result = study(replace(SHORT, count=more), file=file)
-    assert [row.k for row in result.rows] == list(range(more)) and count(file) == more
+    assert [row.k for row in result.rows] == list(range(more)) and row_count(file) == more
     # The rows of the killed process are those that this one makes of the same arms.
     assert result.rows[::10] == study(replace(SHORT, count=more)).rows[::10]
-
-
-def count(file):
-    try:
-        with read_rows(file) as rows:
-            return len(rows.numbers())
-    except (FileError, ResultError):  # there is none yet, or it is being begun
-        return 0
 
 
 def test_ctrl_c_leaves_the_rows_so_far(tmp_path):
@@ -195,7 +188,7 @@ def test_ctrl_c_leaves_the_rows_so_far(tmp_path):
     )
     assert result.interrupted
     assert 1 <= len(result.rows) < 500
-    assert count(file) == len(result.rows)
+    assert row_count(file) == len(result.rows)
     more = len(result.rows) + 5
     assert study(replace(SHORT, count=more), file=file).rows == study(replace(SHORT, count=more)).rows
 

@@ -1,6 +1,8 @@
 """Study files: what they say, and what a stranger's may not."""
 
 import re
+import signal
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +10,9 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ArmdynError, FileError, ProblemError
+from armdyn.studies.executors.in_process import in_process
 from armdyn.studies.reading import read_study
+from armdyn.studies.tuning.tune import GainSearch
 
 ARM = "[arms.rr]\nq_start = [-1.5, 0.0]\nq_goal = [0.2, 0.0]\n"
 VARY = "[vary]\npayload = [0.1, 0.2]\n"
@@ -99,7 +103,7 @@ def test_no_file_beyond_the_studys_folder(study, tmp_path, place):
     inner = tmp_path / "inner"
     inner.mkdir()
     (inner / "link.urdf").symlink_to(tmp_path / "outside.urdf")
-    with pytest.raises(ProblemError, match=r"line 2: .*lie in its own folder or below"):
+    with pytest.raises(ProblemError, match=r"line 2: .*is outside the folder"):
         study(f"[arms.a]\nrobot = '{place}'\nq_start = [0.0]\nq_goal = [1.0]\n" + VARY, inner)
 
 
@@ -171,3 +175,104 @@ def test_a_study_that_is_not_there(tmp_path):
     with pytest.raises(FileError, match="no such file"):
         read_study(tmp_path / "none.toml")
     assert issubclass(FileError, ArmdynError)
+
+
+OBSTACLE = "obstacles = [{ type = 'sphere', name = 'ball', center = [0.6, 0.0, 0.3], radius = 0.05 }]\n"
+
+
+def test_any_field_of_the_problem_may_vary(study):
+    asked = study(
+        ARM + "via = [[-0.5, 0.1]]\n" + OBSTACLE + "clearance = 0.01\n[fixed]\nwrap = true\n[vary]\n"
+        "obstacles.ball.center.0 = { from = 0.6, to = 0.7, count = 2 }\n"
+        "via = [[], [[-0.5, 0.2]], [[-1.0, 0.1], [-0.5, 0.2]]]\n"
+        "jerk_limit = [2e4, 4e4]\npath_constraints = [[], ['tip-speed=2']]\n"
+    )
+    assert len(asked) == 24 and asked.axes[1].kind == "words"
+    problem = asked.task.problems.problem(asked.parameters(23))
+    assert problem.obstacles[0].center == (0.7, 0.0, 0.3) and problem.obstacles[0].name == "ball"
+    assert [q.tolist() for q in problem.via] == [[-1.0, 0.1], [-0.5, 0.2]]
+    assert problem.jerk_limit.tolist() == [4e4, 4e4] and problem.clearance == 0.01 and problem.wrap
+    assert [one.name for one in problem.path_constraints] == ["frame speed limits"]
+    first = asked.task.problems.problem(asked.parameters(0))
+    assert first.obstacles[0].center[0] == 0.6 and first.via == () and first.path_constraints == ()
+
+
+@pytest.mark.parametrize(
+    ("vary", "told"),
+    [
+        ("obstacles.box.radius = [0.1]", "line 6: obstacles.box.radius: obstacles has no 'box'.*ball"),
+        ("obstacles.3.radius = [0.1]", "line 6: obstacles.3.radius: obstacles has no '3'"),
+        ("goal_pose.position = [[0, 0, 1]]", "line 6: goal_pose.position: goal_pose is not there to be changed"),
+        ("clearance.x = [1]", "line 6: clearance.x: clearance is not there"),
+        ("obstackles = [1]", "line 6: obstackles is no setting; did you mean 'obstacles'"),
+    ],
+)
+def test_a_place_that_is_not_there_is_refused(study, vary, told):
+    with pytest.raises(ProblemError, match=told):
+        study(ARM + OBSTACLE + f"[vary]\n{vary}\n")
+
+
+@pytest.mark.parametrize(
+    ("task", "own"),
+    [
+        ("monte-carlo", "ramp_ = 0\n[monte-carlo]\nreference = 'ramp'\ncount = 3\nduration = 0.8\n"),
+        ("tune", "[tune]\noptions = { members = 2, generations = 1 }\nramp_range = [0.4, 0.6]\nduration = 0.8\n"),
+    ],
+)
+def test_a_task_of_many_arms(study, task, own):
+    arm = "[arms.r]\nq_start = [-1.57]\nq_goal = [0.16]\n"
+    fixed = "[fixed]\nramp = 0.5\n" if task == "monte-carlo" else ""
+    asked = study(
+        f"task = '{task}'\n" + arm + fixed + "[vary]\npayload = [0.1, 0.2]\n" + own.replace("ramp_ = 0\n", "")
+    )
+    found = asked.task.work(asked.parameters(0), b"")
+    robot = ad.Robot.from_spec(ad.ArmSpec.paper("r"), ad.Payload(mass=0.1))
+    if task == "monte-carlo":
+        options = ad.MonteCarloOptions(count=3, duration=0.8)
+        same = ad.monte_carlo(robot, ad.ramp(robot, [-1.57], [0.16], 0.5), options=options)
+        assert found.facts["worst_settled_time_s"] == max(same.settled_times) and found.facts["success_rate"] == 1
+    else:
+        family, plants = ad.ControllerFamily.pid(robot, [0.16]), ad.Plants().corners(robot)
+        options = ad.TuneOptions(members=2, generations=1, duration=0.8)
+        same = ad.tune(robot, ad.Ramps([-1.57], [0.16], (0.4, 0.6)), family, plants, options=options)
+        assert {name: found.facts[name] for name in same.values} == same.values
+        assert found.facts["settled_time_s"] == same.training.settled_time
+
+
+def test_a_reserve_for_each_case(study):
+    asked = study(
+        "task = 'reserve'\n[arms.r]\nq_start = [-1.57]\nq_goal = [0.16]\n[vary]\npayload = [0.1]\n"
+        "[reserve]\nreserves = [0.0, 0.1]\nduration = 0.8\n"
+    )
+    found = asked.task.work(asked.parameters(0), b"")
+    assert found.good and found.facts["best_reserve"] in (0.0, 0.1) and found.facts["arms"] == 6
+
+
+def test_a_chain_is_gone_on_with(study, tmp_path):
+    asked = study("[arms.r]\nq_start = [-1.57]\nq_goal = [0.16]\n[vary]\npayload = [0.1, 0.11, 0.12]\n"
+                  "[search]\nneighbours = 'chain'\n")  # fmt: skip
+    run = ad.run_study(asked, tmp_path / "s.sqlite", in_process)
+    rows = ad.study_table(run.file)
+    assert run.counts == {"usable": 3} and [row["begun_from"] for row in rows][1:] == [0, 1]
+    again = ad.run_study(asked, run.file, in_process)
+    assert again.done_here == 0 and ad.study_table(run.file) == rows
+
+
+def test_a_search_for_gains_is_gone_on_with(tmp_path, monkeypatch):
+    robot = ad.Robot.from_spec(ad.ArmSpec.paper("r"), ad.Payload(mass=0.1))
+    reference = ad.ramp(robot, [-1.57], [0.16], 0.5)
+    family, file = ad.ControllerFamily.lqr(), tmp_path / "rows.sqlite"
+    options = ad.TuneOptions(members=2, generations=2, duration=0.8, file=file)
+
+    def press(text):
+        signal.raise_signal(signal.SIGINT)
+
+    first = ad.tune(robot, reference, family, [robot], options=options, progress=press)
+    assert first.status == "interrupted"
+    there, ran = len(ad.study_table(file)), []
+    work = GainSearch.work
+    monkeypatch.setattr(GainSearch, "work", lambda self, *given: ran.append(given) or work(self, *given))
+    second = ad.tune(robot, reference, family, [robot], options=options)
+    alone = ad.tune(robot, reference, family, [robot], options=replace(options, file=None))
+    assert second.values == alone.values and second.history == alone.history
+    assert there > 0 and len(ran) == 2 * alone.evaluations - there

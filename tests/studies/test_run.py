@@ -6,19 +6,22 @@ import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 
 import pytest
 
 from armdyn.errors import FileError, ResultError
+from armdyn.studies.executors.executor import Ended
 from armdyn.studies.executors.local import local_executor
+from armdyn.studies.problems import ARM
 from armdyn.studies.rows import read_rows, row_store
 from armdyn.studies.run import run_study
-from armdyn.studies.settings import ARM
 from armdyn.studies.study import Axis, Study
+from armdyn.studies.tasks.task import CaseResult
 from armdyn.studies.time_left import TimeLeft
-from toys import Square, squares
+from toys import Square, row_count, squares
 
 TWO = partial(local_executor, workers=2)
 HERE = Path(__file__).parents[1]
@@ -77,8 +80,10 @@ def test_ctrl_c_leaves_what_there_is_and_the_rest_follows(tmp_path):
 KILLED = """
 import sys
 sys.path.insert(0, {here!r})
+from contextlib import nullcontext
 from functools import partial
 from toys import squares
+from armdyn.studies.executors.executor import Ended
 from armdyn.studies.executors.local import local_executor
 from armdyn.studies.run import run_study
 run_study(squares(60, seconds=0.02), {file!r}, partial(local_executor, workers=2))
@@ -92,24 +97,16 @@ def test_killed_twice_and_gone_on_with(tmp_path):
     for more in (10, 15):
         process = subprocess.Popen(command)
         until = (counts[-1] if counts else 0) + more
-        while count(file) < until:
+        while row_count(file) < until:
             assert process.poll() is None
             time.sleep(0.01)
         process.kill()
         process.wait()
-        counts.append(count(file))
+        counts.append(row_count(file))
     assert counts[-1] < 60
     run_study(squares(60), file, TWO)
     rows = rows_of(file)
     assert [(row.k, row.facts["square"]) for row in rows] == [(k, k * k) for k in range(60)]
-
-
-def count(file):
-    try:
-        with read_rows(file) as rows:
-            return len(rows.numbers())
-    except (FileError, ResultError):  # there is none yet, or it is being begun
-        return 0
 
 
 def test_a_case_has_no_second_row(tmp_path):
@@ -182,3 +179,29 @@ def test_time_left_is_what_cases_took_and_how_unlike_they_were():
     least, most = unlike.left(10)
     # σ² = 4 · 8/7 about 4 s: 2 · (σ / 4) √(100 / 8 + 10) = 5.07 cases of 2 s either side.
     assert (least, most) == pytest.approx((20 - 10.14, 20 + 10.14), abs=0.01)
+
+
+class Requeued:
+    """An executor that has a case given again, as a cluster does after its connection broke."""
+
+    size = 1
+
+    def __init__(self):
+        self.waiting, self.requeued = [], False
+
+    def wanted(self, left):
+        return min(left, 1 - len(self.waiting))
+
+    def give(self, cases):
+        self.waiting += cases
+
+    def ended(self, seconds):
+        case = self.waiting.pop()
+        status = "squared" if self.requeued else "interrupted"
+        self.requeued = True
+        return [Ended(k=case.k, result=CaseResult(status=status, good=True))]
+
+
+def test_a_case_that_comes_back_undone_is_given_again(tmp_path):
+    run = run_study(squares(3), tmp_path / "s.sqlite", lambda task: nullcontext(Requeued()))
+    assert run.counts == {"squared": 3} and not run.interrupted

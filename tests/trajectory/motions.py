@@ -3,7 +3,7 @@
 import numpy as np
 from hypothesis import strategies as st
 
-from armdyn.trajectory import LEAST_STEP, Trajectory
+from armdyn.trajectory import HOLDS, LEAST_STEP, Trajectory
 
 NUMBER = st.floats(-50, 50)
 
@@ -21,4 +21,5 @@ def trajectories(draw):
     joints = draw(st.integers(1, 3))
     count = t.size * joints
     q, v, tau = (np.reshape(draw(st.lists(NUMBER, min_size=count, max_size=count)), (t.size, joints)) for _ in range(3))
-    return Trajectory(t, q, v, tau, joint_names=[f"joint{i}" for i in range(joints)])
+    names = [f"joint{i}" for i in range(joints)]
+    return Trajectory(t, q, v, tau, joint_names=names, hold=draw(st.sampled_from(HOLDS)))

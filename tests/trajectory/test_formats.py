@@ -17,7 +17,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from armdyn.errors import MissingPackageError, TrajectoryError
 from armdyn.trajectory import Samples
-from armdyn.trajectory.formats import csv_text, joint_trajectory_text
+from armdyn.trajectory.formats import FORMATS, CsvTable, Ros2, register
 from problems import solved
 from trajectory.motions import trajectories
 
@@ -128,7 +128,7 @@ def test_the_text_is_json_and_yaml(motion, extreme, name):
     q = samples.q.copy()
     q[0] = extreme[: q.shape[1]]
     samples = replace(samples, q=q, joint_names=(name, *samples.joint_names[1:]))
-    text, fields = joint_trajectory_text(samples), samples.to_joint_trajectory()
+    text, fields = Ros2().text(samples), samples.to_joint_trajectory()
     assert json.loads(text) == fields
     assert yaml.safe_load(text) == fields  # which takes 1e-05 for text, and so does ROS
 
@@ -146,7 +146,7 @@ def _sayable(name):
 def test_a_table_reads_back_to_the_last_bit(motion, rate, name):
     samples = motion.resample(rate)
     samples = replace(samples, joint_names=(name, *samples.joint_names[1:]))
-    table = pandas.read_csv(io.StringIO(csv_text(samples), newline=""))
+    table = pandas.read_csv(io.StringIO(CsvTable().text(samples), newline=""))
     written = np.column_stack([samples.t, *(getattr(samples, what) for what in ARRAYS)])
     np.testing.assert_array_equal(table.to_numpy(), written)
     assert len(table.columns) == 1 + 4 * samples.q.shape[1]
@@ -167,7 +167,7 @@ def test_the_table_on_disk(tmp_path):
 def test_a_trajectory_says_its_own_samples(tmp_path):
     motion = solved("rr").trajectory
     own = motion.resample()
-    assert motion.to_csv(tmp_path / "own.csv").read_text() == csv_text(own)
+    assert motion.to_csv(tmp_path / "own.csv").read_text() == CsvTable().text(own)
     pandas.testing.assert_frame_equal(motion.to_dataframe(), own.to_dataframe())
     assert motion.to_joint_trajectory() == own.to_joint_trajectory()
 
@@ -184,3 +184,15 @@ def test_without_pandas_it_says_what_to_do(monkeypatch):
     ) as caught:
         solved("r").trajectory.to_dataframe()
     assert pickle.loads(pickle.dumps(caught.value)).package == "pandas"
+
+
+def test_each_format_is_registered_once():
+    assert list(FORMATS) == ["csv", "ros2", "mujoco"]
+    assert all(name == kind.name and kind.suffix.startswith(".") and kind.summary for name, kind in FORMATS.items())
+    register(CsvTable)  # again: the same
+
+    class Other(CsvTable):
+        """Of the same name."""
+
+    with pytest.raises(TrajectoryError, match="there is a format 'csv' already, CsvTable"):
+        register(Other)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from armdyn.errors import MissingPackageError, TrajectoryError
 from armdyn.trajectory import Trajectory, messages
-from armdyn.trajectory.formats import joint_trajectory_text
+from armdyn.trajectory.formats import Ros2
 from armdyn.trajectory.planned import read_planned
 
 JOINTS = ("shoulder", "elbow")
@@ -38,7 +38,7 @@ def written(tmp_path, content, name="motion.json"):
 @pytest.mark.parametrize("suffix", [".json", ".yaml", ".yml"])
 def test_what_is_exported_is_read_back(tmp_path, suffix):
     samples = Trajectory(T, Q, V, 3 * V, JOINTS).resample(100)
-    planned = read_planned(written(tmp_path, joint_trajectory_text(samples), f"a{suffix}"), JOINTS)
+    planned = read_planned(written(tmp_path, Ros2().text(samples), f"a{suffix}"), JOINTS)
     assert planned.t == pytest.approx(samples.t, abs=0.5e-9)  # whole nanoseconds
     for what in ("q", "v", "a", "tau"):
         np.testing.assert_array_equal(getattr(planned, what), getattr(samples, what))

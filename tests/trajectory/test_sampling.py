@@ -17,7 +17,9 @@ RATES = st.one_of(st.none(), st.floats(0.01, 2e4), st.sampled_from([1.0, 30.0, 1
 
 
 def impulse(motion):
-    """∫ tau dt [N m s], shape (nv,): torques are linear between samples."""
+    """∫ tau dt [N m s], shape (nv,): torques are linear between samples, or held."""
+    if motion.hold == "zero-order":
+        return np.diff(motion.t) @ motion.tau[:-1]
     return np.trapezoid(motion.tau, motion.t, axis=0)
 
 

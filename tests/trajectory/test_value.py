@@ -57,6 +57,30 @@ def test_cubics_and_linear_torques_are_met_exactly(motion):
     assert np.allclose(sample.tau, torque(times), rtol=0, atol=1e-14)
 
 
+def test_a_held_torque_is_that_of_the_sample_before(motion):
+    held = replace(motion, hold="zero-order")
+    times = np.array([0.0, 1e-9, 0.2999, 0.3, 1.05, 1.1, 5.0])
+    expected = held.tau[np.minimum(np.searchsorted(T, times, side="right") - 1, T.size - 2)]
+    np.testing.assert_array_equal(held(times).tau, expected)
+    np.testing.assert_array_equal(held(times).q, motion(times).q)
+    np.testing.assert_array_equal(held.tau_end, held.tau[:-1])
+    np.testing.assert_array_equal(motion.tau_end, motion.tau[1:])
+    rate = 1 / (T[1] - T[0])
+    assert held.resample().tau[:-1] == pytest.approx(held.tau[:-1], abs=1e-12)
+    assert held.resample(rate).tau[0] == pytest.approx(held.tau[0], abs=1e-12)
+
+
+def test_the_hold_is_saved_and_an_old_file_is_linear(motion, tmp_path):
+    held = replace(motion, hold="zero-order")
+    assert Trajectory.load(held.save(tmp_path / "held.npz")).hold == "zero-order"
+    assert Trajectory.load(motion.save(tmp_path / "linear.npz")).hold == "linear"
+    write(tmp_path / "before.npz")
+    assert Trajectory.load(tmp_path / "before.npz").hold == "linear"
+    write(tmp_path / "other.npz", hold="spline")
+    with pytest.raises(TrajectoryError, match="hold is 'spline'; it is one of 'linear', 'zero-order'"):
+        Trajectory.load(tmp_path / "other.npz")
+
+
 def test_samples_come_back_to_the_bit_except_the_last(motion):
     sample = motion(T[:-1])
     assert np.array_equal(sample.q, motion.q[:-1])

@@ -1,4 +1,4 @@
-"""The command that says how fast no motion can be."""
+"""The command that proves a lower bound on the duration."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def bound(
     course: PathConstraintOptions,
     json: Json = False,
 ) -> None:
-    """A duration that no motion between two poses beats, proven.
+    """Lower bound on the duration between two poses, proven: no motion is faster.
 
     Velocity limits alone give one; torque limits add what speeding up and slowing down cost at least. All is
     computed in intervals, rounded outward; no motion is searched for. With --goal-pose the bound holds for all joint
@@ -36,14 +36,12 @@ def bound(
 
         problem, _ = requested_problem(robot, goal, payload, joints, course)
         arm = problem.robot
-        with working(f"lower bound of {arm.name}", json):
+        with working(f"lower bound of {arm.name}"):
             found = ad.lower_bound(problem)
-        status = "unbounded" if found is None else "bounded"
-        answer.facts |= {"success": True, "status": status, "files": []}
-        answer.facts |= {"robot": arm.name, **friction_facts(arm), "reserve": reserve_summary(problem), **_facts(found)}
-        if not json:
-            words = friction_words(arm) | reserve_words(problem) | _words(found)
-            console.print(facts_table(f"{arm.name}: lower bound", words))
+        facts = {"robot": arm.name, **friction_facts(arm), "reserve": reserve_summary(problem), **_facts(found)}
+        answer.done("unbounded" if found is None else "bounded", facts)
+        words = friction_words(arm) | reserve_words(problem) | _words(found)
+        console.print(facts_table(f"{arm.name}: lower bound", words))
 
 
 def _facts(found: ad.LowerBound | None) -> dict[str, object]:

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
-
-import typer
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import armdyn as ad
 from armdyn.cli.console import INTERRUPTED, NOT_AS_REQUIRED, NOT_USABLE, answering, console, facts_table, working
 from armdyn.cli.motion.requirements import Require, missing_of, requirements_of
 from armdyn.cli.motion.words import missing_words, solution_words, title_words
 from armdyn.cli.options.course import PathConstraintOptions
-from armdyn.cli.options.groups import given
+from armdyn.cli.options.groups import flag, given, option
 from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.poses import GoalOptions
 from armdyn.cli.options.results import ResultOptions
@@ -34,35 +32,26 @@ class SolverOptions:
 
     panel: ClassVar[str] = SOLVER
 
-    search: Annotated[
-        SearchLevel,
-        typer.Option(
-            metavar="HOW",
-            help="How much is searched: normal, quick (a third of it), or thorough, which takes five times as long and "
-            "misses less.",
-        ),
-    ] = "normal"
-    starts: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            help="Guesses of the global search, whatever the level; by default as many as suit the robot "
-            "(armdyn doctor ROBOT --policy).",
-        ),
-    ] = None
-    time_limit: Annotated[float, typer.Option(metavar="S", help="For the whole solve \\[s].")] = 300.0
-    max_intervals: Annotated[
-        int, typer.Option(metavar="N", help="Of the finest mesh, where a coarser one is not enough.")
-    ] = 160
-    seed: Annotated[int, typer.Option(metavar="N", help="Of the guesses after the first.")] = 0
-    smooth: Annotated[
-        float,
-        typer.Option(
-            metavar="SHARE",
-            help="How much of the time may be given for gentle torques, where velocity limits shape the motion; 0: "
-            "none. 0.1 gives some 0.02 % of it, and halves what torques go up and down.",
-        ),
-    ] = 1e-3
+    search: SearchLevel = option(
+        "HOW",
+        "How much is searched: normal, quick (a third of it), or thorough, which takes five times as long and "
+        "misses less.",
+        default="normal",
+    )
+    starts: int | None = option(
+        "N",
+        "Guesses of the global search, whatever the level; by default as many as suit the robot "
+        "(armdyn doctor ROBOT --policy).",
+    )
+    time_limit: float = option("S", "For the whole solve \\[s].", default=300.0)
+    max_intervals: int = option("N", "Of the finest mesh, where a coarser one is not enough.", default=160)
+    seed: int = option("N", "Of the guesses after the first.", default=0)
+    smooth: float = option(
+        "SHARE",
+        "How much of the time may be given for gentle torques, where velocity limits shape the motion; 0: "
+        "none. 0.1 gives some 0.02 % of it, and halves what torques go up and down.",
+        default=1e-3,
+    )
 
     def over(self, options: Mapping[str, Any]) -> Self:
         """What a problem file asks for, but for what was asked for on the command line, too."""
@@ -84,14 +73,10 @@ class SolverOptions:
 class SearchOptions(SolverOptions):
     """The same, and what is left to feedback."""
 
-    for_tracking: Annotated[
-        bool,
-        typer.Option(
-            "--for-tracking",
-            help="Leave so much torque to feedback (--reserve) that likely arms settle soonest: payload 20 % off, with "
-            "and without friction, under the default controller at 1 kHz.",
-        ),
-    ] = False
+    for_tracking: bool = flag(
+        "Leave so much torque to feedback (--reserve) that likely arms settle soonest: payload 20 % off, with "
+        "and without friction, under the default controller at 1 kHz."
+    )
 
     def solved(
         self, problem: ad.MinimumTimeProblem, progress: Callable[[str], None]
@@ -125,17 +110,15 @@ def mintime(
 ) -> None:
     """Fastest motion between two poses that the actuators allow.
 
-    Searches many guesses, resolves the best to exact switching times, replays the torques through
-    Pinocchio's forward dynamics by two independent integrators, and checks Pontryagin's conditions.
-    Where velocity limits shape the motion, and beyond three joints, it is a smooth curve that keeps all limits
-    between its points, too, and a proven lower bound stands beside its duration.
-    Exit code 0 means that the motion is usable: it lands and keeps its limits. 3: it is not, and the output says
-    why. --require certified (or extremal, or gap:0.5%) asks for more: 4 if that is missing. Where there is no motion
-    that lands within the limits, no duration is printed.
+    Solves many guesses, resolves the best one to exact switching times, and replays its torques through Pinocchio's
+    forward dynamics with two independent integrators. Beyond three joints, and where velocity limits decide, the motion
+    is a smooth curve with a proven lower bound on the duration.
 
-    Certified is a usable motion that is extremal (Pontryagin's conditions hold along it) or proven to be at most
-    0.1 % above the least time. With obstacles, via points or limits along the way the switching times are not
-    resolved, and Pontryagin's conditions not checked.
+    Certified: Pontryagin's conditions hold along the motion, or it is proven to be at most 0.1 % slower than the
+    fastest possible. With obstacles, via points or path limits Pontryagin's conditions are not checked.
+
+    Exit code 0: the motion is usable: it reaches the goal and satisfies all limits. 3: it is not, and the output says
+    why. 4: it is, but --require certified (or extremal, or gap:0.5%) is not met.
 
     [dim]armdyn mintime rr --payload 0.1006
     armdyn mintime rr --obstacle sphere:0.05@0.3,0,-0.1
@@ -147,15 +130,14 @@ def mintime(
     armdyn mintime problem.toml
     armdyn mintime ur5 --q-start home --q-goal 90deg,-45deg,60deg,-90deg,0,0[/]
     """
-    json = results.output.json
-    with answering(json) as answer:
+    with answering(results.output.json) as answer:
         required = requirements_of(require or ())
         from armdyn.optimal.answer.summary import minimum_time_summary
 
         problem, options = requested_problem(robot, goal, payload, joints, course)
         arm, search = problem.robot, search.over(options)
         folder = results.folder("mintime", robot.robot)
-        with working(f"minimum time of {arm.name}", json) as progress:
+        with working(f"minimum time of {arm.name}") as progress:
             solution, curve = search.solved(problem, progress)
             problem, summary = solution.problem, minimum_time_summary(solution) | reserve_facts(curve)
             carried = f", {1000 * arm.payload.mass:g} g" if arm.payload is not None and arm.payload.mass else ""
@@ -172,7 +154,6 @@ def mintime(
             answer.code = NOT_USABLE
         elif missing:
             answer.code = NOT_AS_REQUIRED
-        if not json:
-            words = friction_words(arm) | reserve_words(problem) | solution_words(solution, problem.wrap)
-            words |= reserve_choice(curve) | missing_words(missing) | written.words
-            console.print(facts_table(f"{arm.name}: minimum time", words))
+        words = friction_words(arm) | reserve_words(problem) | solution_words(solution, problem.wrap)
+        words |= reserve_choice(curve) | missing_words(missing) | written.words
+        console.print(facts_table(f"{arm.name}: minimum time", words))

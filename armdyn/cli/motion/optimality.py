@@ -52,8 +52,7 @@ def optimality(
     armdyn optimality ur5 moveit.yaml
     armdyn optimality rr results/track-rr/trajectory.npz --search quick[/]
     """
-    json = results.output.json
-    with answering(json) as answer:
+    with answering(results.output.json) as answer:
         from armdyn.trajectory.planned import SUFFIXES
 
         if robot.robot.lower().endswith(SUFFIXES):
@@ -61,7 +60,7 @@ def optimality(
         arm = joints.fit(robot.read(payload.carried()))
         motion = motion_of(arm, file)
         folder = results.folder("optimality", robot.robot, MOTIONS)
-        with working(f"fastest motion of {arm.name}", json) as progress:
+        with working(f"fastest motion of {arm.name}") as progress:
             found = ad.time_optimality(
                 arm, motion, search.options(), **joints.problem_arguments(), **rates.problem_arguments()
             )
@@ -76,9 +75,8 @@ def optimality(
             answer.code = INTERRUPTED
         elif not summary["success"]:
             answer.code = NOT_USABLE
-        if not json:
-            words = friction_words(arm) | reserve_words(solution.problem) | _words(found) | written.words
-            console.print(facts_table(f"{arm.name}: {file.name} beside the fastest motion", words))
+        words = friction_words(arm) | reserve_words(solution.problem) | _words(found) | written.words
+        console.print(facts_table(f"{arm.name}: {file.name} beside the fastest motion", words))
 
 
 def _facts(found: ad.TimeOptimality) -> dict[str, object]:

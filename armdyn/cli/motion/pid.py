@@ -1,15 +1,14 @@
-"""The command that closes a PID loop around an arm."""
+"""The command `armdyn pid`."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
-
-import typer
+from typing import ClassVar
 
 import armdyn as ad
 from armdyn import models
 from armdyn.cli.console import NOT_USABLE, answering, console, facts_table, working
+from armdyn.cli.options.groups import option
 from armdyn.cli.options.joints import JointOptions, friction_facts, friction_words
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import ResultOptions
@@ -22,29 +21,25 @@ from armdyn.parsing.numbers import numbers
 
 @dataclass(frozen=True, kw_only=True)
 class PidLoopOptions:
-    """The controller, and how long it is watched; see `simulate_pid`."""
+    """The controller, and the simulated time; see `simulate_pid`."""
 
     panel: ClassVar[str] = "Loop"
 
-    gains: Annotated[
-        str, typer.Option(metavar="KP,KI,KD", help="The same for every joint; by default those of the paper's arms.")
-    ] = "30,50,10"
-    form: Annotated[
-        str,
-        typer.Option(
-            metavar="FORM", help="acceleration (the paper's), torque (saturated, not sampled), or computed_torque."
-        ),
-    ] = "acceleration"
-    duration: Annotated[float, typer.Option(metavar="S", help="How long to simulate \\[s].")] = 10.0
-    arrival_rule: Annotated[
-        str | None,
-        typer.Option(
-            metavar="RULE",
-            help="When it has arrived: " + ", ".join(ARRIVAL_RULES) + "; by default the first, of r, rr and rrr the "
-            "paper's, which is the second.",
-            show_default=False,
-        ),
-    ] = None
+    gains: str = option(
+        "KP,KI,KD", "The same for every joint; by default those of the paper's arms.", default="30,50,10"
+    )
+    form: str = option(
+        "FORM",
+        "acceleration (the paper's), torque (saturated, not sampled), or computed_torque.",
+        default="acceleration",
+    )
+    duration: float = option("S", "Simulated time \\[s].", default=10.0)
+    arrival_rule: str | None = option(
+        "RULE",
+        "When it has arrived: " + ", ".join(ARRIVAL_RULES) + "; by default the first, of r, rr and rrr the "
+        "paper's, which is the second.",
+        show_default=False,
+    )
 
     def run(self, arm: ad.Robot, start: list[float], goal: list[float], usual: ArrivalRule) -> ad.Run:
         """Close the loop between two poses [rad or m], each of shape (nv,).
@@ -53,7 +48,7 @@ class PidLoopOptions:
             arm: that moves.
             start: from here.
             goal: to here.
-            usual: rule of arrival where none is asked for.
+            usual: default rule of arrival.
 
         Raises:
             ProblemError: the gains are not three numbers, or something does not fit the arm.
@@ -80,7 +75,7 @@ def pid(
     loop: PidLoopOptions,
     results: ResultOptions,
 ) -> None:
-    """What a PID loop does between two poses.
+    """Simulate a PID loop between two poses.
 
     r, rr and rrr move as in the paper's Examples 4 to 6, and count as arrived when joint 1 is there to stay.
 
@@ -88,15 +83,14 @@ def pid(
     armdyn pid problem.toml
     armdyn pid rr --form torque --gains 30,50,3[/]
     """
-    json = results.output.json
-    with answering(json) as answer:
+    with answering(results.output.json) as answer:
         from armdyn.control.tracking.pid import pid_summary
         from armdyn.paper.printed.loop import PAPER_RULE
 
-        asked = requested_arm(robot, poses, payload, joints)
-        arm, (start, goal) = asked.arm, asked.ends("pid")
+        request = requested_arm(robot, poses, payload, joints)
+        arm, (start, goal) = request.arm, request.ends("pid")
         folder = results.folder("pid", robot.robot)
-        with working(f"PID loop of {arm.name}", json) as progress:
+        with working(f"PID loop of {arm.name}") as progress:
             run = loop.run(arm, start, goal, PAPER_RULE if robot.robot in models.PLANAR_ARMS else ARRIVAL_RULES[0])
             summary = pid_summary(run)
             carried = f", {1000 * arm.payload.mass:g} g" if arm.payload is not None else ""
@@ -104,9 +98,8 @@ def pid(
             written = results.write(folder, arm, {"trajectory": run.trajectory}, summary, title, progress=progress)
         answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, **written.facts}
         answer.code = 0 if run.arrival_time is not None else NOT_USABLE
-        if not json:
-            words = friction_words(arm) | _words(run) | written.words
-            console.print(facts_table(f"{arm.name}: PID loop", words))
+        words = friction_words(arm) | _words(run) | written.words
+        console.print(facts_table(f"{arm.name}: PID loop", words))
 
 
 def _words(run: ad.Run) -> dict[str, str]:
@@ -122,10 +115,10 @@ def _words(run: ad.Run) -> dict[str, str]:
 def _arrival(run: ad.Run) -> str:
     """When a loop arrived, and by which rule; with another rule than that all joints stay, when they all do, too."""
     rule = run.arrival_rule.replace("_", " ")
-    told = f"{_seconds(run.arrival_time)} ({rule})"
+    words = f"{_seconds(run.arrival_time)} ({rule})"
     if run.arrival_rule == ARRIVAL_RULES[0]:
-        return told
-    return f"{told}; all joints: {_seconds(run.settled_time)}"
+        return words
+    return f"{words}; all joints: {_seconds(run.settled_time)}"
 
 
 def _seconds(time: float | None) -> str:

@@ -54,11 +54,10 @@ def replay(
         folder = output.folder("replay", robot.robot, ["replay.html"])
         slow = None if slow_motion is None else number(slow_motion, "--slow-motion")
         folder.mkdir(parents=True, exist_ok=True)
-        with working(f"replay of {arm.name}", output.json):
+        with working(f"replay of {arm.name}"):
             page = write_html(arm, motions, folder / "replay.html", slow_motion=slow, obstacles=obstacles)
-        answer.facts |= {"success": True, "status": "written", "files": [str(page)]}
-        if not output.json:
-            console.print(f"{escape(str(page))}  ({page.stat().st_size / 1e6:.1f} MB, opens in any browser)")
+        answer.done("written", {}, [page])
+        console.print(f"{escape(str(page))}  ({page.stat().st_size / 1e6:.1f} MB, opens in any browser)")
 
 
 def _saved(path: Path, arm: ad.Robot) -> Saved:

@@ -61,21 +61,24 @@ def options_of(line: str) -> str:
 
 def _facts(solution: Solution) -> dict[str, str]:
     """A solution in words."""
-    import numpy as np
+    from armdyn.optimal.answer.words import assessment, checks
 
-    from armdyn.optimal.answer.words import replay_words
-
-    certificate = solution.certificate
-    facts = {"status": str(solution.status) if solution.success else solution.message}
+    told = solution.success or not (solution.moves and solution.feasible)  # then the verdict has the message
+    facts = {"status": str(solution.status).replace("_", " ") if told else solution.message}
     if solution.success:
         facts["duration"] = f"{solution.duration:.9f} s"
-    if np.isfinite(certificate.goal_error):
-        facts["replay"] = f"{replay_words(certificate)}; velocity within {certificate.goal_velocity_error:.1e} rad/s"
-    facts |= _verdict_facts(solution) | _course(solution)
+    facts["verdict"] = assessment(solution)
+    words = {True: "yes: ", False: "no: ", None: ""}
+    facts |= {name: f"{words[holds]}{said}" for name, holds, said in checks(solution)}
+    if solution.certificate.idle and solution.moves:
+        facts["idle"] = ", ".join(solution.certificate.idle) + ": the duration does not determine their motion"
+    if solution.what_to_do:
+        facts["what you can do"] = "\n".join(map(options_of, solution.what_to_do))
+    facts |= _way(solution)
     if solution.local_optima:
         others = ", ".join(f"{x:.4f}" for x in solution.local_optima[:5])
         facts["other optima"] = f"{others}{' …' if len(solution.local_optima) > 5 else ''} s"
-    if solution.decides:
+    if solution.decides and solution.moves:
         most = solution.decides[0]
         shares = ", ".join(f"{one.name} {100 * one.part:.3g} %" for one in solution.decides[:3])
         saved = f"1 % more of the first saves {10 * most.part * solution.duration:.3g} ms"
@@ -86,43 +89,12 @@ def _facts(solution: Solution) -> dict[str, str]:
     return facts
 
 
-def _verdict_facts(solution: Solution) -> dict[str, str]:
-    """What was checked, each apart, and what may help where something is missing."""
-    from armdyn.optimal.proof.certificate import percent
-
-    certificate = solution.certificate
-    how = "yes" if certificate.replay == "open loop" else "yes, under feedback"
-    facts = {"usable": f"{how}: it lands and keeps its limits" if solution.usable else "NO"}
-    if solution.feasible and solution.problem.unheld is not None:
-        facts["usable"] = f"NO: the arm cannot stay at the goal: {solution.problem.unheld.words}"
-    if solution.feasible:
-        facts["certified"] = "yes" if solution.certified else "; ".join(("no", *certificate.reasons))
-    if solution.arcs:
-        adjoint = certificate.adjoint_error
-        facts["extremal"] = (
-            f"{'yes' if certificate.extremal else 'no'}: |H| ≤ {certificate.hamiltonian_spread:.1e}, wrong signs ≤ "
-            f"{certificate.switching_violation:.1e}, {len(solution.arcs)} arcs"
-        ) + ("" if adjoint is None else f"; adjoint equations to {adjoint:.1e}")
-    if certificate.idle:
-        facts["idle"] = ", ".join(certificate.idle) + ": time does not determine how they move"
-    if solution.gap is not None:
-        said = "at most" if solution.gap_proven else "about"
-        proven = "proven" if solution.gap_proven else "not proven for this motion"
-        facts["gap"] = (
-            f"{said} {percent(max(solution.gap, 0.0))} above the lower bound of {solution.lower_bound:.6f} s ({proven})"
-        )
-    if solution.what_to_do:
-        facts["what you can do"] = "\n".join(map(options_of, solution.what_to_do))
-    return facts
-
-
-def _course(solution: Solution) -> dict[str, str]:
-    """What was asked along the way, and of the goal, and how that is kept."""
+def _way(solution: Solution) -> dict[str, str]:
+    """The nearest obstacle, the via points and the goals."""
     facts = {}
     if solution.clearance is not None:
         proof = "nothing is missed between looks" if solution.clearance.sure else "looked at 10,000 times at most"
         facts["nearest"] = f"{solution.clearance} ({proof})"
-    facts |= {kept.name: kept.said for kept in solution.constraint_reports if kept.share is not None}
     if solution.via_times:
         facts["via points"] = "at " + ", ".join(f"{t:.4f}" for t in solution.via_times) + " s"
     if solution.goals:

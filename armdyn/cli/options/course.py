@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
-import typer
-
+from armdyn.cli.options.groups import flag, option
 from armdyn.cli.options.path_limits import Limits
 from armdyn.cli.parsing.panels import LIMITS, SCENE, TASK
 from armdyn.cli.parsing.positions import positions
@@ -18,9 +17,6 @@ if TYPE_CHECKING:
     from armdyn.models import Robot
     from armdyn.models.scene.obstacles import Obstacle
 
-SHAPES = {"box": (3, 1), "sphere": (1, 1), "capsule": (1, 2)}
-"""How many sizes and how many places a shape has."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class RateOptions:
@@ -28,17 +24,8 @@ class RateOptions:
 
     panel: ClassVar[str] = LIMITS
 
-    acceleration_limit: Annotated[
-        str | None,
-        typer.Option(metavar="A[,A…]", help="Acceleration limits \\[rad/s²]; by default none."),
-    ] = None
-    jerk_limit: Annotated[
-        str | None,
-        typer.Option(
-            metavar="J[,J…]",
-            help="Jerk limits \\[rad/s³]: the torque no longer jumps. By default none.",
-        ),
-    ] = None
+    acceleration_limit: str | None = option("A[,A…]", "Acceleration limits \\[rad/s²]; by default none.")
+    jerk_limit: str | None = option("J[,J…]", "Jerk limits \\[rad/s³]: the torque no longer jumps. By default none.")
 
     def problem_arguments(self) -> dict[str, Any]:
         """The arguments of a `MinimumTimeProblem` that they are.
@@ -58,26 +45,18 @@ class PathConstraintOptions:
 
     panel: ClassVar[str] = SCENE
 
-    via: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="Q,Q,…|NAME",
-            help="Pose to pass through, at any time and speed, like --q-start; may be given again, in order.",
-            rich_help_panel=TASK,
-        ),
-    ] = None
-    obstacle: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="SHAPE|FILE.json",
-            help="Something to keep clear of, in the world \\[m]: box:SX,SY,SZ@X,Y,Z (edges, centre), sphere:R@X,Y,Z, "
-            "capsule:R@X,Y,Z;X,Y,Z, or a file of them, boxes turned too (docs/obstacles.md). May be given again.",
-        ),
-    ] = None
-    self_collision: Annotated[
-        bool, typer.Option("--self-collision", help="Keep the arm's links clear of each other, too.")
-    ] = False
-    clearance: Annotated[float, typer.Option(metavar="M", help="From obstacles, and between links \\[m].")] = 0.005
+    via: list[str] | None = option(
+        "Q,Q,…|NAME",
+        "Pose to pass through, at any time and speed, like --q-start; may be given again, in order.",
+        rich_help_panel=TASK,
+    )
+    obstacle: list[str] | None = option(
+        "SHAPE|FILE.json",
+        "Something to keep clear of, in the world \\[m]: box:SX,SY,SZ@X,Y,Z (edges, centre), sphere:R@X,Y,Z, "
+        "capsule:R@X,Y,Z;X,Y,Z, or a file of them, boxes turned too (docs/obstacles.md). May be given again.",
+    )
+    self_collision: bool = flag("Keep the arm's links clear of each other, too.")
+    clearance: float = option("M", "From obstacles, and between links \\[m].", default=0.005)
     rates: RateOptions = field(default_factory=RateOptions)
     limit: Limits = None
 
@@ -108,7 +87,7 @@ def obstacles_of(texts: Sequence[str]) -> tuple[Obstacle, ...]:
     Raises:
         ProblemError: a text is no shape and no file, or the file has none.
     """
-    from armdyn.models.scene.obstacles import load_obstacles
+    from armdyn.models.scene.obstacles import SHAPES, load_obstacles
 
     found: list[Obstacle] = []
     for text in texts:
@@ -119,16 +98,13 @@ def obstacles_of(texts: Sequence[str]) -> tuple[Obstacle, ...]:
 
 def _shape(kind: str, text: str, what: str) -> Obstacle:
     """One shape, written SIZES@PLACES."""
-    from armdyn.models.scene.obstacles import obstacle_from
+    from armdyn.models.scene.obstacles import SHAPES, obstacle_from
 
-    sizes, _, places = text.partition("@")
+    shape, (sizes, _, places) = SHAPES[kind], text.partition("@")
     values, at = numbers(sizes, what), [numbers(place, what) for place in places.split(";")]
-    if (len(values), len(at)) != SHAPES[kind]:
-        raise ProblemError(f"{what}: write box:SX,SY,SZ@X,Y,Z or sphere:R@X,Y,Z or capsule:R@X,Y,Z;X,Y,Z")
-    if kind == "box":
-        entry: dict[str, object] = {"size": values, "position": at[0]}
-    elif kind == "sphere":
-        entry = {"radius": values[0], "center": at[0]}
-    else:
-        entry = {"radius": values[0], "a": at[0], "b": at[1]}
+    counts = [metavar.count(",") + 1 for metavar in shape.sizes.values()]
+    if (len(values), len(at)) != (sum(counts), len(shape.places)):
+        raise ProblemError(f"{what}: write {' or '.join(f'{name}:{one.option()}' for name, one in SHAPES.items())}")
+    each = [values.pop(0) if count == 1 else [values.pop(0) for _ in range(count)] for count in counts]
+    entry = dict(zip((*shape.sizes, *shape.places), (*each, *at), strict=True))
     return obstacle_from({"type": kind, **entry}, what)

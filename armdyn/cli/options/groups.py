@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from copy import copy
-from dataclasses import MISSING, fields, is_dataclass
+from dataclasses import MISSING, Field, field, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, Signature, cleandoc, signature
 from itertools import chain
 from typing import Annotated, Any, get_origin, get_type_hints
 
+import typer
 from typer.models import OptionInfo
 
 from armdyn.cli.parsing.everywhere import everywhere, heeding
@@ -17,10 +18,10 @@ from armdyn.cli.reports.invocation import running
 def with_options(command: Callable[..., None]) -> Callable[..., None]:
     """A command as typer takes it, with one parameter per option, of a command that takes groups.
 
-    A group is a frozen dataclass. Its fields are annotated as a command's parameters are, `Annotated[type,
-    typer.Option(…)] = default`, or are groups themselves; they become the command's options in their order. All
-    options of a group stand in the help panel that its class attribute `panel` names, if it has one. After them come
-    the options that every command has, see `typed.everywhere`.
+    A group is a frozen dataclass. Its fields are an `option` or a `flag`, are annotated as a command's parameters are,
+    `Annotated[type, typer.Option(…)] = default`, or are groups themselves; they become the command's options in their
+    order. All options of a group stand in the help panel that its class attribute `panel` names, if it has one. After
+    them come the options that every command has, see `parsing.everywhere`.
 
     Raises:
         TypeError: two groups of a command have an option of the same name.
@@ -50,9 +51,28 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
     return flattened
 
 
+def option(metavar: str, about: str, *, default: Any = None, name: str = "", **more: Any) -> Any:
+    """A field of a group: an option with a value.
+
+    Args:
+        metavar: its value, as help shows it.
+        about: help.
+        default: its value where it is not given.
+        name: with its dashes; by default the field's.
+        more: what else `typer.Option` takes.
+    """
+    names = (name,) if name else ()
+    return field(default=default, metadata={"option": typer.Option(*names, metavar=metavar, help=about, **more)})
+
+
+def flag(about: str, **more: Any) -> Any:
+    """A field of a group: an option that is given or not; arguments as of `option`."""
+    return option("", about, default=False, **more)
+
+
 def given(group: Any) -> dict[str, Any]:
     """The options of a group that are not as by default, by name: they go before what a file says."""
-    return {field.name: value for field in fields(group) if (value := getattr(group, field.name)) != field.default}
+    return {one.name: value for one in fields(group) if (value := getattr(group, one.name)) != one.default}
 
 
 def _expanded(name: str, hint: Any, default: Any, panel: str | None) -> Iterator[Parameter]:
@@ -61,9 +81,20 @@ def _expanded(name: str, hint: Any, default: Any, panel: str | None) -> Iterator
         yield Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=_shown(hint, panel))
         return
     hints = get_type_hints(hint, include_extras=True)
-    for field in fields(hint):
-        own = Parameter.empty if field.default is MISSING else field.default
-        yield from _expanded(field.name, hints[field.name], own, getattr(hint, "panel", panel))
+    for one in fields(hint):
+        own = Parameter.empty if one.default is MISSING else one.default
+        yield from _expanded(one.name, _annotated(one, hints[one.name]), own, getattr(hint, "panel", panel))
+
+
+def _annotated(one: Field[Any], hint: Any) -> Any:
+    """The annotation of a group's field as of a command's parameter."""
+    told = one.metadata.get("option")
+    if told is None:
+        return hint
+    if one.default is False and not told.param_decls:  # else typer adds --no-…
+        told = copy(told)
+        told.param_decls = (f"--{one.name.replace('_', '-')}",)
+    return Annotated[hint, told]
 
 
 def _shown(hint: Any, panel: str | None) -> Any:
@@ -89,4 +120,4 @@ def _gathered(name: str, hint: Any, values: Mapping[str, Any]) -> Any:
     if not (isinstance(hint, type) and is_dataclass(hint)):
         return values[name]
     hints = get_type_hints(hint, include_extras=True)
-    return hint(**{field.name: _gathered(field.name, hints[field.name], values) for field in fields(hint)})
+    return hint(**{one.name: _gathered(one.name, hints[one.name], values) for one in fields(hint)})

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
-import typer
-
+from armdyn.cli.options.groups import option
 from armdyn.cli.parsing.panels import LIMITS, ROBOT
 from armdyn.parsing.numbers import number, one_or_more
 
@@ -22,40 +21,22 @@ class JointOptions:
 
     panel: ClassVar[str] = ROBOT
 
-    effort_limit: Annotated[
-        str | None,
-        typer.Option(
-            metavar="T[,T…]",
-            help="Torque limits instead of the URDF's \\[N m]; 0: a joint has no motor.",
-            rich_help_panel=LIMITS,
-        ),
-    ] = None
-    damping: Annotated[
-        str | None,
-        typer.Option(
-            metavar="D[,D…]|urdf",
-            help="Viscous friction: a joint loses D times its velocity \\[N m s/rad]. By default a URDF file's own, "
-            "none for a library's robot, whose numbers are placeholders; urdf takes them.",
-        ),
-    ] = None
-    friction: Annotated[
-        str | None,
-        typer.Option(
-            metavar="F[,F…]|urdf",
-            help="Coulomb friction: a joint loses F against its direction of motion \\[N m]. Default like --damping.",
-        ),
-    ] = None
-    friction_width: Annotated[
-        str | None,
-        typer.Option(
-            metavar="V",
-            help="Coulomb friction is F tanh(v / V) \\[rad/s]: smaller is sharper, and slower to solve. Default 0.05.",
-        ),
-    ] = None
-    armature: Annotated[
-        str | None,
-        typer.Option(metavar="J[,J…]", help="Rotor inertia seen at the joint, gear ratio² × rotor \\[kg m²]."),
-    ] = None
+    effort_limit: str | None = option(
+        "T[,T…]", "Torque limits instead of the URDF's \\[N m]; 0: a joint has no motor.", rich_help_panel=LIMITS
+    )
+    damping: str | None = option(
+        "D[,D…]|urdf",
+        "Viscous friction: a joint loses D times its velocity \\[N m s/rad]. By default a URDF file's own, "
+        "none for a library's robot, whose numbers are placeholders; urdf takes them.",
+    )
+    friction: str | None = option(
+        "F[,F…]|urdf",
+        "Coulomb friction: a joint loses F against its direction of motion \\[N m]. Default like --damping.",
+    )
+    friction_width: str | None = option(
+        "V", "Coulomb friction is F tanh(v / V) \\[rad/s]: smaller is sharper, and slower to solve. Default 0.05."
+    )
+    armature: str | None = option("J[,J…]", "Rotor inertia seen at the joint, gear ratio² × rotor \\[kg m²].")
 
     def fit(self, robot: Robot) -> Robot:
         """A robot with these joints.
@@ -80,30 +61,20 @@ class FastJointOptions:
 
     panel: ClassVar[str] = LIMITS
 
-    velocity_limit: Annotated[
-        str | None,
-        typer.Option(metavar="V[,V…]", help="Velocity limits instead of the URDF's \\[rad/s]; inf for none."),
-    ] = None
-    reserve: Annotated[
-        str,
-        typer.Option(
-            metavar="R[,R…]",
-            help="Part of the torque limits that is kept for feedback: with 0.1 the motion takes 90 % at most.",
-        ),
-    ] = "0"
-    velocity_reserve: Annotated[
-        str, typer.Option(metavar="R[,R…]", help="Part of the velocity limits that is kept, likewise.")
-    ] = "0"
-    passive: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="JOINT",
-            rich_help_panel=ROBOT,
-            help="A joint without a motor, such as a cart's pole: its torque is zero, and the other joints swing it "
-            "where it is to go. The same as a limit of 0 in --effort-limit; may be given again. A zero in a URDF does "
-            "not say so by itself: many mean by it that they know no limit.",
-        ),
-    ] = None
+    velocity_limit: str | None = option("V[,V…]", "Velocity limits instead of the URDF's \\[rad/s]; inf for none.")
+    reserve: str = option(
+        "R[,R…]",
+        "Part of the torque limits that is kept for feedback: with 0.1 the motion takes 90 % at most.",
+        default="0",
+    )
+    velocity_reserve: str = option("R[,R…]", "Part of the velocity limits that is kept, likewise.", default="0")
+    passive: list[str] | None = option(
+        "JOINT",
+        "A joint without a motor, such as a cart's pole: its torque is zero, and the other joints swing it "
+        "where it is to go. The same as a limit of 0 in --effort-limit; may be given again. A zero in a URDF does "
+        "not say so by itself: many mean by it that they know no limit.",
+        rich_help_panel=ROBOT,
+    )
     joints: JointOptions = field(default_factory=JointOptions)
 
     def fit(self, robot: Robot) -> Robot:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
-
-import typer
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import armdyn as ad
 from armdyn import models
+from armdyn.cli.options.groups import flag, option
 from armdyn.cli.parsing.panels import TASK
 from armdyn.cli.parsing.positions import positions
 from armdyn.errors import ProblemError
@@ -24,15 +23,12 @@ class PoseOptions:
 
     panel: ClassVar[str] = TASK
 
-    q_start: Annotated[
-        str | None,
-        typer.Option(
-            metavar="Q,Q,…|NAME",
-            help="Start: a position per joint \\[rad or m]; pi/20 and 90deg work; or the name of a pose, which armdyn "
-            "robots ROBOT lists. r, rr, rrr: the paper's.",
-        ),
-    ] = None
-    q_goal: Annotated[str | None, typer.Option(metavar="Q,Q,…|NAME", help="Goal, like --q-start.")] = None
+    q_start: str | None = option(
+        "Q,Q,…|NAME",
+        "Start: a position per joint \\[rad or m]; pi/20 and 90deg work; or the name of a pose, which armdyn "
+        "robots ROBOT lists. r, rr, rrr: the paper's.",
+    )
+    q_goal: str | None = option("Q,Q,…|NAME", "Goal, like --q-start.")
 
     def start(self, robot: ad.Robot, name: str, kind: Kind) -> list[float]:
         """What is given, else the start of the paper's example.
@@ -88,26 +84,16 @@ class GoalOptions:
     panel: ClassVar[str] = PoseOptions.panel
 
     poses: PoseOptions = field(default_factory=PoseOptions)
-    goal_pose: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FRAME:X,Y,Z[,QX,QY,QZ,QW]",
-            help="Instead of --q-goal: where a frame ends in the world \\[m], with its orientation as a quaternion if "
-            "that matters. Inverse kinematics find the joint positions; the fastest to reach of several is kept.",
-        ),
-    ] = None
-    v_start: Annotated[
-        str | None,
-        typer.Option(metavar="V,V,…", help="Joint velocities at the start \\[rad/s]; by default it is at rest."),
-    ] = None
-    v_goal: Annotated[str | None, typer.Option(metavar="V,V,…", help="At the goal, like --v-start.")] = None
-    wrap: Annotated[
-        bool,
-        typer.Option(
-            "--wrap",
-            help="Goals of endless joints (continuous: no position limits) count modulo 2π: take the faster way round.",
-        ),
-    ] = False
+    goal_pose: str | None = option(
+        "FRAME:X,Y,Z[,QX,QY,QZ,QW]",
+        "Instead of --q-goal: where a frame ends in the world \\[m], with its orientation as a quaternion if "
+        "that matters. Inverse kinematics find the joint positions; the fastest to reach of several is kept.",
+    )
+    v_start: str | None = option("V,V,…", "Joint velocities at the start \\[rad/s]; by default it is at rest.")
+    v_goal: str | None = option("V,V,…", "At the goal, like --v-start.")
+    wrap: bool = flag(
+        "Goals of endless joints (continuous: no position limits) count modulo 2π: take the faster way round."
+    )
 
     def problem_arguments(self, robot: ad.Robot, name: str) -> dict[str, Any]:
         """The arguments of a `MinimumTimeProblem` that say from where to where.
@@ -138,7 +124,7 @@ def goal_pose_of(text: str) -> ad.GoalPose:
     Raises:
         ProblemError: it is none.
     """
-    from armdyn.models.scene.obstacles import pose_of
+    from armdyn.models.scene.placement import pose_of
 
     frame, colon, rest = text.rpartition(":")
     values = numbers(rest, "--goal-pose") if colon and frame else []

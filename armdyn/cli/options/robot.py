@@ -9,10 +9,10 @@ import typer
 
 import armdyn as ad
 from armdyn import models
+from armdyn.cli.options.groups import option
 from armdyn.cli.parsing.panels import ROBOT
 from armdyn.cli.parsing.positions import position, sliding_locks
 from armdyn.errors import ProblemError, SpecError
-from armdyn.models.robots.source import RobotSource
 from armdyn.parsing.numbers import numbers
 
 TAKE_FILES = "mintime, bound, sweep, track, monte-carlo, tune and pid"
@@ -50,21 +50,14 @@ class PartOptions:
 
     panel: ClassVar[str] = ROBOT
 
-    lock: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="JOINT=Q",
-            help="Fix a joint at a position \\[rad or m], such as 1.2, 90deg, 0.1m; may be given again.",
-        ),
-    ] = None
-    part: Annotated[
-        str | None,
-        typer.Option(
-            "--arm",
-            metavar="FIRST,LAST",
-            help="Only the joints from one joint or link to another move, all else is locked; a last link is the tip.",
-        ),
-    ] = None
+    lock: list[str] | None = option(
+        "JOINT=Q", "Fix a joint at a position \\[rad or m], such as 1.2, 90deg, 0.1m; may be given again."
+    )
+    part: str | None = option(
+        "FIRST,LAST",
+        "Only the joints from one joint or link to another move, all else is locked; a last link is the tip.",
+        name="--arm",
+    )
 
     def read(self, name: str, payload: ad.Payload | None = None) -> ad.Robot:
         """The robot of a name, as its URDF or MJCF describes it.
@@ -85,6 +78,8 @@ class PartOptions:
         """The robot of a name that is not one of the paper's."""
         if name.lower().endswith(".toml"):
             raise SpecError(f"{name} is a problem file, which {TAKE_FILES} take; here a robot is needed")
+        from armdyn.models.robots.source import RobotSource
+
         options = ad.RobotOptions(payload=payload, lock=self.locks(), arm=self.ends())
         return ad.Robot.from_source(RobotSource.named(name), options)
 
@@ -126,16 +121,12 @@ class PayloadPlace:
 
     panel: ClassVar[str] = ROBOT
 
-    payload_frame: Annotated[
-        str | None,
-        typer.Option(
-            metavar="LINK", help="Link or frame that the payload is fixed to; by default the tip, see doctor."
-        ),
-    ] = None
-    payload_com: Annotated[
-        str | None,
-        typer.Option(metavar="X,Y,Z", help="The payload's centre of mass in that frame \\[m]; by default its origin."),
-    ] = None
+    payload_frame: str | None = option(
+        "LINK", "Link or frame that the payload is fixed to; by default the tip, see doctor."
+    )
+    payload_com: str | None = option(
+        "X,Y,Z", "The payload's centre of mass in that frame \\[m]; by default its origin."
+    )
 
     def carried(self, mass: float) -> ad.Payload | None:
         """A payload [kg] there.
@@ -160,7 +151,7 @@ class PayloadOptions:
 
     panel: ClassVar[str] = PayloadPlace.panel
 
-    payload: Annotated[float, typer.Option(metavar="KG", help="Point mass that the arm carries \\[kg].")] = 0.0
+    payload: float = option("KG", "Point mass that the arm carries \\[kg].", default=0.0)
     place: PayloadPlace = field(default_factory=PayloadPlace)
 
     def carried(self) -> ad.Payload | None:

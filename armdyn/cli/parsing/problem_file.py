@@ -32,25 +32,25 @@ def problem_file(name: str) -> ProblemFile:
     """The tables of a problem file.
 
     Raises:
-        ProblemError: it cannot be read, or --degrees was given.
+        ProblemError: it cannot be read.
     """
-    if degrees_are_on():
-        raise ProblemError(f"--degrees: {name} says units itself: 1.57, or '90deg'")
     from armdyn.optimal.problem_files import read_problem_file
 
     return read_problem_file(name)
 
 
 def refuse_beside_a_file(name: str, *groups: Any) -> None:
-    """Refuse options that say what a problem file says.
+    """Refuse options beside a problem file or a study file that says the same itself.
 
     Args:
         name: the file.
         groups: of such options, as they were given.
 
     Raises:
-        ProblemError: one of them is not as by default.
+        ProblemError: one of them is not as by default; or --degrees was given.
     """
+    if degrees_are_on():
+        raise ProblemError(f"--degrees: {name} says units itself: 1.57, or '90deg'")
     for group in groups:
         for field in fields(group):
             value = getattr(group, field.name)
@@ -58,4 +58,4 @@ def refuse_beside_a_file(name: str, *groups: Any) -> None:
                 refuse_beside_a_file(name, value)
             elif field.default is not MISSING and value != field.default:
                 option = "arm" if field.name == "part" else field.name.replace("_", "-")
-                raise ProblemError(f"--{option}: {name} says what the problem is; write it there")
+                raise ProblemError(f"--{option}: {name} says this itself; write it there")

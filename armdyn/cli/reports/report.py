@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import typer
 
 from armdyn.cli.console import answering, console, escape, working
+from armdyn.cli.options.groups import option
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PartOptions, PayloadOptions
 from armdyn.errors import ProblemError
@@ -39,16 +40,10 @@ class ShownOptions:
 
     panel: ClassVar[str] = "What is shown"
 
-    robot: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ROBOT",
-            help="Whose motions they are: a name or a URDF. By default the first result says it, if it is no file.",
-        ),
-    ] = None
-    until: Annotated[
-        str | None, typer.Option(metavar="S", help="Only so much of each motion \\[s]; by default all of it.")
-    ] = None
+    robot: str | None = option(
+        "ROBOT", "Whose motions they are: a name or a URDF. By default the first result says it, if it is no file."
+    )
+    until: str | None = option("S", "Only so much of each motion \\[s]; by default all of it.")
 
     def end(self) -> float | None:
         """How much of each motion is drawn [s]; None: all.
@@ -99,11 +94,10 @@ def report(
         folder = output.folder("report", subject.name, ["report.html"]) if len(results) > 1 or output.out else beside
         from armdyn.show.page.report import report_of
 
-        with working(f"report of {subject.name}", output.json):
+        with working(f"report of {subject.name}"):
             page = _written(folder, report_of(subject, moves, title, end))
-        answer.facts |= {"success": True, "status": "written", "robot": subject.name, "files": [str(page)]}
-        if not output.json:
-            console.print(f"{escape(str(page))}  ({page.stat().st_size / 1e6:.1f} MB, opens in any browser)")
+        answer.done("written", {"robot": subject.name}, [page])
+        console.print(f"{escape(str(page))}  ({page.stat().st_size / 1e6:.1f} MB, opens in any browser)")
 
 
 def compare(
@@ -135,7 +129,7 @@ def compare(
         from armdyn.show.page.report import report_of
         from armdyn.show.plots import plot_trajectories, save_figure
 
-        with working(f"comparison of {subject.name}", output.json) as progress:
+        with working(f"comparison of {subject.name}") as progress:
             rows = compared(moves, subject.limits)
             title = f"{subject.name}: {len(moves)} motions side by side"
             page = _written(folder, report_of(subject, moves, title, end))
@@ -151,11 +145,9 @@ def compare(
                 captions=[f"{row.name}, {'not at the goal' if row.there is None else _there(row)}" for row in rows],
             )
             files = [page, *(save_figure(figure, folder / f"figure.{kind}") for kind in ("pdf", "svg"))]
-        answer.facts |= {"success": True, "status": "written", "robot": subject.name}
-        answer.facts |= {"motions": [asdict(row) for row in rows], "files": [str(file) for file in files]}
-        if not output.json:
-            console.print(_table(title, rows))
-            console.print(f"results in {escape(str(folder))}: {', '.join(file.name for file in files)}")
+        answer.done("written", {"robot": subject.name, "motions": [asdict(row) for row in rows]}, files)
+        console.print(_table(title, rows))
+        console.print(f"results in {escape(str(folder))}: {', '.join(file.name for file in files)}")
 
 
 def _written(folder: Path, made: Report) -> Path:

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdyn.cli.options.course import SHAPES, obstacles_of
+from armdyn.cli.options.course import obstacles_of
 from armdyn.cli.options.robot import PartOptions
 from armdyn.cli.reports.saved import Saved
 from armdyn.errors import ArmdynError, ArmdynWarning, ProblemError, TrajectoryError
 from armdyn.models import PLANAR_ARMS, JointLimits, Payload, Robot
-from armdyn.models.scene.obstacles import obstacle_from
+from armdyn.models.scene.obstacles import SHAPES, obstacle_from
 from armdyn.show.page.facts import Facts, as_number
 from armdyn.show.page.report import Subject
 
@@ -129,7 +129,7 @@ def _built(name: str, facts: Facts, spec: SubjectSpec) -> Robot:
     if spec.robot is not None or name in PLANAR_ARMS or _file(name):
         arm = part.read(name, carried)
     else:
-        arm = Robot.from_library(name, carried, part.locks(), arm=part.ends())
+        arm = Robot.from_library(name, carried, lock=part.locks(), arm=part.ends())
     armature, friction = model.numbers("armature"), model.part("friction")
     if len(armature) == arm.nv and None not in armature:
         arm = arm.with_armature([x or 0.0 for x in armature])

@@ -9,7 +9,7 @@ import typer
 
 import armdyn as ad
 from armdyn import models
-from armdyn.cli.options.groups import given
+from armdyn.cli.options.groups import given, option
 from armdyn.cli.options.robot import PayloadPlace, RobotArgument, known_names
 from armdyn.cli.parsing.panels import SOLVER
 from armdyn.errors import ProblemError
@@ -30,10 +30,7 @@ class PayloadsOptions:
 
     panel: ClassVar[str] = PayloadPlace.panel
 
-    payload: Annotated[
-        str | None,
-        typer.Option(metavar="KG,KG,…", help="Point masses that the arm carries \\[kg]. r, rr, rrr: the paper's ten."),
-    ] = None
+    payload: str | None = option("KG,KG,…", "Point masses that the arm carries \\[kg]. r, rr, rrr: the paper's ten.")
     place: PayloadPlace = field(default_factory=PayloadPlace)
 
     def masses(self, robot: str) -> list[float]:
@@ -57,11 +54,8 @@ class SweepOptions:
 
     panel: ClassVar[str] = SOLVER
 
-    starts: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="Guesses of every search; by default the first has mintime's, the others few."),
-    ] = None
-    time_limit: Annotated[float, typer.Option(metavar="S", help="For each payload \\[s].")] = 300.0
+    starts: int | None = option("N", "Guesses of every search; by default the first has mintime's, the others few.")
+    time_limit: float = option("S", "For each payload \\[s].", default=300.0)
 
     def options(self, of_file: Mapping[str, Any]) -> ad.MinimumTimeOptions:
         """Options of every search.

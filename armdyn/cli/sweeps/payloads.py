@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from armdyn.cli.console import (
     DONE,
@@ -63,7 +62,7 @@ def run_payloads(
     arm, figure = first.robot, not results.no_figure
     folder = results.output.folder("sweep", name, [ROWS, *map(motion_name, problems), *table_names(figure=figure)])
     folder.mkdir(parents=True, exist_ok=True)
-    with working(f"minimum times of {arm.name}", results.output.json) as progress:
+    with working(f"minimum times of {arm.name}") as progress:
         found, motions = _solved(folder, problems, options, progress)
         status = _status(found, len(problems))
         if not found:
@@ -86,11 +85,11 @@ def run_payloads(
     answer.code = NOT_AS_REQUIRED if status == "done" and missing else _CODES[status]
     if status == "interrupted":
         answer.facts["message"] = f"interrupted; what was solved is in {folder}"
+    console.print(_table(arm.name, rows))
+    for what, parts in reserve_words(first).items():
+        console.print(f"{what}: {parts}")
+    console.print(f"results in {escape(str(folder))}")
     if not results.output.json:
-        console.print(_table(arm.name, rows))
-        for what, parts in reserve_words(first).items():
-            console.print(f"{what}: {parts}")
-        console.print(f"results in {escape(str(folder))}")
         _complain(status, missing)
 
 
@@ -122,7 +121,7 @@ def _solved(
             save(row.k, result.value.trajectory)
 
     study = chain("payload", problems, options, lambda text: progress(f"{len(files) + 1} of {len(problems)}: {text}"))
-    with row_store(folder / ROWS, study.description(), replace=True) as rows, stopping(np.inf) as stop:
+    with row_store(folder / ROWS, study.description(), replace=True) as rows, stopping(inf) as stop:
         with in_process(study.task) as executor:
             run_cases(study, rows, executor, stop, ended=keep)
         found = partial | {row.k: row for row in rows.rows()}

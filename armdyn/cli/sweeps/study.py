@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-import typer
-
-from armdyn.cli.console import DONE, INTERRUPTED, NOT_USABLE, Answer, console, errors, escape, facts_table
+from armdyn.cli.console import DONE, INTERRUPTED, NOT_USABLE, Answer, console, facts_table, progress_bar
+from armdyn.cli.options.groups import flag, option
 from armdyn.cli.options.results import NoFigure, OutputOptions
 
 if TYPE_CHECKING:
@@ -32,24 +30,13 @@ class StudyOptions:
 
     panel: ClassVar[str] = "Study file"
 
-    workers: Annotated[
-        int | None, typer.Option(metavar="N", help="Processes on this machine; by default one per core.", min=1)
-    ] = None
-    scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="HOST:PORT", help="A Dask cluster's scheduler: its workers do the cases instead."),
-    ] = None
-    again: Annotated[
-        bool, typer.Option("--again", help="Do cases once more whose workers died, or that ended in an error.")
-    ] = False
-    sync: Annotated[
-        Literal["full", "normal"],
-        typer.Option(
-            metavar="MODE",
-            help="full: a row survives a power cut, too; normal: only that armdyn is killed, but faster.",
-        ),
-    ] = "full"
-    parquet: Annotated[bool, typer.Option("--parquet", help="Write rows.parquet, too (needs pyarrow).")] = False
+    workers: int | None = option("N", "Processes on this machine; by default one per core.", min=1)
+    scheduler: str | None = option("HOST:PORT", "A Dask cluster's scheduler: its workers do the cases instead.")
+    again: bool = flag("Do cases once more whose workers died, or that ended in an error.")
+    sync: Literal["full", "normal"] = option(
+        "MODE", "full: a row survives a power cut, too; normal: only that armdyn is killed, but faster.", default="full"
+    )
+    parquet: bool = flag("Write rows.parquet, too (needs pyarrow).")
 
     def executor(self) -> ExecutorOf:
         """Who works.
@@ -101,8 +88,15 @@ def run_file(path: str, options: StudyOptions, results: SweepResults, answer: An
     names = ["rows.csv", *(["rows.parquet"] if options.parquet else []), *figures]
     folder = results.output.folder("sweep", path, [ROWS, *names])
     folder.mkdir(parents=True, exist_ok=True)
-    with _bar(Path(path).name, len(study), results.output.json) as progress:
-        run = run_study(study, folder / ROWS, executor, progress, again=options.again, sync=options.sync)
+    with progress_bar(Path(path).name, len(study)) as bar:
+        run = run_study(
+            study,
+            folder / ROWS,
+            executor,
+            lambda told: bar.update(told.done, _told(told)),
+            again=options.again,
+            sync=options.sync,
+        )
     with read_rows(run.file) as rows:
         files = [run.file, write_csv(rows, folder / "rows.csv")]
         if options.parquet:
@@ -111,8 +105,7 @@ def run_file(path: str, options: StudyOptions, results: SweepResults, answer: An
     if table and not (results.no_figure or run.interrupted):
         files += _drawn(study, table, folder, Path(path).stem)
     _answered(answer, study, run, files)
-    if not results.output.json:
-        console.print(facts_table(f"{Path(path).name}: {len(study)} cases", _words(study, run, table, files)))
+    console.print(facts_table(f"{Path(path).name}: {len(study)} cases", _words(study, run, table, files)))
 
 
 def _answered(answer: Answer, study: Study, run: StudyRun, files: Sequence[Path]) -> None:
@@ -180,27 +173,10 @@ def _said(name: str, value: float | str) -> str:
     return f"{name} {value}" if isinstance(value, str) else f"{name} {value:g} {unit_of(name)}".rstrip()
 
 
-@contextmanager
-def _bar(name: str, cases: int, as_json: bool) -> Iterator[Callable[[Progress], None]]:
-    """A bar on standard error while someone watches."""
-    if as_json or not errors.is_terminal:
-        yield lambda told: None
-        return
-    from rich.progress import BarColumn, TextColumn
-    from rich.progress import Progress as Bar
-
-    with Bar(
-        TextColumn(escape(name)), BarColumn(), TextColumn("{task.completed} of {task.total}{task.fields[told]}"),
-        console=errors.rich, transient=True,
-    ) as bar:  # fmt: skip
-        task = bar.add_task("", total=cases, told="")
-        yield lambda told: bar.update(task, completed=told.done, told=_told(told))
-
-
 def _told(told: Progress) -> str:
     """What stands behind the bar."""
-    bad = f", {told.bad} not as wanted" if told.bad else ""
-    return f"{bad}, {_left(told.left)}"
+    bad = f"{told.bad} not as wanted, " if told.bad else ""
+    return f"{bad}{_left(told.left)}"
 
 
 def _left(left: tuple[float, float] | None) -> str:

@@ -9,7 +9,6 @@ from armdyn.cli.console import answering
 from armdyn.cli.motion.requirements import Require, requirements_of
 from armdyn.cli.options.joints import FastJointOptions
 from armdyn.cli.options.poses import PoseOptions
-from armdyn.cli.parsing.positions import degrees_are_on
 from armdyn.cli.parsing.problem_file import is_problem_file, is_study_file, problem_file, refuse_beside_a_file
 from armdyn.cli.sweeps.options import PayloadsOptions, SweepOptions, SweptOptions
 from armdyn.cli.sweeps.payloads import run_payloads
@@ -17,7 +16,7 @@ from armdyn.cli.sweeps.study import StudyOptions, SweepResults, run_file
 from armdyn.errors import ProblemError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
 
 def sweep(
@@ -34,8 +33,8 @@ def sweep(
 
     Of a ROBOT: how much each gram costs, and which limit counts. Each optimum is where the search for the next
     payload's begins; what a heavier payload's search finds is tried on the lighter one, too. A payload that is solved
-    is on disk at once. Exit code 0: all motions are usable; 3: some are not; 4: all are, but some are not what
-    --require asks for.
+    is on disk at once, and the same command goes on with the others. Exit code 0: all motions are usable; 3: some are
+    not; 4: all are, but some are not what --require asks for.
 
     A STUDY.toml says all of its motions itself: options of task, robot, limits and solver are for a ROBOT. Its cases
     are done side by side, on this machine or on a Dask cluster. Each row is on disk as soon as it has ended. Ctrl-C
@@ -57,7 +56,9 @@ def sweep(
     """
     with answering(results.output.json) as answer:
         if is_problem_file(robot.robot) and is_study_file(robot.robot):
-            _refuse_others(poses, payloads, robot, joints, search, require)
+            refuse_beside_a_file(robot.robot, poses, payloads, robot.part, joints, search)
+            if require:
+                raise ProblemError("--require is for a robot's sweep; a study's rows say what is certified")
             run_file(robot.robot, study, results, answer)
             return
         if study != StudyOptions():
@@ -84,31 +85,3 @@ def _problems(
     start, goal = (read(arms[masses[0]], robot.robot, "minimum_time") for read in (poses.start, poses.goal))
     kept = joints.problem_arguments()
     return {mass: ad.MinimumTimeProblem(arm, q_start=start, q_goal=goal, **kept) for mass, arm in arms.items()}, {}
-
-
-def _refuse_others(
-    poses: PoseOptions,
-    payloads: PayloadsOptions,
-    robot: SweptOptions,
-    joints: FastJointOptions,
-    search: SweepOptions,
-    require: Sequence[str] | None,
-) -> None:
-    """Refuse what a study file says itself.
-
-    Raises:
-        ProblemError: it was given.
-    """
-    if degrees_are_on():
-        raise ProblemError("--degrees: a study file says units itself: 1.57, or '90deg'")
-    given = (
-        (poses, "--q-start and --q-goal"),
-        (payloads, "--payload and its place"),
-        (robot.part, "--lock and --arm"),
-        (joints, "limits, reserves and friction"),
-    )
-    for group, what in (*given, (search, "--starts and --time-limit")):
-        if group != type(group)():
-            raise ProblemError(f"a study file says all of its motions itself: leave out {what}, write them in it")
-    if require:
-        raise ProblemError("--require is for a robot's sweep; a study's rows say what is certified")

@@ -1,1 +1,1 @@
-"""Commands about what a controller makes of a motion."""
+"""Commands about controllers: runs, many arms, tuning."""

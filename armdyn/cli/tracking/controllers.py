@@ -3,95 +3,76 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
-
-import typer
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import armdyn as ad
 from armdyn.arguments import one_of
+from armdyn.cli.options.groups import flag, option
 from armdyn.errors import ProblemError
-from armdyn.parsing.numbers import number, numbers, one_or_more
+from armdyn.parsing.numbers import numbers, one_or_more
 
 if TYPE_CHECKING:
     from armdyn.cli.parsing.requests import ArmRequest
     from armdyn.control.loop.law import Controller
 
-CONTROLLERS = ("lqr", "computed-torque", "pid")
+_OPTIONS = {"lqr": "weights", "computed-torque": "bandwidth"}
+"""Options of controllers that have one of their own; the numbers of others are `gains`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ControllerOptions:
-    """Which controller; see `Lqr`, `ComputedTorque` and `Pid`."""
+    """The controller; see `Lqr`, `ComputedTorque` and `Pid`."""
 
     panel: ClassVar[str] = "Controller"
 
-    controller: Annotated[
-        str, typer.Option(metavar="NAME", help="lqr (linear-quadratic along the motion), computed-torque or pid.")
-    ] = "lqr"
-    weights: Annotated[
-        str | None,
-        typer.Option(
-            metavar="E,T,I",
-            help="Of lqr: error worth half the torque range \\[rad], what a velocity error counts beside it \\[s], and "
-            "its integral \\[1/s].",
-        ),
-    ] = None
-    bandwidth: Annotated[
-        str | None, typer.Option(metavar="W", help="Of computed-torque: its natural frequency \\[rad/s].")
-    ] = None
-    gains: Annotated[
-        str | None, typer.Option(metavar="KP,KI,KD", help="Of pid, the same for every joint \\[N m/rad and so on].")
-    ] = None
+    controller: str = option("NAME", "lqr (linear-quadratic along the motion), computed-torque or pid.", default="lqr")
+    weights: str | None = option(
+        "E,T,I",
+        "Of lqr: error worth half the torque range \\[rad], what a velocity error counts beside it \\[s], and "
+        "its integral \\[1/s].",
+    )
+    bandwidth: str | None = option("W", "Of computed-torque: its natural frequency \\[rad/s].")
+    gains: str | None = option("KP,KI,KD", "Of pid and others, the same for every joint \\[N m/rad and so on].")
 
     def chosen(self) -> Controller:
-        """It.
+        """The controller.
 
         Raises:
             ProblemError: unknown; an option is another controller's, or is not what it takes.
         """
-        one_of(self.controller, CONTROLLERS, "--controller")
-        for option, of in (("weights", "lqr"), ("bandwidth", "computed-torque"), ("gains", "pid")):
-            if getattr(self, option) is not None and of != self.controller:
-                raise ProblemError(f"--{option} is an option of --controller {of}, not of {self.controller}")
-        if self.controller == "lqr":
-            return ad.Lqr() if self.weights is None else ad.Lqr(*_three(self.weights, "--weights"))
-        if self.controller == "pid":
-            if self.gains is None:
-                raise ProblemError("--controller pid needs --gains KP,KI,KD, such as 30,50,1 [N m/rad, N m/(rad s), …]")
-            return ad.Pid(ad.PidGains(*_three(self.gains, "--gains")))
-        if self.bandwidth is None:
-            return ad.ComputedTorque()
-        return ad.ComputedTorque(number(self.bandwidth, "--bandwidth"))
+        from armdyn.control.laws.registry import CONTROLLERS
 
-
-def _three(text: str, option: str) -> tuple[float, float, float]:
-    values = numbers(text, option)
-    if len(values) != 3:
-        raise ProblemError(f"{option}: {text!r} has {len(values)} numbers; give three")
-    return values[0], values[1], values[2]
+        own = _OPTIONS.get(one_of(self.controller, tuple(CONTROLLERS), "--controller"), "gains")
+        for name in ("weights", "bandwidth", "gains"):
+            if getattr(self, name) is not None and name != own:
+                of = next((kind for kind, option in _OPTIONS.items() if option == name), "pid")
+                raise ProblemError(f"--{name} is an option of --controller {of}, not of {self.controller}")
+        kind, given = CONTROLLERS[self.controller], getattr(self, own)
+        if given is None and kind.required:
+            wanted = ",".join(kind.settings).upper()
+            raise ProblemError(f"--controller {self.controller} needs --{own} {wanted}, such as 30,50,1 for pid")
+        return kind.make() if given is None else kind.of(numbers(given, f"--{own}"), f"--{own}")
 
 
 @dataclass(frozen=True, kw_only=True)
 class LoopOptions:
-    """How controller and arm are joined; see `Loop`."""
+    """Connection of controller and arm; see `Loop`."""
 
     panel: ClassVar[str] = "Loop"
 
-    rate: Annotated[float, typer.Option(metavar="HZ", help="Samples per second \\[Hz].")] = 1000.0
-    delay: Annotated[int, typer.Option(metavar="TICKS", help="From a reading to its torque \\[ticks].")] = 1
-    encoder: Annotated[float, typer.Option(metavar="RAD", help="Step of the encoders \\[rad]; 0: none.")] = 1e-4
-    velocity: Annotated[
-        str, typer.Option(metavar="HOW", help="filtered (differences of readings), observer (Luenberger) or exact.")
-    ] = "filtered"
-    cutoff: Annotated[float, typer.Option(metavar="HZ", help="Of the filter or the observer \\[Hz].")] = 80.0
-    noise: Annotated[float, typer.Option(metavar="RAD", help="Standard deviation of each reading \\[rad].")] = 0.0
-    seed: Annotated[int, typer.Option(metavar="N", help="Of the noise.")] = 0
-    antiwindup: Annotated[
-        str, typer.Option(metavar="HOW", help="conditional, back_calculation or none: the integral at a torque limit.")
-    ] = "conditional"
-    ideal: Annotated[
-        bool, typer.Option("--ideal", help="A continuous loop without any of these, saturated all the same.")
-    ] = False
+    rate: float = option("HZ", "Samples per second \\[Hz].", default=1000.0)
+    delay: int = option("TICKS", "From a reading to its torque \\[ticks].", default=1)
+    encoder: float = option("RAD", "Step of the encoders \\[rad]; 0: none.", default=1e-4)
+    velocity: str = option(
+        "HOW", "filtered (differences of readings), observer (Luenberger) or exact.", default="filtered"
+    )
+    cutoff: float = option("HZ", "Of the filter or the observer \\[Hz].", default=80.0)
+    noise: float = option("RAD", "Standard deviation of each reading \\[rad].", default=0.0)
+    seed: int = option("N", "Of the noise.", default=0)
+    antiwindup: str = option(
+        "HOW", "conditional, back_calculation or none: the integral at a torque limit.", default="conditional"
+    )
+    ideal: bool = flag("A continuous loop without imperfections; torques are clipped.")
 
     def joined(self) -> ad.Loop:
         """The loop.
@@ -111,26 +92,20 @@ class PlantOptions:
 
     panel: ClassVar[str] = "The arm that moves, where it differs from the model"
 
-    plant_payload: Annotated[
-        float | None, typer.Option(metavar="KG", help="What it carries in truth \\[kg], where --payload is.")
-    ] = None
-    plant_damping: Annotated[
-        str | None, typer.Option(metavar="D[,D…]", help="Viscous friction of its joints \\[N m s/rad].")
-    ] = None
-    plant_friction: Annotated[
-        str | None, typer.Option(metavar="F[,F…]", help="Coulomb friction of its joints \\[N m].")
-    ] = None
+    plant_payload: float | None = option("KG", "Payload that the arm carries \\[kg], instead of --payload.")
+    plant_damping: str | None = option("D[,D…]", "Viscous friction of its joints \\[N m s/rad].")
+    plant_friction: str | None = option("F[,F…]", "Coulomb friction of its joints \\[N m].")
 
-    def real(self, asked: ArmRequest) -> ad.Robot:
+    def real(self, request: ArmRequest) -> ad.Robot:
         """The arm that moves.
 
         Args:
-            asked: the model.
+            request: the controller's model.
 
         Raises:
-            ArmdynError: something does not fit the robot.
+            ArmdynError: a value does not fit the robot.
         """
-        arm = asked.carrying(self.plant_payload)
+        arm = request.carrying(self.plant_payload)
         damping, friction = (
             one_or_more(text, f"--plant-{name}")
             for text, name in ((self.plant_damping, "damping"), (self.plant_friction, "friction"))

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, ClassVar
-
-import typer
+from typing import ClassVar
 
 import armdyn as ad
 from armdyn.arguments import number as checked
@@ -17,6 +15,7 @@ from armdyn.cli.console import (
     facts_table,
     working,
 )
+from armdyn.cli.options.groups import option
 from armdyn.cli.options.joints import FastJointOptions
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import NoFigure, OutputOptions
@@ -38,17 +37,11 @@ class ArmsOptions:
 
     panel: ClassVar[str] = "The arms that move, each number drawn from its range"
 
-    payload_range: Annotated[
-        str | None, typer.Option(metavar="A,B", help="Multiples of the model's payload. Default 0.8,1.2 if it has one.")
-    ] = None
-    friction_range: Annotated[str, typer.Option(metavar="A,B", help="Coulomb friction of a joint \\[N m].")] = "0,0"
-    damping_range: Annotated[str, typer.Option(metavar="A,B", help="Viscous friction of a joint \\[N m s/rad].")] = (
-        "0,0"
-    )
-    start_error: Annotated[
-        float, typer.Option(metavar="RAD", help="Greatest distance of a joint from the start \\[rad].")
-    ] = 0.0
-    arms_seed: Annotated[int, typer.Option(metavar="N", help="Of the draws: arm k of a seed is always the same.")] = 0
+    payload_range: str | None = option("A,B", "Multiples of the model's payload. Default 0.8,1.2 if it has one.")
+    friction_range: str = option("A,B", "Coulomb friction of a joint \\[N m].", default="0,0")
+    damping_range: str = option("A,B", "Viscous friction of a joint \\[N m s/rad].", default="0,0")
+    start_error: float = option("RAD", "Greatest distance of a joint from the start \\[rad].", default=0.0)
+    arms_seed: int = option("N", "Of the draws: arm k of a seed is always the same.", default=0)
 
     def plants(self, robot: ad.Robot) -> ad.Plants:
         """The ranges, for a model.
@@ -59,8 +52,8 @@ class ArmsOptions:
         carries = robot.payload is not None and robot.payload.mass > 0
         load = self.payload_range or ("0.8,1.2" if carries else "1,1")
         ranges = [
-            range_of(text, option)
-            for text, option in (
+            range_of(text, name)
+            for text, name in (
                 (load, "--payload-range"),
                 (self.friction_range, "--friction-range"),
                 (self.damping_range, "--damping-range"),
@@ -71,15 +64,15 @@ class ArmsOptions:
         ).check(robot)
 
 
-def range_of(text: str, option: str) -> tuple[float, float]:
+def range_of(text: str, name: str) -> tuple[float, float]:
     """Two numbers, the least and the greatest.
 
     Raises:
         ProblemError: it is another count.
     """
-    ends = numbers(text, option)
+    ends = numbers(text, name)
     if len(ends) != 2:
-        raise ProblemError(f"{option}: {text!r} has {len(ends)} numbers; give the least and the greatest")
+        raise ProblemError(f"{name}: {text!r} has {len(ends)} numbers; give the least and the greatest")
     return ends[0], ends[1]
 
 
@@ -89,13 +82,9 @@ class CountOptions:
 
     panel: ClassVar[str] = TASK
 
-    count: Annotated[int, typer.Option(metavar="N", help="Arms.")] = 1000
-    within: Annotated[
-        float | None, typer.Option(metavar="S", help="That an arm has to settle \\[s]; by default --duration.")
-    ] = None
-    at_least: Annotated[
-        float | None, typer.Option(metavar="PART", help="Of the arms that must settle, or the exit code is 4.")
-    ] = None
+    count: int = option("N", "Arms.", default=1000)
+    within: float | None = option("S", "That an arm has to settle \\[s]; by default --duration.")
+    at_least: float | None = option("PART", "Of the arms that must settle, or the exit code is 4.")
 
 
 def monte_carlo(
@@ -130,7 +119,7 @@ def monte_carlo(
         drawn = [] if no_figure else ["envelope.png", "envelope.pdf"]
         folder = output.folder("monte-carlo", robot.robot, [ROWS, TABLE, "reference.npz", *drawn, "result.json"])
 
-        with working(f"many arms like {model.name}", output.json) as progress:
+        with working(f"many arms like {model.name}") as progress:
             asked = reference.motion(own, progress)
             if isinstance(asked, ad.Solution):
                 no_motion(answer, asked)
@@ -148,9 +137,8 @@ def monte_carlo(
         answer.facts |= {**summary, "files": [str(file) for file in files]}
         success = found.success(within)
         answer.code = NOT_AS_REQUIRED if study.at_least is not None and success.rate < study.at_least else 0
-        if not output.json:
-            title = f"{model.name}: {options.count} arms with {controller.controller}"
-            console.print(facts_table(title, _words(found, within, asked) | {"results": str(folder)}))
+        title = f"{model.name}: {options.count} arms with {controller.controller}"
+        console.print(facts_table(title, _words(found, within, asked) | {"results": str(folder)}))
 
 
 def _write(

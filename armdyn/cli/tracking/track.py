@@ -1,16 +1,15 @@
-"""The command that has a controller move an arm along a motion."""
+"""The command `armdyn track`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, ClassVar
-
-import typer
+from typing import ClassVar
 
 import armdyn as ad
 from armdyn.cli.console import INTERRUPTED, NOT_USABLE, Answer, answering, console, errors, escape, facts_table, working
+from armdyn.cli.options.groups import option
 from armdyn.cli.options.joints import FastJointOptions, friction_words
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import ResultOptions
@@ -23,38 +22,32 @@ from armdyn.errors import ProblemError
 
 @dataclass(frozen=True, kw_only=True)
 class ReferenceOptions:
-    """What the arm is to follow, and how long it is watched."""
+    """The reference, and the simulated time."""
 
     panel: ClassVar[str] = TASK
 
-    reference: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.npz", help="A motion that was saved; by default the fastest one is searched."),
-    ] = None
-    ramp: Annotated[
-        float | None,
-        typer.Option(metavar="S", help="Instead of the fastest motion a quintic ramp that takes so long \\[s]."),
-    ] = None
-    duration: Annotated[float, typer.Option(metavar="S", help="How long the arm is watched \\[s].")] = 2.0
-    tolerance: Annotated[float, typer.Option(metavar="RAD", help="From the goal, to be settled \\[rad].")] = 0.005
+    reference: Path | None = option("FILE.npz", "A motion that was saved; by default the fastest one is searched.")
+    ramp: float | None = option("S", "Instead of the fastest motion a quintic ramp that takes so long \\[s].")
+    duration: float = option("S", "Simulated time \\[s].", default=2.0)
+    tolerance: float = option("RAD", "From the goal, to be settled \\[rad].", default=0.005)
 
-    def motion(self, asked: ArmRequest, progress: Callable[[str], None]) -> ad.Trajectory | ad.Solution:
-        """What is to be followed; a solution that is not usable says why there is none.
+    def motion(self, request: ArmRequest, progress: Callable[[str], None]) -> ad.Trajectory | ad.Solution:
+        """The motion to follow, or the unusable solution of a search that failed.
 
         Args:
-            asked: the controller's model, start and goal.
-            progress: called with a line of text on what is being done.
+            request: the controller's model, start and goal.
+            progress: called with a line of text per step.
 
         Raises:
-            ArmdynError: a file is no trajectory, or two references are asked for.
+            ArmdynError: a file is no trajectory, or two references are requested.
         """
         if self.reference is not None and self.ramp is not None:
-            raise ProblemError("--reference and --ramp both say what to follow: give one of them")
+            raise ProblemError("--reference and --ramp both give a reference: give one of them")
         if self.reference is not None:
             return ad.Trajectory.load(self.reference)
         if self.ramp is not None:
-            return ad.ramp(asked.arm, *asked.ends(), self.ramp)
-        solution = ad.solve_minimum_time(*asked.fastest(), progress)
+            return ad.ramp(request.arm, *request.ends(), self.ramp)
+        solution = ad.solve_minimum_time(*request.fastest(), progress)
         return solution.trajectory if solution.usable else solution
 
 
@@ -69,7 +62,7 @@ def track(
     plant: PlantOptions,
     results: ResultOptions,
 ) -> None:
-    """What a controller makes of a motion on a real arm: sampled, delayed, saturated, with the wrong payload.
+    """Simulate a controller on a real arm along a motion: sampled, delayed, saturated, with another payload.
 
     The fastest motion leaves feedback no torque; --reserve 0.1 keeps some for it. The controller knows the arm with
     --payload; the one that moves may carry --plant-payload and rub. Exit code 0: it settled at the goal; 3: it did
@@ -80,14 +73,15 @@ def track(
     armdyn track problem.toml --plant-payload 0.12
     armdyn track ur5 --reference results/mintime-ur5/trajectory.npz --controller computed-torque[/]
     """
-    json = results.output.json
-    with answering(json) as answer:
+    with answering(results.output.json) as answer:
+        from armdyn.show.page.course import until
+
         model = requested_arm(robot, poses, payload, joints)
         arm = model.arm
         law, joined, real = controller.chosen(), loop.joined(), plant.real(model)
         folder = results.folder("track", robot.robot, ("trajectory", "reference"))
 
-        with working(f"tracking with {arm.name}", json) as progress:
+        with working(f"tracking with {arm.name}") as progress:
             asked = reference.motion(model, progress)
             if isinstance(asked, ad.Solution):
                 no_motion(answer, asked)
@@ -97,17 +91,18 @@ def track(
             summary = {"robot": arm.name, "reference_duration": asked.duration, **run.summary()}
             title = f"{arm.name}: {controller.controller}, {_outcome(run)}"
             followed = replace(asked, name="reference", model_hash=arm.model_hash)
-            motions = {"trajectory": _until(run.trajectory, run, asked), "reference": followed}
+            # A fifth longer than reference and settling took is worth looking at.
+            end = None if run.settled_time is None else 1.2 * max(run.settled_time, asked.duration)
+            motions = {"trajectory": until(run.trajectory, end), "reference": followed}
             written = results.write(folder, real, motions, summary, title, progress=progress)
         answer.facts |= {**summary, **written.facts}
         answer.code = 0 if run.settled else NOT_USABLE
-        if not json:
-            words = friction_words(real) | _words(run, asked) | written.words
-            console.print(facts_table(f"{arm.name}: tracking with {controller.controller}", words))
+        words = friction_words(real) | _words(run, asked) | written.words
+        console.print(facts_table(f"{arm.name}: tracking with {controller.controller}", words))
 
 
 def no_motion(answer: Answer, found: ad.Solution) -> None:
-    """A command ends because there is nothing to follow."""
+    """Report that there is no motion to follow."""
     answer.facts |= {"success": False, "status": str(found.status), "message": found.message}
     answer.code = INTERRUPTED if found.status is ad.Status.INTERRUPTED else NOT_USABLE
     errors.print(f"no motion to follow: {escape(found.message)}")
@@ -120,7 +115,7 @@ def _outcome(run: ad.Run) -> str:
 def _words(run: ad.Run, reference: ad.Trajectory) -> dict[str, str]:
     """A run in words."""
     settled = run.settled_time
-    later = "" if settled is None else f", {1e3 * (settled - reference.duration):+.1f} ms beside the reference's end"
+    later = "" if settled is None else f", {1e3 * (settled - reference.duration):+.1f} ms from the reference's end"
     told = {
         "reference": f"{reference.duration:.4f} s",
         "status": run.message,
@@ -134,11 +129,3 @@ def _words(run: ad.Run, reference: ad.Trajectory) -> dict[str, str]:
     if run.went_wrong is not None:
         told["went wrong"] = f"at {run.went_wrong:.3f} s"
     return told
-
-
-def _until(motion: ad.Trajectory, run: ad.Run, reference: ad.Trajectory) -> ad.Trajectory:
-    """A motion as far as it is worth looking at: a fifth longer than reference and settling took."""
-    if run.settled_time is None:
-        return motion
-    rows = motion.t <= 1.2 * max(run.settled_time, reference.duration)
-    return replace(motion, t=motion.t[rows], q=motion.q[rows], v=motion.v[rows], tau=motion.tau[rows])

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
-
-import typer
+from typing import Any, ClassVar
 
 import armdyn as ad
 from armdyn.arguments import one_of
 from armdyn.cli.console import INTERRUPTED, NOT_USABLE, answering, console, facts_table, working
+from armdyn.cli.options.groups import flag, option
 from armdyn.cli.options.joints import JointOptions
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.cli.parsing.panels import SOLVER
 from armdyn.cli.parsing.requests import requested_arm
-from armdyn.cli.tracking.controllers import CONTROLLERS, LoopOptions
+from armdyn.cli.tracking.controllers import LoopOptions
 from armdyn.cli.tracking.many import ROWS, ArmsOptions, range_of
 
 
@@ -27,14 +26,10 @@ class FamilyOptions:
 
     panel: ClassVar[str] = "What is chosen"
 
-    controller: Annotated[str, typer.Option(metavar="NAME", help="pid, computed-torque or lqr.")] = "pid"
-    form: Annotated[str, typer.Option(metavar="FORM", help="Of pid: computed_torque, torque or acceleration.")] = (
-        "computed_torque"
-    )
-    per_joint: Annotated[
-        bool, typer.Option("--per-joint", help="Of pid: gains of each joint, which take a longer search.")
-    ] = False
-    ramp_range: Annotated[str, typer.Option(metavar="A,B", help="Duration of the quintic ramp \\[s].")] = "0.1,1.0"
+    controller: str = option("NAME", "pid, computed-torque or lqr.", default="pid")
+    form: str = option("FORM", "Of pid: computed_torque, torque or acceleration.", default="computed_torque")
+    per_joint: bool = flag("Of pid: gains of each joint, which take a longer search.")
+    ramp_range: str = option("A,B", "Duration of the quintic ramp \\[s].", default="0.1,1.0")
 
     def family(self, robot: ad.Robot, q_goal: list[float]) -> ad.ControllerFamily:
         """The controllers to choose from.
@@ -44,7 +39,7 @@ class FamilyOptions:
         """
         from armdyn.studies.tuning.families import family_named
 
-        one_of(self.controller, CONTROLLERS, "--controller")
+        one_of(self.controller, ("lqr", "computed-torque", "pid"), "--controller")
         form: Any = self.form
         return family_named(self.controller, robot, q_goal, form=form, shared=not self.per_joint)
 
@@ -55,17 +50,15 @@ class TuningOptions:
 
     panel: ClassVar[str] = SOLVER
 
-    index: Annotated[str, typer.Option(metavar="NAME", help="settled, itae or ise: of the worst arm.")] = "settled"
-    overshoot: Annotated[
-        float, typer.Option(metavar="PART", help="Past the goal at most, of the largest travel of a joint.")
-    ] = 0.05
-    duration: Annotated[float, typer.Option(metavar="S", help="How long each arm is watched \\[s].")] = 1.5
-    tolerance: Annotated[float, typer.Option(metavar="RAD", help="From the goal, to be settled \\[rad].")] = 0.005
-    members: Annotated[int, typer.Option(metavar="N", help="Controllers per generation and parameter.")] = 8
-    generations: Annotated[int, typer.Option(metavar="N", help="Most of them.")] = 60
-    time_limit: Annotated[float, typer.Option(metavar="S", help="Of the search \\[s].")] = 300.0
-    search_seed: Annotated[int, typer.Option(metavar="N", help="Of the search.")] = 0
-    held_out: Annotated[int, typer.Option(metavar="N", help="Random arms on which only the answer is run.")] = 100
+    index: str = option("NAME", "settled, itae or ise: of the worst arm.", default="settled")
+    overshoot: float = option("PART", "Past the goal at most, of the largest travel of a joint.", default=0.05)
+    duration: float = option("S", "How long each arm is watched \\[s].", default=1.5)
+    tolerance: float = option("RAD", "From the goal, to be settled \\[rad].", default=0.005)
+    members: int = option("N", "Controllers per generation and parameter.", default=8)
+    generations: int = option("N", "Most of them.", default=60)
+    time_limit: float = option("S", "Of the search \\[s].", default=300.0)
+    search_seed: int = option("N", "Of the search.", default=0)
+    held_out: int = option("N", "Random arms on which only the answer is run.", default=100)
 
     def options(self) -> ad.TuneOptions:
         """The same for the search.
@@ -94,8 +87,8 @@ def tune(
     """The gains, and the ramp, with which the worst of some arms settles soonest in the loop as it is built.
 
     They are chosen on the corners of the ranges, three payloads with the least and the greatest friction, and
-    then tried on random arms. Ctrl-C gives the best so far. Exit code 0: all arms that they were chosen on settle;
-    3: some do not.
+    then tried on random arms. Ctrl-C gives the best so far, and the same command goes on. Exit code 0: all arms that
+    they were chosen on settle; 3: some do not.
 
     [dim]armdyn tune rr --payload 0.1006 --friction-range 0,0.06 --damping-range 0,0.003
     armdyn tune problem.toml --controller lqr
@@ -107,11 +100,11 @@ def tune(
         plants, options = arms.plants(model), search.options()
         folder = output.folder("tune", robot.robot, [ROWS, "reference.npz", "result.json"])
         folder.mkdir(parents=True, exist_ok=True)
-        with working(f"tuning {family.controller} for {model.name}", output.json) as progress:
+        options = replace(options, file=folder / ROWS)
+        with working(f"tuning {family.controller} for {model.name}") as progress:
             found = ad.tune(
                 model, ad.Ramps(start, goal, range_of(family.ramp_range, "--ramp-range")), family.family(model, goal),
                 plants.corners(model), plants.arms(model, search.held_out), loop.joined(), options, progress,
-                folder / ROWS,
             )  # fmt: skip
         summary = _summary(found)
         files = _write(folder, model, found, summary)
@@ -119,16 +112,15 @@ def tune(
         answer.code = 0 if found.training.settled == found.training.count else NOT_USABLE
         if found.status == "interrupted":
             answer.code = INTERRUPTED
-        if not output.json:
-            told = {
-                "status": found.message.partition(":")[0],
-                "chosen": ", ".join(f"{name} {value:.5g}" for name, value in found.values.items()),
-                "chosen on": str(found.training),
-                "held out": "-" if found.held_out is None else str(found.held_out),
-                "controllers run": str(found.evaluations),
-                "results": str(folder),
-            }
-            console.print(facts_table(f"{model.name}: {family.controller}, tuned", told))
+        told = {
+            "status": found.message.partition(":")[0],
+            "chosen": ", ".join(f"{name} {value:.5g}" for name, value in found.values.items()),
+            "chosen on": str(found.training),
+            "held out": "-" if found.held_out is None else str(found.held_out),
+            "controllers run": str(found.evaluations),
+            "results": str(folder),
+        }
+        console.print(facts_table(f"{model.name}: {family.controller}, tuned", told))
 
 
 def _summary(found: ad.Tuned) -> dict[str, object]:

@@ -17,14 +17,14 @@ from armdyn.models.robots.robot import Robot, expect_robot
 
 @dataclass(frozen=True)
 class ComputedTorque:
-    """tau = rnea(q, v, a_ref + ω² e + 2 ζ ω (v_ref - v) + ki ∫e dt) + what keeps an exact arm exact, e = q_ref - q.
+    """tau = rnea(q, v, a_ref + ω² e + 2 ζ ω (v_ref - v) + ki ∫e dt) + feedforward, e = q_ref - q.
 
-    Every joint of the nominal arm then is an oscillator of its own about the reference (Siciliano, Sciavicco, Villani,
+    Every joint of the nominal arm is then an independent oscillator about the reference (Siciliano, Sciavicco, Villani,
     Oriolo, Robotics: Modelling, Planning and Control, section 8.5.2). The integral runs from the reference's end on:
-    what it gathers along a fast motion, where torque is short, it has to lose again at the goal.
+    error that it gathers along a fast motion, where torque is short, would have to be unwound at the goal.
 
-    What is added, tau_ref - rnea(q_ref, v_ref, a_ref), is small: a loop has it as its torque is felt later than q and v
-    are read, and its velocity lags. Without it there would be errors along the motion that no error of the arm made.
+    The feedforward tau_ref - rnea(q_ref, v_ref, a_ref) is small. It corrects for the torque's delay and the lag of the
+    measured velocity, which would else cause errors along the motion even of an exact arm.
 
     Attributes:
         bandwidth: ω [rad/s].

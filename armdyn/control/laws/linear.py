@@ -69,14 +69,14 @@ def plant_steps(robot: Robot, ticks: Ticks) -> Steps:
 
 
 def loop_steps(plant: Steps, delay: int, gathered: Array) -> Steps:
-    """The same with what a loop adds: x = (e, ė, ∫e dt, torques decided and not yet felt), the next first.
+    """Augment the steps by a loop's states: x = (e, ė, ∫e dt, torques decided and not yet applied), the next first.
 
-    All are reference less actual. u is what is decided at a tick, and felt `delay` ticks later.
+    All are reference less actual. u is decided at a tick, and applied `delay` ticks later.
 
     Args:
         plant: (e, ė) from tick to tick, as `plant_steps` has it.
         delay: ticks from a reading to its torque.
-        gathered: what an integral gains of an error at each tick [s], shape (n,): the period where it runs, else 0.
+        gathered: integration time of an error at each tick [s], shape (n,): the period where the integral runs, else 0.
 
     Returns:
         Steps of shape (n, (3 + delay) nv, (3 + delay) nv) and (n, (3 + delay) nv, nv).

@@ -28,7 +28,7 @@ _WEIGHTS = ("position", "velocity", "integral")
 
 @dataclass(frozen=True)
 class Lqr:
-    """tau = tau_ref + K (e, ė, ∫e dt, tau_ref - tau of what is decided and not yet felt), with K of each tick.
+    """tau = tau_ref + K (e, ė, ∫e dt, tau_ref - tau of torques decided and not yet applied), K of each tick.
 
     K makes least Σ (|e|² + |velocity ė|² + |integral ∫e dt|²)/position² + |u|²/(half the torque range)² over the ticks,
     of an arm that is linear about the reference and of a loop with its delay. Until the reference ends, errors of
@@ -36,7 +36,7 @@ class Lqr:
 
     The defaults are for least settled time, and one rule for every arm: tuned on random motions of two and three
     joints. An error on the way costs nothing by itself, and a fast motion leaves little torque to mend it: gains that
-    are as high there as at the goal clip the torque, and what one joint lacks throws the others off. Where speed is
+    are as high there as at the goal clip the torque, and a joint short of torque disturbs the others. Where speed is
     limited rather than torque, friction that the model does not know is made up for late: a Panda is then up to 14 %
     faster than its limit, and 3 % with both shares at 1.
 
@@ -46,9 +46,9 @@ class Lqr:
     Attributes:
         position: error that is worth half of a joint's torque range, [rad] of a revolute joint and [m] of a prismatic
             one: one number, or one per joint.
-        velocity: what a velocity error counts beside a position error [s], likewise.
+        velocity: weight of a velocity error relative to a position error [s], likewise.
         integral: likewise, of the error's integral [1/s]; 0: the integral is not used.
-        position_on_the_way: share that errors of position count before the reference ends.
+        position_on_the_way: factor of position errors before the reference ends.
         velocity_on_the_way: likewise of velocity.
         phase: that the loop's lag may cost where a joint swings by itself [rad], see `weights.bearable`. Arms of
             example-robot-data with light wrists become unstable in some loops beyond 1.05.
@@ -89,10 +89,10 @@ class Lqr:
         expect_motors(expect_robot(robot), "a linear-quadratic regulator")
         nv, reference, delay = robot.nv, reference_of(robot, ticks, loop), loop.delay
         half, plant = half_range(robot), plant_steps(robot, ticks)
-        asked = (per_joint(getattr(self, name), robot.joint_names, name, error=ProblemError) for name in _WEIGHTS)
+        given = (per_joint(getattr(self, name), robot.joint_names, name, error=ProblemError) for name in _WEIGHTS)
         moving = np.arange(len(ticks.q)) / ticks.rate < ticks.duration
         moving[-1] = False
-        weights = bearable(ErrorWeights(*asked), half, plant, loop, self.phase)
+        weights = bearable(ErrorWeights(*given), half, plant, loop, self.phase)
         share = self.position_on_the_way, self.velocity_on_the_way
         steps = loop_steps(plant, delay, np.where(moving, 0.0, loop.period))
         gains = _along(steps, diagonals(weights, delay, share, moving), 1 / half**2)
@@ -115,7 +115,7 @@ class Lqr:
 
 
 def _along(steps: Steps, weights: Array, effort: Array) -> Array:
-    """Gains, shape (n, nv, m); zero of integrals that do not count, which nothing could lead to rest."""
+    """Gains, shape (n, nv, m); zero for integrals of weight zero, which nothing could lead to rest."""
     nv, m = effort.size, weights.shape[1]
     unused = 2 * nv + np.flatnonzero(weights[-1, 2 * nv : 3 * nv] == 0)
     used = np.setdiff1d(np.arange(m), unused)

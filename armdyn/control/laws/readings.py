@@ -1,4 +1,4 @@
-"""What a law reads, as symbols, and the table of its rows: named columns instead of places in a vector."""
+"""Symbolic inputs of a law and the table of its rows, by named columns."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -19,8 +19,8 @@ class Readings:
         q: readings of position [rad or m], shape (nv, 1).
         v: readings of velocity [rad/s or m/s], shape (nv, 1).
         integral: of the error [rad s or m s], shape (nv, 1).
-        pending: torques decided and not yet felt, the next first [N m or N], shape (delay nv, 1).
-        row: what a row has, by name.
+        pending: torques decided and not yet applied, the next first [N m or N], shape (delay nv, 1).
+        row: columns of a row, by name.
     """
 
     q: ca.SX
@@ -36,7 +36,7 @@ class Readings:
         Args:
             nv: number of joints.
             delay: ticks from a reading to its torque.
-            widths: how many numbers a row has under each name.
+            widths: width of each column of a row, by name.
         """
         q, v, integral = (ca.SX.sym(name, nv) for name in ("q", "v", "integral"))
         row = {name: ca.SX.sym(name, width) for name, width in widths.items()}
@@ -52,7 +52,7 @@ def law_function(nv: int, delay: int, columns: Mapping[str, Array], torque: Call
         nv: number of joints.
         delay: ticks from a reading to its torque.
         columns: see `table`.
-        torque: what is asked for [N m or N], shape (nv, 1).
+        torque: of the readings, the torque before clipping [N m or N], shape (nv, 1).
     """
     given = Readings.of(nv, delay, {name: np.shape(column)[-1] for name, column in columns.items()})
     row = ca.vertcat(*given.row.values())

@@ -26,7 +26,7 @@ class Reference(NamedTuple):
     q: Array
     """Positions at the tick of reading [rad or m], shape (n, nv)."""
     v: Array
-    """What the loop would show as velocity of an arm that follows exactly [rad/s or m/s], shape (n, nv)."""
+    """Velocity as the loop measures it on an arm that follows exactly [rad/s or m/s], shape (n, nv)."""
     true_v: Array
     """Velocities [rad/s or m/s], shape (n, nv)."""
     a: Array
@@ -36,7 +36,7 @@ class Reference(NamedTuple):
 
 
 def reference_of(robot: Robot, ticks: Ticks, loop: Loop) -> Reference:
-    """What a law reads along a reference.
+    """Reference as a law reads it, in the loop's own measurements.
 
     A filtered velocity lags by some ticks. An arm that follows exactly is to have no velocity error, so the
     reference's velocity is led through the same filter, and rows are added until it has come to rest.
@@ -44,7 +44,7 @@ def reference_of(robot: Robot, ticks: Ticks, loop: Loop) -> Reference:
     Args:
         robot: that is to make the motion.
         ticks: the motion.
-        loop: what shows it.
+        loop: whose velocity filter and delay apply.
 
     Raises:
         ProblemError: another number of joints; another rate than the loop's.
@@ -62,12 +62,12 @@ def reference_of(robot: Robot, ticks: Ticks, loop: Loop) -> Reference:
 
 
 def _held(rows: Array, more: int) -> Array:
-    """The last row as often again."""
+    """Append repetitions of the last row."""
     return np.vstack([rows, np.repeat(rows[-1:], more, axis=0)])
 
 
 def _rows_to_rest(loop: Loop) -> int:
-    """Until a filter has forgotten all but a millionth."""
+    """Rows until a filter's output has decayed to a millionth."""
     if loop.pole <= 0:
         return 0
     return int(min(np.ceil(np.log(_LEFT) / np.log(min(loop.pole, 1 - 1e-9))), _MOST_MORE))
@@ -82,9 +82,9 @@ def _filtered(q: Array, start: Array, loop: Loop) -> Array:
 
 
 def _felt(means: Array, loop: Loop) -> Array:
-    """Means over each tick, of the tick that the torque decided at a row acts on.
+    """Shift means over each tick to the tick on which the torque decided at a row acts.
 
-    A continuous loop takes rows between ticks on a line: a row is then the mean about its own time.
+    A continuous loop takes rows between ticks on a line: a row is then the mean about the time of the row.
     """
     if loop.hold == "continuous":
         return np.vstack([means[:1], (means[1:] + means[:-1]) / 2])

@@ -1,4 +1,4 @@
-"""What a linear-quadratic regulator's errors and torques cost, per tick and per joint."""
+"""Weights of a linear-quadratic regulator's errors and torques, per tick and per joint."""
 
 from typing import NamedTuple
 
@@ -14,14 +14,14 @@ Array = NDArray[np.float64]
 
 
 class ErrorWeights(NamedTuple):
-    """Of a regulator, one number per joint each, shape (nv,)."""
+    """Weights of errors, one number per joint each, shape (nv,)."""
 
     position: Array
     """Error that is worth half of the torque range [rad or m]."""
     velocity: Array
-    """What a velocity error counts beside a position error [s]."""
+    """Weight of a velocity error relative to a position error [s]."""
     integral: Array
-    """Likewise the error's integral [1/s]."""
+    """Weight of the error's integral relative to a position error [1/s]."""
 
 
 def half_range(robot: Robot) -> Array:
@@ -41,10 +41,10 @@ def half_range(robot: Robot) -> Array:
 
 
 def lag(loop: Loop) -> float:
-    """How late a torque answers a velocity, on average [s].
+    """Mean delay from a velocity to the torque that answers it [s].
 
-    The delay and half a tick of hold; with a filter also half a tick of the difference and the mean age of what the
-    filter remembers, pole/(1 - pole) ticks. An observer that knows the arm does not lag.
+    The delay and half a tick of hold; with a filter also half a tick of the difference and the mean age of the
+    filter's memory, pole/(1 - pole) ticks. An observer that knows the arm does not lag.
     """
     if loop.hold == "continuous":
         return 0.0
@@ -55,7 +55,7 @@ def lag(loop: Loop) -> float:
 
 
 def bearable(weights: ErrorWeights, half: Array, plant: Steps, loop: Loop, phase: float) -> ErrorWeights:
-    """The same weights, positions perhaps larger, so that the loop's lag bears the gains.
+    """Enlarge the weights' position errors until the loop is stable in spite of its lag.
 
     The regulator of one joint of mobility b = ∂a/∂tau, a double integrator, has k_p = f/p and
     k_d = √((T f/p)² + 2 f/(p b)), with f half the torque range, p and T the weights of position and velocity (Anderson
@@ -64,11 +64,11 @@ def bearable(weights: ErrorWeights, half: Array, plant: Steps, loop: Loop, phase
     nor T ω² more than three times that.
 
     Args:
-        weights: as asked for.
+        weights: the requested ones.
         half: torque range [N m or N], shape (nv,).
         plant: from tick to tick along the reference: the largest mobility there counts.
-        loop: whose lag it is.
-        phase: bearable one [rad].
+        loop: loop that lags.
+        phase: largest phase loss [rad].
     """
     late, nv = lag(loop), half.size
     if not late:
@@ -86,7 +86,7 @@ def diagonals(weights: ErrorWeights, delay: int, share: tuple[float, float], mov
     Args:
         weights: at the goal.
         delay: ticks from a reading to its torque.
-        share: what errors of position and of velocity count while the reference moves, beside then.
+        share: factors of the errors of position and of velocity while the reference moves.
         moving: whether it does, at each tick, shape (n,).
 
     Returns:

@@ -1,1 +1,1 @@
-"""A loop as it is built: how it samples, what a reference is to it, and what a controller's law is."""
+"""Sampled loops, references at their ticks, and the interface of controllers."""

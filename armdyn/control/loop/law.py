@@ -1,4 +1,4 @@
-"""What every controller is to a loop: one law of what it reads, and the numbers that it reads beside."""
+"""Interface of controllers: a law of the loop's readings and of a row of numbers per tick."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -25,10 +25,10 @@ class Law:
     Attributes:
         function: a casadi Function of these five columns, the output [N m or N] of shape (nv,): the readings q, v; the
             integral of the error q_reference - q [rad s or m s]; the torques [N m or N] that are decided but not yet
-            felt, the next first, shape (delay nv,); and this tick's row.
-        rows: what it reads at each tick, shape (n, m); the last for good. A row's gains depend on the reference; so do
-            its torques, which are those of `delay` ticks later.
-        integral_gain: about what tau gains per integral [N m/(rad s)], shape (nv,); 0: that joint's integral is unused.
+            applied, the next first, shape (delay nv,); and this tick's row.
+        rows: numbers that the law reads at each tick, shape (n, m); the last for good. Gains and torques of a row
+            depend on the reference; the torques are those of `delay` ticks later.
+        integral_gain: ∂tau/∂integral, about [N m/(rad s)], shape (nv,); 0: that joint's integral is unused.
         integrate_from: when the integrals begin to run [s].
     """
 
@@ -48,7 +48,7 @@ class Controller(Protocol):
         Args:
             robot: the controller's model of the arm.
             ticks: the reference, at the loop's rate.
-            loop: what it is joined by.
+            loop: connection to the arm.
 
         Raises:
             ProblemError: it does not fit the robot, or the loop.
@@ -56,7 +56,7 @@ class Controller(Protocol):
 
 
 def expect_controller(controller: object, name: str = "controller") -> Controller:
-    """The controller.
+    """The argument, if it is a controller.
 
     Raises:
         ProblemError: it is none, or the class of one.

@@ -1,4 +1,4 @@
-"""How a controller is joined to an arm: sampling, delay, encoders, the velocity that it sees."""
+"""Connection of a controller to an arm: sampling, delay, encoders, velocity estimate."""
 
 from dataclasses import dataclass
 from typing import Literal, Self
@@ -18,7 +18,7 @@ Velocity = Literal["filtered", "observer", "exact"]
 VELOCITIES: tuple[Velocity, ...] = ("filtered", "observer", "exact")
 
 Antiwindup = Literal["conditional", "back_calculation", "none"]
-"""What becomes of the integral while a torque is clipped:
+"""Integral while a torque is clipped:
 
 - "conditional": it halts for a joint whose error asks for more (conditional integration).
 - "back_calculation": it is led back in 10 ms to where the torque is at its limit (Åström and Murray, Feedback
@@ -28,7 +28,7 @@ Antiwindup = Literal["conditional", "back_calculation", "none"]
 ANTIWINDUPS: tuple[Antiwindup, ...] = ("conditional", "back_calculation", "none")
 
 Hold = Literal["zoh", "continuous"]
-"""Between two ticks the torque stays ("zoh"), or the controller is a differential equation ("continuous")."""
+"""Torque between two ticks: held ("zoh"), or the controller is a differential equation ("continuous")."""
 HOLDS: tuple[Hold, ...] = ("zoh", "continuous")
 
 _MOST_DELAY = 100
@@ -38,7 +38,7 @@ LEAST_RATE, MOST_RATE = 1.0, 1e6
 
 @dataclass(frozen=True, kw_only=True)
 class Loop:
-    """A sampled loop: what it reads at t = k / rate decides the torque from `delay` ticks later on, for one tick.
+    """A sampled loop: the reading at t = k / rate decides the torque that is held for one tick, `delay` ticks later.
 
     Attributes:
         rate: samples per second [Hz].
@@ -46,7 +46,7 @@ class Loop:
         encoder: step of the encoders [rad or m]; 0: none.
         velocity: see `Velocity`.
         cutoff: of the velocity's filter, or of the observer [Hz].
-        noise: standard deviation of what is added to each reading before it is rounded [rad or m].
+        noise: standard deviation of the readings' noise, added before rounding [rad or m].
         seed: of the noise.
         saturate: clip torques at the effort limits.
         antiwindup: see `Antiwindup`.
@@ -105,7 +105,7 @@ class Loop:
 
     @property
     def observer_gains(self) -> tuple[float, float]:
-        """What an innovation adds to position [-] and velocity [1/s], so that both poles are at `pole`.
+        """Luenberger gains of position [-] and velocity [1/s], with which both poles are at `pole`.
 
         The error of a double integrator under (1 - l₁, …) has the characteristic polynomial
         z² - (2 - l₁ - h l₂) z + 1 - l₁ = (z - pole)².
@@ -118,7 +118,7 @@ def expect_loop(loop: object, default: Loop | None = None) -> Loop:
 
     Args:
         loop: as given.
-        default: what stands for None; None: nothing does.
+        default: in place of None; None: there is none.
 
     Raises:
         ProblemError: it is none.

@@ -1,4 +1,4 @@
-"""A reference as a controller reads it: one row per tick."""
+"""A reference at the ticks of a loop."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -30,7 +30,7 @@ class Ticks:
         q: positions at each tick [rad or m], shape (n, nv); likewise the others.
         v: velocities [rad/s or m/s].
         a: mean acceleration over the tick that begins there [rad/s² or m/s²].
-        tau: mean torque over the tick that begins there [N m or N]; after the motion what holds the arm still.
+        tau: mean torque over the tick that begins there [N m or N]; after the motion the holding torque.
     """
 
     rate: float
@@ -42,7 +42,7 @@ class Ticks:
 
     @classmethod
     def of(cls, robot: Robot, reference: Trajectory, rate: float) -> Self:
-        """A motion's, for a robot that is to make it.
+        """Sample a motion at the ticks, for the robot that makes it.
 
         Raises:
             ProblemError: it has another number of joints, or more ticks than two million.
@@ -75,7 +75,7 @@ class Ticks:
 
 
 def _torques(reference: Trajectory, rate: float, count: int, holding: Array) -> Array:
-    """Mean torque over each tick [N m or N], shape (count, nv): the last of the motion is held for a part of it."""
+    """Mean torque over each tick [N m or N], shape (count, nv): the motion's last tick is partly at rest."""
     moving = count - 2
     edges = np.append(np.arange(moving) / rate, reference.duration)
     part = (np.diff(edges) * rate)[:, None]

@@ -1,4 +1,4 @@
-"""An arm and a controller's law at rest at a goal: what each answers to small deviations."""
+"""Linearisation of an arm and of a controller's law at rest at a goal."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -64,7 +64,7 @@ class LinearPlant:
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """A law near rest: δtau = q δq + v δv + integral δz + pending δp, of what it reads.
+    """A law near rest: δtau = q δq + v δv + integral δz + pending δp, of its readings.
 
     Attributes:
         q: [N m/rad], shape (nv, nv).
@@ -85,7 +85,7 @@ class Slopes:
         """By casadi's derivatives, in the law's last row, with the integrals that hold the arm.
 
         Where no integral can, as without integral gains, the torque is another than the holding one and the arm would
-        rest beside the goal; the slopes are those at the goal all the same.
+        rest away from the goal; the slopes are those at the goal all the same.
 
         Args:
             law: of a reference that rests at the goal.
@@ -121,7 +121,7 @@ class Rest:
 
     Attributes:
         plant: the arm.
-        model: what the controller takes it for.
+        model: the controller's model of the arm.
         law: its slopes.
     """
 
@@ -138,13 +138,13 @@ class Rest:
         loop: Loop,
         plant: Robot | None = None,
     ) -> Self:
-        """A controller's.
+        """Linearise a controller's loop.
 
         Args:
             robot: the controller's model of the arm.
             q_goal: [rad or m], shape (nv,).
             controller: of the loop.
-            loop: what joins it to the arm.
+            loop: connection to the arm.
             plant: the arm; None: the model is right.
 
         Raises:
@@ -177,7 +177,7 @@ def ticks_at_rest(robot: Robot, goal: Array, rate: float) -> Ticks:
 
 
 def continuous_matrix(rest: Rest) -> Array:
-    """The same law as a differential equation: ẋ = A x, x = (∫e, q, v), with nothing sampled and no delay.
+    """Matrix of the loop as a differential equation, without sampling and delay: ẋ = A x, x = (∫e, q, v).
 
     Args:
         rest: of a loop without delay, such as `Loop.ideal()`.

@@ -1,4 +1,4 @@
-"""How much gain, phase and delay each torque of a sampled loop bears before the loop is unstable."""
+"""Gain, phase, delay and disk margins of a sampled loop, joint by joint."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from armdyn.errors import ProblemError
 Array = NDArray[np.float64]
 
 _FREQUENCIES = 4000
-"""At which the loop is looked at, evenly in the logarithm, from a millionth of Nyquist's frequency up to it."""
+"""Evaluated frequencies, evenly spaced in the logarithm, from a millionth of Nyquist's frequency up to it."""
 _DECADES = 6
 _SINGULAR = 1e13
 """Condition of z I - A from which on z is a pole. Torques and angles in one state have up to 1e8 without one."""
@@ -20,12 +20,12 @@ _SINGULAR = 1e13
 
 @dataclass(frozen=True)
 class Margins:
-    """What the torque of one joint bears, between what is commanded and what the arm feels; the other loops are closed.
+    """Margins of one joint's loop, opened between the commanded and the applied torque; the other loops are closed.
 
     Attributes:
         joint: which, from 0.
         gain: factors of the torque (least, greatest) between which the loop is stable. The least is above 0 where
-            feedback is what keeps the arm up, 0 where the joint's loop may be opened; the greatest may be infinite.
+            only feedback keeps the arm up, 0 where the joint's loop may be opened; the greatest may be infinite.
         phase: least angle [rad] by which the torque may lag or lead at all its crossovers; infinite: no crossover.
         delay: least additional delay [s] that makes the loop unstable; infinite: none does.
         disk: α of the disk margin: gain and phase may change together within the disk about 1 with the diameter from
@@ -60,10 +60,10 @@ def loop_margins(loop: SampledLoop) -> tuple[Margins, ...]:
 
 
 def multiloop_disk(loop: SampledLoop) -> float:
-    """A disk margin that holds for all torques at once, each changed by its own gain and phase.
+    """Disk margin for changes of gain and phase in all torques at once, one change per joint.
 
     1 / max σ(S - I/2) over the frequencies, σ the greatest singular value, S the sensitivity at the torques. The
-    largest α takes the structured singular value, which is at most σ: what is returned is on the safe side. For one
+    largest α takes the structured singular value, which is at most σ: the result is on the safe side. For one
     joint it is that joint's own.
 
     Args:
@@ -96,8 +96,8 @@ def broken(loop: SampledLoop, joint: int) -> tuple[Array, Array, Array]:
 
 
 def _expect_stable(loop: object) -> None:
-    """Refuse what is no sampled loop, and one without margins."""
-    radius = expect(loop, SampledLoop, "loop", "what sampled_loop(robot, q_goal, controller, loop) returns").radius
+    """Raise unless it is a sampled loop that is stable."""
+    radius = expect(loop, SampledLoop, "loop", "sampled_loop(robot, q_goal, controller, loop)").radius
     if radius >= 1:
         raise ProblemError(f"the loop is unstable, with a spectral radius of {radius:.4g}: it has no margins")
 

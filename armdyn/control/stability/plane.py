@@ -1,4 +1,4 @@
-"""Stability over the plane of kp and kd: of the continuous loop, and of the same loop as it is sampled."""
+"""Stability of a PID loop over the plane of kp and kd, continuous and sampled."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def gain_plane(
         kp: shape (n,), increasing.
         kd: shape (m,), increasing.
         ki: one number.
-        form: what the controller's output is, see `Form`.
+        form: of the controller's output, see `Form`.
         loop: how it is sampled; None: `Loop()`.
 
     Raises:
@@ -80,7 +80,7 @@ def gain_plane(
 
 
 def _between(one: Rest, two: Rest, kp: float, kd: float) -> Rest:
-    """The loop of such gains: in every form the torque is affine in kp, which multiplies e, and in kd, which ė."""
+    """Interpolate the loop's linearisation: in every form the torque is affine in kp and kd."""
     low, high = one.law, two.law
     law = replace(low, q=low.q + (kp - 1) * (high.q - low.q), v=low.v + (kd - 1) * (high.v - low.v))
     return replace(one, law=law)

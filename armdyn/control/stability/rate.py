@@ -1,4 +1,4 @@
-"""How often a loop must sample to be stable at its goal, and what is said of one that does not."""
+"""Stability of a sampled loop at its goal, and the sampling rate that it needs."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from armdyn.models.robots.robot import Robot, expect_robot
 Array = NDArray[np.float64]
 
 RATES = (10.0, 2e5)
-"""Rates that are looked at [Hz]."""
+"""Scanned rates [Hz]."""
 _PER_DECADE = 12
 _EXACT = 1e-4
-"""How near to the boundary a rate is brought, as a part of it."""
+"""Relative precision of the rate."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,11 @@ class SampledStability:
     """Whether a loop holds its arm still at a goal, small deviations given.
 
     Coulomb friction acts on a joint near rest like strong damping, and not at all on one that moves faster than the
-    friction's width. A loop that needs it to be stable swings on once it is pushed. So an arm that has some is looked
-    at with its slope at rest and without it, and the worse of both counts.
+    friction's width. A loop that needs it to be stable swings on once it is pushed. So an arm with
+    Coulomb friction is examined with the friction's slope at rest and without friction, and the worse of both counts.
 
     Attributes:
-        radius: what a deviation is multiplied by from tick to tick in the end; infinite: more than numbers can hold.
+        radius: spectral radius, the factor of a deviation from tick to tick in the long run; infinite: it overflows.
         stable: whether that is below 1.
         continuous_growth: largest real part [1/s] of the eigenvalues of the same law without sampling, delay or filter;
             None: the controller has no law for a loop without them.
@@ -53,7 +53,7 @@ class SampledStability:
 def sampled_stability(
     robot: Robot, q_goal: ArrayLike, controller: Controller, loop: Loop, plant: Robot | None = None
 ) -> SampledStability:
-    """Whether a loop is stable at rest at a goal, and if not whether its sampling is the cause.
+    """Stability of a loop at rest at a goal, and whether its sampling is the cause of instability.
 
     Other rates are looked at only where it is unstable as sampled, and stable as a continuous loop.
 
@@ -61,7 +61,7 @@ def sampled_stability(
         robot: the controller's model of the arm.
         q_goal: [rad or m], shape (nv,).
         controller: of the loop.
-        loop: what joins it to the arm.
+        loop: connection to the arm.
         plant: the arm; None: the model is right.
 
     Raises:
@@ -113,7 +113,7 @@ def slowest_stable_rate(
     loop: Loop | None = None,
     rates: tuple[float, float] = RATES,
 ) -> float | None:
-    """From which rate on a loop is stable at rest at a goal [Hz].
+    """Sampling rate above which a loop is stable at rest at a goal [Hz].
 
     Stability need not be monotone in the rate. The answer is the one above which all rates of a scan are stable, twelve
     per decade; below it there may be others at which the loop is stable. The delay stays the same number of ticks, the
@@ -126,8 +126,8 @@ def slowest_stable_rate(
         controller: of the loop.
         delay: ticks from a reading to its torque.
         plant: the arm; None: the model is right.
-        loop: what else joins it to the arm; None: `Loop()`.
-        rates: the least and the greatest that are looked at [Hz].
+        loop: connection to the arm, but for rate and delay; None: `Loop()`.
+        rates: least and greatest of the scan [Hz].
 
     Returns:
         The rate, exact to 1e-4 of it; the least looked at if all are stable; None if the greatest is not.
@@ -146,7 +146,7 @@ def slowest_stable_rate(
         except ProblemError:  # no law at this rate, where there is one at the loop's own
             return False
 
-    sampled_loop(robot, q_goal, controller, base, plant)  # what does not fit at all is said
+    sampled_loop(robot, q_goal, controller, base, plant)  # refuses arguments that fit at no rate
     count = int(np.ceil(_PER_DECADE * np.log10(high / low))) + 1
     above = high
     if not stable(high):
@@ -180,7 +180,7 @@ def _continuous_growth(
 
 
 def _sticking_and_sliding(plant: Robot) -> list[Robot]:
-    """The arm, and where it has Coulomb friction also the arm without it."""
+    """The arm and, if it has Coulomb friction, the arm without."""
     arm = expect_robot(plant, "plant")
     return [arm, arm.with_friction(friction=0.0)] if np.any(arm.friction.coulomb) else [arm]
 

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 _PER_DECADE = 60
 """Factors that are looked at, of which all above the answer are stable."""
 _EXACT = 1e-12
-"""How near to the boundary a factor is brought, as a part of it."""
+"""Relative precision of the factor."""
 
 
 @brief
@@ -54,12 +54,12 @@ class GainRegion:
 
     @classmethod
     def of(cls, robot: Robot, q_goal: ArrayLike, form: Form = "acceleration") -> Self:
-        """That of an arm of one joint.
+        """Region of an arm with one joint.
 
         Args:
             robot: the arm.
             q_goal: [rad], shape (1,).
-            form: what the controller's output is, see `Form`.
+            form: of the controller's output, see `Form`.
 
         Raises:
             ProblemError: more than one joint, a goal that does not fit it, or an unknown form.
@@ -99,7 +99,7 @@ def least_stable_factor(
     *,
     factors: tuple[float, float] = (1e-3, 1e3),
 ) -> float | None:
-    """By what kp, ki and kd must all be multiplied at least for the continuous loop to be stable at its goal.
+    """Least common factor of kp, ki and kd with which the continuous loop is stable at its goal.
 
     Stability need not be monotone in the factor. The answer is the one from which on all factors of a scan are stable,
     60 per decade up to the greatest; eigenvalues decide.
@@ -108,7 +108,7 @@ def least_stable_factor(
         robot: an arm.
         q_goal: [rad or m], shape (nv,).
         gains: that are multiplied.
-        form: what the controller's output is, see `Form`.
+        form: of the controller's output, see `Form`.
         factors: the least and the greatest that are looked at.
 
     Returns:

@@ -18,7 +18,7 @@ from armdyn.reprs import brief
 Array = NDArray[np.float64]
 
 Remedy = Literal["", "leading zero", "zero row"]
-"""What was done to a row that the scheme cannot go on from:
+"""Treatment of a row on which Routh's scheme breaks down:
 
 - "leading zero": the row begins with p zeros. To it is added (-1)^p times itself moved p places to the left. This
   takes the place of the small number epsilon of textbooks, whose limit can mislead where there are roots on the

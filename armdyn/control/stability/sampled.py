@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 @brief
 @dataclass(frozen=True, eq=False)
 class SampledLoop:
-    """x(k+1) = carried x(k) + torque f(k), f(k) = felt x(k): what is left of small deviations after one tick.
+    """Small deviations from tick to tick: x(k+1) = carried x(k) + torque f(k), f(k) = felt x(k).
 
     x holds, joint by joint in each block, at the tick and before its reading:
 
@@ -30,13 +30,13 @@ class SampledLoop:
     - with velocity "filtered" the filter's memory pole v̂(k-1) - (1 - pole) rate q(k-1) [rad/s];
       with "observer" the predicted q̂⁻ [rad] and v̂⁻ [rad/s]; with "exact" nothing;
     - the integrals that the law uses [rad s];
-    - the torques that are decided and not yet felt, the next first [N m or N].
+    - the torques that are decided and not yet applied, the next first [N m or N].
 
     f is the torque that the arm feels over the tick. Nothing is clipped, rounded or noisy.
 
     Attributes:
         carried: shape (n, n). It has no torque that the arm feels.
-        torque: shape (n, nv): what that does within one tick, the reading's memory aside.
+        torque: shape (n, nv): effect of the applied torque within one tick.
         felt: shape (nv, n).
         period: one tick [s].
     """
@@ -63,7 +63,7 @@ class SampledLoop:
         """
         expect(rest, Rest, "rest", "Rest.of(robot, q_goal, controller, loop)")
         if expect_loop(loop).hold != "zoh":
-            raise ProblemError('a loop with hold="continuous" has no ticks; `continuous_matrix` says what it does')
+            raise ProblemError('a loop with hold="continuous" has no ticks; its matrix is `continuous_matrix`')
         law, h, nv = rest.law, loop.period, rest.plant.B.shape[1]
         memory = {"exact": 0, "filtered": nv, "observer": 2 * nv}[loop.velocity]
         ends = np.cumsum([nv, nv, memory, law.used.size, loop.delay * nv])
@@ -96,7 +96,7 @@ class SampledLoop:
 
     @property
     def radius(self) -> float:
-        """Largest |eigenvalue|: what a deviation is multiplied by from tick to tick in the end; stable below 1."""
+        """Spectral radius: factor of a deviation from tick to tick in the long run; stable below 1."""
         return float(np.abs(np.linalg.eigvals(self.matrix)).max())
 
 
@@ -106,13 +106,13 @@ def sampled_loop(
     """The sampled loop at rest at a goal.
 
     Encoder steps, noise and limits of torque are left out; Coulomb friction counts with its slope at rest. A plant that
-    is not the controller's model rests where its own torque holds it; the offset that an observer then has is left out.
+    is not the controller's model rests where its holding torque keeps it; the offset of an observer is left out.
 
     Args:
         robot: the controller's model of the arm.
         q_goal: [rad or m], shape (nv,).
         controller: whose law it is.
-        loop: what joins it to the arm, with hold "zoh".
+        loop: connection to the arm, with hold "zoh".
         plant: the arm; None: the model is right.
 
     Raises:
@@ -122,7 +122,7 @@ def sampled_loop(
 
 
 def _readings(loop: Loop, q: Array, v: Array, memory: Array) -> tuple[Array, Array]:
-    """What the law reads as position and velocity, each of shape (nv, n), by rows that pick the state's parts."""
+    """Position and velocity as the law reads them, each of shape (nv, n), as rows on the state."""
     if loop.velocity == "exact":
         return q, v
     if loop.velocity == "filtered":

@@ -1,1 +1,1 @@
-"""What a controller makes of a reference on a real arm."""
+"""Simulated runs of a controller on an arm, and their verdict."""

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Literal
 
 from armdyn.arguments import number, one_of
-from armdyn.trajectory import Trajectory
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:  # the command line's help names the rules, without numpy
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from armdyn.trajectory import Trajectory
+
+    Array = NDArray[np.float64]
 
 ArrivalRule = Literal["last_entry_first_joint", "last_entry_all_joints", "first_crossing"]
 """When the arm is "in the final position":
@@ -60,6 +62,7 @@ class Arrival:
             samples: `outside` at these times, shape (n,).
             outside: the same of one time [s].
         """
+        import numpy as np
         from scipy.optimize import brentq
 
         if self.rule == "first_crossing":
@@ -76,6 +79,8 @@ class Arrival:
 
         It is e₁ for the rule "first_crossing", else the largest |eᵢ| less the tolerance.
         """
+        import numpy as np
+
         error = np.atleast_2d(error)
         if self.rule == "first_crossing":
             return np.asarray(error[:, 0])

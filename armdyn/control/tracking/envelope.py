@@ -1,4 +1,4 @@
-"""How far many runs are from their reference over time."""
+"""Distances of many runs from their reference over time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

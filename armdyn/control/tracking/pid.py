@@ -16,7 +16,6 @@ from armdyn.control.stability.poles import closed_loop_eigenvalues
 from armdyn.control.tracking.arrival import Arrival, ArrivalRule
 from armdyn.control.tracking.run import Run
 from armdyn.control.tracking.setup import MOST_ROWS, Setup
-from armdyn.dynamics import inverse_dynamics
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
@@ -116,9 +115,7 @@ def _arrived(run: Run, goal: Array, arrival: Arrival, growth: float) -> Run:
 
 def _unholdable(robot: Robot, goal: Array) -> list[str]:
     """Joints whose effort limit is less than the holding torque at the goal."""
-    rest = np.zeros(robot.nv)
-    hold, limits = inverse_dynamics(robot)(goal, rest, rest), robot.limits
-    beyond = ~limits.actuators.allows(hold, goal, rest)
+    beyond = ~robot.limits.actuators.allows(robot.holding_torque(goal), goal, np.zeros(robot.nv))
     return [name for name, weak in zip(robot.joint_names, beyond, strict=True) if weak]
 
 

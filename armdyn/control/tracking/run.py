@@ -1,4 +1,4 @@
-"""What came of a controller's motion along a reference."""
+"""Result of a controller's run along a reference."""
 
 from __future__ import annotations
 
@@ -16,23 +16,24 @@ from armdyn.models.robots.robot import Robot
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called
 from armdyn.trajectory import Trajectory
+from armdyn.trajectory.value import Hold as TorqueHold
 
 Array = NDArray[np.float64]
 
 Status = Literal["settled", "not_settled", "diverged", "failed"]
-"""What became of a run, see `Run`."""
+"""See `Run.status`."""
 
 _LOST = 20.0
-"""So many tolerances beside its reference an arm is lost: 0.1 rad by default."""
+"""Distance from the reference at which an arm counts as lost, in tolerances: 0.1 rad by default."""
 
 
 @brief
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A motion under a controller, and what came of it.
+    """A motion under a controller, judged.
 
     Attributes:
-        trajectory: of the arm, one sample per tick; tau acts from its sample to the next.
+        trajectory: of the arm, one sample per tick; a sampled loop's torque is held from its sample to the next.
         status: "settled": all joints came within the tolerance of the goal and stayed; "not_settled": the run is whole
             but they did not; "diverged": stopped 100 rad from the goal or at 1000 rad/s; "failed": no step of the
             integrator was short enough.
@@ -46,7 +47,7 @@ class Run:
         went_wrong: when a joint first was 20 tolerances from the reference, and farther than at the start, or when
             the run broke off [s]; None: never.
         overshoot: how far each joint went past its goal, seen from the start [rad or m], shape (nv,).
-        stability: of the loop at rest at the goal, where the run did not settle and it was asked for; else None.
+        stability: of the loop at rest at the goal, of a run of `track` that did not settle; else None.
         arrival_time: first time in the final position [s], by `arrival_rule`; None: never. A rule that asks to *stay*
             has none where a loop of `simulate_pid` is unstable at the goal, or the run broke off.
         arrival_rule: see `ArrivalRule`.
@@ -89,7 +90,7 @@ class Run:
         return self.status == "settled"
 
     def with_stability(self, stability: SampledStability) -> Self:
-        """The same with what its goal's stability has to do with it."""
+        """The run with the stability at its goal, in the message too if the loop is unstable."""
         if stability.stable:
             return replace(self, stability=stability)
         return replace(
@@ -112,15 +113,18 @@ class Run:
         return facts
 
 
-def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: str = "") -> Run:
-    """Judge what a loop did.
+def run_of(
+    robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: str = "", hold: TorqueHold = "linear"
+) -> Run:
+    """Judge a simulated loop.
 
     Args:
         robot: the arm that moved.
-        driven: what it did.
+        driven: its motion.
         ticks: the reference.
         tolerance: of a joint's distance from the goal [rad or m].
         name: of the trajectory.
+        hold: of the trajectory.
     """
     t = np.arange(len(driven.q)) / ticks.rate
     beside = np.abs(driven.q - ticks.goal)
@@ -130,9 +134,9 @@ def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: s
     broke = float(t[-1]) if driven.ended != "whole" else None
     moving = float(t[-1]) if settled is None else max(ticks.duration, settled)
     during = driven.clipped[: max(int(np.ceil(moving * ticks.rate)), 1)]
-    status, message = _told(robot, driven, settled, beside[-1], tolerance, float(t[-1]))
+    status, message = _status(robot, driven, settled, beside[-1], tolerance, float(t[-1]))
     return Run(
-        trajectory=_trajectory(robot, driven, t, name),
+        trajectory=replace(_trajectory(robot, driven, t, name), hold=hold),
         status=status,
         message=message,
         settled_time=settled,
@@ -194,10 +198,10 @@ def _trajectory(robot: Robot, driven: Driven, t: Array, name: str) -> Trajectory
     )  # fmt: skip
 
 
-def _told(
+def _status(
     robot: Robot, driven: Driven, settled: float | None, last: Array, tolerance: float, end: float
 ) -> tuple[Status, str]:
-    """Status, and the same in words."""
+    """Status and message."""
     worst = int(np.argmax(last))
     where = f"{robot.joint_names[worst]} is {last[worst]:.4g} from the goal"
     if driven.ended == "diverged":

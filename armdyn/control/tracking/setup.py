@@ -1,4 +1,4 @@
-"""A controller that is ready for a reference, whatever arm it then meets."""
+"""A controller's law along a reference, to be run on any arm."""
 
 from dataclasses import dataclass
 from typing import Any, Self
@@ -17,13 +17,14 @@ from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.values.per_joint import per_joint
 from armdyn.trajectory import Trajectory
+from armdyn.trajectory.value import Hold as TorqueHold
 
 Array = NDArray[np.float64]
 
 _TOLERANCE = 1e-8
-"""That a tick's positions may change by when its steps are halved [rad or m]; its velocities a thousand times that."""
+"""Largest change of a tick's positions when its steps are halved [rad or m]; of velocities a thousand times that."""
 _LONGER = 1.0
-"""A reference that takes longer than it is watched is watched for so long afterwards [s]."""
+"""Simulated time after a reference that takes longer than the requested duration [s]."""
 MOST_ROWS = 5_000_000
 """Ticks of a run times joints: 160 MB."""
 _POSITION_BOUND, _VELOCITY_BOUND = 100.0, 1000.0
@@ -39,9 +40,9 @@ class Setup:
         robot: the controller's model of the arm.
         ticks: the reference.
         law: the controller's.
-        loop: how they are joined.
+        loop: connection of controller and arm.
         start: of the arm, (q, v), shape (2 nv,).
-        duration: how long the arm is watched [s].
+        duration: simulated time [s].
         tolerance: of a joint's distance from the goal [rad or m].
     """
 
@@ -66,7 +67,7 @@ class Setup:
         q_start: ArrayLike | None = None,
         v_start: ArrayLike | None = None,
     ) -> Self:
-        """What is asked, checked; see `track`."""
+        """Check the arguments and make the law; see `track`."""
         expect_robot(robot)
         expect_motors(robot, "a controller")
         expect(reference, Trajectory, "reference", "a Trajectory, such as solution.trajectory or ramp(…)")
@@ -93,17 +94,18 @@ class Setup:
         return cls(robot, ticks, controller.law(robot, ticks, loop), loop, start, duration, tolerance)
 
     def run(self, plant: Robot, seed: int | None = None, name: str = "") -> Run:
-        """What comes of it on an arm; threads may call it side by side.
+        """Simulate and judge a run on an arm; threads may call it concurrently.
 
         Args:
             plant: the arm that moves.
             seed: of the readings' noise; None: the loop's own.
             name: of the trajectory.
         """
-        return run_of(plant, self.drive(plant, seed), self.ticks, self.tolerance, name)
+        hold: TorqueHold = "zero-order" if self.loop.hold == "zoh" else "linear"
+        return run_of(plant, self.drive(plant, seed), self.ticks, self.tolerance, name, hold)
 
     def drive(self, plant: Robot, seed: int | None = None) -> Driven:
-        """The motion alone.
+        """Simulate the motion on an arm.
 
         Raises:
             ProblemError: the arm has another number of joints.
@@ -135,7 +137,7 @@ class Setup:
         return drive(body.function, self.law.function, observer, tables, self._scalars(count))
 
     def _limits(self, plant: Robot) -> tuple[Array, Array]:
-        """Torques between which are clipped [N m or N]: what the drives are told, and what the arm has."""
+        """Torque limits [N m or N]: the tighter ones of model and plant."""
         if not self.loop.saturate:
             return np.full(plant.nv, -np.inf), np.full(plant.nv, np.inf)
         own, its = self.robot.limits.actuators, plant.limits.actuators

@@ -1,4 +1,4 @@
-"""One motion of a real arm under a controller."""
+"""Simulation of an arm under a controller along a reference."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ def track(
     tolerance: float = 0.005,
     q_start: ArrayLike | None = None,
 ) -> Run:
-    """Have a controller move an arm along a reference, and hold it at its end.
+    """Simulate a controller that moves an arm along a reference and holds it at the end.
 
     Args:
         robot: the controller's model of the arm.
-        reference: the motion that is asked for, such as a minimum-time solution's trajectory.
+        reference: the motion to follow, such as a minimum-time solution's trajectory.
         controller: `Lqr`, `ComputedTorque` or `Pid`.
         plant: the arm that moves: another payload, friction; None: the model itself.
-        loop: how controller and arm are joined.
-        duration: how long the arm is watched [s]; where the reference takes longer, for a second more than it.
+        loop: connection of controller and arm.
+        duration: simulated time [s]; if the reference takes longer, its duration and a second.
         tolerance: of a joint's distance from the goal, to be settled [rad or m].
         q_start: where the arm stands at the beginning [rad or m], shape (nv,); None: where the reference begins.
 
     Returns:
-        What came of it. The message of a run that did not settle says whether the loop is stable at its goal, and
+        The run. The message of a run that did not settle says whether the loop is stable at its goal, and
         whether its sampling is to blame.
 
     Raises:

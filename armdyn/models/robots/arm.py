@@ -253,9 +253,14 @@ class Arm:
         names = [str(frame.name) for frame in self.model.frames]
         raise SpecError(f"no frame {shown(name)} in {self.source}{did_you_mean(name, names)}")
 
-    def holding_torque(self, q: Array) -> Array:
-        """Torque that holds the arm still at joint positions q [N m or N], both of shape (nv,)."""
-        return np.array(pin.computeGeneralizedGravity(self.model, self.model.createData(), self.configuration(q)))
+    def holding_torque(self, q: ArrayLike) -> Array:
+        """Torque that holds the arm still at joint positions q [N m or N], both of shape (nv,).
+
+        Raises:
+            SpecError: q is not one number per joint.
+        """
+        at = self.configuration(per_joint(q, self.joint_names, "q", scalar=False))
+        return np.array(pin.computeGeneralizedGravity(self.model, self.model.createData(), at))
 
     def configuration(self, q: ArrayLike) -> Array:
         """Pinocchio's configuration vector, shape (model.nq,), of joint coordinates q, shape (nv,).

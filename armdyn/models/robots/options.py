@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypedDict
+from typing import Any, TypedDict
 
 from numpy.typing import ArrayLike
 
@@ -13,11 +13,14 @@ from armdyn.arguments import expect, path, several, shown
 from armdyn.errors import SpecError
 from armdyn.models.values.friction import FrictionValue
 from armdyn.models.values.spec import Payload
+from armdyn.reprs import brief
 
 
 class RobotKeywords(TypedDict, total=False):
-    """The keywords of every reader of robots, besides payload and lock: the fields of `RobotOptions`."""
+    """The keywords of every reader of robots besides the payload: the fields of `RobotOptions`, or it as a whole."""
 
+    options: RobotOptions | None
+    lock: Mapping[str, float] | None
     arm: tuple[str, str] | None
     effort_limit: ArrayLike | None
     velocity_limit: ArrayLike | None
@@ -29,6 +32,7 @@ class RobotKeywords(TypedDict, total=False):
     package_dirs: Sequence[str | os.PathLike[str]]
 
 
+@brief
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RobotOptions:
     """How a robot is read. Every reader takes these fields as keywords, or the whole value as `options`.
@@ -84,20 +88,15 @@ class RobotOptions:
         object.__setattr__(self, "package_dirs", found)
 
 
-def robot_options(
-    payload: Payload | None, lock: Mapping[str, float] | None, options: RobotOptions | None, keywords: RobotKeywords
-) -> RobotOptions:
-    """The options that a reader was called with: `options`, changed by the keywords that were given.
+def robot_options(payload: Payload | None, keywords: RobotKeywords) -> RobotOptions:
+    """The options that a reader was called with: `options`, changed by the payload and keywords that were given.
 
     Raises:
         SpecError: see `RobotOptions`.
     """
-    if options is not None:
-        expect(options, RobotOptions, "options", "RobotOptions(payload=…)", error=SpecError)
-    own = options or RobotOptions()
-    return replace(
-        own,
-        payload=own.payload if payload is None else payload,
-        lock=own.lock if lock is None else lock,
-        **keywords,
-    )
+    changes: dict[str, Any] = {name: value for name, value in keywords.items() if name != "options"}
+    if payload is not None:
+        changes["payload"] = payload
+    own = keywords.get("options")
+    own = RobotOptions() if own is None else own
+    return replace(expect(own, RobotOptions, "options", "RobotOptions(payload=…)", error=SpecError), **changes)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple, Self, Unpack
@@ -29,7 +28,6 @@ from armdyn.models.values.spec import ArmSpec, Payload
 from armdyn.models.values.urdf import urdf_from_spec
 from armdyn.reprs import brief
 
-Locks = Mapping[str, float]
 UNNAMED = "model"
 """What a robot is called whose model has no name."""
 
@@ -61,7 +59,7 @@ class Robot(Arm):
             ArmdynError: see the reader of that source.
         """
         expect(source, RobotSource, "source", 'such as RobotSource.named("panda")', error=SpecError)
-        given = robot_options(None, None, options, {})
+        given = robot_options(None, {"options": options})
         parsed = _parsed(source, given)
         reading, own_friction = parsed.reading, None if source.format in ("library", "spec") else "urdf"
         robot = cls(
@@ -102,62 +100,39 @@ class Robot(Arm):
         return replace(read, name=self.name, limits=self.limits, friction=self.friction, tip=self.tip)
 
     @classmethod
-    def from_spec(
-        cls,
-        spec: ArmSpec,
-        payload: Payload | None = None,
-        lock: Locks | None = None,
-        options: RobotOptions | None = None,
-        **keywords: Unpack[RobotKeywords],
-    ) -> Self:
+    def from_spec(cls, spec: ArmSpec, payload: Payload | None = None, **keywords: Unpack[RobotKeywords]) -> Self:
         """A generated planar arm, its payload a link of its own at the tip or at another of its links."""
         expect(spec, ArmSpec, "spec", 'such as ArmSpec.paper("rr")', error=SpecError)
-        return cls.from_source(RobotSource.of_spec(spec), robot_options(payload, lock, options, keywords))
+        return cls.from_source(RobotSource.of_spec(spec), robot_options(payload, keywords))
 
     @classmethod
     def from_urdf(
-        cls,
-        path: str | os.PathLike[str],
-        payload: Payload | None = None,
-        lock: Locks | None = None,
-        options: RobotOptions | None = None,
-        **keywords: Unpack[RobotKeywords],
+        cls, path: str | os.PathLike[str], payload: Payload | None = None, **keywords: Unpack[RobotKeywords]
     ) -> Self:
         """An arm from a URDF file.
 
         Args:
             path: the file.
             payload: fixed to `payload.frame`, by default the end of the longest chain.
-            lock: joints to fix, name to position [rad or m].
-            options: how it is read; see `RobotOptions`.
-            keywords: the fields of `RobotOptions`: effort_limit, velocity_limit, armature, damping, friction,
-                friction_width, passive, arm, package_dirs.
+            keywords: the other fields of `RobotOptions`: lock, arm, effort_limit, velocity_limit, armature, damping,
+                friction, friction_width, passive, package_dirs; or `options`, a whole `RobotOptions`.
 
         Raises:
             UrdfError: the file cannot be read or is not physical.
             UnsupportedJointError: a moving joint is none of revolute, continuous and prismatic, or mimics another that
                 moves.
         """
-        given = robot_options(payload, lock, options, keywords)
-        return cls.from_source(RobotSource(format="urdf", name=str(file_path(path))), given)
+        return cls.from_source(RobotSource(format="urdf", name=str(file_path(path))), robot_options(payload, keywords))
 
     @classmethod
     def from_urdf_string(
-        cls,
-        text: str,
-        payload: Payload | None = None,
-        lock: Locks | None = None,
-        options: RobotOptions | None = None,
-        source: str = "URDF text",
-        **keywords: Unpack[RobotKeywords],
+        cls, text: str, payload: Payload | None = None, source: str = "URDF text", **keywords: Unpack[RobotKeywords]
     ) -> Self:
         """An arm from a URDF's text, read, bounded and checked as a file is; else see `from_urdf`.
 
         Args:
             text: the URDF, such as `open("arm.urdf").read()` or what xacro printed.
             payload: see `from_urdf`.
-            lock: see `from_urdf`.
-            options: see `from_urdf`.
             source: what messages call it.
             keywords: see `from_urdf`; package_dirs has all meshes: a text has no folder of its own.
 
@@ -166,18 +141,10 @@ class Robot(Arm):
             UnsupportedJointError: see `from_urdf`.
         """
         check_urdf_text(text, source)
-        given = robot_options(payload, lock, options, keywords)
-        return cls.from_source(RobotSource(format="urdf", name=source, text=text), given)
+        return cls.from_source(RobotSource(format="urdf", name=source, text=text), robot_options(payload, keywords))
 
     @classmethod
-    def from_library(
-        cls,
-        name: str,
-        payload: Payload | None = None,
-        lock: Locks | None = None,
-        options: RobotOptions | None = None,
-        **keywords: Unpack[RobotKeywords],
-    ) -> Self:
+    def from_library(cls, name: str, payload: Payload | None = None, **keywords: Unpack[RobotKeywords]) -> Self:
         """An arm of example-robot-data, such as "panda", "ur5", "talos_arm", one of `LIBRARY_ARMS`, or a benchmark.
 
         A robot that could walk or fly stands with its base fixed.
@@ -187,28 +154,17 @@ class Robot(Arm):
                 "acrobot", "cart_pole", "furuta_pendulum", "pendubot", which come with armdyn: they know which of
                 their joints have no motor.
             payload: see `from_urdf`.
-            lock: see `from_urdf`; besides what is locked already, such as a hand's fingers.
-            options: see `from_urdf`.
-            keywords: see `from_urdf`.
+            keywords: see `from_urdf`; `lock` besides what is locked already, such as a hand's fingers.
 
         Raises:
             UnknownRobotError: the library has no such robot.
             UrdfError: its URDF is no fixed-base arm.
         """
-        given = robot_options(payload, lock, options, keywords)
-        return cls.from_source(
-            RobotSource(format="library", name=text(name, "name of a robot", error=SpecError)), given
-        )
+        source = RobotSource(format="library", name=text(name, "name of a robot", error=SpecError))
+        return cls.from_source(source, robot_options(payload, keywords))
 
     @classmethod
-    def from_description(
-        cls,
-        name: str,
-        payload: Payload | None = None,
-        lock: Locks | None = None,
-        options: RobotOptions | None = None,
-        **keywords: Unpack[RobotKeywords],
-    ) -> Self:
+    def from_description(cls, name: str, payload: Payload | None = None, **keywords: Unpack[RobotKeywords]) -> Self:
         """A robot of the package robot_descriptions, where that is installed: its URDF, or its MJCF.
 
         The package clones the robot's repository from the internet the first time.
@@ -216,25 +172,17 @@ class Robot(Arm):
         Args:
             name: such as "ur5_description", "panda_mj_description"; "robot_descriptions:" may stand before it.
             payload: see `from_urdf`.
-            lock: see `from_urdf`.
-            options: see `from_urdf`.
             keywords: see `from_urdf`.
 
         Raises:
             UnknownRobotError: robot_descriptions has no such robot, or is not installed.
             UrdfError: it cannot be had, or is no fixed-base arm.
         """
-        given = robot_options(payload, lock, options, keywords)
-        return cls.from_source(RobotSource.of_description(described(name)), given)
+        return cls.from_source(RobotSource.of_description(described(name)), robot_options(payload, keywords))
 
     @classmethod
     def from_mjcf(
-        cls,
-        path: str | os.PathLike[str],
-        payload: Payload | None = None,
-        lock: Locks | None = None,
-        options: RobotOptions | None = None,
-        **keywords: Unpack[RobotKeywords],
+        cls, path: str | os.PathLike[str], payload: Payload | None = None, **keywords: Unpack[RobotKeywords]
     ) -> Self:
         """An arm from a file in MuJoCo's format, read by Pinocchio's own parser.
 
@@ -245,35 +193,24 @@ class Robot(Arm):
         Args:
             path: the file; what it includes is in its folder or below.
             payload: see `from_urdf`.
-            lock: see `from_urdf`; also free joints, whose bodies then stand where they are.
-            options: see `from_urdf`.
-            keywords: see `from_urdf`; with an `arm` bodies with a free joint stand still.
+            keywords: see `from_urdf`; `lock` also free joints, and with an `arm` all of them: their bodies stand still.
 
         Raises:
             UrdfError: the file cannot be read, is not physical, or needs what armdyn or this Pinocchio does not know.
             UnsupportedJointError: a moving joint is free, a ball, has a spring, or is coupled with another.
         """
         file = file_path(path, "MJCF", "Robot.from_mjcf_string")
-        given = robot_options(payload, lock, options, keywords)
-        return cls.from_source(RobotSource(format="mjcf", name=str(file)), given)
+        return cls.from_source(RobotSource(format="mjcf", name=str(file)), robot_options(payload, keywords))
 
     @classmethod
     def from_mjcf_string(
-        cls,
-        text: str,
-        payload: Payload | None = None,
-        lock: Locks | None = None,
-        options: RobotOptions | None = None,
-        source: str = "MJCF text",
-        **keywords: Unpack[RobotKeywords],
+        cls, text: str, payload: Payload | None = None, source: str = "MJCF text", **keywords: Unpack[RobotKeywords]
     ) -> Self:
         """An arm from the text of an MJCF, which includes nothing; else as `from_mjcf`.
 
         Args:
             text: the MJCF.
             payload: see `from_urdf`.
-            lock: see `from_mjcf`.
-            options: see `from_urdf`.
             source: what messages call it.
             keywords: see `from_mjcf`.
 
@@ -282,8 +219,7 @@ class Robot(Arm):
             UnsupportedJointError: see `from_mjcf`.
         """
         check_mjcf_text(text, source)
-        given = robot_options(payload, lock, options, keywords)
-        return cls.from_source(RobotSource(format="mjcf", name=source, text=text), given)
+        return cls.from_source(RobotSource(format="mjcf", name=source, text=text), robot_options(payload, keywords))
 
     @classmethod
     def from_model(
@@ -292,8 +228,6 @@ class Robot(Arm):
         limits: JointLimits | None = None,
         name: str | None = None,
         payload: Payload | None = None,
-        lock: Locks | None = None,
-        options: RobotOptions | None = None,
         **keywords: Unpack[RobotKeywords],
     ) -> Self:
         """An arm from a Pinocchio model that was built or loaded elsewhere, and stays as it is.
@@ -306,9 +240,8 @@ class Robot(Arm):
             limits: of the joints that move, in the model's order; None: the model's own.
             name: of the robot; None: the model's.
             payload: see `from_urdf`.
-            lock: see `from_urdf`; a joint of several coordinates at 0, which is its neutral.
-            options: see `from_urdf`.
-            keywords: see `from_urdf`; a frame of the model stands for a link in `arm`.
+            keywords: see `from_urdf`; `lock` joints of several coordinates at 0, their neutral; in `arm` a frame stands
+                for a link.
 
         Raises:
             UnsupportedJointError: a moving joint is none of those; names it.
@@ -318,8 +251,9 @@ class Robot(Arm):
         if limits is not None:
             expect(limits, JointLimits, "limits", error=SpecError)
         called = str(model.name) or UNNAMED if name is None else text(name, "name of a robot", error=SpecError)
-        given = robot_options(payload, lock, options, keywords)
-        return cls.from_source(RobotSource(format="model", name=called, model=model, limits=limits), given)
+        return cls.from_source(
+            RobotSource(format="model", name=called, model=model, limits=limits), robot_options(payload, keywords)
+        )
 
 
 def _parsed(source: RobotSource, options: RobotOptions) -> _Parsed:

@@ -93,7 +93,7 @@ class RobotSource:
             is_file = bool(Path(name).suffix) or file.is_file()
         except (OSError, ValueError):  # a null character, a loop of links
             raise SpecError(f"{shown(name)} is no path of a file") from None
-        if not is_file:
+        if name in PLANAR_ARMS or not is_file:
             return cls.named(name)
         if not file.is_relative_to(home):
             raise SpecError(f"{shown(name)} is outside the folder {home}: a problem file's robot is inside")

@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from armdyn.locks import built_once
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.bodies import Body, bodies
-from armdyn.models.scene.obstacles import Capsule, Obstacle, Sphere
+from armdyn.models.scene.obstacles import Obstacle
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
@@ -72,9 +71,11 @@ def _assembled(
 ) -> SceneGeometry:
     model = pin.GeometryModel()
     for i, body in enumerate(own):
-        model.addGeometryObject(pin.GeometryObject(f"{i} {body.name}", body.joint, pin.SE3(body.placement), body.geometry))
+        model.addGeometryObject(
+            pin.GeometryObject(f"{i} {body.name}", body.joint, pin.SE3(body.placement), body.geometry)
+        )
     for k, obstacle in enumerate(obstacles):
-        placement, geometry = solid(obstacle)
+        placement, geometry = obstacle.solid()
         model.addGeometryObject(pin.GeometryObject(f"obstacle {k}", 0, pin.SE3(placement), geometry))
     names = (*(body.name for body in own), *(obstacle.name for obstacle in obstacles))
     touching = {frozenset(pair) for pair in allowed}
@@ -82,24 +83,6 @@ def _assembled(
     for i, j in kept:
         model.addCollisionPair(pin.CollisionPair(i, j))
     return SceneGeometry(model, names, np.array(kept, dtype=int).reshape(-1, 2), len(own))
-
-
-def solid(obstacle: Obstacle) -> tuple[Array, Any]:
-    """An obstacle's placement in the world, shape (4, 4) [m], and coal's geometry."""
-    import coal
-
-    placement = np.eye(4)
-    if isinstance(obstacle, Sphere):
-        placement[:3, 3] = obstacle.center
-        return placement, coal.Sphere(obstacle.radius)
-    if isinstance(obstacle, Capsule):
-        a, b = np.array(obstacle.a), np.array(obstacle.b)
-        length = float(np.linalg.norm(b - a))
-        placement[:3, 3] = (a + b) / 2
-        if length > 0:
-            placement[:3, :3] = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), b - a).matrix()
-        return placement, coal.Capsule(obstacle.radius, length)
-    return obstacle.pose, coal.Box(*obstacle.size)
 
 
 @built_once(maxsize=16)

@@ -3,41 +3,67 @@
 from __future__ import annotations
 
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass
-from typing import Any, TypeAlias
+from dataclasses import KW_ONLY, dataclass, fields
+from typing import Any, ClassVar
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from armdyn.arguments import number, numbers, shown, text
+from armdyn.arguments import number, shown, text
 from armdyn.errors import FileError, ProblemError
 from armdyn.files import read_json
+from armdyn.models.scene.placement import Placement, Point, homogeneous, point, pose_entry, pose_of
 
 Array = NDArray[np.float64]
-Point = tuple[float, float, float]
-Placement: TypeAlias = ArrayLike | pin.SE3
-"""A position [m], shape (3,), or a pose, shape (4, 4) or `pin.SE3`."""
 
 _MAX_FILE = 2**20
 _LONGEST_NAME = 200
 
 
-def _point(value: ArrayLike, what: str) -> Point:
-    array = numbers(value, what, "three numbers")
-    if array.shape != (3,) or not np.all(np.isfinite(array)):
-        raise ProblemError(f"{what} is {shown(value)}; it must be three finite numbers")
-    x, y, z = (float(part) for part in array)
-    return x, y, z
+class Obstacle(ABC):
+    """A convex solid that stands in the world: a frozen dataclass of numbers in metres.
 
+    A new shape is a subclass and its line in `SHAPES`. Fields are points or numbers, or `placement`, a pose.
 
-def _positive(value: float, what: str) -> float:
-    return number(value, what, unit="m", sign="positive")
+    Attributes:
+        sizes: the keys of `obstacle_from` before the @ of `--obstacle KIND:SIZES@PLACES`, to what messages call their
+            numbers, such as "R" or "SX,SY,SZ".
+        places: the keys behind it, each of three numbers.
+        name: what messages call it.
+    """
+
+    sizes: ClassVar[Mapping[str, str]]
+    places: ClassVar[tuple[str, ...]]
+    name: str
+
+    @abstractmethod
+    def solid(self) -> tuple[Array, Any]:
+        """The placement in the world, shape (4, 4) [m], and coal's geometry there."""
+
+    @classmethod
+    def option(cls) -> str:
+        """How `--obstacle` says the shape, such as "R@X,Y,Z"."""
+        return f"{','.join(cls.sizes.values())}@{';'.join('X,Y,Z' for _ in cls.places)}"
+
+    def _check(self, points: Sequence[str] = (), lengths: Sequence[str] = ()) -> None:
+        """Check the name, and keep points and positive lengths as numbers.
+
+        Raises:
+            ProblemError: one is none.
+        """
+        text(self.name, "name of an obstacle")
+        for field in points:
+            object.__setattr__(self, field, point(getattr(self, field), f"{field} of obstacle {self.name!r}"))
+        for field in lengths:
+            what = f"{field} of obstacle {self.name!r}"
+            object.__setattr__(self, field, number(getattr(self, field), what, unit="m", sign="positive"))
 
 
 @dataclass(frozen=True)
-class Sphere:
+class Sphere(Obstacle):
     """A ball.
 
     Attributes:
@@ -51,14 +77,20 @@ class Sphere:
     _: KW_ONLY
     name: str = "sphere"
 
+    sizes, places = {"radius": "R"}, ("center",)
+
     def __post_init__(self) -> None:
-        text(self.name, "name of an obstacle")
-        object.__setattr__(self, "center", _point(self.center, f"center of obstacle {self.name!r}"))
-        object.__setattr__(self, "radius", _positive(self.radius, f"radius of obstacle {self.name!r}"))
+        self._check(points=["center"], lengths=["radius"])
+
+    def solid(self) -> tuple[Array, Any]:
+        """At its centre."""
+        import coal
+
+        return homogeneous(self.center, "center"), coal.Sphere(self.radius)
 
 
 @dataclass(frozen=True)
-class Capsule:
+class Capsule(Obstacle):
     """All points within a radius of a segment: a cylinder with round ends.
 
     Attributes:
@@ -74,15 +106,25 @@ class Capsule:
     _: KW_ONLY
     name: str = "capsule"
 
+    sizes, places = {"radius": "R"}, ("a", "b")
+
     def __post_init__(self) -> None:
-        text(self.name, "name of an obstacle")
-        for end in ("a", "b"):
-            object.__setattr__(self, end, _point(getattr(self, end), f"{end} of obstacle {self.name!r}"))
-        object.__setattr__(self, "radius", _positive(self.radius, f"radius of obstacle {self.name!r}"))
+        self._check(points=["a", "b"], lengths=["radius"])
+
+    def solid(self) -> tuple[Array, Any]:
+        """Along z of its placement."""
+        import coal
+
+        a, b, placement = np.array(self.a), np.array(self.b), np.eye(4)
+        length = float(np.linalg.norm(b - a))
+        placement[:3, 3] = (a + b) / 2
+        if length > 0:
+            placement[:3, :3] = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), b - a).matrix()
+        return placement, coal.Capsule(self.radius, length)
 
 
 @dataclass(frozen=True)
-class Box:
+class Box(Obstacle):
     """A cuboid.
 
     Attributes:
@@ -97,12 +139,12 @@ class Box:
     _: KW_ONLY
     name: str = "box"
 
+    sizes, places = {"size": "SX,SY,SZ"}, ("position",)
+
     def __post_init__(self) -> None:
-        text(self.name, "name of an obstacle")
-        size = _point(self.size, f"size of obstacle {self.name!r}")
-        for edge in size:
-            _positive(edge, f"an edge of obstacle {self.name!r}")
-        object.__setattr__(self, "size", size)
+        self._check(points=["size"])
+        for edge in self.size:
+            number(edge, f"an edge of obstacle {self.name!r}", unit="m", sign="positive")
         pose = homogeneous(self.placement, f"placement of obstacle {self.name!r}")
         object.__setattr__(self, "placement", tuple(map(tuple, pose.tolist())))
 
@@ -111,67 +153,15 @@ class Box:
         """Homogeneous matrix of its centre in the world, shape (4, 4) [m]."""
         return np.array(self.placement)
 
+    def solid(self) -> tuple[Array, Any]:
+        """At its centre."""
+        import coal
 
-Obstacle = Sphere | Capsule | Box
-
-
-def homogeneous(placement: Placement, what: str) -> Array:
-    """A position, shape (3,), or a pose, shape (4, 4) or `pin.SE3`, as a matrix of shape (4, 4) [m].
-
-    Raises:
-        ProblemError: it is none of these, or its rotation is no rotation.
-    """
-    if isinstance(placement, pin.SE3):
-        return np.array(placement.homogeneous)
-    wanted = "a position (3 numbers), a 4 × 4 matrix or a pinocchio.SE3"
-    array = numbers(placement, what, wanted)
-    pose = np.eye(4)
-    if array.shape == (3,):
-        pose[:3, 3] = array
-    elif array.shape == (4, 4):
-        pose = array.copy()
-    else:
-        raise ProblemError(f"{what} has shape {array.shape}; it must be {wanted}")
-    if not np.all(np.isfinite(pose)):
-        raise ProblemError(f"{what} is not finite")
-    rotation = pose[:3, :3]
-    # 1e-6: a matrix typed with seven digits is a rotation.
-    with np.errstate(over="ignore", invalid="ignore"):  # a matrix of huge numbers is none
-        turned = np.max(np.abs(rotation.T @ rotation - np.eye(3)))
-    if not turned <= 1e-6 or np.linalg.det(rotation) < 0:
-        raise ProblemError(f"{what} has a rotation that is none: {rotation.tolist()}")
-    return pose
+        return self.pose, coal.Box(*self.size)
 
 
-def pose_of(position: ArrayLike, quaternion: ArrayLike | None, rpy: ArrayLike | None, what: str) -> Array:
-    """A pose from a position [m] and a quaternion (x, y, z, w) or roll, pitch, yaw [rad], shape (4, 4).
-
-    Raises:
-        ProblemError: both, wrong length, not finite, or a quaternion of no length.
-    """
-    pose = np.eye(4)
-    pose[:3, 3] = _point(position, f"position of {what}")
-    if quaternion is not None and rpy is not None:
-        raise ProblemError(f"{what} has a quaternion and rpy; give one of them")
-    if rpy is not None:
-        pose[:3, :3] = pin.rpy.rpyToMatrix(np.array(_point(rpy, f"rpy of {what}")))
-    if quaternion is not None:
-        q = numbers(quaternion, f"quaternion of {what}", "four numbers x, y, z, w")
-        with np.errstate(over="ignore"):
-            length = np.linalg.norm(q)
-        if q.shape != (4,) or not 1e-9 < length < np.inf:
-            raise ProblemError(
-                f"quaternion of {what} is {shown(quaternion)}; it must be four numbers x, y, z, w, not all 0"
-            )
-        pose[:3, :3] = pin.Quaternion(*np.roll(q / length, 1)).toRotationMatrix()
-    return pose
-
-
-_KEYS = {
-    "sphere": ({"center", "radius"}, {"name"}),
-    "capsule": ({"a", "b", "radius"}, {"name"}),
-    "box": ({"size", "position"}, {"rpy", "quaternion", "name"}),
-}
+SHAPES: dict[str, type[Obstacle]] = {"sphere": Sphere, "capsule": Capsule, "box": Box}
+"""All shapes, by the "type" that files have for them, and the word of --obstacle."""
 
 
 def obstacle_from(entry: Mapping[str, Any], where: str) -> Obstacle:
@@ -181,9 +171,12 @@ def obstacle_from(entry: Mapping[str, Any], where: str) -> Obstacle:
         ProblemError: an unknown type, or a number that is missing, superfluous or wrong.
     """
     kind = entry.get("type") if isinstance(entry, Mapping) else None
-    if not isinstance(kind, str) or kind not in _KEYS:
-        raise ProblemError(f'{where}: "type" is {shown(kind)}; it must be one of {", ".join(_KEYS)}')
-    needed, allowed = _KEYS[kind]
+    if not isinstance(kind, str) or kind not in SHAPES:
+        raise ProblemError(f'{where}: "type" is {shown(kind)}; it must be one of {", ".join(SHAPES)}')
+    made: Any = SHAPES[kind]
+    numbers = [field.name for field in fields(made) if field.name not in ("name", "placement")]
+    placed = any(field.name == "placement" for field in fields(made))
+    needed, allowed = {*numbers, *(["position"] * placed)}, {"name", *(["rpy", "quaternion"] * placed)}
     given = set(entry) - {"type"}
     if needed - given or given - needed - allowed:
         raise ProblemError(
@@ -194,36 +187,27 @@ def obstacle_from(entry: Mapping[str, Any], where: str) -> Obstacle:
     if len(name) > _LONGEST_NAME:
         raise ProblemError(f"{where}: its name has {len(name)} characters; it may have {_LONGEST_NAME}")
     try:
-        if kind == "sphere":
-            return Sphere(entry["center"], entry["radius"], name=name)
-        if kind == "capsule":
-            return Capsule(entry["a"], entry["b"], entry["radius"], name=name)
-        pose = pose_of(entry["position"], entry.get("quaternion"), entry.get("rpy"), f"obstacle {name!r}")
-        return Box(entry["size"], pose, name=name)
+        arguments = {key: entry[key] for key in numbers}
+        if placed:
+            turned = entry.get("quaternion"), entry.get("rpy")
+            arguments["placement"] = pose_of(entry["position"], *turned, f"obstacle {name!r}")
+        obstacle: Obstacle = made(**arguments, name=name)
     except ProblemError as error:
         raise ProblemError(f"{where}: {error}") from None
+    return obstacle
 
 
 def obstacle_entry(obstacle: Obstacle) -> dict[str, Any]:
     """An obstacle as `obstacle_from` takes it, and JSON says it."""
-    if isinstance(obstacle, Sphere):
-        return {"type": "sphere", "center": list(obstacle.center), "radius": obstacle.radius, "name": obstacle.name}
-    if isinstance(obstacle, Capsule):
-        ends = {"a": list(obstacle.a), "b": list(obstacle.b)}
-        return {"type": "capsule", **ends, "radius": obstacle.radius, "name": obstacle.name}
-    turned = not np.array_equal(obstacle.pose[:3, :3], np.eye(3))
-    return {
-        "type": "box",
-        "size": list(obstacle.size),
-        **pose_entry(obstacle.pose, turned=turned),
-        "name": obstacle.name,
-    }
-
-
-def pose_entry(pose: Array, *, turned: bool) -> dict[str, list[float]]:
-    """A pose, shape (4, 4) [m], by the names that `pose_of` has for it; with its quaternion (x, y, z, w) if turned."""
-    position = {"position": pose[:3, 3].tolist()}
-    return position | ({"quaternion": pin.Quaternion(pose[:3, :3]).coeffs().tolist()} if turned else {})
+    entry: dict[str, Any] = {"type": next(kind for kind, made in SHAPES.items() if type(obstacle) is made)}
+    for field in fields(obstacle):  # type: ignore[arg-type]  # it is a dataclass
+        value = getattr(obstacle, field.name)
+        if field.name == "placement":
+            pose = np.array(value)
+            entry |= pose_entry(pose, turned=not np.array_equal(pose[:3, :3], np.eye(3)))
+        else:
+            entry[field.name] = list(value) if isinstance(value, tuple) else value
+    return entry
 
 
 def load_obstacles(path: str | os.PathLike[str]) -> tuple[Obstacle, ...]:

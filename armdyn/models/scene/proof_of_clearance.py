@@ -1,5 +1,4 @@
-"""Proof that a motion keeps its clearances between the samples, too: bisection per pair, by bounds on speed and
-acceleration.
+"""Proof that a motion keeps its clearances between the samples: bisection by bounds on speed and acceleration.
 
 Two bodies whose relative motion between two times is at most L are apart by (d0 + d1 - L) / 2 at least in between
 (Schwarzer, Saha, Latombe, "Adaptive dynamic collision checking", IEEE Transactions on Robotics 21(3), 2005). Where that

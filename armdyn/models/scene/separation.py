@@ -79,7 +79,8 @@ def gap(data: pin.Data, model: pin.Model, pair: tuple[Hull, Hull], normal: Array
         [m], shape (k,).
     """
     first, second = (_along(data, model, body, normal, times) for body in pair)
-    return np.min(second, axis=1) - np.max(first, axis=1) - pair[0].radius - pair[1].radius
+    out: Array = np.min(second, axis=1) - np.max(first, axis=1) - pair[0].radius - pair[1].radius
+    return out
 
 
 def _along(data: pin.Data, model: pin.Model, body: Hull, normal: Array, times: Array) -> Array:
@@ -112,8 +113,8 @@ class MotionBounds:
         """Those of a motion, between whose samples joints follow cubics.
 
         The velocity of a cubic lies within its three Bézier coefficients, the acceleration is linear. A point's
-        acceleration is J a plus the second derivatives of its position times the velocities, and the second derivative by
-        two joints is no longer than the arm to the axis of the outer one.
+        acceleration is J a plus the second derivatives of its position times the velocities, and a second
+        derivative by two joints is no longer than the arm to the axis of the outer one.
         """
         h = np.diff(motion.t)[:, None]
         mean, v0, v1 = np.diff(motion.q, axis=0) / h, motion.v[:-1], motion.v[1:]

@@ -1,1 +1,1 @@
-"""What comes out of a solve."""
+"""The solution of a minimum-time problem, and its description."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from armdyn.models.scene.reaching import GoalPose, slid
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.proof.certificate import TRANSVERSALITY_TOLERANCE
-from armdyn.optimal.proof.transversality import end_slope, transversality
+from armdyn.optimal.proof.transversality import end_gradient, transversality
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ def slid_end(best: Solution, goal: GoalPose, solve: Callable[[Solution, Array], 
         missed = transversality(best.problem, goal, q, best.phases)
         if best.phases is None or missed is None or missed <= TRANSVERSALITY_TOLERANCE / 10 or step < _LEAST:
             break
-        slope = end_slope(best.problem.robot, goal, q, best.phases)
+        slope = end_gradient(best.problem.robot, goal, q, best.phases)
         steepest = float(np.linalg.norm(slope))
         moved = slid(best.problem.robot, goal, q, -min(step, _FARTHEST) / steepest * slope, best.problem.limits)
         other = None if moved is None else solve(best, moved)
@@ -46,7 +46,7 @@ def slid_end(best: Solution, goal: GoalPose, solve: Callable[[Solution, Array], 
         if not other.success or other.phases is None or other.duration >= best.duration:
             step /= 4
             continue
-        turned = end_slope(best.problem.robot, goal, moved, other.phases)
+        turned = end_gradient(best.problem.robot, goal, moved, other.phases)
         away, bent = moved - q, float((moved - q) @ (turned - slope))
         step = float(away @ away) / bent * float(np.linalg.norm(turned)) if bent > 0 else 2 * step
         best = other

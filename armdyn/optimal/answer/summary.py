@@ -3,6 +3,7 @@
 import numpy as np
 
 from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.answer.words import assessment, checks
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.proof.certificate import Certificate
 
@@ -15,6 +16,8 @@ def minimum_time_summary(solution: Solution) -> dict[str, object]:
         "status": str(solution.status),
         "message": solution.message,
         "duration": solution.duration if solution.moves else None,
+        "assessment": assessment(solution),
+        "checks": [{"name": name, "holds": holds, "said": said} for name, holds, said in checks(solution)],
         "usable": solution.usable,
         "certified": solution.certified,
         "extremal": certificate.extremal,

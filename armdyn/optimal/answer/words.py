@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from armdyn.optimal.proof.certificate import GAP_TOLERANCE, Certificate, percent
+from armdyn.optimal.proof.certificate import Certificate, percent
 
 if TYPE_CHECKING:
     from armdyn.optimal.answer.solution import Solution
 
 _MOST_LIMITS = 3
 """That are named as deciding the time."""
+_ROUNDING = 1e-9
+"""Excess, as a part of a limit, that is rounding and not mentioned."""
 
 
 def verdict(solution: Solution) -> str:
@@ -24,9 +26,85 @@ def verdict(solution: Solution) -> str:
     return ", ".join(filter(None, ("certified" if solution.certified else "not certified", above)))
 
 
+Check = tuple[str, bool | None, str]
+"""Name of a check, whether it holds (None: unknown or not requested), and the numbers."""
+
+
+def assessment(solution: Solution) -> str:
+    """Whether the motion is executable, and how near it is to the fastest possible one, in full sentences."""
+    certificate, problem = solution.certificate, solution.problem
+    if not solution.moves:
+        return f"No motion was found: {solution.message}."
+    if not solution.feasible:
+        return f"The motion is not executable: {solution.message}."
+    said = ["The motion is executable."]
+    if problem.unheld is not None:
+        said = [f"The motion reaches the goal, but the arm cannot stay there: {problem.unheld.words}."]
+    elif certificate.replay == "segments":
+        said = ["The motion is executable under feedback; open loop it is unstable."]
+    if certificate.extremal:
+        said.append("Pontryagin's conditions hold along it: no small change makes it faster.")
+    if solution.gap is not None and solution.gap_proven:
+        said.append(f"It is proven to be at most {percent(max(solution.gap, 0.0))} slower than the fastest possible.")
+    elif not solution.certified:
+        said.append(f"It is not certified: {'; '.join(certificate.reasons)}.")
+    return " ".join(said)
+
+
+def checks(solution: Solution) -> list[Check]:
+    """The checks of a motion: replay, limits, path constraints, Pontryagin's conditions, lower bound."""
+    certificate = solution.certificate
+    if not solution.moves:
+        return []
+    largest = certificate.limit_violation
+    kept = "no limit is exceeded" + ("" if largest < _ROUNDING else f" by more than {100 * largest:.2g} % of it")
+    if not certificate.keeps_limits and certificate.exceeded is not None:
+        kept = str(certificate.exceeded)
+    velocity = f"velocity within {certificate.goal_velocity_error:.1e} rad/s"
+    return [
+        ("lands", certificate.lands, f"{replay_words(certificate)}; {velocity}"),
+        ("keeps its limits", certificate.keeps_limits, kept),
+        *((one.name, not one.reasons, "; ".join(one.reasons) or one.said) for one in solution.constraint_reports),
+        ("extremal", *_extremal(solution)),
+        ("lower bound", *_bound(solution)),
+    ]
+
+
+def _extremal(solution: Solution) -> tuple[bool | None, str]:
+    """Pontryagin's conditions with their largest errors."""
+    certificate = solution.certificate
+    if not solution.arcs:
+        return None, "Pontryagin's conditions are not checked: the switching times are not resolved"
+    adjoint = certificate.adjoint_error
+    return certificate.extremal, (
+        f"|H| ≤ {certificate.hamiltonian_spread:.1e}, wrong signs ≤ {certificate.switching_violation:.1e}, "
+        f"{len(solution.arcs)} arcs"
+    ) + ("" if adjoint is None else f"; adjoint equations to {adjoint:.1e}")
+
+
+def _bound(solution: Solution) -> tuple[bool | None, str]:
+    """The lower bound, and how far the motion is above it."""
+    if solution.gap is None:
+        return None, "none is known"
+    above = f"{percent(max(solution.gap, 0.0))} above the lower bound of {solution.lower_bound:.6f} s"
+    return solution.gap_proven, f"at most {above}" if solution.gap_proven else f"about {above}, not proven"
+
+
 def paragraph(solution: Solution) -> str:
-    """A solution for who prints it: duration, verdict, what decides the time, the bound, how it was found."""
-    said = [_found(solution), _checked(solution), _decided(solution), _bounded(solution)]
+    """A solution for who prints it: duration, assessment, replay, what decides the time, how it was found."""
+    robot = solution.problem.robot
+    name, joints = " ".join(robot.name.split()), f"{robot.nv} joint{'s' if robot.nv > 1 else ''}"
+    said = [assessment(solution)]
+    if solution.moves:
+        said.insert(0, f"The fastest motion found for {name}, {joints}, takes {solution.duration:.6f} s.")
+    else:
+        said = [said[0].replace("was found:", f"was found for {name}, {joints}:", 1)]
+    if solution.feasible and solution.moves:
+        words = replay_words(solution.certificate)
+        said.append(f"{words[0].upper()}{words[1:]}.")
+    said.append(_decided(solution))
+    if solution.lower_bound is not None and solution.moves:
+        said.append(f"No motion is faster than {solution.lower_bound:.6f} s.")
     if solution.met:
         said.append(f"{solution.met[0].upper()}{solution.met[1:]}.")
     elif solution.local_optima:
@@ -55,31 +133,6 @@ def replay_words(certificate: Certificate) -> str:
     )
 
 
-def _found(solution: Solution) -> str:
-    robot = solution.problem.robot
-    name, joints = " ".join(robot.name.split()), f"{robot.nv} joint{'s' if robot.nv > 1 else ''}"
-    if not solution.moves:
-        return f"No motion was found for {name}, {joints}: {solution.message}."
-    return f"The fastest motion found for {name}, {joints}, takes {solution.duration:.6f} s."
-
-
-def _checked(solution: Solution) -> str:
-    certificate = solution.certificate
-    if not solution.moves:
-        return ""
-    if not solution.usable:
-        return f"It is not usable: {solution.message}."
-    ends = replay_words(certificate)
-    if solution.certified:
-        why = (
-            "Pontryagin's conditions hold along it"
-            if certificate.extremal
-            else f"a proven bound is within {percent(GAP_TOLERANCE)} of it"
-        )
-        return f"It is usable and certified: {ends}, and {why}."
-    return f"It is usable, but not certified: {ends}; {'; '.join(certificate.reasons)}."
-
-
 def _decided(solution: Solution) -> str:
     """What decides the time, and what a change is worth; empty where that is not known."""
     if not solution.decides or not solution.usable:
@@ -88,13 +141,3 @@ def _decided(solution: Solution) -> str:
     shares = ", ".join(f"{one.name} ({100 * one.part:.3g} %)" for one in solution.decides[:_MOST_LIMITS])
     saved = f"1 % more of the first would save {10 * most.part * solution.duration:.3g} ms"
     return f"Its time is decided by {shares}; {saved}."
-
-
-def _bounded(solution: Solution) -> str:
-    """The bound that no motion beats; empty without one."""
-    if solution.gap is None or not solution.moves:
-        return ""
-    bound = f"No motion is faster than {solution.lower_bound:.6f} s"
-    if not solution.gap_proven:
-        return f"{bound}."
-    return f"{bound}: this one is at most {percent(max(solution.gap, 0.0))} above that."

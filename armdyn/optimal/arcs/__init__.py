@@ -1,1 +1,1 @@
-"""Which limit every joint is on, and from when to when: arcs read, corrected, solved for their durations."""
+"""Arcs: sequences of active limits, detected, corrected, and solved for their durations."""

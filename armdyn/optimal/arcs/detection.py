@@ -12,13 +12,20 @@ from armdyn.optimal.task.policy.refinement import ArcsPolicy
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+Run = tuple[Mode, int, int]
+"""A mode, the first interval on which a joint is in it, and one past the last."""
 
 _TOWARD = {Mode.VELOCITY_UPPER: Mode.UPPER, Mode.VELOCITY_LOWER: Mode.LOWER}
 """The torque that brings a joint to a velocity limit; away from it, the other."""
 
 
 def detect(
-    problem: MinimumTimeProblem, trajectory: Trajectory, mesh: Array, switch: int, numbers: ArcsPolicy
+    problem: MinimumTimeProblem,
+    trajectory: Trajectory,
+    mesh: Array,
+    switch: int,
+    numbers: ArcsPolicy,
+    brief: float = 0.0,
 ) -> list[Arc]:
     """The arcs of a collocation solution with constant torques between its knots.
 
@@ -28,6 +35,7 @@ def detect(
         mesh: its knots as parts of the duration.
         switch: so many intervals off all limits in a row are a switch, and not an arc.
         numbers: how near a limit is on it.
+        brief: part of the duration; what is off all torque limits for no longer is a switch, too.
     """
     duration, limits, intervals = trajectory.duration, problem.limits, mesh.size - 1
     knots = duration * mesh
@@ -54,9 +62,11 @@ def detect(
         ]
         if limits.passive[i]:
             modes = [Mode.PASSIVE] * intervals
+        modes = _without_brief(modes, mesh, brief)
         runs = _runs(_without_lifting_off(modes))
-        first.append(_first_mode(runs, level[:, i], switch))
-        events += _switches(runs, level[:, i], knots, i, switch)
+        switching = [mode is Mode.FREE and (b - a <= switch or mesh[b] - mesh[a] <= brief) for mode, a, b in runs]
+        first.append(_first_mode(runs, level[:, i], switching[0]))
+        events += _switches(runs, level[:, i], knots, i, switching)
         inner = np.flatnonzero(touching[1:-1]) + 1
         on_limit = [k for k in inner if modes[k] not in POSITION and modes[k - 1] not in POSITION]
         for run in stretches(np.array(on_limit, int)):
@@ -89,19 +99,23 @@ def _without_lifting_off(modes: Sequence[Mode]) -> list[Mode]:
     return out
 
 
-def _runs(modes: Sequence[Mode]) -> list[tuple[Mode, int, int]]:
+def _runs(modes: Sequence[Mode]) -> list[Run]:
     """Maximal runs of one mode: (mode, first interval, one past the last)."""
     edges = [0, *(k for k in range(1, len(modes)) if modes[k] is not modes[k - 1]), len(modes)]
     return [(modes[a], a, b) for a, b in pairwise(edges)]
 
 
-def _is_switch(run: tuple[Mode, int, int], switch: int) -> bool:
-    mode, start, stop = run
-    return mode is Mode.FREE and stop - start <= switch
+def _without_brief(modes: Sequence[Mode], mesh: Array, brief: float) -> list[Mode]:
+    """Contacts that are so brief are touches, and their torque is switching."""
+    out = list(modes)
+    for mode, start, stop in _runs(modes):
+        if mode in POSITION or mode in VELOCITY:
+            out[start:stop] = [Mode.FREE if mesh[stop] - mesh[start] <= brief else mode] * (stop - start)
+    return out
 
 
-def _first_mode(runs: Sequence[tuple[Mode, int, int]], level: Array, switch: int) -> Mode:
-    if not _is_switch(runs[0], switch):
+def _first_mode(runs: Sequence[Run], level: Array, switching: bool) -> Mode:
+    if not switching:
         return runs[0][0]
     after = runs[1][0] if len(runs) > 1 else Mode.FREE
     if after in VELOCITY:
@@ -110,16 +124,14 @@ def _first_mode(runs: Sequence[tuple[Mode, int, int]], level: Array, switch: int
     return OPPOSITE.get(after, Mode.UPPER if level[0] > 0 else Mode.LOWER)
 
 
-def _switches(
-    runs: Sequence[tuple[Mode, int, int]], level: Array, knots: Array, joint: int, switch: int
-) -> list[Event]:
+def _switches(runs: Sequence[Run], level: Array, knots: Array, joint: int, switching: Sequence[bool]) -> list[Event]:
     """The switches of one joint, each where the mean torque of the intervals around it puts it."""
     events: list[Event] = []
     sign = {Mode.UPPER: 1.0, Mode.LOWER: -1.0}
-    mode = _first_mode(runs, level, switch)
+    mode = _first_mode(runs, level, switching[0])
     for r, (here, start, stop) in enumerate(runs):
         t0, t1 = float(knots[start]), float(knots[stop])
-        if not _is_switch(runs[r], switch):
+        if not switching[r]:
             if here is not mode:
                 if not events or events[-1].time < t0 or events[-1].mode is not here:
                     events.append(Event(t0, joint, here))
@@ -127,7 +139,7 @@ def _switches(
             continue
         away = OPPOSITE[_TOWARD[mode]] if mode in VELOCITY else OPPOSITE.get(mode, Mode.FREE)
         after = runs[r + 1][0] if r + 1 < len(runs) else away
-        if r + 1 < len(runs) and _is_switch(runs[r + 1], switch):
+        if r + 1 < len(runs) and switching[r + 1]:
             continue
         part = float(np.mean((level[start:stop] + 1) / 2))  # of the time on the upper limit
         if after is mode:  # there and back: a short arc on the other limit

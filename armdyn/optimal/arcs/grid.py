@@ -68,7 +68,7 @@ def deal(durations: Array, intervals: int, density: Density | None, per_arc: int
     return np.repeat(np.arange(mass.size), counts), np.concatenate(parts)
 
 
-def density_of(t: Array, polynomials: Sequence[tuple[Array, Array]], floor: float) -> Density:
+def density_of(t: Array, polynomials: Sequence[tuple[Array, Array]], least_density: float) -> Density:
     """What a solution on one mesh says about the next.
 
     The error of an interval falls with some power p of its length; the same everywhere (de Boor's
@@ -78,7 +78,7 @@ def density_of(t: Array, polynomials: Sequence[tuple[Array, Array]], floor: floa
     Args:
         t: knots [s], shape (K + 1,).
         polynomials: nodes as parts of the interval, shape (p + 1,), and values there, shape (K, p + 1, n).
-        floor: least density, as a part of the mean one: an estimate may see nothing where there is something.
+        least_density: least density, as a part of the mean one: an estimate may see nothing where there is something.
     """
     mass = np.zeros(t.size - 1)
     for nodes, values in polynomials:
@@ -88,7 +88,7 @@ def density_of(t: Array, polynomials: Sequence[tuple[Array, Array]], floor: floa
         mass = np.maximum(mass, np.max(highest / size, axis=1) ** (1 / (nodes.size - 1)))
     rate = mass / np.diff(t)
     near = np.max([rate, np.append(rate[1:], 0), np.append(0, rate[:-1])], axis=0)
-    return Density(t, np.maximum(near, floor * mass.sum() / t[-1]) * np.diff(t))
+    return Density(t, np.maximum(near, least_density * mass.sum() / t[-1]) * np.diff(t))
 
 
 def layered(guess: Trajectory, friction: JointFriction, numbers: ArcsPolicy) -> Density | None:

@@ -13,6 +13,7 @@ from armdyn.optimal.arcs.phases import TABLEAU
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.layout import Layout
 from armdyn.optimal.program.unknowns import Scales, bounds, to_unknowns
+from armdyn.optimal.solve.solver import NlpData
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -78,7 +79,7 @@ class PhaseAim:
 
 
 @dataclass(frozen=True, eq=False)
-class ArcNlpData:
+class ArcNlpData(NlpData):
     """Arcs as numbers.
 
     Attributes:
@@ -87,10 +88,6 @@ class ArcNlpData:
         density: what the intervals were laid by; None: the arcs' lengths.
         arc_of: which arc an interval is in, shape (N,).
         part: of its arc that an interval is, shape (N,).
-        x: unknowns to start from.
-        parameters: of the program.
-        x_bounds: least and largest unknowns.
-        g_bounds: least and largest values of the equations.
     """
 
     arcs: tuple[Arc, ...]
@@ -98,10 +95,6 @@ class ArcNlpData:
     density: Density | None
     arc_of: Index
     part: Array
-    x: Array
-    parameters: Array
-    x_bounds: tuple[Array, Array]
-    g_bounds: tuple[Array, Array]
 
     @property
     def spare(self) -> int:
@@ -151,7 +144,7 @@ def assemble_arcs(
         arc_of=arc_of,
         part=part,
         x=np.clip(x, lower, upper),
-        parameters=scales.parameters(part, weights, task.dynamics.last_body),
+        p=scales.parameters(part, weights, task.dynamics.last_body),
         x_bounds=(lower, upper),
         g_bounds=(np.concatenate([side[0] for side in sides]), np.concatenate([side[1] for side in sides])),
     )

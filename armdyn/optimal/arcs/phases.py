@@ -37,9 +37,9 @@ class Phases:
         stage_v: velocities at the stages, shape (K, stages, nv).
         stage_costate: ∫ρ over each stage's share of the time, shape (K, stages, 2 nv): what multiplies a
             change of the rates there.
-        torque_pull: ∂t_f/∂tau at the stages [s/(N m)], shape (K, stages, nv); 0 where it is free.
-        state_pull: the same for (q, v) at the inner stages [s/rad, s²/rad], shape (K, stages - 1, 2, nv).
-        knot_pull: the same at the inner knots, shape (K - 1, 2, nv).
+        torque_multiplier: ∂t_f/∂tau at the stages [s/(N m)], shape (K, stages, nv); 0 where it is free.
+        state_multiplier: the same for (q, v) at the inner stages [s/rad, s²/rad], shape (K, stages - 1, 2, nv).
+        knot_multiplier: the same at the inner knots, shape (K - 1, 2, nv).
         torques: the motion over time by the collocation's polynomials, for `replay_torques` and as a guess.
         iterations: of IPOPT.
     """
@@ -56,9 +56,9 @@ class Phases:
     stage_q: Array
     stage_v: Array
     stage_costate: Array
-    torque_pull: Array
-    state_pull: Array
-    knot_pull: Array
+    torque_multiplier: Array
+    state_multiplier: Array
+    knot_multiplier: Array
     torques: Trajectory
     iterations: int
 

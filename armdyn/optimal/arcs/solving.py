@@ -27,23 +27,17 @@ from armdyn.optimal.path_constraints.rows import StageRows, with_rows
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Nlp, build_nlp
 from armdyn.optimal.program.interval import Stages
-from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, NlpResult, in_time
+from armdyn.optimal.solve.registry import in_time, solver_for
+from armdyn.optimal.solve.solver import NlpResult, Solver, SolverSettings
 from armdyn.optimal.task.scheme import Scheme
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_NEWTON: tuple[tuple[str, float | str], ...] = (("bound_relax_factor", 0.0), ("acceptable_iter", 0))
-""""Acceptable" to IPOPT is a defect of 1e-2: not to us."""
-_CAREFUL: tuple[tuple[str, float | str], ...] = (*_NEWTON, ("mu_init", 1e-3))
-_FROM_HERE: tuple[tuple[str, float | str], ...] = (
-    *_NEWTON,
-    ("mu_init", 1e-9),
-    ("bound_push", 1e-9),
-    ("bound_frac", 1e-9),
-)
-"""The guess is near, or all torques are held: Newton's method from where it stands."""
+_CAREFUL, _FROM_HERE = 1e-3, 1e-9
+"""First barrier parameters; the lesser where the guess is near or all torques are held, which then is pushed off its
+bounds by no more: Newton's method from where it stands."""
 
 
 def solve_phases(
@@ -72,7 +66,7 @@ def solve_phases(
             Status.INFEASIBLE, message, 0, nlp_data.x, np.zeros_like(nlp_data.x), np.zeros_like(nlp_data.g_bounds[0])
         )
     else:
-        result = solver.solve(nlp_data.x, nlp_data.parameters, nlp_data.x_bounds, nlp_data.g_bounds, task.stop)
+        result = solver.solve(nlp_data, task.stop)
     phases = _read(task, solver.program, nlp_data, result)
     if result.status is Status.SOLVED:
         return phases
@@ -87,15 +81,16 @@ def prepare_phases(task: Task, intervals: int) -> None:
 
 def _solver(
     task: Task, build: Callable[[Dynamics, Scheme, int], Nlp], intervals: int, near: bool, iterations: int
-) -> Ipopt[Nlp]:
+) -> Solver[Nlp]:
     step = replace(task, scheme=replace(task.scheme, method=TABLEAU.name, control="stage"))
-    settings = IpoptSettings(task.policy.arcs.tolerance, iterations, options=_FROM_HERE if near else _CAREFUL)
-    return in_time(step, lambda scheme: Ipopt.of(settings, build, task.dynamics, scheme, intervals))
+    barrier, push = (_FROM_HERE, _FROM_HERE) if near else (_CAREFUL, None)
+    settings = SolverSettings(task.policy.arcs.tolerance, iterations, barrier=barrier, exact=True, push=push)
+    return in_time(step, lambda scheme: solver_for(task, settings, build, task.dynamics, scheme, intervals))
 
 
 def _with_lines(dynamics: Dynamics, scheme: Scheme, intervals: int) -> Nlp:
     """The program with rows that say whether torques are lines; their bounds are of `posing`."""
-    return with_rows(build_nlp(dynamics, scheme, intervals), dynamics, (StageRows(_lines),))
+    return with_rows(dynamics, scheme, intervals, (StageRows(_lines),))
 
 
 def _lines(stages: Stages, _: ca.SX) -> ca.SX:
@@ -122,9 +117,9 @@ def _read(task: Task, nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult) -> Phas
     tau = x[layout.torques(N)] * scales.effort
     states = np.concatenate([knots[:-1], stages], axis=1)
     torques = motion_of(problem, arcs, nlp_data.arc_of, t, states, tau, numbers.samples)
-    slope = _slope(nlp, nlp_data, result)
-    costate, stage_costate = _costates(nlp, nlp_data, result, slope)
-    pull = scales.time / units
+    gradient = _gradient(nlp, nlp_data, result)
+    costate, stage_costate = _costates(nlp, nlp_data, result, gradient)
+    multiplier = scales.time / units
     return Phases(
         arcs=arcs,
         t=t,
@@ -134,40 +129,42 @@ def _read(task: Task, nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult) -> Phas
         tau=tau,
         arc_of=nlp_data.arc_of,
         laid=nlp_data.density,
-        density=_density(t, states, stage_costate, layered(torques, problem.robot.friction, numbers), numbers.floor),
+        density=_density(
+            t, states, stage_costate, layered(torques, problem.robot.friction, numbers), numbers.least_density
+        ),
         stage_q=stages[:, :, 0],
         stage_v=stages[:, :, 1],
         stage_costate=stage_costate,
-        torque_pull=slope[layout.torques(N)] * (scales.time / scales.effort),
-        state_pull=slope[layout.inner_states(N)].reshape(N, -1, 2, n) * pull,
-        knot_pull=slope[layout.states(N)[1:-1]].reshape(N - 1, 2, n) * pull,
+        torque_multiplier=gradient[layout.torques(N)] * (scales.time / scales.effort),
+        state_multiplier=gradient[layout.inner_states(N)].reshape(N, -1, 2, n) * multiplier,
+        knot_multiplier=gradient[layout.states(N)[1:-1]].reshape(N - 1, 2, n) * multiplier,
         torques=torques,
         iterations=result.iterations,
     )
 
 
-def _density(t: Array, states: Array, stage_costate: Array, layers: Density | None, floor: float) -> Density:
+def _density(t: Array, states: Array, stage_costate: Array, layers: Density | None, least_density: float) -> Density:
     """Where another mesh needs its intervals: where states and costates bend, and where dry friction turns around."""
     flat = states.reshape(*states.shape[:2], -1)
     costate = stage_costate / (TABLEAU.b[:, None] * np.diff(t)[:, None, None])
-    bends = density_of(t, [(np.append(0, TABLEAU.c), flat), (TABLEAU.c, costate)], floor)
+    bends = density_of(t, [(np.append(0, TABLEAU.c), flat), (TABLEAU.c, costate)], least_density)
     return bends if layers is None else bends.with_half_of(layers)
 
 
-def _slope(nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult) -> Array:
+def _gradient(nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult) -> Array:
     """The Lagrangian's gradient without the bounds' multipliers, which it therefore is."""
-    jacobian = nlp.jacobian(result.x, nlp_data.parameters)[1]
-    slope = np.array(ca.mtimes(jacobian.T, result.lam_g)).ravel()
-    slope += np.array(nlp.gradient(result.x, nlp_data.parameters)).ravel()
-    return slope
+    jacobian = nlp.jacobian(result.x, nlp_data.p)[1]
+    gradient = np.array(ca.mtimes(jacobian.T, result.lam_g)).ravel()
+    gradient += np.array(nlp.gradient(result.x, nlp_data.p)).ravel()
+    return gradient
 
 
-def _costates(nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult, slope: Array) -> tuple[Array, Array]:
+def _costates(nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult, gradient: Array) -> tuple[Array, Array]:
     """Costates at the knots, shape (N + 1, 2 nv), and their integrals over the stages, shape (N, stages, 2 nv)."""
     layout, N, scales = nlp.layout, nlp.intervals, nlp_data.scales
     rows = result.lam_g[: N * nlp.defects].reshape(N, nlp.defects)[:, layout.defects]  # (N, stages, 2 nv)
     units = np.repeat([scales.length, scales.speed], layout.nv)
-    costate = np.concatenate([-rows.sum(axis=1), -slope[layout.states(N)[-1:]]])
+    costate = np.concatenate([-rows.sum(axis=1), -gradient[layout.states(N)[-1:]]])
     lengths = nlp_data.part * result.x[layout.times(N)[:-1]]
     integrals = -np.einsum("kia,ij,k->kja", rows, TABLEAU.A, lengths * scales.time)
     return costate * scales.time / units, integrals * scales.time / units

@@ -31,7 +31,7 @@ def with_overlooked(problem: MinimumTimeProblem, phases: Phases, numbers: ArcsPo
     limits, K = problem.limits, phases.arc_of.size
     modes = np.array([phases.arcs[a].modes for a in phases.arc_of], dtype=object)
     named = np.isin(modes, (*VELOCITY, *POSITION))
-    ends = np.concatenate([phases.knot_pull, np.zeros((1, *phases.knot_pull.shape[1:]))])
+    ends = np.concatenate([phases.knot_multiplier, np.zeros((1, *phases.knot_multiplier.shape[1:]))])
     ends[:-1] *= ~(named[:-1] | named[1:])[:, None]
     touches = np.flatnonzero(np.diff(phases.arc_of))  # last intervals of arcs
     met = np.zeros(named.shape, dtype=bool)
@@ -39,7 +39,7 @@ def with_overlooked(problem: MinimumTimeProblem, phases: Phases, numbers: ArcsPo
         for i, _ in arc.touches:
             ends[k, :, i] = 0.0
             met[k : k + 2, i] = True
-    pulls = np.concatenate([phases.state_pull, ends[:, None]], axis=1)  # (K, stages, 2, nv)
+    multipliers = np.concatenate([phases.state_multiplier, ends[:, None]], axis=1)  # (K, stages, 2, nv)
     times = phases.t[:-1, None] + np.diff(phases.t)[:, None] * TABLEAU.c
     touched: list[Event] = []
     found = False
@@ -48,12 +48,12 @@ def with_overlooked(problem: MinimumTimeProblem, phases: Phases, numbers: ArcsPo
         (1, np.where(np.isinf(limits.velocity), 0.0, limits.velocity), Mode.VELOCITY_UPPER, Mode.VELOCITY_LOWER),
     ):
         for sign, mode in ((-1, upper), (1, lower)):
-            held = (np.max(sign * pulls[:, :, row], axis=1) * size > numbers.held * phases.duration) & ~named
+            held = (np.max(sign * multipliers[:, :, row], axis=1) * size > numbers.held * phases.duration) & ~named
             found = found or bool(np.any(held))
             for i in range(held.shape[1]):
                 for run in stretches(np.flatnonzero(held[:, i])):
                     if row == 0 and run.size <= numbers.touch and not np.any(met[run, i]):
-                        weight = np.maximum(sign * pulls[run, :, row, i], 0)
+                        weight = np.maximum(sign * multipliers[run, :, row, i], 0)
                         touched.append(Event(float(np.average(times[run], weights=weight)), i, mode, touch=True))
                     else:
                         modes[run, i] = mode
@@ -83,7 +83,7 @@ def without_idle_touches(phases: Phases) -> list[Arc]:
         wanted = tuple(
             (i, mode)
             for i, mode in arcs[a].touches
-            if outward(mode) * phases.knot_pull[k, int(mode in VELOCITY), i] < 0
+            if outward(mode) * phases.knot_multiplier[k, int(mode in VELOCITY), i] < 0
         )
         arcs[a] = replace(arcs[a], touches=wanted)
     return [] if tuple(arcs) == phases.arcs else merged(arcs)

@@ -1,1 +1,1 @@
-"""A proven lower bound: how fast no motion within the limits can be, from momentum and interval arithmetic."""
+"""Lower bound on the duration, proven by the momentum equation and interval arithmetic."""

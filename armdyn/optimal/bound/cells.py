@@ -1,4 +1,4 @@
-"""Boxes nested in time: where the arm may be, and how fast, from one instant to the next.
+"""Cells of time, each with boxes that enclose the reachable positions and velocities.
 
 Time is cut into cells: from the start on, short ones first, then one cell in the middle that is as long as the motion
 wants, then cells towards the goal. A motion of any duration from the cells' own on has this shape, so that one proof

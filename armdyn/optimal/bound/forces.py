@@ -1,4 +1,4 @@
-"""How fast momentum may change over boxes of positions and velocities.
+"""Enclosure of the rate of momentum over boxes of positions and velocities.
 
 With generalized momentum p = M(q) v the equations of motion are, by Lagrange,
 
@@ -41,7 +41,7 @@ _LEAST = 1e-300
 
 @dataclass(frozen=True, eq=False)
 class Forces:
-    """What acts within boxes.
+    """Forces over boxes.
 
     Attributes:
         terms: inertia and gravity over the boxes of positions.

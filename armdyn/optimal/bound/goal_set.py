@@ -1,4 +1,4 @@
-"""Boxes that hold every joint position which brings a frame to a pose, by branch and prune in intervals.
+"""Boxes that enclose all joint positions which bring a frame to a pose, by interval branch and prune.
 
 A frame is at its goal if the chain of joints closes: with the chain cut at a joint between, R_A, p_A the placement of
 that joint in the world, R_B, p_B the frame's in it, and R, p the goal's,

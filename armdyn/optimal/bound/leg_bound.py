@@ -1,4 +1,4 @@
-"""The bound of one leg: boxes, multipliers and proof, again and again until little is gained."""
+"""Lower bound of one leg: boxes, multipliers and proof, iterated until the bound gains little."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How fast no motion within the limits can be."""
+"""Lower bound on the duration of all motions within the limits."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _ROUNDED = 1e-12
 @brief
 @dataclass(frozen=True, eq=False)
 class LowerBound:
-    """A duration that no motion within the limits beats: proven, with all rounding outward.
+    """Lower bound on the duration, proven by interval arithmetic.
 
     Attributes:
         duration: [s].
@@ -37,12 +37,12 @@ class LowerBound:
 
     @property
     def ramps(self) -> float:
-        """What speeding up and slowing down cost at least, beyond the velocity limits [s]."""
+        """Part of the bound that acceleration and deceleration add to the velocity limits [s]."""
         return self.duration - self.kinematic
 
 
 def lower_bound(problem: MinimumTimeProblem, stop: Callable[[], bool] | None = None) -> LowerBound | None:
-    """How fast no motion to the goal can be: by momentum, over boxes nested in time.
+    """Prove a lower bound on the duration by the momentum equation, over boxes nested in time.
 
     Limits of torque, velocity, position and acceleration count, friction, via points and velocities at the ends.
     Whatever else is asked only makes motions slower. The kinematic bound is all there is if a joint has no velocity

@@ -1,4 +1,4 @@
-"""Lower bound on the duration to a goal pose: of all joint positions that reach it, not of some.
+"""Lower bound on the duration to a goal pose, over all joint positions that reach it.
 
 Velocity limits say before which time none of them is reached (`GoalSet.enclosed`). For more, momentum bounds the time
 to all goals in a box at once. A goal that velocity limits put further away than some time T is not reached before T;

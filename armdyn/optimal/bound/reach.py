@@ -1,4 +1,4 @@
-"""What velocities momentum allows near the ends of a motion, from one cell to the next.
+"""Bounds of the velocities near the ends of a motion, by momentum, cell by cell.
 
 For any multipliers w, constant in time, wᵀM(q) v = wᵀp, and wᵀp has changed since the start by no more than its rate
 allows. The velocity of joint b is therefore, with e_b its unit vector,

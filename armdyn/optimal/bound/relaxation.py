@@ -1,4 +1,4 @@
-"""A linear program that every motion within the limits solves, and its multipliers.
+"""Linear relaxation that every motion within the limits satisfies, and its multipliers.
 
 Unknown are the mean velocities v_k of the cells and the share θ of the way that is made. With M_k at the middle of a
 cell's box, momentum changes from one cell to the next by what the forces' bounds allow over half of each,
@@ -42,7 +42,7 @@ _IDLE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Multipliers:
-    """What a proof is made of: any numbers give a bound, those of the program a good one.
+    """Dual variables of the proof: any values give a valid bound, those of the linear program a tight one.
 
     Attributes:
         way: λ of the joints' ways [1/rad or 1/m], λᵀ Δq about 1, shape (nv,).

@@ -1,4 +1,4 @@
-"""Inertia and gravity over boxes of joint positions: all that the momentum's equation needs.
+"""Inertia and gravity over boxes of joint positions, for the momentum equation.
 
 M(q) and g(q) are affine forms, so that what different entries of M owe to one and the same joint stays known. M's are
 the better of two: those that its own instructions give, and those that its slopes' give by Taylor's integral,

@@ -1,1 +1,1 @@
-"""Motion as a curve: B-splines for the positions, inverse dynamics for the torques; no equation of motion to break."""
+"""Motions as B-splines: torques by inverse dynamics, so that the equations of motion hold by construction."""

@@ -1,4 +1,4 @@
-"""B-splines on a clamped mesh: what is known of a curve before its control points are.
+"""B-spline basis on a clamped mesh.
 
 De Boor, A Practical Guide to Splines, 1978, chapters IX to XI.
 """
@@ -67,11 +67,11 @@ class Basis:
 
     @cached_property
     def places(self) -> Array:
-        """Greville's abscissae, shape (size,): control points over these that lie on a line make that line."""
+        """Greville abscissae, shape (size,)."""
         return np.array([self.knots[i + 1 : i + 1 + DEGREE].mean() for i in range(self.size)])
 
     def factors(self, order: int) -> Array:
-        """What differences of a derivative's control points are multiplied by to be those of the next.
+        """Factors from differences of a derivative's control points to the control points of the next derivative.
 
         Args:
             order: of the derivative that comes out, from 1.
@@ -90,7 +90,7 @@ class Basis:
         return self.breaks[:-1, None] + lengths * (nodes + 1) / 2, lengths * weights / 2
 
     def interval_of(self, s: Array) -> Index:
-        """In which interval s lies, the same shape."""
+        """Index of the interval that contains each s, of the shape of s."""
         return np.clip(np.searchsorted(self.breaks, s, side="right") - 1, 0, self.intervals - 1)
 
     def local(self, s: Array, derivatives: int = 2) -> Array:

@@ -1,4 +1,4 @@
-"""A motion as a curve: legs of control points, each with its duration."""
+"""A motion as a piecewise B-spline: legs of control points, each with its duration."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -40,7 +40,7 @@ class CurveLeg:
         return curve(s), curve(s, 1) / T, curve(s, 2) / T**2
 
     def torques(self, robot: Robot, s: Array) -> Array:
-        """Torques that it takes at parts s of the duration, by `pin.rnea` and friction [N m or N], shape (m, nv)."""
+        """Torques at parts s of the duration, by `pin.rnea` and friction [N m or N], shape (m, nv)."""
         torque = inverse_dynamics(robot)
         return np.array([torque(*x) for x in zip(*self.at(s), strict=True)])
 
@@ -97,7 +97,7 @@ class Curve:
 
     @classmethod
     def near(cls, motion: Trajectory, basis: Basis, passing: Array | None = None) -> Self:
-        """Near a motion, whose positions are the control points.
+        """A curve whose control points are positions of a motion.
 
         Args:
             motion: any.
@@ -111,20 +111,20 @@ class Curve:
 
     @property
     def duration(self) -> float:
-        """Of the whole [s]."""
+        """Total duration [s]."""
         return float(sum(leg.duration for leg in self.legs))
 
     @property
     def passing(self) -> Array:
-        """When one leg ends and the next begins [s], shape (legs - 1,)."""
+        """Times of the via points [s], shape (legs - 1,)."""
         return np.cumsum([leg.duration for leg in self.legs])[:-1]
 
     def slower(self, factor: float) -> Self:
-        """The same path in so many times the duration."""
+        """The same path, slowed down by a factor."""
         return replace(self, legs=tuple(replace(leg, duration=factor * leg.duration) for leg in self.legs))
 
     def trajectory(self, robot: Robot, least: int, steps: int, jumps: bool = True) -> Trajectory:
-        """Samples of the motion, and the torques that it takes there.
+        """Samples of the motion with their torques.
 
         Args:
             robot: that moves.

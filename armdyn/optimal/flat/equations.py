@@ -1,4 +1,4 @@
-"""The equations of a curve: torques at its points, rates of its control points, legs that meet."""
+"""Equations of a B-spline program: inverse dynamics at points, limits of derivatives, continuity between legs."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -38,17 +38,14 @@ class Shared:
 
     @staticmethod
     def size(joints: int) -> int:
-        """How many."""
         return 2 * joints + BODY + 1
 
     @classmethod
     def symbols(cls, joints: int) -> "Shared":
-        """As symbols."""
         sizes = (("effort", joints), ("weights", joints), ("body", BODY), ("hurry", 1))
         return cls(*(ca.SX.sym(name, size) for name, size in sizes))
 
     def column(self) -> ca.SX:
-        """One after the other."""
         return ca.vertcat(self.effort, self.weights, self.body, self.hurry)
 
 
@@ -65,8 +62,8 @@ def torque_equations(dynamics: Dynamics, compile_mode: bool | None) -> IntervalF
     curve, duration, torque = ca.SX.sym("curve", 3 * n), ca.SX.sym("T"), ca.SX.sym("torque", n)
     basis, part, tie = ca.SX.sym("basis", 3 * WINDOW), ca.SX.sym("part"), ca.SX.sym("tie")
     present = ca.vertcat(*(shared.body[i] if there else 0 for i, there in enumerate(dynamics.last_body != 0)))
-    q, slope, bend = (curve[i * n : (i + 1) * n] for i in range(3))
-    load = dynamics.rnea(q, slope / duration, bend / duration**2, present) / shared.effort
+    q, dq, ddq = (curve[i * n : (i + 1) * n] for i in range(3))
+    load = dynamics.rnea(q, dq / duration, ddq / duration**2, present) / shared.effort
     cost = (tie * ca.sumsqr(torque) + shared.hurry * part * duration * ca.dot(shared.weights, torque**2)) / 2
 
     points, lam, sigma = ca.SX.sym("points", n * WINDOW), ca.SX.sym("lam", n), ca.SX.sym("sigma")
@@ -74,10 +71,10 @@ def torque_equations(dynamics: Dynamics, compile_mode: bool | None) -> IntervalF
     chain = ca.kron(ca.reshape(basis, WINDOW, 3).T, ca.SX.eye(n))
     outer, at = ca.diagcat(chain, ca.SX.eye(1)), chain @ points
     inner = ca.vertcat(curve, duration)
-    bends = ca.hessian(ca.dot(lam, load), inner)[0]
+    curvature = ca.hessian(ca.dot(lam, load), inner)[0]
     jacobian = ca.horzcat(ca.jacobian(load, inner) @ outer, -ca.SX.eye(n))
     paying = ca.hessian(sigma * cost, ca.vertcat(points, duration, torque))[0]
-    hessian = ca.triu(ca.diagcat(outer.T @ bends @ outer, ca.SX(n, n)) + paying)
+    hessian = ca.triu(ca.diagcat(outer.T @ curvature @ outer, ca.SX(n, n)) + paying)
     fast = compiled(
         (
             ca.Function("torque_jacobian", [y, p], [ca.substitute(nonzeros_of(jacobian), curve, at)]),
@@ -107,7 +104,7 @@ def rate_equations(joints: int, order: int) -> IntervalFunctions:
     factors, over = ca.SX.sym("factors", order + 1), ca.SX.sym("over", joints)
     rates = (points @ factors) / duration**order * over
     y, p = ca.vertcat(ca.vec(points), duration), ca.vertcat(factors, over)
-    return differentiated(f"rate{order}", y, p, rates, ca.SX(0), False)
+    return differentiated(f"rate{order}", y, p, rates, None, False)
 
 
 @built_once(maxsize=16)
@@ -126,7 +123,7 @@ def meeting_equations(joints: int, order: int) -> IntervalFunctions:
         part = factors[side * (order + 1) : (side + 1) * (order + 1)]
         sides.append(ca.reshape(own[:count], joints, order + 1) @ part / own[count] ** order)
     gap = (sides[0] - sides[1]) * over
-    return differentiated(f"meeting{order}", y, ca.vertcat(factors, over), gap, ca.SX(0), False)
+    return differentiated(f"meeting{order}", y, ca.vertcat(factors, over), gap, None, False)
 
 
 @built_once(maxsize=16)
@@ -145,7 +142,7 @@ def torque_rate_equations(joints: int, sides: int) -> IntervalFunctions:
     durations, parts, over = ca.SX.sym("T", sides), ca.SX.sym("parts", sides), ca.SX.sym("over", joints)
     rates = (after - before) * over / ca.dot(parts, durations)
     y, p = ca.vertcat(before, after, durations), ca.vertcat(parts, over)
-    return differentiated(f"torque_rate{sides}", y, p, rates, ca.SX(0), False)
+    return differentiated(f"torque_rate{sides}", y, p, rates, None, False)
 
 
 @built_once(maxsize=16)
@@ -160,7 +157,7 @@ def torque_end_equations(joints: int) -> IntervalFunctions:
     given, part, over = ca.SX.sym("given", joints), ca.SX.sym("part"), ca.SX.sym("over", joints)
     rates = (torque - given) * over / (part * duration)
     y, p = ca.vertcat(torque, duration), ca.vertcat(given, part, over)
-    return differentiated("torque_end", y, p, rates, ca.SX(0), False)
+    return differentiated("torque_end", y, p, rates, None, False)
 
 
 @dataclass(frozen=True)

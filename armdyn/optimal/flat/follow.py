@@ -1,4 +1,4 @@
-"""Torques that are linear between samples and move the arm along a curve, or another motion.
+"""Piecewise linear torques that track a reference motion.
 
 Open loop an arm is as unstable as an upside-down pendulum: what lines between samples miss of a curve's torque would
 grow. They are laid so that their impulses are the curve's to the fourth order, and computed torque takes off the rest,
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 def follow(task: Task, wanted: Trajectory) -> Trajectory:
-    """The motion of the arm under torques within their limits that keep it to another motion.
+    """Track a motion with torques within their limits, and return the motion of the arm.
 
     Args:
         task: its robot and its torque limits.

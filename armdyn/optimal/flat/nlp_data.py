@@ -1,4 +1,4 @@
-"""Numbers of the program of curves: a guess, parameters, and bounds of unknowns and equations."""
+"""Data of the B-spline program: guess, parameters, bounds of unknowns and equations."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -15,6 +15,7 @@ from armdyn.optimal.path_constraints.constraint import Knots, PathConstraint
 from armdyn.optimal.path_constraints.rows import Rows, RowValues, spread
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.solve.solver import NlpData
 from armdyn.optimal.task.task import Task
 
 Array = NDArray[np.float64]
@@ -25,7 +26,7 @@ _CAUTIOUS = 0.9
 
 @dataclass(frozen=True, eq=False)
 class TorqueMargin:
-    """What is left of the torque limits at the points of a leg, since the torque goes further beside them.
+    """Margin by which the torque limits are tightened at the Gauss points, because the torque overshoots between them.
 
     Attributes:
         upper: taken off the upper limits, as parts of half the range, shape (points, nv).
@@ -41,7 +42,7 @@ class TorqueMargin:
 
 @dataclass(frozen=True, eq=False)
 class CurveSpec:
-    """What is asked of a curve.
+    """Specification of a curve: tightened constraints, torque margins, weight of smoothness.
 
     Attributes:
         constraints: path constraints, as strict as they have to be.
@@ -54,25 +55,8 @@ class CurveSpec:
     smooth: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class CurveNlpData:
-    """The program in numbers.
-
-    Attributes:
-        x: the unknowns to start from.
-        p: its parameters.
-        x_bounds: least and largest unknowns.
-        g_bounds: least and largest values of the equations.
-    """
-
-    x: Array
-    p: Array
-    x_bounds: tuple[Array, Array]
-    g_bounds: tuple[Array, Array]
-
-
 def curve_layout(problem: MinimumTimeProblem, guess: Curve, constraints: TightenedConstraints) -> CurveLayout:
-    """What the program of a problem looks like."""
+    """Layout of a problem's program."""
     intervals = tuple(leg.basis.intervals for leg in guess.legs)
     orders = {limit[0] for each in constraints.path_constraints if (limit := each.derivative_limit(problem))}
     if problem.jerk_limit is not None and not problem.from_rest_to_rest:
@@ -82,7 +66,7 @@ def curve_layout(problem: MinimumTimeProblem, guess: Curve, constraints: Tighten
 
 
 def torque_rates(task: Task, constraints: TightenedConstraints) -> Array | None:
-    """How fast a curve's torques may change [N m/s or N/s], shape (nv,); None: that has no limits."""
+    """Limits of the torque rates [N m/s or N/s], shape (nv,); None: no limits."""
     problem = task.problem
     found = [each.torque_rate_limit(problem) for each in constraints.path_constraints]
     given = [limit for limit in found if limit is not None]
@@ -91,12 +75,12 @@ def torque_rates(task: Task, constraints: TightenedConstraints) -> Array | None:
 
 
 def _has_rows(problem: MinimumTimeProblem, constraint: PathConstraint) -> bool:
-    """Whether a condition is not kept by control points or torques alone."""
+    """Whether a constraint needs rows of its own, besides bounds of control points or torques."""
     return constraint.derivative_limit(problem) is None and constraint.torque_rate_limit(problem) is None
 
 
 def rows_of(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[Rows, ...]:
-    """Rows of the conditions that are not limits of derivatives or of torques' rates."""
+    """Rows of the constraints that are neither limits of derivatives nor of torque rates."""
     asked = (each for each in constraints.path_constraints if _has_rows(problem, each))
     return tuple(rows for each in asked for rows in each.rows(problem))
 
@@ -115,8 +99,8 @@ class _Numbers:
             numbers.append(np.ravel(more))
 
 
-def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) -> CurveNlpData:
-    """The program in numbers.
+def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) -> NlpData:
+    """Data of the nonlinear program.
 
     Args:
         task: what is to be solved.
@@ -152,7 +136,7 @@ def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout
     squares = problem.effort_weights() * half**2
     shared = np.concatenate([half, squares, task.dynamics.last_body, [1 / whole]])
     parameters, g_lower, g_upper = map(np.concatenate, (numbers.parameters, numbers.lower, numbers.upper))
-    return CurveNlpData(np.clip(x, lower, upper), np.append(parameters, shared), (lower, upper), (g_lower, g_upper))
+    return NlpData(np.clip(x, lower, upper), np.append(shared, parameters), (lower, upper), (g_lower, g_upper))
 
 
 def _finite(limit: Array) -> Array:
@@ -160,7 +144,7 @@ def _finite(limit: Array) -> Array:
 
 
 def _factors(basis: Basis, order: int) -> Array:
-    """What control points are multiplied by to make those of a derivative, shape (size - order, order + 1)."""
+    """Factors from control points to those of a derivative, shape (size - order, order + 1)."""
     matrix = np.eye(basis.size)
     for k in range(1, order + 1):
         matrix = basis.factors(k)[:, None] * np.diff(matrix, axis=0)

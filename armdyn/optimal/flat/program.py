@@ -1,8 +1,8 @@
-"""The nonlinear program of curves: where its unknowns stand, and the blocks that it is made of."""
+"""Nonlinear program of B-spline motions: layout of its unknowns, and its blocks."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,9 +21,8 @@ from armdyn.optimal.flat.equations import (
     torque_equations,
     torque_rate_equations,
 )
-from armdyn.optimal.path_constraints.rows import RowFunctions, Rows
-from armdyn.optimal.program.assembly import Program
-from armdyn.optimal.program.blocks import Block, program_of
+from armdyn.optimal.path_constraints.rows import Rows
+from armdyn.optimal.program.assembly import Block, Program, program_of
 from armdyn.optimal.program.interval import IntervalFunctions
 
 Array = NDArray[np.float64]
@@ -32,7 +31,7 @@ Index = NDArray[np.int_]
 
 @dataclass(frozen=True)
 class CurveLayout:
-    """What a program of curves looks like, whatever its numbers are.
+    """Layout of unknowns and equations of a B-spline program.
 
     Attributes:
         joints: of the arm.
@@ -50,7 +49,6 @@ class CurveLayout:
 
     @property
     def legs(self) -> range:
-        """Their numbers."""
         return range(len(self.intervals))
 
     @property
@@ -59,16 +57,16 @@ class CurveLayout:
         return self._before(len(self.intervals))
 
     def points(self, leg: int) -> Index:
-        """Where a leg's control points stand, shape (intervals + DEGREE, joints)."""
+        """Indices of a leg's control points, shape (intervals + DEGREE, joints)."""
         size = (self.intervals[leg] + DEGREE) * self.joints
         return self._before(leg) + np.arange(size).reshape(-1, self.joints)
 
     def duration(self, leg: int) -> int:
-        """Where its duration stands."""
+        """Index of a leg's duration."""
         return int(self.points(leg)[-1, -1]) + 1
 
     def torques(self, leg: int) -> Index:
-        """Where its torques stand, shape (intervals * POINTS, joints)."""
+        """Indices of a leg's torques, shape (intervals * POINTS, joints)."""
         size = self.intervals[leg] * POINTS * self.joints
         return self.duration(leg) + 1 + np.arange(size).reshape(-1, self.joints)
 
@@ -139,6 +137,25 @@ class CurveLayout:
         return sum(self.joints * (size * (1 + POINTS) + DEGREE) + 1 for size in self.intervals[:leg])
 
 
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Equations that hold at many places of a curve.
+
+    Attributes:
+        one: at one place.
+        index: which unknowns are a place's, a column each.
+        own: number of parameters that every place has for itself.
+        shared: whether `Shared` follows them.
+        common: number of parameters that all places have in common, after those.
+    """
+
+    one: IntervalFunctions
+    index: Index
+    own: int
+    shared: bool = False
+    common: int = 0
+
+
 @built_once(maxsize=32)
 def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[Rows, ...], compile_mode: bool | None) -> Program:
     """The program of curves: torques and rates leg by leg, where legs meet, then path constraints.
@@ -149,48 +166,43 @@ def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[Rows, ...], compil
         rows: what conditions ask for, over the intervals of all legs.
         compile_mode: for `compiled`.
     """
-    n, blocks = shape.joints, list[Block]()
+    n, parts = shape.joints, list[_Part]()
     for leg in shape.legs:
-        blocks.append(
-            Block(torque_equations(dynamics, compile_mode), shape.at_points(leg), 3 * WINDOW + 2, shared=True)
-        )
-        blocks += [
-            Block(rate_equations(n, order), shape.differences(leg, order), order + 1 + n) for order in shape.orders
+        parts.append(_Part(torque_equations(dynamics, compile_mode), shape.at_points(leg), 3 * WINDOW + 2, shared=True))
+        parts += [
+            _Part(rate_equations(n, order), shape.differences(leg, order), order + 1 + n) for order in shape.orders
         ]
     for leg in shape.legs[1:]:
         for order in range(1, shape.smooth + 1):
             before, after = shape.differences(leg - 1, order)[:, -1:], shape.differences(leg, order)[:, :1]
             own = 2 * (order + 1) + n
-            blocks.append(Block(meeting_equations(n, order), np.vstack([before, after]), own))
+            parts.append(_Part(meeting_equations(n, order), np.vstack([before, after]), own))
     if shape.rated:
-        blocks += _torque_rates(shape)
+        parts += _torque_rates(shape)
     everywhere = np.hstack([shape.in_intervals(leg) for leg in shape.legs])
     for each in rows:
         one = each.functions(CurveInterval(dynamics, compile_mode))
         index = {"every": everywhere, "first": everywhere[:, :1], "last": everywhere[:, -1:]}[each.where]
-        blocks.append(Block(_block_functions(one), index, WINDOW**2 + 1, shared=True, common=each.numbers))
-    return program_of(blocks, shape.size, Shared.size(n), [shape.duration(leg) for leg in shape.legs])
+        parts.append(_Part(one, index, WINDOW**2 + 1, shared=True, common=each.numbers))
+    paid = [shape.duration(leg) for leg in shape.legs]
+    return program_of(_laid_out(parts, Shared.size(n)), shape.size, paid, Shared.size(n) - 1)
 
 
-def _torque_rates(shape: CurveLayout) -> list[Block]:
+def _laid_out(parts: Sequence[_Part], shared: int) -> list[Block]:
+    """Blocks with their parameters: the shared ones, then part by part those of the places and the common ones."""
+    blocks, first = [], shared
+    for part in parts:
+        places = part.index.shape[1]
+        own = first + np.arange(part.own * places).reshape(places, part.own).T
+        first += part.own * places + part.common
+        same = np.concatenate([np.arange(shared if part.shared else 0), np.arange(first - part.common, first)])
+        blocks.append(Block(part.one, part.index, np.vstack([own, same[:, None].repeat(places, axis=1)])))
+    return blocks
+
+
+def _torque_rates(shape: CurveLayout) -> list[_Part]:
     """Rates of the torques: leg by leg, where legs meet, and at both ends."""
     n = shape.joints
-    steps = [Block(torque_rate_equations(n, 1), shape.torque_steps(leg), 1 + n) for leg in shape.legs]
-    meetings = [Block(torque_rate_equations(n, 2), shape.torque_meeting(leg), 2 + n) for leg in shape.legs[1:]]
-    return [*steps, *meetings, *(Block(torque_end_equations(n), end, 1 + 2 * n) for end in shape.torque_ends())]
-
-
-def _block_functions(one: RowFunctions) -> IntervalFunctions:
-    """Rows with their numbers behind the interval's parameters."""
-    y, own, numbers = (ca.MX.sym(name, one.values.numel_in(i)) for i, name in enumerate(("y", "p", "numbers")))
-    p, sigma, lam = ca.vertcat(own, numbers), ca.MX.sym("sigma"), ca.MX.sym("lam", one.size)
-    split = ca.MX.sym("p", p.numel())
-    given = y, split[: own.numel()], split[own.numel() :]
-    return IntervalFunctions(
-        defects=ca.Function("rows", [y, split], [one.values(*given)]),
-        cost=ca.Function("nothing", [y, split], [ca.MX(0)]),
-        jacobian=ca.Function("rows_jacobian", [y, split], [one.jacobian(*given)]),
-        jacobian_pattern=one.jacobian_pattern,
-        hessian=ca.Function("rows_hessian", [y, split, sigma, lam], [one.hessian(*given, lam)]),
-        hessian_pattern=one.hessian_pattern,
-    )
+    steps = [_Part(torque_rate_equations(n, 1), shape.torque_steps(leg), 1 + n) for leg in shape.legs]
+    meetings = [_Part(torque_rate_equations(n, 2), shape.torque_meeting(leg), 2 + n) for leg in shape.legs[1:]]
+    return [*steps, *meetings, *(_Part(torque_end_equations(n), end, 1 + 2 * n) for end in shape.torque_ends())]

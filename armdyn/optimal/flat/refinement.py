@@ -1,4 +1,4 @@
-"""Curves that keep between the points of the program what it asks for only there."""
+"""Refinement of a curve until its limits hold between the points of the program, too."""
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -28,7 +28,7 @@ _PACES = 3
 
 @dataclass(frozen=True, eq=False)
 class RefinedCurve:
-    """A curve within its limits, or as near to that as it has come.
+    """A refined curve, and its remaining excess over the limits.
 
     Attributes:
         curve: the motion.
@@ -118,10 +118,10 @@ def _tops(tau: Array) -> Array:
     Args:
         tau: shape (intervals, places, nv).
     """
-    slope, bend = tau[:, 2:] - tau[:, :-2], tau[:, 2:] - 2 * tau[:, 1:-1] + tau[:, :-2]
-    near = np.abs(slope) < -2 * bend  # the top is no farther than the next place
+    first, second = tau[:, 2:] - tau[:, :-2], tau[:, 2:] - 2 * tau[:, 1:-1] + tau[:, :-2]
+    near = np.abs(first) < -2 * second  # the top is no farther than the next place
     tops = tau.copy()
-    tops[:, 1:-1] += np.where(near, slope**2, 0.0) / (8 * np.where(near, -bend, 1.0))
+    tops[:, 1:-1] += np.where(near, first**2, 0.0) / (8 * np.where(near, -second, 1.0))
     return tops
 
 
@@ -153,14 +153,17 @@ def _percent(over: tuple[TorqueMargin, ...]) -> str:
 
 
 def _larger_margin(task: Task, margin: TorqueMargin, over: TorqueMargin) -> TorqueMargin:
-    """More room where a torque exceeds its limit."""
+    """More room where a torque exceeds its limit; a point that has no room left takes it from both its neighbours."""
     numbers = task.policy.curves
 
-    def more(own: Array | float, beyond: Array | float) -> Array:
-        extra = np.maximum(np.asarray(beyond) + numbers.spare, 0) * numbers.eager
-        return np.minimum(own + extra, _MOST)
+    def more(beyond: Array | float) -> Array:
+        return np.asarray(np.maximum(np.asarray(beyond) + numbers.spare, 0) * numbers.eager)
 
-    return TorqueMargin(more(margin.upper, over.upper), more(margin.lower, over.lower), more(margin.rates, over.rates))
+    upper, lower, rates = more(over.upper), more(over.lower), more(over.rates)
+    left = np.pad(np.maximum(upper * (margin.upper >= _MOST), lower * (margin.lower >= _MOST)), ((1, 1), (0, 0)))
+    beside = np.maximum(left[:-2], left[2:])
+    upper, lower = margin.upper + upper + beside, margin.lower + lower + beside
+    return TorqueMargin(np.minimum(upper, _MOST), np.minimum(lower, _MOST), np.minimum(margin.rates + rates, _MOST))
 
 
 def reports_on(task: Task, curve: Curve, constraints: TightenedConstraints) -> ConstraintReports:
@@ -180,18 +183,21 @@ def reports_on(task: Task, curve: Curve, constraints: TightenedConstraints) -> C
 
 
 def sampled(task: Task, curve: Curve) -> Trajectory:
-    """A curve's samples, between which the torques of its motion are lines."""
+    """Samples of a curve, between which torques are linear; fewer after an interrupt, for an answer within seconds."""
     numbers, problem = task.policy.curves, task.problem
-    return curve.trajectory(problem.robot, numbers.samples, numbers.steps, jumps=not problem.continuous_torque)
+    finer = numbers.finer_with_friction if np.any(np.asarray(problem.robot.friction.coulomb) > 0) else 1
+    coarser = numbers.coarser_after_interrupt if task.stop.interrupted else 1
+    samples, steps = finer * numbers.samples // coarser, numbers.steps // coarser
+    return curve.trajectory(problem.robot, samples, steps, jumps=not problem.continuous_torque)
 
 
 def constraints_mended(task: Task, kept: ConstraintReports) -> bool:
-    """Whether conditions are kept, or will be by slowing down at little cost."""
+    """Whether the path constraints are kept, or would be by slowing down at little cost."""
     return mended(task.problem, kept.slowing, task.policy.path_constraints.slower)
 
 
 def _slowed(task: Task, curve: Curve) -> Curve:
-    """The same path, as much slower as its torques and speeds take to keep their limits; as it is if no pace does."""
+    """The same path, slowed down until torques and speeds keep their limits; unchanged if no pace does."""
     for _ in range(_PACES):
         factor = least_factor(task.problem.robot, task.problem.limits, sampled(task, curve))
         if factor == 1 or not np.isfinite(factor):

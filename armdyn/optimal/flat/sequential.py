@@ -2,8 +2,8 @@
 
 Torques are eliminated: they are functions of control points and durations, and their limits are rows of the quadratic
 program. Distances come from coal on the real geometry, with their gradients. After J. Schulman et al., "Motion planning
-with sequential convex optimization and convex collision checking", IJRR 33(9), 2014; the merit function and trust region
-are those of Nocedal and Wright, Numerical Optimization, 2006, algorithm 18.4 and section 18.5.
+with sequential convex optimization and convex collision checking", IJRR 33(9), 2014; the merit function and the
+trust region are those of Nocedal and Wright, Numerical Optimization, 2006, algorithm 18.4 and section 18.5.
 """
 
 from dataclasses import dataclass
@@ -19,13 +19,12 @@ from armdyn.locks import built_once
 from armdyn.optimal.flat.clearance_rows import ClearanceRows, Linearised
 from armdyn.optimal.flat.convex_step import ConvexStep, SoftRows, Step, solve_step
 from armdyn.optimal.flat.curve import Curve
-from armdyn.optimal.flat.nlp_data import CurveNlpData
 from armdyn.optimal.flat.program import CurveLayout, build
 from armdyn.optimal.path_constraints.rows import Rows
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.assembly import Program
-from armdyn.optimal.solve.ipopt import NlpResult
+from armdyn.optimal.solve.solver import NlpData, NlpResult
 from armdyn.optimal.task.policy.sequential import SequentialPolicy
 
 Array = NDArray[np.float64]
@@ -58,7 +57,7 @@ class CurveProgram:
 
     program: Program
     cost: ca.Function
-    numbers: CurveNlpData
+    numbers: NlpData
     shape: CurveLayout
     guess: Curve
     speeds: Array
@@ -150,7 +149,9 @@ class Sequential:
             taken, step, trust, tried = self._step(at, merit, trust, eager=k < policy.eager)
             iterations += tried
             if taken is None:
-                status, word = (Status.SOLVED, "no step is better") if self._kept(at) else (Status.FAILED, "no step is better")
+                status, word = (
+                    (Status.SOLVED, "no step is better") if self._kept(at) else (Status.FAILED, "no step is better")
+                )
                 break
             before, merit, at = merit, self._merit(taken), taken
             if abs(before - merit) < enough * merit and self._kept(at):
@@ -234,7 +235,9 @@ class Sequential:
     def _kept(self, at: _Point) -> bool:
         torque, distance, other = at.penalties
         policy = self.policy
-        return torque <= policy.torque * policy.torque_left and distance + other <= policy.distance * policy.distance_left
+        return (
+            torque <= policy.torque * policy.torque_left and distance + other <= policy.distance * policy.distance_left
+        )
 
     def _rows(self, at: _Point) -> tuple[tuple[sp.csr_matrix, Array], tuple[SoftRows, ...]]:
         """Hard rows and soft ones of the quadratic program."""
@@ -260,8 +263,8 @@ class Sequential:
     def _sides(self, at: _Point, rows: Index) -> tuple[sp.csr_matrix, Array]:
         """Upper and lower sides of equations.
 
-        A rate is r = c(points) / T^k, and r <= b is c <= b T^k, linear in T where k is 1 and convex else: the tangent of
-        T^k is used, which is exact or on the safe side.
+        A rate is r = c(points) / T^k, and r <= b is c <= b T^k, linear in T where k is 1 and convex else: the tangent
+        of T^k is used, which is exact or on the safe side.
         """
         problem = self.problem
         bounds, power = problem.numbers.g_bounds, problem.powers[rows]
@@ -314,7 +317,9 @@ class Sequential:
             points = problem.shape.points(k)
             rows = np.arange(second.shape[0])[:, None] * np.ones(second.shape[1], dtype=int)
             for joint in range(points.shape[1]):
-                matrix = sp.csr_matrix((second.ravel(), (rows.ravel(), points[window, joint].ravel())), (rows.shape[0], size))
+                matrix = sp.csr_matrix(
+                    (second.ravel(), (rows.ravel(), points[window, joint].ravel())), (rows.shape[0], size)
+                )
                 out = out + matrix.T @ sp.diags(self.policy.smooth * weights.ravel() / velocity[joint] ** 2) @ matrix
         return out.tocsr()
 

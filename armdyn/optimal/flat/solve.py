@@ -13,20 +13,21 @@ from armdyn.optimal.flat.sequential import CurveProgram, Sequential, built
 from armdyn.optimal.path_constraints.rows import Rows
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Program
-from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, NlpResult, in_time
+from armdyn.optimal.solve.registry import in_time, solver_for
+from armdyn.optimal.solve.solver import Acceptable, NlpResult, Solver, SolverSettings
 from armdyn.optimal.task.task import Task
 
 _WARM = 1e-9
-"""How far IPOPT may push a warm start off its bounds."""
+"""How far a warm start may be moved off its bounds."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """What IPOPT made of one guess.
+    """Result of one guess.
 
     Attributes:
         curve: where it ended: a motion, whether it converged or not.
-        result: IPOPT's own words and multipliers.
+        result: the solver's words and multipliers.
         shape: of the program.
         rows: of its path constraints.
         guessed: duration that the guess had, with which the program measures time [s].
@@ -40,12 +41,12 @@ class Solved:
 
     @property
     def converged(self) -> bool:
-        """It is a local optimum of the program."""
+        """Whether IPOPT converged to a local optimum."""
         return self.result.status is Status.SOLVED
 
 
 def solve_curve(task: Task, guess: Curve, spec: CurveSpec, near: Solved | None = None) -> Solved:
-    """Solve one program of curves.
+    """Solve the program of curves from one guess.
 
     Args:
         task: what is to be solved, and how.
@@ -64,9 +65,7 @@ def solve_curve(task: Task, guess: Curve, spec: CurveSpec, near: Solved | None =
     near = near if near is not None and (near.shape, near.rows) == (shape, rows) else None
     solver = _solver(task, shape, rows, warm=near is not None)
     nlp_data = assemble_curve(task, guess, spec, shape)
-    result = solver.solve(
-        nlp_data.x, nlp_data.p, nlp_data.x_bounds, nlp_data.g_bounds, task.stop, None if near is None else near.result
-    )
+    result = solver.solve(nlp_data, task.stop, None if near is None else near.result)
     return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration)
 
 
@@ -104,19 +103,18 @@ def prepare_curve(task: Task, guess: Curve, spec: CurveSpec) -> None:
         _solver(task, shape, rows, warm)
 
 
-def _solver(task: Task, shape: CurveLayout, rows: tuple[Rows, ...], warm: bool) -> Ipopt[Program]:
-    """IPOPT for the program; what was built without machine code that has arrived since is built again."""
+def _solver(task: Task, shape: CurveLayout, rows: tuple[Rows, ...], warm: bool) -> Solver[Program]:
+    """The solver of the program; a program built without machine code that has arrived since is built again."""
     if arrived():
         forget()
     numbers, options = task.policy.curves, task.options
-    flat = {"tol": numbers.accepted, "constr_viol_tol": numbers.accepted, "obj_change_tol": numbers.tolerance}
-    still: dict[str, float | str] = {f"acceptable_{name}": value for name, value in flat.items()}
-    still["acceptable_iter"] = numbers.accepted_after
-    more = still | {"mu_init": numbers.barrier}
-    if warm:
-        pushes = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
-        more = still | {"mu_init": numbers.warm_barrier, "warm_start_init_point": "yes"}
-        more |= {f"warm_start_{push}": _WARM for push in pushes}
-    patience = min(options.max_iterations, numbers.patience)
-    settings = IpoptSettings(numbers.tolerance, patience, options.verbose, tuple(more.items()))
-    return in_time(task, lambda scheme: Ipopt.of(settings, build, task.dynamics, shape, rows, scheme.compile))
+    settings = SolverSettings(
+        numbers.tolerance,
+        min(options.max_iterations, numbers.patience),
+        options.verbose,
+        numbers.warm_barrier if warm else numbers.barrier,
+        Acceptable(numbers.accepted, numbers.accepted, numbers.tolerance, numbers.accepted_after),
+        push=_WARM if warm else None,
+        warm=warm,
+    )
+    return in_time(task, lambda scheme: solver_for(task, settings, build, task.dynamics, shape, rows, scheme.compile))

@@ -1,1 +1,1 @@
-"""Torques replayed through the arm, held against its limits, and brought onto the goal."""
+"""Replay of torques through forward dynamics: limit violations, terminal correction, time scaling."""

@@ -53,7 +53,7 @@ def replay_torques(
     m = len(x)
     return Trajectory(
         trajectory.t[:m], x[:, :n], x[:, n:], trajectory.tau[:m], trajectory.joint_names, f"{trajectory.name} replay",
-        robot.model_hash,
+        robot.model_hash, trajectory.hold,
     )  # fmt: skip
 
 
@@ -67,9 +67,10 @@ def _followed(robot: Robot, trajectory: Trajectory, rtol: float, stop: Callable[
     def enough(evaluations: int) -> bool:
         return spent + evaluations >= (_MOST_WHEN_LATE if stop() else _MOST_EVALUATIONS)
 
-    t, torque, jumps = trajectory.t, trajectory.tau, trajectory.jumps
-    steps, change = np.diff(t), np.diff(torque, axis=0)
-    held = ~np.any(change, axis=1)
+    t, torque, jumps, ends = trajectory.t, trajectory.tau, trajectory.jumps, trajectory.tau_end
+    steps, change = np.diff(t), ends - torque[:-1]
+    held = ~np.any(np.diff(torque, axis=0), axis=1)
+    stepped = np.any(ends != torque[1:], axis=1)  # at the end of an interval
     states = [np.concatenate([trajectory.q[0], trajectory.v[0]])]
     k, spent = 0, 0
     going: Array | None = None  # the rate here, where the last step has left it and the torque does not jump
@@ -84,10 +85,12 @@ def _followed(robot: Robot, trajectory: Trajectory, rtol: float, stop: Callable[
         here = partial(rate, start=t[k], tau=torque[k], slope=change[k] / steps[k])
         if end == k + 1 and not enough(0):
             going = here(t[k], states[-1]) if going is None else going
-            step = one_step(acceleration, at_nodes(torque[k : end + 1]), steps[k], states[-1], going, rtol)
+            tau = at_nodes(np.stack([torque[k], ends[k]]))
+            step = one_step(acceleration, tau, steps[k], states[-1], going, rtol)
             spent += EVALUATIONS
             if step is not None:
                 state, going = step
+                going = None if stepped[k] else going
                 states.append(state)
                 k = end
                 continue

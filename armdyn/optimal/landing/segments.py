@@ -46,12 +46,12 @@ class Segments:
 
     Attributes:
         defect: integrated end state minus the motion's own [rad or m, and per second], shape (K, 2 nv).
-        through: derivative of the end state by the start state, shape (K, 2 nv, 2 nv).
+        state_transition: derivative of the end state by the start state, shape (K, 2 nv, 2 nv).
         forced: derivative of the end state by a torque constant over the segment, shape (K, 2 nv, nv).
     """
 
     defect: Array
-    through: Array
+    state_transition: Array
     forced: Array
 
     @classmethod
@@ -60,30 +60,30 @@ class Segments:
 
         Args:
             robot: the arm.
-            motion: states and torques; the torque is linear in a segment.
+            motion: states and torques; a segment is the interval between two samples.
             most: steps in a segment; 1 suffices for the growth.
         """
         x, h, n = np.concatenate([motion.q, motion.v], axis=1), np.diff(motion.t), robot.nv
-        tau, step = np.stack([motion.tau[:-1], motion.tau[1:]], axis=1), _GaussStep(robot)
+        tau, step = np.stack([motion.tau[:-1], motion.tau_end], axis=1), _GaussStep(robot)
         defect, forced = -np.diff(x, axis=0), np.zeros((h.size, 2 * n, n))
-        through = np.tile(np.eye(2 * n), (h.size, 1, 1))
+        state_transition = np.tile(np.eye(2 * n), (h.size, 1, 1))
         scale = _AGREES * (1 + np.max(np.abs(x[:-1]), axis=1))
         rough, parts = np.flatnonzero(~motion.jumps), 1
         while rough.size and parts <= most:
-            end, through[rough], forced[rough] = _composed(step, h[rough], x[rough], tau[rough], parts)
+            end, state_transition[rough], forced[rough] = _composed(step, h[rough], x[rough], tau[rough], parts)
             found = end - x[rough + 1]
             change, defect[rough] = np.max(np.abs(found - defect[rough]), axis=1), found
             settled = change <= scale[rough] if parts > 1 else np.max(np.abs(found), axis=1) <= scale[rough]
             rough, parts = rough[~settled], 2 * parts
-        return cls(defect, through, forced)
+        return cls(defect, state_transition, forced)
 
     @property
     def growth(self) -> float:
         """Largest singular value of the derivative of the motion's end state by its start state."""
         total = np.eye(self.defect.shape[1])
         with np.errstate(over="ignore", invalid="ignore"):  # minutes of an unstable motion leave what numbers can hold
-            for through in self.through:
-                total = through @ total
+            for state_transition in self.state_transition:
+                total = state_transition @ total
         return float(np.linalg.norm(total, 2)) if np.all(np.isfinite(total)) else float("inf")
 
     @property
@@ -95,8 +95,8 @@ class Segments:
     def end(self) -> Array:
         """Open-loop end state minus the motion's own, to first order in the defects, shape (2 nv,)."""
         beside = np.zeros(self.defect.shape[1])
-        for through, defect in zip(self.through, self.defect, strict=True):
-            beside = through @ beside + defect
+        for state_transition, defect in zip(self.state_transition, self.defect, strict=True):
+            beside = state_transition @ beside + defect
         return beside
 
 
@@ -118,19 +118,21 @@ def ticked(robot: Robot, motion: Trajectory, longest: float) -> Trajectory:
     x, step = np.concatenate([finer.q, finer.v], axis=1), _GaussStep(robot)
     for part in range(1, int(np.max(np.diff(kept)))):
         at = kept[:-1][np.diff(kept) > part] + part
-        x[at] = step(finer.t[at] - finer.t[at - 1], x[at - 1], np.stack([finer.tau[at - 1], finer.tau[at]], axis=1))[0]
+        x[at] = step(
+            finer.t[at] - finer.t[at - 1], x[at - 1], np.stack([finer.tau[at - 1], finer.tau_end[at - 1]], axis=1)
+        )[0]
     return replace(finer, q=x[:, : robot.nv], v=x[:, robot.nv :])
 
 
 def _composed(step: "_GaussStep", h: Array, x: Array, tau: Array, parts: int) -> tuple[Array, Array, Array]:
     """Several equal steps through each segment; arguments and result as of `_GaussStep.__call__`."""
     n = tau.shape[2]
-    through, forced = np.broadcast_to(np.eye(2 * n), (h.size, 2 * n, 2 * n)), np.zeros((h.size, 2 * n, n))
+    state_transition, forced = np.broadcast_to(np.eye(2 * n), (h.size, 2 * n, 2 * n)), np.zeros((h.size, 2 * n, n))
     for k in range(parts):
         part = np.array([k, k + 1])[None, :, None] / parts
         x, own, pushed = step(h / parts, x, tau[:, :1] + part * (tau[:, 1:] - tau[:, :1]))
-        through, forced = own @ through, own @ forced + pushed
-    return x, through, forced
+        state_transition, forced = own @ state_transition, own @ forced + pushed
+    return x, state_transition, forced
 
 
 class _GaussStep:
@@ -157,8 +159,8 @@ class _GaussStep:
         """
         if h.size > _AT_ONCE:
             halves = [self(*each) for each in zip(*(np.array_split(array, 2) for array in (h, x, tau)), strict=True)]
-            end, through, forced = (np.concatenate(each) for each in zip(*halves, strict=True))
-            return end, through, forced
+            end, state_transition, forced = (np.concatenate(each) for each in zip(*halves, strict=True))
+            return end, state_transition, forced
         A, b, c = GAUSS_3.A, GAUSS_3.b, GAUSS_3.c
         K, s, n = h.size, c.size, tau.shape[2]
         q, v, h = x[:, None, :n], x[:, None, n:], h[:, None, None]
@@ -191,12 +193,12 @@ class _GaussStep:
         moved = (inverse @ sources.reshape(K, s * n, 3 * n)).reshape(K, s, n, 3 * n)
         far, fast = h * np.einsum("i,kiab->kab", b @ A, moved), np.einsum("i,kiab->kab", b, moved)
         change = h * np.concatenate([far, fast], axis=1)
-        through = np.eye(2 * n) + change[..., : 2 * n]
-        through[:, :n, n:] += h * np.eye(n)
+        state_transition = np.eye(2 * n) + change[..., : 2 * n]
+        state_transition[:, :n, n:] += h * np.eye(n)
         end = np.concatenate(
             [q[:, 0] + h[:, 0] * (v[:, 0] + h[:, 0] * (b @ A @ a)), v[:, 0] + h[:, 0] * (b @ a)], axis=1
         )
-        return end, through, change[..., 2 * n :]
+        return end, state_transition, change[..., 2 * n :]
 
     def _accelerations(self, q: Array, v: Array, tau: Array) -> Array:
         """Forward dynamics, friction included, of many states, each array of shape (..., nv)."""

@@ -21,12 +21,12 @@ class _LinearizedStep:
     """How a state at the end of a constant torque follows from its start, to first order.
 
     Attributes:
-        through: ∂x'/∂x, shape (2 nv, 2 nv).
+        state_transition: ∂x'/∂x, shape (2 nv, 2 nv).
         forced: ∂x'/∂τ, shape (2 nv, nv).
         stretched: ∂x' by the same part of the time more, shape (2 nv,).
     """
 
-    through: Array
+    state_transition: Array
     forced: Array
     stretched: Array
 
@@ -47,7 +47,7 @@ def sensitivity(robot: Robot, pieces: Pieces, replay: Trajectory, count: int) ->
     by_torque, by_time = np.zeros((P, 2 * n, P * n)), np.zeros((P, 2 * n))
     for k, step in enumerate(_steps(robot, pieces, replay, count)):
         if k:
-            by_torque[k], by_time[k] = step.through @ by_torque[k - 1], step.through @ by_time[k - 1]
+            by_torque[k], by_time[k] = step.state_transition @ by_torque[k - 1], step.state_transition @ by_time[k - 1]
         by_torque[k, :, n * k : n * (k + 1)] = step.forced
         by_time[k] += step.stretched
     return by_torque, by_time
@@ -62,7 +62,7 @@ def _steps(robot: Robot, pieces: Pieces, motion: Trajectory, count: int) -> list
     for k, parts in enumerate(counts.tolist()):
         h = (pieces.t[k + 1] - pieces.t[k]) / parts
         middles = motion(np.minimum(pieces.t[k] + h * (np.arange(parts) + 0.5), motion.t[-1]))
-        through, forced, stretched = np.eye(2 * n), np.zeros((2 * n, n)), np.zeros(2 * n)
+        state_transition, forced, stretched = np.eye(2 * n), np.zeros((2 * n, n)), np.zeros(2 * n)
         blocks = np.zeros((parts, 3 * n, 3 * n))
         blocks[:, :n, n : 2 * n] = np.eye(n)
         a, by_q, by_v, inverse = derivatives(middles.q, middles.v, np.broadcast_to(pieces.tau[k], (parts, n)))
@@ -70,9 +70,9 @@ def _steps(robot: Robot, pieces: Pieces, motion: Trajectory, count: int) -> list
         rates = np.concatenate([middles.v, a], axis=1)
         for part, rate in zip(_exponentials(h * blocks), rates, strict=True):
             own = part[: 2 * n, : 2 * n]
-            through, forced = own @ through, own @ forced + part[: 2 * n, 2 * n :]
+            state_transition, forced = own @ state_transition, own @ forced + part[: 2 * n, 2 * n :]
             stretched = own @ stretched + h * rate
-        found.append(_LinearizedStep(through, forced, stretched))
+        found.append(_LinearizedStep(state_transition, forced, stretched))
     return found
 
 

@@ -1,1 +1,1 @@
-"""What may be asked along the way besides limits; one file each."""
+"""Path constraints, one class in one file each."""

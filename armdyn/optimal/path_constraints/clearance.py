@@ -32,12 +32,11 @@ class KeepsClear(PathConstraint):
     places: tuple[Array, ...] = ()
 
     name = "clearance"
-    goes_round = True
 
     @classmethod
     def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
         """By the keywords `obstacles` and `self_collision`."""
-        return cls() if problem.obstacles or problem.self_collision else None
+        return cls() if problem.crowded else None
 
     def asked_distances(self, problem: MinimumTimeProblem) -> AskedDistances:
         """The clearance and a little more; of a pair that is nearer at a given pose, part of that distance."""

@@ -1,4 +1,4 @@
-"""What a path constraint is: one class in one file.
+"""Base class of path constraints.
 
 The program that is solved asks for it at the points of a mesh (`rows`, `values`), the replayed motion is looked at
 everywhere (`check`), and what is missing between the points is asked for more strictly (`tightened`).
@@ -38,7 +38,7 @@ class Knots:
 
     @property
     def intervals(self) -> int:
-        """N."""
+        """Number of intervals N."""
         return self.when.size - 1
 
 
@@ -108,7 +108,7 @@ class AskedDistances:
 
 
 class PathConstraint(ABC):
-    """A path constraint, as strict as it has to be.
+    """A path constraint, perhaps tightened.
 
     A frozen dataclass; `tightened` returns another. All but `check` may be left as it is here.
 
@@ -118,7 +118,6 @@ class PathConstraint(ABC):
         option: its name in `--limit NAME=…`; empty: it cannot be given there.
         metavar: what `…` stands for, with its unit in the help.
         help: one line of that help.
-        goes_round: ways round obstacles have to be planned.
     """
 
     name: ClassVar[str]
@@ -126,7 +125,6 @@ class PathConstraint(ABC):
     option: ClassVar[str] = ""
     metavar: ClassVar[str] = "X"
     help: ClassVar[str] = ""
-    goes_round: ClassVar[bool] = False
 
     @classmethod
     def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
@@ -169,7 +167,7 @@ class PathConstraint(ABC):
         return None
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
-        """Which rows the program needs."""
+        """Rows that the constraint adds to the program."""
         return ()
 
     def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:

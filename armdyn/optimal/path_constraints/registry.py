@@ -34,11 +34,6 @@ def path_constraints_of(problem: MinimumTimeProblem) -> tuple[PathConstraint, ..
     return tuple(found)
 
 
-def is_crowded(problem: MinimumTimeProblem) -> bool:
-    """Whether a problem asks for distances between bodies, so that ways have to be planned."""
-    return any(constraint.goes_round for constraint in path_constraints_of(problem))
-
-
 def options() -> dict[str, type[PathConstraint]]:
     """Those that `--limit NAME=…` knows, by name."""
     return {kind.option: kind for kind in PATH_CONSTRAINTS if kind.option}

@@ -5,49 +5,23 @@ without such rows has the program of `build_nlp` itself.
 """
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.codegen.compiled import compiled
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
-from armdyn.optimal.program.assembly import (
-    Nlp,
-    hessian_function,
-    jacobian_function,
-    scatter,
-)
-from armdyn.optimal.program.interval import Collocated, IntervalView, nonzeros_of
-from armdyn.optimal.program.layout import Parameters
+from armdyn.optimal.program.assembly import Block, Nlp, build_nlp
+from armdyn.optimal.program.interval import Collocated, IntervalFunctions, IntervalView, differentiated
+from armdyn.optimal.program.layout import Layout, Parameters
+from armdyn.optimal.task.scheme import Scheme
 
 Array = NDArray[np.float64]
 Where = Literal["every", "first", "last"]
 """Of a mesh's intervals."""
-
-
-@dataclass(frozen=True)
-class RowFunctions:
-    """Rows of one interval, of (y, p, numbers), and the nonzeros of their derivatives by y.
-
-    Attributes:
-        size: how many rows an interval has.
-        values: (y, p, numbers) -> rows.
-        jacobian: (y, p, numbers) -> nonzeros of the rows' Jacobian.
-        jacobian_pattern: where they stand.
-        hessian: (y, p, numbers, λ) -> nonzeros of the upper triangle of ∂²(λᵀ rows)/∂y².
-        hessian_pattern: where they stand.
-    """
-
-    size: int
-    values: ca.Function
-    jacobian: ca.Function
-    jacobian_pattern: ca.Sparsity
-    hessian: ca.Function
-    hessian_pattern: ca.Sparsity
 
 
 class Rows(Protocol):
@@ -59,13 +33,13 @@ class Rows(Protocol):
     """
 
     @property
-    def numbers(self) -> int: ...  # noqa: D102
+    def numbers(self) -> int: ...
 
     @property
-    def where(self) -> Where: ...  # noqa: D102
+    def where(self) -> Where: ...
 
-    def functions(self, place: IntervalView) -> RowFunctions:
-        """The rows and their derivatives."""
+    def functions(self, place: IntervalView) -> IntervalFunctions:
+        """The rows of one interval, of its unknowns and of its parameters with the numbers after them."""
         ...
 
     def __hash__(self) -> int: ...
@@ -87,7 +61,7 @@ class StageRows:
     numbers: int = 0
     where: Where = "every"
 
-    def functions(self, place: IntervalView) -> RowFunctions:
+    def functions(self, place: IntervalView) -> IntervalFunctions:
         """The rows and their derivatives."""
         return _stage_functions(self, place)
 
@@ -107,89 +81,38 @@ class RowValues:
     numbers: Array = field(default_factory=lambda: np.empty(0))
 
 
-def spread(rows: Rows, functions: RowFunctions, values: RowValues, intervals: int) -> tuple[Array, Array]:
+def spread(rows: Rows, functions: IntervalFunctions, values: RowValues, intervals: int) -> tuple[Array, Array]:
     """Lower and upper bounds of rows, one for each row of the program."""
-    shape = (intervals if rows.where == "every" else 1, functions.size)
+    shape = (intervals if rows.where == "every" else 1, functions.defects.numel_out(0))
     return np.broadcast_to(values.lower, shape).ravel(), np.broadcast_to(values.upper, shape).ravel()
 
 
-def with_rows(nlp: Nlp, dynamics: Dynamics, rows: Sequence[Rows]) -> Nlp:
-    """A program with further rows, after the equations of motion of all intervals, and their numbers as parameters.
+def with_rows(dynamics: Dynamics, scheme: Scheme, intervals: int, rows: Sequence[Rows]) -> Nlp:
+    """The program of `build_nlp` with rows after the equations of motion, and their numbers after its parameters.
 
     Args:
-        nlp: of `build_nlp`.
-        dynamics: the same as there.
+        dynamics: with a free last body.
+        scheme: how motion becomes unknowns.
+        intervals: their number.
         rows: which; those of one kind follow each other, interval by interval.
     """
-    layout, N = nlp.layout, nlp.intervals
-    size, unknowns = layout.size(N), layout.intervals(N)
-    x, own = nlp.functions["x"], nlp.functions["p"]
-    whole = ca.MX.sym("p", own.numel() + sum(each.numbers for each in rows))
-    p, place = whole[: own.numel()], own.numel()
-    by_interval = Parameters.by_interval(p, N)
-
-    interval = Collocated(dynamics, layout.scheme)
-    parts = [(each, each.functions(interval)) for each in rows]
-    counts = [one.size * _intervals(each.where, N).size for each, one in parts]
-    sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", N * nlp.defects + sum(counts))
-    g, jacobian, hessian = [], [], ca.MX(size, size)
-    first = nlp.defects * N
-    for (each, one), count in zip(parts, counts, strict=True):
-        here = _intervals(each.where, N)
-        index = unknowns[:, here]
-        numbers, place = whole[place : place + each.numbers], place + each.numbers
-        arguments = (
-            ca.reshape(x[index.ravel(order="F").tolist()], layout.width, here.size),
-            by_interval[:, here.tolist()],
-            ca.repmat(numbers, 1, here.size),
-        )
-        g.append(ca.vec(one.values.map(here.size)(*arguments)))
-        row, col = _places(one.jacobian_pattern)
-        nonzeros = one.jacobian.map(here.size)(*arguments)
-        down = one.size * np.arange(here.size)
-        jacobian.append(scatter(row[:, None] + down, index[col], (count, size), nonzeros))
-        weights = ca.reshape(lam[first : first + count], one.size, here.size)
-        row, col = _places(one.hessian_pattern)
-        nonzeros = one.hessian.map(here.size)(*arguments, weights)
-        hessian += scatter(index[row], index[col], (size, size), nonzeros)
-        first += count
-
-    plain_g, plain_jacobian = nlp.jacobian(x, p)
-    f, plain = ca.Function("plain", [x, own], [nlp.functions["f"], nlp.functions["g"]])(x, p)
-    jacobian_all = ca.vertcat(plain_jacobian, *jacobian)
-    hessian_all = nlp.hessian(x, p, sigma, lam[: nlp.defects * N]) + hessian
-    return replace(
-        nlp,
-        functions={"x": x, "p": whole, "f": f, "g": ca.vertcat(plain, *g)},
-        jacobian=jacobian_function(x, whole, ca.vertcat(plain_g, *g), jacobian_all),
-        gradient=ca.Function("gradient", [x, whole], [nlp.gradient(x, p)]),
-        hessian=hessian_function(x, whole, sigma, lam, hessian_all),
-    )
+    layout, view = Layout(dynamics.nv, scheme), Collocated(dynamics, scheme)
+    unknowns, parameters = layout.intervals(intervals), Parameters.by_interval(dynamics.nv, intervals)
+    blocks, first = [], Parameters.size(dynamics.nv, intervals)
+    for each in rows:
+        here = _intervals(each.where, intervals)
+        numbers = (first + np.arange(each.numbers))[:, None].repeat(here.size, axis=1)
+        blocks.append(Block(each.functions(view), unknowns[:, here], np.vstack([parameters[:, here], numbers])))
+        first += each.numbers
+    return build_nlp(dynamics, scheme, intervals, blocks)
 
 
 def _intervals(where: Where, count: int) -> NDArray[np.int_]:
     return {"every": np.arange(count), "first": np.array([0]), "last": np.array([count - 1])}[where]
 
 
-def _places(pattern: ca.Sparsity) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
-    row, col = pattern.get_triplet()
-    return np.array(row, dtype=int), np.array(col, dtype=int)
-
-
 @built_once(maxsize=64)
-def _stage_functions(rows: StageRows, place: IntervalView) -> RowFunctions:
-    one = place.stages()
-    numbers = ca.SX.sym("numbers", rows.numbers)
-    column = rows.expression(one, numbers, *rows.of)
-    given, lam, name = [one.y, one.p, numbers], ca.SX.sym("lam", column.numel()), rows.expression.__name__.strip("_")
-    jacobian = ca.cse(ca.jacobian(column, one.y))
-    hessian = ca.cse(ca.triu(ca.hessian(ca.dot(lam, column), one.y)[0]))
-    slopes, bends = compiled(
-        (
-            ca.Function(f"{name}_jacobian", given, [nonzeros_of(jacobian)]),
-            ca.Function(f"{name}_hessian", [*given, lam], [nonzeros_of(hessian)]),
-        ),
-        place.compile,
-    )
-    values = ca.Function(f"{name}_values", given, [column])
-    return RowFunctions(column.numel(), values, slopes, jacobian.sparsity(), bends, hessian.sparsity())
+def _stage_functions(rows: StageRows, place: IntervalView) -> IntervalFunctions:
+    one, numbers = place.stages(), ca.SX.sym("numbers", rows.numbers)
+    column, name = rows.expression(one, numbers, *rows.of), rows.expression.__name__.strip("_")
+    return differentiated(name, one.y, ca.vertcat(one.p, numbers), column, None, place.compile)

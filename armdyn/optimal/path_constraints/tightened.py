@@ -1,4 +1,4 @@
-"""What the collocation is asked for besides the equations of motion: constraints, as strict as need be, and an aim."""
+"""Path constraints tightened for the collocation, so that the replay keeps the originals; and the corrected goal."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -32,7 +32,7 @@ class ConstraintReports:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """What does not hold, for people."""
+        """Violated constraints, in words."""
         return tuple(reason for kept in self.each for reason in kept.reasons)
 
     @property
@@ -42,20 +42,20 @@ class ConstraintReports:
 
     @property
     def worst(self) -> Violation | None:
-        """What is violated most; None if all are kept."""
+        """Largest violation; None if all are kept."""
         found = [kept.worst for kept in self.each if kept.worst is not None]
         return max(found, key=lambda worst: worst.value, default=None)
 
     @property
     def clearance(self) -> Clearance | None:
-        """Where it comes nearest to touching; None if nothing was to be kept clear of."""
+        """Smallest clearance; None without obstacles."""
         found = [kept.clearance for kept in self.each if kept.clearance is not None]
         return min(found, key=lambda clearance: clearance.distance, default=None)
 
 
 @dataclass(frozen=True, eq=False)
 class TightenedConstraints:
-    """How the collocation is to be stricter than the problem, so that the replay is as the problem asks.
+    """Path constraints, tightened so that the replay keeps the originals, and the corrected via points and goal.
 
     Attributes:
         path_constraints: as strict as they have to be.

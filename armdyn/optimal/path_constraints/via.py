@@ -27,7 +27,6 @@ class ViaPoints(PathConstraint):
 
     @classmethod
     def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
-        """By its keyword."""
         return cls() if problem.via else None
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:

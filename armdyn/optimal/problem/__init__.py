@@ -1,1 +1,1 @@
-"""What is asked: the motion, its limits, how a solve may end or be stopped."""
+"""The minimum-time problem: poses, limits, path constraints; statuses and stopping."""

@@ -104,6 +104,17 @@ def check_scene(obstacles: Sequence[Obstacle], clearance: float) -> None:
     number(clearance, "clearance", unit="m", sign="not negative")
 
 
+def contacts(pairs: object) -> tuple[tuple[str, str], ...]:
+    """Pairs of names that may touch; refuse anything else."""
+    found = []
+    for i, pair in enumerate(several(pairs, "allowed_contacts")):
+        both = tuple(pair) if isinstance(pair, list | tuple) else ()
+        if len(both) != 2 or not all(isinstance(name, str) for name in both):
+            raise ProblemError(f"allowed_contacts[{i}] is {shown(pair)}; it must be two names of links or obstacles")
+        found.append(both)
+    return tuple(found)
+
+
 def check_path_constraints(path_constraints: object) -> tuple[PathConstraintSpec, ...]:
     """The conditions; refuse what is none."""
     found = []

@@ -20,10 +20,10 @@ class PathConstraintSpec(Protocol):
     """
 
     @property
-    def name(self) -> str: ...  # noqa: D102
+    def name(self) -> str: ...
 
     @property
-    def continuous_torque(self) -> bool: ...  # noqa: D102
+    def continuous_torque(self) -> bool: ...
 
     def option_text(self) -> str:
         """The constraint as --limit and problem files say it, such as "tip-speed=0.25@tool0".

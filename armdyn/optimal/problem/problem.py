@@ -17,7 +17,8 @@ from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.robots.tables import robot_table
 from armdyn.models.scene.collision import CollisionModel, collision_model
-from armdyn.models.scene.obstacles import Obstacle, obstacle_entry, pose_entry
+from armdyn.models.scene.obstacles import Obstacle, obstacle_entry
+from armdyn.models.scene.placement import pose_entry
 from armdyn.models.scene.reaching import GoalPose, poses_reaching
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.per_joint import per_joint
@@ -31,6 +32,7 @@ from armdyn.optimal.problem.checks import (
     check_scene,
     check_state,
     clear_goals,
+    contacts,
     unheld_joints,
     warn_if_not_held,
 )
@@ -115,7 +117,7 @@ class MinimumTimeProblem:
     obstacles: Sequence[Obstacle] = ()
     self_collision: bool = False
     clearance: float = 0.005
-    allowed_contacts: tuple[tuple[str, str], ...] = ()
+    allowed_contacts: Sequence[tuple[str, str]] = ()
     acceleration_limit: ArrayLike | None = None
     jerk_limit: ArrayLike | None = None
     path_constraints: Sequence[PathConstraintSpec] = ()
@@ -177,10 +179,14 @@ class MinimumTimeProblem:
         }
         return tuple(name for name, wanted in asked.items() if wanted)
 
+    @property
+    def crowded(self) -> bool:
+        """Whether pairs of bodies keep a clearance: motions are planned round obstacles and the arm itself."""
+        return bool(self.obstacles) or self.self_collision
+
     def collision_model(self) -> CollisionModel:
-        """The arm among its obstacles."""
-        contacts = tuple(tuple(pair) for pair in self.allowed_contacts)
-        return collision_model(self.robot, tuple(self.obstacles), self.self_collision, contacts)
+        """The arm among its obstacles, and the pairs of bodies that keep a clearance."""
+        return collision_model(self.robot, tuple(self.obstacles), self.self_collision, tuple(self.allowed_contacts))
 
     @property
     def continuous_torque(self) -> bool:
@@ -303,6 +309,7 @@ class MinimumTimeProblem:
         check_poses(self.poses)
         object.__setattr__(self, "obstacles", several(self.obstacles, "obstacles"))
         check_scene(self.obstacles, self.clearance)
+        object.__setattr__(self, "allowed_contacts", contacts(self.allowed_contacts))
         for name, unit in (("acceleration_limit", "rad/s²"), ("jerk_limit", "rad/s³")):
             if getattr(self, name) is not None:
                 value = per_joint(
@@ -318,7 +325,7 @@ class MinimumTimeProblem:
 
     def _resolve_clear(self) -> None:
         """Drop goals in contact; complain of a start, a via point, or all goals."""
-        if not (self.obstacles or self.self_collision):
+        if not self.crowded:
             return
         model = self.collision_model()
         fixed = [("start", np.asarray(self.q_start)), *((f"via[{i}]", np.asarray(q)) for i, q in enumerate(self.via))]

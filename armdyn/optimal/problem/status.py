@@ -18,7 +18,6 @@ class Status(StrEnum):
     """It lands on the goal, but touches something, passes beside a via point, or exceeds an acceleration or jerk."""
     LIMIT_EXCEEDED = "limit_exceeded"
     """It lands on the goal, but exceeds a limit of torque, velocity or position."""
-    """The motors cannot hold the arm at rest at the goal; nothing was searched."""
     INFEASIBLE = "infeasible"
     """No motion was found that satisfies all constraints."""
     ITERATION_LIMIT = "iteration_limit"

@@ -1,1 +1,1 @@
-"""Motion as unknowns and equations: layout, one interval, the program of many, its derivatives."""
+"""Nonlinear programs of direct collocation: layout, one interval, assembly, derivatives."""

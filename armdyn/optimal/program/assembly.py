@@ -1,11 +1,13 @@
-"""From an arm to a nonlinear program: the equations of one interval, mapped to a mesh, with exact derivatives.
+"""From an arm to a nonlinear program: blocks of equations, mapped to where they hold, with exact derivatives.
 
 The final time is copied to every knot (see `layout`), so that the Jacobian is block bidiagonal and the Hessian
-block tridiagonal. One interval is differentiated symbolically, once, and mapped N times: building costs the same
-for ten intervals and for a thousand.
+block tridiagonal. A block is differentiated symbolically, once, and mapped: building costs the same for ten intervals
+and for a thousand.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -19,7 +21,40 @@ from armdyn.optimal.task.scheme import Scheme
 Index = NDArray[np.int_]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Equations that hold at many places.
+
+    Attributes:
+        one: the equations at one place, of its unknowns and its parameters.
+        unknowns: which of the program's unknowns those are, a column for every place, shape (width, places).
+        parameters: likewise of its parameters, shape (count, places).
+    """
+
+    one: IntervalFunctions
+    unknowns: Index
+    parameters: Index
+
+    @property
+    def places(self) -> int:
+        """Number of places."""
+        return int(self.unknowns.shape[1])
+
+    @property
+    def rows(self) -> int:
+        """Equations at one place."""
+        return int(self.one.defects.numel_out(0))
+
+    def arguments(self, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
+        """Unknowns and parameters, a column for every place."""
+        at, given = self.unknowns, self.parameters
+        return (
+            ca.reshape(x[at.ravel(order="F").tolist()], *at.shape),
+            ca.reshape(p[given.ravel(order="F").tolist()], *given.shape),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Program:
     """A nonlinear program with its exact derivatives, ready for `casadi.nlpsol`.
 
@@ -33,20 +68,24 @@ class Program:
     jacobian: ca.Function
     hessian: ca.Function
 
+    @cached_property
+    def gradient(self) -> ca.Function:
+        """(x, p) -> ∂f/∂x."""
+        x, p, f = (self.functions[name] for name in "xpf")
+        return ca.Function("gradient", [x, p], [ca.gradient(f, x)])
 
-@dataclass(frozen=True, kw_only=True)
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Nlp(Program):
     """The program of a layout.
 
     Attributes:
         layout: where what stands.
         intervals: their number N.
-        gradient: (x, p) -> ∂f/∂x.
     """
 
     layout: Layout
     intervals: int
-    gradient: ca.Function
 
     @property
     def defects(self) -> int:
@@ -54,73 +93,78 @@ class Nlp(Program):
         return self.layout.equations.size
 
 
-def build_nlp(dynamics: Dynamics, scheme: Scheme, intervals: int) -> Nlp:
+def build_nlp(dynamics: Dynamics, scheme: Scheme, intervals: int, more: Sequence[Block] = ()) -> Nlp:
     """The NLP of an arm: depends on the model and the mesh's size only, not on poses, limits, scales or payload.
 
     Args:
         dynamics: with a free last body.
         scheme: how motion becomes unknowns.
         intervals: their number N.
-
-    Its parameters are `Parameters`, those of all intervals at once.
+        more: equations that follow the equations of motion; their own parameters follow `Parameters`.
     """
     layout, one = Layout(dynamics.nv, scheme), interval_functions(dynamics, scheme)
-    program, _ = mapped(one, layout.intervals(intervals), layout.size(intervals), dynamics.nv)
-    x, p, f = (program.functions[name] for name in "xpf")
-    return Nlp(
-        functions=program.functions,
-        jacobian=program.jacobian,
-        hessian=program.hessian,
-        layout=layout,
-        intervals=intervals,
-        gradient=ca.Function("gradient", [x, p], [ca.gradient(f, x)]),
-    )
+    blocks = [Block(one, layout.intervals(intervals), Parameters.by_interval(dynamics.nv, intervals)), *more]
+    program = program_of(blocks, layout.size(intervals))
+    return Nlp(**vars(program), layout=layout, intervals=intervals)
 
 
-def mapped(one: IntervalFunctions, index: Index, size: int, joints: int) -> tuple[Program, tuple[ca.MX, ca.MX]]:
-    """The program of many intervals.
+def program_of(blocks: Sequence[Block], size: int, paid: Sequence[int] = (), price: int = 0) -> Program:
+    """The program of blocks: their equations follow each other, place by place.
 
     Args:
-        one: an interval.
-        index: which unknowns are an interval's, a column each.
-        size: number of all unknowns.
-        joints: of the arm.
-
-    Returns:
-        The program, and the intervals' unknowns and parameters, a column each.
+        blocks: at least one; every parameter of the program is one of some block.
+        size: number of unknowns.
+        paid: unknowns that cost something themselves.
+        price: which parameter a unit of each of them costs.
     """
-    (width, N), rows = index.shape, one.defects.numel_out(0)
-    x, p = ca.MX.sym("x", size), ca.MX.sym("p", Parameters.size(joints, N))
-    y = ca.reshape(x[index.ravel(order="F").tolist()], width, N)
-    parameters = Parameters.by_interval(p, N)
-    g = ca.vec(one.defects.map(N)(y, parameters))
-    f = ca.sum2(one.cost.map(N)(y, parameters))
-
-    row, col = (np.array(place, dtype=int) for place in one.jacobian_pattern.get_triplet())
-    nonzeros = one.jacobian.map(N)(y, parameters)
-    jacobian = scatter(row[:, None] + rows * np.arange(N), index[col], (rows * N, size), nonzeros)
-
-    sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", rows * N)
-    row, col = (np.array(place, dtype=int) for place in one.hessian_pattern.get_triplet())
-    nonzeros = one.hessian.map(N)(y, parameters, ca.repmat(sigma, 1, N), ca.reshape(lam, rows, N))
-    hessian = scatter(index[row], index[col], (size, size), nonzeros)
-    program = Program(
-        functions={"x": x, "p": p, "f": f, "g": g},
-        jacobian=jacobian_function(x, p, g, jacobian),
-        hessian=hessian_function(x, p, sigma, lam, hessian),
-    )
-    return program, (y, parameters)
-
-
-def jacobian_function(x: ca.MX, p: ca.MX, g: ca.MX, jacobian: ca.MX) -> ca.Function:
-    """As nlpsol wants it."""
-    return ca.Function("nlp_jac_g", [x, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"])
-
-
-def hessian_function(x: ca.MX, p: ca.MX, sigma: ca.MX, lam: ca.MX, hessian: ca.MX) -> ca.Function:
-    """As nlpsol wants it."""
+    total = sum(block.rows * block.places for block in blocks)
+    x, p = ca.MX.sym("x", size), ca.MX.sym("p", 1 + max(int(np.max(block.parameters)) for block in blocks))
+    sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", total)
+    costs = [p[price] * ca.sum1(x[list(paid)])] if paid else []
+    g, jacobian, hessian, row = [], _Entries(), _Entries(), 0
+    for block in blocks:
+        one, N, rows = block.one, block.places, block.rows
+        given = block.arguments(x, p)
+        if one.cost is not None:
+            costs.append(ca.sum2(one.cost.map(N)(*given)))
+        g.append(ca.vec(one.defects.map(N)(*given)))
+        down, across = _pattern(one.jacobian_pattern)
+        jacobian.add(down[:, None] + row + rows * np.arange(N), block.unknowns[across], one.jacobian.map(N)(*given))
+        down, across = (block.unknowns[where] for where in _pattern(one.hessian_pattern))
+        weights = ca.reshape(lam[row : row + rows * N], rows, N)
+        nonzeros = one.hessian.map(N)(*given, ca.repmat(sigma, 1, N), weights)
+        hessian.add(np.minimum(down, across), np.maximum(down, across), nonzeros)
+        row += rows * N
+    values, slopes, bends = ca.vertcat(*g), jacobian.matrix(total, size), hessian.matrix(size, size)
     names = ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
-    return ca.Function("nlp_hess_l", [x, p, sigma, lam], [hessian], *names)
+    return Program(
+        functions={"x": x, "p": p, "f": sum(costs[1:], costs[0]), "g": values},
+        jacobian=ca.Function("nlp_jac_g", [x, p], [values, slopes], ["x", "p"], ["g", "jac_g_x"]),
+        hessian=ca.Function("nlp_hess_l", [x, p, sigma, lam], [bends], *names),
+    )
+
+
+class _Entries:
+    """Nonzeros of a sparse matrix, gathered block by block."""
+
+    def __init__(self) -> None:
+        self._rows: list[Index] = []
+        self._cols: list[Index] = []
+        self._values: list[ca.MX] = []
+
+    def add(self, rows: Index, cols: Index, values: ca.MX) -> None:
+        if rows.size:
+            self._rows.append(rows.ravel(order="F"))
+            self._cols.append(cols.ravel(order="F"))
+            self._values.append(ca.vec(values))
+
+    def matrix(self, rows: int, cols: int) -> ca.MX:
+        return scatter(np.concatenate(self._rows), np.concatenate(self._cols), (rows, cols), ca.vertcat(*self._values))
+
+
+def _pattern(sparsity: ca.Sparsity) -> tuple[Index, Index]:
+    row, col = (np.array(place, dtype=int) for place in sparsity.get_triplet())
+    return row, col
 
 
 def scatter(rows: Index, cols: Index, shape: tuple[int, int], nonzeros: ca.MX) -> ca.MX:

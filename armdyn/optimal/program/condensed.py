@@ -17,7 +17,7 @@ import casadi as ca
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
-from armdyn.optimal.program.assembly import Program, mapped
+from armdyn.optimal.program.assembly import Block, Program, program_of
 from armdyn.optimal.program.interval import IntervalFunctions, differentiated, present_body
 from armdyn.optimal.program.layout import CondensedLayout, Layout, Parameters
 from armdyn.optimal.task.scheme import Scheme
@@ -51,16 +51,11 @@ def build_condensed(dynamics: Dynamics, scheme: Scheme, intervals: int) -> Conde
         intervals: their number N.
     """
     layout, (one, middle) = CondensedLayout(Layout(dynamics.nv, scheme)), _interval(dynamics, scheme)
-    size = layout.kept(intervals).size
-    program, (y, parameters) = mapped(one, layout.intervals(intervals), size, dynamics.nv)
+    block = Block(one, layout.intervals(intervals), Parameters.by_interval(dynamics.nv, intervals))
+    program = program_of([block], layout.kept(intervals).size)
     x, p = program.functions["x"], program.functions["p"]
-    return CondensedNlp(
-        functions=program.functions,
-        jacobian=program.jacobian,
-        hessian=program.hessian,
-        layout=layout,
-        middles=ca.Function("middles", [x, p], [middle.map(intervals)(y, parameters)]),
-    )
+    middles = ca.Function("middles", [x, p], [middle.map(intervals)(*block.arguments(x, p))])
+    return CondensedNlp(**vars(program), layout=layout, middles=middles)
 
 
 @built_once(maxsize=16)

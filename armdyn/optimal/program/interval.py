@@ -143,7 +143,7 @@ class IntervalView(Protocol):
     """
 
     @property
-    def compile(self) -> bool | None: ...  # noqa: D102
+    def compile(self) -> bool | None: ...
 
     def stages(self) -> Stages:
         """The interval in symbols."""
@@ -208,10 +208,10 @@ def _between_knots(y: ca.SX, p: ca.SX, s: ca.SX, layout: Layout) -> ca.SX:
 
 @dataclass(frozen=True)
 class IntervalFunctions:
-    """One interval's values and the nonzeros of its derivatives."""
+    """Equations of one interval and the nonzeros of their derivatives; without a cost where that is None."""
 
     defects: ca.Function
-    cost: ca.Function
+    cost: ca.Function | None
     jacobian: ca.Function
     jacobian_pattern: ca.Sparsity
     hessian: ca.Function
@@ -225,7 +225,7 @@ def interval_functions(dynamics: Dynamics, scheme: Scheme) -> IntervalFunctions:
 
 
 def differentiated(
-    name: str, y: ca.SX, p: ca.SX, defects: ca.SX, cost: ca.SX, compile_mode: bool | None
+    name: str, y: ca.SX, p: ca.SX, defects: ca.SX, cost: ca.SX | None, compile_mode: bool | None
 ) -> IntervalFunctions:
     """An interval's equations as functions, with their derivatives.
 
@@ -234,12 +234,14 @@ def differentiated(
         y: its unknowns.
         p: its parameters.
         defects: its equations.
-        cost: its part of the cost.
+        cost: its part of the cost; None: it has none. What the rows of its derivatives share is then computed once.
         compile_mode: for `compiled`.
     """
     sigma, lam = ca.SX.sym("sigma"), ca.SX.sym("lam", defects.numel())
-    jacobian = ca.jacobian(defects, y)
-    hessian = ca.triu(ca.hessian(sigma * cost + ca.dot(lam, defects), y)[0])
+    jacobian, shared = ca.jacobian(defects, y), ca.dot(lam, defects)
+    hessian = ca.triu(ca.hessian(shared if cost is None else sigma * cost + shared, y)[0])
+    if cost is None:
+        jacobian, hessian = ca.cse(jacobian), ca.cse(hessian)
     derivatives = (
         ca.Function(f"{name}_jacobian", [y, p], [nonzeros_of(jacobian)]),
         ca.Function(f"{name}_hessian", [y, p, sigma, lam], [nonzeros_of(hessian)]),
@@ -247,7 +249,8 @@ def differentiated(
     fast = compiled(derivatives, compile_mode)
     return IntervalFunctions(
         defects=ca.Function(f"{name}_defects", [y, p], [defects]),
-        cost=ca.Function(f"{name}_cost", [y, p], [cost]),  # apart: its gradient needs no dynamics
+        # Apart: its gradient needs no dynamics.
+        cost=None if cost is None else ca.Function(f"{name}_cost", [y, p], [cost]),
         jacobian=fast[0],
         jacobian_pattern=jacobian.sparsity(),
         hessian=fast[1],

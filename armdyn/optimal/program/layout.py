@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Self
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -277,7 +276,8 @@ class Parameters:
         fractions = np.atleast_1d(self.fraction)
         return np.array([*fractions, self.time, self.length, self.speed, *self.weights, *self.effort, *self.last_body])
 
-    @staticmethod
-    def by_interval(p: ca.MX, N: int) -> ca.MX:
-        """A column of parameters for each of N intervals, of the program's."""
-        return ca.vertcat(p[:N].T, ca.repmat(p[N:], 1, N))
+    @classmethod
+    def by_interval(cls, joints: int, intervals: int) -> Index:
+        """Which of the program's parameters are an interval's, a column each, shape (count, intervals)."""
+        shared = np.arange(intervals, cls.size(joints, intervals))[:, None].repeat(intervals, axis=1)
+        return np.vstack([np.arange(intervals), shared])

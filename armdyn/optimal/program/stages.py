@@ -2,9 +2,9 @@
 
 The condensed interval (see `condensed`) has forward dynamics in three points: at both ends, and in the middle that
 follows from them. Derived as one expression it repeats the dynamics' second derivatives time and again: 23 000
-instructions for three joints. Here they are one function, `bend`, called three times: 7 000 instructions, which the
-compiler builds in a fifth of the time and which take half as long. Of the multipliers λ of the equations come those of
-the accelerations at the three points.
+instructions for three joints. Here they are one function, `second_order`, called three times: 7 000
+instructions, which the compiler builds in a fifth of the time and which take half as long. The multipliers λ of the
+equations give those of the accelerations at the three points.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class StageFunctions:
 
     Attributes:
         rate: (x, u, p) to the acceleration a.
-        bend: (x, u, weights of a, p) to a, the nonzeros of its Jacobian by (x, u), and of its weighted curvature.
+        second_order: (x, u, weights of a, p) to a, nonzeros of its Jacobian by (x, u) and of its weighted Hessian.
         middle: (y, a at the left, a at the right, p) to the middle's state.
         weigh: (y, the middle's Jacobian, λ, ν, p) to the weights of a at the left and at the right.
         equations: (y, a at the left, in the middle, at the right, p) to the defects, and then the cost.
@@ -38,7 +38,7 @@ class StageFunctions:
     """
 
     rate: ca.Function
-    bend: ca.Function
+    second_order: ca.Function
     middle: ca.Function
     weigh: ca.Function
     equations: ca.Function
@@ -51,7 +51,7 @@ class StageFunctions:
     @property
     def functions(self) -> tuple[ca.Function, ...]:
         """All of them."""
-        return self.rate, self.bend, self.middle, self.weigh, self.equations, self.assemble
+        return self.rate, self.second_order, self.middle, self.weigh, self.equations, self.assemble
 
     @classmethod
     def of(cls, dynamics: Dynamics) -> Self:
@@ -65,19 +65,19 @@ class StageFunctions:
         lam, nu = ca.SX.sym("lam", 2 * n), ca.SX.sym("nu", 2 * n)
         acceleration, one = _Acceleration.of(dynamics, p), _Interval.of(n, Parameters.of(p, n), y)
         left, middle, right = (_Point.of(name, acceleration, one) for name in "lmr")
-        pulls = _Pulls(lam, nu, middle.by_state.T @ lam)
-        jacobian, hessian, moved = one.derivatives(left, middle, right, pulls)
+        multipliers = _Multipliers(lam, nu, middle.by_state.T @ lam)
+        jacobian, hessian, moved = one.derivatives(left, middle, right, multipliers)
         gradient = ca.gradient(one.cost, y)
         nonzeros = [nonzeros_of(part) for part in (jacobian, gradient, hessian, moved)]
-        given = [part for point in (left, middle, right) for part in (point.a, point.slopes, point.bends)]
-        bow = one.h / 2 * pulls.middle - 3 / 4 * nu  # by how the middle bends: h / 8 over -h / 6 is -3 / 4
+        given = [part for point in (left, middle, right) for part in (point.a, point.jacobians, point.hessians)]
+        bow = one.h / 2 * multipliers.middle - 3 / 4 * nu  # by how the middle bends: h / 8 over -h / 6 is -3 / 4
         weights = [lam[n:] + sign * bow[n:] for sign in (1, -1)]
         equations = ca.vertcat(one.defects(left, middle, right), one.cost)
         return cls(
             rate=acceleration.rate,
-            bend=acceleration.bend,
+            second_order=acceleration.second_order,
             middle=ca.Function("middle", [y, left.a, right.a, p], [one.middle(left, right)]),
-            weigh=ca.Function("weigh", [y, middle.slopes, lam, nu, p], weights),
+            weigh=ca.Function("weigh", [y, middle.jacobians, lam, nu, p], weights),
             equations=ca.Function("equations", [y, left.a, middle.a, right.a, p], [equations]),
             assemble=ca.Function("assemble", [y, lam, nu, *given, p], _shared(nonzeros)),
             jacobian=jacobian.sparsity(),
@@ -95,12 +95,12 @@ def _shared(columns: list[ca.SX]) -> list[ca.SX]:
 
 @dataclass(frozen=True, eq=False)
 class _Acceleration:
-    """Scaled, of a state and a torque: `rate` and `bend`, and where its derivatives have nonzeros."""
+    """Scaled, of a state and a torque: `rate` and `second_order`, and where its derivatives have nonzeros."""
 
     rate: ca.Function
-    bend: ca.Function
-    slopes: ca.Sparsity
-    bends: ca.Sparsity
+    second_order: ca.Function
+    jacobians: ca.Sparsity
+    hessians: ca.Sparsity
 
     @classmethod
     def of(cls, dynamics: Dynamics, p: ca.SX) -> Self:
@@ -109,27 +109,29 @@ class _Acceleration:
         body = present_body(dynamics, p)
         a = dynamics.aba(by.length * x[:n], by.speed * x[n:], by.effort * u, body) / by.speed
         at = ca.vertcat(x, u)
-        slopes, bends = ca.jacobian(a, at), ca.triu(ca.hessian(ca.dot(weights, a), at)[0])
-        bend = ca.Function("bend", [x, u, weights, p], _shared([a, nonzeros_of(slopes), nonzeros_of(bends)]))
-        return cls(ca.Function("rate", [x, u, p], [a]), bend, slopes.sparsity(), bends.sparsity())
+        jacobians, hessians = ca.jacobian(a, at), ca.triu(ca.hessian(ca.dot(weights, a), at)[0])
+        second_order = ca.Function(
+            "bend", [x, u, weights, p], _shared([a, nonzeros_of(jacobians), nonzeros_of(hessians)])
+        )
+        return cls(ca.Function("rate", [x, u, p], [a]), second_order, jacobians.sparsity(), hessians.sparsity())
 
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """What `bend` says of a point of the interval, in symbols.
+    """What `second_order` says of a point of the interval, in symbols.
 
     Attributes:
         a: the acceleration.
-        slopes: nonzeros of its Jacobian by (x, u).
-        bends: nonzeros of the upper triangle of its weighted curvature.
+        jacobians: nonzeros of its Jacobian by (x, u).
+        hessians: nonzeros of the upper triangle of its weighted curvature.
         by_state: Jacobian of the state's rate F = (q', v') by the state.
         by_torque: the same by the torque.
         curvature: weighted, of F along (x, u).
     """
 
     a: ca.SX
-    slopes: ca.SX
-    bends: ca.SX
+    jacobians: ca.SX
+    hessians: ca.SX
     by_state: ca.SX
     by_torque: ca.SX
     curvature: ca.SX
@@ -137,19 +139,23 @@ class _Point:
     @classmethod
     def of(cls, name: str, acceleration: _Acceleration, one: "_Interval") -> Self:
         n = one.n
-        a, slopes, bends = (
+        a, jacobians, hessians = (
             ca.SX.sym(f"{name}_{part}", size)
-            for part, size in (("a", n), ("slopes", acceleration.slopes.nnz()), ("bends", acceleration.bends.nnz()))
+            for part, size in (
+                ("a", n),
+                ("slopes", acceleration.jacobians.nnz()),
+                ("bends", acceleration.hessians.nnz()),
+            )
         )
-        jacobian = ca.SX(acceleration.slopes, slopes)
+        jacobian = ca.SX(acceleration.jacobians, jacobians)
         above = ca.horzcat(ca.SX(n, n), one.pace * ca.SX.eye(n))
         by_state = ca.vertcat(above, jacobian[:, : 2 * n])
         by_torque = ca.vertcat(ca.SX(n, n), jacobian[:, 2 * n :])
-        return cls(a, slopes, bends, by_state, by_torque, ca.triu2symm(ca.SX(acceleration.bends, bends)))
+        return cls(a, jacobians, hessians, by_state, by_torque, ca.triu2symm(ca.SX(acceleration.hessians, hessians)))
 
 
 @dataclass(frozen=True, eq=False)
-class _Pulls:
+class _Multipliers:
     """Weights of an interval's equations.
 
     Attributes:
@@ -215,7 +221,9 @@ class _Interval:
         """x_{k+1} - x_k - h / 6 (F_l + 4 F_m + F_r)."""
         return self.end - self.start - self.h / 6 * self.total(left, middle, right)
 
-    def derivatives(self, left: _Point, middle: _Point, right: _Point, pulls: _Pulls) -> tuple[ca.SX, ca.SX, ca.SX]:
+    def derivatives(
+        self, left: _Point, middle: _Point, right: _Point, multipliers: _Multipliers
+    ) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Jacobian of the defects, upper triangle of the curvature of cost + λ'defects + ν'x_m, Jacobian of x_m.
 
         The curvature is that of F at the three points, each with its weights, along the way that y moves them; beside
@@ -225,7 +233,7 @@ class _Interval:
             left: with the curvature that its weights, those of `weigh`, give.
             middle: likewise, its weights λ.
             right: likewise.
-            pulls: λ and ν.
+            multipliers: λ and ν.
         """
         n, h, dh = self.n, self.h, self.dh
         none, one = ca.SX(2 * n, 2 * n), ca.SX.eye(2 * n)
@@ -236,9 +244,9 @@ class _Interval:
         moved = ends + h / 8 * (to_left - to_right) + dh / 8 * self.fall(left, right) @ along_T
         torque = ca.horzcat(ca.SX(n, 2 * n), ca.SX.eye(n), ca.SX(n, 2 * n + 1))
         to_middle = middle.by_state @ moved + middle.by_torque @ torque
-        slope = to_left + 4 * to_middle + to_right
+        jacobian_sum = to_left + 4 * to_middle + to_right
         change = ca.horzcat(-one, ca.SX(2 * n, n), one, ca.SX(2 * n, 1))
-        jacobian = change - h / 6 * slope - dh / 6 * self.total(left, middle, right) @ along_T
+        jacobian = change - h / 6 * jacobian_sum - dh / 6 * self.total(left, middle, right) @ along_T
 
         state = ca.horzcat(one, ca.SX(2 * n, 3 * n + 1))
         last = ca.horzcat(ca.SX(2 * n, 3 * n), one, ca.SX(2 * n, 1))
@@ -247,8 +255,8 @@ class _Interval:
         for point, way, weight in points:
             at = ca.vertcat(way, torque)
             curvature -= weight * h / 6 * (at.T @ point.curvature @ at)
-        bow = dh / 8 * pulls.nu - h * dh / 12 * pulls.middle
-        beside = -dh / 6 * pulls.lam.T @ slope + bow.T @ (to_left - to_right)
+        bow = dh / 8 * multipliers.nu - h * dh / 12 * multipliers.middle
+        beside = -dh / 6 * multipliers.lam.T @ jacobian_sum + bow.T @ (to_left - to_right)
         shared = along_T.T @ beside
         hessian = ca.triu(ca.sparsify(curvature + shared + shared.T))
         return ca.sparsify(jacobian), hessian, ca.sparsify(moved)

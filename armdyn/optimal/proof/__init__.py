@@ -1,1 +1,1 @@
-"""What is checked of an answer: Pontryagin, adjoint equations, the certificate; what decides its time."""
+"""Verification of a solution: Pontryagin's conditions, adjoint equations, certificate, sensitivities."""

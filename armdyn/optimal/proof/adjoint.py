@@ -1,4 +1,4 @@
-"""The costates once more, without the program that they were read from: the adjoint equations along the replay.
+"""Independent check of the costates: the adjoint equations integrated along the replay.
 
 ρ̇ = −∂H/∂x = −(∂f/∂x)ᵀρ, with ∂f/∂x from Pinocchio's derivatives of forward dynamics, integrated from the goal back
 to the start. Of the program only the multipliers of held limits enter: where a joint is on a limit of its velocity or
@@ -43,7 +43,7 @@ _MIDDLE = 0.3
 
 
 def adjoint_error(robot: Robot, replay: Trajectory, phases: Phases) -> float:
-    """How far the costates are from a solution of the adjoint equations, as H feels it, against the 1 that time costs.
+    """Residual of the costates in the adjoint equations, as a change of H, relative to the 1 that time costs.
 
     A difference in ρ_q counts by the joint's largest velocity, one in ρ_v by its largest acceleration.
 
@@ -75,7 +75,7 @@ def adjoint_error(robot: Robot, replay: Trajectory, phases: Phases) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Along:
-    """A motion between whose samples positions are quintics: through q, v and a at both.
+    """A motion interpolated by quintics that match q, v and a at both ends of every sample.
 
     Attributes:
         robot: that moves.
@@ -91,7 +91,7 @@ class Along:
 
     @classmethod
     def of(cls, robot: Robot, motion: Trajectory) -> "Along":
-        """With what forward dynamics say of the samples."""
+        """Interpolate a motion, with accelerations from forward dynamics."""
         acceleration = forward_dynamics(robot)
         q, v, h = motion.q, motion.v, np.diff(motion.t)[:, None]
         a = np.array([acceleration(*sample) for sample in zip(q, v, motion.tau, strict=True)])
@@ -113,8 +113,8 @@ class Along:
         velocities = np.einsum("kp,kpn->kn", _POWERS[1:] * powers[:, :-1], quintics[:, 1:]) / h
         return np.einsum("kp,kpn->kn", powers, quintics), velocities, tau[k] + s * (tau[k + 1] - tau[k])
 
-    def slopes(self, times: Array) -> Array:
-        """−(∂f/∂x)ᵀ at such times, friction included, shape (k, 2 nv, 2 nv)."""
+    def jacobians(self, times: Array) -> Array:
+        """System matrix −(∂f/∂x)ᵀ of the adjoint equations, friction included, shape (k, 2 nv, 2 nv)."""
         n = self.robot.nv
         _, by_q, by_v, _ = forward_dynamics_derivatives(self.robot)(*self.states(times))
         down = np.zeros((times.size, 2 * n, 2 * n))
@@ -123,7 +123,7 @@ class Along:
         return down
 
     def carried(self, edges: Array, precise: float) -> Array | None:
-        """What costates at the end of each stretch are at its start: matrices, shape (k, 2 nv, 2 nv).
+        """Transition matrices of the costates from the end of each stretch to its start, shape (k, 2 nv, 2 nv).
 
         By the sixth order of Gauss in one step and in two: where these differ, each half once more.
 
@@ -138,7 +138,7 @@ class Along:
         return self._halved(starts, ends, self._step(starts, ends), precise, _DEEPEST)
 
     def _halved(self, starts: Array, ends: Array, whole: Array, precise: float, deepest: int) -> Array | None:
-        """The same by halves, which are halved as long as it makes a difference."""
+        """Transition matrices by bisection of the stretches, until another bisection changes nothing."""
         t = self.motion.t
         middles = (starts + ends) / 2
         k = np.searchsorted(t, middles)
@@ -161,11 +161,11 @@ class Along:
         return both
 
     def _step(self, starts: Array, ends: Array) -> Array:
-        """The same in one step."""
+        """Transition matrices in one step."""
         s, own = GAUSS_3.c.size, self.size.size
         h = (ends - starts)[:, None]
         backwards = ends[:, None] - h * GAUSS_3.c
-        rates = self.slopes(backwards.ravel()).reshape(-1, s, own, own)
+        rates = self.jacobians(backwards.ravel()).reshape(-1, s, own, own)
         system = np.einsum("k,jl,kjab->kjalb", h[:, 0], GAUSS_3.A, rates).reshape(-1, s * own, s * own)
         stages = np.linalg.solve(np.eye(s * own) + system, rates.reshape(-1, s * own, own))
         moved = np.einsum("j,kjab->kab", GAUSS_3.b, stages.reshape(-1, s, own, own))
@@ -174,12 +174,12 @@ class Along:
 
 
 def _backwards(along: Along, phases: Phases) -> Array | None:
-    """The adjoint equations at the knots, from the costate at the goal; None if they cannot be followed.
+    """Integrate the adjoint equations backwards from the costate at the goal to the knots; None if they diverge.
 
     Returns:
         Their solution, and how it answers to each costate at the goal, shape (K + 1, 2 nv, 1 + 2 nv).
     """
-    inner, knots, on_limit = _pulls(phases)
+    inner, knots, on_limit = _impulses(phases)
     K, own = phases.arc_of.size, phases.costate.shape[1]
     stops = phases.t[:-1, None] + np.diff(phases.t)[:, None] * TABLEAU.c[:-1]  # where limits pull
     breaks = np.unique(np.concatenate([phases.t, stops[on_limit].ravel()]))
@@ -195,17 +195,17 @@ def _backwards(along: Along, phases: Phases) -> Array | None:
         here = found[k + 1].copy()
         if k < K - 1:
             here[:, 0] -= knots[k]
-        pulls = dict(zip(np.searchsorted(edges, stops[k]).tolist(), inner[k], strict=True)) if on_limit[k] else {}
+        impulses = dict(zip(np.searchsorted(edges, stops[k]).tolist(), inner[k], strict=True)) if on_limit[k] else {}
         for step in range(place[k + 1] - 1, place[k] - 1, -1):
             here = steps[step] @ here
-            if step in pulls:
-                here[:, 0] -= pulls[step]
+            if step in impulses:
+                here[:, 0] -= impulses[step]
         found[k] = here
     return found if np.all(np.isfinite(found)) else None
 
 
 def _edges(breaks: Array, samples: Array) -> Array:
-    """Of stretches to integrate over: all breaks, and every second sample that is not too near one."""
+    """Edges of the stretches of integration: all breaks, and every second sample that is not too near a break."""
     others = samples[::2]
     k = np.clip(np.searchsorted(breaks, others), 1, breaks.size - 1)
     before, after = breaks[k - 1], breaks[k]
@@ -213,8 +213,8 @@ def _edges(breaks: Array, samples: Array) -> Array:
     return np.sort(np.concatenate([breaks, others[near > _NEAR * (after - before)]]))
 
 
-def _pulls(phases: Phases) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """What limits of the state pull on the costates: impulses, none from a limit that no arc names.
+def _impulses(phases: Phases) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Impulses of the state limits on the costates; none from a limit that no arc names.
 
     Impulses at the stages are what the collocation's quadrature makes of a limit that is held. A touch has its own
     at the knot, and IPOPT's barrier some of it at the stages beside.
@@ -232,5 +232,5 @@ def _pulls(phases: Phases) -> tuple[Array, Array, NDArray[np.bool_]]:
         for i, mode in phases.arcs[a].touches:
             rows = slice(None) if mode in POSITION else slice(1, 2)
             met[k, rows, i] = held[k : k + 2, rows, i] = True
-    inner = (phases.state_pull * held[:, None]).reshape(K, -1, 2 * n)
-    return inner, (phases.knot_pull * met).reshape(K - 1, 2 * n), np.asarray(np.any(held, axis=(1, 2)))
+    inner = (phases.state_multiplier * held[:, None]).reshape(K, -1, 2 * n)
+    return inner, (phases.knot_multiplier * met).reshape(K - 1, 2 * n), np.asarray(np.any(held, axis=(1, 2)))

@@ -1,4 +1,4 @@
-"""Whether a motion is what it claims to be: it lands, it keeps the limits, Pontryagin agrees, a bound is near.
+"""Certificate of a motion: end error, limits, Pontryagin's conditions, and the gap to a proven lower bound.
 
 With H = 1 + w/2 τᵀτ + ρᵀf(x, τ) and free final time, an optimum has H = 0 throughout, and every
 torque on its limit is there because H falls outward: S_i = ∂H/∂τ_i is negative on the upper and
@@ -49,14 +49,14 @@ LIMIT_TOLERANCE = 1e-6
 GAP_TOLERANCE = 1e-3
 """Of the duration, above a proven lower bound: less than a change of payload by a few grams makes."""
 
-ON_CURVE = "Pontryagin's conditions are not checked on a curve"
+ON_CURVE = "Pontryagin's conditions are not checked: the switching times are not resolved"
 """Remark of motions that are curves: what proves them is the gap."""
 
 
 @brief
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """What was checked, each apart, and how it came out. Infinite: could not be checked.
+    """Results of the checks of a motion. Infinite: could not be checked.
 
     `lands` and `keeps_limits`: it is `usable`. `extremal`, or a proven `gap` of no more than `GAP_TOLERANCE`, besides:
     it is certified, `ok`.
@@ -138,7 +138,7 @@ class Certificate:
 
     @property
     def usable(self) -> bool:
-        """It lands and keeps the limits: a motion for the arm, optimal or not."""
+        """Whether the replay reaches the goal and keeps all limits. Says nothing about optimality."""
         return self.lands and self.keeps_limits
 
     @property
@@ -170,7 +170,7 @@ class Certificate:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why it is not certified, for people; empty if it is."""
+        """Reasons why the motion is not certified; empty if it is."""
         if self.ok:
             return ()
         if not np.isfinite(self.goal_error):
@@ -184,10 +184,11 @@ class Certificate:
             wrong += self._against_pontryagin
         elif not (wrong or self.remark):
             wrong = ("no costates: the arcs were not resolved",)
-        return (*((self.remark,) if self.remark else ()), *wrong, *self._against_gap)
+        remark = "" if self.remark == ON_CURVE and self.gap is not None else self.remark  # the gap says more
+        return (*((remark,) if remark else ()), *wrong, *self._against_gap)
 
     def bounded(self, lower_bound: float | None, duration: float) -> Self:
-        """The same, with a lower bound on the duration of all motions.
+        """The certificate with a lower bound on the duration of all motions.
 
         Args:
             lower_bound: proven [s]; None: none is known.
@@ -202,7 +203,7 @@ class Certificate:
         return replace(self, lower_bound=bound, gap=duration / bound - 1)
 
     def at_goal(self, transversality: float | None) -> Self:
-        """The same, with how fast the duration falls along the goal's continuum: see `transversality`."""
+        """The certificate with the transversality error at a goal pose; see `transversality`."""
         return replace(self, transversality=transversality)
 
     @property
@@ -228,7 +229,7 @@ class Certificate:
 
 
 def percent(part: float) -> str:
-    """A part of the whole as people read it, three digits of it, rounded up: what is at most so much stays true."""
+    """A fraction as text in percent, three digits, rounded up so that an upper bound stays true."""
     if not part or not math.isfinite(part):
         return f"{100 * part:g} %"
     scale = 10.0 ** (2 - math.floor(math.log10(100 * abs(part))))
@@ -236,7 +237,7 @@ def percent(part: float) -> str:
 
 
 def _beyond(*checks: tuple[str, float, float]) -> tuple[str, ...]:
-    """The texts of values beyond their bounds, NaN included."""
+    """Texts of the values that exceed their bounds; NaN exceeds."""
     return tuple(text.format(value) for text, value, bound in checks if not value <= bound)
 
 

@@ -1,4 +1,4 @@
-"""What decides how long a motion takes: each limit's share, by the elasticity of the minimum time."""
+"""Elasticity of the minimum time with respect to each limit: the limit's share in the duration."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ _LEAST = 1e-6
 
 @dataclass(frozen=True)
 class Share:
-    """How much of the time a limit decides: −∂ln t_f/∂ln(limit). One per cent more of it takes that part of 1 % off.
+    """A limit's share in the duration: −∂ln t_f/∂ln(limit). Raising it by 1 % saves that share of 1 %.
 
     Of a speed limit all that a cruise at it takes. Torques decide by their root: without gravity and speed limits all
     torque limits together have one half.
@@ -40,7 +40,7 @@ class Share:
 
     @property
     def name(self) -> str:
-        """Which limit it is, for people."""
+        """Name of the limit in messages."""
         return f"{self.joint}'s {self.limit}"
 
 

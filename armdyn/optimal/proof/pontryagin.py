@@ -36,11 +36,11 @@ def pontryagin(problem: MinimumTimeProblem, phases: Phases) -> tuple[Array, Arra
         for i, mode in enumerate(phases.arcs[a].modes):
             if mode in HELD or not first:  # a free torque is extrapolated to the knot where its arc begins
                 worst = max(worst, fall[k, i])
-    return hamiltonian, switching, float(max(worst, _worst_pull(phases)))
+    return hamiltonian, switching, float(max(worst, _worst_multiplier(phases)))
 
 
 def idle_joints(problem: MinimumTimeProblem, phases: Phases, switching: Array, tolerance: float) -> tuple[str, ...]:
-    """Joints that time does not determine for more than half of the motion: on no limit, and their costates zero.
+    """Joints that time leaves undetermined for more than half of the motion: off all limits, with zero costates.
 
     Zero is the one value that Pontryagin's conditions allow there: whatever the joint does, H does not feel it.
 
@@ -61,55 +61,55 @@ def idle_joints(problem: MinimumTimeProblem, phases: Phases, switching: Array, t
     return tuple(name for name, share in zip(problem.robot.joint_names, shares, strict=True) if share > 1 / 2)
 
 
-def _worst_pull(phases: Phases) -> float:
-    """How much a held velocity or position would rather be let inward, relative to its largest pull outward."""
+def _worst_multiplier(phases: Phases) -> float:
+    """Largest inward multiplier of an active state limit, relative to its largest outward multiplier."""
     worst, K = 0.0, phases.arc_of.size
     for i in range(phases.q.shape[1]):
         modes = [phases.arcs[a].modes[i] for a in phases.arc_of]
-        fast = [-outward(mode) * phases.state_pull[k, :, 1, i] for k, mode in enumerate(modes) if mode in VELOCITY]
+        fast = [
+            -outward(mode) * phases.state_multiplier[k, :, 1, i] for k, mode in enumerate(modes) if mode in VELOCITY
+        ]
         inside = np.array([mode in POSITION for mode in modes])
         sign = np.array([outward(mode) for mode in modes])
         fast += _velocity_blows(phases, i)
-        stages, knots = _position_pulls(phases, i, inside)
+        stages, knots = _position_multipliers(phases, i, inside)
         met = np.zeros(K - 1)  # at the knots between intervals: in contact on either side, or touching
         met[inside[1:]], met[inside[:-1]] = sign[1:][inside[1:]], sign[:-1][inside[:-1]]
         for a, arc in enumerate(phases.arcs[:-1]):
             for joint, mode in arc.touches:
                 if joint == i and mode in POSITION:
-                    met[np.flatnonzero(phases.arc_of == a)[-1]] = outward(mode)
+                    met[max(int(np.searchsorted(phases.arc_of, a, side="right")) - 1, 0)] = outward(mode)
         near = [-sign[k] * stages[k] for k in np.flatnonzero(inside)] + [-(met * knots)[met != 0]]
-        for pulls in (fast, near):
-            if sum(map(len, pulls)):
-                every = np.concatenate(pulls)
+        for multipliers in (fast, near):
+            if sum(map(len, multipliers)):
+                every = np.concatenate(multipliers)
                 worst = max(worst, -np.min(every) / max(np.max(np.abs(every)), 1e-300))
     return worst
 
 
 def _velocity_blows(phases: Phases, i: int) -> list[Array]:
-    """Pulls of a velocity limit at once, outward: where a joint meets it, leaves it, or touches it."""
+    """Pulls of a velocity limit at once, outward: where a joint meets it, leaves it, is on it, or touches it."""
     blows: list[Array] = []
     for a, (here, after) in enumerate(pairwise(phases.arcs)):
-        at = [
-            mode for mode in (here.modes[i], after.modes[i]) if mode in VELOCITY and here.modes[i] is not after.modes[i]
-        ]
+        at = [mode for mode in {here.modes[i], after.modes[i]} if mode in VELOCITY]
         at += [mode for joint, mode in here.touches if joint == i and mode in VELOCITY]
         knot = np.flatnonzero(phases.arc_of == a)[-1:]
-        blows += [-outward(mode) * phases.knot_pull[knot, 1, i] for mode in at]
+        blows += [-outward(mode) * phases.knot_multiplier[knot, 1, i] for mode in at]
     return blows
 
 
-def _position_pulls(phases: Phases, i: int, inside: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _position_multipliers(phases: Phases, i: int, inside: NDArray[np.bool_]) -> tuple[Array, Array]:
     """A position limit's ∂t_f/∂q_i at the inner stages, shape (K, stages - 1), and inner knots, shape (K - 1,).
 
     In contact the program holds the velocity, too, and asks nothing of q's defects. Here the limit is one
     of position alone: multipliers of the defects stand in for the pulls on the velocities.
     """
     K, s = phases.arc_of.size, TABLEAU.c.size
-    stages, knots = phases.state_pull[:, :, 0, i].copy(), phases.knot_pull[:, 0, i].copy()
+    stages, knots = phases.state_multiplier[:, :, 0, i].copy(), phases.knot_multiplier[:, 0, i].copy()
     lengths = np.diff(phases.t)
     for k in np.flatnonzero(inside):
-        last = phases.knot_pull[k, 1, i] if k < K - 1 else 0.0
-        costate = np.linalg.solve(lengths[k] * TABLEAU.A.T, np.append(phases.state_pull[k, :, 1, i], last))
+        last = phases.knot_multiplier[k, 1, i] if k < K - 1 else 0.0
+        costate = np.linalg.solve(lengths[k] * TABLEAU.A.T, np.append(phases.state_multiplier[k, :, 1, i], last))
         stages[k] += costate[: s - 1]
         if k < K - 1:
             knots[k] += costate[-1]

@@ -1,4 +1,4 @@
-"""Whether others can repeat a motion's replay: segment defects, open-loop growth, and a replay under feedback.
+"""Repeatability of a replay by other integrators: segment defects, open-loop growth, replay under feedback.
 
 Without feedback an error of a state grows along the motion, on a heavy arm with light wrists by 10¹⁰ and more. Then no
 two integrators agree on the end state, and a replay that lands says nothing but that the torques were computed by
@@ -41,7 +41,7 @@ _LEFT = "a replay under feedback leaves the motion, and open loop it is unstable
 
 
 def repeated(problem: MinimumTimeProblem, motion: Trajectory, certificate: Certificate) -> Certificate:
-    """Judge a motion by what an integrator of another family makes of its torques.
+    """Check a motion by integrating its torques with an integrator of another family.
 
     Open loop up to `OPEN_LOOP_GROWTH`: the goal errors are the worse of both integrators', plus growth times
     `ACCURACY`. Beyond: those of a replay under feedback, `under_feedback`, and the limits must be kept by it, too.
@@ -128,7 +128,7 @@ def under_feedback(robot: Robot, limits: JointLimits, motion: Trajectory, segmen
         correction[k] = np.clip(wanted, lowest[k], highest[k])
         unseen = (damping + stiffness) * ACCURACY * np.sum(np.abs(M), axis=1)
         largest = np.maximum(largest, np.abs(correction[k]) + unseen)
-        beside[k + 1] = segments.through[k] @ state + segments.forced[k] @ correction[k] + segments.defect[k]
+        beside[k + 1] = segments.state_transition[k] @ state + segments.forced[k] @ correction[k] + segments.defect[k]
         if not np.max(np.abs(beside[k + 1])) <= _NEAR:
             return None
     x = np.concatenate([ticks.q, ticks.v], axis=1) + beside

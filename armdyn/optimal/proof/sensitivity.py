@@ -1,4 +1,4 @@
-"""How the minimum time answers to what it was given, exactly, from the multipliers."""
+"""Derivatives of the minimum time by payload mass and limits, from the multipliers."""
 
 from __future__ import annotations
 
@@ -61,14 +61,14 @@ def by_limits(phases: Phases) -> tuple[Array, Array, Array]:
     for k, a in enumerate(phases.arc_of):
         for i, mode in enumerate(arcs[a].modes):
             if mode is Mode.UPPER:
-                upper[i] += phases.torque_pull[k, :, i].sum()
+                upper[i] += phases.torque_multiplier[k, :, i].sum()
             if mode is Mode.LOWER:
-                lower[i] += phases.torque_pull[k, :, i].sum()
+                lower[i] += phases.torque_multiplier[k, :, i].sum()
             if mode in VELOCITY:
                 outward = 1.0 if mode is Mode.VELOCITY_UPPER else -1.0
-                pull = phases.state_pull[k, :, 1, i].sum()
-                pull += phases.knot_pull[k, 1, i] if k < len(phases.knot_pull) else 0.0
-                velocity[i] += outward * pull
+                multiplier = phases.state_multiplier[k, :, 1, i].sum()
+                multiplier += phases.knot_multiplier[k, 1, i] if k < len(phases.knot_multiplier) else 0.0
+                velocity[i] += outward * multiplier
     return upper, lower, velocity
 
 

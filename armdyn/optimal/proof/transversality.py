@@ -1,4 +1,4 @@
-"""Transversality: whether a goal pose is reached at the best of the joint positions that reach it.
+"""Transversality at a goal pose: whether another of its joint positions would be reached sooner.
 
 The costates at the end are how the duration answers to the goal, ∂t_f/∂q = −ρ_q(t_f). Where a continuum of joint
 positions reaches a pose, an optimum has ρ_q(t_f) orthogonal to it (Bryson and Ho, Applied Optimal Control,
@@ -16,8 +16,8 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 Array = NDArray[np.float64]
 
 
-def end_slope(robot: Robot, goal: GoalPose, q: Array, phases: Phases) -> Array:
-    """How the duration changes where the goal moves along the joint positions that reach a pose [s/rad], shape (nv,).
+def end_gradient(robot: Robot, goal: GoalPose, q: Array, phases: Phases) -> Array:
+    """Gradient of the duration by the goal, along the joint positions that reach the pose [s/rad], shape (nv,).
 
     Args:
         robot: the arm.
@@ -30,7 +30,7 @@ def end_slope(robot: Robot, goal: GoalPose, q: Array, phases: Phases) -> Array:
 
 
 def transversality(problem: MinimumTimeProblem, goal: GoalPose | None, q: Array, phases: Phases | None) -> float | None:
-    """How far the costates at the end are from transversality, see `Certificate.transversality`.
+    """Transversality error of the costates at the end; see `Certificate.transversality`.
 
     Args:
         problem: whose motion it is.
@@ -43,4 +43,4 @@ def transversality(problem: MinimumTimeProblem, goal: GoalPose | None, q: Array,
     if phases is None:
         return float("inf")
     way = np.linalg.norm(q - problem.poses[-2])
-    return float(np.linalg.norm(end_slope(problem.robot, goal, q, phases)) * way / phases.duration)
+    return float(np.linalg.norm(end_gradient(problem.robot, goal, q, phases)) * way / phases.duration)

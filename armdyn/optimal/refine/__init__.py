@@ -1,1 +1,1 @@
-"""From optima of a mesh to answers: arcs, smooth optima, path constraints."""
+"""Refinement of a mesh's optima: arcs, smooth optima, path constraints, curves."""

@@ -12,7 +12,6 @@ import numpy as np
 
 from armdyn.optimal.landing.pace import mended
 from armdyn.optimal.landing.rollout import dense, replay_of
-from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.path_constraints.tightened import ConstraintReports, TightenedConstraints
 from armdyn.optimal.proof.certificate import certify
 from armdyn.optimal.refine.optimum import Optimum
@@ -46,25 +45,23 @@ def constrained(task: Task) -> tuple[list[Optimum], Found]:
 
 def without_obstacles(task: Task) -> Task | None:
     """The task without obstacles and self-collision; None: there are none."""
-    if not any(constraint.goes_round for constraint in path_constraints_of(task.problem)):
+    if not task.problem.crowded:
         return None
     task.progress("the way without obstacles")
     return task.about(task.problem.variant(obstacles=(), self_collision=False))
 
 
-def clear_optima(task: Task, optima: Sequence[Optimum]) -> list[Optimum]:
-    """Optima of the task without obstacles, with reports on the constraints; none: the best of them is not clear.
+def with_clearances(task: Task, optima: Sequence[Optimum]) -> list[Optimum]:
+    """Optima of the task without obstacles, with reports on all constraints of the task.
 
     Args:
         task: with obstacles.
         optima: of `without_obstacles`.
     """
-    problem, constraints = task.problem, TightenedConstraints.of(task.problem)
-    found = [
-        replace(one, reports=constraints.check(problem, one.trajectory, np.array(one.via_times))) for one in optima
+    constraints = TightenedConstraints.of(task.problem)
+    return [
+        replace(one, reports=constraints.check(task.problem, one.trajectory, np.array(one.via_times))) for one in optima
     ]
-    best = min(found, key=lambda one: (not one.landed(task.options.replay_tolerance), one.cost), default=None)
-    return found if best is not None and (best.reports is None or _mended(task, best.reports)) else []
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,13 +12,13 @@ from armdyn.codegen.deadline import LateError
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.follow import follow
 from armdyn.optimal.flat.nlp_data import CurveSpec
-from armdyn.optimal.flat.refinement import RefinedCurve, constraints_mended, refine_curve, reports_on, sampled
+from armdyn.optimal.flat.refinement import RefinedCurve, constraints_mended, refine_curve, sampled
 from armdyn.optimal.flat.solve import prepare_curve
 from armdyn.optimal.landing.limit_violations import worst_violation
-from armdyn.optimal.path_constraints.registry import is_crowded
+from armdyn.optimal.landing.pace import can_be_slowed, least_factor
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.proof.certificate import GAP_TOLERANCE, ON_CURVE, certify
+from armdyn.optimal.proof.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE, certify
 from armdyn.optimal.proof.deciding import Share
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.smooth import trajectory_cost
@@ -48,7 +48,7 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
     Args:
         task: any problem.
     """
-    numbers, crowded = task.policy.curves, is_crowded(task.problem)
+    numbers, crowded = task.policy.curves, task.problem.crowded
     starts = task.policy.search.guesses(task.options, numbers.starts)
     try:
         found = refined_ways(task) if crowded else _refined(task, _guesses(task, starts))
@@ -123,7 +123,7 @@ def _guesses(task: Task, count: int) -> list[Curve]:
         return guesses
     guesses += [Curve.near(guess, basis) for guess in options.guesses]
     if count > 1:
-        ways = via_guesses(problem, options.seed, count, task.stop)[1:]
+        ways = via_guesses(problem, options.seed, count, policy=task.policy.search)[1:]
         guesses += [Curve.near(spline(problem, way), basis) for way in ways]
     return guesses
 
@@ -184,9 +184,9 @@ def _deciding(task: Task, refined: RefinedCurve) -> tuple[Share, ...]:
     names, by_joint = problem.robot.joint_names, dict[str, Array]()
     half = problem.limits.actuators.half_range
     for leg in shape.legs:
-        torques, pull = shape.torques(leg), solved.result.lam_x[shape.torques(leg)]
-        size = np.where(pull > 0, problem.limits.actuators.upper, problem.limits.actuators.lower) / half
-        parts = {"torque limit": np.sum(pull * size, axis=0)} if torques.size else {}
+        torques, multiplier = shape.torques(leg), solved.result.lam_x[shape.torques(leg)]
+        size = np.where(multiplier > 0, problem.limits.actuators.upper, problem.limits.actuators.lower) / half
+        parts = {"torque limit": np.sum(multiplier * size, axis=0)} if torques.size else {}
         for order in shape.orders:
             parts[_LIMITS[order]] = np.sum(np.abs(solved.result.lam_g[shape.rates(leg, order)]), axis=0)
         for limit, part in parts.items():
@@ -204,7 +204,14 @@ def _landed(task: Task, refined: RefinedCurve) -> Optimum:
     """A curve's motion, replayed."""
     problem, curve = task.problem, refined.curve
     # `follow` integrates as `replay_torques` does, sample by sample; `proof.repeat` judges by another integrator.
-    replay = replace(follow(task, sampled(task, curve)), name="minimum time")
+    replay = follow(task, sampled(task, curve))
+    if problem.robot.friction.present and can_be_slowed(problem):
+        # Where friction jumps the replay is farther off its curve: `refine.slowing` would end off the goal.
+        factor = least_factor(problem.robot, problem.limits, replay, LIMIT_TOLERANCE)
+        if 1 < factor < 1 + _HOPELESS:
+            curve = curve.slower(1 + task.policy.curves.slower_again * (factor - 1))
+            replay = follow(task, sampled(task, curve))
+    replay = replace(replay, name="minimum time")
     looked = refined.constraints.check(problem, replay, curve.passing) if refined.constraints.path_constraints else None
     result = refined.solved.result
     remark = ON_CURVE if refined.solved.converged else f"the curve did not converge ({result.message})"

@@ -7,18 +7,22 @@ import numpy as np
 from armdyn.optimal.arcs.nlp_data import PhaseAim, TiedArcs
 from armdyn.optimal.arcs.phases import Phases, Unresolved
 from armdyn.optimal.arcs.solving import solve_phases
-from armdyn.optimal.landing.rollout import replay_of
+from armdyn.optimal.landing.rollout import dense, replay_of
+from armdyn.optimal.landing.segments import Segments
 from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.proof.adjoint import adjoint_error
-from armdyn.optimal.proof.certificate import certify
+from armdyn.optimal.proof.certificate import SEGMENT_TOLERANCE, certify
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.switching.costates import phases_of
-from armdyn.optimal.switching.extremal.descent import Extremal, ended, finer
+from armdyn.optimal.switching.extremal.descent import Extremal, finer, in_one_piece
 from armdyn.optimal.task.mesh_refinement import MeshRefinement
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
+
+_MOST_SAMPLES = 2000
+"""Of a replay, about: six times those of most."""
 
 
 def land(task: Task, phases: Phases, remark: str = "", intervals: int | None = None) -> Optimum:
@@ -60,19 +64,24 @@ def land_extremal(task: Task, extremal: Extremal, intervals: int, stop: Stop) ->
         task: what is solved.
         extremal: of it.
         intervals: of the mesh that it was read from.
-        stop: asked before it is marched in finer steps.
+        stop: asked before it is integrated in finer steps.
     """
-    problem, policy, n, aim = task.problem, task.policy, task.problem.robot.nv, Aim()
+    problem, policy, n, aim, samples = task.problem, task.policy, task.problem.robot.nv, Aim(), 1
     for _ in range(policy.refinement.aims):
-        phases = phases_of(ended(extremal, aim.at_goal(n)), policy.arcs)
+        phases = phases_of(in_one_piece(extremal, aim.at_goal(n)), policy.arcs)
         astray = float(np.max(np.abs(pontryagin(problem, phases)[0]))) > policy.refinement.stray
         if astray and not stop and (more := finer(extremal, stop)) is not None:
             extremal = more
             continue
-        replay = replay_of(task, phases.torques)
+        replay = replay_of(task, dense(phases.torques, samples))
         missed = float(np.max(np.abs(problem.beside_goal(replay)[:n])))
-        if missed <= policy.refinement.landed or replay.t[-1] != phases.duration or task.stop:
+        if replay.t[-1] != phases.duration or task.stop:
             break
+        if missed <= policy.refinement.landed:
+            if samples > _MOST_SAMPLES or Segments.of(problem.robot, replay).largest <= SEGMENT_TOLERANCE / 2:
+                break
+            samples = 2 * replay.t.size  # so fast that the replay's integrator is wrong in some
+            continue
         aim = aim.corrected(problem, replay)
     replay = replace(replay, name="minimum time")
     certificate = certify(problem, replay, phases, adjoint=False)

@@ -1,6 +1,7 @@
 """From a mesh's solution to its arcs: the structure whose switching functions agree with its modes."""
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,18 +13,32 @@ from armdyn.optimal.arcs.solving import prepare_phases, solve_phases
 from armdyn.optimal.arcs.structure import by_sign, with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.landing.aim import aimed
 from armdyn.optimal.problem.stop import Budget
-from armdyn.optimal.program.unknowns import mesh
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE, SWITCHING_TOLERANCE, certify
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land, land_extremal
 from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.refine.switch_mesh import at_switches
 from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.solve.condensed import solve_on_knots
+from armdyn.optimal.switching.costates import phases_of
 from armdyn.optimal.switching.extremal.descent import Extremal
-from armdyn.optimal.switching.reading import schedules_of
-from armdyn.optimal.switching.settle import Settled, has_switching, leaves_idle, prepare_switching, setting_of, settled
+from armdyn.optimal.switching.extremal.rollout import ShootingProblem
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
+from armdyn.optimal.switching.from_arcs import structures_of
+from armdyn.optimal.switching.refinement import (
+    RefinedExtremal,
+    has_switching,
+    leaves_idle,
+    prepare_switching,
+    refine_extremal,
+    shooting_problem,
+)
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
+_IDLE = "time leaves a joint idle"
+_SAME = 1e-6
+"""Of the duration: a mesh's own motion that is faster by less is none."""
 Structure = tuple[tuple[tuple[Mode, ...], tuple[tuple[int, Mode], ...]], ...]
 
 
@@ -35,28 +50,52 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
         attempt: a collocation solution with constant torques between its knots.
         budget: of the integrator's steps that may be spent; None: as many as it takes.
     """
-    motion, known, remark = attempt.trajectory, list[Optimum](), f"{task.stop.word} before the arcs were read"
+    motion, sharp, known = attempt.trajectory, attempt, list[Optimum]()
+    remark = f"{task.stop.word} before the arcs were read"
     if not task.stop:
-        arcs = _arcs_of(task, attempt)
-        if has_switching(task):
-            own = budget or Budget(task.stop)
-            extremal, remark = _by_switching(task, arcs, motion, own)
+        own, rolled_out = Budget(task.stop) if budget is None else budget, has_switching(task)
+        if rolled_out:
+            found = _by_switching(task, attempt, own)
+            extremal, remark, sharp = found.extremal, found.why, found.mesh
             known += [land_extremal(task, extremal, attempt.intervals, own)] if extremal else []
-        if not known or (not known[0].certificate.ok and _at_speed(task, motion, known[0].trajectory)):
-            phases, remark = _structure(task, arcs, motion)
+        # Where no structure leads to a motion a finer mesh does sooner than the collocation of arcs, at less cost.
+        other = not rolled_out or remark == _IDLE or _at_speed(task, motion, *(one.trajectory for one in known))
+        if other and not (known and known[0].certificate.ok):
+            phases, remark = _structure(task, _arcs_of(task, attempt), motion, budget)
             if phases is not None:
                 known.append(land(task, phases, remark, attempt.intervals))
                 remark = known[-1].certificate.remark
     certified = [one for one in known if one.certificate.ok]
     if certified:
         return certified[0]
-    if known and not _rank(known[0])[0] and known[0].trajectory.duration <= motion.duration:
+    longest = (1 + _SAME) * sharp.trajectory.duration
+    if known and not _rank(known[0])[0] and known[0].trajectory.duration <= longest:
         return known[0]  # usable, and the mesh's own motion is slower
-    landed, replay = aimed(task, motion)
-    certificate = certify(task.problem, replay, None, remark)
-    on_mesh = Optimum(landed, certificate, landed.duration, attempt.intervals)
+    for mesh in _alike(task, sharp, attempt):
+        landed, replay = aimed(task, mesh.trajectory)
+        certificate = certify(task.problem, replay, None, remark)
+        known.append(Optimum(landed, certificate, landed.duration, attempt.intervals))
+        if not _rank(known[-1])[0]:
+            break
     # Arcs that are not certified are worth having only if their motion is the better one.
-    return min((*known, on_mesh), key=_rank)
+    return min(known, key=_rank)
+
+
+def _alike(task: Task, sharp: Attempt, attempt: Attempt) -> Iterator[Attempt]:
+    """Solutions of one optimum: at located switches, the same a little inside the position limits, equal intervals."""
+    yield sharp
+    if sharp is attempt:
+        return
+    limits = task.problem.limits
+    inside = task.policy.switch_mesh.inside * (limits.position_upper - limits.position_lower)
+    lower, upper = limits.position_lower + inside, limits.position_upper - inside
+    ends = np.array([task.problem.q_start, task.problem.q_goal])
+    if np.all(np.isfinite(inside)) and np.all((ends >= lower) & (ends <= upper)):
+        tighter = replace(task, problem=task.problem.variant(position_limit=(lower, upper)))
+        found = solve_on_knots(tighter, sharp.trajectory, sharp.mesh, task.sharp())
+        if found.usable:
+            yield found
+    yield attempt
 
 
 def _at_speed(task: Task, *motions: Trajectory) -> bool:
@@ -82,22 +121,34 @@ def prepare_resolving(task: Task) -> None:
 
 def _arcs_of(task: Task, attempt: Attempt) -> list[Arc]:
     """The arcs that a mesh's torques and states say."""
-    policy, intervals = task.policy, attempt.intervals
+    policy, equal = task.policy, attempt.knots is None
     # The torques of a fine mesh need not be on their limits where time hardly tells.
-    switch = max(policy.arcs.switch, intervals // policy.refinement.blur)
-    return merged(detect(task.problem, attempt.trajectory, mesh(intervals), switch, policy.arcs))
+    switch = max(policy.arcs.switch, attempt.intervals // policy.refinement.blur) if equal else policy.arcs.switch
+    brief, near = (0.0, policy.arcs) if equal else (policy.arcs.brief, policy.arcs.at_switches)
+    return merged(detect(task.problem, attempt.trajectory, attempt.mesh, switch, near, brief))
 
 
-def _structure(task: Task, arcs: list[Arc], motion: Trajectory) -> tuple[Phases | None, str]:
-    """Phases whose switching functions agree with their modes, or the last ones and why they do not."""
+def _structure(task: Task, arcs: list[Arc], motion: Trajectory, budget: Budget | None) -> tuple[Phases | None, str]:
+    """Phases whose switching functions agree with their modes, or the last ones and why they do not.
+
+    Args:
+        task: what is solved.
+        arcs: to begin with.
+        motion: a guess.
+        budget: of integrator steps, of which IPOPT's iterations take some, too; None: as many as it takes.
+    """
     problem, numbers = task.problem, task.policy.refinement
     guess, seen = motion, set[Structure]()
     last: Phases | None = None
     for _ in range(numbers.rounds):
         if len(arcs) > numbers.most_arcs:
             return last, f"{len(arcs)} arcs: more than {numbers.most_arcs}"
+        if budget:  # spent
+            return last, budget.word
         size = max(numbers.intervals, 3 * len(arcs))
         phases = solve_phases(task, arcs, guess, size, PhaseAim(density=last.density if last else None))
+        if budget is not None:
+            budget.spend(phases.iterations * size * numbers.iteration)
         if isinstance(phases, Unresolved):
             return last, f"the durations of {len(arcs)} arcs did not converge ({phases.message})"
         guess, structure = phases.torques, _named(phases.arcs)
@@ -122,26 +173,77 @@ def _structure(task: Task, arcs: list[Arc], motion: Trajectory) -> tuple[Phases 
     return last, "the switching structure did not settle"
 
 
-def _by_switching(task: Task, arcs: list[Arc], motion: Trajectory, budget: Budget) -> tuple[Extremal | None, str]:
-    """The extremal that a structure comes to when it is mended, or what is nearest to one; and what it lacks.
+@dataclass(frozen=True, eq=False)
+class _Resolved:
+    """Result of the switching structures of a mesh's solution.
 
-    None: nothing lands, or time does not determine what some joint does.
+    Attributes:
+        extremal: the best; None: nothing lands, or time does not determine what some joint does.
+        why: what it lacks, for people; "": nothing.
+        mesh: the solution refined at its switches, where that was needed; else the one on equal intervals.
     """
-    setting, found = setting_of(task, motion.duration), Settled(None, np.inf, "")
-    best: Settled | None = None
-    for schedule in schedules_of(setting, arcs, motion):
-        part = min(budget.left, task.policy.refinement.budget / 2)
-        own = Budget(task.stop, part)
-        found = settled(replace(setting, budget=own), schedule, own)
-        budget.spend(part - own.left)
-        if found.extremal is not None and (best is None or found.wrong < best.wrong):
-            best = found
-        if (best is not None and best.wrong <= SWITCHING_TOLERANCE) or budget:
+
+    extremal: Extremal | None
+    why: str
+    mesh: Attempt
+
+
+class _Structures:
+    """Structures of a mesh's solution in the order in which they are tried.
+
+    Those of equal intervals come first, then those of a mesh refined at its switches; then the first ones again, with
+    more of the budget.
+
+    Attributes:
+        mesh: the finest solution that structures were read from.
+    """
+
+    def __init__(self, task: Task, attempt: Attempt, shooting: ShootingProblem) -> None:
+        self.mesh = attempt
+        self._task, self._shooting = task, shooting
+
+    def tries(self) -> Iterator[tuple[SwitchingStructure, int]]:
+        """Structures, each with the integrator steps that it may take."""
+        numbers, attempt = self._task.policy.refinement, self.mesh
+        first = self._read()
+        yield from ((structure, numbers.glance) for structure in first)
+        self.mesh = at_switches(self._task, attempt)
+        if self.mesh is not attempt:
+            yield from ((structure, numbers.sharp) for structure in self._read())
+        yield from ((structure, numbers.share) for structure in first)
+
+    def _read(self) -> list[SwitchingStructure]:
+        arcs, sure = _arcs_of(self._task, self.mesh), self.mesh.knots is not None
+        return list(structures_of(self._shooting, arcs, self.mesh.trajectory, sure))
+
+
+def _by_switching(task: Task, attempt: Attempt, budget: Budget) -> _Resolved:
+    """The extremal that a structure comes to when it is mended, or what is nearest to one."""
+    shooting = shooting_problem(task, attempt.trajectory.duration)
+    best, least = RefinedExtremal(None, np.inf, ""), (np.inf, np.inf)
+    structures = _Structures(task, attempt, shooting)
+    for structure, most in structures.tries():
+        granted = min(budget.left, most)
+        own = Budget(task.stop, granted)
+        found = refine_extremal(replace(shooting, budget=own), structure, own)
+        budget.spend(granted - own.left)
+        best = found if best.extremal is None else best
+        if (lack := _lack(task, found)) < least:
+            best, least = found, lack
+        if least[0] == 0 or budget:
             break
-    if best is None or best.extremal is None:
-        return None, found.why
-    idle = leaves_idle(best.extremal, SWITCHING_TOLERANCE)
-    return (None, "time leaves a joint idle") if idle else (best.extremal, best.why)
+    idle = best.extremal is not None and leaves_idle(best.extremal, SWITCHING_TOLERANCE)
+    return _Resolved(None, _IDLE, structures.mesh) if idle else _Resolved(best.extremal, best.why, structures.mesh)
+
+
+def _lack(task: Task, refined: RefinedExtremal) -> tuple[float, float]:
+    """Sorts: extremals before others, by duration; the others by the worst sign of a torque or of a multiplier."""
+    if refined.extremal is None:
+        return np.inf, np.inf
+    wrong = refined.wrong
+    if wrong <= SWITCHING_TOLERANCE:  # contacts that could not be mended are not in it
+        wrong = pontryagin(task.problem, phases_of(refined.extremal, task.policy.arcs))[2]
+    return wrong if wrong > SWITCHING_TOLERANCE else 0.0, refined.extremal.structure.duration
 
 
 def _named(arcs: tuple[Arc, ...] | list[Arc]) -> Structure:

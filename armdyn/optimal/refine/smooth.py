@@ -273,12 +273,12 @@ def _distinct(task: Task, attempts: Sequence[Attempt]) -> list[Trajectory]:
 
 
 def trajectory_cost(motion: Trajectory, weight: ArrayLike) -> float:
-    """J = ∫ (1 + ½ Σ wᵢ τᵢ²) dt [s], exact for torques that are linear between samples.
+    """J = ∫ (1 + ½ Σ wᵢ τᵢ²) dt [s], exact for linear and held torques.
 
     Args:
         motion: of which times and torques count.
         weight: w [1/(N m)²], one number or one per joint.
     """
-    a, b = motion.tau[:-1], motion.tau[1:]
+    a, b = motion.tau[:-1], motion.tau_end
     squares = np.sum(np.asarray(weight) * (a * a + a * b + b * b), axis=1) / 3
     return float(motion.duration + np.diff(motion.t) @ squares / 2)

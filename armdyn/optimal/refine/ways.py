@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.task.policy.search import SearchPolicy
+from armdyn.optimal.task.policy.sequential import SequentialPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.planning.paths import JointSpace, plan_paths
 
@@ -34,8 +36,8 @@ def plan_path(problem: MinimumTimeProblem, seed: int = 0) -> Array:
         seed: the same seed gives the same path.
 
     Returns:
-        Joint positions [rad or m], shape (n, nv), to be joined by straight segments. The path is checked at poses 0.02 s
-        apart at the velocity limits; `solve_minimum_time` proves its motions clear at all times.
+        Joint positions [rad or m], shape (n, nv), to be joined by straight segments. The path is checked at poses
+        0.02 s apart at the velocity limits; `solve_minimum_time` proves its motions clear at all times.
 
     Raises:
         ProblemError: the problem is none, or no path was found.
@@ -52,7 +54,7 @@ def ways_through(problem: MinimumTimeProblem, seed: int, stop: Stop) -> list[lis
     lower = np.maximum(limits.position_lower, np.min(poses, axis=0) - _TURN)
     upper = np.minimum(limits.position_upper, np.max(poses, axis=0) + _TURN)
     space = JointSpace(model.is_free, lower, upper, _speed(problem))
-    legs = [plan_paths(space, a, b, seed, stop=stop.__bool__) for a, b in zip(poses[:-1], poses[1:], strict=True)]
+    legs = [plan_paths(space, a, b, seed, stop=stop.__bool__) for a, b in pairwise(poses)]
     count = max(map(len, legs)) if all(legs) else 0
     return [[paths[min(k, len(paths) - 1)] for paths in legs] for k in range(count)]
 
@@ -71,14 +73,15 @@ def refined_ways(task: Task) -> list[RefinedCurve]:
     """
     numbers, bound = task.policy.sequential, task.problem.duration_bound()
     task.progress("ways round the obstacles")
-    ways = ways_through(task.problem, task.options.seed, task.stop)
+    ways = [_guess(task, way) for way in ways_through(task.problem, task.options.seed, task.stop)[: numbers.ways]]
+    ways += [Curve.near(guess, _coarse(numbers)) for guess in task.options.guesses]
     spec = CurveSpec(TightenedConstraints.of(task.problem))
     best: Solved | None = None
-    for k, way in enumerate(ways[: numbers.ways]):
+    for k, way in enumerate(ways):
         beaten = np.inf if best is None or not best.converged else best.curve.duration
         if task.stop or beaten < numbers.near_bound * bound:
             break
-        solved = solve_among_obstacles(task, _guess(task, way), spec, numbers.trust, numbers.coarse_enough, beaten)
+        solved = solve_among_obstacles(task, way, spec, numbers.trust, numbers.coarse_enough, beaten)
         task.progress(f"way {k + 1} of {len(ways)}: {solved.curve.duration:.4f} s")
         if best is None or (not solved.converged, solved.curve.duration) < (not best.converged, best.curve.duration):
             best = solved
@@ -92,10 +95,14 @@ def refined_ways(task: Task) -> list[RefinedCurve]:
 def _guess(task: Task, way: Sequence[Array]) -> Curve:
     """A curve along a way, so slow that torques are about within their limits where these shape the motion."""
     problem, numbers, speed = task.problem, task.policy.sequential, _speed(task.problem)
-    basis = Basis(graded(numbers.coarse, numbers.coarse_shortest, numbers.coarse_longest))
     times = [float(np.sum(np.max(np.abs(np.diff(path, axis=0)) / speed, axis=1))) for path in way]
-    curve = Curve.along(way, basis, task.policy.curves.slack * np.array(times), speed)
+    curve = Curve.along(way, _coarse(numbers), task.policy.curves.slack * np.array(times), speed)
     if task.policy.curves.cruises:
         return curve
     factor = least_factor(problem.robot, problem.limits, curve.trajectory(problem.robot, 1, 0))
     return curve.slower(float(np.clip(factor, 0.1, 10.0)) if np.isfinite(factor) else 1.0)
+
+
+def _coarse(numbers: SequentialPolicy) -> Basis:
+    """Splines on which ways are compared."""
+    return Basis(graded(numbers.coarse, numbers.coarse_shortest, numbers.coarse_longest))

@@ -1,1 +1,1 @@
-"""Guesses, many solves of them, the different optima that they lead to."""
+"""Global search: initial guesses, multistart, distinct local optima."""

@@ -47,7 +47,7 @@ def crossover_guesses(
         task.progress(f"search: change {len(born)} of {count} of the best optima, about {parents[0].duration:.4f} s")
 
         def job(k: int, parents: list[Trajectory]) -> Attempt:
-            guess = crossover(task.problem, parents, np.random.default_rng([task.options.seed, k]), k)
+            guess = crossover(task.problem, parents, np.random.default_rng([task.options.seed, k]), k, numbers)
             return solve_quickly(task, guess, *search_settings.of(k), between=False)
 
         several = range(first + len(born), first + min(count, len(born) + numbers.round))
@@ -56,7 +56,11 @@ def crossover_guesses(
 
 
 def crossover(
-    problem: MinimumTimeProblem, parents: list[Trajectory], random: np.random.Generator, number: int
+    problem: MinimumTimeProblem,
+    parents: list[Trajectory],
+    random: np.random.Generator,
+    number: int,
+    policy: SearchPolicy,
 ) -> Trajectory:
     """A change of one of some motions, most often of one of the first, in a little more time.
 
@@ -65,15 +69,16 @@ def crossover(
         parents: motions, best first.
         random: decides what is changed, and how far.
         number: of the child: kinds of change take turns.
+        policy: how far changes go.
     """
     s = np.linspace(0, 1, SAMPLES)
-    chosen, other = random.exponential(SearchPolicy.favoured, 2).astype(int) % len(parents)
+    chosen, other = random.exponential(policy.favoured, 2).astype(int) % len(parents)
     duration = parents[chosen].duration
     q, v, tau = (np.array(part) for part in parents[chosen](parents[chosen].t[0] + s * duration))
     bent = np.zeros(q.shape[1])
     if number % 3 == 0:
         way = np.abs(np.asarray(problem.q_goal) - np.asarray(problem.q_start))
-        bent = SearchPolicy.bend * random.normal(size=bent.size) * np.maximum(way, SearchPolicy.bow)
+        bent = policy.bend * random.normal(size=bent.size) * np.maximum(way, policy.bow)
     elif number % 3 == 1 and len(parents) > 1 and bent.size > 1:
         mate = parents[other if other != chosen else (chosen + 1) % len(parents)]
         taken = random.permutation(bent.size) < random.integers(1, bent.size)
@@ -81,10 +86,10 @@ def crossover(
         q[:, taken], tau[:, taken] = at.q[:, taken], at.tau[:, taken]
         v[:, taken] = at.v[:, taken] * mate.duration / duration
     else:
-        bent[random.integers(bent.size)] = SearchPolicy.led * random.uniform(-1, 1)
+        bent[random.integers(bent.size)] = policy.led * random.uniform(-1, 1)
     bow = 4 * s * (1 - s)
     q += (bow**3)[:, None] * bent
     v += (12 * bow**2 * (1 - 2 * s))[:, None] * bent / duration
     q[1:-1] = np.clip(q[1:-1], problem.limits.position_lower, problem.limits.position_upper)
-    duration, v = SearchPolicy.slack * duration, v / SearchPolicy.slack
+    duration, v = policy.slack * duration, v / policy.slack
     return Trajectory(s * duration, q, v, tau, parents[chosen].joint_names, "start")

@@ -49,7 +49,7 @@ def search(task: Task, count: int, search_settings: SearchSettings, extra_jobs: 
         extra_jobs: other solves, which come first and are begun first.
     """
     numbers = task.policy.search
-    ways = via_guesses(task.problem, task.options.seed, count, task.stop, (numbers.spread, numbers.turn))
+    ways = via_guesses(task.problem, task.options.seed, count, (numbers.spread, numbers.turn), numbers)
     for intervals in search_settings.meshes:  # before the fork, so that every worker has them
         for setting in search_settings.settings:
             prepare_quickly(task, intervals, setting)

@@ -12,8 +12,8 @@ from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.path_constraints.constraint import Path
 from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.search.swing_up import swing_up_guesses, swinging_time
+from armdyn.optimal.task.policy.policy import Policy
 from armdyn.optimal.task.policy.search import SearchPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -28,29 +28,27 @@ def via_guesses(
     problem: MinimumTimeProblem,
     seed: int,
     count: int,
-    stop: Stop | None = None,
     wide: tuple[float, float] = (1.0, 0.0),
+    policy: SearchPolicy | None = None,
 ) -> list[list[Array]]:
     """What `spline` makes guesses of: first the straight way, then ways through random poses.
 
     Args:
         problem: what is to be solved.
-        seed: the same seed gives the same detours.
+        seed: the same seed gives the same guesses.
         count: how many.
-        stop: asked while ways round what is forbidden are looked for; then there are fewer.
         wide: how far random poses are from the middle of the way: standard deviation, in parts of the way, and how far
             at most beside that, any distance being as likely [rad or m].
+        policy: numbers of the search; None: those of the problem's policy.
 
     Returns:
         For each guess the poses in between [rad or m], each of shape (nv,).
     """
-    random = np.random.default_rng(seed)
-    reach = np.maximum(np.abs(np.asarray(problem.q_goal) - np.asarray(problem.q_start)), SearchPolicy.bow)
+    random, policy = np.random.default_rng(seed), policy or Policy.of(problem).search
+    reach = np.maximum(np.abs(np.asarray(problem.q_goal) - np.asarray(problem.q_start)), policy.bow)
     middle = (np.asarray(problem.q_goal) + np.asarray(problem.q_start)) / 2
     lower, upper = problem.limits.position_lower, problem.limits.position_upper
-    round_it = any(constraint.goes_round for constraint in path_constraints_of(problem))
-    tries = SearchPolicy.tries if round_it else count - 1
-    (spread, turn), size = wide, (tries, reach.size)
+    (spread, turn), size = wide, (count - 1, reach.size)
     vias = middle + spread * random.normal(size=size) * reach
     if turn:
         vias += random.uniform(-turn, turn, size)
@@ -60,31 +58,17 @@ def via_guesses(
         if problem.via
         else [[via] for via in vias]
     )
-    if not (round_it or problem.via):
-        to_and_fro = swing_up_guesses(problem, random, (count - 1) // 2)
+    if not problem.via:
+        to_and_fro = swing_up_guesses(problem, random, (count - 1) // 2, policy.swing_ups, policy.unlike)
         ways[1 : 2 * len(to_and_fro) : 2] = to_and_fro
     straight: list[Array] = [np.asarray(q) for q in problem.via]
-    return [straight, *(_clearest(problem, ways, count - 1, stop or Stop()) if round_it else ways)]
+    return [straight, *ways]
 
 
 def _through(problem: MinimumTimeProblem, pose: Array, leg: int) -> list[Array]:
     """The via points with one more pose on a leg."""
     ways = [np.asarray(q) for q in problem.via]
     return [*ways[:leg], pose, *ways[leg:]]
-
-
-def _clearest(problem: MinimumTimeProblem, ways: list[list[Array]], count: int, stop: Stop) -> list[list[Array]]:
-    """Ways round what is forbidden: those that touch nothing, the quickest first; then those that touch least."""
-    forbidding = [constraint for constraint in path_constraints_of(problem) if constraint.goes_round]
-    ranked = []
-    for k, way in enumerate(ways):
-        if stop:
-            break
-        path = _path(problem, way, SearchPolicy.looks)
-        depth = min(constraint.depth(problem, q) for q in path.q for constraint in forbidding)
-        hurry = np.max(np.abs(path.dq) / np.minimum(problem.limits.velocity, SearchPolicy.brisk), axis=None)
-        ranked.append((-min(depth, problem.clearance), float(hurry), k))
-    return [ways[k] for *_, k in sorted(ranked)[:count]]
 
 
 def _path(problem: MinimumTimeProblem, way: list[Array], samples: int) -> Path:

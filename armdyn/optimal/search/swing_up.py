@@ -1,10 +1,11 @@
 """Guesses for joints without a motor: ways to and fro, in the time that gravity takes for them."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.task.policy.search import SearchPolicy
 
 Array = NDArray[np.float64]
 
@@ -12,7 +13,9 @@ _ALIKE = 0.1
 """Cosine between what gravity does along a path and what would be needed, below which it has nothing to do with it."""
 
 
-def swing_up_guesses(problem: MinimumTimeProblem, random: np.random.Generator, count: int) -> list[list[Array]]:
+def swing_up_guesses(
+    problem: MinimumTimeProblem, random: np.random.Generator, count: int, swing_up_guesses: Sequence[int], unlike: float
+) -> list[list[Array]]:
     """Ways on which joints without a motor swing further and further, until the last swing brings them to the goal.
 
     Weak motors cannot do it in fewer swings, and guesses that go straight to the goal lead to no motion then.
@@ -20,7 +23,10 @@ def swing_up_guesses(problem: MinimumTimeProblem, random: np.random.Generator, c
     Args:
         problem: what is to be solved.
         random: what varies the ways' amplitudes, and the poses of the joints with a motor.
-        count: how many ways; of as many swings more than the way before as there are in `SearchPolicy.swing_ups`.
+        count: how many ways.
+        swing_up_guesses: numbers of swings, by turns.
+        unlike: how far a way is from an even one: standard deviation of the logarithm of a swing, and of other poses
+            [rad or m].
 
     Returns:
         For each the poses in between [rad or m], each of shape (nv,); empty if no such joint is to move.
@@ -31,11 +37,11 @@ def swing_up_guesses(problem: MinimumTimeProblem, random: np.random.Generator, c
         return []
     ways = []
     for k in range(count):
-        most = SearchPolicy.swing_ups[k % len(SearchPolicy.swing_ups)]
+        most = swing_up_guesses[k % len(swing_up_guesses)]
         parts = np.arange(1, most + 1)[:, None] / (most + 1)
         sides = np.where((most - np.arange(most))[:, None] % 2, -1.0, 1.0)  # the last swing is away from the goal
-        swung = parts * sides * away * random.lognormal(0, SearchPolicy.unlike, (most, away.size))
-        moved = parts * away + random.normal(0, SearchPolicy.unlike, (most, away.size))
+        swung = parts * sides * away * random.lognormal(0, unlike, (most, away.size))
+        moved = parts * away + random.normal(0, unlike, (most, away.size))
         poses = start + np.where(passive, swung, moved)
         ways.append(list(np.clip(poses, limits.position_lower, limits.position_upper)))
     return ways

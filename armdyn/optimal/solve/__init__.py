@@ -1,1 +1,1 @@
-"""One guess on one mesh, by IPOPT."""
+"""Solve one guess on one mesh, by IPOPT or the stagewise method."""

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.program.unknowns import mesh
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -25,6 +26,7 @@ class Attempt:
         iterations: of either.
         worst_violation: None if it converged, or was not begun.
         passing: when the motion is at the via points [s], shape (vias,).
+        knots: of the mesh as parts of the duration, shape (intervals + 1,); None: its intervals are equal.
     """
 
     status: Status
@@ -34,11 +36,17 @@ class Attempt:
     iterations: int
     worst_violation: Violation | None
     passing: Array = field(default_factory=lambda: np.empty(0))
+    knots: Array | None = None
 
     @classmethod
     def unbegun(cls, stop: Stop, guess: Trajectory, intervals: int) -> Self:
         """A guess that was not solved, because of what has stopped all."""
         return cls(stop.status, stop.word, guess, intervals, 0, None)
+
+    @property
+    def mesh(self) -> Array:
+        """The knots as parts of the duration, shape (intervals + 1,)."""
+        return mesh(self.intervals) if self.knots is None else self.knots
 
     @property
     def usable(self) -> bool:

@@ -1,18 +1,17 @@
 """One guess on one mesh with few unknowns where that will do, as in the search; else with all."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.condensed import CondensedNlp, build_condensed, has_condensed
-from armdyn.optimal.program.layout import CondensedLayout
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.direct import prepare, solve_on_mesh
-from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, NlpResult, in_time
+from armdyn.optimal.solve.registry import in_time, solver_for
+from armdyn.optimal.solve.solver import NlpData, Solver, SolverSettings
 from armdyn.optimal.solve.stagewise.solver import Stagewise
 from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.scheme import Scheme
@@ -46,11 +45,29 @@ def solve_quickly(
         return solve_on_mesh(task, guess, intervals, settings)
     if between and _on_limits(task, guess):
         return _within(task, guess, intervals, settings)
-    attempt, within = _condensed(task, guess, intervals, settings)
+    attempt, within = _condensed(task, guess, mesh(intervals), settings)
     if within or not between or attempt.status is not Status.SOLVED:
         return attempt
     again = _within(task, attempt.trajectory, intervals, settings)
     return replace(again, iterations=attempt.iterations + again.iterations)
+
+
+def has_stagewise(task: Task) -> bool:
+    """Whether the stagewise method solves the task's programs, whatever the mesh: IPOPT would build one for each."""
+    return condensable(task) and isinstance(_solver(task, task.options.intervals, task.fine()), Stagewise)
+
+
+def solve_on_knots(task: Task, guess: Trajectory, knots: Array, settings: DirectOptions) -> Attempt:
+    """The condensed program on any mesh, within all limits in the middle of the intervals, too.
+
+    Args:
+        task: what is to be solved; `has_stagewise`.
+        guess: where it starts.
+        knots: of the mesh as parts of the duration, shape (N + 1,).
+        settings: iteration limit, tolerance, verbosity.
+    """
+    attempt, _ = _condensed(task, guess, knots, settings, bounded=True)
+    return replace(attempt, knots=knots)
 
 
 def prepare_quickly(task: Task, intervals: int, settings: DirectOptions) -> None:
@@ -74,38 +91,41 @@ def _on_limits(task: Task, guess: Trajectory) -> bool:
 def _within(task: Task, guess: Trajectory, intervals: int, settings: DirectOptions) -> Attempt:
     """An attempt that keeps all limits in the middle of the intervals, too."""
     if not task.stop and isinstance(_solver(task, intervals, settings), Stagewise):
-        return _condensed(task, guess, intervals, settings, bounded=True)[0]
+        return _condensed(task, guess, mesh(intervals), settings, bounded=True)[0]
     return solve_on_mesh(task, guess, intervals, settings)
 
 
 def _condensed(
-    task: Task, guess: Trajectory, intervals: int, settings: DirectOptions, bounded: bool = False
+    task: Task, guess: Trajectory, knots: Array, settings: DirectOptions, bounded: bool = False
 ) -> tuple[Attempt, bool]:
     """An attempt, and whether it keeps all limits between the knots, too.
 
     Args:
         task: what is to be solved, and how.
         guess: where it starts.
-        intervals: of the mesh.
+        knots: of the mesh as parts of the duration, shape (N + 1,).
         settings: iteration limit, tolerance, verbosity.
         bounded: whether it has to, which only `Stagewise` can see to.
     """
+    intervals = knots.size - 1
     if task.stop:
         return Attempt.unbegun(task.stop, guess, intervals), False
     problem, solver = task.problem, _solver(task, intervals, settings)
-    scales, layout = Scales.of(problem, guess), solver.layout
-    full, kept, fractions = layout.full, layout.kept(intervals), np.diff(mesh(intervals))
+    program = solver if isinstance(solver, Stagewise) else solver.program
+    scales, layout = Scales.of(problem, guess), program.layout
+    full, kept, fractions = layout.full, layout.kept(intervals), np.diff(knots)
     weights = scales.weights(problem.effort_weight)
     parameters = scales.parameters(fractions, weights, task.dynamics.last_body)
     lower, upper = bounds(problem, full, intervals, scales)
     start = np.clip(to_unknowns(guess, full, fractions, scales), lower, upper)[kept]
-    sides = lower[kept], upper[kept]
+    equal = np.zeros(2 * full.nv * intervals)
+    data = NlpData(start, parameters, (lower[kept], upper[kept]), (equal, equal))
     if bounded and isinstance(solver, Stagewise):
         inner = full.inner_states(intervals)[:, 0]
-        result = solver.solve(start, parameters, sides, task.stop, (lower[inner].T, upper[inner].T))
+        result = solver.solve(data, task.stop, (lower[inner].T, upper[inner].T))
     else:
-        result = solver.solve(start, parameters, sides, task.stop)
-    x = layout.expanded(result.x, solver.middles(result.x, parameters))
+        result = solver.solve(data, task.stop)
+    x = layout.expanded(result.x, np.array(program.middles(result.x, parameters)))
     violation = None
     if result.status is not Status.SOLVED:
         defects = solver.equations(result.x, parameters).reshape(intervals, -1)
@@ -116,34 +136,12 @@ def _condensed(
     return Attempt(result.status, result.message, motion, intervals, result.iterations, violation), within
 
 
-def _solver(task: Task, intervals: int, settings: DirectOptions) -> "Stagewise | _ByIpopt":
-    """Our own method where it can be had, else IPOPT."""
+def _solver(task: Task, intervals: int, settings: DirectOptions) -> Stagewise | Solver[CondensedNlp]:
+    """The stagewise method where it can be had, else the policy's solver."""
 
-    def build(scheme: Scheme) -> "Stagewise | _ByIpopt":
-        own = Stagewise.of(task.dynamics, scheme, intervals, settings)
-        if own is not None:
-            return own
-        return _ByIpopt(Ipopt.of(IpoptSettings.of(settings), build_condensed, task.dynamics, scheme, intervals))
+    def build(scheme: Scheme) -> Stagewise | Solver[CondensedNlp]:
+        stagewise = Stagewise.of(task.dynamics, scheme, intervals, settings)
+        own = SolverSettings.of(settings)
+        return stagewise or solver_for(task, own, build_condensed, task.dynamics, scheme, intervals)
 
     return in_time(task, build)
-
-
-@dataclass(frozen=True, eq=False)
-class _ByIpopt:
-    """IPOPT where `Stagewise` would be."""
-
-    ipopt: Ipopt[CondensedNlp]
-
-    @property
-    def layout(self) -> CondensedLayout:
-        return self.ipopt.program.layout
-
-    def solve(self, x: Array, p: Array, bounds: tuple[Array, Array], stop: Stop) -> NlpResult:
-        equal = np.zeros(self.ipopt.program.functions["g"].numel())
-        return self.ipopt.solve(x, p, bounds, (equal, equal), stop)
-
-    def equations(self, x: Array, p: Array) -> Array:
-        return self.ipopt.equations(x, p)
-
-    def middles(self, x: Array, p: Array) -> Array:
-        return np.array(self.ipopt.program.middles(x, p))

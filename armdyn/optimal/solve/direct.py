@@ -1,12 +1,12 @@
-"""Minimum time by direct collocation and IPOPT."""
+"""Minimum time by direct collocation."""
 
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.codegen.deadline import LateError
-from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.path_constraints.constraint import Knots
 from armdyn.optimal.path_constraints.legs import Legs, legs_of
 from armdyn.optimal.path_constraints.rows import Rows, with_rows
@@ -14,14 +14,14 @@ from armdyn.optimal.path_constraints.tightened import TightenedConstraints, numb
 from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.program.assembly import Nlp, build_nlp
+from armdyn.optimal.program.assembly import Nlp
 from armdyn.optimal.program.interval import Collocated
 from armdyn.optimal.program.layout import Layout
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
 from armdyn.optimal.solve.attempt import Attempt
-from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, in_time
+from armdyn.optimal.solve.registry import in_time, solver_for
+from armdyn.optimal.solve.solver import Acceptable, NlpData, Solver, SolverSettings
 from armdyn.optimal.task.options import DirectOptions
-from armdyn.optimal.task.scheme import Scheme
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -35,7 +35,7 @@ def solve_on_mesh(
     settings: DirectOptions,
     constraints: TightenedConstraints | None = None,
 ) -> Attempt:
-    """One call of IPOPT.
+    """Solve one guess on one mesh.
 
     Args:
         task: what is to be solved, and how.
@@ -70,7 +70,7 @@ def solve_on_mesh(
     x = np.clip(x, lower, upper)
     sides = row_bounds(rows, values, Collocated(task.dynamics, task.scheme), intervals)
     lbg, ubg = (np.concatenate(both) for both in zip(_equations(nlp, legs), sides, strict=True))
-    result = solver.solve(x, parameters, (lower, upper), (lbg, ubg), task.stop)
+    result = solver.solve(NlpData(x, parameters, (lower, upper), (lbg, ubg)), task.stop)
     x, g = result.x, solver.equations(result.x, parameters)
     landed = result.status is Status.SOLVED
     # Rows after the equations of motion are not looked at.
@@ -128,14 +128,8 @@ def prepare(task: Task, intervals: int, settings: DirectOptions) -> None:
         _solver(task, intervals, settings, TightenedConstraints.of(task.problem).rows(task.problem))
 
 
-def _solver(task: Task, intervals: int, settings: DirectOptions, rows: tuple[Rows, ...]) -> Ipopt[Nlp]:
-    flat, own = task.policy.program.flat, IpoptSettings.of(settings)
+def _solver(task: Task, intervals: int, settings: DirectOptions, rows: tuple[Rows, ...]) -> Solver[Nlp]:
+    flat, own = task.policy.program.flat, SolverSettings.of(settings)
     if flat is not None:
-        tolerance = settings.tolerance
-        own = IpoptSettings.of(settings, acceptable_tol=flat, acceptable_constr_viol_tol=tolerance, acceptable_iter=6)
-    return in_time(task, lambda scheme: Ipopt.of(own, _program, task.dynamics, scheme, intervals, rows))
-
-
-def _program(dynamics: Dynamics, scheme: Scheme, intervals: int, rows: tuple[Rows, ...]) -> Nlp:
-    nlp = build_nlp(dynamics, scheme, intervals)
-    return with_rows(nlp, dynamics, rows) if rows else nlp
+        own = replace(own, acceptable=Acceptable(flat, settings.tolerance))
+    return in_time(task, lambda scheme: solver_for(task, own, with_rows, task.dynamics, scheme, intervals, rows))

@@ -1,1 +1,1 @@
-"""Switching times: extremals of known structure by an integrator, and structures mended by their costates."""
+"""Switching structures: extremals by shooting, and corrections of the structure by the costates."""

@@ -5,11 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.arcs.arc import OPPOSITE, POSITION, VELOCITY, Mode, outward, stretches
-from armdyn.optimal.switching.costates import NODES, Whole
+from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, VELOCITY, Mode, outward, stretches
+from armdyn.optimal.switching.carried import with_carrier
+from armdyn.optimal.switching.costates import NODES, SampledExtremal
+from armdyn.optimal.switching.extremal.change import Change, Segment
 from armdyn.optimal.switching.extremal.descent import Extremal
-from armdyn.optimal.switching.extremal.limits import state_at
-from armdyn.optimal.switching.extremal.schedule import Change, Schedule, Segment
+from armdyn.optimal.switching.extremal.state_limits import state_at
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
+from armdyn.optimal.switching.velocity_contacts import kept_at_speed, left_at_speed
 
 Array = NDArray[np.float64]
 
@@ -17,6 +20,8 @@ _BEYOND = 1e-6
 """Of a torque's range: by so much more than it has a joint cannot be held."""
 _INWARD = 5e-5
 """Of a contact's largest pull: half of what is certified, which is seen at other places of it."""
+_MOSTLY = 0.5
+"""Of a contact: where more of it takes more torque than there is, another joint rather holds all of it."""
 _WHOLE = 0.02
 """Of a contact: what is left of it at an end is not worth another contact."""
 _LEAST = 0.1
@@ -32,35 +37,53 @@ _TOWARDS = {
 """The torque that presses a joint against its limit."""
 
 
-def with_contacts(extremal: Extremal, settled: bool = True) -> Schedule | None:
-    """The schedule without parts of contacts that cannot be held or would rather be let go; None: there are none.
+def with_contacts(extremal: Extremal, is_extremal: bool = True) -> list[SwitchingStructure]:
+    """Structures without parts of a contact that cannot be held or would rather be let go, the likeliest first.
 
-    A joint that takes more torque than it has is given all of it, and touches at most. One that a limit would have to
-    pull back against is let go: inward torque takes it off, outward torque brings it back, a bounce. Off a limit of
-    velocity it is slowed down and sped up again.
+    Where a joint takes more torque than it has, its torque is full and another joint's torque holds it, or it only
+    touches. A contact whose multiplier has the wrong sign is let go: inward torque takes the joint off, outward torque
+    brings it back, a bounce. Off a velocity limit the joint is slowed down and sped up again. A contact of a mesh may
+    be a touch alone.
 
     Args:
         extremal: whose contacts are looked at, one at a time.
-        settled: it is one, so that its costates say what would rather be let go.
+        is_extremal: it is one, so that its costates say what would rather be let go.
+
+    Returns:
+        None where every contact is as it should be.
     """
-    schedule, whole = extremal.schedule, None
-    for segment in schedule.segments():
-        if segment.begin < 0 or schedule.changes[segment.begin].mode not in _TOWARDS:
-            continue
-        whole = whole or Whole.of(extremal)
-        contact = _Contact.of(extremal, whole, segment)
+    structure = extremal.structure
+    held = [s for s in structure.segments() if s.begin >= 0 and structure.changes[s.begin].mode in _TOWARDS]
+    whole = SampledExtremal.of(extremal) if held else None
+    contacts = [(s, _Contact.of(extremal, whole, s)) for s in held if whole is not None]
+    for segment, contact in contacts:
         if contact is None:
             continue
         if (weak := contact.weak) is not None:
-            return _let_go(extremal, segment, weak.part, [(0.0, weak.mode)])
-        if settled and (part := contact.unwilling) is not None:
-            mode = schedule.changes[segment.begin].mode
+            if (kept := kept_at_speed(extremal, segment, weak.part, weak.mode)) is not None:
+                left = left_at_speed(extremal, kept, segment)
+                return [kept] if left is None else [kept, left]
+            carried = with_carrier(extremal, whole, segment, weak.mode) if whole is not None else None
+            less = _let_go(extremal, segment, weak.part, [(0.0, weak.mode)])
+            every = [less] if carried is None else [carried, less]
+            return every if weak.part[1] - weak.part[0] >= _MOSTLY else every[::-1]
+        joint, mode = structure.changes[segment.begin].joint, structure.changes[segment.begin].mode
+        alike = [
+            other.largest
+            for own, other in contacts
+            if other and structure.changes[own.begin].joint == joint and structure.changes[own.begin].mode in VELOCITY
+        ]
+        largest = max(alike) if mode in VELOCITY else contact.largest
+        if is_extremal and (part := contact.unwilling(largest)) is not None:
+            if (left := left_at_speed(extremal, structure, segment, part)) is not None:
+                return [left]
             towards = _TOWARDS[mode]
             away = OPPOSITE[towards]
             if mode in VELOCITY:
-                return _let_go(extremal, segment, part, [(0.0, away), (0.5, towards)])
-            return _let_go(extremal, segment, part, [(0.0, away), (0.25, towards), (0.75, away)])
-    return None
+                return [_let_go(extremal, segment, part, [(0.0, away), (0.5, towards)])]
+            bounce = _let_go(extremal, segment, part, [(0.0, away), (0.25, towards), (0.75, away)])
+            return [bounce, *_as_touch(extremal, segment)]
+    return []
 
 
 @dataclass(frozen=True)
@@ -83,40 +106,41 @@ class _Contact:
     Attributes:
         s: where they are in it, from 0 to 1, shape (m,).
         torque: from −1 at the lower limit to 1 at the upper, shape (m,).
-        pull: of the limit in the time of the contact [s/rad], outward, shape (m,).
+        multiplier: of the limit in the time of the contact [s/rad], outward, shape (m,).
         blows: the same at once, at the knots, both ends included, shape (knots,).
     """
 
     s: Array
     torque: Array
-    pull: Array
+    multiplier: Array
     blows: Array
 
     @classmethod
-    def of(cls, extremal: Extremal, whole: Whole, segment: Segment) -> "_Contact | None":
+    def of(cls, extremal: Extremal, whole: SampledExtremal, segment: Segment) -> "_Contact | None":
         """Of a segment; None: it takes no time."""
-        schedule, limits = extremal.schedule, extremal.march.setting.problem.limits
-        change = schedule.changes[segment.begin]
-        begin, end = schedule.span(segment)
+        structure, limits = extremal.structure, extremal.rollout.shooting.problem.limits
+        change = structure.changes[segment.begin]
+        begin, end = structure.span(segment)
         middle = (whole.t[:-1] + whole.t[1:]) / 2
         held = whole.velocity if change.mode in VELOCITY else whole.position
         own = np.flatnonzero((middle > begin) & (middle < end) & held[:, change.joint])
         if not own.size:
             return None
         i, sign, lengths = change.joint, outward(change.mode), np.diff(whole.t)
+        holder = change.carrier.joint if change.carrier else i
         t = whole.t[own][:, None] + lengths[own][:, None] * NODES
-        upper, lower = limits.actuators.upper[i], limits.actuators.lower[i]
-        torque = (2 * whole.tau[own, :, i] - upper - lower) / (upper - lower)
+        upper, lower = limits.actuators.upper[holder], limits.actuators.lower[holder]
+        torque = (2 * whole.tau[own, :, holder] - upper - lower) / (upper - lower)
         costate, K = whole.costate[:, :, i], lengths.size
         knots = range(int(own[0]), int(own[-1]) + 2)
         blows = [costate[k - 1, -1] - costate[k, 0] if 0 < k < K else 0.0 for k in knots]
         place = i
         if change.mode in VELOCITY:  # a limit of velocity is entered and left without a blow
-            place, blows = len(schedule.first) + i, [0.0] * len(knots)
+            place, blows = len(structure.first) + i, [0.0] * len(knots)
         return cls(
             ((t - begin) / (end - begin)).ravel(),
             torque.ravel(),
-            -sign * whole.pulls[own, :, place].ravel() * (end - begin),
+            -sign * whole.state_multipliers[own, :, place].ravel() * (end - begin),
             sign * np.array(blows),
         )
 
@@ -131,10 +155,18 @@ class _Contact:
         return _Weak(self._part(run), mode)
 
     @property
-    def unwilling(self) -> tuple[float, float] | None:
-        """The first part in which the limit would have to pull the joint; None: it never has to."""
-        least = -_INWARD * max(float(np.max(np.abs(self.pull))), float(np.max(np.abs(self.blows))))
-        inward = self.pull < least
+    def largest(self) -> float:
+        """Of the limit's pulls, per second and at once, in the time of the contact."""
+        return max(float(np.max(np.abs(self.multiplier))), float(np.max(np.abs(self.blows))))
+
+    def unwilling(self, largest: float) -> tuple[float, float] | None:
+        """The first part in which the limit would have to pull the joint; None: it never has to.
+
+        Args:
+            largest: of its pulls, of a limit of velocity of those of all the joint's contacts, as certificates have it.
+        """
+        least = -_INWARD * largest
+        inward = self.multiplier < least
         for k in np.flatnonzero(self.blows[1:-1] < least) + 1:  # another joint's touch is felt here, too
             inward[k * NODES.size - 1 : k * NODES.size + 1] = True
         if np.any(inward):
@@ -151,20 +183,35 @@ class _Contact:
         return (0.0 if begin < _WHOLE else float(begin)), (1.0 if end > 1 - _WHOLE else float(end))
 
 
+def _as_touch(extremal: Extremal, segment: Segment) -> list[SwitchingStructure]:
+    """The structure with a touch where a contact ends, and from its beginning the torque that follows; if one does."""
+    structure = extremal.structure
+    contact = structure.changes[segment.begin]
+    if segment.end == structure.size or structure.changes[segment.end].mode not in BANG:
+        return []
+    begin, end = structure.span(segment)
+    more = [(begin, Change(contact.joint, structure.changes[segment.end].mode))]
+    more.append((end, Change(contact.joint, contact.mode, touch=True)))
+    if contact.carrier:
+        more.append((begin, Change(contact.carrier.joint, contact.carrier.after)))
+    every = [(time, change, state_at(extremal.rollout, time)) for time, change in more]
+    return [structure.without_changes([segment.begin, segment.end]).with_changes(every).without(())]
+
+
 def _let_go(
     extremal: Extremal, segment: Segment, part: tuple[float, float], steps: list[tuple[float, Mode]]
-) -> Schedule:
-    """The schedule with a contact that is let go for a part of it.
+) -> SwitchingStructure:
+    """The structure with a contact that is let go for a part of it.
 
     Args:
-        extremal: whose schedule it is.
+        extremal: whose structure it is.
         segment: the contact.
         part: of it, from 0 to 1.
         steps: torques instead, from when on in that part.
     """
-    schedule = extremal.schedule
-    contact = schedule.changes[segment.begin]
-    begin, end = schedule.span(segment)
+    structure = extremal.structure
+    contact = structure.changes[segment.begin]
+    begin, end = structure.span(segment)
     a, b = (begin + each * (end - begin) for each in part)
     touch = Change(contact.joint, contact.mode, touch=True)
     touches = contact.mode in POSITION
@@ -177,5 +224,5 @@ def _let_go(
         more.append((b, Change(contact.joint, contact.mode)))
     elif touches and (part[0] > 0 or len(steps) > 1):
         more.append((b, touch))
-    every = [(time, change, state_at(extremal.march, time)) for time, change in more]
-    return schedule.without_changes(gone).with_changes(every).without(())
+    every = [(time, change, state_at(extremal.rollout, time)) for time, change in more]
+    return structure.without_changes(gone).with_changes(every).without(())

@@ -14,7 +14,7 @@ from armdyn.optimal.arcs.phases import TABLEAU, Phases
 from armdyn.optimal.arcs.sampling import motion_of
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.flow import STEPS
-from armdyn.optimal.switching.extremal.march import March
+from armdyn.optimal.switching.extremal.rollout import Rollout
 from armdyn.optimal.task.policy.refinement import ArcsPolicy
 
 Array = NDArray[np.float64]
@@ -29,11 +29,11 @@ def _derivative() -> Array:
     """Derivatives at the start and the stages of an interval of length 1 of the polynomial through values there."""
     powers = np.arange(NODES.size)
     vandermonde = NODES[:, None] ** powers
-    slopes = powers[1:] * NODES[:, None] ** powers[:-1]
-    return np.asarray(np.hstack([np.zeros((NODES.size, 1)), slopes]) @ np.linalg.inv(vandermonde))
+    derivatives = powers[1:] * NODES[:, None] ** powers[:-1]
+    return np.asarray(np.hstack([np.zeros((NODES.size, 1)), derivatives]) @ np.linalg.inv(vandermonde))
 
 
-_SLOPE = _derivative()
+_DIFFERENTIATION = _derivative()
 
 
 def phases_of(extremal: Extremal, numbers: ArcsPolicy) -> Phases:
@@ -43,12 +43,12 @@ def phases_of(extremal: Extremal, numbers: ArcsPolicy) -> Phases:
         extremal: what is to be proved.
         numbers: of the arcs.
     """
-    problem, arcs, whole = extremal.march.setting.problem, extremal.schedule.arcs(), Whole.of(extremal)
+    problem, arcs, whole = extremal.rollout.shooting.problem, extremal.structure.arcs(), SampledExtremal.of(extremal)
     n, (K, nodes), lengths = problem.robot.nv, whole.tau.shape[:2], np.diff(whole.t)
     ends, middle = np.cumsum([arc.duration for arc in arcs]), (whole.t[:-1] + whole.t[1:]) / 2
     arc_of = np.minimum(np.searchsorted(ends, middle), len(arcs) - 1)
     weights = lengths[:, None, None] * TABLEAU.b[:, None]
-    impulses = weights * whole.pulls[:, 1:]
+    impulses = weights * whole.state_multipliers[:, 1:]
     knots = whole.costate[1:, 0] - whole.costate[:-1, -1] + impulses[:-1, -1]
     states = whole.x.reshape(K, nodes, 2, n)
     tau = whole.tau[:, 1:]
@@ -61,23 +61,23 @@ def phases_of(extremal: Extremal, numbers: ArcsPolicy) -> Phases:
         tau=tau,
         arc_of=arc_of,
         laid=None,
-        density=density_of(whole.t, [(NODES, whole.x), (NODES, whole.costate)], numbers.floor),
+        density=density_of(whole.t, [(NODES, whole.x), (NODES, whole.costate)], numbers.least_density),
         stage_q=states[:, 1:, 0],
         stage_v=states[:, 1:, 1],
         stage_costate=weights * whole.costate[:, 1:],
-        torque_pull=weights * whole.switching[:, 1:],
-        state_pull=impulses[:, :-1].reshape(K, -1, 2, n),
-        knot_pull=knots.reshape(K - 1, 2, n),
+        torque_multiplier=weights * whole.switching[:, 1:],
+        state_multiplier=impulses[:, :-1].reshape(K, -1, 2, n),
+        knot_multiplier=knots.reshape(K - 1, 2, n),
         torques=motion_of(problem, arcs, arc_of, whole.t, states, tau, numbers.samples),
         iterations=0,
     )
 
 
 @dataclass(frozen=True, eq=False)
-class Whole:
+class SampledExtremal:
     """An extremal at the start and the stages of intervals, with costates of the whole arm.
 
-    The march's own costates are those of an arm whose held joints cannot move. Held joints take their share back: η so
+    The rollout's own costates are those of an arm whose held joints cannot move. Held joints take theirs back: η so
     that their switching functions are zero. The costate is p + η ∂v, on a limit of position less η̇ ∂q, and the limit
     pulls with η̇ on the velocity, or with −η̈ on the position (Hartl, Sethi and Vickson, SIAM Review 37, 1995: indirect
     and direct adjoining).
@@ -88,9 +88,10 @@ class Whole:
         tau: torques, those that hold a joint included, shape (K, stages + 1, nv).
         costate: ρ, shape (K, stages + 1, 2 nv).
         switching: S, shape (K, stages + 1, nv).
-        pulls: of held limits on ρ per second, shape (K, stages + 1, 2 nv).
+        state_multipliers: of held limits on ρ per second, shape (K, stages + 1, 2 nv).
         position: joints on a limit of position, shape (K, nv).
         velocity: on one of velocity, likewise.
+        inertia: M(q), shape (K, stages + 1, nv, nv).
     """
 
     t: Array
@@ -98,18 +99,29 @@ class Whole:
     tau: Array
     costate: Array
     switching: Array
-    pulls: Array
+    state_multipliers: Array
     position: NDArray[np.bool_]
     velocity: NDArray[np.bool_]
+    inertia: Array
 
     @classmethod
     def of(cls, extremal: Extremal) -> Self:
         """Of an extremal."""
-        grid, robot = _Grid.of(extremal.march), extremal.march.setting.problem.robot
+        grid, robot = _Grid.of(extremal.rollout), extremal.rollout.shooting.problem.robot
         at = _At.of(extremal, grid)
-        costate, pulls = _adjoined(at, np.diff(grid.t), robot.nv)
+        costate, state_multipliers = _adjoined(at, np.diff(grid.t), robot.nv)
         switching = np.asarray(np.linalg.solve(at.inertia, costate[..., robot.nv :, None])[..., 0], float)
-        return cls(grid.t, at.x, _torques(at, robot), costate, switching, pulls, at.position, at.velocity)
+        return cls(
+            grid.t,
+            at.x,
+            _torques(at, robot),
+            costate,
+            switching,
+            state_multipliers,
+            at.position,
+            at.velocity,
+            at.inertia,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,14 +139,14 @@ class _Grid:
     part: Array
 
     @classmethod
-    def of(cls, march: March) -> Self:
+    def of(cls, rollout: Rollout) -> Self:
         """Intervals of three steps or, where a torque is free, of one; none of arcs that take no time."""
         first: list[int] = []
         count: list[int] = []
-        curved = np.any(march.torques.felt > 0, axis=1)
-        for arc in range(march.schedule.size + 1):
-            own = np.flatnonzero(march.arc == arc)
-            if march.h[own].sum() <= 1e-12 * march.schedule.duration:
+        curved = np.any(rollout.torques.free_mask > 0, axis=1)
+        for arc in range(rollout.structure.size + 1):
+            own = np.flatnonzero(rollout.arc == arc)
+            if rollout.h[own].sum() <= 1e-12 * rollout.structure.duration:
                 continue
             parts = own.size if curved[own[0]] else max(1, round(own.size / _TOGETHER))
             for steps in np.array_split(own, parts):
@@ -142,7 +154,7 @@ class _Grid:
                 count.append(steps.size)
         along = np.array(count)[:, None] * NODES
         inside = np.minimum(along.astype(int), np.array(count)[:, None] - 1)
-        t = np.append(march.times[first], march.times[-1])
+        t = np.append(rollout.times[first], rollout.times[-1])
         return cls(t, np.array(first)[:, None] + inside, along - inside)
 
 
@@ -153,11 +165,12 @@ class _At:
     Attributes:
         x: (q, v), shape (..., 2 nv).
         rate: ẋ, likewise.
-        p: costates of the march, likewise.
+        p: costates of the rollout, likewise.
         tau: torques, of held joints 0, shape (..., nv).
         inertia: M(q), shape (..., nv, nv).
         position: joints held on a limit of position, shape (K, nv).
         velocity: on one of velocity, likewise.
+        holder: numbers of the joints whose torques hold them; of those that are not held their own, likewise.
     """
 
     x: Array
@@ -167,20 +180,25 @@ class _At:
     inertia: Array
     position: NDArray[np.bool_]
     velocity: NDArray[np.bool_]
+    holder: NDArray[np.int_]
 
     @classmethod
     def of(cls, extremal: Extremal, grid: _Grid) -> Self:
         """Of an extremal."""
-        march, robot = extremal.march, extremal.march.setting.problem.robot
+        rollout, robot = extremal.rollout, extremal.rollout.shooting.problem.robot
         step, part, n = grid.step.ravel(), grid.part.ravel(), robot.nv
-        x, through, rate = _carried(march, step, part)
-        p = np.linalg.solve(through.transpose(0, 2, 1), extremal.costates[0][step][:, :, None])[..., 0]
-        first, last = (tau[step] for tau in march.torques.tau)
+        x, state_transition, rate = _carried(rollout, step, part)
+        p = np.linalg.solve(state_transition.transpose(0, 2, 1), extremal.costates[0][step][:, :, None])[..., 0]
+        first, last = (tau[step] for tau in rollout.torques.tau)
         tau = first + part[:, None] * (last - first)
         inertia = np.array([*map(joint_inertia(robot), x[:, :n])])
-        modes = extremal.schedule.modes()
-        own = [modes[a] for a in march.arc[grid.step[:, 0]]]
-        shape = grid.step.shape
+        modes = extremal.structure.modes()
+        own = [modes[a] for a in rollout.arc[grid.step[:, 0]]]
+        shape, carriers = grid.step.shape, extremal.structure.carriers()
+        holder = np.tile(np.arange(n), (shape[0], 1))
+        for k, a in enumerate(rollout.arc[grid.step[:, 0]]):
+            for joint, carrier in carriers[a].items():
+                holder[k, joint] = carrier.joint
         return cls(
             x.reshape(*shape, 2 * n),
             rate.reshape(*shape, 2 * n),
@@ -189,43 +207,46 @@ class _At:
             inertia.reshape(*shape, n, n),
             np.array([[mode in POSITION for mode in each] for each in own]),
             np.array([[mode in VELOCITY for mode in each] for each in own]),
+            holder,
         )
 
 
-def _carried(march: March, step: NDArray[np.int_], part: Array) -> tuple[Array, Array, Array]:
+def _carried(rollout: Rollout, step: NDArray[np.int_], part: Array) -> tuple[Array, Array, Array]:
     """States within steps, what they answer to the steps' starts, and ẋ there."""
-    first, last = march.torques.tau
+    first, last = rollout.torques.tau
     some = np.pad(step, (0, -step.size % STEPS), mode="edge")
     s = np.pad(part, (0, -step.size % STEPS))
     there = first[some] + s[:, None] * (last[some] - first[some])
-    rows = march.start[some], np.ones(some.size), s * march.h[some], first[some], there
-    body = np.tile(march.setting.body, (some.size, 1))
-    x, through, _, rate = march.setting.flow.marched(*rows, march.torques.felt[some], march.torques.held[some], body)
-    return x[: step.size], through[: step.size], rate[: step.size]
+    rows = rollout.start[some], np.ones(some.size), s * rollout.h[some], first[some], there
+    body = np.tile(rollout.shooting.body, (some.size, 1))
+    x, state_transition, _, rate = rollout.shooting.flow.rolled_out(
+        *rows, rollout.torques.free_mask[some], rollout.torques.kept[some], body
+    )
+    return x[: step.size], state_transition[: step.size], rate[: step.size]
 
 
 def _adjoined(at: _At, lengths: Array, n: int) -> tuple[Array, Array]:
     """Costates of the whole arm, and how hard limits pull on them per second, both of the shape of `_At.x`."""
-    costate, pulls = at.p.copy(), np.zeros_like(at.p)
+    costate, state_multipliers = at.p.copy(), np.zeros_like(at.p)
     for k in np.flatnonzero(np.any(at.position | at.velocity, axis=1)):
         held = np.flatnonzero(at.position[k] | at.velocity[k])
-        inverse = np.linalg.inv(at.inertia[k])
-        felt = inverse[:, held] @ at.p[k, :, n:, None]
-        eta = -np.linalg.solve(inverse[:, held[:, None], held], felt)[..., 0]
-        slope = _SLOPE @ eta / lengths[k]
+        inverse, holder = np.linalg.inv(at.inertia[k]), at.holder[k, held]
+        pushed = inverse[:, holder] @ at.p[k, :, n:, None]
+        eta = -np.linalg.solve(inverse[:, holder[:, None], held], pushed)[..., 0]
+        derivative = _DIFFERENTIATION @ eta / lengths[k]
         costate[k][:, n + held] += eta
         on_position = at.position[k, held]
-        costate[k][:, held] -= np.where(on_position, slope, 0.0)
-        pulls[k][:, held] = np.where(on_position, -_SLOPE @ slope / lengths[k], 0.0)
-        pulls[k][:, n + held] = np.where(on_position, 0.0, slope)
-    return costate, pulls
+        costate[k][:, held] -= np.where(on_position, derivative, 0.0)
+        state_multipliers[k][:, held] = np.where(on_position, -_DIFFERENTIATION @ derivative / lengths[k], 0.0)
+        state_multipliers[k][:, n + held] = np.where(on_position, 0.0, derivative)
+    return costate, state_multipliers
 
 
 def _torques(at: _At, robot: Robot) -> Array:
     """With those that hold a joint."""
     n, tau, needed = robot.nv, at.tau.copy(), inverse_dynamics(robot)
     for k in np.flatnonzero(np.any(at.position | at.velocity, axis=1)):
-        held = at.position[k] | at.velocity[k]
+        held = at.holder[k, at.position[k] | at.velocity[k]]
         for x, rate, own in zip(at.x[k], at.rate[k], tau[k], strict=True):
             own[held] = needed(x[:n], x[n:], rate[n:])[held]
     return tau

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, VELOCITY, Mode, outward, stretches
+from armdyn.optimal.switching.extremal.change import Change
 from armdyn.optimal.switching.extremal.descent import Extremal
-from armdyn.optimal.switching.extremal.limits import state_at
-from armdyn.optimal.switching.extremal.schedule import Change, Schedule
+from armdyn.optimal.switching.extremal.state_limits import state_at
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 
 Array = NDArray[np.float64]
 
@@ -19,7 +20,7 @@ _WORSE = 0.05
 
 
 @dataclass(frozen=True)
-class Wrong:
+class WrongSign:
     """A stretch on which a joint's torque is on the wrong limit.
 
     Attributes:
@@ -29,6 +30,7 @@ class Wrong:
         begin: of the stretch [s].
         end: of it [s].
         worst: when it is worst [s].
+        carried: the joint is on a limit of position that another joint's torque holds it on.
     """
 
     value: float
@@ -37,20 +39,21 @@ class Wrong:
     begin: float
     end: float
     worst: float
+    carried: bool = False
 
 
-def wrong_signs(extremal: Extremal, least: float) -> list[Wrong]:
+def wrong_signs(extremal: Extremal, least: float) -> list[WrongSign]:
     """Stretches on which the switching functions ask for the other limit, the worst first.
 
     Args:
         extremal: its costates and switching functions.
         least: by how much H must fall for that.
     """
-    march, limits = extremal.march, extremal.march.setting.problem.limits
-    modes, t = extremal.schedule.modes(), np.repeat(march.times, 2)[1:-1]
-    found: list[Wrong] = []
-    for i in range(len(extremal.schedule.first)):
-        own = [modes[a][i] for a in march.arc]
+    rollout, limits = extremal.rollout, extremal.rollout.shooting.problem.limits
+    modes, t = _torque_modes(extremal.structure), np.repeat(rollout.times, 2)[1:-1]
+    found, carriers = list[WrongSign](), extremal.structure.carriers()
+    for i in range(len(extremal.structure.first)):
+        own = [modes[a][i] for a in rollout.arc]
         sign = np.array([0.0 if mode not in BANG else 1.0 if mode is Mode.UPPER else -1.0 for mode in own])
         range_ = limits.actuators.width[i]
         fall = np.column_stack(np.split(extremal.switching[:, i], 2)) * sign[:, None] * range_
@@ -59,57 +62,72 @@ def wrong_signs(extremal: Extremal, least: float) -> list[Wrong]:
             if np.max(fall[run]) > least:
                 worst = int(run[np.argmax(fall[run])])
                 begin, end = t[max(run[0] - 1, 0)], t[min(run[-1] + 1, t.size - 1)]
-                found.append(Wrong(float(fall[worst]), i, own[worst // 2], float(begin), float(end), float(t[worst])))
+                carried = i in carriers[rollout.arc[worst // 2]]
+                mode = own[worst // 2]
+                found.append(WrongSign(float(fall[worst]), i, mode, float(begin), float(end), float(t[worst]), carried))
     return sorted(found, key=lambda wrong: -wrong.value)
 
 
-def with_signs(extremal: Extremal, wrong: list[Wrong], schedule: Schedule | None = None) -> Schedule:
-    """A schedule with a short stay on the other limit where it is asked for.
+def _torque_modes(structure: SwitchingStructure) -> list[list[Mode]]:
+    """Modes between the changes; of a joint that another one holds, the torque limit that it is on."""
+    out = [list(modes) for modes in structure.modes()]
+    for modes, carriers in zip(out, structure.carriers(), strict=True):
+        for joint, carrier in carriers.items():
+            modes[joint], modes[carrier.joint] = carrier.press, Mode.FREE
+    return out
+
+
+def with_signs(
+    extremal: Extremal, wrong: list[WrongSign], structure: SwitchingStructure | None = None
+) -> SwitchingStructure:
+    """A structure with a short bang arc on the other limit where it is asked for.
 
     Args:
         extremal: what lacks it.
         wrong: the worst first.
-        schedule: the extremal's with other things mended; None: its own.
+        structure: the extremal's with other things mended; None: its own.
     """
     more: list[tuple[float, Change, Array]] = []
     for one in wrong:
         if one.value < _WORSE * wrong[0].value:
             break
+        if one.carried:  # it is on its limit of position, and another joint's torque answers for it
+            continue
         half = (one.end - one.begin) / 8
         middle = min(max(one.worst, one.begin + half), one.end - half)
         for time, mode in ((middle - half, OPPOSITE[one.mode]), (middle + half, one.mode)):
-            more.append((time, Change(one.joint, mode), state_at(extremal.march, time)))
-    return (schedule or extremal.schedule).with_changes(more)
+            more.append((time, Change(one.joint, mode), state_at(extremal.rollout, time)))
+    return (structure or extremal.structure).with_changes(more)
 
 
-def without_unwanted(extremal: Extremal) -> Schedule | None:
-    """The schedule without touches that the motion would rather not make; None: it wants them all.
+def without_unwanted(extremal: Extremal) -> SwitchingStructure | None:
+    """The structure without touches that the motion would rather not make; None: it wants them all.
 
     A limit of velocity that is met for no time at all is touched, too.
     """
     if (slow := _without_idle_speeds(extremal)) is not None:
         return slow
-    size = extremal.march.start.shape[1]
+    size = extremal.rollout.start.shape[1]
     gone: set[int] = set()
-    for (k, j, _), multiplier in zip(extremal.march.held_states, extremal.multipliers[size:], strict=True):
-        change = extremal.schedule.changes[k]
+    for (k, j, _), multiplier in zip(extremal.rollout.held_states, extremal.multipliers[size:], strict=False):
+        change = extremal.structure.changes[k]
         if change.touch and change.mode in POSITION and j < size // 2 and outward(change.mode) * multiplier < 0:
             gone.add(k)
-    return extremal.schedule.without_changes(gone) if gone else None
+    return extremal.structure.without_changes(gone) if gone else None
 
 
-def _without_idle_speeds(extremal: Extremal) -> Schedule | None:
-    """The schedule without stays of no length on limits of velocity that do not hold the motion back; None: all do."""
-    schedule, size = extremal.schedule, extremal.march.start.shape[1]
-    pulls = {
-        k: outward(schedule.changes[k].mode) * multiplier
-        for (k, _, _), multiplier in zip(extremal.march.held_states, extremal.multipliers[size:], strict=True)
-        if schedule.changes[k].mode in VELOCITY
+def _without_idle_speeds(extremal: Extremal) -> SwitchingStructure | None:
+    """The structure without segments of no length on velocity limits that do not hold the motion back; None: all do."""
+    structure, size = extremal.structure, extremal.rollout.start.shape[1]
+    state_multipliers = {
+        k: outward(structure.changes[k].mode) * multiplier
+        for (k, _, _), multiplier in zip(extremal.rollout.held_states, extremal.multipliers[size:], strict=False)
+        if structure.changes[k].mode in VELOCITY
     }
-    short = _MET * schedule.duration
+    short = _MET * structure.duration
     gone = []
-    for segment in schedule.segments():
-        begin, end = schedule.span(segment)
-        if segment.begin in pulls and end - begin <= short and pulls[segment.begin] <= 0:
+    for segment in structure.segments():
+        begin, end = structure.span(segment)
+        if segment.begin in state_multipliers and end - begin <= short and state_multipliers[segment.begin] <= 0:
             gone.append(segment)
-    return schedule.without(gone) if gone else None
+    return structure.without(gone) if gone else None

@@ -1,1 +1,1 @@
-"""How it is gone about: options, scheme, policy, and all of them together as one task."""
+"""Settings of a solve: options, transcription scheme, policy, and the task that holds them."""

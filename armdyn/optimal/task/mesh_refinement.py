@@ -1,4 +1,4 @@
-"""Finer and finer meshes."""
+"""Mesh refinement by doubling."""
 
 from dataclasses import dataclass
 

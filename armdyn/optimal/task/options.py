@@ -1,4 +1,4 @@
-"""How `solve_minimum_time` goes about it."""
+"""Options of `solve_minimum_time`."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ up for."""
 
 @dataclass(frozen=True)
 class DirectOptions:
-    """Of one call of IPOPT, or of the stagewise method, which is IPOPT's.
+    """Options of one solve by IPOPT or the stagewise method.
 
     Attributes:
         tolerance: on the scaled problem.
@@ -37,7 +37,7 @@ class DirectOptions:
 @brief
 @dataclass(frozen=True, kw_only=True)
 class MinimumTimeOptions:
-    """How `solve_minimum_time` goes about it.
+    """Options of `solve_minimum_time`.
 
     Where an attribute is None the problem's policy decides: `armdyn doctor ROBOT --policy` shows what, and why.
     Arms of more than three joints move along curves: refinements, coarse_intervals, intervals, max_intervals, arcs,

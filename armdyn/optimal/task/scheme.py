@@ -1,4 +1,4 @@
-"""How motion becomes unknowns and equations."""
+"""Transcription scheme: collocation method, torque parametrisation, form of the dynamics."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -11,7 +11,7 @@ DynamicsForm = Literal["forward", "inverse"]
 
 @dataclass(frozen=True)
 class Scheme:
-    """How motion becomes unknowns and equations.
+    """Transcription scheme: collocation method, torque parametrisation, form of the dynamics.
 
     Attributes:
         method: name of a tableau.

@@ -1,4 +1,4 @@
-"""How much is searched: a word for what is worth the wait. It imports nothing, so that the command line may know it."""
+"""Levels of search. Imports nothing, so that the command line can use it."""
 
 from typing import Literal
 

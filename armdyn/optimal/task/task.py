@@ -1,4 +1,4 @@
-"""What all steps of a solve share, as one value."""
+"""The task of a solve: problem, dynamics, scheme, options, policy."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -14,16 +14,16 @@ from armdyn.optimal.task.scheme import Scheme
 
 
 def _silently(text: str) -> None:
-    """Tell nobody."""
+    """Ignore a progress message."""
 
 
 def _unknown() -> None:
-    """No lower bound."""
+    """Lower bound that is not known."""
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A problem, and how it is gone about.
+    """A problem with all settings of its solve.
 
     Attributes:
         problem: what is to be solved.
@@ -108,6 +108,11 @@ class Task:
     def fine(self) -> DirectOptions:
         """The same where the guess is a solution on another mesh, and shall not be left."""
         return self._settings(self.policy.program.fine_tolerance, self.policy.program.fine_barrier)
+
+    def sharp(self) -> DirectOptions:
+        """The same where switches are located on finer and finer meshes."""
+        numbers, barrier = self.policy.switch_mesh, self.policy.program.fine_barrier
+        return DirectOptions(numbers.tolerance, numbers.iterations, self.options.verbose, barrier)
 
     def alone(self) -> DirectOptions:
         """The same for a guess that has to do without a search."""

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from armdyn.models.values.spec import PLANAR_ARMS, PlanarArmName
@@ -18,7 +17,7 @@ _EXAMPLE: dict[PlanarArmName, int] = {"r": 1, "rr": 2, "rrr": 3}
 
 @dataclass(frozen=True)
 class Holding:
-    """What it takes to hold an arm still at its goal.
+    """Torques that hold an arm still at its goal.
 
     Attributes:
         arm: of the paper.
@@ -50,7 +49,7 @@ def holding(arm: PlanarArmName, payload: float, reading: Reading = "tip") -> Hol
     """
     case = Case(_EXAMPLE[arm], arm, "minimum_time", payload, reading)
     robot = case.robot()
-    torque = pin.computeGeneralizedGravity(robot.model, robot.model.createData(), np.array(case.q_goal))
+    torque = robot.holding_torque(case.q_goal)
     return Holding(arm, payload, reading, tuple(map(float, torque)), tuple(map(float, robot.limits.effort_upper)))
 
 

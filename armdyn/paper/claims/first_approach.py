@@ -190,7 +190,7 @@ class OneLink:
 
 @dataclass(frozen=True)
 class PrintedLaw:
-    """What the paper prints in place of `OneLink`'s law: (14), (15) and the matrix before them.
+    """The printed law in place of `OneLink`'s law: (14), (15) and the matrix before them.
 
     Attributes:
         r: of (11) [1/s²], negative.
@@ -230,7 +230,7 @@ def printed_law(link: OneLink) -> PrintedLaw:
 
 @dataclass(frozen=True)
 class Linearisation:
-    """How far the first approach is from the truth with one payload.
+    """Error of the first approach with one payload.
 
     Attributes:
         payload: M [kg].

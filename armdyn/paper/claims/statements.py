@@ -29,7 +29,7 @@ _SAME_TIME = 0.01
 
 @dataclass(frozen=True)
 class Check:
-    """One claim of the paper beside our numbers.
+    """One claim of the paper with our numbers.
 
     Attributes:
         claim: the paper's, in words.
@@ -249,7 +249,7 @@ def _stays(loop: Case, found: Found) -> Check:
 
 
 def _holds(optimal: Case) -> Check:
-    """What the paper leaves open by stopping at t_f: whether the arm can stay."""
+    """Whether the arm can stay at the goal after t_f, where the paper stops."""
     still = holding(optimal.arm, optimal.payload, optimal.reading)
     claim = f"Example {optimal.example} is computed until t_f, where the arm is in the final position and can stay."
     return Check(

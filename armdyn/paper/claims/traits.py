@@ -1,4 +1,4 @@
-"""What the paper says of its motions in words, measured: turns, overshoot, ranges, growth with payload."""
+"""Traits of motions that the paper describes, measured: turns, overshoot, ranges, growth with payload."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ _SAMPLES = 20_001
 
 @dataclass(frozen=True)
 class Traits:
-    """How a motion goes; one number per joint.
+    """Traits of a motion, one number per joint.
 
     Attributes:
         reversals: how often a joint turns round and goes back at least 1e-3 rad.
@@ -95,7 +95,7 @@ def largest_error(motion: Trajectory, q_goal: ArrayLike, since: float) -> float:
 
 @dataclass(frozen=True)
 class PayloadEffect:
-    """How a time answers to the payload.
+    """Change of a time with the payload.
 
     Attributes:
         payloads: M, increasing [kg].

@@ -22,7 +22,7 @@ _SAMPLES = 48
 
 @dataclass(frozen=True, eq=False)
 class BangBangProblem:
-    """What is to be solved.
+    """Bang-bang problem.
 
     Attributes:
         system: the canonical system.

@@ -52,7 +52,7 @@ class _StopError(Exception):
 
 @dataclass(frozen=True, eq=False)
 class BoundaryProblem:
-    """What is to be solved, scaled.
+    """Scaled boundary-value problem.
 
     Attributes:
         system: the canonical system.
@@ -76,13 +76,13 @@ class BoundaryProblem:
 
     @cached_property
     def scale(self) -> Array:
-        """What is one in q, v, ρ_q and ρ_v, shape (4 nv,): the guess's peaks, one for all joints."""
+        """Scales of q, v, ρ_q and ρ_v, shape (4 nv,): the guess's peaks, one for all joints."""
         peaks = np.max(np.abs(self.guess.y).reshape(4, -1), axis=1)
         return np.repeat(np.maximum(peaks, 1e-9), self.system.nv)
 
     @property
     def constants(self) -> tuple[Array, Array, Array]:
-        """What the system's Functions take after y."""
+        """Arguments of the system's Functions after y."""
         return np.array([self.weight]), self.lower, self.upper
 
     def rate(self, s: Array, z: Array, p: Array) -> Array:
@@ -92,7 +92,7 @@ class BoundaryProblem:
         return np.asarray(p[0] * self.guess.duration * rate[:, 0] / scale)
 
     def jacobian(self, s: Array, z: Array, p: Array) -> tuple[Array, Array]:
-        """Of `rate` by z, shape (4 nv, 4 nv, m), and by p, shape (4 nv, 1, m)."""
+        """Jacobians of `rate` by z, shape (4 nv, 4 nv, m), and by p, shape (4 nv, 1, m)."""
         scale = self.scale[:, None]
         (by_y,) = columns(self.system.rate_jacobian, z * scale, *self.constants)
         by_z = p[0] * self.guess.duration * by_y * (self.scale / scale)[:, :, None]
@@ -107,7 +107,7 @@ class BoundaryProblem:
         )
 
     def ends_jacobian(self, first: Array, last: Array, p: Array) -> tuple[Array, Array, Array]:
-        """Of `ends` by the first and the last z, shape (4 nv + 1, 4 nv) each, and by p."""
+        """Jacobians of `ends` by the first and the last z, shape (4 nv + 1, 4 nv) each, and by p."""
         half, size = self.x_start.size, self.scale.size
         at_first, at_last = np.zeros((2, size + 1, size))
         at_first[:half, :half] = at_last[half:size, :half] = np.eye(half)
@@ -170,7 +170,7 @@ def solve_trapezoidal(problem: BoundaryProblem, intervals: int, tolerance: float
 
 
 def _extremal(problem: BoundaryProblem, s: Array, root: Root) -> BoundaryExtremal:
-    """What the unknowns say, with the interval in which the residual is largest."""
+    """Message with the interval of the largest residual."""
     z, duration = root.unknowns[:-1].reshape(s.size, -1), float(root.unknowns[-1]) * problem.guess.duration
     worst = int(np.argmax(np.abs(root.residual)))
     value = float(np.abs(root.residual[worst]))

@@ -61,7 +61,7 @@ def canonical_system(robot: Robot, law: TorqueLaw = MINIMUM) -> CanonicalSystem:
 
 
 def columns(function: ca.Function, *arguments: Array) -> list[Array]:
-    """What a Function of columns makes of many, written to numpy's own memory: a third of the time of `ca.DM`.
+    """Evaluate a Function of columns on many columns, in numpy's memory: a third of the time of `ca.DM`.
 
     Args:
         function: whose inputs are columns, and whose outputs are dense.

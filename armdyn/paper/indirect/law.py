@@ -10,7 +10,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 
 @dataclass(frozen=True, eq=False)
 class LawSymbols:
-    """What a law may speak of: CasADi symbols and expressions, columns of nv unless said.
+    """Arguments of a law: CasADi symbols and expressions, columns of nv unless said.
 
     Attributes:
         q: positions [rad or m].

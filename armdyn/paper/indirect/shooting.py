@@ -115,7 +115,7 @@ class ShootingEquations:
         return cls(problem, problem.torques(guess.arcs), guess.switches, scale, guess.duration)
 
     def unknowns(self, guess: BangBangExtremal) -> Array:
-        """Of arcs and their starts."""
+        """Residual of arcs and their starts."""
         return np.concatenate([(guess.starts / self.scale).ravel()[self._known.size :], guess.lengths / self.time])
 
     def parts(self, unknowns: Array) -> tuple[Array, Array]:

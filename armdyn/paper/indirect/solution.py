@@ -1,4 +1,4 @@
-"""What `solve_indirect` is told and what comes out of it, beside the direct method's answer."""
+"""Options and solution of `solve_indirect`, and the comparison with the direct method."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -34,7 +34,7 @@ _INSIDE = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class IndirectOptions:
-    """How `solve_indirect` goes about it.
+    """Options of `solve_indirect`.
 
     Attributes:
         law: what the torque is: MINIMUM, which minimises H, or another `TorqueLaw`.

@@ -47,7 +47,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class _Question:
-    """What is asked, and how.
+    """Problem, law and options of a solve.
 
     Attributes:
         problem: the motion.
@@ -76,7 +76,7 @@ class _Question:
 
     @property
     def enough(self) -> int:
-        """So many seeds are followed though one has led to an answer."""
+        """Number of seeds that are followed even after a solution is found."""
         return self.options.continuations if self.fastest else 1
 
     @property
@@ -184,7 +184,7 @@ def _best(question: _Question, seeds: list[_Seed]) -> IndirectSolution:
 
 
 def _seeds(question: _Question, seed: Solution | None) -> list[_Seed]:
-    """What there is to start from, the likeliest first."""
+    """Initial guesses, the most promising first."""
     problem, options, stop = question.problem, question.options, question.stop
     if seed is not None and seed.phases is not None and options.law.minimises:
         return [_Seed.of(seed.phases, seed.problem.effort_weight)]

@@ -1,1 +1,1 @@
-"""One thing to solve or simulate, what comes of it, and how that is kept on disk. Nothing is drawn here."""
+"""Cases of the paper, their outcomes, and the store of outcomes on disk. Nothing is drawn here."""

@@ -1,4 +1,4 @@
-"""One thing of the paper to solve or simulate."""
+"""A case of the paper: one problem to solve or one loop to simulate."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -39,7 +39,7 @@ def _robot(spec: ArmSpec, payload: float, reading: Reading) -> Robot:
 
 @dataclass(frozen=True)
 class Case:
-    """One thing to solve or simulate.
+    """One problem to solve or one loop to simulate.
 
     Attributes:
         example: 1 to 6; a time-energy optimum belongs to Example 1, 2 or 3.

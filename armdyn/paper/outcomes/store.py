@@ -78,7 +78,7 @@ def save_outcome(folder: Path, outcome: Outcome) -> Path:
 
 
 def load_outcome(folder: Path, case: Case) -> Outcome | None:
-    """What `save_outcome` wrote of a case.
+    """Read the outcome that `save_outcome` wrote.
 
     Args:
         folder: where.

@@ -1,1 +1,1 @@
-"""What the study shows: Figures 2 to 7, a folder for each example, and one page of it all."""
+"""Figures 2 to 7, a folder for each example, and one page of all results."""

@@ -27,7 +27,7 @@ _TIMES = (
 
 
 def comparison(number: int, rows: Iterable[Row]) -> Html:
-    """One of Tables 3 to 7: what came of it, the columns that matter, and all others with their reasons folded away."""
+    """One of Tables 3 to 7: its verdict, its main columns, and all other columns with their reasons, folded."""
     rows = [row for row in rows if row.table == number]
     heading = element("h3", f"Table {number}: {TITLES[number]}", id=f"table{number}")
     if not rows:

@@ -18,7 +18,7 @@ from armdyn.show.figures.style import COLORS
 from armdyn.show.plots import plot_panels, put_head, run_handles, save_figure, svg_text, switches
 
 EXAMPLE_OF_FIGURE = {2: 1, 3: 4, 4: 2, 5: 5, 6: 3, 7: 6}
-"""Which worked example each of the paper's figures shows."""
+"""Worked example of each of the paper's figures."""
 
 MARK = "#a3195b"
 """Colour of what the paper publishes."""
@@ -43,7 +43,7 @@ class PaperFigure:
 
     @property
     def case(self) -> Case:
-        """Of the curves drawn solid."""
+        """Payload of the solid curves."""
         return self.outcomes[0].case
 
     @property
@@ -55,7 +55,7 @@ class PaperFigure:
 
     @property
     def caption(self) -> str:
-        """What is drawn, how long it takes, where the torque switches."""
+        """Caption: motions, durations, switching times."""
         parts = []
         for outcome, style in zip(self.outcomes, ("Solid", "Dashed", "Dotted"), strict=False):
             parts.append(f"{style}: {_told(outcome)}.")
@@ -81,7 +81,7 @@ class PaperFigure:
 
 
 def paper_figures(outcomes: Iterable[Outcome], payload: float = PAYLOAD) -> tuple[PaperFigure, ...]:
-    """Which of Figures 2 to 7 the outcomes suffice for, and with what in them.
+    """Figures 2 to 7, as far as the outcomes suffice, with their curves.
 
     A time-optimal figure has the minimum time (solid) and the time-energy optimum (dashed), payload at the
     tip. A PID figure has the loop with the payload at the tip (solid) and read as m → m + M (dashed); that of
@@ -159,7 +159,7 @@ def picture(folder: Path, figure: PaperFigure) -> Picture:
 
 
 def label(case: Case) -> str:
-    """What tells a curve from the others of its figure."""
+    """Legend text that distinguishes a curve from the others of its figure."""
     if case.kind != "pid":
         return case.kind.replace("_", " ") if case.kind == "minimum_time" else "time-energy"
     return "(7) as printed" if case.variant == "printed" else _READINGS[case.reading]

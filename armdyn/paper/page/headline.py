@@ -1,4 +1,4 @@
-"""What the page says first: whether the paper's numbers follow from its data, and why they do not."""
+"""Headline of the page: whether the paper's numbers follow from its data, and the reasons."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -20,7 +20,7 @@ _PLAIN = "The paper, computed again"
 
 
 def headline(rows: Sequence[Row]) -> str:
-    """One sentence, by what came of the comparison."""
+    """Headline for the result of the comparison."""
     return _FOLLOW_NOT if "not reproduced" in standings(rows).values() else _PLAIN
 
 
@@ -65,7 +65,7 @@ def _trust(outcomes: Sequence[Outcome]) -> Html:
 
 
 def evidence(rows: Sequence[Row], outcomes: Sequence[Outcome]) -> Html:
-    """What shows it, each with its numbers and a link to them; what was not computed is left out."""
+    """Items of evidence with numbers and links; cases that were not computed are left out."""
     parts: list[Callable[[Sequence[Row], Sequence[Outcome]], Html | None]] = [
         _minima,
         _loop,

@@ -38,7 +38,7 @@ _NOTATION = {
     "τ2": r"\tau_2",
     "τ3": r"\tau_3",
 }
-"""What texts, tables and files write in a line, and how it is set."""
+"""Linear notation in texts, tables and files, and its MathML."""
 
 _FOUND = re.compile(
     "(" + "|".join(rf"(?<!\w){re.escape(one)}(?!\w)" for one in sorted(_NOTATION, key=len, reverse=True)) + ")"

@@ -34,7 +34,7 @@ def tag(verdict: str) -> Html:
 
 
 def score(rows: Sequence[Row]) -> Html:
-    """How many numbers of each table come out again, and in how many comparisons."""
+    """Counts of reproduced numbers and of comparisons, by table."""
     items = []
     for number, title in TITLES.items():
         own = [row for row in rows if row.table == number and row.published is not None]

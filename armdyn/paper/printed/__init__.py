@@ -1,1 +1,1 @@
-"""What the paper prints, as it stands there: examples, equations, its PID loop, published numbers."""
+"""The paper as printed: examples, equations, PID loop, published numbers."""

@@ -14,7 +14,7 @@ PAYLOADS = (0.0212, 0.0312, 0.0518, 0.1006, 0.1219, 0.1307, 0.1505, 0.2, 0.5, 1.
 """Table 2: the payloads of Tables 3 to 7 [kg]."""
 
 Kind = Literal["minimum_time", "time_energy", "pid"]
-"""What is asked for: minimum time under ±3 N m (Examples 1 to 3 as they are stated); the optimum of
+"""Kind of problem: minimum time under ±3 N m (Examples 1 to 3 as they are stated); the optimum of
 ∫ (1 + ½ τᵀτ) dt without a torque limit, whose law the paper prints as (19) to (21); a PID loop (Examples 4 to 6)."""
 
 _TURN = np.pi / 84

@@ -9,7 +9,7 @@ GAINS = PidGains(kp=30.0, ki=50.0, kd=10.0)
 """Eqs (32)-(34): the same for every joint of R, RR and RRR."""
 
 DURATION = 10.0
-"""Of Examples 4 to 6 [s]."""
+"""Duration of Examples 4 to 6 [s]."""
 
 PAPER_RULE: ArrivalRule = "last_entry_first_joint"
 """By which the paper's times of arrival are: it looks at joint 1 alone."""

@@ -116,7 +116,7 @@ _TIMES: dict[int, dict[str, Printed]] = {
     6: _column(_TABLE_6_RRR, 2),
 }
 TABLE_OF_ARM: dict[PlanarArmName, int] = {"r": 4, "rr": 5, "rrr": 6}
-"""Which table has an arm's times."""
+"""Table of each arm's times."""
 
 
 def printed_time(example: int, payload: float) -> Printed | None:

@@ -39,7 +39,7 @@ def grid(rows: Sequence[Row]) -> Grid:
 
 
 def feasibility_grid() -> Grid:
-    """What holds every arm at its goal, and the largest payload that can be held."""
+    """Holding torque of every arm at its goal, and the largest payload that it can hold."""
     found = {(h.arm, h.payload, h.reading): h for h in all_holdings()}
     arms = list(dict.fromkeys(arm for arm, *_ in found))
     header = ["M [g]", *(f"{arm.upper()} {reading}" for arm in arms for reading in READINGS)]
@@ -63,7 +63,7 @@ def feasibility_grid() -> Grid:
 
 
 def first_approach_grid() -> Grid:
-    """How far the linearised link is from the true one."""
+    """Error of the linearised link."""
     header = (
         "M [g]", "reading", "linearised t_f [s]", "switch [s]", "true minimum [s]", "difference",
         "its torque misses by [rad]", "[rad/s]",

@@ -36,7 +36,7 @@ QUANTITY_OF_KIND: dict[Kind, str] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One number of the paper beside ours.
+    """One number of the paper and ours.
 
     Attributes:
         table: 3 to 7.
@@ -74,7 +74,7 @@ class Row:
 
 
 def judge(printed: Printed | None, ours: float | None, tolerance: float = 0.0) -> Verdict:
-    """How close ours is to a published number.
+    """Agreement of our number with a published one.
 
     Args:
         printed: the published number; None is not reproduced.

@@ -1,4 +1,4 @@
-"""How the paper's numbers stand: each once, whatever number of readings it is held against."""
+"""Verdict on each of the paper's numbers, over all readings of it."""
 
 from collections.abc import Iterable, Sequence
 
@@ -17,12 +17,12 @@ Number = tuple[object, ...]
 
 
 def number_of(row: Row) -> Number:
-    """Which of the paper's numbers a row is about: table, column and line."""
+    """Identity of a number of the paper: table, column and line."""
     return (row.table, paper_column(row), *table_line(row))
 
 
 def time_of(arm: PlanarArmName, example: int, payload: float) -> Number:
-    """Which of the paper's numbers an example's time is, as `number_of` says it.
+    """Identity of an example's time among the paper's numbers, as in `number_of`.
 
     Args:
         arm: of the example.

@@ -4,9 +4,23 @@
    options.overlay: arms stand in one place, all but the first translucent; else one behind the other, or side by side.
    options.room(): how much of the pane's width and height the arm may fill, and how far to the right it is moved. */
 "use strict";
+// A polyline whose parameter counts its points, as time does, not its length; where points coincide, the next ones give its direction.
+const armdynPolyline = () => class extends MeshCat.THREE.Curve {
+  constructor(xyz) { super(); this.xyz = xyz; this.count = xyz.length / 3; }
+  vertex(i) { return new MeshCat.THREE.Vector3().fromArray(this.xyz, 3 * Math.min(Math.max(i, 0), this.count - 1)); }
+  getPointAt(u) { return this.vertex(Math.round(u * (this.count - 1))); }
+  getTangentAt(u) {
+    const i = Math.round(u * (this.count - 1));
+    for (let wide = 1; wide < this.count; wide *= 2) {
+      const across = this.vertex(i + wide).sub(this.vertex(i - wide));
+      if (across.length() > 1e-5) return across.normalize();
+    }
+    return new MeshCat.THREE.Vector3(1, 0, 0);
+  }
+};
 const armdynScene = (pane, data, options) => {
   const bytes = text => Uint8Array.from(atob(text), c => c.charCodeAt(0));
-  const joints = data.joints;
+  const joints = data.joints, Polyline = armdynPolyline();
   const viewer = new MeshCat.Viewer(pane);
   const resize = viewer.set_3d_pane_size;
   viewer.set_3d_pane_size = () => resize.call(viewer, Math.max(pane.clientWidth, 1), Math.max(pane.clientHeight, 1));
@@ -24,8 +38,13 @@ const armdynScene = (pane, data, options) => {
   })));
   data.arms.forEach((arm, k) => {
     arm.poses = new Float32Array(bytes(arm.poses).buffer);
-    run(arm.trail);
-    arm.trail = object([...root(k), "trail", "<object>"]).geometry;
+    const line = new Polyline(new Float32Array(bytes(arm.trail).buffer));
+    for (const [name, thick, opacity] of [["path", .5, .5], ["trail", 1, 1]]) {
+      const geometry = new MeshCat.THREE.TubeGeometry(line, line.count - 1, thick * (data.planar ? .004 : .003) * data.reach, 8);
+      const material = new MeshCat.THREE.MeshPhongMaterial({ color: new MeshCat.THREE.Color(...arm.color), opacity, transparent: opacity < 1, shininess: 45, specular: 0x303030 });
+      viewer.set_object([...root(k), name], new MeshCat.THREE.Mesh(geometry, material));
+      if (name === "trail") arm.trail = geometry;
+    }
     arm.groups = Array.from({ length: joints }, (_, j) => object([...root(k), `joint${j + 1}`]));
     const ghost = options.overlay && k > 0;
     if (ghost || (data.arms.length > 1 && !options.overlay)) object(root(k)).traverse(node => {

@@ -1,1 +1,1 @@
-"""What figures share: colours and lines, and limits in panels."""
+"""Figures of sweeps, loops and payloads; colours, lines and limits of all figures."""

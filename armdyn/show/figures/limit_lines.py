@@ -65,7 +65,7 @@ def draw_limits(panel: Panel, limits: JointLimits) -> bool:
 
 
 def _told_limits(panel: Panel, drawn: Sequence[float], beyond: Sequence[float], free: int) -> str:
-    """What limits a panel does not show, and why; empty if it shows all."""
+    """Caption of limits that a panel does not show; empty if it shows all."""
     if free == len(panel.joints):
         return f"no {panel.quantity} limits"
     parts = []

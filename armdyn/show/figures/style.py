@@ -9,10 +9,10 @@ Style = Literal["-", "-."] | tuple[float, tuple[float, ...]]
 STYLES: tuple[Style, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)), "-.")
 """One per trajectory."""
 INK = "#30363d"
-"""Of text and axes."""
+"""Colour of text and axes."""
 _GRID = "#d9dee4"
 SOFT = "#5f6b78"
-"""Of what is said beside."""
+"""Colour of remarks."""
 LOOK: Any = {
     "font.size": 9.5,
     "axes.edgecolor": INK,

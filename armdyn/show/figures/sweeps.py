@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Row = Mapping[str, Any]
 Named = Callable[[str], str]
-"""What the axes say of a column."""
+"""Axis labels by column."""
 Kind = Literal["words", "linear", "log"]
 """Of a setting: words, or numbers on a scale."""
 

@@ -93,7 +93,7 @@ def _times(motion: Trajectory) -> Array:
 
 
 def _curves(move: ShownMotion, times: Array, limits: JointLimits) -> dict[str, Any]:
-    """One motion; beyond its end there is nothing of it."""
+    """Curves of one motion, NaN after its end."""
     motion = move.motion
     sample = motion(motion.t[0] + times)
     beyond = times > motion.duration
@@ -116,7 +116,7 @@ def _curves(move: ShownMotion, times: Array, limits: JointLimits) -> dict[str, A
 
 
 def arc_lanes(facts: Facts, joints: int) -> list[list[Segment]]:
-    """Which limit every joint is on, of a motion whose arcs are known; else nothing."""
+    """Active limit of every joint over time, from solved arcs; empty without arcs."""
     arcs = facts.parts("arcs")
     lengths = [arc.number("duration") for arc in arcs]
     modes = [arc.texts("modes") for arc in arcs]
@@ -130,7 +130,7 @@ def arc_lanes(facts: Facts, joints: int) -> list[list[Segment]]:
 
 
 def sampled_lanes(t: Array, sample: Sample, limits: JointLimits) -> list[list[Segment]]:
-    """The same by looking where samples are within `NEAR_LIMIT` of a limit: torque before velocity before position.
+    """Active limit of every joint over time, from samples near a limit: torque before velocity before position.
 
     Args:
         t: times [s], shape (n,).

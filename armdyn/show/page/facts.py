@@ -1,4 +1,4 @@
-"""What a result says, read with care: the file may come from a stranger, and be of another version."""
+"""Facts of a result file, which may be untrusted or of another version."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Facts:
         return [value[:_LONGEST] for value in self._list(name) if isinstance(value, str)]
 
     def true(self, name: str) -> bool:
-        """Whether it says so; what is not said is not true."""
+        """Whether the value is true; False if it is missing."""
         return self.values.get(name) is True
 
     def part(self, name: str) -> Facts:

@@ -38,7 +38,7 @@ def mechanical_work(motion: Trajectory) -> float:
 
 
 def joint_section(move: ShownMotion, joints: Sequence[str], limits: JointLimits, sliding: Sequence[bool]) -> Section:
-    """What each joint does in a motion, beside its limits."""
+    """Peak velocity and torque of each joint, compared with its limits."""
     _, q, v, tau = dense(move.motion)
     switching = [len(times) for times in move.motion.switch_times]
     words = ("joint", "from", "to", "fastest", "of its limit", "strongest", "of its limit", "jumps")

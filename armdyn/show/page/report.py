@@ -49,7 +49,7 @@ MOST_MOVES = 5
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """What moves, as far as a report must know it: also of a robot that is not at hand.
+    """The arm of a report; its model may be missing.
 
     Attributes:
         name: of the robot.

@@ -26,13 +26,12 @@ COLORS = ((0.86, 0.20, 0.27), (0.13, 0.45, 0.80), (0.14, 0.62, 0.40), (0.52, 0.3
 """One per trajectory."""
 
 WATCHABLE = 4.0
-"""How long a replay takes when nothing else is asked for [s]."""
+"""Playing time of a replay by default [s]."""
 
 _SPEEDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 LARGEST = 1e12
 _MAX_FRAMES = 4000
 _MAX_TRAIL = 1200
-_TUBE_SIDES = 8
 
 
 def scene_data(
@@ -43,7 +42,7 @@ def scene_data(
     slow_motion: float | None = None,
     obstacles: Sequence[Obstacle] = (),
 ) -> dict[str, Any]:
-    """What `assets/scene.js` draws, as JSON says it.
+    """Input of `assets/scene.js`, ready for JSON.
 
     Args:
         robot: what moves.
@@ -110,19 +109,17 @@ def _floats(array: Array) -> str:
     return base64.b64encode(np.ascontiguousarray(array, dtype="<f4").tobytes()).decode("ascii")
 
 
-def _set_object(
-    path: str, geometry: Any, rgba: Sequence[float], placement: Array | None = None
-) -> list[dict[str, Any]]:
-    """Commands for one object; identifiers are its path, so that equal input gives equal bytes."""
-    r, g, b, a = (round(255 * x) / 255 for x in rgba)
+def _set_object(path: str, shape: VisualShape) -> list[dict[str, Any]]:
+    """Commands for one shape; identifiers are its path, so that equal input gives equal bytes."""
+    r, g, b, a = (round(255 * x) / 255 for x in shape.rgba)
     color = (round(255 * r) << 16) + (round(255 * g) << 8) + round(255 * b)
     material = mg.MeshPhongMaterial(color=color, opacity=a, shininess=45, specular=0x303030)
-    mesh = mg.Mesh(geometry, material)
-    geometry.uuid, material.uuid, mesh.uuid = f"{path}#geometry", f"{path}#material", f"{path}#mesh"
-    commands = [{"type": "set_object", "path": path, "object": mesh.lower()}]
-    if placement is not None:
-        commands.append({"type": "set_transform", "path": path, "matrix": placement.T.ravel().tolist()})
-    return commands
+    mesh = mg.Mesh(shape.geometry, material)
+    shape.geometry.uuid, material.uuid, mesh.uuid = f"{path}#geometry", f"{path}#material", f"{path}#mesh"
+    return [
+        {"type": "set_object", "path": path, "object": mesh.lower()},
+        {"type": "set_transform", "path": path, "matrix": shape.placement.T.ravel().tolist()},
+    ]
 
 
 def _shape_commands(shapes: Sequence[VisualShape], obstacles: Sequence[VisualShape]) -> list[dict[str, Any]]:
@@ -130,11 +127,7 @@ def _shape_commands(shapes: Sequence[VisualShape], obstacles: Sequence[VisualSha
     named = [(f"shape{i}", shape) for i, shape in enumerate(shapes)]
     named += [(f"obstacle{i}", shape) for i, shape in enumerate(obstacles)]
     return [
-        command
-        for name, shape in named
-        for command in _set_object(
-            f"/armdyn/arm0/joint{shape.joint}/{name}", shape.geometry, shape.rgba, shape.placement
-        )
+        command for name, shape in named for command in _set_object(f"/armdyn/arm0/joint{shape.joint}/{name}", shape)
     ]
 
 
@@ -142,20 +135,12 @@ def _arm(robot: Robot, i: int, trajectory: Trajectory, step: float) -> dict[str,
     """Joint poses of one trajectory on a uniform grid of times, and the path of its tip."""
     n = int(np.clip(np.ceil(trajectory.duration / step) + 1, 2, _MAX_FRAMES))
     poses, tips = _poses(robot, trajectory(np.linspace(trajectory.t[0], trajectory.t[-1], n)).q)
-    color = COLORS[i % len(COLORS)]
-    centres = tips[np.r_[0 : n - 1 : -(-n // _MAX_TRAIL), n - 1]]
-    radius = (0.004 if _is_planar(robot) else 0.003) * _reach(robot)
-    trail = [
-        _packed(command)
-        for path, size, opacity in (("path", 0.5, 0.35), ("trail", 1.0, 1.0))
-        for command in _set_object(f"/armdyn/arm{i}/{path}", _tube(centres, size * radius), (*color, opacity))
-    ]
     return {
         "duration": trajectory.duration,
-        "color": list(color),
+        "color": list(COLORS[i % len(COLORS)]),
         "frames": n,
         "poses": _floats(poses),
-        "trail": trail,
+        "trail": _floats(tips[np.r_[0 : n - 1 : -(-n // _MAX_TRAIL), n - 1]]),
     }
 
 
@@ -177,29 +162,6 @@ def _poses(robot: Robot, q: Array) -> tuple[Array, Array]:
         poses[k] = [pin.SE3ToXYZQUAT(pose) for pose in list(data.oMi)[1:]]
         tips[k] = data.oMi[tip.parentJoint].act(tip.placement.translation)
     return poses, tips
-
-
-def _tube(centres: Array, radius: float) -> mg.TriangularMeshGeometry:
-    """A thin tube along points [m], shape (n, 3); its triangles are in the points' order."""
-    tangents = np.gradient(centres, axis=0)
-    normal, spokes = np.array([0.0, 1.0, 0.0]), np.empty((len(centres), 2, 3))
-    tangent = np.array([1.0, 0.0, 0.0])
-    for k, step in enumerate(tangents):
-        if (length := float(np.linalg.norm(step))) > 1e-9:
-            tangent = step / length
-        normal = normal - (normal @ tangent) * tangent  # transported along, so that the tube never twists
-        if float(np.linalg.norm(normal)) < 1e-6:
-            normal = np.cross(tangent, np.roll(tangent, 1) + np.array([0.1, 0.2, 0.3]))
-        normal = normal / np.linalg.norm(normal)
-        spokes[k] = normal, np.cross(tangent, normal)
-    angle = np.linspace(0.0, 2 * np.pi, _TUBE_SIDES, endpoint=False)
-    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    vertices = (centres[:, None] + radius * circle @ spokes).reshape(-1, 3)
-    corner = np.arange(_TUBE_SIDES)
-    after = np.roll(corner, -1)
-    ring = np.stack([corner, after, corner + _TUBE_SIDES, after, after + _TUBE_SIDES, corner + _TUBE_SIDES])
-    faces = ring.T.reshape(-1, 3) + _TUBE_SIDES * np.arange(len(centres) - 1)[:, None, None]
-    return mg.TriangularMeshGeometry(vertices, faces.reshape(-1, 3))
 
 
 def _reach(robot: Robot) -> float:

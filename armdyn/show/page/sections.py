@@ -35,7 +35,7 @@ class Section:
 
 
 def verdict_section(verdict: Verdict, suffix: str = "", of: str = "") -> Section | None:
-    """What was checked, and what may help; nothing of a bare motion.
+    """Checks and remedies; None for a bare motion.
 
     Args:
         verdict: on a motion.
@@ -68,7 +68,7 @@ def options(line: str) -> Html:
 
 
 def deciding_section(facts: Facts, duration: float) -> Section | None:
-    """How much of the time each limit decides, and what one per cent more of it saves.
+    """Share of the duration that each limit decides, and the time saved by one per cent more of it.
 
     Args:
         facts: of a minimum-time motion.
@@ -96,7 +96,7 @@ def deciding_section(facts: Facts, duration: float) -> Section | None:
 
 
 def sensitivity_section(facts: Facts, joints: Sequence[str]) -> Section | None:
-    """How the least time answers to payload and limits."""
+    """Sensitivities of the least time to payload and limits."""
     by = facts.part("sensitivities")
     columns = [by.numbers(name) for name in ("effort_upper", "effort_lower", "velocity")]
     if by.number("payload_mass") is None or any(len(column) != len(joints) for column in columns):
@@ -129,7 +129,7 @@ def optima_section(facts: Facts, duration: float) -> Section | None:
 
 
 def course_section(facts: Facts) -> Section | None:
-    """What was asked along the way."""
+    """Path constraints, via points and reserve."""
     rows: list[tuple[str, str]] = []
     near = facts.part("clearance")
     if (distance := near.number("distance")) is not None:
@@ -165,7 +165,7 @@ def _percent(share: float) -> Html:
 
 
 def model_section(name: str, facts: Facts) -> Section:
-    """Which arm it is."""
+    """The arm: source, payload, friction, hash."""
     model = facts.part("model")
     rows = [("robot", name), ("source", source_name(model.text("source")))]
     payload = model.part("payload")

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from armdyn.optimal.answer.words import replay_words
-from armdyn.optimal.proof.certificate import Certificate, percent
+from armdyn.optimal.proof.certificate import percent
 from armdyn.optimal.proof.repeat import OPEN_LOOP_GROWTH
 from armdyn.show.page.facts import Facts
 
@@ -106,77 +105,17 @@ def seconds(time: float | None) -> str:
 
 
 def _of_minimum_time(facts: Facts) -> Verdict:
-    checks, advice = tuple(_checks(facts)), tuple(facts.texts("what_to_do"))
-    certificate = facts.part("certificate")
-    if not facts.true("usable"):
-        found = facts.number("duration") is not None
-        headline = "Not usable" if found else "No motion found"
-        return Verdict("bad", headline, facts.text("message"), checks, advice)
-    feedback = "Under feedback it" if certificate.text("replay") == "segments" else "It"
-    lands = f"{feedback} lands on the goal and keeps its limits"
-    if not facts.true("certified"):
-        reasons = "; ".join(certificate.texts("reasons"))
-        said = f"{lands}: a motion for the arm. That none is faster is not shown{f': {reasons}' if reasons else ''}."
-        return Verdict("fair", "Usable, not certified", said, checks, advice)
-    why = []
-    if facts.true("extremal"):
-        why.append("Pontryagin's conditions hold all along it")
-    if (gap := facts.number("gap")) is not None and facts.true("gap_proven"):
-        why.append(f"no motion whatever is more than {percent(max(gap, 0.0))} faster, by interval arithmetic")
-    return Verdict("good", "Certified", f"{lands}; {', and '.join(why)}." if why else f"{lands}.", checks, advice)
+    checks = tuple((one.text("name"), _holds(one), one.text("said")) for one in facts.parts("checks"))
+    found, usable, certified = facts.number("duration") is not None, facts.true("usable"), facts.true("certified")
+    level: Level = "bad" if not usable else "good" if certified else "fair"
+    headline = "Certified" if certified else "Executable, not certified"
+    if not usable:
+        headline = "Not executable" if found else "No motion found"
+    return Verdict(level, headline, facts.text("assessment"), checks, tuple(facts.texts("what_to_do")))
 
 
-def _checks(facts: Facts) -> list[tuple[str, bool | None, str]]:
-    """What was checked of a minimum-time motion."""
-    c = facts.part("certificate")
-    exceeded = c.number("limit_violation")
-    checks: list[tuple[str, bool | None, str]] = [
-        ("lands", c.true("lands"), _replay(c)),
-        (
-            "keeps its limits",
-            c.true("keeps_limits"),
-            "exceeds none" if not exceeded else f"exceeds none by more than {100 * exceeded:.2g} % of it",
-        ),
-    ]
-    for condition in facts.parts("conditions"):
-        missed = condition.texts("reasons")
-        checks.append((condition.text("name"), not missed, "; ".join(missed) or condition.text("said")))
-    arcs = len(facts.parts("arcs"))
-    if arcs:
-        adjoint = c.number("adjoint_error")
-        told = (
-            f"|H| ≤ {_small(c.number('hamiltonian_spread'))}, wrong signs ≤ "
-            f"{_small(c.number('switching_violation'))}, {arcs} arcs"
-        )
-        checks.append(
-            ("extremal", facts.true("extremal"), told + ("" if adjoint is None else f"; adjoint to {_small(adjoint)}"))
-        )
-    else:
-        checks.append(("extremal", None, "Pontryagin's conditions were not checked: the arcs are not resolved"))
-    gap, bound = facts.number("gap"), facts.number("lower_bound")
-    if gap is not None and bound is not None:
-        proven = facts.true("gap_proven")
-        words = f"at most {percent(max(gap, 0.0))} above the lower bound of {bound:.6f} s"
-        checks.append(("near the lower bound", proven, words + ("" if proven else ", not proven for this motion")))
-    else:
-        checks.append(("near the lower bound", None, "no lower bound is known"))
-    return checks
-
-
-def _replay(certificate: Facts) -> str:
-    """What the replay has shown, as the solver says it."""
-    goal, velocity = certificate.number("goal_error"), certificate.number("goal_velocity_error")
-    said = Certificate(
-        goal_error=float("inf") if goal is None else goal,
-        goal_velocity_error=float("inf") if velocity is None else velocity,
-        limit_violation=0.0,
-        replay="segments" if certificate.text("replay") == "segments" else "open loop",
-        growth=certificate.number("growth"),
-        segment_error=certificate.number("segment_error"),
-        correction=certificate.number("correction"),
-        correction_share=certificate.number("correction_share"),
-    )
-    return f"{replay_words(said)}; velocity within {said.goal_velocity_error:.1e} rad/s"
+def _holds(check: Facts) -> bool | None:
+    return check.true("holds") if isinstance(check.values.get("holds"), bool) else None
 
 
 def _of_pid(facts: Facts) -> Verdict:

@@ -11,6 +11,9 @@ from typing import Protocol
 from armdyn.studies.rows import Value
 from armdyn.studies.tasks.task import CaseResult, StudyTask, result_of
 
+HERE = "this process"
+"""Name of the worker that is the engine's own process: an interrupted case of its ends the study."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class StudyCase:

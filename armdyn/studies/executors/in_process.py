@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 
-from armdyn.studies.executors.executor import Ended, Executor, StudyCase
+from armdyn.studies.executors.executor import HERE, Ended, Executor, StudyCase
 from armdyn.studies.tasks.task import StudyTask, storable
 
 _AHEAD = 4
@@ -76,10 +76,10 @@ def in_process(task: StudyTask, workers: int | None = 1) -> Iterator[Executor]:
         task: what is done in each.
         workers: threads; with one the calling thread does the work; None: one per core.
     """
-    if workers == 1:
+    size = workers or os.cpu_count() or 1
+    if size == 1:
         yield InProcess(task)
         return
-    size = workers or os.cpu_count() or 1
     pool = ThreadPoolExecutor(size)
     try:
         yield Threads(task, size, pool)
@@ -90,4 +90,5 @@ def in_process(task: StudyTask, workers: int | None = 1) -> Iterator[Executor]:
 def _done(task: StudyTask, case: StudyCase) -> Ended:
     began = time.perf_counter()
     result = storable(task.work(case.settings, case.guess, case.revisit))
-    return Ended(k=case.k, result=result, seconds=time.perf_counter() - began, begun_from=case.begun_from)
+    seconds = time.perf_counter() - began
+    return Ended(k=case.k, result=result, seconds=seconds, worker=HERE, begun_from=case.begun_from)

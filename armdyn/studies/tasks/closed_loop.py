@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import inspect
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TypeVar
 
-from armdyn.arguments import number, one_of
-from armdyn.control.laws.computed_torque import ComputedTorque
-from armdyn.control.laws.lqr import Lqr
-from armdyn.control.laws.pid import Pid, PidGains
+from armdyn.arguments import expect, number, one_of
+from armdyn.control.laws.registry import CONTROLLERS
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop
 from armdyn.control.loop.references import ramp
 from armdyn.errors import ProblemError
+from armdyn.models.robots.robot import Robot
 from armdyn.optimal import MinimumTimeOptions, Status, solve_minimum_time
 from armdyn.parsing.toml import Table
+from armdyn.studies.plants import Plants
+from armdyn.studies.problems import ArmProblems
 from armdyn.studies.rows import Value
-from armdyn.studies.settings import SIGNS, ArmProblems
+from armdyn.studies.settings import SIGNS
 from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, Neighbours, finite
 from armdyn.trajectory import Trajectory
 
@@ -25,11 +27,10 @@ _REMEMBERED = 16
 """References that a process keeps."""
 _references: dict[str, Trajectory] = {}
 
-_GAINS = {"pid": ("kp", "ki", "kd"), "computed-torque": ("bandwidth",), "lqr": ("position", "velocity", "integral")}
-"""Settings of each controller."""
 _WITHOUT = {"ramp": ("reserve", "velocity_reserve"), "minimum-time": ("ramp",)}
 """Settings without a meaning for each reference."""
-CONTROLLERS, REFERENCES = tuple(_GAINS), tuple(_WITHOUT)
+Options = TypeVar("Options")
+REFERENCES = tuple(_WITHOUT)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,9 +48,8 @@ class ClosedLoopTask:
     name: ClassVar[str]
     section: ClassVar[str]
     signs: ClassVar = SIGNS | {
-        "kp": "any", "ki": "any", "kd": "any", "bandwidth": "positive", "position": "positive",
-        "velocity": "not negative", "integral": "not negative", "ramp": "positive", "rate": "positive",
-        "delay": "not negative", "cutoff": "positive", "noise": "not negative",
+        **{name: sign for kind in CONTROLLERS.values() for name, sign in kind.settings.items()},
+        "ramp": "positive", "rate": "positive", "delay": "not negative", "cutoff": "positive", "noise": "not negative",
     }  # fmt: skip
     outcomes: ClassVar[tuple[str, str]] = ("settled_time_s", "peak_error")
     neighbours: ClassVar[Neighbours] = "off"
@@ -63,7 +63,7 @@ class ClosedLoopTask:
     tolerance: float = 0.005
 
     def __post_init__(self) -> None:
-        one_of(self.controller, CONTROLLERS, "controller")
+        one_of(self.controller, tuple(CONTROLLERS), "controller")
         one_of(self.reference, REFERENCES, "reference")
         number(self.duration, "duration", unit="s", sign="positive")
         number(self.tolerance, "tolerance", unit="rad", sign="positive")
@@ -103,23 +103,22 @@ class ClosedLoopTask:
         for name in _WITHOUT[self.reference]:
             if name in names:
                 raise ProblemError(f"{name} says nothing of reference {self.reference!r}")
-        for other, gains in _GAINS.items():
-            for name in gains:
-                if name in names and other != self.controller:
+        own = CONTROLLERS[self.controller].settings
+        for other, kind in CONTROLLERS.items():
+            for name in kind.settings:
+                if name in names and name not in own:
                     raise ProblemError(f"{name} is a setting of controller {other!r}, not of {self.controller!r}")
 
     def controller_of(self, own: Mapping[str, Value]) -> Controller:
         """The controller with the gains of a case.
 
         Raises:
-            ProblemError: a gain of a PID controller is missing.
+            ProblemError: a setting that the controller needs is missing.
         """
-        if self.controller == "pid" and (missing := [name for name in _GAINS["pid"] if name not in own]):
-            raise ProblemError(f"controller 'pid' needs {', '.join(missing)}: fix or vary them")
-        gains = {name: float(own[name]) for name in _GAINS[self.controller] if name in own}
-        if self.controller == "pid":
-            return Pid(PidGains(**gains))
-        return Lqr(**gains) if self.controller == "lqr" else ComputedTorque(**gains)
+        kind = CONTROLLERS[self.controller]
+        if kind.required and (missing := [name for name in kind.settings if name not in own]):
+            raise ProblemError(f"controller {self.controller!r} needs {', '.join(missing)}: fix or vary them")
+        return kind.make(**{name: float(own[name]) for name in kind.settings if name in own})
 
     def loop_of(self, own: Mapping[str, Value]) -> Loop:
         """The loop of a case."""
@@ -148,3 +147,21 @@ class ClosedLoopTask:
                 _references.clear()
             _references[key] = solution.trajectory
         return _references[key]
+
+
+def options_of(kind: Callable[..., Options], given: Mapping[str, Any], name: str, **others: Any) -> Options:
+    """A value of options from a table of a study file.
+
+    Raises:
+        ProblemError: an option is unknown or wrong.
+    """
+    known = set(inspect.signature(kind).parameters) - others.keys()
+    if unknown := expect(given, dict, name).keys() - known:
+        raise ProblemError(f"{name}: no option {min(unknown)!r}; known: {', '.join(sorted(known))}")
+    return kind(**given, **others)
+
+
+def plants_of(given: Mapping[str, Any], robot: Robot) -> Plants:
+    """Ranges of random arms; the payload of a robot without one does not vary by default."""
+    loaded = robot.payload is not None and robot.payload.mass > 0
+    return options_of(Plants, given if loaded else {"payload": (1.0, 1.0), **given}, "plants").check(robot)

@@ -16,8 +16,9 @@ from armdyn.optimal.refine.smooth import trajectory_cost
 from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.policy.search import SamePolicy
 from armdyn.parsing.toml import Table
+from armdyn.studies.problems import ProblemSource
 from armdyn.studies.rows import StudyRow, Value
-from armdyn.studies.settings import SIGNS, ProblemSource
+from armdyn.studies.settings import SIGNS
 from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, Neighbours, finite, motion_bytes, motion_from
 from armdyn.trajectory import Trajectory
 

@@ -3,58 +3,47 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from armdyn.studies.plants import Range
+from armdyn.studies.plants import Plants, Range
 from armdyn.studies.rows import Value
-from armdyn.studies.tasks.closed_loop import ClosedLoopTask
-from armdyn.studies.tasks.random_plants import PLANT_RANGES, PlantsTask
+from armdyn.studies.tasks.closed_loop import ClosedLoopTask, options_of, plants_of
 from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, finite
 from armdyn.studies.tuning.families import Ramps, family_named
 from armdyn.studies.tuning.tune import TuneOptions, tune
 
-_OPTIONS = ("index", "overshoot", "seed", "members", "generations", "time_limit")
-
 
 @dataclass(frozen=True, kw_only=True)
-class TuneTask(PlantsTask):
+class TuneTask(ClosedLoopTask):
     """Gains, and the duration of a ramp, with which the worst arm at the ends of the ranges settles soonest.
 
     Attributes:
+        plants: ranges of the arms, by the names of `Plants`.
         ramp_range: durations of the ramp [s], of the reference "ramp".
-        index: see `TuneOptions`, as all below.
-        overshoot: likewise.
-        seed: likewise.
-        members: likewise.
-        generations: likewise.
-        time_limit: likewise.
+        options: of the search, by the names of `TuneOptions`.
     """
 
     name: ClassVar = "tune"
     section: ClassVar = "tune"
     outcomes: ClassVar = ("settled_time_s", "overshoot")
-    own: ClassVar = (*ClosedLoopTask.own, *PLANT_RANGES, "ramp_range", *_OPTIONS)
+    own: ClassVar = (*ClosedLoopTask.own, "plants", "ramp_range", "options")
 
     controller: str = "pid"
     reference: str = "ramp"
+    plants: Mapping[str, Any] = field(default_factory=dict)
     ramp_range: Range = (0.1, 1.0)
-    index: str = "settled"
-    overshoot: float = TuneOptions.overshoot
-    seed: int = TuneOptions.seed
-    members: int = TuneOptions.members
-    generations: int = TuneOptions.generations
-    time_limit: float = TuneOptions.time_limit
+    options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.options  # noqa: B018  # wrong options are refused now
+        options_of(Plants, self.plants, "plants")
+        self._search  # noqa: B018  # wrong options are refused now
 
     @property
-    def options(self) -> TuneOptions:
-        """Options of the search."""
-        given: dict[str, Any] = {name: getattr(self, name) for name in _OPTIONS}
-        return TuneOptions(**given, duration=self.duration, tolerance=self.tolerance, workers=1)
+    def _search(self) -> TuneOptions:
+        others = {"duration": self.duration, "tolerance": self.tolerance, "workers": 1}
+        return options_of(TuneOptions, self.options, "options", **others)
 
     def work(self, settings: Mapping[str, Value], guess: bytes, revisit: bool = False) -> CaseResult:
         """Tune the controller of a case."""
@@ -63,8 +52,8 @@ class TuneTask(PlantsTask):
         motion = Ramps(*ends, self.ramp_range) if self.reference == "ramp" else self.reference_of(own)
         if isinstance(motion, CaseResult):
             return motion
-        family, plants = family_named(self.controller, robot, ends[1]), self.plants(robot).corners(robot)
-        found = tune(robot, motion, family, plants, loop=self.loop_of(own), options=self.options)
+        family, plants = family_named(self.controller, robot, ends[1]), plants_of(self.plants, robot).corners(robot)
+        found = tune(robot, motion, family, plants, loop=self.loop_of(own), options=self._search)
         if found.status == "interrupted":
             return CaseResult(status=INTERRUPTED)
         worst = found.training

@@ -4,12 +4,12 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.arguments import expect, listener, number, one_of, whole
+from armdyn.arguments import expect, listener, number, one_of, path, whole
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.tracking.setup import Setup
@@ -22,8 +22,8 @@ from armdyn.studies.executors.in_process import in_process
 from armdyn.studies.plant_study import digest, identity, named
 from armdyn.studies.rows import RowStore, StudyRow, Value, row_store
 from armdyn.studies.run import run_cases
-from armdyn.studies.study import Cases
-from armdyn.studies.tasks.task import CaseResult, Neighbours
+from armdyn.studies.study import OwnTask
+from armdyn.studies.tasks.task import CaseResult
 from armdyn.studies.tuning.families import ControllerFamily, Ramps, Values, by_name, chosen
 from armdyn.studies.tuning.index import INDICES, Index, Worth, worth
 from armdyn.trajectory import Trajectory
@@ -31,6 +31,8 @@ from armdyn.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 FORMAT = "armdyn-tune-1"
+_WITHOUT_EFFECT = ("time_limit", "workers", "file")
+"""Options without an effect on the controllers that are tried."""
 _LOOP = Loop()
 _NEVER = 1e6
 """Cost of a controller that cannot be run."""
@@ -55,6 +57,7 @@ class TuneOptions:
         generations: largest number of them.
         time_limit: of the search [s]; the generation under way is not ended.
         workers: threads; None: one per core.
+        file: SQLite, with a row for each controller that was run; rows of another search are replaced. None: no file.
 
     Raises:
         ProblemError: something is out of range or unknown.
@@ -69,6 +72,7 @@ class TuneOptions:
     generations: int = 60
     time_limit: float = np.inf
     workers: int | None = None
+    file: str | os.PathLike[str] | None = None
 
     def __post_init__(self) -> None:
         one_of(self.index, INDICES, "index")
@@ -81,6 +85,8 @@ class TuneOptions:
         object.__setattr__(self, "generations", whole(self.generations, "generations", least=1))
         if self.workers is not None:
             object.__setattr__(self, "workers", whole(self.workers, "workers", least=1))
+        if self.file is not None:
+            object.__setattr__(self, "file", path(self.file, "file"))
 
 
 _OPTIONS = TuneOptions()
@@ -123,14 +129,12 @@ def tune(
     loop: Loop = _LOOP,
     options: TuneOptions = _OPTIONS,
     progress: Callable[[str], None] | None = None,
-    file: str | os.PathLike[str] | None = None,
 ) -> Tuned:
     """Choose the controller of a family that is best on the worst of some arms, in the loop as it is built.
 
     Differential evolution (Storn and Price, Journal of Global Optimization 11, 1997) over the logarithms of the
     parameters, as scipy has it. A controller that overshoots by more than it may is the answer only where the search
-    has found no other. With a file each controller that was run has a row, and the same search goes on where it was
-    stopped or killed.
+    has found no other. With `options.file` the same search goes on where it was stopped or killed.
 
     Args:
         robot: the controller's model of the arm.
@@ -141,7 +145,6 @@ def tune(
         loop: connection of controller and arm.
         options: the index to minimise, and the extent of the search.
         progress: called with the progress in words.
-        file: SQLite, for the rows; those of another search are replaced. None: no file.
 
     Returns:
         The best controller; after Ctrl-C, or at the time limit, of those that were run.
@@ -160,9 +163,9 @@ def tune(
         raise ProblemError("plants are none; expected some arms, such as Plants(payload=(0.8, 1.2)).corners(robot)")
     progress = listener(progress)
     search = GainSearch(expect_robot(robot), reference, family, on, loop, options)
-    asked = {} if file is None else search.description()
-    with stopping(options.time_limit) as stop, row_store(file, asked, "normal", replace=True) as rows:
-        with in_process(search, options.workers or os.cpu_count()) as executor:
+    asked = {} if options.file is None else search.description()
+    with stopping(options.time_limit) as stop, row_store(options.file, asked, "normal", replace=True) as rows:
+        with in_process(search, options.workers) as executor:
             status = search.go(rows, executor, stop, progress)
         if search.best is None:
             raise ProblemError(f"no controller was run: {search.refused or 'the search was stopped at once'}")
@@ -182,7 +185,7 @@ def tune(
 
 
 @dataclass(eq=False)
-class GainSearch(Cases):
+class GainSearch(OwnTask):
     """Study whose cases are the controllers that a search tries, generation by generation; also their task."""
 
     robot: Robot
@@ -197,12 +200,6 @@ class GainSearch(Cases):
     history: list[float] = field(default_factory=list)
     refused: str = ""
     """Reason why the last controller that could not be run could not."""
-    neighbours: Neighbours = "off"
-
-    @property
-    def task(self) -> Self:  # type: ignore[override]
-        """The work on one controller."""
-        return self
 
     def __len__(self) -> int:
         return len(self.tried)
@@ -221,15 +218,17 @@ class GainSearch(Cases):
 
     def description(self) -> dict[str, object]:
         """All that the rows depend on, as JSON."""
-        options = {name: value for name, value in asdict(self.options).items() if name not in ("time_limit", "workers")}
-        given = self.reference
+        options = {name: value for name, value in asdict(self.options).items() if name not in _WITHOUT_EFFECT}
+        given, parameters = self.reference, chosen(self.family, self.reference)
+        middle = {one.name: float(np.sqrt(one.low * one.high)) for one in parameters}
         return {
             "format": FORMAT,
             "armdyn": version("armdyn"),
             "robot": identity(self.robot),
             "reference": digest(given) if isinstance(given, Trajectory) else named(given),
             "family": self.family.name,
-            "parameters": [asdict(one) for one in self.family.parameters],
+            "parameters": [asdict(one) for one in parameters],
+            "example": named(self.family.controller(middle)),
             "plants": [{**identity(arm), "friction": repr(arm.friction)} for arm in self.plants],
             "loop": asdict(self.loop),
             **options,

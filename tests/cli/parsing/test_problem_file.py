@@ -1,38 +1,13 @@
 """Problem files on the command line, in the place of a robot."""
 
-from pathlib import Path
-
 import pytest
 
+from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.parsing.positions import reading_degrees
-from armdyn.cli.parsing.problem_file import problem_file
+from armdyn.cli.parsing.problem_file import problem_file, refuse_beside_a_file
 from armdyn.errors import ProblemError
 from cli.command import answer, run_here
-
-RR = """[robot]
-name = "rr"
-payload = { mass = 0.1006 }
-
-[problem]
-q_start = [-1.5, "2deg"]
-q_goal = [0.2, "-pi/84"]
-
-[options]
-search = "quick"
-"""
-
-
-@pytest.fixture
-def write(tmp_path, monkeypatch):
-    """Writes a problem file, in a folder of its own that is the working folder, and gives its name."""
-    (tmp_path / "home").mkdir()
-    monkeypatch.chdir(tmp_path / "home")
-
-    def put(text):
-        Path("problem.toml").write_text(text)
-        return "problem.toml"
-
-    return put
+from problems import RR_FILE
 
 
 def refused(name):
@@ -41,8 +16,8 @@ def refused(name):
     return str(caught.value)
 
 
-def test_the_command_line_does_not_say_it_again(write):
-    name = write(RR)
+def test_the_command_line_does_not_say_it_again(write_problem):
+    name = write_problem(RR_FILE)
     for options in (
         ["--payload", 1],
         ["--q-start", "0,0"],
@@ -55,8 +30,8 @@ def test_the_command_line_does_not_say_it_again(write):
         assert facts["message"].startswith(options[0]) and "says" in facts["message"], options
 
 
-def test_bound_takes_a_file_and_some_say_that_they_do_not(write):
-    name = write(RR.replace("q_start", "velocity_limit = 5\nq_start"))
+def test_bound_takes_a_file_and_some_say_that_they_do_not(write_problem):
+    name = write_problem(RR_FILE.replace("q_start", "velocity_limit = 5\nq_start"))
     facts = answer(run_here("bound", name, "--json"))
     assert facts["robot"] == "rr" and facts["kinematic"] == pytest.approx(1.7 / 5, rel=1e-12)
     for command in ("doctor", "robots"):
@@ -76,8 +51,8 @@ TASK = ("--payload", 0.1006, "--q-start", "-1.5,2deg", "--q-goal", "0.2,-pi/84")
         ("tune", "--controller", "lqr", "--generations", 1, "--members", 2, "--held-out", 1),
     ],
 )
-def test_closed_loops_take_the_arm_and_the_poses_of_a_file(write, command):
-    name, (what, *options) = write(RR), command
+def test_closed_loops_take_the_arm_and_the_poses_of_a_file(write_problem, command):
+    name, (what, *options) = write_problem(RR_FILE), command
     told, same = (run_here(what, *robot, *options, "--json") for robot in ((name,), ("rr", *TASK)))
     told, same = (answer(one, one.returncode) for one in (told, same))
     assert told.keys() == same.keys()
@@ -85,39 +60,47 @@ def test_closed_loops_take_the_arm_and_the_poses_of_a_file(write, command):
     beside = {"files", "write_seconds", "seconds"} | ({"arrival_rule", "arrival_time"} if what == "pid" else set())
     assert {key for key in told if told[key] != same[key]} <= beside
     message = answer(run_here(what, name, *options, *TASK[:2], "--json"), 2)["message"]
-    assert message == "--payload: problem.toml says what the problem is; write it there"
+    assert message == "--payload: problem.toml says this itself; write it there"
 
 
-def test_track_follows_the_problem_of_a_file(write):
+def test_track_follows_the_problem_of_a_file(write_problem):
     told = run_here(
-        "track", write(RR.replace("q_start", "reserve = 0.2\nq_start")), "--json", "--no-figure", "--no-report"
+        "track",
+        write_problem(RR_FILE.replace("q_start", "reserve = 0.2\nq_start")),
+        "--json",
+        "--no-figure",
+        "--no-report",
     )
     same = run_here("track", "rr", *TASK, "--reserve", 0.2, "--json", "--no-figure", "--no-report")
     assert answer(told)["reference_duration"] == pytest.approx(
         answer(same)["reference_duration"], rel=1e-8
     )  # certified
-    moving = run_here("track", write(RR.replace("q_start", "v_start = [1, 0]\nq_start")), "--ramp", 0.5, "--json")
+    moving = run_here(
+        "track", write_problem(RR_FILE.replace("q_start", "v_start = [1, 0]\nq_start")), "--ramp", 0.5, "--json"
+    )
     assert "from rest to rest" in answer(moving, 2)["message"]
 
 
-def test_a_sweep_over_payload_takes_a_file(write):
-    name = write(RR)
+def test_a_sweep_over_payload_takes_a_file(write_problem):
+    name = write_problem(RR_FILE)
     told = answer(run_here("sweep", name, "--payload", "0,0.1006", "--json", "--no-figure"))
     same = answer(run_here("sweep", "rr", "--payload", "0,0.1006", *TASK[2:], "--json", "--no-figure"))
     for one, other in zip(told["rows"], same["rows"], strict=True):
         assert one["payload_kg"] == other["payload_kg"]
         assert one["duration_s"] == pytest.approx(other["duration_s"], rel=1e-8)  # both are certified
     message = answer(run_here("sweep", name, "--payload", "0,1", "--q-goal", "0,0", "--json"), 2)["message"]
-    assert message == "--q-goal: problem.toml says what the problem is; write it there"
+    assert message == "--q-goal: problem.toml says this itself; write it there"
 
 
-def test_degrees_are_not_of_files(write):
-    with reading_degrees(True):
-        assert "says units itself" in refused(write(RR))
+def test_degrees_are_not_of_files(write_problem):
+    with reading_degrees(True), pytest.raises(ProblemError, match="says units itself"):
+        refuse_beside_a_file(write_problem(RR_FILE), PoseOptions())
 
 
-def test_mintime_solves_a_file_and_its_options_go_before(write):
-    facts = answer(run_here("mintime", write(RR), "--json", "--no-figure", "--no-report", "--require", "certified"))
+def test_mintime_solves_a_file_and_its_options_go_before(write_problem):
+    facts = answer(
+        run_here("mintime", write_problem(RR_FILE), "--json", "--no-figure", "--no-report", "--require", "certified")
+    )
     task = ("--payload", 0.1006, "--q-start", "-1.5,2deg", "--q-goal", "0.2,-pi/84", "--search", "quick")
     told = run_here("mintime", "rr", *task, "--json", "--no-figure", "--no-report")
     assert facts["duration"] == answer(told)["duration"] and facts["files"][0].startswith("results/mintime-problem")

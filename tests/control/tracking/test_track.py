@@ -8,6 +8,7 @@ import pytest
 import armdyn as ad
 import plain_loop
 from armdyn.errors import ProblemError
+from armdyn.optimal.gap import check_motion
 from armdyn.paper import GAINS, example
 from problems import paper_arm
 
@@ -82,6 +83,19 @@ def _dop853(robot, q, v, tau):
         (0, 1e-3), np.concatenate([q, v]), method="DOP853", rtol=1e-11, atol=1e-12,
     )  # fmt: skip
     return np.split(done.y[:, -1], 2)
+
+
+@pytest.mark.parametrize("rate", [1000.0, 200.0])
+def test_a_replay_of_a_runs_torques_ends_where_the_run_ended(references, rate):
+    robot = paper_arm("rrr")
+    run = ad.track(robot, references["rrr"], loop=ad.Loop(rate=rate), duration=0.3)
+    assert run.trajectory.hold == "zero-order"
+    replayed = ad.replay_torques(robot, run.trajectory)
+    # A tick may be wrong by 1e-8; the arm's motion makes that a hundred times as large in 0.3 s.
+    assert np.abs(replayed.q - run.trajectory.q).max() < 1e-5
+    linear = ad.replay_torques(robot, replace(run.trajectory, hold="linear"))
+    assert np.abs(linear.q[-1] - run.trajectory.q[-1]).max() > 1e-3
+    assert check_motion(robot, run.trajectory).replay_error < 1e-5
 
 
 @pytest.mark.parametrize("arm", ["rr", "rrr"])

@@ -8,16 +8,8 @@ import pinocchio as pin
 import pytest
 
 from armdyn.errors import ProblemError
-from armdyn.models.scene.obstacles import (
-    Box,
-    Capsule,
-    Sphere,
-    homogeneous,
-    load_obstacles,
-    obstacle_entry,
-    obstacle_from,
-    pose_of,
-)
+from armdyn.models.scene.obstacles import Box, Capsule, Sphere, load_obstacles, obstacle_entry, obstacle_from
+from armdyn.models.scene.placement import homogeneous, pose_of
 
 
 def test_equal_obstacles_are_equal_and_hash_alike():

@@ -135,3 +135,13 @@ def test_the_adjoint_equations_are_asked_of_the_answer(task):
     # Of what is no extremal it is not asked.
     stray = replace(arcs, certificate=replace(candidate, hamiltonian_spread=1.0))
     assert answer(task, stray).certificate.adjoint_error is None
+
+
+def test_a_certified_motion_as_fast_comes_before_one_that_is_not_certified(task):
+    right = solved("rr")
+    certified = replace(optimum(task, cost=right.duration), certificate=right.certificate, phases=right.phases)
+    stray = replace(right.certificate, hamiltonian_spread=1.0)
+    doubtful = replace(optimum(task, cost=right.duration * (1 - 5e-7)), certificate=stray)
+    assert answer(task, doubtful, certified).certified
+    faster = replace(doubtful, cost=right.duration * (1 - 5e-6))
+    assert not answer(task, faster, certified).certified

@@ -19,7 +19,7 @@ def solution():
 def test_print_says_duration_verdict_and_what_decides(solution):
     words = str(solution)
     assert words.startswith(f"The fastest motion found for rr, 2 joints, takes {solution.duration:.6f} s. ")
-    assert "It is usable and certified" in words and "Pontryagin's conditions hold along it" in words
+    assert "The motion is executable. Pontryagin's conditions hold along it" in words
     first = solution.decides[0]
     assert f"Its time is decided by {first.name} ({100 * first.part:.3g} %)" in words and " ms." in words
     assert len(words.splitlines()) == 1 and words.endswith(".")
@@ -29,7 +29,8 @@ def test_print_says_the_bound(solution):
     bound = 0.98 * solution.duration
     proven = dataclasses.replace(solution.certificate, lower_bound=bound, gap=solution.duration / bound - 1)
     words = str(dataclasses.replace(solution, certificate=proven))
-    assert f"No motion is faster than {bound:.6f} s: this one is at most 2.05 % above that." in words
+    assert "It is proven to be at most 2.05 % slower than the fastest possible." in words
+    assert f"No motion is faster than {bound:.6f} s." in words
 
 
 def test_what_is_certified_by_its_bound_says_so(solution):
@@ -38,13 +39,13 @@ def test_what_is_certified_by_its_bound_says_so(solution):
         solution.certificate, hamiltonian_spread=float("inf"), lower_bound=bound, gap=solution.duration / bound - 1
     )
     words = str(dataclasses.replace(solution, certificate=near))
-    assert "certified: " in words and "a proven bound is within 0.1 % of it." in words
+    assert "It is proven to be at most 0.05 % slower than the fastest possible." in words
 
 
 def test_what_is_not_usable_says_so(solution):
     missed = dataclasses.replace(solution.certificate, goal_error=0.1)
     short = dataclasses.replace(solution, certificate=missed, success=False, message="ends beside the goal")
-    assert "It is not usable: ends beside the goal." in str(short) and "What you can do: " in str(short)
+    assert "The motion is not executable: ends beside the goal." in str(short) and "What you can do: " in str(short)
     assert verdict(short) == "not usable" and "decided by" not in str(short)
 
 

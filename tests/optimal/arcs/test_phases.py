@@ -53,4 +53,4 @@ def test_the_hamiltonian_is_zero_and_torques_pull_outward(arm):
     for k, arc in enumerate(phases.arc_of):
         for i in range(n):
             outward = 1.0 if phases.arcs[arc].modes[i] is Mode.UPPER else -1.0
-            assert np.all(outward * phases.torque_pull[k, :, i] <= 1e-7 * phases.duration)
+            assert np.all(outward * phases.torque_multiplier[k, :, i] <= 1e-7 * phases.duration)

@@ -10,7 +10,7 @@ from armdyn.optimal.arcs.nlp_data import PhaseAim
 from armdyn.optimal.arcs.phases import Phases, Unresolved
 from armdyn.optimal.arcs.solving import prepare_phases, solve_phases
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.solve.ipopt import _built
+from armdyn.optimal.solve.registry import _built
 from armdyn.optimal.task.task import Task
 from problems import solved
 

@@ -68,6 +68,6 @@ def test_a_touch_stays_where_the_limit_pushes_back(pull, wanted):
     phases = solved("r").phases
     first, last = phases.arcs
     touching = (replace(first, touches=((0, Mode.POSITION_UPPER),)), last)
-    pulls = np.full_like(phases.knot_pull, pull)
-    found = without_idle_touches(replace(phases, arcs=touching, knot_pull=pulls))
+    pulls = np.full_like(phases.knot_multiplier, pull)
+    found = without_idle_touches(replace(phases, arcs=touching, knot_multiplier=pulls))
     assert found == ([] if wanted else list(phases.arcs))

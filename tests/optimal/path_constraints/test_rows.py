@@ -3,11 +3,11 @@
 import casadi as ca
 import numpy as np
 import pytest
+from armdyn.optimal.path_constraints.clearance.clearance import scene_of
+from armdyn.optimal.path_constraints.clearance.pairs import distances_at
 
 import armdyn as ad
 from armdyn.models.scene.obstacles import Box, Capsule, Sphere
-from armdyn.optimal.path_constraints.clearance.clearance import scene_of
-from armdyn.optimal.path_constraints.clearance.pairs import distances_at
 from armdyn.optimal.path_constraints.constraint import Knots
 from armdyn.optimal.path_constraints.legs import legs_of
 from armdyn.optimal.path_constraints.rows import with_rows
@@ -47,7 +47,7 @@ def test_derivatives(method, form):
     dynamics, rows, N = ad.Dynamics(problem.robot, free_last_body=True), constraints.rows(problem), KNOTS.intervals
     values = constraints.values(problem, KNOTS)
     nlp = build_nlp(dynamics, scheme, N)
-    more = with_rows(nlp, dynamics, rows)
+    more = with_rows(dynamics, scheme, N, rows)
     x, p, f, g = (more.functions[name] for name in "xpfg")
     lower, upper = row_bounds(rows, values, Collocated(dynamics, scheme), N)
     assert lower.size == upper.size == g.numel() - N * nlp.defects and np.all(lower <= upper)

@@ -115,8 +115,7 @@ def test_parameters_by_name_are_the_same_for_numbers_and_symbols(joints, N):
     given_ = Parameters.of(np.append(0.0, rest), joints)
     p = Parameters(fractions, *(getattr(given_, name) for name in list(Parameters.__annotations__)[1:])).packed()
     assert p.size == Parameters.size(joints, N)
-    symbol = ca.MX.sym("p", p.size)
-    columns = ca.Function("columns", [symbol], [Parameters.by_interval(symbol, N)])(p).full()
+    columns = p[Parameters.by_interval(joints, N)]
     one = ca.SX.sym("p", Parameters.size(joints))
     for k in range(N):
         for name in Parameters.__annotations__:

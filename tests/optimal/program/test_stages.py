@@ -23,9 +23,9 @@ def test_values_and_derivatives_of_an_interval(arm):
     left, u, right = y[: 2 * n], y[2 * n : 3 * n], y[3 * n : 5 * n]
     a_left, a_right = one.rate(left, u, p), one.rate(right, u, p)
     middle = one.middle(y, a_left, a_right, p)
-    at_middle = one.bend(middle, u, lam[n:], p)
+    at_middle = one.second_order(middle, u, lam[n:], p)
     weights = one.weigh(y, at_middle[1], lam, nu, p)
-    ends = [one.bend(x, u, weight, p) for x, weight in zip((left, right), weights, strict=True)]
+    ends = [one.second_order(x, u, weight, p) for x, weight in zip((left, right), weights, strict=True)]
     values = np.array(one.equations(y, a_left, at_middle[0], a_right, p)).ravel()
     found = one.assemble(y, lam, nu, *ends[0], *at_middle, *ends[1], p)
 

@@ -96,12 +96,17 @@ def test_costates_of_another_motion_are_caught():
 def test_without_the_pull_of_a_held_limit_the_costates_are_wrong():
     solution = solve(on_the_rail(velocity_limit=0.8))
     phases = solution.phases
-    assert error(solution, state_pull=0 * phases.state_pull, knot_pull=0 * phases.knot_pull) > 0.1
+    assert (
+        error(solution, state_multiplier=0 * phases.state_multiplier, knot_multiplier=0 * phases.knot_multiplier) > 0.1
+    )
 
 
 def test_a_pull_where_no_arc_names_a_limit_does_not_count():
     solution = solved("rr")
-    loose = {"state_pull": solution.phases.state_pull + 1.0, "knot_pull": solution.phases.knot_pull + 1.0}
+    loose = {
+        "state_multiplier": solution.phases.state_multiplier + 1.0,
+        "knot_multiplier": solution.phases.knot_multiplier + 1.0,
+    }
     assert error(solution, **loose) == error(solution)
 
 
@@ -129,7 +134,7 @@ def test_the_rates_are_those_of_differences(friction):
 
     x = np.concatenate([q, v])
     slope = np.column_stack([(rate(x + d) - rate(x - d)) / (2 * step) for d in step * np.eye(2 * n)])
-    np.testing.assert_allclose(along.slopes(at)[0], -slope.T, rtol=1e-5, atol=1e-5 * np.abs(slope).max())
+    np.testing.assert_allclose(along.jacobians(at)[0], -slope.T, rtol=1e-5, atol=1e-5 * np.abs(slope).max())
 
 
 def test_stretches_are_followed_as_an_adaptive_integrator_does():
@@ -141,7 +146,7 @@ def test_stretches_are_followed_as_an_adaptive_integrator_does():
     carried = along.carried(ends, 1e-9)
 
     def rate(time, flat):
-        return (along.slopes(np.array([time]))[0] @ flat.reshape(own, own)).ravel()
+        return (along.jacobians(np.array([time]))[0] @ flat.reshape(own, own)).ravel()
 
     expected = solve_ivp(rate, ends[::-1], np.eye(own).ravel(), "DOP853", rtol=1e-10, atol=1e-14, max_step=1e-4)
     np.testing.assert_allclose(

@@ -64,9 +64,8 @@ def test_a_guess_is_looked_at_first_and_leads_where_one_start_does_not():
 
 def test_a_guess_of_other_joints_is_refused():
     guess = ad.Trajectory([0, 1], np.zeros((2, 1)), np.zeros((2, 1)), np.zeros((2, 1)))
-    task = Task.of(paper_problem("rr", effort_weight=1.0), ad.MinimumTimeOptions(guesses=(guess,)))
     with pytest.raises(ProblemError, match=r"guesses\[0\] moves 1 joints, rr has 2"):
-        time_energy(task)
+        Task.of(paper_problem("rr", effort_weight=1.0), ad.MinimumTimeOptions(guesses=(guess,)))
 
 
 def test_what_strays_on_the_finest_mesh_is_no_optimum_and_said(monkeypatch):

@@ -6,7 +6,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.models.scene.reaching import free_directions, slid
-from armdyn.optimal.proof.transversality import end_slope, transversality
+from armdyn.optimal.proof.transversality import end_gradient, transversality
 from armdyn.optimal.search.goals import screened
 from problems import paper_arm
 
@@ -69,5 +69,5 @@ def test_an_extremal_end_is_orthogonal_to_the_joint_positions_that_reach_its_pos
         assert other.certificate.extremal and other.duration > solution.duration
         missed = transversality(problem, pose, near, other.phases)
         assert missed > 1e-3 and not other.certificate.at_goal(missed).extremal
-        slope = end_slope(robot, pose, near, other.phases)
+        slope = end_gradient(robot, pose, near, other.phases)
         assert slope @ (near - q) > 0

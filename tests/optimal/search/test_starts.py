@@ -1,5 +1,6 @@
 """Guesses: smooth, from pose to pose, within what the arm can do."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,6 +12,7 @@ import armdyn as ad
 from armdyn.models.scene.collision import CollisionModel
 from armdyn.models.scene.obstacles import Sphere
 from armdyn.optimal.search.starts import spline, via_guesses
+from armdyn.optimal.task.policy.policy import Policy
 from oracles import PinDynamics
 from problems import POSES, cart, paper_arm, paper_problem
 
@@ -104,6 +106,17 @@ def test_the_first_way_is_straight_and_all_are_within_limits(seed, count):
     assert len(ways) == count and ways[0] == []
     limits = problem.limits
     assert all(np.all(limits.position_lower <= q) and np.all(q <= limits.position_upper) for way in ways for q in way)
+
+
+def test_the_policys_numbers_make_the_guesses():
+    """A number of the policy that is changed is another guess: nothing reads the class."""
+    problem = paper_problem("rr", position_limit=(-np.inf, np.inf))
+    problem = problem.variant(q_goal=problem.q_start + np.array([1e-3, 0.0]))
+    policy = Policy.of(problem).search
+    wider = replace(policy, bow=2 * policy.bow)
+    one, other = (np.array(via_guesses(problem, 0, 5, policy=numbers)[1:]) for numbers in (policy, wider))
+    middle = (np.asarray(problem.q_start) + np.asarray(problem.q_goal)) / 2
+    np.testing.assert_allclose(other - middle, 2 * (one - middle), rtol=1e-12, atol=1e-12)
 
 
 def test_more_guesses_begin_with_the_same():

@@ -8,13 +8,15 @@ from armdyn.optimal.search.swing_up import swing_up_guesses, swinging_time
 from armdyn.optimal.task.policy.search import SearchPolicy
 from problems import paper_problem
 
+SWINGS = (SearchPolicy.swing_ups, SearchPolicy.unlike)
+
 
 def problem_of(goal, **more):
     return ad.MinimumTimeProblem(ad.Robot.from_library("cart_pole"), q_start=[0, 0], q_goal=goal, **more)
 
 
 def test_swings_go_to_and_fro_and_further():
-    ways = swing_up_guesses(problem_of([0.0, np.pi]), np.random.default_rng(0), 30)
+    ways = swing_up_guesses(problem_of([0.0, np.pi]), np.random.default_rng(0), 30, *SWINGS)
     assert [len(way) for way in ways[:6]] == list(SearchPolicy.swing_ups)
     for way in ways:
         poses = np.array(way)
@@ -26,8 +28,8 @@ def test_swings_go_to_and_fro_and_further():
 
 
 def test_no_swings_where_nothing_is_to_swing():
-    assert swing_up_guesses(problem_of([1.0, 0.0]), np.random.default_rng(0), 4) == []
-    assert swing_up_guesses(paper_problem("rr"), np.random.default_rng(0), 4) == []
+    assert swing_up_guesses(problem_of([1.0, 0.0]), np.random.default_rng(0), 4, *SWINGS) == []
+    assert swing_up_guesses(paper_problem("rr"), np.random.default_rng(0), 4, *SWINGS) == []
 
 
 def test_the_straight_way_stays_the_first_guess_and_half_of_the_others_swing():

@@ -1,23 +1,23 @@
 """One IPOPT for all: its words, its stop, and that what is built is shared."""
 
 from dataclasses import dataclass
-from functools import partial
 
 import casadi as ca
 import numpy as np
-import pytest
 
 from armdyn.codegen.deadline import NoTimeError
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.assembly import Program
-from armdyn.optimal.solve.ipopt import Ipopt, IpoptSettings, in_time
+from armdyn.optimal.solve.ipopt import Ipopt, _options
+from armdyn.optimal.solve.registry import in_time, solver_for
+from armdyn.optimal.solve.solver import Acceptable, NlpData, SolverSettings
 from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.task import Task
 from problems import paper_problem
 
 FREE = np.full(2, -np.inf), np.full(2, np.inf)
-SETTINGS = IpoptSettings(1e-10, 100)
+SETTINGS = SolverSettings(1e-10, 100)
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def valley(shape):
 
 def solve(solver, start=(-1.2, 1.0), x_bounds=FREE, stop=None, p=1.0):
     zero = np.zeros(1)
-    return solver.solve(np.array(start), np.array([p]), x_bounds, (zero, zero), stop or Stop())
+    return solver.solve(NlpData(np.array(start), np.array([p]), x_bounds, (zero, zero)), stop or Stop())
 
 
 def test_a_solution_its_multipliers_and_its_equations():
@@ -61,7 +61,7 @@ def test_a_solution_its_multipliers_and_its_equations():
 
 def test_words_for_what_went_wrong():
     solver = Ipopt(valley(Shape(100.0)), SETTINGS)
-    assert solve(Ipopt(valley(Shape(100.0)), IpoptSettings(1e-10, 2))).status is Status.ITERATION_LIMIT
+    assert solve(Ipopt(valley(Shape(100.0)), SolverSettings(1e-10, 2))).status is Status.ITERATION_LIMIT
     assert solve(solver, x_bounds=(FREE[0], np.zeros(2))).status is Status.INFEASIBLE
 
 
@@ -81,26 +81,36 @@ def test_a_stop_is_asked_in_its_own_call_only():
 
 
 def test_built_once_for_the_same_arguments_and_settings():
-    first = Ipopt.of(SETTINGS, valley, Shape(10.0))
-    assert Ipopt.of(IpoptSettings(1e-10, 100), valley, Shape(10.0)) is first
-    others = (partial(Ipopt.of, SETTINGS, valley, Shape(20.0)), partial(Ipopt.of, IpoptSettings(1e-9, 100), valley))
-    assert others[0]() is not first and others[1](Shape(10.0)) is not first
+    task = Task.of(paper_problem("r"))
+    first = solver_for(task, SETTINGS, valley, Shape(10.0))
+    assert solver_for(task, SolverSettings(1e-10, 100), valley, Shape(10.0)) is first
+    assert solver_for(task, SETTINGS, valley, Shape(20.0)) is not first
+    assert solver_for(task, SolverSettings(1e-9, 100), valley, Shape(10.0)) is not first
 
 
 def test_settings_of_a_call_on_a_mesh():
-    settings = IpoptSettings.of(DirectOptions(1e-6, 50, barrier=1e-3), acceptable_tol=1e-5)
-    assert settings == IpoptSettings(1e-6, 50, False, (("mu_init", 1e-3), ("acceptable_tol", 1e-5)))
+    settings = SolverSettings.of(DirectOptions(1e-6, 50, barrier=1e-3))
+    assert settings == SolverSettings(1e-6, 50, False, 1e-3)
 
 
-def test_options_reach_ipopt():
-    with pytest.raises(RuntimeError, match="no_such_option"):
-        Ipopt(valley(Shape(1.0)), IpoptSettings(1e-10, 100, options=(("no_such_option", 1.0),)))
+def test_settings_are_ipopts_options():
+    near = SolverSettings(1e-10, 60, barrier=1e-9, exact=True, push=1e-9)
+    known = {"tol": 1e-10, "max_iter": 60, "mu_init": 1e-9, "bound_relax_factor": 0.0, "acceptable_iter": 0}
+    assert known.items() | {("bound_push", 1e-9), ("bound_frac", 1e-9)} <= _options(near).items()
+    warm = _options(SolverSettings(1e-7, 60, acceptable=Acceptable(1e-5, 1e-6, 1e-7, 8), push=1e-9, warm=True))
+    assert (warm["acceptable_tol"], warm["acceptable_constr_viol_tol"], warm["acceptable_obj_change_tol"]) == (
+        1e-5,
+        1e-6,
+        1e-7,
+    )
+    assert warm["warm_start_init_point"] == "yes" and warm["warm_start_mult_bound_push"] == 1e-9
+    assert "bound_push" not in warm and "mu_init" not in warm
 
 
 def test_nothing_of_its_own_talk_is_heard_unless_asked(capfd):
     zeros = np.zeros(2)
     for verbose in (False, True):  # fixed unknowns and an equation: CasADi warns
-        solver = Ipopt(valley(Shape(100.0)), IpoptSettings(1e-10, 100, verbose))
+        solver = Ipopt(valley(Shape(100.0)), SolverSettings(1e-10, 100, verbose))
         solve(solver, x_bounds=(zeros, zeros))
         said = "".join(capfd.readouterr())
         assert ("overconstrained" in said) == verbose and bool(said) == verbose

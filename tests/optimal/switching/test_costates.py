@@ -41,9 +41,9 @@ def test_the_costates_of_a_contact_keep_the_adjoint_equations():
     assert along
     for k, i in along:
         mode = phases.arcs[phases.arc_of[k]].modes[i]
-        assert np.all(-outward(mode) * phases.state_pull[k, :, 0, i] >= 0)
+        assert np.all(-outward(mode) * phases.state_multiplier[k, :, 0, i] >= 0)
         # The torque that holds it is within its limits, so that its switching function is zero.
         assert abs(solution.certificate.switching[k, i]) < 1e-9
     # Integrated back along the replay by another method, with the pulls of the limit as they are.
     assert solution.certificate.adjoint_error < 1e-5
-    assert np.max(np.abs(phases.knot_pull)) > 1e-3  # where the contact begins it is pushed
+    assert np.max(np.abs(phases.knot_multiplier)) > 1e-3  # where the contact begins it is pushed

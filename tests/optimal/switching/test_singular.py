@@ -10,9 +10,9 @@ from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.switching.extremal.descent import Extremal, fastest
 from armdyn.optimal.switching.extremal.landing import landed
-from armdyn.optimal.switching.reading import schedules_of
-from armdyn.optimal.switching.settle import setting_of, settled
-from armdyn.optimal.switching.singular import course_near, idle_fall, with_longer_course, with_stays
+from armdyn.optimal.switching.from_arcs import structures_of
+from armdyn.optimal.switching.refinement import refine_extremal, shooting_problem
+from armdyn.optimal.switching.singular import control_near, idle_fall, with_bang_arcs, with_longer_control
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task
 from problems import both_sides, paper_problem, random_problem, solved
@@ -20,8 +20,8 @@ from problems import both_sides, paper_problem, random_problem, solved
 U, L, F = Mode.UPPER, Mode.LOWER, Mode.FREE
 
 
-def setting(problem, duration):
-    return setting_of(Task.of(problem, MinimumTimeOptions(compile=False)), duration)
+def shooting(problem, duration):
+    return shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), duration)
 
 
 def freed(solution, begin=0.3, end=0.5):
@@ -40,70 +40,70 @@ def freed(solution, begin=0.3, end=0.5):
 def test_a_free_torque_that_time_wants_on_its_limit_gets_a_stay_there():
     # RR's optimum is bang-bang: what is called free goes to the limit that it was on, and the stay is put back.
     solution = solved("rr")
-    own = setting(solution.problem, solution.duration)
-    full, free = schedules_of(own, freed(solution), solution.phases.torques)
-    assert not full.courses
-    assert len(free.courses) == 1
+    own = shooting(solution.problem, solution.duration)
+    full, free = structures_of(own, freed(solution), solution.phases.torques)
+    assert not full.controls
+    assert len(free.controls) == 1
     found = fastest(own, free, Stop())
     assert isinstance(found, Extremal)
-    (k,) = found.schedule.courses
-    assert with_stays(found, 5e-5) is not None or idle_fall(found, k) <= 5e-5
-    end = settled(own, free, Stop())
+    (k,) = found.structure.controls
+    assert with_bang_arcs(found, 5e-5) is not None or idle_fall(found, k) <= 5e-5
+    end = refine_extremal(own, free, Stop())
     assert end.why == ""
-    assert end.extremal.schedule.duration == pytest.approx(solution.duration, rel=1e-7)
+    assert end.extremal.structure.duration == pytest.approx(solution.duration, rel=1e-7)
 
 
 def test_short_stretches_off_all_limits_are_full_torques():
     solution = solved("rr")
-    own = setting(solution.problem, solution.duration)
-    (only,) = schedules_of(own, freed(solution, 0.3, 0.33), solution.phases.torques)
-    assert not only.courses
+    own = shooting(solution.problem, solution.duration)
+    (only,) = structures_of(own, freed(solution, 0.3, 0.33), solution.phases.torques)
+    assert not only.controls
 
 
 def test_a_course_at_the_start_begins_after_a_stay():
     solution = solved("rr")
-    own = setting(solution.problem, solution.duration)
-    _, free = schedules_of(own, freed(solution, 0.0, 0.3), solution.phases.torques)
+    own = shooting(solution.problem, solution.duration)
+    _, free = structures_of(own, freed(solution, 0.0, 0.3), solution.phases.torques)
     assert F not in free.first
-    (k,) = free.courses
+    (k,) = free.controls
     assert free.times[k] == pytest.approx(1e-3 * free.duration)
 
 
 def test_a_course_knows_the_jump_of_another_torque():
-    own = setting(paper_problem("rr"), 0.2)
+    own = shooting(paper_problem("rr"), 0.2)
     s = np.linspace(0, 1, 102)[1:-1]
     tau = np.column_stack([np.where(s < 0.4, 3.0, -3.0), 1 + s**2 - 0.5 * np.sign(s - 0.4)])
-    course = course_near(own, 1, tau, frozenset({0}))
-    assert [joint for joint, _ in course.leaps] == [0]
+    control = control_near(own, 1, tau, frozenset({0}))
+    assert [joint for joint, _ in control.leaps] == [0]
     signs = np.column_stack([np.sign(tau[:, 0]), np.zeros(s.size)])
-    np.testing.assert_allclose(own.course[1] * course.terms(s, signs) @ course.values, tau[:, 1], atol=1e-9)
+    np.testing.assert_allclose(own.torque_unit[1] * control.terms(s, signs) @ control.values, tau[:, 1], atol=1e-9)
 
 
 def test_a_course_keeps_within_its_limits():
-    own = setting(paper_problem("rr"), 0.2)
+    own = shooting(paper_problem("rr"), 0.2)
     tau = np.column_stack([np.zeros(50), np.full(50, 3.0)])
-    course = course_near(own, 1, tau, frozenset())
-    np.testing.assert_allclose(own.course[1] * course.values, [0.95 * 3.0, 0, 0], atol=1e-9)
+    control = control_near(own, 1, tau, frozenset())
+    np.testing.assert_allclose(own.torque_unit[1] * control.values, [0.95 * 3.0, 0, 0], atol=1e-9)
 
 
 def test_a_course_grows_while_its_switching_function_is_not_zero():
     solution = solved("rr")
-    own = setting(solution.problem, solution.duration)
-    _, free = schedules_of(own, freed(solution), solution.phases.torques)
+    own = shooting(solution.problem, solution.duration)
+    _, free = structures_of(own, freed(solution), solution.phases.torques)
     found = Extremal(landed(own, free))  # any motion has costates, if none that are wanted
-    (k,) = found.schedule.courses
+    (k,) = found.structure.controls
     fall = idle_fall(found, k)
     assert fall > 1e-4
-    longer = with_longer_course(found, 0.5 * fall)
-    assert len(longer.courses[k].smooth) == len(found.schedule.courses[k].smooth) + 2
-    assert with_longer_course(found, 2 * fall) is None
+    longer = with_longer_control(found, 0.5 * fall)
+    assert len(longer.controls[k].smooth) == len(found.structure.controls[k].smooth) + 2
+    assert with_longer_control(found, 2 * fall) is None
 
 
 MODES = {"+": U, "-": L, "0": F}
 LEVELS = {"+": 1.0, "-": -1.0, "0": 0.0}
 
 
-def structure(problem, text):
+def key(problem, text):
     """Arcs such as "+0-:5.1", with durations [ms], and what such torques do when free ones are zero."""
     pieces = [piece.split(":") for piece in text.split()]
     arcs = [Arc(float(length) / 1e3, tuple(MODES[sign] for sign in signs)) for signs, length in pieces]
@@ -116,15 +116,15 @@ def structure(problem, text):
 
 
 def settled_from(problem, text):
-    """What arcs with free torques, as `structure` reads them, come to."""
-    arcs, motion = structure(problem, text)
-    own = setting(problem, motion.duration)
-    *_, free = schedules_of(own, arcs, motion)
-    return settled(own, free, Stop())
+    """What arcs with free torques, as `key` reads them, come to."""
+    arcs, motion = key(problem, text)
+    own = shooting(problem, motion.duration)
+    *_, free = structures_of(own, arcs, motion)
+    return refine_extremal(own, free, Stop())
 
 
 def test_a_course_that_meets_a_limit_on_its_way_settles():
-    # Planes that were only ever added stopped the descent where the course came to its upper limit.
+    # Planes that were only ever added stopped the descent where the singular control came to its upper limit.
     problem = random_problem(0, position_limit=(-np.inf, np.inf))
     end = settled_from(
         problem,
@@ -132,9 +132,9 @@ def test_a_course_that_meets_a_limit_on_its_way_settles():
         "+0+:56.12 +++:3.3",
     )
     assert end.why == ""
-    assert [change.mode for change in end.extremal.schedule.changes].count(F) == 1
+    assert [change.mode for change in end.extremal.structure.changes].count(F) == 1
     # What descent, replay and certificate agree on to 1e-8; no oracle of the best.
-    assert end.extremal.schedule.duration == pytest.approx(0.270189425, rel=1e-7)
+    assert end.extremal.structure.duration == pytest.approx(0.270189425, rel=1e-7)
 
 
 def test_a_singular_torque_jumps_where_another_joint_switches():
@@ -145,10 +145,10 @@ def test_a_singular_torque_jumps_where_another_joint_switches():
         "-0-:15.81 -+-:10.76",
     )
     assert end.why == ""
-    assert end.extremal.schedule.duration == pytest.approx(0.257435630, rel=1e-7)
-    march = end.extremal.march
-    modes = march.schedule.modes()
+    assert end.extremal.structure.duration == pytest.approx(0.257435630, rel=1e-7)
+    rollout = end.extremal.rollout
+    modes = rollout.structure.modes()
     k = next(k for k, (a, b) in enumerate(pairwise(modes)) if a[1] is F and b[1] is F)
     assert modes[k][0] is not modes[k + 1][0]
-    before, after = march.torques.tau[1][march.last[k], 1], march.torques.tau[0][march.last[k] + 1, 1]
+    before, after = rollout.torques.tau[1][rollout.last[k], 1], rollout.torques.tau[0][rollout.last[k] + 1, 1]
     assert abs(after - before) > 0.1  # of a range of 6 N m

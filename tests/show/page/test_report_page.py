@@ -34,7 +34,7 @@ def test_it_says_what_is_missing_and_what_may_help():
     page = page_of(move, robot=robot, title="rr")
     said = " ".join(text_of(page).split())
     for words in (
-        "Usable, not certified", "H is not constant", "What you can do", "--max-intervals", "armdyn mintime rr",
+        "Executable, not certified", "H is not constant", "What you can do", "--max-intervals", "armdyn mintime rr",
         "joint2, torque limit", "27.5 %", "0.2125 s", "+0.35 ms",
     ):  # fmt: skip
         assert words in said, words
@@ -45,9 +45,9 @@ def test_it_says_what_is_missing_and_what_may_help():
     ("facts", "level", "headline"),
     [
         ({"usable": False, "duration": None}, "bad", "No motion found"),
-        ({"usable": False}, "bad", "Not usable"),
+        ({"usable": False}, "bad", "Not executable"),
         ({"certified": True, "extremal": True}, "good", "Certified"),
-        ({}, "fair", "Usable, not certified"),
+        ({}, "fair", "Executable, not certified"),
     ],
 )
 def test_verdicts(facts, level, headline):

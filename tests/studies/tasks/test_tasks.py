@@ -1,26 +1,34 @@
 """A case's work is what the same call does by itself."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.studies.settings import ArmProblems, ArmRecipe
+from armdyn.studies.problems import ArmProblems, StudyArm
 from armdyn.studies.tasks.minimum_time import MinimumTimeTask
 from armdyn.studies.tasks.task import CaseResult, motion_bytes, motion_from, result_of
 from armdyn.studies.tasks.tracking import TrackTask
 from problems import paper_problem
 
-R = ArmRecipe(name="r", source="planar", text="r", q_start=(-np.pi / 2,), q_goal=(np.pi / 20,))
+START, GOAL = [-np.pi / 2], [np.pi / 20]
+
+
+def arm(name="r", q_start=START, q_goal=GOAL):
+    return StudyArm(name="arm", robot={"name": name}, problem={"q_start": list(q_start), "q_goal": list(q_goal)})
+
+
+R = arm()
+
+
+def paper_arm(payload=0.0):
+    return ad.Robot.from_spec(ad.ArmSpec.paper("r"), ad.Payload(mass=payload) if payload else None)
 
 
 def test_the_fastest_motion():
     problem = paper_problem("r", 0.1)
-    recipe = ArmRecipe(
-        name="r", source="planar", text="r", q_start=tuple(problem.q_start), q_goal=tuple(problem.q_goal)
-    )
+    recipe = arm("r", problem.q_start.tolist(), problem.q_goal.tolist())
     alone = ad.solve_minimum_time(problem)
     for guess in (b"", motion_bytes(alone.trajectory)):
         for neighbours in ("add", "lead"):
@@ -41,9 +49,9 @@ def test_the_fastest_motion():
 
 
 def test_a_motion_is_packed_whole_and_a_damaged_one_is_refused():
-    motion = ad.ramp(R.robot(), R.q_start, R.q_goal, 0.5)
+    motion = ad.ramp(paper_arm(), START, GOAL, 0.5)
     data = motion_bytes(motion)
-    back = motion_from(data, R.robot())
+    back = motion_from(data, paper_arm())
     for name in ("t", "q", "v", "tau"):
         assert np.array_equal(getattr(back, name), getattr(motion, name))
     for bad in (b"", b"nonsense", data[: len(data) // 2], motion_bytes(motion)[:-3]):
@@ -57,9 +65,9 @@ def test_a_controllers_run():
     )
     gains = {"kp": 30.0, "ki": 20.0, "kd": 1.0}
     outcome = task.work({**gains, "plant_payload": 0.12, "rate": 500.0, "delay": 2.0}, b"")
-    robot, plant = R.robot(0.1), R.robot(0.12)
+    robot, plant = paper_arm(0.1), paper_arm(0.12)
     run = ad.track(
-        robot, ad.ramp(robot, R.q_start, R.q_goal, 0.5), ad.Pid(ad.PidGains(**gains)), plant,
+        robot, ad.ramp(robot, START, GOAL, 0.5), ad.Pid(ad.PidGains(**gains)), plant,
         ad.Loop(rate=500.0, delay=2),
     )  # fmt: skip
     assert outcome.status == run.status and outcome.facts["peak_error"] == run.peak_error
@@ -83,10 +91,10 @@ def test_a_reference_is_solved_once_for_all_gains(monkeypatch):
 def test_another_studys_arm_of_the_same_name_has_a_reference_of_its_own():
     """Workers of a cluster outlive a study."""
     outcomes = [
-        TrackTask(problems=ArmProblems(arms=(arm,), fixed={"payload": 0.05}), controller="computed-torque").work(
+        TrackTask(problems=ArmProblems(arms=(one,), fixed={"payload": 0.05}), controller="computed-torque").work(
             {}, b""
         )
-        for arm in (R, replace(R, q_goal=(0.5,)), replace(R, text="rr", q_start=(-1.5, 0.0), q_goal=(0.2, 0.0)))
+        for one in (R, arm(q_goal=[0.5]), arm("rr", [-1.5, 0.0], [0.2, 0.0]))
     ]
     assert len({outcome.facts["reference_s"] for outcome in outcomes}) == 3
 

@@ -1,1 +1,1 @@
-"""What holds every value over a box: intervals, affine forms, and CasADi Functions evaluated in them."""
+"""Enclosures of values over boxes: intervals, affine forms, and CasADi Functions evaluated in them."""

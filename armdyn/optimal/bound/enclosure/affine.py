@@ -1,4 +1,4 @@
-"""Arrays of affine forms: what is computed of a box's points, to first order, and a bound of all that is left.
+"""Arrays of affine forms: first-order enclosures over a box, with a bound of the remainder.
 
 A form is c + Σ g_k ε_k ± r with every |ε_k| ≤ 1, ε_k the same in all forms: what is left is of second order in the
 box's size, where intervals are too wide to first order, for their operands forget that they hang together (L. de
@@ -50,7 +50,7 @@ class Affine:
 
     @property
     def interval(self) -> Interval:
-        """Everything that they may be."""
+        """Interval hull."""
         far = self._far
         beside = far + rounding(2, far + np.abs(self.centre))
         return Interval(self.centre - beside, self.centre + beside)

@@ -1,4 +1,4 @@
-"""Arrays of intervals, rounded outward: what is computed of them contains every result of numbers in them.
+"""Arrays of intervals, rounded outward.
 
 A sum, difference or product of floats is their nearest float, so that the next float outward bounds it. Products of
 matrices and running sums take the a-priori bound instead (N. Higham, Accuracy and Stability of Numerical Algorithms,
@@ -97,7 +97,7 @@ class Interval:
         )
 
     def __truediv__(self, other: Interval) -> Interval:
-        """Divided by what is nowhere zero."""
+        """Quotient; the divisor must not contain zero."""
         a, b, c, d = (x / y for x in (self.lower, self.upper) for y in (other.lower, other.upper))
         return Interval(
             down(np.minimum(np.minimum(a, b), np.minimum(c, d))), up(np.maximum(np.maximum(a, b), np.maximum(c, d)))
@@ -126,12 +126,12 @@ class Interval:
         return Interval(down(self.lower), up(self.upper))
 
     def meet(self, other: Interval) -> Interval:
-        """What is in both; where rounding leaves nothing, the nearer ends."""
+        """Intersection; where rounding leaves it empty, the nearer ends."""
         lower, upper = np.maximum(self.lower, other.lower), np.minimum(self.upper, other.upper)
         return Interval(np.minimum(lower, upper), np.maximum(lower, upper))
 
     def hull(self, other: Interval) -> Interval:
-        """What is in one or the other, and between."""
+        """Convex hull of the union."""
         return Interval(np.minimum(self.lower, other.lower), np.maximum(self.upper, other.upper))
 
     def turned(self, axes: tuple[int, ...]) -> Interval:

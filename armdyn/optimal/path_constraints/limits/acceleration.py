@@ -31,11 +31,9 @@ class AccelerationLimit(PathConstraint):
 
     @classmethod
     def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
-        """By its keyword."""
         return None if problem.acceleration_limit is None else cls()
 
     def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array]:
-        """Of the second."""
         return 2, self.part * np.asarray(problem.acceleration_limit)
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
@@ -43,7 +41,6 @@ class AccelerationLimit(PathConstraint):
         return (StageRows(_accelerations, numbers=problem.robot.nv),)
 
     def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
-        """One either way."""
         return (RowValues(-self.part, self.part, 1 / np.asarray(problem.acceleration_limit)),)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
@@ -60,7 +57,6 @@ class AccelerationLimit(PathConstraint):
         return replace(self, part=1.0)
 
     def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
-        """As its bends allow."""
         return float(np.sqrt(np.max(np.abs(path.ddq) / np.asarray(problem.acceleration_limit))))
 
 

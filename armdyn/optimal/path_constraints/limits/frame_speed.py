@@ -84,7 +84,6 @@ class FrameSpeedLimit(PathConstraint):
         return (StageRows(_squares, (fixed.parentJoint, *fixed.placement.translation.tolist()), numbers=1),)
 
     def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
-        """One at most."""
         return (RowValues(-np.inf, self.part**2, np.array([self.limit**-2])),)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
@@ -110,7 +109,6 @@ class FrameSpeedLimit(PathConstraint):
         return replace(self, part=1.0)
 
     def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
-        """As the frame's way allows."""
         return float(np.max(_speeds(problem.robot, str(self.frame), path.q, path.dq))) / self.limit
 
 

@@ -32,11 +32,9 @@ class JerkLimit(PathConstraint):
 
     @classmethod
     def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
-        """By its keyword."""
         return None if problem.jerk_limit is None else cls()
 
     def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array]:
-        """Of the third."""
         return 3, self.part * np.asarray(problem.jerk_limit)
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
@@ -48,7 +46,6 @@ class JerkLimit(PathConstraint):
         )
 
     def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
-        """One either way; zero."""
         own = RowValues(-self.part, self.part, 1 / np.asarray(problem.jerk_limit))
         return own, RowValues(0, 0), RowValues(0, 0)
 

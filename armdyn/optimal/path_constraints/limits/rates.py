@@ -1,4 +1,4 @@
-"""What the limits along the way share: accelerations along a replayed motion, and what is said of them."""
+"""Accelerations and jerks along a replayed motion, and reports on their limits."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -71,7 +71,6 @@ class TorqueRateLimit(PathConstraint):
         return type(self)(limit)
 
     def torque_rate_limit(self, problem: MinimumTimeProblem) -> Array:
-        """Its own."""
         return np.asarray(self.limit)
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:

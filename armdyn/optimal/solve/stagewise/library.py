@@ -55,8 +55,8 @@ def _source(joints: int, one: StageFunctions) -> str:
     sizes = {
         "JOINTS": joints,
         "PARAMETERS": Parameters.size(joints),
-        "SLOPES": one.bend.numel_out(1),
-        "BENDS": one.bend.numel_out(2),
+        "SLOPES": one.second_order.numel_out(1),
+        "BENDS": one.second_order.numel_out(2),
         "JACOBIAN": one.jacobian.nnz(),
         "GRADIENT": one.gradient.nnz(),
         "HESSIAN": one.hessian.nnz(),

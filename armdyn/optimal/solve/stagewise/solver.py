@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.condensed import has_condensed
 from armdyn.optimal.program.layout import CondensedLayout, Layout
-from armdyn.optimal.solve.ipopt import NlpResult, ended
+from armdyn.optimal.solve.ipopt import STATUS
+from armdyn.optimal.solve.solver import NlpData, NlpResult
 from armdyn.optimal.solve.stagewise.library import WATCH, stagewise_library
 from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.scheme import Scheme
@@ -68,28 +70,19 @@ class Stagewise:
             return None
         return cls(library, CondensedLayout(Layout(dynamics.nv, scheme)), intervals, settings)
 
-    def solve(
-        self,
-        x: Array,
-        p: Array,
-        bounds: tuple[Array, Array],
-        stop: Stop,
-        middles: tuple[Array, Array] | None = None,
-    ) -> NlpResult:
+    def solve(self, data: NlpData, stop: Stop, middles: tuple[Array, Array] | None = None) -> NlpResult:
         """One call of the method.
 
         Args:
-            x: the unknowns to start from.
-            p: parameters.
-            bounds: least and largest unknowns; those of the first and the last state coincide.
+            data: the program in numbers; bounds of the first and the last state coincide, all equations are zero.
             stop: asked every few iterations.
             middles: least and largest states in the middle of the intervals, a column each, shape (2 nv, N); None: any.
 
         Raises:
             MemoryError: there is none left.
         """
-        own, size, rows = self.settings, len(x), self._equations
-        lower, upper = bounds
+        own, size, rows, x = self.settings, len(data.x), self._equations, data.x
+        lower, upper = data.x_bounds
         if middles is not None:
             lower, upper = np.append(lower, middles[0].T), np.append(upper, middles[1].T)
         slacks = len(lower) - size
@@ -99,7 +92,7 @@ class Stagewise:
             np.zeros(rows + slacks),
             ctypes.c_int(),
         )
-        given = [np.ascontiguousarray(numbers, dtype=float) for numbers in (p, lower, upper)]
+        given = [np.ascontiguousarray(numbers, dtype=float) for numbers in (data.p, lower, upper)]
         raised: list[BaseException] = []
 
         def watched(iteration: int, cost: float, infeasible: float, error: float, barrier: float) -> bool:
@@ -119,7 +112,8 @@ class Stagewise:
             raise raised[0]
         if code == len(_ENDED):
             raise MemoryError
-        return ended(_ENDED[code], stop, count.value, w[:size], x, z[:size], lam[:rows])
+        word, found = _ENDED[code], (w[:size], z[:size], lam[:rows])
+        return NlpResult.of(STATUS.get(word, Status.FAILED), word.replace("_", " "), stop, count.value, data, found)
 
     def equations(self, x: Array, p: Array) -> Array:
         """Values of the program's equations at unknowns and parameters."""

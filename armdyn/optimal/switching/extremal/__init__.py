@@ -1,1 +1,1 @@
-"""Schedules of limits carried through by an integrator, and their fastest times."""
+"""Structures of limits carried through by an integrator, and their fastest times."""

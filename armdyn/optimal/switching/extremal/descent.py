@@ -1,4 +1,4 @@
-"""Times of a schedule that are fastest: down the manifold of motions that end in the goal.
+"""Times of a structure that are fastest: down the manifold of motions that end in the goal.
 
 Every step goes along the tangent, as far as a quadratic model of the Lagrangian is trusted, and is brought back by
 Newton's method with the least change (Absil, Mahony and Sepulchre, Optimization Algorithms on Matrix
@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from armdyn.optimal.arcs.arc import VELOCITY
 from armdyn.optimal.problem.stop import Budget, Stop
 from armdyn.optimal.switching.extremal.landing import landed, moved_by
-from armdyn.optimal.switching.extremal.limits import BEYOND, beyond_position, excess, with_limits
-from armdyn.optimal.switching.extremal.march import March, Setting
-from armdyn.optimal.switching.extremal.model import Linear, Model, lengths_of
-from armdyn.optimal.switching.extremal.schedule import Schedule
+from armdyn.optimal.switching.extremal.quadratic_model import LinearizedRollout, Model, lengths_of
+from armdyn.optimal.switching.extremal.rollout import Rollout, ShootingProblem
+from armdyn.optimal.switching.extremal.state_limits import BEYOND, beyond_position, excess, with_limits
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ class Extremal:
         linear: it, and how it answers to its times.
     """
 
-    linear: Linear
+    linear: LinearizedRollout
 
     @property
     def costates(self) -> tuple[Array, Array]:
@@ -75,22 +75,22 @@ class Extremal:
     @cached_property
     def switching(self) -> Array:
         """The switching functions at the starts and ends of the steps, shape (2 steps, nv)."""
-        return self.march.switching(self.costates)
+        return self.rollout.switching(self.costates)
 
     @property
-    def march(self) -> March:
+    def rollout(self) -> Rollout:
         """The motion."""
-        return self.linear.march
+        return self.linear.rollout
 
     @property
-    def schedule(self) -> Schedule:
-        """Its schedule."""
-        return self.march.schedule
+    def structure(self) -> SwitchingStructure:
+        """Its structure."""
+        return self.rollout.structure
 
 
 @dataclass(frozen=True, eq=False)
-class Resisted:
-    """A schedule that led to no extremal.
+class NoExtremal:
+    """A structure that led to no extremal.
 
     Attributes:
         why: for people.
@@ -98,42 +98,42 @@ class Resisted:
     """
 
     why: str
-    linear: Linear | None = None
+    linear: LinearizedRollout | None = None
 
 
-def fastest(setting: Setting, schedule: Schedule, stop: Stop) -> Extremal | Resisted:
-    """The extremal near a schedule.
+def fastest(shooting: ShootingProblem, structure: SwitchingStructure, stop: Stop) -> Extremal | NoExtremal:
+    """The extremal near a structure.
 
     Args:
-        setting: what is marched.
-        schedule: times and states that need not fit each other.
+        shooting: the shooting problem.
+        structure: times and states that need not fit each other.
         stop: asked before every step.
     """
-    linear = landed(setting, schedule)
+    linear = landed(shooting, structure)
     if linear is None:
-        return Resisted("no motion near the mesh's ends in the goal")
-    linear = _touching(setting, linear)
-    radius = _RADIUS * schedule.duration
+        return NoExtremal("no motion near the mesh's ends in the goal")
+    linear = _touching(shooting, linear)
+    radius = _RADIUS * structure.duration
     for _ in range(_STEPS):
         if stop:
-            return Resisted(stop.word, linear)
+            return NoExtremal(stop.word, linear)
         model = Model.of(linear)
-        if not np.all(np.isfinite(model.parabola.bend)):
-            return Resisted("the motion beside it leaves what numbers can hold", linear)
-        if linear.slope <= _FLAT:
-            other = _other_order(setting, linear)
+        if not np.all(np.isfinite(model.quadratic.hessian)):
+            return NoExtremal("the motion beside it leaves what numbers can hold", linear)
+        if linear.gradient_norm <= _FLAT:
+            other = _other_order(shooting, linear)
             if other is None:
                 return Extremal(linear)
             linear = other
             continue
         step = model.step(radius)
         while True:
-            if step.promised < _WORTH * schedule.duration or radius < _NARROW * schedule.duration:
-                if linear.slope <= _NEARLY_FLAT:
+            if step.promised < _WORTH * structure.duration or radius < _NARROW * structure.duration:
+                if linear.gradient_norm <= _NEARLY_FLAT:
                     return Extremal(linear)
-                return Resisted("no step shortens the motion any more", linear)
-            after = _stepped(setting, linear, step.by)
-            gained = linear.march.schedule.duration - after.march.schedule.duration if after else -np.inf
+                return NoExtremal("no step shortens the motion any more", linear)
+            after = _stepped(shooting, linear, step.by)
+            gained = linear.rollout.structure.duration - after.rollout.structure.duration if after else -np.inf
             if gained >= 0.05 * step.promised:
                 break
             radius = min(radius, float(np.linalg.norm(step.by))) / 4
@@ -141,56 +141,60 @@ def fastest(setting: Setting, schedule: Schedule, stop: Stop) -> Extremal | Resi
         if gained > 0.7 * step.promised and step.bound:
             radius *= 2.5
         assert after is not None  # noqa: S101 - else nothing is gained
-        linear = _without_vanished(setting, _within_limits(setting, linear, step.by, after))
-    return Resisted(f"{_STEPS} steps did not reach an extremal", linear)
+        linear = _without_vanished(shooting, _within_limits(shooting, linear, step.by, after))
+    return NoExtremal(f"{_STEPS} steps did not reach an extremal", linear)
 
 
-def _other_order(setting: Setting, linear: Linear) -> Linear | None:
+def _other_order(shooting: ShootingProblem, linear: LinearizedRollout) -> LinearizedRollout | None:
     """The same motion with two changes at one time in the other order, if it can be shortened from there."""
     for k, after in linear.ties:
-        swapped = landed(setting, linear.march.schedule.swapped(k, after), _AGAIN)
-        longer = swapped is None or swapped.march.schedule.duration > (1 + _VANISHED) * linear.march.schedule.duration
-        if swapped is not None and not longer and swapped.slope > _FLAT:
+        swapped = landed(shooting, linear.rollout.structure.swapped(k, after), _AGAIN)
+        longer = (
+            swapped is None or swapped.rollout.structure.duration > (1 + _VANISHED) * linear.rollout.structure.duration
+        )
+        if swapped is not None and not longer and swapped.gradient_norm > _FLAT:
             return swapped
     return None
 
 
-def _within_limits(setting: Setting, linear: Linear, by: Array, after: Linear) -> Linear:
+def _within_limits(
+    shooting: ShootingProblem, linear: LinearizedRollout, by: Array, after: LinearizedRollout
+) -> LinearizedRollout:
     """The motion after a step or, if that exceeds limits of position, as far as it takes to touch them.
 
     Args:
-        setting: what is marched.
+        shooting: the shooting problem.
         linear: before the step.
         by: what the unknowns change by in it.
         after: after it.
     """
     there, low, high = after, 0.0, 1.0
     for _ in range(_HALVES):
-        beyond = excess(there.march)
+        beyond = excess(there.rollout)
         if BEYOND < beyond <= _NEAR or (high == 1.0 and beyond <= BEYOND):
             break
         part = (low + high) / 2
-        halved = _stepped(setting, linear, part * by)
+        halved = _stepped(shooting, linear, part * by)
         if halved is None:
             return after
-        low, high = (part, high) if excess(halved.march) <= BEYOND else (low, part)
+        low, high = (part, high) if excess(halved.rollout) <= BEYOND else (low, part)
         there = halved
-    return _touching(setting, there)
+    return _touching(shooting, there)
 
 
-def _touching(setting: Setting, linear: Linear) -> Linear:
+def _touching(shooting: ShootingProblem, linear: LinearizedRollout) -> LinearizedRollout:
     """The motion with touches of the limits of position that it exceeds, if one with them is near."""
     for _ in range(_TOUCHES):
-        schedule = with_limits(linear.march) if beyond_position(linear.march) <= _FAR_BEYOND else None
-        touching = landed(setting, schedule) if schedule else None
-        dear = _DEAR if beyond_position(linear.march) > BEYOND else _SLOW
-        if touching is None or touching.march.schedule.duration > (1 + dear) * linear.march.schedule.duration:
+        structure = with_limits(linear.rollout) if beyond_position(linear.rollout) <= _FAR_BEYOND else None
+        touching = landed(shooting, structure) if structure else None
+        dear = _DEAR if beyond_position(linear.rollout) > BEYOND else _SLOW
+        if touching is None or touching.rollout.structure.duration > (1 + dear) * linear.rollout.structure.duration:
             return linear
         linear = touching
     return linear
 
 
-def ended(extremal: Extremal, offset: Array | float = 0.0) -> Extremal:
+def in_one_piece(extremal: Extremal, offset: Array | float = 0.0) -> Extremal:
     """The same structure in one piece, without the gaps that its arcs have by rounding.
 
     Args:
@@ -200,8 +204,8 @@ def ended(extremal: Extremal, offset: Array | float = 0.0) -> Extremal:
     Returns:
         It; as it was, if nothing in one piece is near.
     """
-    setting = replace(extremal.march.setting, offset=offset)
-    linear = landed(setting, extremal.schedule, _AGAIN, in_one=True)
+    shooting = replace(extremal.rollout.shooting, offset=offset)
+    linear = landed(shooting, extremal.structure, _AGAIN, in_one=True)
     return extremal if linear is None else Extremal(linear)
 
 
@@ -212,29 +216,29 @@ def finer(extremal: Extremal, stop: Stop) -> Extremal | None:
         extremal: whose steps are too long.
         stop: asked before every step along a tangent.
     """
-    setting = extremal.march.setting.finer
-    if setting is not None and isinstance(stop, Budget):
-        setting = replace(setting, budget=stop)
-    found = fastest(setting, extremal.schedule, stop) if setting else None
+    shooting = extremal.rollout.shooting.finer
+    if shooting is not None and isinstance(stop, Budget):
+        shooting = replace(shooting, budget=stop)
+    found = fastest(shooting, extremal.structure, stop) if shooting else None
     return found if isinstance(found, Extremal) else None
 
 
-def _stepped(setting: Setting, linear: Linear, by: Array) -> Linear | None:
+def _stepped(shooting: ShootingProblem, linear: LinearizedRollout, by: Array) -> LinearizedRollout | None:
     """The motion after a step along the tangent."""
-    schedule, joined = moved_by(linear, by, 1.0)
-    return landed(setting, schedule, _AGAIN, joined, tied=True)
+    structure, joined = moved_by(linear, by, 1.0)
+    return landed(shooting, structure, _AGAIN, joined, tied=True)
 
 
-def _without_vanished(setting: Setting, linear: Linear) -> Linear:
+def _without_vanished(shooting: ShootingProblem, linear: LinearizedRollout) -> LinearizedRollout:
     """The same motion without segments whose length has gone to nothing.
 
     On a limit of velocity they stay: a joint may have to meet it just where its torque switches.
     """
-    schedule = linear.march.schedule
-    lengths = lengths_of(schedule) @ schedule.unknowns
+    structure = linear.rollout.structure
+    lengths = lengths_of(structure) @ structure.unknowns
     short = [
         segment
-        for segment, length in zip(schedule.segments(), lengths, strict=True)
-        if length < _VANISHED * schedule.duration and schedule.mode_of(segment) not in VELOCITY
+        for segment, length in zip(structure.segments(), lengths, strict=True)
+        if length < _VANISHED * structure.duration and structure.mode_of(segment) not in VELOCITY
     ]
-    return (landed(setting, schedule.without(short), _AGAIN) or linear) if short else linear
+    return (landed(shooting, structure.without(short), _AGAIN) or linear) if short else linear

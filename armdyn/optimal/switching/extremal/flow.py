@@ -1,6 +1,7 @@
 """The flow of an arm under constant torques, its derivatives, and the switching functions.
 
-A joint that is held keeps its velocity: the others move as if it were no joint. Steps are Cooper and Verner's method
+A joint that is held keeps its velocity: the others move as if it were no joint. It may be held by its own torque or by
+that of another joint, which is whatever that takes. Steps are Cooper and Verner's method
 of eighth order (Some explicit Runge-Kutta methods of high order, SIAM J. Numer. Anal. 9, 1972).
 """
 
@@ -18,7 +19,7 @@ from armdyn.optimal.program.interval import only_present
 Array = NDArray[np.float64]
 
 STEPS = 96
-"""That one call marches: an arm that turns by a third of a radian in each is then right to 1e-9."""
+"""That one call rollouts: an arm that turns by a third of a radian in each is then right to 1e-9."""
 
 
 def _tableau() -> tuple[Array, Array]:
@@ -55,34 +56,37 @@ class Flow:
     """CasADi Functions of an arm; x = (q, v).
 
     Attributes:
-        march: (x, own, begins, h, τ at the start, τ at the end, felt, held, body) -> ends of `STEPS` steps, shape
+        rollout: (x, own, begins, h, τ at the start, τ at the end, felt, held, body) -> ends of `STEPS` steps, shape
             (2 nv, STEPS); what they answer to their starts, ∂end/∂start, each as a column, shape
-            (2 nv, 2 nv STEPS); what they answer to a torque along `felt`, at the start and at the end, shape
+            (2 nv, 2 nv STEPS); what they answer to a torque along `free_mask`, at the start and at the end, shape
             (2 nv, 2 STEPS); and ẋ at the ends, shape (2 nv, STEPS). A step starts where the one before ended or,
-            where `begins` is 1, at its own x; its torque is linear. The last eight have a column for each step.
+            where `begins` is 1, at its own x; its torque is linear. The last eight have a column for each step. `held`
+            has 3 nv rows: 1 for joints that their own torques hold, for one that another's holds, for that other.
         switching: (q, p, held, body), 2 STEPS columns each -> S = ∂(pᵀẋ)/∂τ, shape (nv, 2 STEPS).
+        rate: (x, τ, felt, held, body) -> ẋ, ∂ẋ/∂x and ∂ẋ/∂τ along `free_mask`, at one state.
     """
 
-    march: ca.Function
+    rollout: ca.Function
     switching: ca.Function
+    rate: ca.Function
 
-    def marched(self, own: Array, begins: Array, *columns: Array) -> tuple[Array, Array, Array, Array]:
-        """Any multiple of `STEPS` steps, as many at a time: what `march` gives, a row for each step.
+    def rolled_out(self, own: Array, begins: Array, *columns: Array) -> tuple[Array, Array, Array, Array]:
+        """Any multiple of `STEPS` steps, as many at a time: what `rollout` gives, a row for each step.
 
         Args:
             own: states that steps begin with, shape (steps, 2 nv).
             begins: 1 where they do, shape (steps,); the first does.
-            columns: the other inputs of `march` but the first, a row for each step.
+            columns: the other inputs of `rollout` but the first, a row for each step.
         """
         size, previous = own.shape[1], np.zeros(own.shape[1])
         parts: list[list[Array]] = []
         for first in range(0, len(own), STEPS):
             part = slice(first, first + STEPS)
-            parts.append(_called(self.march, previous, own[part], begins[part], *(each[part] for each in columns)))
+            parts.append(_called(self.rollout, previous, own[part], begins[part], *(each[part] for each in columns)))
             previous = parts[-1][0][-1]
-        ends, slopes, answers, rates = (np.concatenate(each) for each in zip(*parts, strict=True))
-        through = slopes.reshape(-1, size, size).transpose(0, 2, 1)
-        return ends, through, answers.reshape(-1, 2, size).transpose(0, 2, 1), rates
+        ends, jacobians, torque_sensitivities, rates = (np.concatenate(each) for each in zip(*parts, strict=True))
+        state_transition = jacobians.reshape(-1, size, size).transpose(0, 2, 1)
+        return ends, state_transition, torque_sensitivities.reshape(-1, 2, size).transpose(0, 2, 1), rates
 
     def switchings(self, *columns: Array) -> Array:
         """S of any multiple of 2 `STEPS` rows of what `switching` takes, likewise."""
@@ -120,50 +124,64 @@ def flow_of(dynamics: Dynamics, compile_mode: bool | None) -> Flow:
         ca.MX.sym("begins"),
         ca.MX.sym("h"),
     )
-    first, last, felt = ca.MX.sym("first", n), ca.MX.sym("last", n), ca.MX.sym("felt", n)
-    rest = [felt, ca.MX.sym("held", n), ca.MX.sym("body", dynamics.last_body.size)]
+    first, last, free_mask = ca.MX.sym("first", n), ca.MX.sym("last", n), ca.MX.sym("felt", n)
+    rest = [free_mask, ca.MX.sym("held", 3 * n), ca.MX.sym("body", dynamics.last_body.size)]
     start, identity = begins * own + (1 - begins) * previous, ca.densify(ca.MX.eye(2 * n))
     rates: list[ca.MX] = []
-    slopes: list[ca.MX] = []
-    answers: list[ca.MX] = []
+    jacobians: list[ca.MX] = []
+    torque_sensitivities: list[ca.MX] = []
     for row, c in zip(A, A.sum(axis=1), strict=True):
-        x, through, answer = start, identity, ca.MX.zeros(2 * n, 2)
-        for a, f, by_x, by_tau in zip(row, rates, slopes, answers, strict=False):
+        x, state_transition, torque_sensitivity = start, identity, ca.MX.zeros(2 * n, 2)
+        for a, f, by_x, by_tau in zip(row, rates, jacobians, torque_sensitivities, strict=False):
             if a:
-                x, through, answer = x + (h * a) * f, through + (h * a) * by_x, answer + (h * a) * by_tau
+                x, state_transition, torque_sensitivity = (
+                    x + (h * a) * f,
+                    state_transition + (h * a) * by_x,
+                    torque_sensitivity + (h * a) * by_tau,
+                )
         f, by_x, by_tau = rate(x, (1 - c) * first + c * last, *rest)
         rates.append(f)
-        slopes.append(by_x @ through)
-        answers.append(by_x @ answer + ca.horzcat((1 - c) * by_tau, c * by_tau))
-    end, through, answer = (
+        jacobians.append(by_x @ state_transition)
+        torque_sensitivities.append(by_x @ torque_sensitivity + ca.horzcat((1 - c) * by_tau, c * by_tau))
+    end, state_transition, torque_sensitivity = (
         at + h * sum(b * each for b, each in zip(B, every, strict=True) if b)
-        for at, every in ((start, rates), (identity, slopes), (ca.MX.zeros(2 * n, 2), answers))
+        for at, every in ((start, rates), (identity, jacobians), (ca.MX.zeros(2 * n, 2), torque_sensitivities))
     )
     inputs = [previous, own, begins, h, first, last, *rest]
-    outputs = [end, through, answer, rate(end, last, *rest)[0]]
+    outputs = [end, state_transition, torque_sensitivity, rate(end, last, *rest)[0]]
     step = ca.Function("step", inputs, [ca.densify(each) for each in outputs])
     many = switching.map(2 * STEPS)
     columns = many.mx_in()
-    march, many = compiled(
+    rollout, many = compiled(
         [step.mapaccum("march", STEPS, 1), ca.Function("switchings", columns, many.call(columns))], compile_mode
     )
-    return Flow(march, many)
+    return Flow(rollout, many, rate)
 
 
 def _functions(dynamics: Dynamics) -> tuple[ca.Function, ca.Function]:
-    """(x, τ, felt, held, body) -> ẋ, ∂ẋ/∂x and ∂ẋ/∂τ along `felt`; and one column of `Flow.switching`."""
+    """(x, τ, felt, held, body) -> ẋ, ∂ẋ/∂x and ∂ẋ/∂τ along `free_mask`; and one column of `Flow.switching`."""
     n = dynamics.nv
-    x, tau, held = ca.SX.sym("x", 2 * n), ca.SX.sym("tau", n), ca.SX.sym("held", n)
+    x, tau, held = ca.SX.sym("x", 2 * n), ca.SX.sym("tau", n), ca.SX.sym("held", 3 * n)
     numbers, p = ca.SX.sym("body", dynamics.last_body.size), ca.SX.sym("p", 2 * n)
-    body, felt = only_present(dynamics, numbers), ca.SX.sym("felt", n)
-    q, v, free = x[:n], x[n:], 1 - held
-    inertia = ca.diag(free) @ dynamics.crba(q, body) @ ca.diag(free) + ca.diag(held)
-    f = ca.vertcat(v, _solved(inertia, free * (tau - dynamics.nle(q, v, body))))
-    slope = ca.densify(ca.jacobian(f, x))
-    answer = ca.densify(ca.vertcat(ca.SX.zeros(n), free * _solved(inertia, free * felt)))
-    switching = free * _solved(inertia, free * p[n:])
+    body, free_mask = only_present(dynamics, numbers), ca.SX.sym("felt", n)
+    q, v, (own, lifted, carrying) = x[:n], x[n:], ca.vertsplit(held, n)
+    free = 1 - own
+    inertia = ca.diag(free) @ dynamics.crba(q, body) @ ca.diag(free) + ca.diag(own)
+    by_carrier = _solved(inertia, carrying)
+    reach = ca.dot(lifted, by_carrier) + 1 - ca.sum1(lifted)
+
+    def accelerated(torque: ca.SX) -> ca.SX:
+        """Accelerations by a torque and by what the carrying joint adds to it."""
+        alone = _solved(inertia, free * torque)
+        return alone - by_carrier * ca.dot(lifted, alone) / reach
+
+    f = ca.vertcat(v, accelerated(tau - dynamics.nle(q, v, body)))
+    jacobian = ca.densify(ca.jacobian(f, x))
+    torque_sensitivity = ca.densify(ca.vertcat(ca.SX.zeros(n), free * accelerated(free_mask)))
+    alone = _solved(inertia, free * p[n:])
+    switching = free * (alone - _solved(inertia, lifted) * ca.dot(carrying, alone) / reach)
     return (
-        ca.Function("rate", [x, tau, felt, held, numbers], [f, slope, answer], {"cse": True}),
+        ca.Function("rate", [x, tau, free_mask, held, numbers], [f, jacobian, torque_sensitivity], {"cse": True}),
         ca.Function("switching", [q, p, held, numbers], [ca.densify(switching)], {"cse": True}),
     )
 

@@ -1,25 +1,25 @@
-"""From a schedule whose times and states do not fit each other to a motion that ends in the goal: Newton's method."""
+"""Newton's method from a structure with gaps to a motion that ends in the goal."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.switching.extremal.march import March, Setting
-from armdyn.optimal.switching.extremal.model import Linear
-from armdyn.optimal.switching.extremal.schedule import Schedule
-from armdyn.optimal.switching.extremal.trust import null_space
+from armdyn.optimal.switching.extremal.quadratic_model import LinearizedRollout
+from armdyn.optimal.switching.extremal.rollout import Rollout, ShootingProblem
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
+from armdyn.optimal.switching.extremal.trust_region import null_space
 
 Array = NDArray[np.float64]
 
 _CLOSED = 1e-9
-"""Gaps and misses that are none, in parts of `March.unit`: the integrator's own."""
+"""Gaps and misses that are none, in parts of `Rollout.unit`: the integrator's own."""
 _ROUNDS = 30
 """Of Newton's method from a mesh's states, that of a heavy arm with singular arcs."""
 _FAR = 0.5
 """A correction of a time by more than this part of the duration says that there is nothing near."""
 _STATES = 0.1
-"""What a state that is moved by `March.unit` counts, beside a time that is moved by the duration."""
+"""What a state that is moved by `Rollout.unit` counts, beside a time that is moved by the duration."""
 _SWING = 0.3
-"""Of `March.unit`: states are moved by no more at once."""
+"""Of `Rollout.unit`: states are moved by no more at once."""
 _RANK = 1e-12
 """Of the largest singular value: rounding, of equations that an arm in the open answers to a millionfold."""
 _TIED = 1e-12
@@ -29,55 +29,55 @@ _KEPT = 0.2
 
 
 def landed(
-    setting: Setting,
-    schedule: Schedule,
+    shooting: ShootingProblem,
+    structure: SwitchingStructure,
     rounds: int = _ROUNDS,
     joined: NDArray[np.bool_] | None = None,
     in_one: bool = False,
     tied: bool = False,
-) -> Linear | None:
+) -> LinearizedRollout | None:
     """A motion that ends in the goal and keeps what is held, by the least change; None: none is near.
 
     Args:
-        setting: what is marched.
-        schedule: to begin with.
+        shooting: the shooting problem.
+        structure: to begin with.
         rounds: of Newton's method.
-        joined: its changes whose states are not theirs, see `March.of`.
+        joined: its changes whose states are not theirs, see `Rollout.of`.
         in_one: none are, now and later: the motion stays in one piece.
         tied: changes at one time stay together.
     """
-    joined = np.ones(schedule.size, bool) if in_one else joined
+    joined = np.ones(structure.size, bool) if in_one else joined
     for k in range(rounds + 1):
-        if schedule.size + 1 > setting.most_arcs:
+        if structure.size + 1 > shooting.most_arcs:
             return None
-        march = March.of(setting, schedule, joined)
-        if not march.finite:
+        rollout = Rollout.of(shooting, structure, joined)
+        if not rollout.finite:
             return None
-        linear, schedule = Linear.of(march), march.schedule
+        linear, structure = LinearizedRollout.of(rollout), rollout.structure
         if not np.all(np.isfinite(linear.jacobian)):  # a chain of many arcs may overflow where each does not
             return None
         if linear.infeasible <= _CLOSED:
             return linear
         by, whole = _correction(linear, tied)
-        most = float(np.max(np.abs(by[: schedule.size + 1]))) / schedule.duration
+        most = float(np.max(np.abs(by[: structure.size + 1]))) / structure.duration
         if k == rounds or most > _FAR:
             return None
         part = min(1.0, whole, 0.1 / max(most, 1e-300))
-        schedule, moved = moved_by(linear, part * by, part)
-        joined = np.ones(schedule.size, bool) if in_one else moved
+        structure, moved = moved_by(linear, part * by, part)
+        joined = np.ones(structure.size, bool) if in_one else moved
     return None
 
 
-def _correction(linear: Linear, tied: bool) -> tuple[Array, float]:
+def _correction(linear: LinearizedRollout, tied: bool) -> tuple[Array, float]:
     """What closes gaps and misses, to first order, and leaves a part of every segment; and how much of it may be.
 
     The least change, of the times as parts of the duration and of the states: an arm in the open answers to a time a
     millionfold, and a least change of the times alone would throw it about.
     """
-    schedule, planes, now = linear.march.schedule, linear.planes, linear.planes.now
-    unit, width = linear.march.unit, schedule.width
+    structure, planes, now = linear.rollout.structure, linear.planes, linear.planes.now
+    unit, width = linear.rollout.unit, structure.width
     changes = np.vstack(
-        [np.eye(width) / schedule.duration, _STATES * (linear.reach[:-1] / unit[:, None]).reshape(-1, width)]
+        [np.eye(width) / structure.duration, _STATES * (linear.reach[:-1] / unit[:, None]).reshape(-1, width)]
     )
     moved = np.concatenate([np.zeros(width), _STATES * (linear.gap[:-1] / unit).ravel()])
     least = np.where(planes.lengths, _KEPT * now, 0.0)
@@ -85,7 +85,7 @@ def _correction(linear: Linear, tied: bool) -> tuple[Array, float]:
     first = now.size - len(planes.orders)
     least[first:] = -np.inf  # in which order changes come, the equations decide
     if tied:
-        held += [first + int(k) for k in np.flatnonzero(np.abs(now[first:]) <= _TIED * schedule.duration)]
+        held += [first + int(k) for k in np.flatnonzero(np.abs(now[first:]) <= _TIED * structure.duration)]
         least[held] = 0.0
     while True:
         equations = np.vstack([linear.jacobian, planes.rows[held]])
@@ -110,20 +110,20 @@ def _least_change(equations: Array, right: Array, changes: Array, moved: Array) 
     return np.asarray(some - np.linalg.lstsq(changes @ free.T, changes @ some + moved, rcond=_RANK)[0] @ free)
 
 
-def moved_by(linear: Linear, by: Array, part: float) -> tuple[Schedule, NDArray[np.bool_]]:
-    """The schedule with other times and the states that fit them; and which changes are at other places now.
+def moved_by(linear: LinearizedRollout, by: Array, part: float) -> tuple[SwitchingStructure, NDArray[np.bool_]]:
+    """The structure with other times and the states that fit them; and which changes are at other places now.
 
     Args:
         linear: where it stands.
         by: what the unknowns change by.
         part: of the gaps that is closed.
     """
-    schedule = linear.march.schedule
-    states = schedule.states + (linear.reach[:-1] @ by + part * linear.gap[:-1])
-    by, m = by.copy(), schedule.size
-    times = np.clip(schedule.times + by[:m], 0.0, schedule.duration + by[m])
+    structure = linear.rollout.structure
+    states = structure.states + (linear.reach[:-1] @ by + part * linear.gap[:-1])
+    by, m = by.copy(), structure.size
+    times = np.clip(structure.times + by[:m], 0.0, structure.duration + by[m])
     later = np.maximum.accumulate(times)
-    times = np.where(later - times <= _TIED * schedule.duration, later, times)
-    by[:m] = times - schedule.times
+    times = np.where(later - times <= _TIED * structure.duration, later, times)
+    by[:m] = times - structure.times
     order = np.argsort(times, kind="stable")
-    return schedule.moved(by, states), order != np.arange(schedule.size)
+    return structure.moved(by, states), order != np.arange(structure.size)

@@ -1,4 +1,4 @@
-"""What depends on the kind of problem, and the tuned numbers, each once, with its unit, reason and cases."""
+"""Policy: everything that depends on the class of a problem, and the tuned numbers with unit, reason and cases."""
 
 from armdyn.optimal.task.policy.policy import Policy
 

@@ -1,4 +1,4 @@
-"""Numbers of motions as curves."""
+"""Tuned numbers of B-spline motions."""
 
 from dataclasses import dataclass
 
@@ -47,4 +47,16 @@ class CurvePolicy:
     rounds: int = tuned(8, "rounds", "of asking again for what is exceeded between the points", TRAINED)
     samples: int = tuned(16, "samples", "of an interval: replays are beside the curve by the fourth power", TRAINED)
     steps: int = tuned(400, "samples", "of a leg, at least", TRAINED)
+    finer_with_friction: int = tuned(
+        2,
+        "-",
+        "multiplies the samples where Coulomb friction jumps between them: the replay ends 3 times nearer",
+        "xArm6",
+    )
+    slower_again: float = tuned(
+        2.0, "-", "times the slowing that the limits take: the next replay is as far off its curve elsewhere", "xArm6"
+    )
+    coarser_after_interrupt: int = tuned(
+        2, "-", "divides both after Ctrl-C: half the time to replay, and still within 1e-6 rad of the goal", "Panda"
+    )
     bandwidth: float = tuned(160.0, "over the duration", "of the feedback that keeps torques to their curve", TRAINED)

@@ -1,4 +1,4 @@
-"""Numbers of replays, of bringing them onto the goal, and of path constraints."""
+"""Tuned numbers of replays, terminal corrections and path constraints."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ class LandingPolicy:
 
 @dataclass(frozen=True, kw_only=True)
 class PathConstraintPolicy:
-    """How a mesh is asked again until its replay keeps what was asked along the way."""
+    """Tightening of path constraints until the replay keeps them."""
 
     rounds: int = tuned(8, "rounds", "of meshes solved again", "RR: spheres, boxes; Panda: a post")
     most_points: int = tuned(8, "points", "of an interval, at which distances are asked for", "RR: thin boxes")
@@ -30,15 +30,6 @@ class PathConstraintPolicy:
     far: float = tuned(0.1, "rad or m", "of the goal: the mesh was too coarse for what the arm does", "RR, Panda")
     settled: float = tuned(
         5e-4, "of the duration", "that a mesh twice as fine changes no more is the answer", "RR, RRR"
-    )
-    points: int = tuned(2, "points", "of an interval, at which distances are asked for first", "RR: spheres, boxes")
-    margin: float = tuned(1e-3, "m", "added to the clearance: for what is between the points", "RR: spheres, boxes")
-    spare: float = tuned(5e-4, "m", "what a margin is raised by beyond what was missing", "RR: spheres, boxes")
-    deep: float = tuned(
-        5e-3, "m", "overlap of a motion that went through something between two points", "RR: thin boxes"
-    )
-    ramp: float = tuned(
-        0.2, "of the motion", "in which capsules too near at a given pose come away", "Panda: self-collision"
     )
     rate_tolerance: float = tuned(
         1e-6, "of a limit", "of acceleration, jerk and frame speed: as of all other limits", "by definition"

@@ -1,4 +1,4 @@
-"""The one place that knows what depends on the kind of problem, and every tuned number."""
+"""The policy of a problem: strategies and tuned numbers by its class."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -16,6 +16,7 @@ from armdyn.optimal.task.policy.refinement import (
     IndirectPolicy,
     RefinementPolicy,
     SmoothPolicy,
+    SwitchMeshPolicy,
 )
 from armdyn.optimal.task.policy.search import ProgramPolicy, SamePolicy, SearchPolicy
 from armdyn.optimal.task.policy.sequential import SequentialPolicy
@@ -26,7 +27,7 @@ from armdyn.optimal.task.scheme import Scheme
 
 @dataclass(frozen=True, kw_only=True)
 class Policy:
-    """How a kind of problem is gone about; every number says its unit, its reason and what it was chosen on.
+    """Settings for one class of problems; every number has its unit, its reason and the cases that it was tuned on.
 
     Attributes:
         strategy: methods of refinement, in the order in which they are tried.
@@ -34,6 +35,7 @@ class Policy:
         search: guesses, and which of their optima go on.
         same: when two durations are one optimum's.
         refinement: how far an optimum of a mesh is refined.
+        switch_mesh: how a mesh is refined at the switches before arcs are read from it.
         arcs: how arcs are read, laid and solved.
         landing: how a mesh's torques are brought to land.
         smooth: optima of time and energy.
@@ -48,6 +50,7 @@ class Policy:
     search: SearchPolicy
     same: SamePolicy = field(default_factory=SamePolicy)
     refinement: RefinementPolicy
+    switch_mesh: SwitchMeshPolicy = field(default_factory=SwitchMeshPolicy)
     arcs: ArcsPolicy = field(default_factory=ArcsPolicy)
     landing: LandingPolicy = field(default_factory=LandingPolicy)
     smooth: SmoothPolicy
@@ -62,7 +65,6 @@ class Policy:
         motors = not np.any(problem.limits.passive)
         speed_limited = is_speed_limited(problem)
         joints, asked = problem.robot.nv, bool(problem.path_constraint_names)
-        crowded = bool(problem.obstacles) or problem.self_collision
         many = joints == 3 and motors and not asked and not problem.pays_effort  # optima, hundreds
         starts = _by_joints(joints, 1, 16 if motors else 40, 140 if many else 100)
         return cls(
@@ -74,7 +76,7 @@ class Policy:
                 flat=1e-4 if _has_rows(problem) else None,
             ),
             search=SearchPolicy(
-                starts=_by_joints(joints, 1, 12, 16) if crowded else starts,
+                starts=starts,
                 least=60 if many else 0,
                 meshes=(15, 25) if motors else (25, 35),
                 neighbour_starts=_by_joints(joints, *((1, 4, 6, 1) if problem.pays_effort else (1, 8, 12, 1))),
@@ -83,16 +85,18 @@ class Policy:
                 haste=0.4 if many else 1.0,
                 changes=0.4 if many else 0.0,
                 side_by_side=joints > 2 or (joints > 1 and (asked or problem.pays_effort)),
-                again=joints > 1 and not crowded,
+                again=joints > 1,
             ),
-            refinement=RefinementPolicy(extremal_is_enough=joints > 2, lists_slower=joints > 1),
+            refinement=RefinementPolicy(
+                extremal_is_enough=joints > 2, lists_slower=joints > 1, budget=150_000 if joints > 2 else 180_000
+            ),
             smooth=SmoothPolicy(starts=_by_joints(joints, 2, 16, 24), refined=10 if joints == 2 else 6),
             indirect=IndirectPolicy(starts=_by_joints(joints, 1, 6, 16)),
             curves=CurvePolicy(
                 cruises=speed_limited,
                 patience=300 if asked or np.any(problem.robot.friction.coulomb) else 120,
                 shortest=_shortest(problem, speed_limited),
-                starts=6 if crowded else 1 if speed_limited else 4,
+                starts=1 if speed_limited else 4,
             ),
         )
 
@@ -113,7 +117,7 @@ class Policy:
 def _strategy(problem: MinimumTimeProblem, motors: bool, speed_limited: bool) -> StrategyPolicy:
     """The methods for a kind of problem."""
     alone = motors and (problem.robot.nv > 3 or problem.relative_effort_weight > 0)
-    constrained = bool(problem.path_constraint_names)
+    constrained = bool(set(problem.path_constraint_names) - {"obstacles", "self-collision"})
     own: Method = "mesh" if constrained else "time-energy" if problem.pays_effort else "arcs"
     first: tuple[Method, ...] = ("curves",) if alone or (speed_limited and motors and not constrained) else ()
     return StrategyPolicy(

@@ -1,4 +1,4 @@
-"""What kind of motion a problem asks for: one that velocity limits shape, or one that torques do."""
+"""Problem class: speed-limited or torque-limited."""
 
 import numpy as np
 import pinocchio as pin

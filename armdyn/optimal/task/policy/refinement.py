@@ -1,6 +1,7 @@
-"""Numbers of what comes after the search: arcs, their mesh, smooth optima, path constraints."""
+"""Tuned numbers of refinement: arcs, their mesh, smooth optima."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 from armdyn.optimal.task.policy.tuned import LARGE, PLANAR, UNRECORDED, by_kind, tuned
 
@@ -17,12 +18,21 @@ class RefinementPolicy:
     lists_slower: bool = by_kind(
         "-", "beyond one joint an optimum slower than a certified one is only listed", "RR, RRR"
     )
-    budget: int = tuned(
-        160_000,
+    budget: int = by_kind(
         "integrator steps",
-        "of all optima's arcs together: two thirds of what is left go to each in turn, half of all at most to one try; "
-        "spent in about 4 s of one core",
-        "RRR and random arms (seed 1, poses within ±π)",
+        "of all optima's arcs together: two thirds of what is left go to each in turn; spent in about 3 s of one core",
+        "RR, RRR and random arms (poses within ±π)",
+    )
+    glance: int = tuned(
+        8_000, "integrator steps", "to a structure of equal intervals at first: most need 4000", "RR, RRR, random pairs"
+    )
+    sharp: int = tuned(18_000, "integrator steps", "to one of a mesh refined at its switches", "RR, RRR, random pairs")
+    share: int = tuned(80_000, "integrator steps", "to one of equal intervals in the end", "RR, RRR, random pairs")
+    iteration: int = tuned(
+        8,
+        "integrator steps",
+        "that an iteration of IPOPT counts, for each interval: about as long",
+        "random arms (RR, seed 1)",
     )
     sure: float = tuned(
         5.0, "-", "slower by so many times what the certified one's mesh was wrong by", "RRR, ten payloads"
@@ -46,6 +56,28 @@ class RefinementPolicy:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SwitchMeshPolicy:
+    """How a mesh is refined at the switches before arcs are read from it."""
+
+    intervals: int = tuned(80, "intervals", "of the first mesh, at least", "RRR, random pairs")
+    most: int = tuned(400, "knots", "more are a chattering torque's", "RRR, random pairs")
+    rounds: int = tuned(4, "meshes", "the last one's switches are located to 1e-6 of the duration", "RRR, random pairs")
+    shrink: float = tuned(0.1, "of an interval", "knots about a switch are so far apart", "RRR, random pairs")
+    margin: float = tuned(0.02, "of an interval", "and so far from the others", "RRR, random pairs")
+    switch: int = tuned(2, "intervals", "off all limits in a row are a switch; more are an arc", "RRR, random pairs")
+    least: float = tuned(1e-5, "of the duration", "a shorter interval is not divided", "RRR, random pairs")
+    beyond: float = tuned(
+        3e-7, "of a joint's range", "where a position limit is exceeded by more a knot is put", "RRR, random pairs"
+    )
+    inside: float = tuned(
+        3e-5, "of a joint's range", "a motion that exceeds a position limit between knots is kept so far inside", "RRR"
+    )
+    tolerance: float = tuned(1e-9, "scaled", "of a solution: times are then right to the interval", "RRR, random pairs")
+    iterations: int = tuned(100, "iterations", "at most: most take 30", "RRR, random pairs")
+    slower: float = tuned(1e-2, "of the duration", "a solution that is so much slower is another optimum", "RRR")
+
+
+@dataclass(frozen=True, kw_only=True)
 class ArcsPolicy:
     """How arcs are read from a mesh, laid on intervals and solved."""
 
@@ -56,12 +88,22 @@ class ArcsPolicy:
     touching: float = tuned(1e-4, "of a joint's way", "a position so near its limit touches it", "RRR, ten payloads")
     in_contact: float = tuned(5e-3, "of a joint's way", "the same for one that is held there", "RRR, ten payloads")
     switch: int = tuned(2, "intervals", "off all limits in a row are a switch; more are an arc", PLANAR)
+    brief: float = tuned(
+        1e-3,
+        "of the duration",
+        "likewise, however many intervals of a mesh refined at the switches",
+        "RRR, random pairs",
+    )
+    refined: float = tuned(2e-5, "of a joint's way", "`touching` and `in_contact` on such a mesh", "RRR, random pairs")
+    refined_speed: float = tuned(2e-3, "of a limit", "`near_speed` on such a mesh", "random arms (RR, seeds 1 and 9)")
     held: float = tuned(
         1e-7, "of the duration", "that hangs on a limit, for its whole size: it holds the motion back", "RRR"
     )
     shortest: float = tuned(1e-6, "of the duration", "arcs shorter than that are taken out", PLANAR)
     touch: int = tuned(2, "intervals", "a position limit that holds the motion back for no more is touched", "RRR")
-    floor: float = tuned(0.15, "of the mean", "least density of a mesh: an estimate may overlook something", PLANAR)
+    least_density: float = tuned(
+        0.15, "of the mean", "least density of a mesh: an estimate may overlook something", PLANAR
+    )
     per_arc: int = tuned(2, "intervals", "of the shortest arc", PLANAR)
     layer_samples: int = tuned(
         4000, "samples", "in which turns through dry friction are looked for", "RR with friction"
@@ -82,6 +124,11 @@ class ArcsPolicy:
     smooth_iterations: int = tuned(150, "iterations", "where they are to be smooth", PLANAR)
     tie: float = tuned(1e-5, "of 1 for time", "cost of full torques that time leaves free: it makes them unique", "RRR")
     samples: int = tuned(480, "samples", "of torques that are not constant, 4 to 16 on an interval", "RRR time-energy")
+
+    @property
+    def at_switches(self) -> Self:
+        """The same for a mesh that is refined at its switches, whose knots keep to a limit that they are on."""
+        return replace(self, touching=self.refined, in_contact=self.refined, near_speed=self.refined_speed)
 
 
 @dataclass(frozen=True, kw_only=True)

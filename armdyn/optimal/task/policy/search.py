@@ -1,4 +1,4 @@
-"""Numbers of the program and of the search."""
+"""Tuned numbers of the program and of the search."""
 
 import math
 from dataclasses import dataclass
@@ -11,6 +11,7 @@ from armdyn.optimal.task.policy.tuned import PLANAR, UNRECORDED, by_kind, tuned
 class ProgramPolicy:
     """How a motion becomes a nonlinear program, and what IPOPT is told of it."""
 
+    solver: str = tuned("ipopt", "-", "solver of nonlinear programs, by its name in `solve.registry`", "by definition")
     linear: bool = by_kind("-", "torque linear between knots: a condition forbids it to jump", "by definition")
     condensed: bool = by_kind(
         "-",
@@ -129,8 +130,6 @@ class SearchPolicy:
     )
     led: float = tuned(6.0, "rad or m", "the most by which one joint is led elsewhere", "RRR, random")
     slack: float = tuned(1.2, "of an optimum's duration", "changes of it begin with", "RRR, random")
-    tries: int = tuned(300, "ways", "looked at before a few that go round the obstacles are taken", "RR, Panda: a post")
-    looks: int = tuned(25, "poses", "of a way that are held against the obstacles", UNRECORDED)
     brisk: float = tuned(10.0, "rad/s", "stands for a missing velocity limit where ways are compared", UNRECORDED)
 
     def guesses(self, options: MinimumTimeOptions, normal: int | None = None) -> int:

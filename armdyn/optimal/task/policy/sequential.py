@@ -37,7 +37,7 @@ class SequentialPolicy:
     poor: float = tuned(0.25, "of the promised", "gain below which the radius falls", "Nocedal and Wright")
     good: float = tuned(0.75, "of the promised", "gain above which the radius grows", "Nocedal and Wright")
     jump: float = tuned(0.3, "s", "price of new overlaps (30 mm) at which an eager step is not taken", TRAINED)
-    torque: float = tuned(0.1, "s", "price of a torque beyond its limit by half its range at a point; 2 stalls", TRAINED)
+    torque: float = tuned(0.1, "s", "price of a torque beyond its limit by half its range; 2 stalls", TRAINED)
     distance: float = tuned(10.0, "s/m", "price of a distance that is missing at a pose", TRAINED)
     other: float = tuned(0.1, "s", "price of another row beyond its limit by its scale", TRAINED)
     torque_left: float = tuned(0.5, "of half the range", "sum over the points that slowing down mends later", TRAINED)

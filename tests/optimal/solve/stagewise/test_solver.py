@@ -12,6 +12,7 @@ from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_unknowns
 from armdyn.optimal.search.starts import spline, via_guesses
 from armdyn.optimal.solve.condensed import _within, solve_quickly
 from armdyn.optimal.solve.direct import solve_on_mesh
+from armdyn.optimal.solve.solver import NlpData
 from armdyn.optimal.solve.stagewise.solver import Stagewise
 from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.scheme import Scheme
@@ -27,6 +28,12 @@ TIGHT = DirectOptions(1e-9, 500, barrier=1e-2)
 
 def solver(task, settings=TIGHT):
     return Stagewise.of(task.dynamics, CONSTANT, N, settings)
+
+
+def data(start, p, sides):
+    """Of the program, whose equations are all zero."""
+    equal = np.zeros(0)
+    return NlpData(start, p, sides, (equal, equal))
 
 
 def program(task):
@@ -74,7 +81,7 @@ def test_multipliers_are_those_of_the_solution():
     task = Task.of(paper_problem("rr"))
     start, p, sides = program(task)
     own = solver(task)
-    found = own.solve(start, p, sides, Stop())
+    found = own.solve(data(start, p, sides), Stop())
     np.testing.assert_allclose(own.equations(found.x, p), 0, atol=TIGHT.tolerance)
     # Along T the Lagrangian, T + λ'c, is flat; its slope by differences, whose error is 1e-6² and rounding over 1e-6.
     step = np.zeros(found.x.size)
@@ -98,8 +105,8 @@ def test_every_guess_of_a_search_converges_back_from_where_the_filter_stops():
 def test_what_cannot_be_is_called_infeasible():
     task = Task.of(paper_problem("rr"))
     start, p, (lower, upper) = program(task)
-    upper[-1] = 0.5 * solver(task).solve(start, p, (lower, upper), Stop()).x[-1]  # half of the least duration
-    found = solver(task).solve(start, p, (lower, upper), Stop())
+    upper[-1] = 0.5 * solver(task).solve(data(start, p, (lower, upper)), Stop()).x[-1]  # half of the least duration
+    found = solver(task).solve(data(start, p, (lower, upper)), Stop())
     assert found.status is ad.Status.INFEASIBLE and found.message == "Restoration Failed"
 
 
@@ -108,7 +115,7 @@ def test_a_joint_that_is_held_back_entirely():
     start, p, (lower, upper) = program(task)
     torques = solver(task).layout.full.nv * 2 + np.arange(N) * 6 + 1  # the second joint's
     lower[torques] = upper[torques] = 0.0
-    found = solver(task).solve(start, p, (lower, upper), Stop())
+    found = solver(task).solve(data(start, p, (lower, upper)), Stop())
     assert found.status is ad.Status.SOLVED
     np.testing.assert_array_equal(found.x[torques], 0)
     np.testing.assert_allclose(solver(task).equations(found.x, p), 0, atol=TIGHT.tolerance)
@@ -117,7 +124,7 @@ def test_a_joint_that_is_held_back_entirely():
 def test_no_numbers():
     task = Task.of(paper_problem("rr"))
     start, p, sides = program(task)
-    found = solver(task).solve(start, p * np.nan, sides, Stop())
+    found = solver(task).solve(data(start, p * np.nan, sides), Stop())
     assert found.status is ad.Status.FAILED and found.message == "Invalid Number Detected"
     np.testing.assert_array_equal(np.isfinite(found.x), True)
 
@@ -139,19 +146,19 @@ class Impatient(Stop):
 def test_asked_every_few_iterations_whether_to_stop():
     task = Task.of(paper_problem("rr"))
     start, p, sides = program(task)
-    found = solver(task).solve(start, p, sides, Impatient())
+    found = solver(task).solve(data(start, p, sides), Impatient())
     assert found.status is ad.Status.TIME_LIMIT and found.message == "time limit reached"
     assert found.iterations == 10
     stop = Stop(interrupted=True)
-    assert solver(task).solve(start, p, sides, stop).status is ad.Status.INTERRUPTED
+    assert solver(task).solve(data(start, p, sides), stop).status is ad.Status.INTERRUPTED
     with pytest.raises(KeyboardInterrupt):
-        solver(task).solve(start, p, sides, Impatient(KeyboardInterrupt()))
+        solver(task).solve(data(start, p, sides), Impatient(KeyboardInterrupt()))
 
 
 def test_iteration_limit_and_what_is_printed(capsys):
     task = Task.of(paper_problem("rr"))
     start, p, sides = program(task)
-    found = solver(task, replace(TIGHT, max_iterations=3, verbose=True)).solve(start, p, sides, Stop())
+    found = solver(task, replace(TIGHT, max_iterations=3, verbose=True)).solve(data(start, p, sides), Stop())
     assert found.status is ad.Status.ITERATION_LIMIT and found.iterations == 3
     assert len(capsys.readouterr().out.splitlines()) == 3  # a line for each iteration
 

@@ -11,7 +11,7 @@ from problems import paper_arm
 TORQUE = {"r": [3.0], "rr": [3.0, -3.0], "rrr": [3.0, -3.0, 3.0]}
 
 
-def marched(arm, duration, x=None, held=None, torques=None):
+def rolled_out(arm, duration, x=None, held=None, torques=None):
     """The steps of one arc, and what they answer."""
     robot = paper_arm(arm)
     n = robot.nv
@@ -20,16 +20,16 @@ def marched(arm, duration, x=None, held=None, torques=None):
     x = np.zeros(2 * n) if x is None else np.asarray(x, float)
     begins = np.eye(1, STEPS).ravel()
     first, last = torques or (TORQUE[arm], TORQUE[arm])
-    felt = np.zeros(n)
-    felt[-1] = 1.0
+    free_mask = np.zeros(n)
+    free_mask[-1] = 1.0
 
     def columns(each):
         return np.tile(np.asarray(each, float)[:, None], STEPS)
 
-    held = np.zeros(n) if held is None else held
-    out = flow.march(
+    held = np.pad([] if held is None else held, (0, 3 * n - len(held or [])))
+    out = flow.rollout(
         x, np.outer(x, begins), begins, np.full(STEPS, duration / STEPS), columns(first), columns(last),
-        columns(felt), columns(held), columns(dynamics.last_body),
+        columns(free_mask), columns(held), columns(dynamics.last_body),
     )  # fmt: skip
     return robot, dynamics, [np.array(each) for each in out]
 
@@ -47,7 +47,7 @@ def test_the_tableau_meets_the_conditions_of_order():
 
 @pytest.mark.parametrize("arm", ["r", "rr", "rrr"])
 def test_it_is_what_another_integrator_says(arm):
-    robot, dynamics, (end, *_) = marched(arm, 0.05)
+    robot, dynamics, (end, *_) = rolled_out(arm, 0.05)
     n = robot.nv
 
     def rate(t, x):
@@ -59,23 +59,23 @@ def test_it_is_what_another_integrator_says(arm):
 
 def test_what_it_answers_to_its_start_and_to_a_torque_are_differences():
     x, small, duration = np.array([0.3, -0.5, 1.0, 2.0]), 1e-6, 0.02
-    _, _, (end, slopes, answers, rates) = marched("rr", duration, x)
-    through = np.eye(4)
+    _, _, (end, slopes, torque_sensitivities, rates) = rolled_out("rr", duration, x)
+    state_transition = np.eye(4)
     for k in range(STEPS):
-        through = slopes[:, 4 * k : 4 * k + 4] @ through
+        state_transition = slopes[:, 4 * k : 4 * k + 4] @ state_transition
     for j, by in enumerate(np.eye(4) * small):
-        there = marched("rr", duration, x + by)[2][0][:, -1]
-        np.testing.assert_allclose((there - end[:, -1]) / small, through[:, j], rtol=1e-4, atol=1e-4)
+        there = rolled_out("rr", duration, x + by)[2][0][:, -1]
+        np.testing.assert_allclose((there - end[:, -1]) / small, state_transition[:, j], rtol=1e-4, atol=1e-4)
     # A torque that is `small` higher at the end of every step: of one step alone it is the answer's second column.
-    there = marched("rr", duration, x, torques=([3.0, -3.0], [3.0, -3.0 + small]))[2][0]
-    np.testing.assert_allclose((there[:, 0] - end[:, 0]) / small, answers[:, 1], rtol=1e-3, atol=1e-9)
-    longer = marched("rr", duration * (1 + small), x)[2][0][:, -1]
+    there = rolled_out("rr", duration, x, torques=([3.0, -3.0], [3.0, -3.0 + small]))[2][0]
+    np.testing.assert_allclose((there[:, 0] - end[:, 0]) / small, torque_sensitivities[:, 1], rtol=1e-3, atol=1e-9)
+    longer = rolled_out("rr", duration * (1 + small), x)[2][0][:, -1]
     np.testing.assert_allclose((longer - end[:, -1]) / (duration * small), rates[:, -1], rtol=1e-4)
 
 
 def test_a_joint_that_is_held_keeps_its_velocity_and_the_others_move_as_if_it_were_none():
     # With its elbow held straight the two-link arm is one link.
-    robot, dynamics, (end, *_) = marched("rr", 0.1, held=[0.0, 1.0])
+    robot, dynamics, (end, *_) = rolled_out("rr", 0.1, held=[0.0, 1.0])
 
     def rate(t, x):
         inertia, bias = dynamics.crba(np.r_[x[0], 0.0], dynamics.last_body)[0, 0], 0.0
@@ -86,3 +86,24 @@ def test_a_joint_that_is_held_keeps_its_velocity_and_the_others_move_as_if_it_we
     np.testing.assert_allclose(end[[0, 2], -1], one, rtol=1e-10)
     np.testing.assert_array_equal(end[[1, 3], -1], 0.0)
     assert robot.nv == 2
+
+
+def test_a_joint_whose_own_torque_is_given_is_held_by_another():
+    x = [0.3, 0.8, 1.0, 2.0]
+    _, dynamics, (end, *_) = rolled_out("rr", 0.05, x, held=[0.0, 0.0, 0.0, 1.0, 1.0, 0.0])
+
+    def rate(t, x):
+        inertia, bias = dynamics.crba(x[:2], dynamics.last_body), dynamics.nle(x[:2], x[2:], dynamics.last_body)
+        return [*x[2:], (TORQUE["rr"][1] - float(bias[1])) / float(inertia[1, 0]), 0.0]
+
+    one = solve_ivp(rate, (0, 0.05), x, "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+    np.testing.assert_allclose(end[:, -1], one, rtol=1e-9)
+
+
+def test_a_joint_that_another_one_holds_keeps_its_velocity_at_its_own_torque():
+    lifted, carrying = [0.0, 1.0], [1.0, 0.0]
+    _, dynamics, (end, _, _, rates) = rolled_out("rr", 0.1, held=[0.0, 0.0, *lifted, *carrying])
+    q, v, a = end[:2, -1], end[2:, -1], rates[2:, -1]
+    np.testing.assert_allclose([v[1], a[1]], 0.0, atol=1e-12)
+    torque = np.ravel(dynamics.crba(q, dynamics.last_body) @ a + dynamics.nle(q, v, dynamics.last_body))
+    np.testing.assert_allclose(torque[1], TORQUE["rr"][1], rtol=1e-10)

@@ -9,9 +9,10 @@ import armdyn as ad
 from armdyn.optimal.arcs.arc import Mode
 from armdyn.optimal.problem.stop import Budget, Stop
 from armdyn.optimal.switching.costates import phases_of
-from armdyn.optimal.switching.extremal.descent import ended
-from armdyn.optimal.switching.extremal.schedule import Schedule, Segment
-from armdyn.optimal.switching.settle import setting_of, settled
+from armdyn.optimal.switching.extremal.change import Segment
+from armdyn.optimal.switching.extremal.descent import in_one_piece
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
+from armdyn.optimal.switching.refinement import refine_extremal, shooting_problem
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.refinement import ArcsPolicy
 from armdyn.optimal.task.task import Task
@@ -20,18 +21,18 @@ from problems import random_problem, random_solution, solved
 
 def test_changes_that_are_missing_are_put_in():
     solution = random_solution(15)
-    given = Schedule.of(solution.phases.arcs, solution.phases.torques)
-    own = setting_of(Task.of(solution.problem, MinimumTimeOptions(compile=False)), solution.duration)
-    # The short stay of the third joint on its upper limit near the end: 2.5 ms of 240 ms.
+    given = SwitchingStructure.of(solution.phases.arcs, solution.phases.torques)
+    own = shooting_problem(Task.of(solution.problem, MinimumTimeOptions(compile=False)), solution.duration)
+    # The short bang arc of the third joint on its upper limit near the end: 2.5 ms of 240 ms.
     edges = np.append(given.times, given.duration)
     lengths = {(s.begin, s.end): edges[s.end] - edges[s.begin] for s in given.segments() if s.begin >= 0}
     begin, end = min((pair for pair in lengths if pair[1] < given.size), key=lambda pair: lengths[pair])
     lacking = given.without([Segment(begin, end)])
     assert lacking.size == given.size - 2
-    found = settled(own, lacking, Stop())
+    found = refine_extremal(own, lacking, Stop())
     assert found.why == ""
-    assert [arc.modes for arc in found.extremal.schedule.arcs()] == [arc.modes for arc in solution.phases.arcs]
-    assert found.extremal.schedule.duration == pytest.approx(solution.phases.duration, rel=1e-7)
+    assert [arc.modes for arc in found.extremal.structure.arcs()] == [arc.modes for arc in solution.phases.arcs]
+    assert found.extremal.structure.duration == pytest.approx(solution.phases.duration, rel=1e-7)
 
 
 @pytest.mark.slow
@@ -52,12 +53,12 @@ def test_a_singular_arc_is_found_and_certified():
 
 def test_a_motion_has_the_states_of_its_steps():
     solution = solved("rr")
-    given = Schedule.of(solution.phases.arcs, solution.phases.torques)
-    own = setting_of(Task.of(solution.problem, MinimumTimeOptions(compile=False)), solution.duration)
-    found = settled(own, given, Stop())
+    given = SwitchingStructure.of(solution.phases.arcs, solution.phases.torques)
+    own = shooting_problem(Task.of(solution.problem, MinimumTimeOptions(compile=False)), solution.duration)
+    found = refine_extremal(own, given, Stop())
     assert found.why == ""
     assert found.wrong <= 1e-4
-    motion = phases_of(ended(found.extremal), ArcsPolicy()).torques
+    motion = phases_of(in_one_piece(found.extremal), ArcsPolicy()).torques
     replay = ad.replay_torques(solution.problem.robot, motion)
     # Steps of eighth order against the replay's integrator, whose tolerance is 1e-10.
     np.testing.assert_allclose(replay.q[-1], solution.problem.q_goal, atol=1e-8)
@@ -68,10 +69,10 @@ def test_refinement_stops_when_its_budget_is_spent():
     solution = solved("rrr")
     task = Task.of(solution.problem, MinimumTimeOptions(compile=False))
     budget = Budget(Stop(), 50)
-    own = replace(setting_of(task, solution.duration), budget=budget)
-    given = Schedule.of(solution.phases.arcs, solution.phases.torques)
+    own = replace(shooting_problem(task, solution.duration), budget=budget)
+    given = SwitchingStructure.of(solution.phases.arcs, solution.phases.torques)
     apart = replace(given, times=given.times * 0.98)  # it lands beside the optimum, and has to go down
-    found = settled(own, apart, budget)
+    found = refine_extremal(own, apart, budget)
     assert found.why == "the budget of integrator steps is spent"
     assert -50 * own.steps < budget.left <= 0  # the landing that was begun has ended
-    assert settled(replace(own, budget=None), apart, Stop()).why == ""
+    assert refine_extremal(replace(own, budget=None), apart, Stop()).why == ""

@@ -1,4 +1,4 @@
-"""What moves a march: torques at the ends of its steps, and how free ones answer to the unknowns."""
+"""What moves a rollout: torques at the ends of its steps, and how free ones answer to the unknowns."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.arcs.arc import POSITION, VELOCITY, Mode
-from armdyn.optimal.switching.extremal.schedule import Schedule
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 
 Array = NDArray[np.float64]
 
@@ -21,60 +21,75 @@ class Torques:
 
     Attributes:
         tau: at the starts and at the ends [N m], each of shape (steps, nv).
-        held: 1 for joints that are held, shape (steps, nv).
-        felt: 1 for joints whose torques are free, likewise.
+        held: 1 for joints that their own torques hold, shape (steps, nv).
+        carried: 1 for a joint that another one's torque holds, and for that other joint, shape (steps, 2 nv).
+        free_mask: 1 for joints whose torques are free, likewise.
         by: ∂τ/∂(unknowns) of free torques at the starts and at the ends, each of shape (steps, nv, width).
     """
 
     tau: tuple[Array, Array]
     held: Array
-    felt: Array
+    carried: Array
+    free_mask: Array
     by: tuple[Array, Array]
 
     @classmethod
-    def of(cls, limits: JointLimits, unit: Array, schedule: Schedule, arc: NDArray[np.int_]) -> Self:
-        """Of a schedule's steps.
+    def of(cls, limits: JointLimits, unit: Array, structure: SwitchingStructure, arc: NDArray[np.int_]) -> Self:
+        """Of a structure's steps.
 
         Args:
             limits: of the torques.
-            unit: what a coefficient of 1 in a course is [N m], shape (nv,).
-            schedule: its arcs.
+            unit: what a coefficient of 1 in a singular control is [N m], shape (nv,).
+            structure: its arcs.
             arc: which arc each step is in, shape (steps,).
         """
-        modes = schedule.modes()
+        modes = structure.modes()
         signs = np.array([[_KINDS.get(mode, 0) for mode in each] for each in modes])[arc]
         bang = limits.actuators.extreme(signs)
         free = np.array([[mode is Mode.FREE for mode in each] for each in modes])[arc]
         held = np.array([[mode in POSITION or mode in VELOCITY for mode in each] for each in modes])[arc]
+        lifted, carrying = np.zeros(bang.shape), np.zeros(bang.shape)
+        for k, carriers in enumerate(structure.carriers()):
+            for joint, carrier in carriers.items():
+                own = arc == k
+                lifted[own, joint], carrying[own, carrier.joint], held[own, joint] = 1.0, 1.0, False
+                upper = carrier.press is Mode.UPPER
+                bang[own, joint] = (limits.actuators.upper if upper else limits.actuators.lower)[joint]
+                bang[own, carrier.joint], free[own, carrier.joint] = 0.0, False
         tau = bang.copy(), bang.copy()
-        by = tuple(np.zeros((*bang.shape, schedule.width)) for _ in tau)
-        places = schedule.places
-        for k, course in schedule.courses.items():
-            joint, place = schedule.changes[k].joint, places[k]
-            end = schedule.end_of(k)
+        by = tuple(np.zeros((*bang.shape, structure.width)) for _ in tau)
+        places = structure.places
+        for k, control in structure.controls.items():
+            joint, place = structure.changes[k].joint, places[k]
+            end = structure.end_of(k)
             own = np.flatnonzero((arc > k) & (arc <= end))
-            for side, (torque, answer) in enumerate(zip(tau, by, strict=True)):
-                s, by_z = _along(schedule, arc, own, side, (k, end))
-                terms = unit[joint] * course.terms(s, signs[own])
-                torque[own, joint] = terms @ course.values
-                answer[own, joint] = (unit[joint] * course.slope(s, signs[own]))[:, None] * by_z
-                answer[own, joint, place] += terms
-        return cls(tau, held.astype(float), free.astype(float), (by[0], by[1]))
+            for side, (torque, torque_sensitivity) in enumerate(zip(tau, by, strict=True)):
+                s, by_z = _along(structure, arc, own, side, (k, end))
+                terms = unit[joint] * control.terms(s, signs[own])
+                torque[own, joint] = terms @ control.values
+                torque_sensitivity[own, joint] = (unit[joint] * control.derivative(s, signs[own]))[:, None] * by_z
+                torque_sensitivity[own, joint, place] += terms
+        return cls(tau, held.astype(float), np.hstack([lifted, carrying]), free.astype(float), (by[0], by[1]))
+
+    @property
+    def kept(self) -> Array:
+        """`held` and `carried`, as the flow takes them, shape (steps, 3 nv)."""
+        return np.hstack([self.held, self.carried])
 
     @property
     def layers(self) -> list[Array]:
         """Free torques, one of each step at a time: 1 for its joint, each of shape (steps, nv); at least one layer."""
-        number = np.cumsum(self.felt, axis=1)
-        return [self.felt * (number == k + 1) for k in range(max(1, int(np.max(number))))]
+        number = np.cumsum(self.free_mask, axis=1)
+        return [self.free_mask * (number == k + 1) for k in range(max(1, int(np.max(number))))]
 
-    def room(self, limits: JointLimits, unit: Array) -> tuple[Array, Array]:
+    def slack(self, limits: JointLimits, unit: Array) -> tuple[Array, Array]:
         """What free torques are from both limits, and by the unknowns, shape (rows, width).
 
         Args:
             limits: of the torques.
             unit: what counts as 1 [N m], shape (nv,).
         """
-        steps, joints = np.nonzero(self.felt)
+        steps, joints = np.nonzero(self.free_mask)
         scale, values, rows = unit[joints], [np.empty(0)], [np.empty((0, self.by[0].shape[2]))]
         for tau, by in zip(self.tau, self.by, strict=True):
             for sign, bound in ((-1.0, limits.actuators.upper), (1.0, -limits.actuators.lower)):
@@ -84,19 +99,19 @@ class Torques:
 
 
 def _along(
-    schedule: Schedule, arc: NDArray[np.int_], own: NDArray[np.int_], side: int, ends: tuple[int, int]
+    structure: SwitchingStructure, arc: NDArray[np.int_], own: NDArray[np.int_], side: int, ends: tuple[int, int]
 ) -> tuple[Array, Array]:
     """Where steps start (side 0) or end (side 1) in a segment, from 0 to 1; and by the unknowns, shape (own, width).
 
     Args:
-        schedule: the arcs.
+        structure: the arcs.
         arc: which arc each step is in.
         own: the steps asked for.
         side: of them.
         ends: changes that begin and end the segment.
     """
-    edges = np.concatenate([[0.0], schedule.times, [schedule.duration]])
-    by_edges = np.zeros((edges.size, schedule.width))
+    edges = np.concatenate([[0.0], structure.times, [structure.duration]])
+    by_edges = np.zeros((edges.size, structure.width))
     by_edges[1:, : edges.size - 1] = np.eye(edges.size - 1)
     counts = np.bincount(arc)
     part = ((np.arange(arc.size) - np.concatenate([[0], np.cumsum(counts)])[arc] + side) / counts[arc])[own]

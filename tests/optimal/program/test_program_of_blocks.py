@@ -3,11 +3,10 @@
 import casadi as ca
 import numpy as np
 
-from armdyn.optimal.program.blocks import Block, program_of
+from armdyn.optimal.program.assembly import Block, program_of
 from armdyn.optimal.program.interval import differentiated
 
 SIZE = 5
-SHARED = 2
 
 
 def products():
@@ -19,15 +18,15 @@ def products():
 def cubes():
     """(y³ own, y common), of one unknown, with no parameters that all blocks share."""
     y, p = ca.SX.sym("y"), ca.SX.sym("p", 2)
-    return differentiated("cubes", y, p, ca.vertcat(y**3 * p[0], y * p[1]), ca.SX(0), False)
+    return differentiated("cubes", y, p, ca.vertcat(y**3 * p[0], y * p[1]), None, False)
 
 
 def blocks():
     """Products of neighbours, and of the last and the first, cubes of two."""
     pairs = np.array([[0, 1, 4], [1, 2, 0]])
     return [
-        Block(products(), pairs, 1, shared=True),
-        Block(cubes(), np.array([[3, 1]]), 1, common=1),
+        Block(products(), pairs, np.array([[0, 1, 2], [6, 6, 6], [7, 7, 7]])),
+        Block(cubes(), np.array([[3, 1]]), np.array([[3, 4], [5, 5]])),
     ]
 
 
@@ -41,7 +40,7 @@ def by_hand(x, p):
 
 
 def test_a_program_of_blocks_is_the_one_written_out():
-    program = program_of(blocks(), SIZE, SHARED, paid=[2, 3])
+    program = program_of(blocks(), SIZE, paid=[2, 3], price=7)
     x, p = ca.MX.sym("x", SIZE), ca.MX.sym("p", 8)
     sigma, lam = ca.MX.sym("sigma"), ca.MX.sym("lam", 7)
     f, g = by_hand(x, p)
@@ -58,13 +57,13 @@ def test_a_program_of_blocks_is_the_one_written_out():
 
 
 def test_the_hessian_is_an_upper_triangle_even_where_unknowns_come_in_another_order():
-    pattern = program_of(blocks(), SIZE, SHARED, paid=[2, 3]).hessian.sparsity_out(0)
+    pattern = program_of(blocks(), SIZE, paid=[2, 3], price=7).hessian.sparsity_out(0)
     rows, cols = map(np.array, pattern.get_triplet())
     assert np.all(rows <= cols)
     assert (0, 4) in {*zip(rows.tolist(), cols.tolist(), strict=True)}  # its place names 4 before 0
 
 
-def test_a_block_counts_its_places_rows_and_parameters():
+def test_a_block_counts_its_places_and_rows():
     pairs, singles = blocks()
-    assert (pairs.places, pairs.rows, pairs.parameters) == (3, 1, 3)
-    assert (singles.places, singles.rows, singles.parameters) == (2, 2, 3)
+    assert (pairs.places, pairs.rows) == (3, 1)
+    assert (singles.places, singles.rows) == (2, 2)

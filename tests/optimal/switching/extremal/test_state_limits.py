@@ -8,11 +8,12 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.switching.extremal.change import Change
 from armdyn.optimal.switching.extremal.descent import Extremal, fastest
-from armdyn.optimal.switching.extremal.limits import BEYOND, excess, state_at, with_limits
-from armdyn.optimal.switching.extremal.march import March
-from armdyn.optimal.switching.extremal.schedule import Change, Schedule
-from armdyn.optimal.switching.settle import setting_of
+from armdyn.optimal.switching.extremal.rollout import Rollout
+from armdyn.optimal.switching.extremal.state_limits import BEYOND, excess, state_at, with_limits
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
+from armdyn.optimal.switching.refinement import shooting_problem
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task
 from problems import cart, random_problem
@@ -23,22 +24,22 @@ U, L = Mode.UPPER, Mode.LOWER
 def test_a_motion_that_goes_too_far_is_told_where():
     # 1 kg, 1 N, from rest at 0: accelerates for 1 s, brakes for 2 s, and turns round at 1 m, after 2 s.
     problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[0.5], position_limit=(-1.0, 0.9))
-    setting = setting_of(Task.of(problem, MinimumTimeOptions(compile=False)), 3.0)
+    shooting = shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), 3.0)
     t = np.linspace(0, 3, 31)
     q = np.where(t < 1, t**2 / 2, 0.5 + (t - 1) - (t - 1) ** 2 / 2)
     v = np.where(t < 1, t, 2 - t)
     tau = np.where(t < 1, 1.0, -1.0)
     guess = ad.Trajectory(t, q[:, None], v[:, None], tau[:, None])
-    march = March.of(setting, Schedule.of([Arc(1.0, (U,)), Arc(2.0, (L,))], guess))
-    assert excess(march) == pytest.approx(0.1, abs=1e-3)  # at the ends of steps, of which there are 96
-    touching = with_limits(march)
+    rollout = Rollout.of(shooting, SwitchingStructure.of([Arc(1.0, (U,)), Arc(2.0, (L,))], guess))
+    assert excess(rollout) == pytest.approx(0.1, abs=1e-3)  # at the ends of steps, of which there are 96
+    touching = with_limits(rollout)
     assert touching is not None
     touch = next(k for k, change in enumerate(touching.changes) if change.touch)
     assert touching.changes[touch].mode is Mode.POSITION_UPPER
     assert touching.times[touch] == pytest.approx(2.0, abs=0.04)
     np.testing.assert_allclose(touching.states[touch], [0.9, 0.0])
     # Between steps the state is that of the closed form.
-    np.testing.assert_allclose(state_at(march, 1.77), [0.5 + 0.77 - 0.77**2 / 2, 0.23], atol=1e-9)
+    np.testing.assert_allclose(state_at(rollout, 1.77), [0.5 + 0.77 - 0.77**2 / 2, 0.23], atol=1e-9)
 
 
 @pytest.mark.slow
@@ -48,40 +49,40 @@ def test_touches_are_found_on_the_way():
     problem = random_problem(5)
     solution = ad.solve_minimum_time(problem)
     assert solution.certified
-    setting = setting_of(Task.of(problem, MinimumTimeOptions(compile=False)), solution.duration)
-    given = Schedule.of(solution.phases.arcs, solution.phases.torques)
+    shooting = shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), solution.duration)
+    given = SwitchingStructure.of(solution.phases.arcs, solution.phases.torques)
     touches = [k for k, change in enumerate(given.changes) if change.touch]
     assert len(touches) == 2
-    found = fastest(setting, given.without_changes(touches), Stop())
+    found = fastest(shooting, given.without_changes(touches), Stop())
     assert isinstance(found, Extremal)
-    assert excess(found.march) <= BEYOND
-    assert sum(change.touch for change in found.schedule.changes) == 2
-    assert found.schedule.duration == pytest.approx(solution.duration, rel=1e-7)
+    assert excess(found.rollout) <= BEYOND
+    assert sum(change.touch for change in found.structure.changes) == 2
+    assert found.structure.duration == pytest.approx(solution.duration, rel=1e-7)
 
 
 def test_a_velocity_limit_that_is_overlooked_is_kept():
     # Up to 0.8 m/s at 1 m/s², cruise, down: t = d/v + v/a. The bang-bang motion, of 2 √2 s, reaches √2 m/s.
     problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0], velocity_limit=0.8)
-    setting = setting_of(Task.of(problem, MinimumTimeOptions(compile=False)), 3.0)
+    shooting = shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), 3.0)
     t = np.linspace(0, 2 * np.sqrt(2), 41)
     v = np.minimum(t, t[-1] - t)
     q = np.where(t < np.sqrt(2), t**2 / 2, 2 - (t[-1] - t) ** 2 / 2)
     guess = ad.Trajectory(t, q[:, None], v[:, None], np.sign(np.sqrt(2) - t)[:, None])
-    bang = Schedule.of([Arc(np.sqrt(2), (U,)), Arc(np.sqrt(2), (L,))], guess)
-    assert excess(March.of(setting, bang)) == pytest.approx(np.sqrt(2) / 0.8 - 1, rel=1e-9)
-    found = fastest(setting, bang, Stop())
+    bang = SwitchingStructure.of([Arc(np.sqrt(2), (U,)), Arc(np.sqrt(2), (L,))], guess)
+    assert excess(Rollout.of(shooting, bang)) == pytest.approx(np.sqrt(2) / 0.8 - 1, rel=1e-9)
+    found = fastest(shooting, bang, Stop())
     assert isinstance(found, Extremal)
-    assert [arc.modes[0] for arc in found.schedule.arcs()] == [U, Mode.VELOCITY_UPPER, L]
-    assert found.schedule.duration == pytest.approx(2 / 0.8 + 0.8, rel=1e-9)
-    assert excess(found.march) <= BEYOND
+    assert [arc.modes[0] for arc in found.structure.arcs()] == [U, Mode.VELOCITY_UPPER, L]
+    assert found.structure.duration == pytest.approx(2 / 0.8 + 0.8, rel=1e-9)
+    assert excess(found.rollout) <= BEYOND
 
 
 def test_changes_pass_each_other_unless_a_joint_is_held():
     states = np.zeros((3, 4))
     changes = Change(0, L), Change(1, Mode.VELOCITY_UPPER), Change(0, U)
-    schedule = Schedule((U, U), changes, np.array([1.0, 1.1, 3.0]), states, 4.0)
-    assert schedule.orders(0.5) == [(0, 1)]
-    assert replace(schedule, changes=(changes[0], Change(1, L), changes[2])).orders(4.0) == []
-    swapped = schedule.swapped(0, 1)
+    structure = SwitchingStructure((U, U), changes, np.array([1.0, 1.1, 3.0]), states, 4.0)
+    assert structure.orders(0.5) == [(0, 1)]
+    assert replace(structure, changes=(changes[0], Change(1, L), changes[2])).orders(4.0) == []
+    swapped = structure.swapped(0, 1)
     assert swapped.changes == (changes[1], changes[0], changes[2])
     np.testing.assert_allclose(swapped.times, [1.05, 1.05, 3.0])

@@ -5,15 +5,9 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+from armdyn.models.scene.distance import from_segment, least_over_segment
 
 from armdyn.models.scene.obstacles import Box, Capsule, Sphere
-from armdyn.optimal.path_constraints.clearance.distance import (
-    SIZES,
-    from_segment,
-    least_over_segment,
-    numbers_of,
-    solid,
-)
 
 OBSTACLES = (
     Sphere((0.1, 0.2, 0.3), 0.1),
@@ -39,12 +33,12 @@ def of_coal(obstacle, a, b):
 
 
 def functions(obstacle):
-    x, scene = ca.SX.sym("x", 6), ca.SX.sym("scene", SIZES[type(obstacle)])
-    body = solid(type(obstacle), scene)
+    x, scene = ca.SX.sym("x", 6), ca.SX.sym("scene", obstacle.count)
+    body = obstacle.symbolic(scene)
     value = least_over_segment(body.distance, x[:3], x[3:]) - body.thickness
     hessian, gradient = ca.hessian(value, x)
     made = [ca.Function("f", [x, scene], [each]) for each in (value, gradient, hessian)]
-    return [lambda at, f=f: np.array(f(at, numbers_of(obstacle))).squeeze() for f in made]
+    return [lambda at, f=f: np.array(f(at, obstacle.numbers())).squeeze() for f in made]
 
 
 @pytest.mark.parametrize("obstacle", OBSTACLES, ids=lambda each: each.name)
@@ -71,7 +65,7 @@ def test_values_and_derivatives(obstacle):
 @pytest.mark.parametrize("obstacle", OBSTACLES, ids=lambda each: each.name)
 def test_overlaps_are_negative_and_finite(obstacle):
     value, gradient, hessian = functions(obstacle)
-    centre = obstacle.pose[:3, 3] if isinstance(obstacle, Box) else np.array(numbers_of(obstacle)[:3])
+    centre = obstacle.pose[:3, 3] if isinstance(obstacle, Box) else np.array(obstacle.numbers()[:3])
     for x in (np.tile(centre, 2), np.concatenate([centre - 1, centre + 1]), np.concatenate([centre, centre + 1])):
         assert value(x) < 0
         assert np.all(np.isfinite(gradient(x))) and np.all(np.isfinite(hessian(x)))

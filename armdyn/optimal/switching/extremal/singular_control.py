@@ -1,4 +1,4 @@
-"""The course of a free torque: a polynomial over its segment, and what other joints' limits add to it.
+"""The singular control of a free torque: a polynomial over its segment, and what other joints' limits add to it.
 
 Where time leaves a torque free, S̈ = 0 says what it is: a function of the state, the costate and the other torques,
 smooth but where one of these jumps.
@@ -15,8 +15,8 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Course:
-    """A torque over a segment, in parts of `Setting.course`.
+class SingularControl:
+    """A torque over a segment, in parts of `ShootingProblem.torque_unit`.
 
     Attributes:
         smooth: coefficients of Legendre's polynomials over the segment.
@@ -67,7 +67,7 @@ class Course:
         parts += [signs[:, [joint]] * legendre.legvander(2 * s - 1, len(own) - 1) for joint, own in self.leaps]
         return np.hstack(parts)
 
-    def slope(self, s: Array, signs: Array) -> Array:
+    def derivative(self, s: Array, signs: Array) -> Array:
         """By s, between the jumps, shape (samples,); arguments as those of `terms`."""
         out = legendre.legval(2 * s - 1, legendre.legder(self.smooth))
         for joint, own in self.leaps:

@@ -22,22 +22,22 @@ _CHANGES = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Parabola:
+class QuadraticForm:
     """What is made small: slope·y + yᵀ bend y / 2.
 
     Attributes:
-        slope: shape (k,).
-        bend: symmetric, shape (k, k).
+        gradient: shape (k,).
+        hessian: symmetric, shape (k, k).
     """
 
-    slope: Array
-    bend: Array
+    gradient: Array
+    hessian: Array
 
     def at(self, y: Array) -> float:
         """Its value, 0 at 0."""
-        return float(self.slope @ y + y @ self.bend @ y / 2)
+        return float(self.gradient @ y + y @ self.hessian @ y / 2)
 
-    def within(self, rows: Array, room: Array, radius: float) -> tuple[Array, bool]:
+    def within(self, rows: Array, slack: Array, radius: float) -> tuple[Array, bool]:
         """The least that is found in |y| ≤ radius with rows y + room ≥ 0; and whether the ball's rim ends it.
 
         From y = 0 on: to the least with the planes that are kept to, or as far as the next plane, which is kept to
@@ -45,15 +45,15 @@ class Parabola:
 
         Args:
             rows: shape (planes, k).
-            room: at y = 0; negative counts as none, shape (planes,).
+            slack: at y = 0; negative counts as none, shape (planes,).
             radius: of the ball.
         """
-        y, room, kept = np.zeros_like(self.slope), np.maximum(room, 0.0), list[int]()
+        y, slack, kept = np.zeros_like(self.gradient), np.maximum(slack, 0.0), list[int]()
         best, best_value, rim_there = y, 0.0, False
-        for _ in range(_CHANGES * self.slope.size):
+        for _ in range(_CHANGES * self.gradient.size):
             target, shift, rim = self._along(y, rows[kept], radius)
             by = rows @ (target - y)
-            left = np.maximum(room + rows @ y, 0.0)
+            left = np.maximum(slack + rows @ y, 0.0)
             nearer = by < -_ALONG * radius
             nearer[kept] = False
             shares = np.where(nearer, left / np.where(nearer, -by, 1.0), np.inf)
@@ -67,10 +67,10 @@ class Parabola:
                 continue
             if not kept:
                 break
-            pull = np.linalg.lstsq(rows[kept].T, self.slope + self.bend @ y + shift * y, rcond=_RANK)[0]
-            if np.min(pull) >= -_PULL:
+            multiplier = np.linalg.lstsq(rows[kept].T, self.gradient + self.hessian @ y + shift * y, rcond=_RANK)[0]
+            if np.min(multiplier) >= -_PULL:
                 break
-            kept.pop(int(np.argmin(pull)))
+            kept.pop(int(np.argmin(multiplier)))
         return best, rim_there
 
     def _along(self, y: Array, kept: Array, radius: float) -> tuple[Array, float, bool]:
@@ -79,23 +79,23 @@ class Parabola:
         if not len(free):
             return y, 0.0, False
         base: Array = y - (free @ y) @ free
-        values, axes = np.linalg.eigh(free @ self.bend @ free.T)
-        down: Array = -axes.T @ (free @ (self.slope + self.bend @ base))
+        values, axes = np.linalg.eigh(free @ self.hessian @ free.T)
+        down: Array = -axes.T @ (free @ (self.gradient + self.hessian @ base))
         own, shift, rim = _in_ball(values, down, math.sqrt(max(radius**2 - float(base @ base), 1e-30)))
         return base + (axes @ own) @ free, shift, rim
 
 
-def held_back(slope: Array, rows: Array) -> tuple[Array, float]:
+def held_back(gradient: Array, rows: Array) -> tuple[Array, float]:
     """Multipliers of planes on which a point lies that hold it back, shape (planes,), and how steep it is beside them.
 
     Args:
-        slope: shape (k,).
+        gradient: shape (k,).
         rows: of the planes, shape (planes, k).
     """
     if not len(rows):
-        return np.empty(0), float(np.linalg.norm(slope))
-    pull, left = nnls(rows.T, slope)
-    return np.asarray(pull), float(left)
+        return np.empty(0), float(np.linalg.norm(gradient))
+    multiplier, left = nnls(rows.T, gradient)
+    return np.asarray(multiplier), float(left)
 
 
 def null_space(rows: Array) -> Array:

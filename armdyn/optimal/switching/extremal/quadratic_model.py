@@ -1,4 +1,4 @@
-"""A march to first and to second order: what closes it, and the duration on the manifold of motions that it is on."""
+"""A rollout to first and to second order: what closes it, and the duration on the manifold of motions that it is on."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -7,9 +7,10 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.switching.extremal.march import March
-from armdyn.optimal.switching.extremal.schedule import Schedule, Segment
-from armdyn.optimal.switching.extremal.trust import TIGHT, Parabola, held_back, null_space
+from armdyn.optimal.switching.extremal.change import Segment
+from armdyn.optimal.switching.extremal.rollout import Rollout
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
+from armdyn.optimal.switching.extremal.trust_region import TIGHT, QuadraticForm, held_back, null_space
 
 Array = NDArray[np.float64]
 
@@ -24,19 +25,19 @@ _RANK = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
-class Linear:
-    """A march to first order: the states that close its gaps, and what is asked of it, by its times.
+class LinearizedRollout:
+    """A rollout to first order: the states that close its gaps, and what is asked of it, by its times.
 
     Attributes:
-        march: what is linearised.
+        rollout: what is linearised.
         reach: by the unknowns, what the states at the changes and at the end change by, shape (m + 1, 2 nv, width).
         gap: the same with the unknowns as they are, so that arcs join, shape (m + 1, 2 nv).
-        jacobian: of the equations, in parts of `March.unit`, shape (equations, width): the goal, and what is held.
+        jacobian: of the equations, in parts of `Rollout.unit`, shape (equations, width): the goal, and what is held.
         residual: likewise, gaps closed, shape (equations,).
         open: the largest gap, likewise.
     """
 
-    march: March
+    rollout: Rollout
     reach: Array
     gap: Array
     jacobian: Array
@@ -44,39 +45,49 @@ class Linear:
     open: float
 
     @classmethod
-    def of(cls, march: March) -> Self:
+    def of(cls, rollout: Rollout) -> Self:
         """Linearise."""
-        schedule = march.schedule
-        m, size = schedule.size, march.start.shape[1]
-        whole, by = march.arcs
-        jumps = march.end[march.last] - np.vstack([schedule.states, march.setting.end])
-        reach, gap = np.zeros((m + 1, size, schedule.width)), np.zeros((m + 1, size))
+        structure = rollout.structure
+        m, size = structure.size, rollout.start.shape[1]
+        whole, by = rollout.arcs
+        jumps = rollout.end[rollout.last] - np.vstack([structure.states, rollout.shooting.end])
+        reach, gap = np.zeros((m + 1, size, structure.width)), np.zeros((m + 1, size))
         for a in range(m + 1):
             if a:
                 reach[a], gap[a] = whole[a] @ reach[a - 1], whole[a] @ gap[a - 1]
             reach[a] += by[a]
             gap[a] += jumps[a]
-        held = march.held_states
-        rows = [reach[m] / march.unit[:, None], *(reach[k, j][None] / march.unit[j] for k, j, _ in held)]
-        beyond = [(schedule.states[k, j] + gap[k, j] - value) / march.unit[j] for k, j, value in held]
-        worst = float(np.max(np.abs(jumps / march.unit)))
-        residual = np.concatenate([gap[m] / march.unit, beyond])
-        return cls(march, reach, gap, np.vstack(rows), residual, worst)
+        held = rollout.held_states
+        rows = [reach[m] / rollout.unit[:, None], *(reach[k, j][None] / rollout.unit[j] for k, j, _ in held)]
+        rows += [(by_state @ reach[k])[None] for k, by_state, _ in rollout.tangents]
+        together = np.eye(structure.width) - np.eye(structure.width, k=-1)
+        tied = [k for k, change in enumerate(structure.changes) if change.tied and k]
+        rows.append(together[tied] / structure.duration)
+        beyond = [(structure.states[k, j] + gap[k, j] - value) / rollout.unit[j] for k, j, value in held]
+        beyond += [value + by_state @ gap[k] for k, by_state, value in rollout.tangents]
+        beyond += [(structure.times[k] - structure.times[k - 1]) / structure.duration for k in tied]
+        worst = float(np.max(np.abs(jumps / rollout.unit)))
+        residual = np.concatenate([gap[m] / rollout.unit, beyond])
+        return cls(rollout, reach, gap, np.vstack(rows), residual, worst)
 
     @property
     def infeasible(self) -> float:
-        """The largest of gaps and equations, in parts of `March.unit`."""
+        """The largest of gaps and equations, in parts of `Rollout.unit`."""
         return max(self.open, float(np.max(np.abs(self.residual))))
 
     @cached_property
     def planes(self) -> "Planes":
         """What must not become negative."""
-        schedule, lengths, (room, by_room) = self.march.schedule, lengths_of(self.march.schedule), self.march.room
-        orders = schedule.orders(_ASIDE * schedule.duration)
-        apart = np.zeros((len(orders), schedule.width))
+        structure, lengths, (slack, by_room) = (
+            self.rollout.structure,
+            lengths_of(self.rollout.structure),
+            self.rollout.slack,
+        )
+        orders = structure.orders(_ASIDE * structure.duration)
+        apart = np.zeros((len(orders), structure.width))
         for row, (k, after) in zip(apart, orders, strict=True):
             row[k], row[after] = -1.0, 1.0
-        now = np.concatenate([lengths @ schedule.unknowns, room, apart @ schedule.unknowns])
+        now = np.concatenate([lengths @ structure.unknowns, slack, apart @ structure.unknowns])
         return Planes(now, np.vstack([lengths, by_room, apart]), np.arange(now.size) < len(lengths), tuple(orders))
 
     @cached_property
@@ -85,24 +96,24 @@ class Linear:
         return null_space(self.jacobian)
 
     @cached_property
-    def _answer(self) -> tuple[float, Array, Array]:
+    def _response(self) -> tuple[float, Array, Array]:
         """Slope of the duration along the tangents beside what planes hold back; multipliers; those of tight planes."""
         gradient = np.zeros(self.jacobian.shape[1])
-        gradient[self.march.schedule.size] = 1.0
+        gradient[self.rollout.structure.size] = 1.0
         tight = self.planes.rows[self.planes.now <= TIGHT]
-        pull, slope = held_back(self.tangents @ gradient, tight @ self.tangents.T)
-        multipliers = np.linalg.lstsq(self.jacobian.T, pull @ tight - gradient, rcond=_RANK)[0]
-        return slope, np.asarray(multipliers, float), pull
+        multiplier, gradient_norm = held_back(self.tangents @ gradient, tight @ self.tangents.T)
+        multipliers = np.linalg.lstsq(self.jacobian.T, multiplier @ tight - gradient, rcond=_RANK)[0]
+        return gradient_norm, np.asarray(multipliers, float), multiplier
 
     @property
-    def slope(self) -> float:
+    def gradient_norm(self) -> float:
         """Of the duration along the tangents, beside what free torques on limits and empty segments hold back."""
-        return self._answer[0]
+        return self._response[0]
 
     @property
     def multipliers(self) -> Array:
         """Of the equations, shape (equations,)."""
-        return self._answer[1]
+        return self._response[1]
 
     @property
     def ties(self) -> list[tuple[int, int]]:
@@ -111,23 +122,28 @@ class Linear:
         tight = np.flatnonzero(planes.now <= TIGHT)
         first = planes.now.size - len(planes.orders)
         return [
-            planes.orders[k - first] for k, pull in zip(tight, self._answer[2], strict=True) if k >= first and pull > 0
+            planes.orders[k - first]
+            for k, multiplier in zip(tight, self._response[2], strict=True)
+            if k >= first and multiplier > 0
         ]
 
     @cached_property
     def costates(self) -> tuple[Array, Array]:
         """P at the steps' starts and ends, each of shape (steps, 2 nv), of the multipliers."""
-        march, size = self.march, self.march.start.shape[1]
-        p = self.multipliers[:size] / march.unit
-        jumps = np.zeros((march.schedule.size, size))
-        for (k, j, _), multiplier in zip(march.held_states, self.multipliers[size:], strict=True):
-            jumps[k, j] += multiplier / march.unit[j]
-        start, end = np.empty_like(march.start), np.empty_like(march.end)
-        for k in range(march.arc.size - 1, -1, -1):
+        rollout, size = self.rollout, self.rollout.start.shape[1]
+        p = self.multipliers[:size] / rollout.unit
+        jumps = np.zeros((rollout.structure.size, size))
+        held = len(rollout.held_states)
+        for (k, j, _), multiplier in zip(rollout.held_states, self.multipliers[size:][:held], strict=True):
+            jumps[k, j] += multiplier / rollout.unit[j]
+        for (k, by_state, _), multiplier in zip(rollout.tangents, self.multipliers[size + held :], strict=False):
+            jumps[k] += multiplier * by_state
+        start, end = np.empty_like(rollout.start), np.empty_like(rollout.end)
+        for k in range(rollout.arc.size - 1, -1, -1):
             end[k] = p
-            p = start[k] = march.through[k].T @ p
-            if k and march.arc[k] != march.arc[k - 1]:
-                p = p + jumps[march.arc[k] - 1]
+            p = start[k] = rollout.state_transition[k].T @ p
+            if k and rollout.arc[k] != rollout.arc[k - 1]:
+                p = p + jumps[rollout.arc[k] - 1]
         return start, end
 
     @property
@@ -136,13 +152,13 @@ class Linear:
 
         Where one is free it drifts, too, as long as its switching function is not zero.
         """
-        march = self.march
-        hamiltonian = np.sum(self.costates[1] * march.rate, axis=1)
-        full = ~np.any(march.torques.felt, axis=1)
-        arcs = (hamiltonian[full & (march.arc == arc)] for arc in np.unique(march.arc[full]))
+        rollout = self.rollout
+        hamiltonian = np.sum(self.costates[1] * rollout.rate, axis=1)
+        full = ~np.any(rollout.torques.free_mask, axis=1)
+        arcs = (hamiltonian[full & (rollout.arc == arc)] for arc in np.unique(rollout.arc[full]))
         return max((float(np.ptp(own)) for own in arcs), default=0.0)
 
-    def bend(self, tangents: Array) -> Array:
+    def hessian(self, tangents: Array) -> Array:
         """The Lagrangian's second derivatives along tangents, shape (k, k).
 
         Differences of its gradient by times and states together: arcs are short, so that nothing grows in them that
@@ -151,28 +167,28 @@ class Linear:
         Args:
             tangents: of the unknowns, shape (k, width).
         """
-        march = self.march
+        rollout = self.rollout
         states = np.einsum("asz,kz->kas", self.reach[:-1], tangents)
         out = np.empty((len(tangents), len(tangents)))
-        small = _DIFFERENCE * march.schedule.duration
-        here = _gradient(march, self.costates)
+        small = _DIFFERENCE * rollout.structure.duration
+        here = _gradient(rollout, self.costates)
         for j, (by, moved) in enumerate(zip(tangents, states, strict=True)):
-            there = _gradient(march.beside(small * by, small * moved), self.costates)
+            there = _gradient(rollout.perturbed(small * by, small * moved), self.costates)
             by_unknowns, by_state = ((b - a) / small for a, b in zip(here, there, strict=True))
             out[j] = tangents @ by_unknowns + np.einsum("kas,as->k", states, by_state)
         return (out + out.T) / 2
 
 
-def _gradient(march: March, costates: tuple[Array, Array]) -> tuple[Array, Array]:
+def _gradient(rollout: Rollout, costates: tuple[Array, Array]) -> tuple[Array, Array]:
     """The Lagrangian's by the unknowns, shape (width,), and by the changes' states, shape (m, 2 nv), less constants."""
-    p, (whole, by) = costates[1][march.last], march.arcs
+    p, (whole, by) = costates[1][rollout.last], rollout.arcs
     return np.einsum("as,asz->z", p, by), np.einsum("aij,ai->aj", whole, p)[1:]
 
 
-def lengths_of(schedule: Schedule) -> Array:
+def lengths_of(structure: SwitchingStructure) -> Array:
     """Of the segments by the unknowns, shape (segments, width)."""
-    segments: list[Segment] = list(schedule.segments())
-    out = np.zeros((len(segments), schedule.width))
+    segments: list[Segment] = list(structure.segments())
+    out = np.zeros((len(segments), structure.width))
     for row, segment in zip(out, segments, strict=True):
         row[segment.end] += 1
         if segment.begin >= 0:
@@ -185,7 +201,7 @@ class Planes:
     """Numbers that must not become negative.
 
     Attributes:
-        now: lengths of segments [s], what free torques are from their limits, in parts of `Setting.course`, and times
+        now: lengths of segments [s], what free torques are from their limits [`torque_unit`], and times
             between changes [s]; shape (n,).
         rows: by the unknowns, shape (n, width).
         lengths: which are lengths, shape (n,).
@@ -219,22 +235,22 @@ class Model:
 
     Attributes:
         linear: the motion.
-        parabola: the duration along its tangents.
+        quadratic: the duration along its tangents.
     """
 
-    linear: Linear
-    parabola: Parabola
+    linear: LinearizedRollout
+    quadratic: QuadraticForm
 
     @classmethod
-    def of(cls, linear: Linear) -> Self:
+    def of(cls, linear: LinearizedRollout) -> Self:
         """At a motion."""
-        gradient = linear.tangents[:, linear.march.schedule.size]
-        return cls(linear, Parabola(gradient, linear.bend(linear.tangents)))
+        gradient = linear.tangents[:, linear.rollout.structure.size]
+        return cls(linear, QuadraticForm(gradient, linear.hessian(linear.tangents)))
 
     def step(self, radius: float) -> Step:
         """The best step within a radius [s] that leaves no segment negative."""
         planes, tangents = self.linear.planes, self.linear.tangents
-        long = planes.lengths & (planes.now >= _SHORT * self.linear.march.schedule.duration)
-        room = np.where(long, 0.9 * planes.now, planes.now)
-        y, rim = self.parabola.within(planes.rows @ tangents.T, room, radius)
-        return Step(y @ tangents, -self.parabola.at(y), rim)
+        long = planes.lengths & (planes.now >= _SHORT * self.linear.rollout.structure.duration)
+        slack = np.where(long, 0.9 * planes.now, planes.now)
+        y, rim = self.quadratic.within(planes.rows @ tangents.T, slack, radius)
+        return Step(y @ tangents, -self.quadratic.at(y), rim)

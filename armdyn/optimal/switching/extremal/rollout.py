@@ -1,4 +1,4 @@
-"""A schedule carried through by the integrator, and how it answers to its times."""
+"""A structure carried through by the integrator, and how it answers to its times."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,48 +11,48 @@ from armdyn.optimal.arcs.arc import POSITION, VELOCITY, Mode, outward
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import Budget
 from armdyn.optimal.switching.extremal.flow import STEPS, Flow
-from armdyn.optimal.switching.extremal.schedule import Schedule
-from armdyn.optimal.switching.extremal.torques.steps import Torques
+from armdyn.optimal.switching.extremal.step_torques import Torques
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 
 Array = NDArray[np.float64]
 
 _CURVED = 24
-"""Steps of an arc on which a torque is free, at least: two for a coefficient of the longest course."""
+"""Steps of an arc on which a torque is free, at least: two for a coefficient of the longest singular control."""
 _SWAY = 0.2
-"""Of the duration: a stay that is moved by so much counts as much as a free torque that goes through its range."""
+"""Of the duration: a bang arc that is moved by so much counts as much as a free torque that goes through its range."""
 _LEAST = 3
 """Steps of an arc, in the mean: fewer see nothing of what happens between."""
 
 _FINEST = 4 * STEPS
-"""Steps of a march, at most."""
+"""Steps of a rollout, at most."""
 
 
 @dataclass(frozen=True, eq=False)
-class Setting:
-    """What is marched.
+class ShootingProblem:
+    """Shooting problem: dynamics, limits and end state.
 
     Attributes:
         problem: its limits, start and goal.
         flow: of its arm.
         body: the ten dynamic parameters of the last body.
-        course: what a coefficient of 1 in a free torque's course is [N m], shape (nv,): as much as a change's time that
-            is moved by a second.
+        torque_unit: what a coefficient of 1 in a singular control is [N m], shape (nv,): as much as
+            a change's time that is moved by a second.
         offset: how far beside the goal it is to end, in (q, v), shape (2 nv,).
-        steps: of a march.
-        budget: what marches spend their steps of; None: nobody counts.
+        steps: of a rollout.
+        budget: what rollouts spend their steps of; None: nobody counts.
     """
 
     problem: MinimumTimeProblem
     flow: Flow
     body: Array
-    course: Array
+    torque_unit: Array
     offset: Array | float = 0.0
     steps: int = STEPS
     budget: Budget | None = None
 
     @property
     def most_arcs(self) -> int:
-        """That a march may have."""
+        """That a rollout may have."""
         return self.steps // _LEAST
 
     @property
@@ -73,79 +73,79 @@ class Setting:
 
 
 @dataclass(frozen=True, eq=False)
-class March:
-    """The arcs of a schedule, each from its own start, in steps.
+class Rollout:
+    """The arcs of a structure, each from its own start, in steps.
 
     Attributes:
-        setting: what is marched.
-        schedule: the arcs.
+        shooting: the shooting problem.
+        structure: the arcs.
         arc: which arc a step is in, shape (steps,); every arc has some.
         h: lengths of the steps [s], shape (steps,).
         start: states at the steps' starts, shape (steps, 2 nv).
         end: at their ends, likewise.
-        through: ∂end/∂start, shape (steps, 2 nv, 2 nv).
+        state_transition: ∂end/∂start, shape (steps, 2 nv, 2 nv).
         rate: ẋ at the ends, shape (steps, 2 nv).
-        answer: ∂end/∂τ at the steps' starts and ends, of free torques, shape (steps, 2 nv, 2, nv).
+        torque_sensitivity: ∂end/∂τ at the steps' starts and ends, of free torques, shape (steps, 2 nv, 2, nv).
         torques: what moves it.
     """
 
-    setting: Setting
-    schedule: Schedule
+    shooting: ShootingProblem
+    structure: SwitchingStructure
     arc: NDArray[np.int_]
     h: Array
     start: Array
     end: Array
-    through: Array
+    state_transition: Array
     rate: Array
-    answer: Array
+    torque_sensitivity: Array
     torques: Torques
 
     @classmethod
     def of(
         cls,
-        setting: Setting,
-        schedule: Schedule,
+        shooting: ShootingProblem,
+        structure: SwitchingStructure,
         joined: NDArray[np.bool_] | None = None,
         arc: NDArray[np.int_] | None = None,
     ) -> Self:
-        """March a schedule.
+        """Integrate a structure.
 
         Args:
-            setting: what is marched.
-            schedule: of `Setting.most_arcs` at most.
+            shooting: the shooting problem.
+            structure: of `ShootingProblem.most_arcs` at most.
             joined: changes whose states are not theirs, but where the arc before ends, shape (m,); None: none.
             arc: which arc each step is in, shape (steps,); None: the longest have most.
         """
-        lengths = np.diff(np.concatenate([[0.0], schedule.times, [schedule.duration]]))
-        curved = np.array([Mode.FREE in modes for modes in schedule.modes()])
-        arc = _dealt(lengths, curved, setting.steps) if arc is None else arc
+        lengths = np.diff(np.concatenate([[0.0], structure.times, [structure.duration]]))
+        curved = np.array([Mode.FREE in modes for modes in structure.modes()])
+        arc = _dealt(lengths, curved, shooting.steps) if arc is None else arc
         h = (lengths / np.bincount(arc))[arc]
-        torques = Torques.of(setting.problem.limits, setting.course, schedule, arc)
+        torques = Torques.of(shooting.problem.limits, shooting.torque_unit, structure, arc)
         begins = np.concatenate([[True], arc[1:] != arc[:-1]])
-        states = np.vstack([setting.problem.x_start, schedule.states])
+        states = np.vstack([shooting.problem.x_start, structure.states])
         own = np.where(begins[:, None], states[arc], 0.0)
         if joined is not None and np.any(joined):
             first = np.flatnonzero(begins)[1:]
             begins = begins.copy()
             begins[first[joined]] = False
-        body = np.tile(setting.body, (arc.size, 1))
+        body = np.tile(shooting.body, (arc.size, 1))
         columns = own, begins.astype(float), h, *torques.tau
-        if setting.budget is not None:
-            setting.budget.spend(arc.size * len(torques.layers))
-        answer = np.zeros((arc.size, own.shape[1], 2, torques.felt.shape[1]))
-        for felt in torques.layers:
-            end, through, along, rate = setting.flow.marched(*columns, felt, torques.held, body)
-            answer += along[:, :, :, None] * felt[:, None, None]
+        if shooting.budget is not None:
+            shooting.budget.spend(arc.size * len(torques.layers))
+        torque_sensitivity = np.zeros((arc.size, own.shape[1], 2, torques.free_mask.shape[1]))
+        for free_mask in torques.layers:
+            end, state_transition, along, rate = shooting.flow.rolled_out(*columns, free_mask, torques.kept, body)
+            torque_sensitivity += along[:, :, :, None] * free_mask[:, None, None]
         start = np.where(begins[:, None], own, np.vstack([states[:1], end[:-1]]))
         if joined is not None and np.any(joined):
             at = np.flatnonzero(np.diff(arc)) + 1
-            schedule = replace(schedule, states=start[at])
-        return cls(setting, schedule, arc, h, start, end, through, rate, answer, torques)
+            structure = replace(structure, states=start[at])
+        return cls(shooting, structure, arc, h, start, end, state_transition, rate, torque_sensitivity, torques)
 
     @property
     def finite(self) -> bool:
         """Whether no number has left what numbers can hold."""
-        return bool(np.all(np.isfinite(self.end)) and np.all(np.isfinite(self.through)))
+        return bool(np.all(np.isfinite(self.end)) and np.all(np.isfinite(self.state_transition)))
 
     @cached_property
     def last(self) -> NDArray[np.int_]:
@@ -160,10 +160,13 @@ class March:
     @cached_property
     def held_states(self) -> list[tuple[int, int, float]]:
         """What limits of the state ask for: number of the change, place in (q, v), and the value there."""
-        n, limits = self.setting.problem.robot.nv, self.setting.problem.limits
+        n, limits = self.shooting.problem.robot.nv, self.shooting.problem.limits
         out: list[tuple[int, int, float]] = []
-        for k, change in enumerate(self.schedule.changes):
+        modes = self.structure.modes()
+        for k, change in enumerate(self.structure.changes):
             i, mode = change.joint, change.mode
+            if mode is modes[k][i] and mode in POSITION:
+                continue  # it is there already
             if mode in POSITION:
                 bound = limits.position_upper if mode is Mode.POSITION_UPPER else limits.position_lower
                 out += [(k, i, float(bound[i])), (k, n + i, 0.0)]
@@ -172,9 +175,34 @@ class March:
         return out
 
     @cached_property
+    def tangents(self) -> list[tuple[int, Array, float]]:
+        """Accelerations that are to be zero: number of the change, ∂/∂(q, v), and the value, as a part of `unit`.
+
+        In the time of the motion. Where a joint's torque leaves its limit, or reaches it, while the joint is on its
+        velocity limit, and no torque jumps.
+        """
+        n, limits, modes = self.shooting.problem.robot.nv, self.shooting.problem.limits, self.structure.modes()
+        out: list[tuple[int, Array, float]] = []
+        for k, change in enumerate(self.structure.changes):
+            if change.tangent is None:
+                continue
+            joint, mode = change.tangent
+            held, tau = np.zeros(3 * n), np.zeros(n)
+            for i, (before, after) in enumerate(zip(modes[k], modes[k + 1], strict=True)):
+                own = mode if i == joint else before if after is Mode.FREE else after
+                held[i] = own in POSITION or own in VELOCITY
+                tau[i] = {Mode.UPPER: limits.actuators.upper[i], Mode.LOWER: limits.actuators.lower[i]}.get(own, 0.0)
+            rate, slope, _ = self.shooting.flow.rate(
+                self.structure.states[k], tau, np.zeros(n), held, self.shooting.body
+            )
+            scale = self.structure.duration / self.unit[n + joint]
+            out.append((k, scale * np.asarray(slope)[n + joint], scale * float(rate[n + joint])))
+        return out
+
+    @cached_property
     def unit(self) -> Array:
         """What counts as one in (q, v): a radian, and the largest speed, shape (2 nv,)."""
-        n = self.setting.problem.robot.nv
+        n = self.shooting.problem.robot.nv
         return np.repeat([1.0, max(1e-3, float(np.max(np.abs(self.end[:, n:]))))], n)
 
     def switching(self, costates: tuple[Array, Array]) -> Array:
@@ -183,23 +211,23 @@ class March:
         Args:
             costates: p there, each of shape (steps, 2 nv).
         """
-        n, held = self.setting.problem.robot.nv, np.tile(self.torques.held, (2, 1))
-        body = np.tile(self.setting.body, (len(held), 1))
+        n, held = self.shooting.problem.robot.nv, np.tile(self.torques.kept, (2, 1))
+        body = np.tile(self.shooting.body, (len(held), 1))
         q = np.vstack([self.start, self.end])[:, :n]
-        return self.setting.flow.switchings(q, np.vstack(costates), held, body)
+        return self.shooting.flow.switchings(q, np.vstack(costates), held, body)
 
     @cached_property
     def arcs(self) -> tuple[Array, Array]:
         """∂end/∂start of the arcs, shape (m + 1, 2 nv, 2 nv), and ∂end/∂(unknowns), shape (m + 1, 2 nv, width)."""
-        schedule, size = self.schedule, self.start.shape[1]
+        structure, size = self.structure, self.start.shape[1]
         whole, by = (
-            np.tile(np.eye(size), (schedule.size + 1, 1, 1)),
-            np.zeros((schedule.size + 1, size, schedule.width)),
+            np.tile(np.eye(size), (structure.size + 1, 1, 1)),
+            np.zeros((structure.size + 1, size, structure.width)),
         )
         for a, (first, last) in enumerate(zip([0, *(self.last[:-1] + 1)], self.last, strict=True)):
-            for through in self.through[first : last + 1]:
-                whole[a] = through @ whole[a]
-            if np.any(self.torques.felt[first]):
+            for state_transition in self.state_transition[first : last + 1]:
+                whole[a] = state_transition @ whole[a]
+            if np.any(self.torques.free_mask[first]):
                 self._add_curved(by[a], a, range(first, last + 1))
                 continue
             by[a, :, a] += self.rate[last]  # torques are constant: a longer arc goes on as it ended
@@ -215,25 +243,32 @@ class March:
         if arc:
             length[arc - 1] = -1 / len(steps)
         for k in steps:
-            rise = (torques.tau[1][k] - torques.tau[0][k]) / self.h[k] if self.h[k] else np.zeros(torques.felt.shape[1])
-            stretched = self.rate[k] - self.answer[k, :, 1] @ rise
-            by[:] = self.through[k] @ by + stretched[:, None] * length
-            by += self.answer[k, :, 0] @ torques.by[0][k] + self.answer[k, :, 1] @ torques.by[1][k]
+            rise = (
+                (torques.tau[1][k] - torques.tau[0][k]) / self.h[k]
+                if self.h[k]
+                else np.zeros(torques.free_mask.shape[1])
+            )
+            stretched = self.rate[k] - self.torque_sensitivity[k, :, 1] @ rise
+            by[:] = self.state_transition[k] @ by + stretched[:, None] * length
+            by += (
+                self.torque_sensitivity[k, :, 0] @ torques.by[0][k]
+                + self.torque_sensitivity[k, :, 1] @ torques.by[1][k]
+            )
 
     @cached_property
-    def room(self) -> tuple[Array, Array]:
-        """What free torques are from both limits, in parts of `Setting.course`, and by the unknowns, (rows, width)."""
-        return self.torques.room(self.setting.problem.limits, self.setting.course)
+    def slack(self) -> tuple[Array, Array]:
+        """What free torques are from both limits [`torque_unit`], and by the unknowns, (rows, width)."""
+        return self.torques.slack(self.shooting.problem.limits, self.shooting.torque_unit)
 
-    def beside(self, by: Array, states: Array) -> Self:
+    def perturbed(self, by: Array, states: Array) -> Self:
         """The same arcs, in the same steps, with other unknowns and states.
 
         Args:
             by: what the unknowns change by, shape (width,).
             states: what the changes' states change by, shape (m, 2 nv).
         """
-        there = self.schedule.moved(by, self.schedule.states + states, in_order=False)
-        return type(self).of(self.setting, there, arc=self.arc)
+        there = self.structure.moved(by, self.structure.states + states, in_order=False)
+        return type(self).of(self.shooting, there, arc=self.arc)
 
 
 def _dealt(lengths: Array, curved: NDArray[np.bool_], steps: int) -> NDArray[np.int_]:

@@ -1,12 +1,14 @@
-"""Schedules: arcs there and back, what is taken out and put in, free torques as full ones."""
+"""Structures: arcs there and back, what is taken out and put in, free torques as full ones."""
 
 import numpy as np
 import pytest
 
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Arc, Mode
-from armdyn.optimal.switching.extremal.schedule import Change, Schedule, Segment, banged
-from armdyn.optimal.switching.extremal.torques.course import Course
+from armdyn.optimal.switching.extremal.change import Change, Segment
+from armdyn.optimal.switching.extremal.singular_control import SingularControl
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
+from armdyn.optimal.switching.from_arcs import banged
 from problems import solved
 
 U, L, F, P = Mode.UPPER, Mode.LOWER, Mode.FREE, Mode.POSITION_UPPER
@@ -17,21 +19,21 @@ def motion(duration, joints):
     return ad.Trajectory(t, np.outer(t, np.ones(joints)), np.ones((11, joints)), np.zeros((11, joints)))
 
 
-def schedule(arcs):
-    return Schedule.of(arcs, motion(sum(arc.duration for arc in arcs), len(arcs[0].modes)))
+def structure(arcs):
+    return SwitchingStructure.of(arcs, motion(sum(arc.duration for arc in arcs), len(arcs[0].modes)))
 
 
 @pytest.mark.parametrize("arm", ["r", "rr"])
 def test_arcs_of_an_optimum_come_back(arm):
     phases = solved(arm).phases
-    back = Schedule.of(phases.arcs, phases.torques).arcs()
+    back = SwitchingStructure.of(phases.arcs, phases.torques).arcs()
     assert [arc.modes for arc in back] == [arc.modes for arc in phases.arcs]
     np.testing.assert_allclose([arc.duration for arc in back], [arc.duration for arc in phases.arcs], rtol=1e-12)
 
 
 def test_touches_and_changes_at_one_time_come_back():
     arcs = [Arc(1.0, (U, L), ((1, P),)), Arc(0.5, (U, L)), Arc(1.5, (L, U))]
-    given = schedule(arcs)
+    given = structure(arcs)
     assert [(change.joint, change.mode, change.touch) for change in given.changes] == [
         (1, P, True), (0, L, False), (1, U, False),
     ]  # fmt: skip
@@ -41,18 +43,18 @@ def test_touches_and_changes_at_one_time_come_back():
 
 
 def test_a_segment_that_is_taken_out_leaves_what_was_around_it():
-    given = schedule([Arc(1.0, (U, L)), Arc(0.1, (L, L)), Arc(1.0, (U, L)), Arc(1.0, (U, U))])
+    given = structure([Arc(1.0, (U, L)), Arc(0.1, (L, L)), Arc(1.0, (U, L)), Arc(1.0, (U, U))])
     left = given.without([Segment(0, 1)])
     assert left.arcs() == [Arc(2.1, (U, L)), Arc(1.0, (U, U))]
     begun = given.without([Segment(-1, 0)])
     assert begun.first == (L, L)
     assert [change.mode for change in begun.changes] == [U, U]
-    ended = given.without([Segment(2, 3)])
-    assert [arc.modes for arc in ended.arcs()] == [(U, L), (L, L), (U, L)]
+    in_one_piece = given.without([Segment(2, 3)])
+    assert [arc.modes for arc in in_one_piece.arcs()] == [(U, L), (L, L), (U, L)]
 
 
 def test_changes_of_different_joints_pass_each_other():
-    given = schedule([Arc(1.0, (U, L)), Arc(1.0, (L, L)), Arc(1.0, (L, U))])
+    given = structure([Arc(1.0, (U, L)), Arc(1.0, (L, L)), Arc(1.0, (L, U))])
     moved = given.moved(np.array([1.5, 0.0, 0.0]), given.states)
     assert [arc.modes for arc in moved.arcs()] == [(U, L), (U, U), (L, U)]
     np.testing.assert_array_equal(moved.times, [2.0, 2.5])
@@ -60,13 +62,13 @@ def test_changes_of_different_joints_pass_each_other():
 
 
 def test_a_course_moves_with_its_change():
-    given = schedule([Arc(1.0, (U, L)), Arc(1.0, (L, L))]).with_changes(
-        [(0.5, Change(1, F, course=Course((1.0, 2.0))), np.zeros(4))]
+    given = structure([Arc(1.0, (U, L)), Arc(1.0, (L, L))]).with_changes(
+        [(0.5, Change(1, F, control=SingularControl((1.0, 2.0))), np.zeros(4))]
     )
     assert given.width == 5
     np.testing.assert_array_equal(given.unknowns, [0.5, 1.0, 2.0, 1.0, 2.0])
     moved = given.moved(np.array([1.0, 0.0, 0.0, 0.25, -1.0]), given.states)
-    assert moved.changes[1].course == Course((1.25, 1.0))
+    assert moved.changes[1].control == SingularControl((1.25, 1.0))
     assert moved.places == {1: slice(3, 5)}
 
 

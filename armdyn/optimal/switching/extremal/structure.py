@@ -1,4 +1,4 @@
-"""A schedule: which limit every joint is on from when to when, and the states at which that changes."""
+"""A structure: which limit every joint is on from when to when, and the states at which that changes."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -8,54 +8,20 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.arcs.arc import BANG, OPPOSITE, VELOCITY, Arc, Mode, merged
-from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.switching.extremal.torques.course import Course
+from armdyn.optimal.arcs.arc import VELOCITY, Arc, Mode, merged
+from armdyn.optimal.switching.extremal.change import Carrier, Change, Segment
+from armdyn.optimal.switching.extremal.singular_control import SingularControl
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+StructureKey = tuple[tuple[Mode, ...], tuple[tuple[int, Mode, bool, Carrier | None], ...]]
 
 _MET = 1e-7
 """Of the duration: a joint that is on a limit of velocity for less touches it."""
-_SAMPLES = 50
-"""Of a torque in an arc."""
-
-
-Structure = tuple[tuple[Mode, ...], tuple[tuple[int, Mode, bool], ...]]
-
-
-@dataclass(frozen=True)
-class Change:
-    """What happens at one time.
-
-    Attributes:
-        joint: its number.
-        mode: what it is in from then on; of a touch, the limit that it meets and leaves at once.
-        touch: it keeps the mode that it was in.
-        course: of a free torque; else none.
-    """
-
-    joint: int
-    mode: Mode
-    touch: bool = False
-    course: Course | None = None
-
-
-@dataclass(frozen=True)
-class Segment:
-    """A joint's stay in one mode.
-
-    Attributes:
-        begin: number of the change that begins it; -1: the start.
-        end: of the one that ends it; as many as there are changes: the goal.
-    """
-
-    begin: int
-    end: int
 
 
 @dataclass(frozen=True, eq=False)
-class Schedule:
+class SwitchingStructure:
     """Modes over time, all joints together.
 
     Attributes:
@@ -94,9 +60,9 @@ class Schedule:
         return cls(arcs[0].modes, tuple(changes), np.array(times), np.hstack([at.q, at.v]), duration)
 
     @property
-    def structure(self) -> Structure:
+    def key(self) -> StructureKey:
         """Modes at the start, and all changes in turn, without their times."""
-        return self.first, tuple((change.joint, change.mode, change.touch) for change in self.changes)
+        return self.first, tuple((each.joint, each.mode, each.touch, each.carrier) for each in self.changes)
 
     @property
     def size(self) -> int:
@@ -104,28 +70,28 @@ class Schedule:
         return len(self.changes)
 
     @property
-    def courses(self) -> dict[int, Course]:
+    def controls(self) -> dict[int, SingularControl]:
         """Of free torques, by the number of the change that begins them."""
-        return {k: change.course for k, change in enumerate(self.changes) if change.course}
+        return {k: change.control for k, change in enumerate(self.changes) if change.control}
 
     @property
     def unknowns(self) -> Array:
-        """Times of the changes, the duration [s], and the courses of free torques, shape (width,)."""
-        return np.concatenate([self.times, [self.duration], *(course.values for course in self.courses.values())])
+        """Times of the changes, the duration [s], and the singular controls of free torques, shape (width,)."""
+        return np.concatenate([self.times, [self.duration], *(control.values for control in self.controls.values())])
 
     @property
     def width(self) -> int:
-        """How many unknowns there are: m + 1, and those of the courses."""
-        return self.size + 1 + sum(course.size for course in self.courses.values())
+        """How many unknowns there are: m + 1, and those of the singular controls."""
+        return self.size + 1 + sum(control.size for control in self.controls.values())
 
     @property
     def places(self) -> dict[int, slice]:
-        """Where the courses stand in the unknowns, by the number of the change that begins them."""
+        """Where the singular controls stand in the unknowns, by the number of the change that begins them."""
         out: dict[int, slice] = {}
         first = self.size + 1
-        for k, course in self.courses.items():
-            out[k] = slice(first, first + course.size)
-            first += course.size
+        for k, control in self.controls.items():
+            out[k] = slice(first, first + control.size)
+            first += control.size
         return out
 
     def modes(self) -> list[tuple[Mode, ...]]:
@@ -134,11 +100,29 @@ class Schedule:
         for change in self.changes:
             if not change.touch:
                 now[change.joint] = change.mode
+            if change.carrier:
+                now[change.carrier.joint] = change.carrier.after
             out.append(tuple(now))
         return out
 
+    def carriers(self) -> list[dict[int, Carrier]]:
+        """Which joint holds which other one on its limit between the changes, by the number of the held one."""
+        now: dict[int, Carrier] = {}
+        out, keeping = [now], dict[int, int]()
+        for change in self.changes:
+            if not change.touch:
+                kept = keeping.pop(change.joint, change.joint)
+                now = {joint: carrier for joint, carrier in now.items() if joint not in (change.joint, kept)}
+            if change.keeps:
+                keeping[change.joint] = change.keeps[0]
+                now[change.keeps[0]] = Carrier(change.joint, change.keeps[1], Mode.FREE)
+            if change.carrier:
+                now[change.joint] = change.carrier
+            out.append(now)
+        return out
+
     def moved(self, by: Array, states: Array, in_order: bool = True) -> Self:
-        """With other times, courses and states.
+        """With other times, singular controls and states.
 
         Args:
             by: what the unknowns change by, shape (width,).
@@ -147,8 +131,8 @@ class Schedule:
         """
         m, changes, places = self.size, list(self.changes), self.places
         times = self.times + by[:m]
-        for k, course in self.courses.items():
-            changes[k] = replace(changes[k], course=course.with_values(course.values + by[places[k]]))
+        for k, control in self.controls.items():
+            changes[k] = replace(changes[k], control=control.with_values(control.values + by[places[k]]))
         order = np.argsort(times, kind="stable") if in_order else np.arange(m)
         duration = self.duration + float(by[m])
         return replace(
@@ -160,7 +144,7 @@ class Schedule:
         )
 
     def segments(self) -> Iterator[Segment]:
-        """Every joint's stays that a change begins or ends."""
+        """Every joint's segments that a change begins or ends."""
         for joint in range(len(self.first)):
             own = [k for k, change in enumerate(self.changes) if change.joint == joint and not change.touch]
             if own:
@@ -170,14 +154,17 @@ class Schedule:
         """Pairs of changes, no farther from each other than a time [s], that must not pass each other within a step.
 
         Torques add up, so that the order in which two are switched does not matter. Where a joint is held on a limit
-        of velocity from then on, or no longer, it does.
+        of velocity from then on, or no longer, by its own torque or another's, it does.
         """
-        held, now = list[bool](), list(self.first)
+        held, now, keeping = list[bool](), list(self.first), set[int]()
         for change in self.changes:
-            before = now[change.joint]
+            before, kept = now[change.joint], change.joint in keeping
             if not change.touch:
                 now[change.joint] = change.mode
-            held.append(not change.touch and (before in VELOCITY or change.mode in VELOCITY))
+                keeping = keeping | {change.joint} if change.keeps else keeping - {change.joint}
+            held.append(
+                not change.touch and (kept or bool(change.keeps) or before in VELOCITY or change.mode in VELOCITY)
+            )
         return [
             (k, after)
             for k in range(self.size)
@@ -220,24 +207,31 @@ class Schedule:
 
     def without(self, segments: Iterable[Segment]) -> Self:
         """Without segments whose length has gone to nothing: what changes there, changes at once."""
-        first, gone = list(self.first), set[int]()
+        first, gone, changes = list(self.first), set[int](), list(self.changes)
         for segment in segments:
             if segment.begin in gone or segment.end in gone:
                 continue
             if segment.begin < 0 and self.changes[segment.end].mode is Mode.FREE:
-                continue  # a course begins with a change
+                continue  # a singular control begins with a change
             if segment.begin < 0:
                 change = self.changes[segment.end]
                 first[change.joint] = change.mode
+            carrier = None if segment.begin < 0 else changes[segment.begin].carrier
+            if carrier:  # what is left of the contact is the other joint's switch
+                changes[segment.begin] = Change(carrier.joint, carrier.after)
+                continue
             gone.add(segment.end if segment.begin < 0 else segment.begin)
-        now, kept = list(first), list[int]()
-        for k, change in enumerate(self.changes):
-            if k in gone or (not change.touch and now[change.joint] is change.mode):
+        now, kept, carrier_of = list(first), list[int](), dict[int, Carrier | None]()
+        for k, change in enumerate(changes):
+            same = now[change.joint] is change.mode and carrier_of.get(change.joint) == change.carrier
+            if k in gone or (not change.touch and same):
                 continue
             if not change.touch:
-                now[change.joint] = change.mode
+                now[change.joint], carrier_of[change.joint] = change.mode, change.carrier
+            if change.carrier:
+                now[change.carrier.joint] = change.carrier.after
             kept.append(k)
-        return replace(self, first=tuple(first))._only(kept)
+        return replace(self, first=tuple(first), changes=tuple(changes))._only(kept)
 
     def without_changes(self, gone: Iterable[int]) -> Self:
         """Without some changes, by their numbers: touches, that is."""
@@ -252,7 +246,10 @@ class Schedule:
         """Arcs with these durations; of changes at one time the later ones' modes count."""
         edges = [0.0, *self.times.tolist(), self.duration]
         out: list[Arc] = []
+        carried = self.carriers()
         for k, (modes, (t0, t1)) in enumerate(zip(self.modes(), pairwise(edges), strict=True)):
+            free = {carrier.joint for carrier in carried[k].values()}
+            modes = tuple(Mode.FREE if i in free else mode for i, mode in enumerate(modes))
             touches: tuple[tuple[int, Mode], ...] = ()
             if k < self.size and self.changes[k].touch:
                 touches = ((self.changes[k].joint, self.changes[k].mode),)
@@ -268,56 +265,3 @@ class Schedule:
             elif touches:
                 out[-1] = replace(out[-1], touches=out[-1].touches + touches)
         return merged(out)
-
-
-def banged(arcs: Sequence[Arc], shares: Array, left: NDArray[np.bool_] | None = None) -> list[Arc]:
-    """Arcs whose free torques are full ones of the same mean.
-
-    Args:
-        arcs: perhaps with joints on no limit.
-        shares: of its range that a joint's torque is above the lower limit in an arc, in the mean, shape (arcs, nv).
-        left: whose torques are left free, likewise; None: nobody's.
-    """
-    out: list[Arc] = []
-    for k, arc in enumerate(arcs):
-        cuts: list[tuple[float, int, Mode]] = []
-        modes = list(arc.modes)
-        for i, mode in enumerate(arc.modes):
-            if mode is not Mode.FREE or (left is not None and left[k, i]):
-                continue
-            before = out[-1].modes[i] if out else None
-            after = arcs[k + 1].modes[i] if k + 1 < len(arcs) else None
-            modes[i], more = _pieces(before, after, float(shares[k, i]))
-            cuts += [(part, i, piece) for part, piece in more]
-        cuts.sort(key=lambda cut: cut[0])
-        ends = [part for part, _, _ in cuts] + [1.0]
-        begin = 0.0
-        for end, cut in zip(ends, [*cuts, None], strict=True):
-            if end > begin:
-                out.append(Arc((end - begin) * arc.duration, tuple(modes)))
-            if cut is not None:
-                modes[cut[1]] = cut[2]
-            begin = end
-        out[-1] = replace(out[-1], touches=arc.touches)
-    return merged(out)
-
-
-def shares_of(problem: MinimumTimeProblem, arcs: Sequence[Arc], motion: Trajectory) -> Array:
-    """How much of its range every torque is above its lower limit in every arc, in the mean, shape (arcs, nv)."""
-    limits = problem.limits
-    edges = np.cumsum([0.0, *(arc.duration for arc in arcs)])
-    edges *= motion.duration / edges[-1]
-    means = np.array([np.mean(motion(np.linspace(a, b, _SAMPLES)).tau, axis=0) for a, b in pairwise(edges)])
-    ranges = limits.actuators.width
-    return np.asarray((means - limits.actuators.lower) / np.where(ranges > 0, ranges, 1.0))
-
-
-def _pieces(before: Mode | None, after: Mode | None, share: float) -> tuple[Mode, list[tuple[float, Mode]]]:
-    """A free stretch as full torques: its first mode, and where it changes to which, as parts of the stretch."""
-    share = min(max(share, 0.02), 0.98)
-    first = before if before in BANG else OPPOSITE.get(after, Mode.UPPER) if after is not None else Mode.UPPER
-    own = share if first is Mode.UPPER else 1 - share
-    other = OPPOSITE[first]
-    if after is first:  # there and back
-        return first, [(own / 2, other), (1 - own / 2, first)]
-    return first, [(own, other)]

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from armdyn.optimal.switching.extremal.torques.course import Course
+from armdyn.optimal.switching.extremal.singular_control import SingularControl
 
 S = np.linspace(0, 1, 5)
 SIGNS = np.array([[0.0, sign] for sign in (1, 1, -1, -1, 0)])
-GIVEN = Course((1.0, 2.0, 4.0), ((1, (0.5, 3.0)),))
+GIVEN = SingularControl((1.0, 2.0, 4.0), ((1, (0.5, 3.0)),))
 
 
 def test_it_is_a_polynomial_and_what_another_limit_adds():
@@ -18,17 +18,17 @@ def test_it_is_a_polynomial_and_what_another_limit_adds():
 def test_its_slope_is_a_difference():
     small = 1e-6
     there, here = (GIVEN.terms(S + by, SIGNS) @ GIVEN.values for by in (small, -small))
-    np.testing.assert_allclose(GIVEN.slope(S, SIGNS), (there - here) / (2 * small), rtol=1e-8)
+    np.testing.assert_allclose(GIVEN.derivative(S, SIGNS), (there - here) / (2 * small), rtol=1e-8)
 
 
 def test_more_freedom_changes_nothing_yet():
     longer = GIVEN.longer(2, frozenset({0, 1}))
-    assert longer == Course((1.0, 2.0, 4.0, 0.0, 0.0), ((0, (0.0, 0.0)), (1, (0.5, 3.0, 0.0, 0.0))))
+    assert longer == SingularControl((1.0, 2.0, 4.0, 0.0, 0.0), ((0, (0.0, 0.0)), (1, (0.5, 3.0, 0.0, 0.0))))
     assert longer.size == 11
     np.testing.assert_allclose(longer.terms(S, SIGNS) @ longer.values, GIVEN.terms(S, SIGNS) @ GIVEN.values)
-    np.testing.assert_allclose(longer.slope(S, SIGNS), GIVEN.slope(S, SIGNS))
+    np.testing.assert_allclose(longer.derivative(S, SIGNS), GIVEN.derivative(S, SIGNS))
 
 
 def test_other_values_stand_where_these_did():
     assert GIVEN.with_values(GIVEN.values) == GIVEN
-    assert GIVEN.with_values(np.arange(5.0)) == Course((0.0, 1.0, 2.0), ((1, (3.0, 4.0)),))
+    assert GIVEN.with_values(np.arange(5.0)) == SingularControl((0.0, 1.0, 2.0), ((1, (3.0, 4.0)),))

@@ -1,0 +1,52 @@
+"""Controllers by the names of the command line and of study files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from armdyn.arguments import Sign
+from armdyn.control.laws.computed_torque import ComputedTorque
+from armdyn.control.laws.lqr import Lqr
+from armdyn.control.laws.pid import Pid, PidGains
+from armdyn.control.loop.law import Controller
+from armdyn.errors import ProblemError
+
+
+@dataclass(frozen=True)
+class NamedController:
+    """A controller made of numbers.
+
+    Attributes:
+        settings: signs of the numbers by name, in the order of `armdyn track --gains`.
+        make: the controller, of the settings as keywords.
+        required: whether every setting must be given; the others have defaults.
+    """
+
+    settings: Mapping[str, Sign]
+    make: Callable[..., Controller]
+    required: bool = False
+
+    def of(self, values: Sequence[float], where: str) -> Controller:
+        """The controller of numbers in the order of `settings`.
+
+        Args:
+            values: the numbers.
+            where: they come from, in messages.
+
+        Raises:
+            ProblemError: another number of values, or one is out of range.
+        """
+        if len(values) != len(self.settings):
+            count = {1: "one", 2: "two", 3: "three"}.get(len(self.settings), len(self.settings))
+            raise ProblemError(f"{where} has {len(values)} numbers; give {count}, {','.join(self.settings).upper()}")
+        return self.make(**dict(zip(self.settings, values, strict=True)))
+
+
+CONTROLLERS: dict[str, NamedController] = {
+    "lqr": NamedController({"position": "positive", "velocity": "not negative", "integral": "not negative"}, Lqr),
+    "computed-torque": NamedController({"bandwidth": "positive"}, ComputedTorque),
+    "pid": NamedController(
+        {"kp": "any", "ki": "any", "kd": "any"}, lambda kp, ki, kd: Pid(PidGains(kp, ki, kd)), required=True
+    ),
+}

@@ -1,0 +1,126 @@
+"""Mesh refinement at the switches: knots close in on the times at which torques leave their limits.
+
+On a mesh of equal intervals a torque that switches within an interval is somewhere between its limits there, and the
+state is off by the square of the interval's length. The mean torque says where in the interval it switches: knots are
+put about that time, a tenth of the interval apart, and the program is solved again from its solution. Where a singular
+arc or a contact begins or ends, the torque beside the interval is continued into it by a line.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.arcs.arc import stretches
+from armdyn.optimal.program.unknowns import mesh
+from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.solve.condensed import has_stagewise, solve_on_knots
+from armdyn.optimal.task.policy.refinement import SwitchMeshPolicy
+from armdyn.optimal.task.task import Task
+
+Array = NDArray[np.float64]
+
+
+def at_switches(task: Task, attempt: Attempt) -> Attempt:
+    """The same optimum on a mesh that is refined at its switches; the attempt itself where no such mesh converges.
+
+    Args:
+        task: its problem; torques are constant in the intervals.
+        attempt: a solution on equal intervals.
+    """
+    numbers = task.policy.switch_mesh
+    if not has_stagewise(task):
+        return attempt
+    knots, best = mesh(max(attempt.intervals, numbers.intervals)), attempt
+    for _ in range(numbers.rounds):
+        found = solve_on_knots(task, best.trajectory, knots, task.sharp())
+        slower = found.trajectory.duration > (1 + numbers.slower) * best.trajectory.duration
+        if not found.usable or slower or task.stop:
+            break
+        best = replace(found, iterations=best.iterations + found.iterations)
+        finer = _finer(task, best, numbers)
+        if finer.size == knots.size or finer.size > numbers.most:
+            break
+        knots = finer
+    return best
+
+
+def _finer(task: Task, attempt: Attempt, numbers: SwitchMeshPolicy) -> Array:
+    """The attempt's knots, and more about the switches, as parts of the duration."""
+    limits, knots = task.problem.limits, attempt.mesh
+    lengths = np.diff(knots)
+    middle = attempt.trajectory(attempt.trajectory.duration * (knots[:-1] + knots[1:]) / 2)
+    levels = (middle.tau - limits.actuators.center) / limits.actuators.scale
+    more = [float(time) for time in _beyond_limits(task, attempt, numbers)]
+    for level in levels.T[~limits.passive]:
+        for run in stretches(np.flatnonzero(np.abs(level) < 1 - task.policy.arcs.near)):
+            stretch = _Stretch.of(level, knots, run)
+            times = stretch.switches() if run.size <= numbers.switch else stretch.ends()
+            for time in times:
+                k = int(np.clip(np.searchsorted(knots, time, side="right") - 1, run[0], run[-1]))
+                if lengths[k] > numbers.least:
+                    half = numbers.shrink / 2 * lengths[k]
+                    inside = knots[k] + numbers.margin * lengths[k], knots[k + 1] - numbers.margin * lengths[k]
+                    more += [float(np.clip(time + side * half, *inside)) for side in (-1, 1)]
+    return np.unique(np.concatenate([knots, more]))
+
+
+def _beyond_limits(task: Task, attempt: Attempt, numbers: SwitchMeshPolicy) -> Array:
+    """Times at which a position limit is exceeded between the points that keep it, as parts of the duration."""
+    limits, knots, motion = task.problem.limits, attempt.mesh, attempt.trajectory
+    lengths = np.diff(knots)
+    points = (knots[:-1, None] + lengths[:, None] * np.array([0.25, 0.75]))[lengths > numbers.least].ravel()
+    q = motion(points * motion.duration).q
+    beyond = np.maximum(q - limits.position_upper, limits.position_lower - q)
+    return np.asarray(points[np.any(beyond > numbers.beyond * (limits.position_upper - limits.position_lower), axis=1)])
+
+
+@dataclass(frozen=True, eq=False)
+class _Stretch:
+    """Intervals in a row on which a joint's torque is on no limit.
+
+    Attributes:
+        knots: of them, as parts of the duration, shape (k + 1,).
+        level: torques from -1 at the lower to 1 at the upper limit, shape (k,).
+        before: limit that the torque is on before, -1 or 1; 0: the motion starts there.
+        after: the same afterwards; 0: the motion ends there.
+    """
+
+    knots: Array
+    level: Array
+    before: float
+    after: float
+
+    @classmethod
+    def of(cls, level: Array, knots: Array, run: NDArray[np.int_]) -> "_Stretch":
+        before = np.sign(level[run[0] - 1]) if run[0] else 0.0
+        after = np.sign(level[run[-1] + 1]) if run[-1] + 1 < level.size else 0.0
+        return cls(knots[run[0] : run[-1] + 2], level[run], float(before), float(after))
+
+    def switches(self) -> list[float]:
+        """Times at which full torques of the same mean switch."""
+        before = self.before or -self.after or 1.0
+        after, lengths = self.after or -before, np.diff(self.knots)
+        away = (before - self.level) / (2 * before) * lengths  # of the time, on the other limit
+        if before != after:
+            return [float(self.knots[-1] - np.sum(away))]
+        centre = np.sum(away * (self.knots[:-1] + self.knots[1:]) / 2) / np.sum(away)
+        return [float(centre + side * np.sum(away) / 2) for side in (-1, 1)]
+
+    def ends(self) -> list[float]:
+        """Times at which the torque leaves its limit and comes to the next one."""
+        begin = _left(self.level, np.diff(self.knots), self.before)
+        end = _left(self.level[::-1], np.diff(self.knots)[::-1], self.after)
+        return [
+            time for time, limit in ((self.knots[0] + begin, self.before), (self.knots[-1] - end, self.after)) if limit
+        ]
+
+
+def _left(level: Array, lengths: Array, limit: float) -> float:
+    """How long in the first interval the torque is yet on its limit, where a line through the next two goes on."""
+    middles = np.cumsum(lengths) - lengths / 2
+    slope = (level[2] - level[1]) / (middles[2] - middles[1])
+    beyond = level[1] + slope * (middles[0] - middles[1])
+    if abs(limit - beyond) < abs(limit - level[0]) or limit == beyond:
+        return float(lengths[0] / 2)
+    return float(np.clip((level[0] - beyond) / (limit - beyond), 0, 1) * lengths[0])

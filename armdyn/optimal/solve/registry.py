@@ -1,0 +1,52 @@
+"""All solvers of nonlinear programs. To add one: write its file, and its line here."""
+
+from collections.abc import Callable, Hashable
+from dataclasses import replace
+from typing import Any, TypeVar
+
+from armdyn.codegen.deadline import NoTimeError, until
+from armdyn.locks import built_once
+from armdyn.optimal.program.assembly import Program
+from armdyn.optimal.solve.ipopt import Ipopt
+from armdyn.optimal.solve.solver import Solver, SolverSettings
+from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.task import Task
+
+P = TypeVar("P", bound=Program)
+S = TypeVar("S")
+
+SOLVERS: dict[str, Callable[[Any, SolverSettings], Solver[Any]]] = {"ipopt": Ipopt}
+"""From a program and settings to a solver, by the names that `ProgramPolicy.solver` knows."""
+
+_KEPT = 64
+"""Solvers that stay built."""
+
+
+def solver_for(task: Task, settings: SolverSettings, build: Callable[..., P], *arguments: Hashable) -> Solver[P]:
+    """The policy's solver for the program that a function builds of its arguments; equal ones share it."""
+    return _built(task.policy.program.solver, settings, build, arguments)
+
+
+def in_time(task: Task, build: Callable[[Scheme], S]) -> S:
+    """What a function of the task's scheme builds: by the deadline, in machine code only where there is time for that.
+
+    Args:
+        task: whose scheme and deadline they are.
+        build: calls `solver_for`, say.
+
+    Raises:
+        LateError: the time is up before that of what takes seconds to build is ready.
+    """
+    stop = task.stop
+    with until(stop.deadline, lambda: stop.interrupted):
+        if not stop.hurried:
+            try:
+                return build(task.scheme)
+            except NoTimeError:
+                stop.hurried = True
+        return build(replace(task.scheme, compile=False))
+
+
+@built_once(maxsize=_KEPT)
+def _built(name: str, settings: SolverSettings, build: Callable[..., P], arguments: tuple[Hashable, ...]) -> Solver[P]:
+    return SOLVERS[name](build(*arguments), settings)

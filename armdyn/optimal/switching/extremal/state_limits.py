@@ -1,0 +1,152 @@
+"""Limits of position and velocity that a rollout exceeds, touches of the former and arcs on the latter."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.arcs.arc import VELOCITY, Mode, stretches
+from armdyn.optimal.switching.extremal.change import Change
+from armdyn.optimal.switching.extremal.rollout import Rollout
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
+
+Array = NDArray[np.float64]
+
+BEYOND = 1e-6
+"""Largest excess that does not count as overlooked: of a position limit [rad or m], of a velocity limit as a part of
+it."""
+
+
+def excess(rollout: Rollout) -> float:
+    """Largest excess at the steps' ends: of position limits [rad or m], of velocity limits as a part of them."""
+    n = rollout.shooting.problem.robot.nv
+    over = np.max(np.abs(rollout.end[:, n:]) / rollout.shooting.problem.limits.velocity) - 1
+    return max(beyond_position(rollout), float(over))
+
+
+def beyond_position(rollout: Rollout) -> float:
+    """By how much limits of position are exceeded at most, at the steps' ends [rad or m]."""
+    n, limits = rollout.shooting.problem.robot.nv, rollout.shooting.problem.limits
+    q = rollout.end[:, :n]
+    return float(max(np.max(q - limits.position_upper), np.max(limits.position_lower - q)))
+
+
+def with_limits(rollout: Rollout) -> SwitchingStructure | None:
+    """The structure with touches of the position limits that a rollout exceeds; None: it exceeds no limit.
+
+    Where it is exceeded beside a touch of the same limit the joint does not leave: the touch becomes a contact. A joint
+    that exceeds its velocity limit is held on it for that time.
+    """
+    structure, gone, more = rollout.structure, set[int](), list[tuple[float, Change, Array]]()
+    for over in _overlooked(rollout):
+        if over.mode in VELOCITY:
+            gone.update(over.changes(structure))
+            for time, change in ((over.begin, Change(over.joint, over.mode)), (over.end, over.after(structure))):
+                more.append((time, change, _at_speed(rollout, time, over.joint, over.bound)))
+            continue
+        near = [k for k in over.touched(structure) if k not in gone]
+        times = [over.worst, *(float(structure.times[k]) for k in near)]
+        begin, end, i = min(times), max(times), over.joint
+        gone.update(near)
+        if end > begin:
+            after = _mode_after(structure, i, end)
+            more.append((begin, Change(i, over.mode), _on(rollout, begin, i, over.bound)))
+            more.append((end, Change(i, after), _on(rollout, end, i, over.bound)))
+        else:
+            more.append((begin, Change(i, over.mode, touch=True), _on(rollout, begin, i, over.bound)))
+    return structure.without_changes(gone).with_changes(more).without(()) if more else None
+
+
+@dataclass(frozen=True)
+class _Overlooked:
+    """A stretch beyond a limit of position or velocity.
+
+    Attributes:
+        joint: its number.
+        mode: the limit.
+        bound: its value [rad or m], of a velocity [rad/s or m/s].
+        begin: a step before it [s].
+        end: a step after it [s].
+        worst: when it is farthest beyond [s].
+    """
+
+    joint: int
+    mode: Mode
+    bound: float
+    begin: float
+    end: float
+    worst: float
+
+    def touched(self, structure: SwitchingStructure) -> list[int]:
+        """Touches of the same limit in that time, by their numbers."""
+        return [
+            k
+            for k, (change, time) in enumerate(zip(structure.changes, structure.times, strict=True))
+            if change.touch
+            and (change.joint, change.mode) == (self.joint, self.mode)
+            and self.begin <= time <= self.end
+        ]
+
+    def changes(self, structure: SwitchingStructure) -> list[int]:
+        """Changes of the joint's mode in that time, by their numbers."""
+        return [
+            k
+            for k, (change, time) in enumerate(zip(structure.changes, structure.times, strict=True))
+            if change.joint == self.joint and not change.touch and self.begin <= time <= self.end
+        ]
+
+    def after(self, structure: SwitchingStructure) -> Change:
+        """The change to what the joint is in when that time is over."""
+        found = Change(self.joint, structure.first[self.joint])
+        for change, time in zip(structure.changes, structure.times, strict=True):
+            if change.joint == self.joint and not change.touch and time <= self.end:
+                found = change
+        return found
+
+
+def _overlooked(rollout: Rollout) -> Iterator[_Overlooked]:
+    """Where a rollout is beyond limits of position and velocity, joint by joint."""
+    limits, t, n = rollout.shooting.problem.limits, rollout.times, len(rollout.structure.first)
+    for i in range(n):
+        q, upper, lower = rollout.end[:, i], float(limits.position_upper[i]), float(limits.position_lower[i])
+        v, fastest = rollout.end[:, n + i], float(limits.velocity[i])
+        sides = (
+            (Mode.POSITION_UPPER, upper, q - upper),
+            (Mode.POSITION_LOWER, lower, lower - q),
+            (Mode.VELOCITY_UPPER, fastest, v / fastest - 1),
+            (Mode.VELOCITY_LOWER, -fastest, -v / fastest - 1),
+        )
+        for mode, bound, beyond in sides:
+            for run in stretches(np.flatnonzero(beyond > BEYOND)):
+                worst = float(t[1 + run[np.argmax(beyond[run])]])
+                yield _Overlooked(i, mode, bound, float(t[run[0]]), float(t[min(run[-1] + 2, t.size - 1)]), worst)
+
+
+def _mode_after(structure: SwitchingStructure, joint: int, time: float) -> Mode:
+    """What a joint is in at a time [s]."""
+    return structure.modes()[int(np.searchsorted(structure.times, time, side="right"))][joint]
+
+
+def _on(rollout: Rollout, time: float, joint: int, bound: float) -> Array:
+    """The state at a time [s], with a joint at rest on its limit."""
+    state = state_at(rollout, time)
+    state[joint], state[state.size // 2 + joint] = bound, 0.0
+    return state
+
+
+def _at_speed(rollout: Rollout, time: float, joint: int, bound: float) -> Array:
+    """The state at a time [s], with a joint on its velocity limit."""
+    state = state_at(rollout, time)
+    state[state.size // 2 + joint] = bound
+    return state
+
+
+def state_at(rollout: Rollout, time: float) -> Array:
+    """(q, v) at a time [s], between steps about: Hermite's cubic, and a line."""
+    k = int(np.clip(np.searchsorted(rollout.times, time, side="right") - 1, 0, rollout.h.size - 1))
+    h, n = rollout.h[k], rollout.start.shape[1] // 2
+    s = float(np.clip((time - rollout.times[k]) / h, 0, 1)) if h > 0 else 0.0
+    a, b = rollout.start[k], rollout.end[k]
+    q = a[:n] + s**2 * (3 - 2 * s) * (b[:n] - a[:n]) + h * s * (1 - s) * ((1 - s) * a[n:] - s * b[n:])
+    return np.concatenate([q, (1 - s) * a[n:] + s * b[n:]])

@@ -1,0 +1,135 @@
+"""From arcs of a mesh to structures: short stretches off all limits are bang arcs, long ones may be singular arcs."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.arcs.arc import BANG, OPPOSITE, Arc, Mode, merged, stretches
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.switching.extremal.change import Change, Segment
+from armdyn.optimal.switching.extremal.rollout import ShootingProblem
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
+from armdyn.optimal.switching.singular import control_near, leaping_within
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_LONG = 0.05
+"""Of the duration: a stretch off all limits that is shorter is read as bang arcs alone."""
+_FIRST = 1e-3
+"""Of the duration: a bang arc at the start, before the first singular control."""
+_IN_ARC = 50
+"""Samples of a torque in an arc."""
+_SAMPLES = 100
+"""Of the torques along a stretch."""
+
+
+def structures_of(
+    shooting: ShootingProblem, arcs: Sequence[Arc], motion: Trajectory, sure: bool = False
+) -> Iterator[SwitchingStructure]:
+    """Structures to begin with: all torques full, and long stretches off all limits as singular arcs, if there are any.
+
+    Args:
+        shooting: the shooting problem.
+        arcs: of a mesh.
+        motion: its states and torques.
+        sure: what is off all limits on the mesh is a singular arc: it is tried alone.
+    """
+    shares, left = shares_of(shooting.problem, arcs, motion), _long_stretches(arcs)
+    if not (sure and np.any(left)):
+        yield SwitchingStructure.of(banged(arcs, shares), motion)
+    if np.any(left):
+        yield _with_controls(shooting, SwitchingStructure.of(banged(arcs, shares, left), motion), motion)
+
+
+def _long_stretches(arcs: Sequence[Arc]) -> NDArray[np.bool_]:
+    """Which joints are in which arcs on a long stretch off all limits, shape (arcs, nv)."""
+    free = np.array([[mode is Mode.FREE for mode in arc.modes] for arc in arcs])
+    lengths = np.array([arc.duration for arc in arcs])
+    for i in range(free.shape[1]):
+        for run in stretches(np.flatnonzero(free[:, i])):
+            free[run, i] = lengths[run].sum() > _LONG * lengths.sum()
+    return free
+
+
+def _with_controls(shooting: ShootingProblem, structure: SwitchingStructure, motion: Trajectory) -> SwitchingStructure:
+    """The structure with singular controls for its free torques, each begun by a change."""
+    starting = [i for i, mode in enumerate(structure.first) if mode is Mode.FREE]
+    if starting:
+        begin = _FIRST * structure.duration
+        at = motion(np.array([begin * motion.duration / structure.duration]))
+        first = [_nearest(shooting, i, at.tau[0]) if i in starting else mode for i, mode in enumerate(structure.first)]
+        state = np.concatenate([at.q[0], at.v[0]])
+        structure = replace(structure, first=tuple(first))
+        structure = structure.with_changes((begin, Change(i, Mode.FREE), state) for i in starting)
+    changes = list(structure.changes)
+    for k, change in enumerate(changes):
+        if change.mode is not Mode.FREE:
+            continue
+        begin, end = structure.span(Segment(k, structure.end_of(k)))
+        t = np.linspace(begin, end, _SAMPLES + 2)[1:-1] * (motion.duration / structure.duration)
+        leaping = leaping_within(structure, change.joint, begin, end)
+        changes[k] = replace(change, control=control_near(shooting, change.joint, motion(t).tau, leaping))
+    return replace(structure, changes=tuple(changes))
+
+
+def _nearest(shooting: ShootingProblem, joint: int, tau: Array) -> Mode:
+    """The limit that a joint's torque is nearer to."""
+    limits = shooting.problem.limits
+    return Mode.UPPER if 2 * tau[joint] > limits.actuators.upper[joint] + limits.actuators.lower[joint] else Mode.LOWER
+
+
+def banged(arcs: Sequence[Arc], shares: Array, left: NDArray[np.bool_] | None = None) -> list[Arc]:
+    """Arcs whose free torques are full ones of the same mean.
+
+    Args:
+        arcs: perhaps with joints on no limit.
+        shares: of its range that a joint's torque is above the lower limit in an arc, in the mean, shape (arcs, nv).
+        left: whose torques are left free, likewise; None: nobody's.
+    """
+    out: list[Arc] = []
+    for k, arc in enumerate(arcs):
+        cuts: list[tuple[float, int, Mode]] = []
+        modes = list(arc.modes)
+        for i, mode in enumerate(arc.modes):
+            if mode is not Mode.FREE or (left is not None and left[k, i]):
+                continue
+            before = out[-1].modes[i] if out else None
+            after = arcs[k + 1].modes[i] if k + 1 < len(arcs) else None
+            modes[i], more = _pieces(before, after, float(shares[k, i]))
+            cuts += [(part, i, piece) for part, piece in more]
+        cuts.sort(key=lambda cut: cut[0])
+        ends = [part for part, _, _ in cuts] + [1.0]
+        begin = 0.0
+        for end, cut in zip(ends, [*cuts, None], strict=True):
+            if end > begin:
+                out.append(Arc((end - begin) * arc.duration, tuple(modes)))
+            if cut is not None:
+                modes[cut[1]] = cut[2]
+            begin = end
+        out[-1] = replace(out[-1], touches=arc.touches)
+    return merged(out)
+
+
+def shares_of(problem: MinimumTimeProblem, arcs: Sequence[Arc], motion: Trajectory) -> Array:
+    """How much of its range every torque is above its lower limit in every arc, in the mean, shape (arcs, nv)."""
+    limits = problem.limits
+    edges = np.cumsum([0.0, *(arc.duration for arc in arcs)])
+    edges *= motion.duration / edges[-1]
+    means = np.array([np.mean(motion(np.linspace(a, b, _IN_ARC)).tau, axis=0) for a, b in pairwise(edges)])
+    ranges = limits.actuators.width
+    return np.asarray((means - limits.actuators.lower) / np.where(ranges > 0, ranges, 1.0))
+
+
+def _pieces(before: Mode | None, after: Mode | None, share: float) -> tuple[Mode, list[tuple[float, Mode]]]:
+    """A free stretch as full torques: its first mode, and where it changes to which, as parts of the stretch."""
+    share = min(max(share, 0.02), 0.98)
+    first = before if before in BANG else OPPOSITE.get(after, Mode.UPPER) if after is not None else Mode.UPPER
+    own = share if first is Mode.UPPER else 1 - share
+    other = OPPOSITE[first]
+    if after is first:  # there and back
+        return first, [(own / 2, other), (1 - own / 2, first)]
+    return first, [(own, other)]

@@ -1,0 +1,219 @@
+"""Refine a switching structure until it satisfies Pontryagin's conditions."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from armdyn.optimal.problem.stop import Budget, Stop
+from armdyn.optimal.solve.registry import in_time
+from armdyn.optimal.switching.carried import with_carried_touches, with_other_press
+from armdyn.optimal.switching.contacts import with_contacts
+from armdyn.optimal.switching.extremal.descent import Extremal, NoExtremal, fastest
+from armdyn.optimal.switching.extremal.flow import Flow, flow_of
+from armdyn.optimal.switching.extremal.quadratic_model import LinearizedRollout
+from armdyn.optimal.switching.extremal.rollout import ShootingProblem
+from armdyn.optimal.switching.extremal.state_limits import BEYOND, excess, with_limits
+from armdyn.optimal.switching.extremal.structure import StructureKey, SwitchingStructure
+from armdyn.optimal.switching.signs import with_signs, without_unwanted, wrong_signs
+from armdyn.optimal.switching.singular import idle_fall, with_bang_arcs, with_longer_control, with_singular
+from armdyn.optimal.task.task import Task
+
+_ROUNDS = 40
+"""Of mending: where a contact is left by bounces that grow shorter and shorter, each takes two."""
+_LEAST = 5e-5
+"""Smallest decrease of H that justifies another bang arc or a longer singular control: half the certificate's
+tolerance."""
+_DRIFT = 1e-5
+"""Of H along an arc: a tenth of what is certified; beyond it the steps are too long."""
+_ASTRAY = 1e-3
+"""The same where no extremal was found: then that may be why."""
+_SHORTER = 1e-11
+"""Of the duration: what mending a contact gains at least, or it is left."""
+_TRIAL = 1 / 3
+"""Of the budget that is left: what a structure may spend while others wait; those that lead on take a tenth."""
+_PATIENCE, _BETTER = 3, 0.7
+"""Rounds in a row that come no nearer than by so much: more go in circles."""
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedExtremal:
+    """What a structure has come to.
+
+    Attributes:
+        extremal: the best; at the worst a motion that lands within its limits; None: there was none.
+        wrong: by how much H would fall at worst on the other limit; infinite: it is no extremal.
+        why: what it lacks, for people; "": nothing.
+    """
+
+    extremal: Extremal | None
+    wrong: float
+    why: str
+
+    def or_else(self, linear: LinearizedRollout | None, why: str) -> Self:
+        """This or, where no extremal is known, the fastest motion that lands within its limits.
+
+        Args:
+            linear: the motion, if there is one.
+            why: it is not.
+        """
+        if np.isfinite(self.wrong) or linear is None or excess(linear.rollout) > BEYOND:
+            return self if self.extremal else replace(self, why=why)
+        if self.extremal is not None and self.extremal.structure.duration <= linear.rollout.structure.duration:
+            return self
+        return replace(self, extremal=Extremal(linear), why=why)
+
+
+def has_switching(task: Task) -> bool:
+    """Whether arcs can be integrated: time alone counts, friction has no sharp turns, and every joint has a motor."""
+    problem = task.problem
+    plain = problem.effort_weight == 0 and not problem.robot.friction.present and not problem.path_constraint_names
+    return plain and not np.any(problem.limits.passive)
+
+
+def shooting_problem(task: Task, duration: float) -> ShootingProblem:
+    """What a task's structures, of about so long a duration [s], are integrated by."""
+    return ShootingProblem.of(task.problem, _flow(task), task.dynamics.last_body, duration)
+
+
+def prepare_switching(task: Task) -> None:
+    """Build, if it is not there, what structures are integrated by: before a fork, so that every worker has it."""
+    if not task.stop:
+        _flow(task)
+
+
+def _flow(task: Task) -> Flow:
+    return in_time(task, lambda scheme: flow_of(task.dynamics, scheme.compile))
+
+
+def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure, stop: Stop) -> RefinedExtremal:
+    """Refine a switching structure until it satisfies Pontryagin's conditions: switches, contacts, singular arcs.
+
+    Args:
+        shooting: the shooting problem.
+        structure: to begin with.
+        stop: asked before every step.
+    """
+    best, mended, stale, others = RefinedExtremal(None, np.inf, "nothing was tried"), False, 0, _Others()
+    for _ in range(_ROUNDS):
+        while structure.size + 1 > shooting.most_arcs and shooting.finer is not None:
+            shooting = shooting.finer
+        found, given_up = _tried(shooting, structure, stop, bool(others.left))
+        finer, enough = shooting.finer, _DRIFT if isinstance(found, Extremal) else _ASTRAY
+        if found.linear is not None and found.linear.drift > enough and finer is not None and not stop:
+            shooting, structure = finer, found.linear.rollout.structure
+            continue
+        if isinstance(found, NoExtremal):
+            others.add(
+                with_contacts(Extremal(found.linear), is_extremal=False) if found.linear and not given_up else []
+            )
+            if not others.left or stop:
+                return best.or_else(found.linear, found.why)
+            structure = others.next()
+            continue
+        limited = with_limits(found.rollout) or without_unwanted(found)
+        contacts = [limited] if limited else others.of_contacts(found)
+        wrong = [] if limited else wrong_signs(found, _LEAST)
+        carried = with_carried_touches(found, wrong, others.refused)
+        if contacts:
+            best = best.or_else(found.linear, "limits of position are not settled")
+            others.add(contacts, carried.pair if carried else None)
+            structure = carried.structure if carried else others.next()
+            continue
+        idle = max([0.0, *(idle_fall(found, k) for k in found.structure.controls)])
+        worst = max([idle, *(one.value for one in wrong[:1])])
+        stale = 0 if worst < _BETTER * best.wrong else stale + 1
+        if worst < best.wrong:
+            best = RefinedExtremal(found, worst, "the switching structure did not settle" if worst > _LEAST else "")
+        if worst <= _LEAST or stale > _PATIENCE:
+            return best
+        longer = with_bang_arcs(found, _LEAST) or with_longer_control(found, _LEAST)
+        if longer is not None:  # what a singular control that is too short leaves wrong beside it goes with it
+            structure = with_signs(found, [one for one in wrong if one.value > idle], longer)
+            continue
+        if not wrong:
+            return best
+        structure, left = with_signs(found, wrong), [one for one in wrong if one.joint not in others.refused]
+        pressed = None if "press" in others.refused else with_other_press(found.structure, wrong)
+        if pressed is not None:
+            others.add([structure], "press")
+            structure = pressed
+        elif carried is not None:
+            others.add([structure], carried.pair)
+            structure = carried.structure
+        elif mended and left and (smooth := with_singular(found, left)) is not None:
+            others.add([structure], left[0].joint)
+            structure = smooth
+        mended = True
+    return best
+
+
+def _tried(
+    shooting: ShootingProblem, structure: SwitchingStructure, stop: Stop, waiting: bool
+) -> tuple[Extremal | NoExtremal, bool]:
+    """What a structure leads to, within a part of the budget where others wait; and whether it was given up."""
+    if not waiting or not isinstance(stop, Budget):
+        found = fastest(shooting, structure, stop)
+        return found, bool(stop)
+    granted = stop.left * _TRIAL
+    trial = Budget(stop, granted)
+    found = fastest(replace(shooting, budget=trial), structure, trial)
+    stop.spend(granted - trial.left)
+    return found, bool(trial)
+
+
+class _Others:
+    """Structures to be tried where nothing comes of one.
+
+    Attributes:
+        left: the structures, the next one last, each with what is refused once it is tried.
+        refused: joints whose singular arcs, and pairs of joints whose carried contacts, led to nothing.
+    """
+
+    def __init__(self) -> None:
+        self.left: list[tuple[SwitchingStructure, object]] = []
+        self.refused = set[object]()
+        self._seen, self._instead = dict[StructureKey, float](), list[SwitchingStructure]()
+
+    def add(self, structures: list[SwitchingStructure], reason: object = None) -> None:
+        """Structures, the likeliest first, which is tried next; the reason is what is tried before it."""
+        self.left = [each for each in self.left if each[0] not in structures]
+        self.left += [(structure, None) for structure in reversed(structures[1:])]
+        self.left += [(structure, reason) for structure in structures[:1]]
+
+    def next(self) -> SwitchingStructure:
+        """The next one."""
+        structure, reason = self.left.pop()
+        self.refused.add(reason)
+        return structure
+
+    def of_contacts(self, found: Extremal) -> list[SwitchingStructure]:
+        """Structures with contacts mended; where they came out as they were, those that were the others then."""
+        key, duration = found.structure.key, found.structure.duration
+        known = self._seen.get(key, np.inf)
+        self._seen[key] = min(duration, known)
+        if duration > (1 - _SHORTER) * known:
+            contacts, self._instead = self._instead, []
+            return contacts
+        contacts = with_contacts(found)
+        self._instead = contacts[1:]
+        return contacts
+
+
+def leaves_idle(extremal: Extremal, tolerance: float) -> bool:
+    """Whether time does not determine what some joint does for more than half of the motion.
+
+    Such a joint is better moved gently than from limit to limit.
+
+    Args:
+        extremal: whose joints are all on limits.
+        tolerance: of what H feels of a torque, against the 1 that time costs.
+    """
+    rollout, limits = extremal.rollout, extremal.rollout.shooting.problem.limits
+    ranges = limits.actuators.width
+    idle = (np.abs(extremal.switching) * ranges <= tolerance) & (ranges > 0)
+    elsewhere = (
+        (rollout.torques.free_mask > 0) | (rollout.torques.held > 0) | (rollout.torques.carried[:, ranges.size :] > 0)
+    )
+    shares = np.tile(rollout.h, 2) @ (idle & ~np.tile(elsewhere, (2, 1))) / 2
+    return bool(np.any(shares > extremal.structure.duration / 2))

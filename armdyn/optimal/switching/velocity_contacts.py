@@ -1,0 +1,128 @@
+"""Joints on a velocity limit that another joint's torque keeps there, while their own torque is on its limit."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.arcs.arc import BANG, VELOCITY, Mode
+from armdyn.optimal.switching.extremal.change import Change, Segment
+from armdyn.optimal.switching.extremal.descent import Extremal
+from armdyn.optimal.switching.extremal.state_limits import state_at
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
+
+Array = NDArray[np.float64]
+
+_AT = 1e-6
+"""Of the duration: so near each other two changes are at one time."""
+
+
+def kept_at_speed(
+    extremal: Extremal, segment: Segment, part: tuple[float, float], press: Mode
+) -> SwitchingStructure | None:
+    """The structure in which another joint's torque keeps a joint on its velocity limit, its own torque being full.
+
+    Where no torque jumps, at the beginning or at the end, the joint's velocity stays as it is with the other torque on
+    its limit: stationarity of the duration alone would lead away from there, as it is longest there.
+
+    Args:
+        extremal: whose structure it is.
+        segment: the joint on its velocity limit.
+        part: of the segment in which it takes more torque than it has, from 0 to 1.
+        press: the torque limit that it is on there.
+
+    Returns:
+        It; None: it is on a limit of position, or no other joint's torque is on a limit.
+    """
+    structure = extremal.structure
+    joint, (start, stop) = structure.changes[segment.begin].joint, structure.span(segment)
+    if structure.changes[segment.begin].mode not in VELOCITY:
+        return None
+    begin, end = (start + each * (stop - start) for each in part)
+    near, modes = _AT * structure.duration, structure.modes()
+    jumps = [
+        k
+        for k, (change, time) in enumerate(zip(structure.changes, structure.times, strict=True))
+        if change.joint != joint
+        and not change.touch
+        and begin - near <= time <= end + near
+        and {modes[k][change.joint], change.mode} <= set(BANG)
+    ]
+    first = next((k for k in jumps if structure.times[k] <= begin + near), None)
+    later = [k for k in jumps if structure.times[k] > begin + near]
+    after = int(np.searchsorted(structure.times, begin + near))
+    if first is not None or later:
+        other = structure.changes[first if first is not None else later[0]].joint
+    else:
+        free = [i for i, mode in enumerate(modes[after]) if i != joint and mode in BANG]
+        if not free:
+            return None
+        other = free[0]
+    last = next(
+        (
+            k
+            for k, (change, time) in enumerate(zip(structure.changes, structure.times, strict=True))
+            if change.joint == other and not change.touch and begin + near < time <= end + near
+        ),
+        None,
+    )
+    end = min(end, stop - near) if last is None else min(end, float(structure.times[last]))
+    if modes[after][other] not in BANG or end <= begin:
+        return None
+    limit = (joint, press)
+    own = Change(other, Mode.FREE, keeps=limit, tangent=None if first is not None or begin <= start else limit)
+    more = [(max(begin, start + near), own)]
+    if last is None:
+        tangent = None if part[1] == 1 else limit
+        more.append((end, Change(other, modes[after][other], tangent=tangent)))
+    every = [(time, change, state_at(extremal.rollout, time)) for time, change in more]
+    return structure.without_changes([] if first is None else [first]).with_changes(every)
+
+
+def left_at_speed(
+    extremal: Extremal, structure: SwitchingStructure, segment: Segment, part: tuple[float, float] | None = None
+) -> SwitchingStructure | None:
+    """The structure with a joint off its velocity limit, where another joint's torque keeps it there.
+
+    Args:
+        extremal: of which the states are.
+        structure: its own, or that with another joint's torque.
+        segment: of the extremal's: the joint on its velocity limit.
+        part: of it that is let go, from 0 to 1; None: what another joint's torque keeps.
+
+    Returns:
+        It; None: no other joint's torque keeps it there, in that part.
+    """
+    contact = extremal.structure.changes[segment.begin]
+    start, stop = extremal.structure.span(segment)
+    begin, end = (start + each * (stop - start) for each in part or (0.0, 1.0))
+    for k, change in enumerate(structure.changes):
+        after = structure.end_of(k) if change.keeps and change.keeps[0] == contact.joint else structure.size
+        if after == structure.size or structure.times[after] < begin or structure.times[k] > end:
+            continue
+        assert change.keeps is not None  # noqa: S101 - else there is no end
+        last, first, final = structure.changes[after], float(structure.times[k]), float(structure.times[after])
+        a, b = (min(begin, first), max(end, final)) if part else (first, final)
+        off = replace(contact, mode=change.keeps[1], tangent=change.tangent, tied=False)
+        on = replace(contact, tangent=last.tangent, tied=False)
+        more, gone = [(a, off)], {k, after}
+        if change.tangent is None:
+            more.append((first, replace(last, tangent=None, tied=False)))
+        elif last.tangent is None:
+            more.append((final, last))
+        if part and first < end < final and change.tangent is None:  # only its first part
+            gone, b, on = {k}, end, replace(on, tangent=None)
+            more.append((b, on))
+            more.append((b, replace(change, tied=True)))
+        elif part and first < begin < final and last.tangent is None:  # only its last
+            before = structure.modes()[k][change.joint]
+            gone = {after}
+            more = [(begin, replace(last, mode=before)), (begin, replace(off, tangent=None, tied=True)), (final, last)]
+            more += [(b, on)] if b < stop else []
+        elif b < stop:
+            more.append((b, on))
+        if a <= start + 2 * _AT * structure.duration:
+            gone |= {j for j, one in enumerate(structure.changes) if one is contact}
+        every = [(time, one, state_at(extremal.rollout, time)) for time, one in more]
+        return structure.without_changes(gone).with_changes(every).without(())
+    return None

@@ -1,0 +1,189 @@
+"""Problems of cases: an arm as the tables [robot] and [problem] of a problem file, changed by the case's settings."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any, Protocol
+
+import numpy as np
+
+from armdyn.errors import ProblemError, did_you_mean
+from armdyn.models.robots.poses import positions_of
+from armdyn.models.robots.robot import Robot
+from armdyn.models.robots.tables import robot_from
+from armdyn.optimal import MinimumTimeProblem
+from armdyn.optimal.problem_files import PROBLEM, problem_from
+from armdyn.parsing.toml import Table
+from armdyn.studies.rows import Value
+
+ARM = "arm"
+"""Setting that names the arm."""
+POSES = ("q_start", "q_goal")
+PLANT = "plant_"
+"""Prefix of the settings of the arm that moves, where it is not the controller's model."""
+OF_ROBOT = ("payload", "effort_limit", "effort_scale", "velocity_limit", "velocity_scale", "damping", "friction")
+"""Settings of the robot; all others are keys of [problem], or settings of a task."""
+
+
+class ProblemSource(Protocol):
+    """Problems of cases by their settings."""
+
+    def problem(self, settings: Mapping[str, Value]) -> MinimumTimeProblem:
+        """Problem of a case."""
+
+    def description(self) -> Mapping[str, object]:
+        """All that the problems depend on, as JSON."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyArm:
+    """An arm of a study, which is sent to workers: no file is needed there.
+
+    Attributes:
+        name: in the study.
+        robot: the table [robot], with the text of its file.
+        problem: the table [problem], with positions as numbers.
+        poses: positions of the poses that cases set by their names.
+    """
+
+    name: str
+    robot: Mapping[str, Any]
+    problem: Mapping[str, Any]
+    poses: Mapping[str, Sequence[float]] = field(default_factory=dict)
+
+    def description(self) -> dict[str, object]:
+        """The arm as JSON; the text of a file by its checksum."""
+        robot = {
+            key: hashlib.sha256(text.encode()).hexdigest() if key in ("urdf", "mjcf") else text
+            for key, text in self.robot.items()
+        }
+        named = {"named": {name: list(q) for name, q in sorted(self.poses.items())}} if self.poses else {}
+        return {"robot": robot, "problem": dict(self.problem), **named}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmProblems:
+    """Problems of a study's arms.
+
+    Attributes:
+        arms: at least one.
+        fixed: settings of all cases.
+    """
+
+    arms: tuple[StudyArm, ...]
+    fixed: Mapping[str, Value] = field(default_factory=dict)
+
+    def settings(self, own: Mapping[str, Value]) -> dict[str, Value]:
+        """The settings of a case with the fixed ones."""
+        return {**self.fixed, **own}
+
+    def arm(self, own: Mapping[str, Value]) -> StudyArm:
+        """The arm of a case."""
+        name = self.settings(own).get(ARM)
+        return next(arm for arm in self.arms if arm.name == (name or arm.name))
+
+    def robot(self, own: Mapping[str, Value]) -> Robot:
+        """The robot with a case's payload, limits and friction.
+
+        Raises:
+            ArmdynError: a setting does not fit it.
+        """
+        given = self.settings(own)
+        robot = _plain_robot(json.dumps(dict(self.arm(own).robot)), given.get("payload"))
+        robot = robot.with_limits(given.get("effort_limit"), given.get("velocity_limit"))
+        if "effort_scale" in given:
+            limits = robot.limits
+            effort = given["effort_scale"] * np.maximum(limits.effort_upper, -limits.effort_lower)
+            robot = robot.with_limits(effort, None)
+        if "velocity_scale" in given:
+            robot = robot.with_limits(None, given["velocity_scale"] * robot.limits.velocity)
+        return robot.with_friction(given.get("damping"), given.get("friction"), None)
+
+    def plant(self, own: Mapping[str, Value]) -> Robot:
+        """The robot that moves: the controller's model, but for the settings plant_…."""
+        own = self.settings(own)
+        return self.robot(own | {name.removeprefix(PLANT): own[name] for name in own if name.startswith(PLANT)})
+
+    def table(self, own: Mapping[str, Value]) -> Table:
+        """The table [problem] of a case.
+
+        Raises:
+            ProblemError: a setting leads to a place that the table does not have.
+        """
+        arm, given = self.arm(own), self.settings(own)
+        values = copy.deepcopy(dict(arm.problem))
+        joints = _plain_robot(json.dumps(dict(arm.robot)), None).joint_names
+        for name, value in sorted(given.items(), key=lambda one: one[0].count(".")):
+            if name.partition(".")[0] in PROBLEM and name not in OF_ROBOT:
+                place, key = _place(values, name, joints)
+                place[key] = list(arm.poses[value]) if name in POSES and isinstance(value, str) else value
+        return Table(arm.name, values, {})
+
+    def ends(self, own: Mapping[str, Value]) -> tuple[list[float], list[float]]:
+        """Joint positions [rad or m] at start and goal."""
+        values, robot = self.table(own).values, self.robot(own)
+        start, goal = (list(positions_of(robot, values[pose], pose)) for pose in POSES)
+        return start, goal
+
+    def problem(self, settings: Mapping[str, Value]) -> MinimumTimeProblem:
+        """Problem of a case.
+
+        Raises:
+            ArmdynError: its settings do not fit the arm.
+        """
+        table = self.table(settings)
+        try:
+            return problem_from(table, self.robot(settings))
+        except ProblemError as error:
+            raise ProblemError(str(error).removeprefix(f"{table.path}, line 1: ")) from None
+
+    def key(self, own: Mapping[str, Value]) -> str:
+        """Problems with equal keys are equal, also if they belong to another study in the same process."""
+        robot = {name: value for name, value in self.settings(own).items() if name in OF_ROBOT}
+        return json.dumps([dict(self.arm(own).robot), robot, self.table(own).values], sort_keys=True)
+
+    def description(self) -> dict[str, object]:
+        """All that the problems depend on, as JSON."""
+        return {"arms": {arm.name: arm.description() for arm in self.arms}, "fixed": dict(sorted(self.fixed.items()))}
+
+
+@lru_cache(maxsize=16)
+def _plain_robot(table: str, payload: float | None) -> Robot:
+    """The robot of a table [robot] in JSON, with another mass of its payload [kg]; None: its own."""
+    values = json.loads(table)
+    return robot_from(Table(str(values.get("name", "robot")), values, {}), payload)
+
+
+def _place(values: Any, name: str, joints: Sequence[str]) -> tuple[Any, Any]:
+    """The table or list in which a setting stands, and its key there.
+
+    The way goes through keys of tables, and through lists by numbers from 0, by the names of joints, or by the names
+    of members.
+
+    Raises:
+        ProblemError: there is no such place.
+    """
+    steps, place = name.split("."), values
+    for i, step in enumerate(steps):
+        found: Any = step
+        if isinstance(place, list):
+            members = [one.get("name") if isinstance(one, dict) else None for one in place]
+            names = list(joints) if len(place) == len(joints) and not any(members) else members
+            found = names.index(step) if step in names else int(step) if step.isdecimal() else len(place)
+            if found >= len(place):
+                known = [str(one) for one in names if one] or [f"0 to {len(place) - 1}"]
+                meant = did_you_mean(step, known) or f"; there are {', '.join(known)}"
+                raise ProblemError(f"{name}: {'.'.join(steps[:i])} has no {step!r}{meant}")
+        if i == len(steps) - 1:
+            return place, found
+        if isinstance(place, dict) and found not in place:
+            raise ProblemError(f"{name}: {'.'.join(steps[: i + 1])} is not there to be changed")
+        place = place[found]
+        if not isinstance(place, dict | list):
+            raise ProblemError(f"{name}: {'.'.join(steps[: i + 1])} is {place!r}, neither a table nor a list")
+    raise ProblemError(f"{name} is no setting")

@@ -1,0 +1,77 @@
+"""ROS 2's trajectory_msgs/msg/JointTrajectory."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from armdyn.errors import TrajectoryError
+from armdyn.trajectory.formats.output_format import joint_names
+
+if TYPE_CHECKING:
+    from armdyn.trajectory.samples import Samples
+
+_MOST_SECONDS = 2**31 - 1
+"""Of `builtin_interfaces/msg/Duration`, whose sec is an int32."""
+
+_FIELDS = {"positions": "q", "velocities": "v", "accelerations": "a", "effort": "tau"}
+
+_NO_YAML = re.compile("[^\x20-\x7e\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
+"""Characters that YAML does not have unescaped in a text, and more: https://yaml.org/spec/1.1/#c-printable."""
+
+
+@dataclass(frozen=True)
+class Ros2:
+    """The message as JSON that is YAML of the same meaning, a point per line.
+
+    PyYAML, which ROS reads with, takes 1e-05 for text and 1.0e-05 for a number: YAML 1.1 wants the point.
+    """
+
+    name: ClassVar[str] = "ros2"
+    suffix: ClassVar[str] = ".json"
+    summary: ClassVar[str] = "a JointTrajectory message"
+
+    def text(self, samples: Samples) -> str:
+        """The message of `joint_trajectory`."""
+        message = joint_trajectory(samples)
+        names = ", ".join(
+            _NO_YAML.sub(_escaped, json.dumps(name, ensure_ascii=False)) for name in message["joint_names"]
+        )
+        points = []
+        for point in message["points"]:
+            rows = [f'"{what}": [{", ".join(map(_decimal, point[what]))}]' for what in _FIELDS]
+            points.append(f'{{{", ".join(rows)}, "time_from_start": {json.dumps(point["time_from_start"])}}}')
+        head = f'{{"header": {json.dumps(message["header"])},\n"joint_names": [{names}],\n"points": [\n'
+        return head + ",\n".join(points) + "\n]}\n"
+
+
+def joint_trajectory(samples: Samples) -> dict[str, Any]:
+    """See `Samples.to_joint_trajectory`."""
+    import numpy as np
+
+    names = joint_names(samples)
+    if samples.t[-1] >= _MOST_SECONDS:
+        raise TrajectoryError(f"the motion lasts {samples.t[-1]:g} s; ROS counts to {_MOST_SECONDS} s")
+    # Halves go up: numpy rounds them to even numbers, so that 1.5 and 2.5 would meet.
+    whole = np.floor(samples.t)
+    stamps = whole.astype(np.int64) * 10**9 + np.floor((samples.t - whole) * 1e9 + 0.5).astype(np.int64)
+    if np.any(np.diff(stamps) <= 0):
+        k = int(np.argmax(np.diff(stamps) <= 0))
+        raise TrajectoryError(f"t[{k}] and t[{k + 1}], {samples.t[k]!r} s and so, are the same nanosecond")
+    rows = zip(*(getattr(samples, what).tolist() for what in _FIELDS.values()), strict=True)
+    points: list[dict[str, Any]] = [dict(zip(_FIELDS, row, strict=True)) for row in rows]
+    for point, stamp in zip(points, stamps.tolist(), strict=True):
+        point["time_from_start"] = {"sec": stamp // 10**9, "nanosec": stamp % 10**9}
+    return {"header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}, "joint_names": names, "points": points}
+
+
+def _decimal(value: float) -> str:
+    """A float with a point, and as many digits as it needs."""
+    short = repr(value)
+    return short.replace("e", ".0e") if "e" in short and "." not in short else short
+
+
+def _escaped(match: re.Match[str]) -> str:
+    return f"\\u{ord(match[0]):04x}"

@@ -1,0 +1,183 @@
+"""What docs/extending.md shows works as it stands there."""
+
+import re
+from pathlib import Path
+
+import casadi as ca
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import armdyn as ad
+from armdyn.cli.options.course import obstacles_of
+from armdyn.control.laws.registry import CONTROLLERS
+from armdyn.errors import ProblemError, TrajectoryError
+from armdyn.models.scene.collision import collision_model
+from armdyn.models.scene.obstacles import SHAPES
+from armdyn.optimal.path_constraints.registry import path_constraints_of
+from armdyn.optimal.solve.registry import SOLVERS
+from armdyn.show.visuals import obstacle_shapes
+from armdyn.studies.tasks.registry import TASKS
+from armdyn.trajectory.formats import FORMATS
+from cli.command import answer, run_here
+from problems import paper_arm
+
+DOCS = (Path(__file__).parents[1] / "docs" / "extending.md").read_text()
+
+
+def section(name):
+    """The text of a section."""
+    return re.search(rf"(?ms)^## {name}\n(.*?)(?=^## |\Z)", DOCS)[1]
+
+
+def shown(name):
+    """The names that the Python of a section defines."""
+    made = {"__name__": "extending"}
+    for block in re.findall(r"```python\n(.*?)```", section(name), re.S):
+        exec(block, made)
+    return made
+
+
+@pytest.fixture
+def bound_task():
+    """The class of the docs, for the time of a test."""
+    yield shown("A study task")["BoundTask"]
+    del TASKS["bound"]
+
+
+def test_a_study_task(bound_task, tmp_path):
+    (tmp_path / "study.toml").write_text(re.search(r"```toml\n(.*?)```", section("A study task"), re.S)[1])
+    study = ad.read_study(tmp_path / "study.toml")
+    assert isinstance(study.task, bound_task)
+    run = ad.run_study(study, tmp_path / "rows.sqlite")
+    rows = ad.study_table(run.file)
+    assert run.counts == {"done": 6} and all(row["good"] for row in rows)
+    for row, k in zip(rows, range(6), strict=True):
+        alone = ad.lower_bound(study.task.problems.problem(study.parameters(k)))
+        assert row["lower_bound_s"] == alone.duration and row["joint"] == alone.joint
+    assert rows[0]["velocity_limit"] == 4 and rows[1]["via"] == "[[-0.5, 0.3]]"
+    # The same again does nothing; another task for the same rows is refused.
+    assert ad.run_study(study, run.file).done_here == 0
+    (tmp_path / "study.toml").write_text((tmp_path / "study.toml").read_text().replace("least = 0.1", "least = 0.2"))
+    with pytest.raises(ad.ArmdynError, match=r"task\.least is 0.1 there and 0.2 here"):
+        ad.run_study(ad.read_study(tmp_path / "study.toml"), run.file)
+
+
+def test_a_path_constraint():
+    made = shown("A path constraint")
+    limited, problem, robot = made["limited"], made["problem"], made["robot"]
+    free = ad.solve_minimum_time(problem.variant(path_constraints=()))
+    assert limited.usable and limited.duration > 1.05 * free.duration
+    # By nothing of armdyn's but its trajectory: second differences of the tip's position.
+    model, data = robot.model, robot.model.createData()
+    number, t = model.getFrameId(robot.tip), np.linspace(0.01, limited.duration - 0.01, 200)
+
+    def tip(times):
+        places = []
+        for q in limited.trajectory(times).q:
+            pin.framesForwardKinematics(model, data, q)
+            places.append(data.oMf[number].translation.copy())
+        return np.array(places)
+
+    h = 1e-3
+    sizes = np.linalg.norm(tip(t + h) - 2 * tip(t) + tip(t - h), axis=1) / h**2
+    assert 4.5 < np.max(sizes) < 5.01  # over h the torque may jump
+
+
+@pytest.fixture
+def solver():
+    """The section about a solver, its registration taken back afterwards."""
+    yield shown("A solver")
+    del SOLVERS["slsqp"]
+
+
+def test_a_solver(solver):
+    assert solver["one"].usable and solver["other"].usable
+    # IPOPT relaxes bounds by 1e-8 of them, SLSQP does not.
+    assert solver["other"].trajectory.duration == pytest.approx(solver["one"].trajectory.duration, rel=1e-6)
+
+
+@pytest.fixture
+def controller():
+    """The section about a controller, its registration taken back afterwards."""
+    yield shown("A controller")
+    del CONTROLLERS["sliding-mode"]
+
+
+def test_a_controller(controller, tmp_path):
+    sliding, run = controller["SlidingMode"](), controller["run"]
+    assert run.settled and run.peak_error < 0.01  # with an unknown payload
+    robot, motion = paper_arm("rr", 0.1006), controller["motion"]
+    exact = ad.track(robot, motion, sliding)
+    assert exact.settled and exact.peak_error < 2e-3
+    assert ad.sampled_stability(robot, [0.2, 0.0], sliding, ad.Loop()).stable
+    bare = ("--no-report", "--no-figure", "--json", "--out", tmp_path)
+    told = answer(
+        run_here("track", "rr", "--ramp", "0.6", "--controller", "sliding-mode", "--gains", "30,100,2", *bare)
+    )
+    assert told["success"]
+    told = answer(run_here("track", "rr", "--ramp", "0.6", "--controller", "sliding-mode", "--gains", "30", *bare), 2)
+    assert "--gains has 1 numbers; give three, SLOPE,GAIN,WIDTH" in told["message"]
+
+
+@pytest.fixture
+def output_format():
+    """The section about an output format, its registration taken back afterwards."""
+    yield shown("An output format")
+    del FORMATS["urscript"]
+
+
+def test_an_output_format(output_format, tmp_path):
+    motion = output_format["motion"]
+    samples = motion.resample(125)
+    lines = FORMATS["urscript"]().text(samples).splitlines()
+    assert lines[0] == "def motion():" and lines[-1] == "end" and len(lines) == samples.t.size + 3
+    joints, seconds = re.fullmatch(r"  servoj\((\[.*\]), t=(.*)\)", lines[1]).groups()
+    np.testing.assert_array_equal(np.array(eval(joints)), samples.q[0])
+    assert float(seconds) == samples.t[1]
+    motion.save(tmp_path / "trajectory.npz")
+    told = answer(run_here("export", "trajectory.npz", "--format", "urscript", "--rate", "125", "--json", cwd=tmp_path))
+    assert told["files"] == ["trajectory.script"]
+    assert (tmp_path / "trajectory.script").read_text().splitlines() == lines
+    two = ad.ramp(paper_arm("rr"), [0, 0], [1, 1], 1.0)
+    with pytest.raises(TrajectoryError, match="the motion has 2 joints; a UR has 6"):
+        FORMATS["urscript"]().text(two.resample(125))
+
+
+@pytest.fixture
+def cylinder():
+    """The class of the docs, for the time of a test."""
+    yield shown("An obstacle shape")["Cylinder"]
+    del SHAPES["cylinder"]
+
+
+def test_an_obstacle_shape(cylinder, tmp_path):
+    turned = np.eye(4)
+    turned[:3, :3], turned[:3, 3] = [[0, 0, 1], [1, 0, 0], [0, 1, 0]], [0.1, 0.2, 0.3]
+    one = cylinder(0.1, 0.4, turned)
+    p, scene = ca.SX.sym("p", 3), ca.SX.sym("scene", one.count)
+    body = one.symbolic(scene)
+    distance = ca.Function("distance", [p, scene], [body.distance(p) - body.thickness])
+    placement, solid = one.solid()
+    at = coal.Transform3s(placement[:3, :3], placement[:3, 3])
+    for point in np.random.default_rng(0).uniform(-1, 1, (100, 3)):
+        ball = coal.Sphere(1e-6), coal.Transform3s(np.eye(3), point)
+        exact = coal.distance(*ball, solid, at, coal.DistanceRequest(), coal.DistanceResult())
+        # Rounded off by 1e-4 m at the axis and at the surface; GJK stops at 1e-6.
+        assert exact < 0.01 or -2.1e-4 < float(distance(point, one.numbers())) - exact < 1e-5
+    # It is kept clear of, drawn, written and read like the other shapes.
+    robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
+    problem = ad.MinimumTimeProblem(robot, q_start=[-1.5, 0.0], q_goal=[0.2, 0.0], obstacles=[one])
+    assert [constraint.name for constraint in path_constraints_of(problem)] == ["obstacles"]
+    (tmp_path / "problem.toml").write_text(problem.to_toml())
+    (again,) = ad.read_problem(tmp_path / "problem.toml").obstacles
+    assert np.allclose(again.numbers(), one.numbers(), atol=1e-14)
+    assert len(obstacle_shapes([one])) == 1
+    (told,) = obstacles_of(["cylinder:0.1,0.4@0.3,0,0.2"])
+    assert told == cylinder(0.1, 0.4, [0.3, 0.0, 0.2])
+    assert collision_model(robot, (told,), False).nearest([0.0, 0.0]).distance < 0
+    with pytest.raises(ProblemError, match="cylinder:R,L@X,Y,Z"):
+        obstacles_of(["cylinder:0.1@0,0,0"])
+    with pytest.raises(ProblemError, match="radius of obstacle 'cylinder' is 0"):
+        cylinder(0, 1, [0, 0, 0])
