@@ -61,6 +61,7 @@ if TYPE_CHECKING:
         TimeOptimality,
         TorqueRateLimit,
         lower_bound,
+        plan_path,
         read_problem,
         replay_torques,
         solve_minimum_time,
@@ -92,7 +93,7 @@ else:
             "urdf_from_spec",
             "optimal": "Arc Certificate FrameSpeedLimit LowerBound MinimumTimeOptions MinimumTimeProblem Sensitivities "
             "Solution Status TimeOptimality TorqueRateLimit "
-            "lower_bound read_problem replay_torques solve_minimum_time time_optimality trajectory_from_path",
+            "lower_bound plan_path read_problem replay_torques solve_minimum_time time_optimality trajectory_from_path",
             "studies.monte_carlo": "monte_carlo",
             "studies.plants": "Plants",
             "studies.plant_study": "MonteCarloOptions",
@@ -179,6 +180,7 @@ __all__ = [
     "lower_bound",
     "monte_carlo",
     "multiloop_disk",
+    "plan_path",
     "ramp",
     "read_problem",
     "read_study",

@@ -56,14 +56,14 @@ INNER = {
         "at_goal",
         "bounded",
         "check",
-        "depth",
+        "asked_distances",
         "derivative_limit",
         "least_duration",
         "of",
         "of_option",
         "on",
     ),
-    *("rows", "symbolic", "tightened", "torque_rate_limit", "values", "with_stability", "without_motors"),
+    *("rows", "tightened", "torque_rate_limit", "values", "with_stability", "without_motors"),
     "from_description",  # takes a package, and the internet
 }
 """Methods that the pipeline asks of conditions and answers, with values that it has made."""

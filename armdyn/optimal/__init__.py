@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from armdyn.optimal.problem_files import read_problem
     from armdyn.optimal.proof.certificate import Certificate
     from armdyn.optimal.proof.sensitivity import Sensitivities
+    from armdyn.optimal.refine.ways import plan_path
     from armdyn.optimal.task.options import MinimumTimeOptions
 else:
     __getattr__, __dir__ = facade(
@@ -36,6 +37,7 @@ else:
             "problem_files": "read_problem",
             "proof.certificate": "Certificate",
             "proof.sensitivity": "Sensitivities",
+            "refine.ways": "plan_path",
             "task.options": "MinimumTimeOptions",
         },
     )
@@ -55,6 +57,7 @@ __all__ = [
     "TorqueRateLimit",
     "Violation",
     "lower_bound",
+    "plan_path",
     "read_problem",
     "replay_torques",
     "solve_minimum_time",

@@ -106,14 +106,19 @@ def robot_shapes(robot: Robot) -> list[VisualShape]:
 
 
 def obstacle_shapes(obstacles: Sequence[Obstacle]) -> list[VisualShape]:
-    """Obstacles, fixed to the world, drawn from coal's boxes, spheres, capsules and cylinders."""
+    """Obstacles, fixed to the world, drawn from coal's boxes, spheres, capsules, cylinders and convex hulls."""
     import coal
+    import trimesh
 
     shapes: list[VisualShape] = []
     for obstacle in obstacles:
         placement, solid = obstacle.solid()
         if isinstance(solid, coal.Box):
             shapes.append(VisualShape(0, placement, mg.Box((2 * solid.halfSide).tolist()), _OBSTACLE))
+            continue
+        if isinstance(solid, coal.ConvexBase):
+            hull = trimesh.convex.convex_hull(np.array(solid.points()))
+            shapes.append(VisualShape(0, placement, _NormalGeometry(hull), _OBSTACLE))
             continue
         half = 0.0 if isinstance(solid, coal.Sphere) else solid.halfLength
         a, b = (placement[:3, 3] + side * half * placement[:3, 2] for side in (-1, 1))

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.arguments import whole
 from armdyn.errors import ProblemError
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
@@ -26,6 +27,8 @@ Array = NDArray[np.float64]
 
 _TURN = np.pi
 """Bounds of a joint without limits, beyond its given poses [rad or m]: half a turn either way."""
+_FASTEST = 3.2
+"""Velocity limit [rad/s or m/s] above which all are scaled down, lest collision checks be more than 0.064 rad apart."""
 
 
 def plan_path(problem: MinimumTimeProblem, seed: int = 0) -> Array:
@@ -42,7 +45,7 @@ def plan_path(problem: MinimumTimeProblem, seed: int = 0) -> Array:
     Raises:
         ProblemError: the problem is none, or no path was found.
     """
-    ways = ways_through(expect_problem(problem), seed, Stop())
+    ways = ways_through(expect_problem(problem), whole(seed, "seed", least=0), Stop())
     if not ways:
         raise ProblemError("no collision-free path was found within the planner's budget of collision checks")
     return np.vstack([leg[bool(k) :] for k, leg in enumerate(ways[0])])
@@ -53,7 +56,8 @@ def ways_through(problem: MinimumTimeProblem, seed: int, stop: Stop) -> list[lis
     model, limits, poses = problem.collision_model(), problem.limits, np.asarray(problem.poses)
     lower = np.maximum(limits.position_lower, np.min(poses, axis=0) - _TURN)
     upper = np.minimum(limits.position_upper, np.max(poses, axis=0) + _TURN)
-    space = JointSpace(model.is_free, lower, upper, _speed(problem))
+    speed = _speed(problem)
+    space = JointSpace(model.is_free, lower, upper, speed * min(1.0, _FASTEST / float(np.max(speed))))
     legs = [plan_paths(space, a, b, seed, stop=stop.__bool__) for a, b in pairwise(poses)]
     count = max(map(len, legs)) if all(legs) else 0
     return [[paths[min(k, len(paths) - 1)] for paths in legs] for k in range(count)]

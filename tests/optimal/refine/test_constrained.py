@@ -19,6 +19,11 @@ RR_BEST = 0.21067170186256495
 """Best known of Example 2 with 100.6 g, without anything in the way [s]."""
 
 
+def nearest(model, motion):
+    """Least distance at 3,000 samples [m]: an independent look."""
+    return min(model.nearest(q).distance for q in motion(np.linspace(0, motion.duration, 3000)).q)
+
+
 def rr(**path_constraints):
     return ad.MinimumTimeProblem(paper_arm("rr"), q_start=START, q_goal=GOAL, **path_constraints)
 
@@ -61,7 +66,7 @@ def test_joints_with_low_limits_take_as_long_as_the_slowest():
 def test_a_ball_that_the_fastest_motion_clears_leaves_it_certified():
     plain = ad.MinimumTimeProblem(paper_arm("rr"), q_start=START, q_goal=GOAL)
     straight = solve(replace(plain), arcs=False, starts=1)
-    assert CollisionModel(straight.problem.robot, [BALL]).along(straight.trajectory)[0].distance < 0
+    assert nearest(CollisionModel(straight.problem.robot, [BALL]), straight.trajectory) < 0
     solution = solve(rr(obstacles=[BALL]))
     assert solution.certified and solution.clearance.sure and solution.clearance.distance > 0.005
     assert solution.duration == pytest.approx(RR_BEST, rel=1e-9)  # as without the ball
@@ -72,17 +77,14 @@ def test_round_a_ball_that_the_fastest_motion_hits():
     free = solve(ad.MinimumTimeProblem(paper_arm("rr"), q_start=START, q_goal=GOAL))
     ball = Sphere((0.14, 0.0, -0.366), 0.04, name="ball")
     model = CollisionModel(free.problem.robot, [ball])
-    assert model.along(free.trajectory)[0].distance < 0
+    assert nearest(model, free.trajectory) < 0
     solution = solve(rr(obstacles=[ball]), starts=6)
-    clearance = solution.clearance
-    # An independent look: as many times as one likes.
-    times = np.linspace(0, solution.duration, 3000)
-    nearest = min(model.nearest(q).distance for q in solution.trajectory(times).q)
-    assert nearest >= 0.005 and clearance.sure
-    assert clearance.distance == pytest.approx(nearest, abs=1e-4)  # 0.1 ms at a few m/s, where the distance is least
+    clearance, least = solution.clearance, nearest(model, solution.trajectory)
+    assert solution.usable and least >= 0.005 and clearance.sure
+    assert least <= clearance.distance < least + 5e-3  # looked at where the proof needs it: at 64 times or more
     assert clearance.other == "ball" and 0 < clearance.time < solution.duration
     assert solution.duration > RR_BEST
-    assert "obstacles" in "".join(solution.certificate.reasons)
+    assert not solution.certified
 
 
 def test_check_says_what_is_hit():

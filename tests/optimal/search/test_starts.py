@@ -9,12 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import armdyn as ad
-from armdyn.models.scene.collision import CollisionModel
-from armdyn.models.scene.obstacles import Sphere
 from armdyn.optimal.search.starts import spline, via_guesses
 from armdyn.optimal.task.policy.policy import Policy
 from oracles import PinDynamics
-from problems import POSES, cart, paper_arm, paper_problem
+from problems import POSES, cart, paper_problem
 
 arm_problem = cache(paper_problem)
 ANGLE = st.floats(-3, 3)
@@ -133,21 +131,3 @@ def test_ways_of_a_problem_with_via_points_pass_them():
         assert len(way) == 3
         rows = [list(q) for q in way]
         assert [row for row in rows if row in via] == via
-
-
-def test_ways_round_an_obstacle_touch_nothing_where_they_are_looked_at():
-    start, goal = POSES["rr"]
-    ball = Sphere((0.33, 0, -0.12), 0.05)
-    problem = ad.MinimumTimeProblem(paper_arm("rr"), q_start=start, q_goal=goal, obstacles=[ball])
-    straight, *ways = via_guesses(problem, 0, 6)
-    assert straight == [] and len(ways) == 5
-
-    model = CollisionModel(problem.robot, [ball])
-
-    def clearance(way):
-        guess = spline(problem, way)
-        looks = np.linspace(0, guess.duration, 25)  # as many as `via_guesses` takes: in between it may still touch
-        return min(model.nearest(q).distance for q in guess(looks).q)
-
-    assert clearance(straight) < 0
-    assert all(clearance(way) > 0 for way in ways)

@@ -33,7 +33,7 @@ TABLE = {
     "r": (1, True, None, False, False, False, 4, 1),
     "rr": (16, True, None, False, True, False, 4, 8),
     "rrr": (140, True, None, False, True, False, 4, 12),
-    "rr ball": (12, False, 1e-4, False, False, False, 6, 8),
+    "rr ball": (16, False, 1e-4, False, True, False, 4, 8),
     "rr jerk": (16, False, 1e-4, True, True, False, 4, 8),
     "rr via": (16, False, None, False, True, False, 4, 8),
     "rr effort": (16, True, None, False, True, False, 4, 4),
@@ -55,7 +55,7 @@ def test_what_depends_on_the_kind_of_problem(kind):
 STRATEGIES = {
     # kind: methods, fallback, whether a lower bound is computed
     "rr": (("arcs",), ("curves",), False),
-    "rr ball": (("mesh",), ("curves",), False),
+    "rr ball": (("arcs",), ("curves",), False),
     "rr effort": (("time-energy",), ("curves",), False),
     "ur5": (("curves",), (), True),
 }
