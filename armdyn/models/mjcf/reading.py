@@ -17,8 +17,7 @@ from armdyn.models.mjcf.bare import Bare, check_moving
 from armdyn.models.mjcf.classes import Classes
 from armdyn.models.mjcf.compiler import Compiler, gravity
 from armdyn.models.mjcf.values import Values
-from armdyn.models.reading.from_pinocchio import read_model
-from armdyn.models.reading.urdf_arm import Reading
+from armdyn.models.reading.from_pinocchio import Reading, read_model
 from armdyn.models.reading.urdf_xml import shown
 from armdyn.models.values.joint_limits import JointLimits
 

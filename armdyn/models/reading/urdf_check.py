@@ -1,6 +1,6 @@
 """What a URDF from a stranger must pass before Pinocchio reads it."""
 
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Iterator, Set
 from xml.etree import ElementTree
 
 import numpy as np
@@ -107,21 +107,14 @@ def inertia_fault(tensor: NDArray[np.float64]) -> str:
     return ""
 
 
-def dynamics_urdf(root: ElementTree.Element, called: Mapping[str, str] | None = None) -> str:
-    """A checked URDF without all that dynamics do not need: what Pinocchio reads is what was checked.
-
-    Args:
-        root: what `parse_urdf` gave.
-        called: joints that get another name.
-    """
+def dynamics_urdf(root: ElementTree.Element) -> str:
+    """A checked URDF without elements that dynamics do not need: Pinocchio reads what was checked, and nothing else."""
     bare = ElementTree.Element("robot", name=str(root.get("name")))
     for element in root:
         if element.tag not in ("link", "joint"):
             continue
         keys = ("name",) if element.tag == "link" else ("name", "type")
         copy = ElementTree.SubElement(bare, element.tag, {key: str(element.get(key)) for key in keys})
-        if called and element.tag == "joint":
-            copy.set("name", called.get(copy.attrib["name"], copy.attrib["name"]))
         fixed = ("parent", "child", "origin")  # what else a fixed joint has was not checked
         more = () if element.get("type") == "fixed" else ("axis", "limit", "dynamics")
         tags = ("inertial",) if element.tag == "link" else (*fixed, *more)
