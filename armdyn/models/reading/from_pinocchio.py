@@ -9,10 +9,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from armdyn.arguments import shown as told
+from armdyn.arguments import shown
 from armdyn.errors import SpecError, UnsupportedJointError, UrdfError, did_you_mean
-from armdyn.models.reading.urdf_check import LARGEST, inertia_fault
-from armdyn.models.reading.urdf_xml import shown
+from armdyn.models.reading.urdf_check import inertia_fault
+from armdyn.models.reading.urdf_xml import LARGEST, clipped
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.urdf import TIP
 
@@ -96,12 +96,12 @@ def locked_joints(
     joints, mimics = _joints(model), mimics or {}
     for name, value in lock.items():
         if name not in joints:
-            hint, names = did_you_mean(str(name), joints), ", ".join(map(shown, list(joints)[:20]))
-            raise SpecError(f"cannot lock {shown(name)!r}: {source} has joints {names}{hint}")
+            hint, names = did_you_mean(str(name), joints), ", ".join(map(clipped, list(joints)[:20]))
+            raise SpecError(f"cannot lock {clipped(name)!r}: {source} has joints {names}{hint}")
         several = model.joints[joints[name]].nv != 1
         if not _in_bounds(value) or (several and value):
             right = f"one number [rad or m]{'; 0 for a joint of several coordinates' if several else ''}"
-            raise SpecError(f"cannot lock {name!r} at {told(value)}: it must be {right}")
+            raise SpecError(f"cannot lock {name!r} at {shown(value)}: it must be {right}")
     free = set(joints if arm is None else _chain(model, *arm, source)) - set(lock)
 
     def position(name: str, followers: tuple[str, ...] = ()) -> float | None:
@@ -111,7 +111,7 @@ def locked_joints(
         if name not in mimics:
             return None if name in free else _rest(model, joints.get(name, 0))
         if name in followers:
-            raise UrdfError(source, "mimics itself in the end", f"joint {shown(name)!r}")
+            raise UrdfError(source, "mimics itself in the end", f"joint {clipped(name)!r}")
         leader, multiplier, offset = mimics[name]
         at = position(leader, (*followers, name))
         return None if at is None else multiplier * at + offset
@@ -123,12 +123,12 @@ def locked_joints(
         at = position(name)
         if at is None:
             what = (
-                f"mimics {shown(mimics[name].leader)!r}, which moves; armdyn knows no coupled joints: lock that one, "
+                f"mimics {clipped(mimics[name].leader)!r}, which moves; armdyn knows no coupled joints: lock that one, "
                 "and this follows, or this one alone if it does not matter"
             )
-            raise UnsupportedJointError(source, what, f"joint {shown(name)!r}")
+            raise UnsupportedJointError(source, what, f"joint {clipped(name)!r}")
         if not abs(at) <= LARGEST:
-            raise UrdfError(source, f"would be locked at {at:g}", f"joint {shown(name)!r}")
+            raise UrdfError(source, f"would be locked at {at:g}", f"joint {clipped(name)!r}")
         locked[name] = at
     return locked
 
@@ -144,7 +144,7 @@ def arm_of(model: pin.Model, source: str, locked: Mapping[str, float], arm: tupl
         kind = model.joints[joint].shortname()
         if name not in locked and not _KNOWN.fullmatch(kind):
             what = f"is a {kind}; armdyn knows joints that turn or slide along one axis: lock it, or choose an arm"
-            raise UnsupportedJointError(source, what, f"joint {shown(name)!r}")
+            raise UnsupportedJointError(source, what, f"joint {clipped(name)!r}")
     reduced = _reduced(model.copy(), locked, source)
     if reduced.nv == 0:
         raise UrdfError(source, "has no moving joint")
@@ -191,7 +191,7 @@ def _chain(model: pin.Model, first: str, last: str, source: str) -> list[str]:
         frame = _frame(model, name)
         if frame is None and name not in joints:
             known = [*joints, *(other.name for other in model.frames)]
-            raise SpecError(f"arm: {source} has no link, frame or joint {shown(name)!r}{did_you_mean(name, known)}")
+            raise SpecError(f"arm: {source} has no link, frame or joint {clipped(name)!r}{did_you_mean(name, known)}")
         ends.append((joints[name] if frame is None else int(frame.parentJoint), frame))
     (base, start), (end, goal) = ends
     way = [int(joint) for joint in model.supports[end]]
@@ -199,10 +199,10 @@ def _chain(model: pin.Model, first: str, last: str, source: str) -> list[str]:
     # Frames of a model that was put together by hand may not know where they hang.
     beside = start is not None and goal is not None and goal.parentFrame and start not in _way(model, goal)
     if base not in way or beside:
-        raise SpecError(f"arm: {shown(last)!r} is not behind {shown(first)!r} in {source}")
+        raise SpecError(f"arm: {clipped(last)!r} is not behind {clipped(first)!r} in {source}")
     names = [str(model.names[joint]) for joint in way[way.index(base) + (start is not None) :] if joint]
     if not names:
-        raise SpecError(f"arm: nothing moves between {shown(first)!r} and {shown(last)!r} of {source}")
+        raise SpecError(f"arm: nothing moves between {clipped(first)!r} and {clipped(last)!r} of {source}")
     return names
 
 
@@ -224,12 +224,17 @@ def _reduced(model: pin.Model, locked: Mapping[str, float], source: str) -> pin.
     try:
         reduced = pin.buildReducedModel(model, [joints[name] for name in locked], at)
     except (RuntimeError, ValueError) as error:
-        raise UrdfError(source, f"Pinocchio cannot lock {', '.join(locked)} ({shown(error)})") from None
-    for i, name in enumerate(reduced.names):
-        reduced.names[i] = own.get(name, name)
-    for frame in reduced.frames:
-        frame.name = own.get(frame.name, frame.name)
+        raise UrdfError(source, f"Pinocchio cannot lock {', '.join(locked)} ({clipped(error)})") from None
+    rename(reduced, own)
     return reduced
+
+
+def rename(model: pin.Model, names: Mapping[str, str]) -> None:
+    """Give joints and frames of a model, which is changed, other names, by those that they have."""
+    for i, name in enumerate(model.names):
+        model.names[i] = names.get(name, name)
+    for frame in model.frames:
+        frame.name = names.get(frame.name, frame.name)
 
 
 def _number(model: pin.Model) -> dict[str, str]:
@@ -251,7 +256,7 @@ def _check(model: pin.Model, source: str) -> None:
     if not np.all(np.abs(model.gravity.vector) <= LARGEST):
         raise UrdfError(source, f"gravity is {model.gravity.linear} m/s²")
     for name, i in _joints(model).items():
-        where, inertia = f"joint {shown(name)!r}", model.inertias[i]
+        where, inertia = f"joint {clipped(name)!r}", model.inertias[i]
         numbers = np.concatenate([inertia.toDynamicParameters(), model.jointPlacements[i].homogeneous.ravel()])
         if not np.all(np.abs(numbers) <= LARGEST):
             raise UrdfError(source, f"its body or its placement is not finite, or beyond {LARGEST:g}", where)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from armdyn.errors import UrdfError
 from armdyn.models.reading.from_pinocchio import Mimic, Reading, arm_of, locked_joints
 from armdyn.models.reading.urdf_check import MOVING, check_inertias, dynamics_urdf, parse_urdf
-from armdyn.models.reading.urdf_xml import shown, to_number
+from armdyn.models.reading.urdf_xml import clipped, finite_numbers
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ def read_arm(
     try:
         model = pin.buildModelFromXML(dynamics_urdf(root))
     except (RuntimeError, ValueError) as error:
-        raise UrdfError(source, f"Pinocchio cannot read it ({shown(str(error).strip())})") from None
+        raise UrdfError(source, f"Pinocchio cannot read it ({clipped(str(error).strip())})") from None
     locked = locked_joints(model, source, lock or {}, arm, mimics)
     free = {i for i, name in enumerate(model.names) if i and name not in locked}
     moving = {str(frame.name) for frame in model.frames if free & set(model.supports[frame.parentJoint])}
@@ -58,20 +58,15 @@ def _mimics(root: Element, source: str) -> dict[str, Mimic]:
     for name, joint in joints.items():
         if (mimic := joint.find("mimic")) is None or joint.get("type") not in MOVING:
             continue
-        numbers = []
-        for key, default in (("multiplier", "1"), ("offset", "0")):
-            text = mimic.get(key, default)
-            try:
-                numbers.append(to_number(text))
-            except ValueError:
-                numbers.append(float("nan"))
-            if not np.isfinite(numbers[-1]):
-                what = f"<mimic> {key}={shown(text)!r} is not a finite number"
-                raise UrdfError(source, what, f"joint {shown(name)!r}")
+        where = f"joint {clipped(name)!r}"
+        numbers = [
+            finite_numbers(mimic.get(key, default), f"<mimic> {key}", source, where, largest=np.inf)[0]
+            for key, default in (("multiplier", "1"), ("offset", "0"))
+        ]
         mimics[name] = Mimic(mimic.get("joint", ""), *numbers)
         if mimics[name].leader not in joints:
-            what = f"mimics {shown(mimics[name].leader)!r}, which is no joint"
-            raise UrdfError(source, what, f"joint {shown(name)!r}")
+            what = f"mimics {clipped(mimics[name].leader)!r}, which is no joint"
+            raise UrdfError(source, what, where)
     return mimics
 
 
@@ -100,11 +95,11 @@ def check_inertia(model: pin.Model, source: str) -> None:
     own = np.diag(inertia)
     for name, one in zip(list(model.names)[1:], own, strict=True):
         if not one > 0:
-            raise UrdfError(source, f"moves no inertia ({one} kg m²); give its link a mass", f"joint {shown(name)!r}")
+            raise UrdfError(source, f"moves no inertia ({one} kg m²); give its link a mass", f"joint {clipped(name)!r}")
     # One per joint on the diagonal; a serial arm of 1 kg links comes down to some 1e-4 (planar RRR: 2e-3).
     scaled = inertia / np.sqrt(np.outer(own, own))
     values, vectors = np.linalg.eigh(scaled)
     if values[0] < _SINGULAR:
         name = list(model.names)[1:][int(np.argmax(np.abs(vectors[:, 0])))]
         what = f"moves no inertia of its own (the mass matrix is singular to {values[0]:.1e}); give every link a mass"
-        raise UrdfError(source, what, f"joint {shown(name)!r}")
+        raise UrdfError(source, what, f"joint {clipped(name)!r}")
