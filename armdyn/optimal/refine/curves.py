@@ -110,7 +110,7 @@ def _without_obstacles(task: Task) -> tuple[list[RefinedCurve], bool]:
     task.progress("the way without obstacles")
     free = problem.variant(obstacles=(), self_collision=False)
     (best,) = _refined(task.about(free), _guesses(task.about(free), 1)[:1])
-    constraints = TightenedConstraints.of(problem)
+    constraints = TightenedConstraints.of(task)
     kept = reports_on(task, best.curve, constraints)
     if not constraints_mended(task, kept):
         return [refine_curve(task, best.curve)], False
@@ -147,9 +147,7 @@ def _refined(task: Task, guesses: Sequence[Curve]) -> list[RefinedCurve]:
     if len(guesses) < 2:
         return [refine_curve(task, guess) for guess in guesses]
     task.progress(f"{len(guesses)} guesses")
-    prepare_curve(
-        task, guesses[0], CurveSpec(TightenedConstraints.of(task.problem))
-    )  # workers know what was built before
+    prepare_curve(task, guesses[0], CurveSpec(TightenedConstraints.of(task)))  # workers know what was built before
     found = []
     jobs = [partial(refine_curve, task, guess) for guess in guesses]
     for one in in_processes(jobs, task.workers):

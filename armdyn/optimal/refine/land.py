@@ -68,7 +68,7 @@ def land_extremal(task: Task, extremal: Extremal, intervals: int, stop: Stop) ->
     """
     problem, policy, n, aim, samples = task.problem, task.policy, task.problem.robot.nv, Aim(), 1
     for _ in range(policy.refinement.aims):
-        phases = phases_of(in_one_piece(extremal, aim.at_goal(n)), policy.arcs)
+        phases = phases_of(in_one_piece(extremal, aim.at_goal(n)))
         astray = float(np.max(np.abs(pontryagin(problem, phases)[0]))) > policy.refinement.stray
         if astray and not stop and (more := finer(extremal, stop)) is not None:
             extremal = more

@@ -242,7 +242,7 @@ def _lack(task: Task, refined: RefinedExtremal) -> tuple[float, float]:
         return np.inf, np.inf
     wrong = refined.wrong
     if wrong <= SWITCHING_TOLERANCE:  # contacts that could not be mended are not in it
-        wrong = pontryagin(task.problem, phases_of(refined.extremal, task.policy.arcs))[2]
+        wrong = pontryagin(task.problem, phases_of(refined.extremal))[2]
     return wrong if wrong > SWITCHING_TOLERANCE else 0.0, refined.extremal.structure.duration
 
 

@@ -71,6 +71,6 @@ def _at_pace(task: Task, optimum: Optimum, path: Trajectory, factor: float) -> O
         certificate=certificate,
         cost=trajectory_cost(motion, problem.effort_weights()),
         phases=None,
-        reports=None if optimum.reports is None else TightenedConstraints.of(problem).check(problem, motion, passing),
+        reports=None if optimum.reports is None else TightenedConstraints.of(task).check(problem, motion, passing),
         via_times=tuple(passing.tolist()),
     )

@@ -78,7 +78,7 @@ def _tried(task: Task) -> float:
         return attempt.trajectory.duration if attempt.usable else np.inf
     with suppress(LateError):
         smooth = 0.0 if task.problem.pays_effort else task.options.smooth
-        spec = CurveSpec(TightenedConstraints.of(task.problem), smooth=smooth)
+        spec = CurveSpec(TightenedConstraints.of(task), smooth=smooth)
         solved = solve_curve(task, straight_curve(task, task.policy.curves.coarse), spec)
         return solved.curve.duration if solved.converged else np.inf
     return np.inf

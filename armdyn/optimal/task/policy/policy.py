@@ -20,6 +20,13 @@ from armdyn.optimal.task.policy.refinement import (
 )
 from armdyn.optimal.task.policy.search import ProgramPolicy, SamePolicy, SearchPolicy
 from armdyn.optimal.task.policy.strategy import Method, StrategyPolicy
+from armdyn.optimal.task.policy.switching import (
+    ContactPolicy,
+    DescentPolicy,
+    RolloutPolicy,
+    SingularPolicy,
+    SwitchingPolicy,
+)
 from armdyn.optimal.task.policy.tuned import rows
 from armdyn.optimal.task.scheme import Scheme
 
@@ -36,6 +43,11 @@ class Policy:
         refinement: how far an optimum of a mesh is refined.
         switch_mesh: how a mesh is refined at the switches before arcs are read from it.
         arcs: how arcs are read, laid and solved.
+        switching: how a switching structure is corrected.
+        rollout: how finely its arcs are integrated.
+        descent: how its times come to the least duration.
+        contacts: which contacts with limits of the state are corrected.
+        singular: where torques are free, and what they are at first.
         landing: how a mesh's torques are brought to land.
         smooth: optima of time and energy.
         path_constraints: what is asked along the way.
@@ -50,6 +62,11 @@ class Policy:
     refinement: RefinementPolicy
     switch_mesh: SwitchMeshPolicy = field(default_factory=SwitchMeshPolicy)
     arcs: ArcsPolicy = field(default_factory=ArcsPolicy)
+    switching: SwitchingPolicy = field(default_factory=SwitchingPolicy)
+    rollout: RolloutPolicy = field(default_factory=RolloutPolicy)
+    descent: DescentPolicy = field(default_factory=DescentPolicy)
+    contacts: ContactPolicy = field(default_factory=ContactPolicy)
+    singular: SingularPolicy = field(default_factory=SingularPolicy)
     landing: LandingPolicy = field(default_factory=LandingPolicy)
     smooth: SmoothPolicy
     path_constraints: PathConstraintPolicy = field(default_factory=PathConstraintPolicy)
