@@ -13,8 +13,8 @@ import pytest
 from cli import command
 
 
-def run(*arguments, code=0, here=False):
-    done = (command.run_here if here else command.run)("reproduce", *arguments)
+def run(*arguments, code=0):
+    done = command.run_here("reproduce", *arguments)
     assert done.returncode == code, done.stderr
     assert "Traceback" not in done.stderr
     return done
@@ -50,7 +50,7 @@ def test_one_table_with_two_payloads(tmp_path):
     ],
 )
 def test_bad_input_is_exit_2(tmp_path, arguments, message):
-    done = run(*arguments, "--out", tmp_path / "out", code=2, here=True)
+    done = run(*arguments, "--out", tmp_path / "out", code=2)
     assert message in " ".join(done.stderr.split())
     assert not (tmp_path / "out").exists()
 

@@ -10,7 +10,7 @@ import pytest
 from armdyn.cli.sweeps.study import _left
 from armdyn.studies.rows import read_rows
 from armdyn.studies.tables import study_table
-from cli.command import COMMAND, answer, run, run_here, run_json
+from cli.command import COMMAND, answer, run_here, run_json
 
 STUDY = """
 [arms.r]
@@ -139,7 +139,7 @@ def test_killed_twice_and_gone_on_with(tmp_path):
     assert [row["k"] for row in rows] == list(range(30)) and all(row["certified"] for row in rows)
     # In one go, without neighbours: the same, as certified optima are to 1e-9.
     (tmp_path / "alone.toml").write_text(RR + "[search]\nneighbours = 'off'\n")
-    assert run("sweep", "alone.toml", "--no-figure", "--out", "alone", cwd=tmp_path).returncode == 0
+    assert run_here("sweep", "alone.toml", "--no-figure", "--out", "alone", cwd=tmp_path).returncode == 0
     alone = study_table(tmp_path / "alone" / "study.sqlite")
     assert [row["duration_s"] for row in rows] == pytest.approx([row["duration_s"] for row in alone], rel=1e-8)
     assert not any(row["begun_from"] for row in alone) and sum(row["begun_from"] is not None for row in rows) > 20
