@@ -59,7 +59,7 @@ def clear_optima(task: Task, optima: Sequence[Optimum]) -> list[Optimum]:
         task: with obstacles.
         optima: of `without_obstacles`.
     """
-    problem, constraints = task.problem, TightenedConstraints.of(task.problem)
+    problem, constraints = task.problem, TightenedConstraints.of(task)
     found = [
         replace(one, reports=constraints.check(problem, one.trajectory, np.array(one.via_times))) for one in optima
     ]
@@ -85,7 +85,7 @@ def settled(task: Task, attempt: Attempt) -> Optimum:
     """
     numbers, iterations = task.policy.path_constraints, 0
     again = replace(task.fine(), barrier=task.policy.program.again_barrier)
-    mesh: _Mesh | None = _Mesh(task.options.intervals, TightenedConstraints.of(task.problem))
+    mesh: _Mesh | None = _Mesh(task.options.intervals, TightenedConstraints.of(task))
     best: Optimum | None = None
     for k in range(numbers.rounds):
         if mesh is None:
@@ -153,6 +153,6 @@ def _judged(task: Task, replay: Trajectory, attempt: Attempt) -> Optimum:
         certify(problem, motion, None, remark),
         trajectory_cost(motion, problem.effort_weight),
         attempt.intervals,
-        reports=TightenedConstraints.of(problem).check(problem, motion, attempt.passing),
+        reports=TightenedConstraints.of(task).check(problem, motion, attempt.passing),
         via_times=tuple(attempt.passing.tolist()),
     )

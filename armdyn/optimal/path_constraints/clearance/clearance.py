@@ -29,10 +29,14 @@ class ClearanceConstraint(PathConstraint):
         points: of every interval, at which distances are asked for.
     """
 
-    margins: Array | float = PathConstraintPolicy.margin
-    points: int = PathConstraintPolicy.points
+    margins: Array | float = 0.0
+    points: int = 1
 
     goes_round = True
+
+    def under(self, policy: PathConstraintPolicy) -> Self:
+        """The same constraint with the tuned numbers of a policy: its first margin, its first points."""
+        return replace(self, policy=policy, margins=policy.margin, points=policy.points)
 
     @abstractmethod
     def pairs(self, problem: MinimumTimeProblem) -> tuple[Pair, ...]:
@@ -65,7 +69,7 @@ class ClearanceConstraint(PathConstraint):
         low = np.broadcast_to(need, (*at.shape, need.size)).copy()
         for knot, q in zip(knots.given, problem.poses, strict=True):
             short = np.maximum(need - np.array(function(q, scene)).ravel() + 1e-6, 0)
-            share = np.maximum(1 - np.abs(at - knots.when[knot]) / PathConstraintPolicy.ramp, 0)
+            share = np.maximum(1 - np.abs(at - knots.when[knot]) / self.policy.ramp, 0)
             low = np.minimum(low, need - short * share[..., None])
             if knot < at.shape[1]:
                 low[0, knot] = -np.inf  # this pose is given
@@ -88,8 +92,8 @@ class ClearanceConstraint(PathConstraint):
         pairs = self.pairs(problem)
         if not kept.reasons or not pairs:
             return self
-        deep = kept.clearance is not None and kept.clearance.distance < -PathConstraintPolicy.deep
-        if deep and self.points < PathConstraintPolicy.most_points:
+        deep = kept.clearance is not None and kept.clearance.distance < -self.policy.deep
+        if deep and self.points < self.policy.most_points:
             return replace(self, points=2 * self.points)
         short: dict[tuple[str, str], float] = {}
         for names, missed in zip(self.model(problem).pairs, kept.missed, strict=True):
@@ -99,9 +103,8 @@ class ClearanceConstraint(PathConstraint):
             problem.obstacles[pair.other].name if isinstance(pair.other, int) else pair.other_link for pair in pairs
         ]
         missing = np.array([short.get((pair.link, other), 0.0) for pair, other in zip(pairs, others, strict=True)])
-        margins = np.broadcast_to(self.margins, missing.shape) + np.where(
-            missing > 0, missing + PathConstraintPolicy.spare, 0
-        )
+        raised = np.where(missing > 0, missing + self.policy.spare, 0)
+        margins = np.broadcast_to(self.margins, missing.shape) + raised
         return replace(self, margins=margins)
 
     def depth(self, problem: MinimumTimeProblem, q: Array) -> float:
