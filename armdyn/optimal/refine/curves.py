@@ -32,14 +32,8 @@ from armdyn.parallel import in_processes
 
 Array = NDArray[np.float64]
 
-_HOPELESS = 1e-2
-"""Excess over a limit, as a part of it, that is not for following a little beside the curve."""
 _LIMITS = {1: "velocity limit", 2: "acceleration limit", 3: "jerk limit"}
 """Of the derivatives of the positions, by their order."""
-_LEAST_SHARE = 1e-4
-"""Of the time: less is what IPOPT's barrier leaves of no share at all."""
-_IDLE = 1e-2
-"""Of the time: a joint whose limits decide less moves as it likes for most of it."""
 
 
 def curves(task: Task) -> tuple[list[Optimum], Found]:
@@ -53,15 +47,17 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
         found, clear = _without_obstacles(task)
         if not (clear or (found and _enough(task, found[0]))):
             found += _refined(task, _guesses(task, task.policy.search.guesses(task.options, numbers.starts)))
-        if len(found) == 1 and not (clear or task.stop) and _trouble(found[0]):
+        if len(found) == 1 and not (clear or task.stop) and _trouble(task, found[0]):
             found += _refined(task, _guesses(task, numbers.more_starts)[1:])
     except LateError:
         unbegun = Attempt.unbegun(task.stop, spline(task.problem, []), task.policy.curves.intervals)
         return [], Found((), failed=(unbegun,))
     if awaited():
         task.progress("its machine code is being built in the background, once: later solves are faster")
-    found.sort(key=lambda one: (one.excess > _HOPELESS, not constraints_mended(task, one.reports), one.curve.duration))
-    if found[0].excess > _HOPELESS:
+    found.sort(
+        key=lambda one: (one.excess > numbers.hopeless, not constraints_mended(task, one.reports), one.curve.duration)
+    )
+    if found[0].excess > numbers.hopeless:
         return [], Found((), failed=(_failed(task, found[0]),), iterations=sum(one.iterations for one in found))
     optima: list[Optimum] = []
     for one in found:
@@ -82,7 +78,8 @@ def _met(task: Task, found: Sequence[RefinedCurve]) -> str:
         task: the problem.
         found: curves that the guesses led to, the best first.
     """
-    durations = [one.curve.duration for one in found if one.excess <= _HOPELESS and not one.reports.reasons]
+    most = task.policy.curves.hopeless
+    durations = [one.curve.duration for one in found if one.excess <= most and not one.reports.reasons]
     if len(found) < 2 or not durations or _enough(task, found[0]):
         return ""
     return optima_met(durations, len(found), task.policy.same.mesh)
@@ -117,10 +114,10 @@ def _without_obstacles(task: Task) -> tuple[list[RefinedCurve], bool]:
     return [replace(best, constraints=constraints, reports=kept)], True
 
 
-def _trouble(refined: RefinedCurve) -> bool:
+def _trouble(task: Task, refined: RefinedCurve) -> bool:
     """Whether another guess may lead to a better curve: this one did not converge, or had to be slowed down."""
-    slowed = refined.curve.duration / refined.solved.curve.duration - 1
-    return not refined.solved.converged or refined.excess > _HOPELESS or slowed > _HOPELESS
+    slowed, most = refined.curve.duration / refined.solved.curve.duration - 1, task.policy.curves.hopeless
+    return not refined.solved.converged or refined.excess > most or slowed > most
 
 
 def _guesses(task: Task, count: int) -> list[Curve]:
@@ -160,7 +157,7 @@ def _refined(task: Task, guesses: Sequence[Curve]) -> list[RefinedCurve]:
 
 def _enough(task: Task, refined: RefinedCurve) -> bool:
     """Whether other guesses have nothing to give: a proven bound is near."""
-    if not constraints_mended(task, refined.reports) or _trouble(refined):
+    if not constraints_mended(task, refined.reports) or _trouble(task, refined):
         return False
     bound = task.lower_bound()
     return bound is not None and refined.curve.duration <= (1 + GAP_TOLERANCE) * bound
@@ -200,7 +197,7 @@ def _deciding(task: Task, refined: RefinedCurve) -> tuple[Share, ...]:
         Share(limit, name, float(part))
         for limit, parts in by_joint.items()
         for name, part in zip(names, parts, strict=True)
-        if part > _LEAST_SHARE
+        if part > task.policy.curves.least_share
     ]
     return tuple(sorted(shares, key=lambda share: -share.part))
 
@@ -213,7 +210,7 @@ def _landed(task: Task, refined: RefinedCurve) -> Optimum:
     if problem.robot.friction.present and can_be_slowed(problem):
         # Where friction jumps the replay is farther off its curve: `refine.slowing` would end off the goal.
         factor = least_factor(problem.robot, problem.limits, replay, LIMIT_TOLERANCE)
-        if 1 < factor < 1 + _HOPELESS:
+        if 1 < factor < 1 + task.policy.curves.hopeless:
             curve = curve.slower(1 + task.policy.curves.slower_again * (factor - 1))
             replay = follow(task, sampled(task, curve))
     replay = replace(replay, name="minimum time")
@@ -221,7 +218,7 @@ def _landed(task: Task, refined: RefinedCurve) -> Optimum:
     result = refined.solved.result
     remark = ON_CURVE if refined.solved.converged else f"the curve did not converge ({result.message})"
     shares = _deciding(task, refined)
-    decisive = {share.joint for share in shares if share.part > _IDLE}
+    decisive = {share.joint for share in shares if share.part > task.policy.curves.idle}
     idle = tuple(name for name in problem.robot.joint_names if shares and name not in decisive)
     return Optimum(
         trajectory=replay,

@@ -66,7 +66,7 @@ def phases_of(extremal: Extremal) -> Phases:
         torque_multiplier=weights * whole.switching[:, 1:],
         state_multiplier=impulses[:, :-1].reshape(K, -1, 2, n),
         knot_multiplier=knots.reshape(K - 1, 2, n),
-        torques=motion_of(problem, arcs, arc_of, whole.t, states, tau, numbers.samples),
+        torques=motion_of(problem, arcs, arc_of, whole.t, states, tau, numbers),
         iterations=0,
     )
 
