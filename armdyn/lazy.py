@@ -4,26 +4,28 @@
 """
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from importlib import import_module
+from pathlib import Path
 
 
-def facade(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
-    """`__getattr__` and `__dir__` of a package whose names live in its modules.
+def facade(package: str, file: str) -> tuple[Callable[[str], object], Callable[[], list[str]], list[str]]:
+    """`__getattr__`, `__dir__` and `__all__` of a package whose names live in other modules.
 
-    A module of the package, too, is found as its attribute, as if it had been imported with the package.
-    Type checkers do not look here: the package says the same once more under TYPE_CHECKING.
+    The names are those of its type stub, the file `__init__.pyi`: a line `from MODULE import NAME as NAME` each. A
+    module of the package, too, is found as its attribute, as if it had been imported with the package.
 
     Args:
         package: its `__name__`.
-        homes: module, seen from the package, to the names that it has for the package, with spaces between.
+        file: its `__file__`.
     """
-    home_of = {name: home for home, names in homes.items() for name in names.split()}
+    lines = [line.split() for line in Path(file).with_suffix(".pyi").read_text("utf-8").splitlines()]
+    home_of = {words[3]: words[1] for words in lines if words[:1] == ["from"]}
 
     def get(name: str) -> object:
         missing = AttributeError(f"module {package!r} has no attribute {name!r}", name=name)
         if name in home_of:
-            value = getattr(import_module(f"{package}.{home_of[name]}"), name)
+            value = getattr(import_module(home_of[name]), name)
         elif name.startswith("_"):
             raise missing
         else:
@@ -39,4 +41,4 @@ def facade(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], obje
     def names() -> list[str]:
         return sorted(vars(sys.modules[package])["__all__"])  # no helpers, no modules that happen to be loaded
 
-    return get, names
+    return get, names, sorted(home_of)

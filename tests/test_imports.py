@@ -38,7 +38,8 @@ def imports_of(name, modules):
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and "." in node.value:
             yield node.value
         elif isinstance(node, ast.Call) and ast.unparse(node.func) == "facade":
-            yield from (f"{name}.{key.value}" for key in node.args[1].keys)
+            stub = ast.parse(modules[name].with_suffix(".pyi").read_text())
+            yield from (line.module for line in stub.body if isinstance(line, ast.ImportFrom))
 
 
 def graph_of(package):
@@ -58,13 +59,14 @@ def test_no_circle():
     [
         "def f():\n    from small.top import value",
         "NAMED = 'small.top'",
-        "__getattr__, __dir__ = facade(__name__, {'top': 'value'})",
+        "__getattr__, __dir__, __all__ = facade(__name__, __file__)",
     ],
 )
 def test_a_hidden_circle_is_found(hidden, tmp_path):
     package = tmp_path / "small"
     package.mkdir()
     (package / "__init__.py").write_text(hidden)
+    (package / "__init__.pyi").write_text("from small.top import value as value\n")
     (package / "top.py").write_text("import small\n")
     with pytest.raises(CycleError):
         TopologicalSorter(graph_of(package)).prepare()

@@ -17,7 +17,7 @@ from armdyn.optimal.bound.lower_bound import lower_bound
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.slow_limits import check_pace
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.stop import Stop, stopping
+from armdyn.optimal.problem.stop import stopping
 from armdyn.optimal.proof.transversality import transversality
 from armdyn.optimal.refine.bang import minimum_time
 from armdyn.optimal.refine.constrained import constrained, with_clearances, without_obstacles
@@ -31,12 +31,6 @@ from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.strategy import Method
 from armdyn.optimal.task.task import Task
 from armdyn.parallel import concurrently
-
-_LEAST_BOUND = 1.0
-"""Time that the bound of all goals is given at least [s], whatever the search has left."""
-
-_NEAR = 0.1
-"""Of the goal [rad or m]: a replay that ends there is a guess to begin with."""
 
 Array = NDArray[np.float64]
 
@@ -74,17 +68,24 @@ def solve_minimum_time(
         ProblemError: problem, options or progress is something else, or a limit is so low that every motion takes more
             than an hour.
     """
-    started = time.perf_counter()
-    check_pace(expect_problem(problem))
+    expect_problem(problem)
     options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
-    progress = listener(progress)
+    return solve_task(Task.of(problem, options, progress=listener(progress)))
+
+
+def solve_task(task: Task) -> Solution:
+    """Solve a task within its time limit, by its own policy.
+
+    Args:
+        task: what `solve_minimum_time` makes of its arguments.
+    """
+    started, problem = time.perf_counter(), task.problem
+    check_pace(problem)
     if problem.goal_pose is not None or len(problem.goals) > 1:
-        return _fastest_goal(problem, options, progress)
-    with stopping(options.time_limit) as stop:
-        task = Task.of(problem, options, stop, progress)
-        with _bounded(task) as task:
-            optima, found = refined(task)
-            bound = task.lower_bound()
+        return _fastest_goal(task)
+    with stopping(task.options.time_limit) as stop, _bounded(replace(task, stop=stop)) as task:
+        optima, found = refined(task)
+        bound = task.lower_bound()
     elapsed = time.perf_counter() - started
     return assembled(task, optima, found, elapsed, bound) if optima else failed(task, found, elapsed)
 
@@ -103,7 +104,7 @@ def refined(task: Task) -> tuple[list[Optimum], Found]:
         if task.stop or any(_usable(task, one) for one in optima):
             break
         task.progress(f"nothing so far is usable: {method}")
-        near = tuple(one.trajectory for one in optima if one.landed(_NEAR))
+        near = tuple(one.trajectory for one in optima if one.landed(task.policy.landing.far))
         more, searched = _by(method, task.with_options(guesses=near))
         optima += [slowed(task, one) for one in more]
         found = replace(found, iterations=found.iterations + searched.iterations)
@@ -135,38 +136,36 @@ def _bounded(task: Task) -> Iterator[Task]:
     if not task.policy.strategy.bounded:
         yield task
         return
-    with concurrently(partial(_lower_bound, task.problem, task.stop), task.workers) as bound:
+    with concurrently(partial(_lower_bound, task), task.workers) as bound:
         yield replace(task, lower_bound=bound)
 
 
-def _lower_bound(problem: MinimumTimeProblem, stop: Stop) -> float | None:
+def _lower_bound(task: Task) -> float | None:
     """Lower bound on the duration [s]; None: none is known."""
-    bound = lower_bound(problem, stop.__bool__)
+    bound = lower_bound(task.problem, task.stop.__bool__, task.policy.bound)
     return None if bound is None else bound.duration
 
 
-def _fastest_goal(
-    problem: MinimumTimeProblem, options: MinimumTimeOptions, progress: Callable[[str], None]
-) -> Solution:
+def _fastest_goal(task: Task) -> Solution:
     """The best of the solutions for the most promising goals, and the durations of all."""
-    started = time.perf_counter()
-    branches, tried = screened(problem, options, progress)
+    started, problem, options, numbers = time.perf_counter(), task.problem, task.options, task.policy.goals
+    branches, tried = screened(task)
     solutions: list[Solution] = []
     for i, branch in enumerate(branches):
         left = options.time_limit - (time.perf_counter() - started)
         if solutions and (left <= 0 or solutions[-1].status is Status.INTERRUPTED):
             break
-        progress(f"goal {i + 1} of the {len(branches)} best")
-        solutions.append(solve_minimum_time(branch, replace(options, time_limit=max(left, 1e-3)), progress))
+        task.progress(f"goal {i + 1} of the {len(branches)} best")
+        solutions.append(solve_task(task.about(branch).with_options(time_limit=max(left, 1e-3))))
         tried[i] = GoalTried(tried[i].q, solutions[-1].duration if solutions[-1].success else np.inf, refined=True)
     best = min(solutions, key=lambda solution: (not solution.success, not solution.moves, solution.duration))
     until = started + options.time_limit
     if problem.goal_pose is not None and best.status is Status.SOLVED:
-        best = slid_end(best, problem.goal_pose, partial(_near, options, until, progress))
+        best = slid_end(best, problem.goal_pose, numbers, partial(_near, task, until))
     goal = best.problem.x_goal[: problem.robot.nv]
     if best not in solutions:
         tried.append(GoalTried(goal, best.duration, refined=True))
-    bound = _bound_of_all(problem, solutions, max(until - time.perf_counter(), _LEAST_BOUND))
+    bound = _bound_of_all(task, solutions, max(until - time.perf_counter(), numbers.bound))
     certificate = best.certificate.bounded(bound, best.duration).at_goal(
         transversality(problem, problem.goal_pose, goal, best.phases)
     )
@@ -175,21 +174,19 @@ def _fastest_goal(
     return replace(with_certificate(best, certificate), goals=tuple(tried), solve_time=elapsed)
 
 
-def _near(
-    options: MinimumTimeOptions, until: float, progress: Callable[[str], None], known: Solution, q: Array
-) -> Solution | None:
+def _near(task: Task, until: float, known: Solution, q: Array) -> Solution | None:
     """The solution for a goal near that of another one, from its motion; None: the time is up."""
     left = until - time.perf_counter()
     if left <= 0:
         return None
-    progress("the goal moved along the joint positions that reach its pose")
-    options = replace(options, guesses=(known.trajectory,), starts=1, time_limit=left)
-    return solve_minimum_time(known.problem.variant(q_goal=q), options, progress)
+    task.progress("the goal moved along the joint positions that reach its pose")
+    near = task.about(known.problem.variant(q_goal=q))
+    return solve_task(near.with_options(guesses=(known.trajectory,), starts=1, time_limit=left))
 
 
-def _bound_of_all(problem: MinimumTimeProblem, solutions: list[Solution], seconds: float) -> float | None:
+def _bound_of_all(task: Task, solutions: list[Solution], seconds: float) -> float | None:
     """Lower bound on the duration to any goal of the problem, tried or not [s]; None: none is known."""
     if any(solution.lower_bound is None for solution in solutions):
         return None
     with stopping(seconds) as stop:
-        return _lower_bound(problem, stop)
+        return _lower_bound(replace(task, stop=stop))

@@ -13,44 +13,6 @@ The rooms in the order of the data; none imports one below it:
 `plan` says which cases there are to solve, and `reproduce` goes through all rooms.
 """
 
-from typing import TYPE_CHECKING
-
 from armdyn.lazy import facade
 
-if TYPE_CHECKING:
-    from armdyn.paper.closed_form import PlanarArm
-    from armdyn.paper.indirect.law import MINIMUM, TorqueLaw
-    from armdyn.paper.indirect.solution import Comparison, IndirectOptions, IndirectSolution, compare_with_direct
-    from armdyn.paper.indirect.solve_indirect import solve_indirect
-    from armdyn.paper.printed.examples import EXAMPLES, PAYLOAD, PAYLOADS, Example, Kind, example
-    from armdyn.paper.printed.loop import GAINS
-else:
-    __getattr__, __dir__ = facade(
-        __name__,
-        {
-            "closed_form": "PlanarArm",
-            "indirect.law": "MINIMUM TorqueLaw",
-            "indirect.solution": "Comparison IndirectOptions IndirectSolution compare_with_direct",
-            "indirect.solve_indirect": "solve_indirect",
-            "printed.examples": "EXAMPLES PAYLOAD PAYLOADS Example Kind example",
-            "printed.loop": "GAINS",
-        },
-    )
-
-__all__ = [
-    "EXAMPLES",
-    "GAINS",
-    "MINIMUM",
-    "PAYLOAD",
-    "PAYLOADS",
-    "Comparison",
-    "Example",
-    "IndirectOptions",
-    "IndirectSolution",
-    "Kind",
-    "PlanarArm",
-    "TorqueLaw",
-    "compare_with_direct",
-    "example",
-    "solve_indirect",
-]
+__getattr__, __dir__, __all__ = facade(__name__, __file__)

@@ -89,7 +89,7 @@ def test_any_part_of_a_robot_is_an_arm():
     [
         ("talos", "torso_2_joint", "is not FIRST,LAST"),
         ("talos", ",arm_left_2_joint", "is not FIRST,LAST"),
-        ("talos", "torso_2_joint,nose", "no link or joint 'nose'"),
+        ("talos", "torso_2_joint,nose", "no link, frame or joint 'nose'"),
         ("rr", "joint1,joint2", "--arm: 'rr' has no joints to lock"),
     ],
 )

@@ -23,6 +23,11 @@ FLAGS = [
     "--enable-unsafe-swiftshader",
 ]
 
+UNDRAWN = """for (const kind of [WebGLRenderingContext, WebGL2RenderingContext]) {
+  kind.prototype.drawElements = kind.prototype.drawArrays = () => {};
+}"""
+"""Leaves the scene's canvas blank: without a graphics card a frame takes up to a second."""
+
 
 def find_chromium():
     names = ("chromium", "chromium-browser", "google-chrome", "chrome")
@@ -32,8 +37,11 @@ def find_chromium():
 
 
 @contextlib.contextmanager
-def open_page(path, width=1280, height=800, ready="window.armdyn !== undefined"):
-    """A page, once its scripts say that it is ready, its requests (URLs) and its errors; by default a replay's."""
+def open_page(path, width=1280, height=800, ready="window.armdyn !== undefined", drawn=False):
+    """A page, once its scripts say that it is ready, its requests (URLs) and its errors; by default a replay's.
+
+    The arm moves in the scene, but only where pictures are compared (`drawn`) is the scene rendered.
+    """
     from playwright.sync_api import sync_playwright
 
     requests, errors = [], []
@@ -41,6 +49,8 @@ def open_page(path, width=1280, height=800, ready="window.armdyn !== undefined")
         browser = playwright.chromium.launch(executable_path=find_chromium(), headless=True, args=FLAGS)
         try:
             context = browser.new_context(viewport={"width": width, "height": height}, offline=True)
+            if not drawn:
+                context.add_init_script(UNDRAWN)
             page = context.new_page()
             session = context.new_cdp_session(page)
             session.send("Network.enable")
@@ -74,5 +84,5 @@ def screenshot(page, moment, path=None):
 
 
 if __name__ == "__main__":
-    with open_page(sys.argv[1]) as (page, _, _):
+    with open_page(sys.argv[1], drawn=True) as (page, _, _):
         screenshot(page, float(sys.argv[3]) if len(sys.argv) > 3 else 0.0, sys.argv[2])

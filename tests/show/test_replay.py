@@ -67,7 +67,7 @@ def tip_of(robot, q):
 def test_the_arm_moves_in_a_browser_without_a_network(tmp_path):
     robot, run = motion()
     path = replay.write_html(robot, [run], tmp_path / "rr.html")
-    with open_page(path) as (page, requests, errors):
+    with open_page(path, drawn=True) as (page, requests, errors):
         assert page.evaluate("armdyn.duration") == pytest.approx(run.duration)
         pictures = set()
         for time in (0.0, 0.2, run.duration):
@@ -143,7 +143,7 @@ def test_a_panda_is_drawn_by_its_meshes(tmp_path):
     path = replay.write_html(robot, [run], tmp_path / "panda.html")
     assert len(scene_of(path)["commands"]) > 30
     assert path.stat().st_size < 30e6
-    with open_page(path) as (page, requests, errors):
+    with open_page(path, drawn=True) as (page, requests, errors):
         before, after = (screenshot(page, time) for time in (0.0, 0.8))
         assert before != after
         np.testing.assert_allclose(
@@ -261,9 +261,9 @@ def test_obstacles_stand_where_they_are(tmp_path):
     np.testing.assert_allclose(shapes[4].placement @ [0, 0.5, 0, 1], [1, 0, 1, 1], atol=1e-15)  # a sine's rounding
     for names in ([run], [run, run]):
         path = replay.write_html(robot, names, tmp_path / "post.html", obstacles=things)
-        with open_page(path) as (page, _, errors):
+        with open_page(path, drawn=True) as (page, _, errors):
             seen, bare = screenshot(page, 0.1), None
             assert not errors
-        with open_page(replay.write_html(robot, names, tmp_path / "bare.html")) as (page, _, errors):
+        with open_page(replay.write_html(robot, names, tmp_path / "bare.html"), drawn=True) as (page, _, errors):
             bare = screenshot(page, 0.1)
         assert seen != bare

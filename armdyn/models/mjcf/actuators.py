@@ -7,7 +7,7 @@ import numpy as np
 
 from armdyn.models.mjcf.classes import ACTUATORS, Classes
 from armdyn.models.mjcf.values import Values
-from armdyn.models.reading.urdf_xml import shown
+from armdyn.models.reading.urdf_xml import clipped
 
 Range = tuple[float, float]
 
@@ -34,7 +34,7 @@ def effort_limits(root: Element, classes: Classes, joints: Mapping[str, Values],
     for element in root.iterfind("actuator/*"):
         if element.tag not in ACTUATORS:
             continue
-        called = f"actuator {shown(element.get('name', element.tag))!r}"
+        called = f"actuator {clipped(element.get('name', element.tag))!r}"
         values = Values(classes.attributes(element), classes.source, called)
         joint = values.given.get("joint") or values.given.get("jointinparent", "")
         if joint not in joints:

@@ -13,7 +13,7 @@ from armdyn.models.mjcf.compiler import Compiler
 from armdyn.models.mjcf.placing import place
 from armdyn.models.mjcf.values import ROTATIONS, Values
 from armdyn.models.reading.urdf_check import MAX_LINKS, MAX_MOVING
-from armdyn.models.reading.urdf_xml import shown
+from armdyn.models.reading.urdf_xml import clipped
 
 WORLD = "world"
 """MuJoCo's name of what stands still."""
@@ -74,14 +74,14 @@ class Bare:
         for macro in _MACROS:
             if parent.find(macro) is not None:
                 what = f"has a <{macro}>, which MuJoCo's compiler expands; save the compiled model and give that"
-                raise UrdfError(self.classes.source, what, f"body {shown(name)!r}")
+                raise UrdfError(self.classes.source, what, f"body {clipped(name)!r}")
         return parent.findall("body")
 
     def _named(self, kind: str, name: str) -> str:
         """What something is written with, whose name none of its kind has yet."""
         taken = self.called.setdefault(kind, {})
         if name in taken:
-            raise UrdfError(self.classes.source, "is defined twice", f"{kind} {shown(name)!r}")
+            raise UrdfError(self.classes.source, "is defined twice", f"{kind} {clipped(name)!r}")
         if len(taken) == MAX_LINKS:
             raise UrdfError(
                 self.classes.source, f"has more than {MAX_LINKS} {'bodies' if kind == 'body' else kind + 's'}"
@@ -93,7 +93,7 @@ class Bare:
         """Write a body, its joints and all bodies that it carries; one of several joints as so many bodies."""
         name = body.get("name") or f"(body {len(self.called['body'])})"
         written = self._named("body", name)
-        values = Values(body.attrib, self.classes.source, f"body {shown(name)!r}")
+        values = Values(body.attrib, self.classes.source, f"body {clipped(name)!r}")
         inherited = body.get("childclass") or inherited
         joints = self._joints(body, name, inherited)
         copy = SubElement(to, "body", name=written)
@@ -118,7 +118,7 @@ class Bare:
                 self._geom(geom, copy, inherited, values.where)
         for site in body.findall("site"):
             if called := site.get("name"):
-                own = Values(self.classes.attributes(site, inherited), self.classes.source, f"site {shown(called)!r}")
+                own = Values(self.classes.attributes(site, inherited), self.classes.source, f"site {clipped(called)!r}")
                 place(own, self.compiler, SubElement(copy, "site", name=self._named("site", called)))
         for inside in self._bodies(body, name):
             self._body(inside, copy, inherited, moves)
@@ -131,7 +131,7 @@ class Bare:
             given = dict(joint.attrib, type="free") if joint.tag == "freejoint" else None
             given = given or self.classes.attributes(joint, inherited)
             called = given.get("name") or f"{name}_joint{len(written) or ''}"
-            values = Values(given, self.classes.source, f"joint {shown(called)!r}")
+            values = Values(given, self.classes.source, f"joint {clipped(called)!r}")
             kind = values.word("type", _JOINTS)
             self.widths[called] = _WIDTHS.get(kind, 1)
             if kind == "free":
@@ -231,4 +231,4 @@ def check_moving(joints: Mapping[str, Values], moving: Sequence[str], root: Elem
         follower = str(coupling.get("joint1"))
         if coupling.get("active") != "false" and follower in moving:
             what = "is coupled by <equality>; armdyn knows no coupled joints: lock it"
-            raise UnsupportedJointError(source, what, f"joint {shown(follower)!r}")
+            raise UnsupportedJointError(source, what, f"joint {clipped(follower)!r}")

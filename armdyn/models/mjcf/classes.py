@@ -6,7 +6,7 @@ from xml.etree.ElementTree import Element
 
 from armdyn.errors import UrdfError
 from armdyn.models.mjcf.values import ROTATIONS
-from armdyn.models.reading.urdf_xml import shown
+from armdyn.models.reading.urdf_xml import clipped
 
 MAIN = "main"
 """MuJoCo's name of the class of what names none."""
@@ -66,7 +66,7 @@ class Classes:
         """
         name = element.get("class") or inherited or MAIN
         if name not in self.table:
-            raise UrdfError(self.source, f"class {shown(name)!r} is not defined", f"<{shown(element.tag)}>")
+            raise UrdfError(self.source, f"class {clipped(name)!r} is not defined", f"<{clipped(element.tag)}>")
         own = self.table[name].get(_kind(element.tag), {})
         if ROTATIONS.keys() & element.attrib.keys():  # its own way of being turned is instead of the class's
             own = {key: text for key, text in own.items() if key not in ROTATIONS}

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from armdyn.arguments import shown as told
+from armdyn.arguments import shown
 from armdyn.errors import FileError, UrdfError
 from armdyn.files import read_bounded
-from armdyn.models.reading.urdf_xml import MAX_BYTES, MAX_DEPTH, MAX_ELEMENTS, parse_xml, read_urdf, shown
+from armdyn.models.reading.urdf_xml import MAX_BYTES, MAX_DEPTH, MAX_ELEMENTS, clipped, parse_xml, read_urdf
 
 MAX_FILES = 100
 """An MJCF that includes more files is refused; the largest known includes some ten."""
@@ -38,9 +38,9 @@ def check_mjcf_text(text: object, source: object) -> None:
         UrdfError: no text, or too long.
     """
     if not isinstance(source, str):
-        raise UrdfError("MJCF text", f"source is {told(source)}; it must be text, what messages call the MJCF")
+        raise UrdfError("MJCF text", f"source is {shown(source)}; it must be text, what messages call the MJCF")
     if not isinstance(text, str):
-        raise UrdfError(source, f"is {told(text)}; it must be the text of an MJCF")
+        raise UrdfError(source, f"is {shown(text)}; it must be the text of an MJCF")
     if len(text) > MAX_BYTES:
         raise UrdfError(source, f"larger than {MAX_BYTES} bytes")
 
@@ -68,7 +68,7 @@ def parse_mjcf(text: str, source: str, folder: Path | None = None) -> Element:
     root = parse_xml(text, source)
     if root.tag != "mujoco":
         hint = ": this is a URDF; use Robot.from_urdf" if root.tag == "robot" else ": this is XML but no MJCF"
-        raise UrdfError(source, f"the root element is <{shown(root.tag)}>, not <mujoco>{hint}")
+        raise UrdfError(source, f"the root element is <{clipped(root.tag)}>, not <mujoco>{hint}")
     _Includes(source, folder).replace(root)
     return root
 
@@ -99,7 +99,7 @@ class _Includes:
 
     def _included(self, include: Element) -> Element:
         name = str(include.get("file", ""))
-        where = f"include {shown(name)!r}"
+        where = f"include {clipped(name)!r}"
         if self.folder is None:
             raise UrdfError(self.source, "a text has no folder that it could include files from", where)
         home = Path(os.path.realpath(self.folder))

@@ -8,7 +8,7 @@ import pinocchio as pin
 from armdyn.errors import UrdfError
 from armdyn.models.mjcf.compiler import Compiler
 from armdyn.models.mjcf.values import ROTATIONS, Values
-from armdyn.models.reading.urdf_xml import shown
+from armdyn.models.reading.urdf_xml import clipped
 
 _SHORTEST = 1e-6
 """A direction of less length is none."""
@@ -64,5 +64,5 @@ def _from_z(z: np.ndarray) -> pin.Quaternion:
 def _direction(vector: np.ndarray, values: Values, way: str) -> np.ndarray:
     length = np.linalg.norm(vector)
     if length < _SHORTEST:
-        raise UrdfError(values.source, f"{way}={shown(values.given[way])!r} is no direction", values.where)
+        raise UrdfError(values.source, f"{way}={clipped(values.given[way])!r} is no direction", values.where)
     return np.asarray(vector / length)

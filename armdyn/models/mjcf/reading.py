@@ -17,9 +17,8 @@ from armdyn.models.mjcf.bare import Bare, check_moving
 from armdyn.models.mjcf.classes import Classes
 from armdyn.models.mjcf.compiler import Compiler, gravity
 from armdyn.models.mjcf.values import Values
-from armdyn.models.reading.from_pinocchio import read_model
-from armdyn.models.reading.urdf_arm import Reading
-from armdyn.models.reading.urdf_xml import shown
+from armdyn.models.reading.from_pinocchio import Reading, read_model, rename
+from armdyn.models.reading.urdf_xml import clipped
 from armdyn.models.values.joint_limits import JointLimits
 
 
@@ -43,7 +42,7 @@ def read_mjcf_arm(
     bare = Bare(classes, compiler, None if arm is not None else frozenset(lock or {}))
     model = _parsed(bare.text(root), source)
     model.name = root.get("model") or "MuJoCo Model"
-    _call_again(model, bare.called)
+    rename(model, _own_names(bare.called))
     model.gravity.linear = gravity(root, source)
     limits = effort_limits(root, classes, bare.joints, compiler.automatic)
     reading = read_model(
@@ -95,17 +94,13 @@ def _parsed(text: str, source: str) -> pin.Model:
         try:
             return pin.buildModelFromMJCF(str(file))
         except Exception as error:  # whatever C++ throws
-            raise UrdfError(source, f"Pinocchio cannot read it ({shown(str(error).strip())})") from None
+            raise UrdfError(source, f"Pinocchio cannot read it ({clipped(str(error).strip())})") from None
 
 
-def _call_again(model: pin.Model, called: Mapping[str, Mapping[str, str]]) -> None:
-    """Give a model's joints and frames the names that they have in the MJCF."""
+def _own_names(called: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
+    """Names in the MJCF, by those that joints and frames were written with."""
     own = {written: name for names in called.values() for name, written in names.items()}
-    own |= {f"{written}_fixed": f"{name}_fixed" for name, written in called["body"].items()}
-    for i, name in enumerate(model.names):
-        model.names[i] = own.get(name, name)
-    for frame in model.frames:
-        frame.name = own.get(frame.name, frame.name)
+    return own | {f"{written}_fixed": f"{name}_fixed" for name, written in called["body"].items()}
 
 
 def _limits(own: JointLimits, joints: list[str], efforts: Mapping[str, tuple[float, float]]) -> JointLimits:
@@ -123,5 +118,5 @@ def _refuse_loops(model: pin.Model, root: Element, source: str) -> None:
         if len([end for end in ends if end]) == 1:
             tied.add(0)
         if tie.get("active") != "false" and len(tied) > 1:
-            names = ", ".join(shown(end) for end in ends if end)
+            names = ", ".join(clipped(end) for end in ends if end)
             raise UrdfError(source, f"<equality> ties {names} together; armdyn knows no closed loops: lock what moves")

@@ -4,11 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element
 
-import numpy as np
-
 from armdyn.errors import UrdfError
-from armdyn.models.reading.urdf_check import LARGEST
-from armdyn.models.reading.urdf_xml import shown, to_number
+from armdyn.models.reading.urdf_xml import clipped, finite_numbers
 
 ROTATIONS = {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}
 """Ways to say how something is turned, and how many numbers each takes."""
@@ -36,17 +33,7 @@ class Values:
         """
         if key not in self.given:
             return []
-        text = self.given[key]
-        try:
-            values = [to_number(word) for word in text.split()]
-        except ValueError:
-            values = []
-        if not least <= len(values) <= (most or least) or not np.all(np.isfinite(values)):
-            count = "one finite number" if least == 1 and not most else f"{least} finite numbers"
-            raise UrdfError(self.source, f"{key}={shown(text)!r} is not {count}", self.where)
-        if np.max(np.abs(values)) > LARGEST:
-            raise UrdfError(self.source, f"{key}={shown(text)!r} is beyond {LARGEST:g}", self.where)
-        return values
+        return finite_numbers(self.given[key], key, self.source, self.where, least, most)
 
     def number(self, key: str, default: float) -> float:
         """One finite number."""
@@ -63,7 +50,7 @@ class Values:
         """One of some words, the first if the attribute is missing."""
         text = self.given.get(key, known[0])
         if text not in known:
-            raise UrdfError(self.source, f"{key}={shown(text)!r} is none of {', '.join(known)}", self.where)
+            raise UrdfError(self.source, f"{key}={clipped(text)!r} is none of {', '.join(known)}", self.where)
         return text
 
     def bounds(self, key: str, flag: str, automatic: bool) -> tuple[float, float] | None:

@@ -1,18 +1,19 @@
-"""From a Pinocchio model that somebody else built or loaded to that of an arm."""
+"""From a Pinocchio model, whoever built it, to that of an arm: joints locked, numbers checked, a tip."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from armdyn.arguments import shown as told
+from armdyn.arguments import shown
 from armdyn.errors import SpecError, UnsupportedJointError, UrdfError, did_you_mean
-from armdyn.models.reading.joints import in_bounds
-from armdyn.models.reading.urdf_arm import Reading, call_again, joint_limits
-from armdyn.models.reading.urdf_check import LARGEST, inertia_fault
-from armdyn.models.reading.urdf_xml import shown
+from armdyn.models.reading.urdf_check import inertia_fault
+from armdyn.models.reading.urdf_xml import LARGEST, clipped
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.urdf import TIP
 
 Array = NDArray[np.float64]
@@ -22,6 +23,34 @@ _KNOWN = re.compile(r"JointModel(R[XYZ]|RUB[XYZ]|Revolute(Unbounded)?Unaligned|P
 
 _SHARED = (pin.FrameType.BODY, pin.FrameType.OP_FRAME, pin.FrameType.FIXED_JOINT, pin.FrameType.SENSOR)
 """Frames that may be called like a joint."""
+
+
+class Mimic(NamedTuple):
+    """A joint that follows another: position = multiplier * leader's + offset."""
+
+    leader: str
+    """The other joint."""
+    multiplier: float
+    """[1, or m/rad]."""
+    offset: float
+    """[rad or m]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reading:
+    """An arm as it was read from a file or a model.
+
+    Attributes:
+        model: of the moving joints only.
+        locked: joint name to the position it is locked at [rad or m].
+        tip: the frame at the end of the arm.
+        limits: of the moving joints.
+    """
+
+    model: pin.Model
+    locked: Mapping[str, float]
+    tip: str
+    limits: JointLimits
 
 
 def read_model(
@@ -40,17 +69,100 @@ def read_model(
         UrdfError: the model has numbers that no arm has, or nothing moves.
         SpecError: a lock or the arm does not fit it.
     """
-    locked = _locked(model, source, lock or {}, arm)
+    return arm_of(model, source, locked_joints(model, source, lock or {}, arm), arm)
+
+
+def locked_joints(
+    model: pin.Model,
+    source: str,
+    lock: Mapping[str, float],
+    arm: tuple[str, str] | None,
+    mimics: Mapping[str, Mimic] | None = None,
+) -> dict[str, float]:
+    """Positions [rad or m] of the joints that do not move, by name.
+
+    Args:
+        model: of all joints.
+        source: what to call it in messages.
+        lock: see `read_model`.
+        arm: see `read_model`.
+        mimics: joints that follow others, which may be fixed ones; they do not move.
+
+    Raises:
+        SpecError: `lock` names no moving joint or no finite position, or `arm` does not fit.
+        UnsupportedJointError: a joint mimics one that moves.
+        UrdfError: a joint mimics itself, or would be locked beyond `LARGEST`.
+    """
+    joints, mimics = _joints(model), mimics or {}
+    for name, value in lock.items():
+        if name not in joints:
+            hint, names = did_you_mean(str(name), joints), ", ".join(map(clipped, list(joints)[:20]))
+            raise SpecError(f"cannot lock {clipped(name)!r}: {source} has joints {names}{hint}")
+        several = model.joints[joints[name]].nv != 1
+        if not _in_bounds(value) or (several and value):
+            right = f"one number [rad or m]{'; 0 for a joint of several coordinates' if several else ''}"
+            raise SpecError(f"cannot lock {name!r} at {shown(value)}: it must be {right}")
+    free = set(joints if arm is None else _chain(model, *arm, source)) - set(lock)
+
+    def position(name: str, followers: tuple[str, ...] = ()) -> float | None:
+        """Position of a joint; None: it moves."""
+        if name in lock:
+            return float(lock[name])
+        if name not in mimics:
+            return None if name in free else _rest(model, joints.get(name, 0))
+        if name in followers:
+            raise UrdfError(source, "mimics itself in the end", f"joint {clipped(name)!r}")
+        leader, multiplier, offset = mimics[name]
+        at = position(leader, (*followers, name))
+        return None if at is None else multiplier * at + offset
+
+    locked: dict[str, float] = {}
+    for name in joints:
+        if name in free and name not in mimics:
+            continue
+        at = position(name)
+        if at is None:
+            what = (
+                f"mimics {clipped(mimics[name].leader)!r}, which moves; armdyn knows no coupled joints: lock that one, "
+                "and this follows, or this one alone if it does not matter"
+            )
+            raise UnsupportedJointError(source, what, f"joint {clipped(name)!r}")
+        if not abs(at) <= LARGEST:
+            raise UrdfError(source, f"would be locked at {at:g}", f"joint {clipped(name)!r}")
+        locked[name] = at
+    return locked
+
+
+def arm_of(model: pin.Model, source: str, locked: Mapping[str, float], arm: tuple[str, str] | None) -> Reading:
+    """The arm that is left of a model when joints are locked; the model itself is left as it is.
+
+    Raises:
+        UnsupportedJointError: a joint that moves neither turns nor slides along one axis.
+        UrdfError: the model has numbers that no arm has, or nothing moves.
+    """
     for name, joint in _joints(model).items():
         kind = model.joints[joint].shortname()
         if name not in locked and not _KNOWN.fullmatch(kind):
             what = f"is a {kind}; armdyn knows joints that turn or slide along one axis: lock it, or choose an arm"
-            raise UnsupportedJointError(source, what, f"joint {shown(name)!r}")
+            raise UnsupportedJointError(source, what, f"joint {clipped(name)!r}")
     reduced = _reduced(model.copy(), locked, source)
     if reduced.nv == 0:
         raise UrdfError(source, "has no moving joint")
     _check(reduced, source)
-    return Reading(model=reduced, locked=locked, tip=_tip(reduced, arm), limits=joint_limits(reduced))
+    tip, last = _tip(model, locked, arm)
+    if not tip:
+        tip = TIP
+        while _frame(model, tip) is not None or tip in _joints(model):
+            tip += "'"
+        last = reduced.getJointId(str(model.names[last]))
+        reduced.addFrame(pin.Frame(tip, last, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    return Reading(model=reduced, locked=locked, tip=tip, limits=joint_limits(reduced))
+
+
+def _in_bounds(position: Any) -> bool:
+    """Whether it is a number that a joint may be at [rad or m]."""
+    known = isinstance(position, int | float | np.integer | np.floating) and not isinstance(position, bool)
+    return known and bool(abs(position) <= LARGEST)
 
 
 def _joints(model: pin.Model) -> dict[str, int]:
@@ -63,22 +175,8 @@ def _frame(model: pin.Model, name: str) -> pin.Frame | None:
     return next((frame for frame in model.frames if frame.name == name and frame.type in _SHARED), None)
 
 
-def _locked(model: pin.Model, source: str, lock: Mapping[str, float], arm: tuple[str, str] | None) -> dict[str, float]:
-    """Where every joint is locked that does not move [rad or m]."""
-    joints = _joints(model)
-    for name, value in lock.items():
-        if name not in joints:
-            hint, names = did_you_mean(str(name), joints), ", ".join(map(shown, list(joints)[:20]))
-            raise SpecError(f"cannot lock {shown(name)!r}: {source} has joints {names}{hint}")
-        if not in_bounds(value) or (model.joints[joints[name]].nv != 1 and value):
-            right = "one number [rad or m]; 0 for a joint of several coordinates"
-            raise SpecError(f"cannot lock {name!r} at {told(value)}: it must be {right}")
-    free = set(joints if arm is None else _chain(model, *arm, source)) - set(lock)
-    return {name: float(lock.get(name, _rest(model, i))) for name, i in joints.items() if name not in free}
-
-
 def _rest(model: pin.Model, joint: int) -> float:
-    """Zero, or the bound nearest to it [rad or m]."""
+    """Zero, or the bound nearest to it [rad or m]; of a fixed joint, number 0, zero."""
     if model.joints[joint].nq != 1:
         return 0.0
     i = model.joints[joint].idx_q
@@ -93,16 +191,18 @@ def _chain(model: pin.Model, first: str, last: str, source: str) -> list[str]:
         frame = _frame(model, name)
         if frame is None and name not in joints:
             known = [*joints, *(other.name for other in model.frames)]
-            raise SpecError(f"arm: {source} has no frame or joint {shown(name)!r}{did_you_mean(name, known)}")
-        ends.append(joints[name] if frame is None else int(frame.parentJoint))
-    base, end = ends
+            raise SpecError(f"arm: {source} has no link, frame or joint {clipped(name)!r}{did_you_mean(name, known)}")
+        ends.append((joints[name] if frame is None else int(frame.parentJoint), frame))
+    (base, start), (end, goal) = ends
     way = [int(joint) for joint in model.supports[end]]
-    if base not in way:
-        raise SpecError(f"arm: {shown(last)!r} is not behind {shown(first)!r} in {source}")
-    after = way[way.index(base) + (_frame(model, first) is not None) :]
-    names = [str(model.names[joint]) for joint in after if joint]
+    goal = goal or next((frame for frame in model.frames if frame.name == last), None)
+    # Frames of a model that was put together by hand may not know where they hang.
+    beside = start is not None and goal is not None and goal.parentFrame and start not in _way(model, goal)
+    if base not in way or beside:
+        raise SpecError(f"arm: {clipped(last)!r} is not behind {clipped(first)!r} in {source}")
+    names = [str(model.names[joint]) for joint in way[way.index(base) + (start is not None) :] if joint]
     if not names:
-        raise SpecError(f"arm: nothing moves between {shown(first)!r} and {shown(last)!r} of {source}")
+        raise SpecError(f"arm: nothing moves between {clipped(first)!r} and {clipped(last)!r} of {source}")
     return names
 
 
@@ -120,22 +220,35 @@ def _reduced(model: pin.Model, locked: Mapping[str, float], source: str) -> pin.
     for name, i in joints.items():  # pin 4.1 crashes where a joint that is to be locked has no frame
         if not model.existFrame(name, pin.FrameType.JOINT):
             model.addJointFrame(i, -1)
-    # pin 4.1 cannot reduce a model in which a joint is called like another frame
-    suffix = " (joint)"
-    while any(name + suffix in joints or _frame(model, name + suffix) for name in joints):
-        suffix += "'"
-    called = {name: name + suffix for name in joints if _frame(model, name)}
-    for name, other in called.items():
-        model.names[joints[name]] = other
-    for frame in model.frames:
-        if frame.type == pin.FrameType.JOINT:
-            frame.name = called.get(frame.name, frame.name)
+    own = _number(model)  # pin 4.1 cannot reduce a model in which two frames have one name
     try:
         reduced = pin.buildReducedModel(model, [joints[name] for name in locked], at)
     except (RuntimeError, ValueError) as error:
-        raise UrdfError(source, f"Pinocchio cannot lock {', '.join(locked)} ({shown(error)})") from None
-    call_again(reduced, called)
+        raise UrdfError(source, f"Pinocchio cannot lock {', '.join(locked)} ({clipped(error)})") from None
+    rename(reduced, own)
     return reduced
+
+
+def rename(model: pin.Model, names: Mapping[str, str]) -> None:
+    """Give joints and frames of a model, which is changed, other names, by those that they have."""
+    for i, name in enumerate(model.names):
+        model.names[i] = names.get(name, name)
+    for frame in model.frames:
+        frame.name = names.get(frame.name, frame.name)
+
+
+def _number(model: pin.Model) -> dict[str, str]:
+    """Give joints and frames names of which none occurs twice; returns their own names by these."""
+    own = {f"joint {i}": name for name, i in _joints(model).items()}
+    for i, frame in enumerate(model.frames):
+        name = f"joint {frame.parentJoint}"
+        if frame.type != pin.FrameType.JOINT or own.get(name) != frame.name:
+            name = f"frame {i}"
+        if i:  # the first is the universe
+            own[name], frame.name = str(frame.name), name
+    for i in _joints(model).values():
+        model.names[i] = f"joint {i}"
+    return own
 
 
 def _check(model: pin.Model, source: str) -> None:
@@ -143,7 +256,7 @@ def _check(model: pin.Model, source: str) -> None:
     if not np.all(np.abs(model.gravity.vector) <= LARGEST):
         raise UrdfError(source, f"gravity is {model.gravity.linear} m/s²")
     for name, i in _joints(model).items():
-        where, inertia = f"joint {shown(name)!r}", model.inertias[i]
+        where, inertia = f"joint {clipped(name)!r}", model.inertias[i]
         numbers = np.concatenate([inertia.toDynamicParameters(), model.jointPlacements[i].homogeneous.ravel()])
         if not np.all(np.abs(numbers) <= LARGEST):
             raise UrdfError(source, f"its body or its placement is not finite, or beyond {LARGEST:g}", where)
@@ -159,28 +272,65 @@ def _check(model: pin.Model, source: str) -> None:
             raise UrdfError(source, f"lower limit {lower} is above upper limit {upper}", where)
 
 
-def _tip(model: pin.Model, arm: tuple[str, str] | None) -> str:
-    """The frame at the end of the arm, furthest from the base; one more is made where the last joint has none."""
-    if arm is not None and _frame(model, arm[1]) is not None:
-        return arm[1]
+def _tip(model: pin.Model, locked: Mapping[str, float], arm: tuple[str, str] | None) -> tuple[str, int]:
+    """The frame at the end of the arm; where the last joint has none, an empty name and the joint for a new one.
+
+    It is the body furthest from the base, in moving joints and then in all; among equals the one behind the fewest
+    locked joints: a hand rather than its fingers. Behind a last joint that is given there is no locked one.
+
+    Args:
+        model: of all joints.
+        locked: those that do not move.
+        arm: first and last joint or frame.
+    """
+    named = None if arm is None else _frame(model, arm[1])
+    if arm is not None and named is not None and named.type != pin.FrameType.FIXED_JOINT:
+        return arm[1], 0
     if arm is None and _frame(model, TIP) is not None:
-        return TIP
-    joints = _joints(model)
-    last = joints[arm[1]] if arm is not None else max(joints.values(), key=lambda i: len(model.supports[i]))
+        return TIP, 0
+    still = {i for name, i in _joints(model).items() if name in locked}
+    moving = [len(set(support) - still) for support in model.supports]
+    ends = [i for i, count in enumerate(moving) if count == max(moving)]
+    if arm is not None:
+        ends = [_joints(model)[arm[1]] if named is None else int(named.parentJoint)]
+
+    def rank(frame: pin.Frame) -> tuple[int, int]:
+        return len(list(_way(model, frame))), -len(still & set(model.supports[frame.parentJoint]))
+
     for kind in (pin.FrameType.BODY, pin.FrameType.OP_FRAME, pin.FrameType.JOINT):
-        there = [frame for frame in model.frames if frame.parentJoint == last and frame.type == kind]
-        if there:
-            return str(max(there, key=lambda frame: _depth(model, frame)).name)
-    name = TIP
-    while _frame(model, name) is not None or name in joints:
-        name += "'"
-    model.addFrame(pin.Frame(name, last, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
-    return name
+        if there := [frame for frame in model.frames if frame.type == kind and frame.parentJoint in ends]:
+            return str(max(there, key=rank).name), 0
+    return "", max(set(model.supports[ends[0]]) - still)
 
 
-def _depth(model: pin.Model, frame: pin.Frame) -> int:
-    """Frames between the base and this one."""
-    depth = 0
-    while frame.parentFrame and depth < len(model.frames):
-        frame, depth = model.frames[frame.parentFrame], depth + 1
-    return depth
+def _way(model: pin.Model, frame: pin.Frame) -> Iterator[pin.Frame]:
+    """The frame and those between it and the base."""
+    for _ in model.frames:
+        yield frame
+        if not frame.parentFrame:
+            return
+        frame = model.frames[frame.parentFrame]
+
+
+def joint_limits(model: pin.Model) -> JointLimits:
+    """The limits that a model gives. Where it has only an upper torque limit, the lower is as large."""
+    first = [joint.idx_q for joint in list(model.joints)[1:]]
+    lower, upper = model.lowerPositionLimit[first], model.upperPositionLimit[first]
+    effort_lower, effort_upper = -_or_infinite(-model.lowerEffortLimit), _or_infinite(model.upperEffortLimit)
+    one_sided = np.isinf(effort_lower) | (effort_lower >= effort_upper)
+    # A range without width, a velocity limit of zero and torque limits of zero are a URDF's way to say nothing.
+    unset = (effort_upper == 0) & (one_sided | (effort_lower == 0))
+    unbounded = np.array([joint.nq == 2 for joint in list(model.joints)[1:]]) | (lower == upper)
+    velocity = np.minimum(*(np.abs(_or_infinite(x)) for x in (model.lowerVelocityLimit, model.upperVelocityLimit)))
+    return JointLimits(
+        position_lower=np.where(unbounded, -np.inf, lower),
+        position_upper=np.where(unbounded, np.inf, upper),
+        velocity=np.where(velocity == 0, np.inf, velocity),
+        effort_lower=np.where(unset, -np.inf, np.where(one_sided, -effort_upper, effort_lower)),
+        effort_upper=np.where(unset, np.inf, effort_upper),
+    )
+
+
+def _or_infinite(limit: Array) -> Array:
+    """Pinocchio writes a missing limit as the largest double or as infinity."""
+    return np.where(np.asarray(limit) >= np.finfo(float).max, np.inf, limit)

@@ -1,13 +1,13 @@
 """What a URDF from a stranger must pass before Pinocchio reads it."""
 
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Set
 from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.errors import UnsupportedJointError, UrdfError
-from armdyn.models.reading.urdf_xml import parse_xml, shown, to_number
+from armdyn.models.reading.urdf_xml import LARGEST, clipped, finite_numbers, parse_xml
 
 MAX_LINKS = 1000
 """A URDF of more links is refused: those who read it descend link by link. The largest known robots have 200."""
@@ -16,9 +16,6 @@ MAX_MOVING = 150
 """A URDF of more moving joints is refused: Pinocchio's memory grows with their cube, 0.2 GiB for 150."""
 
 MOVING = ("revolute", "continuous", "prismatic")
-LARGEST = 1e9
-"""Masses, moments, lengths and locked positions above are refused [SI]: no arm has them, and products overflow."""
-
 _MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _TRIANGLE_TOLERANCE = 1e-2  # published URDFs round principal moments to two or three digits
 _NOTHING = 1e-12  # [kg m²]: published tensors of point masses are a rounding, 1e-17, beside zero
@@ -54,7 +51,7 @@ def parse_urdf(text: str, source: str) -> ElementTree.Element:
     if root.tag == "mujoco":
         raise UrdfError(source, "is MJCF, no URDF; Robot.from_mjcf reads it")
     if root.tag != "robot":
-        raise UrdfError(source, f"the root element is <{shown(root.tag)}>, not <robot>: this is XML but no URDF")
+        raise UrdfError(source, f"the root element is <{clipped(root.tag)}>, not <robot>: this is XML but no URDF")
     if not root.get("name"):
         raise UrdfError(source, "<robot> has no name")
     links = _named(root, "link", source)
@@ -64,9 +61,9 @@ def parse_urdf(text: str, source: str) -> ElementTree.Element:
     if sum(joint.get("type") in MOVING for joint in joints.values()) > MAX_MOVING:
         raise UrdfError(source, f"has more than {MAX_MOVING} joints that move")
     for name, link in links.items():
-        _check_link(link, source, f"link {shown(name)!r}")
+        _check_link(link, source, f"link {clipped(name)!r}")
     for name, joint in joints.items():
-        _check_joint(joint, source, f"joint {shown(name)!r}", links)
+        _check_joint(joint, source, f"joint {clipped(name)!r}", links)
     _check_tree(links, joints, source)
     return root
 
@@ -86,7 +83,7 @@ def check_inertias(root: ElementTree.Element, source: str, moving: Set[str]) -> 
         inertial = link.find("inertial")
         if inertial is None or link.get("name") not in moving:
             continue
-        where = f"link {shown(link.get('name'))!r}"
+        where = f"link {clipped(link.get('name'))!r}"
         xx, xy, xz, yy, yz, zz = _numbers(inertial.find("inertia"), _MOMENTS, source, where)
         if fault := inertia_fault(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])):
             raise UrdfError(source, fault, where)
@@ -107,21 +104,14 @@ def inertia_fault(tensor: NDArray[np.float64]) -> str:
     return ""
 
 
-def dynamics_urdf(root: ElementTree.Element, called: Mapping[str, str] | None = None) -> str:
-    """A checked URDF without all that dynamics do not need: what Pinocchio reads is what was checked.
-
-    Args:
-        root: what `parse_urdf` gave.
-        called: joints that get another name.
-    """
+def dynamics_urdf(root: ElementTree.Element) -> str:
+    """A checked URDF without elements that dynamics do not need: Pinocchio reads what was checked, and nothing else."""
     bare = ElementTree.Element("robot", name=str(root.get("name")))
     for element in root:
         if element.tag not in ("link", "joint"):
             continue
         keys = ("name",) if element.tag == "link" else ("name", "type")
         copy = ElementTree.SubElement(bare, element.tag, {key: str(element.get(key)) for key in keys})
-        if called and element.tag == "joint":
-            copy.set("name", called.get(copy.attrib["name"], copy.attrib["name"]))
         fixed = ("parent", "child", "origin")  # what else a fixed joint has was not checked
         more = () if element.get("type") == "fixed" else ("axis", "limit", "dynamics")
         tags = ("inertial",) if element.tag == "link" else (*fixed, *more)
@@ -150,7 +140,7 @@ def _named(root: ElementTree.Element, tag: str, source: str) -> dict[str, Elemen
         if not name:
             raise UrdfError(source, f"a <{tag}> has no name")
         if name in found:
-            raise UrdfError(source, "is defined twice", f"{tag} {shown(name)!r}")
+            raise UrdfError(source, "is defined twice", f"{tag} {clipped(name)!r}")
         found[name] = element
         if len(found) > MAX_LINKS:
             raise UrdfError(source, f"has more than {MAX_LINKS} {tag}s")
@@ -163,37 +153,17 @@ def _numbers(
     """Attributes as finite numbers; a missing element is an error, a missing attribute too."""
     if element is None:
         raise UrdfError(source, f"lacks the element with {', '.join(keys)}", where)
-    values = []
     for key in keys:
-        text = element.get(key)
-        if text is None:
+        if key not in element.attrib:
             raise UrdfError(source, f"<{element.tag}> lacks {key}", where)
-        try:
-            value = to_number(text)
-        except ValueError:
-            raise UrdfError(source, f"<{element.tag}> {key}={shown(text)!r} is not a number", where) from None
-        if not np.isfinite(value):
-            raise UrdfError(source, f"<{element.tag}> {key}={shown(text)!r} is not finite", where)
-        if abs(value) > largest:
-            raise UrdfError(source, f"<{element.tag}> {key}={shown(text)!r} is beyond {largest:g}", where)
-        values.append(value)
-    return values
+    named = [(element.attrib[key], f"<{element.tag}> {key}") for key in keys]
+    return [finite_numbers(text, name, source, where, largest=largest)[0] for text, name in named]
 
 
-def _vectors(element: ElementTree.Element, source: str, where: str) -> Iterator[tuple[str, np.ndarray]]:
-    for key in ("xyz", "rpy"):
-        text = element.get(key)
-        if text is None:
-            continue
-        try:
-            vector = np.array([to_number(word) for word in text.split()])
-        except ValueError:
-            vector = np.array([])
-        if vector.size != 3 or not np.all(np.isfinite(vector)):
-            raise UrdfError(source, f"<{element.tag}> {key}={shown(text)!r} is not three finite numbers", where)
-        if np.max(np.abs(vector)) > LARGEST:
-            raise UrdfError(source, f"<{element.tag}> {key}={shown(text)!r} is beyond {LARGEST:g}", where)
-        yield key, vector
+def _vectors(element: ElementTree.Element, source: str, where: str) -> list[NDArray[np.float64]]:
+    """The attributes xyz and rpy, those that there are, each of shape (3,)."""
+    named = [(element.attrib[key], f"<{element.tag}> {key}") for key in ("xyz", "rpy") if key in element.attrib]
+    return [np.array(finite_numbers(text, name, source, where, 3)) for text, name in named]
 
 
 def _check_link(link: ElementTree.Element, source: str, where: str) -> None:
@@ -201,7 +171,7 @@ def _check_link(link: ElementTree.Element, source: str, where: str) -> None:
     if inertial is None:
         return
     if (origin := inertial.find("origin")) is not None:
-        dict(_vectors(origin, source, where))
+        _vectors(origin, source, where)
     (mass,) = _numbers(inertial.find("mass"), ("value",), source, where, LARGEST)
     if mass < 0:
         raise UrdfError(source, f"mass is {mass} kg; it must not be negative", where)
@@ -211,18 +181,18 @@ def _check_link(link: ElementTree.Element, source: str, where: str) -> None:
 def _check_joint(joint: ElementTree.Element, source: str, where: str, links: dict[str, ElementTree.Element]) -> None:
     kind = joint.get("type", "")
     if kind not in (*MOVING, "fixed"):
-        raise UnsupportedJointError(source, f"type {shown(kind)!r} is none of {', '.join(MOVING)}, fixed", where)
+        raise UnsupportedJointError(source, f"type {clipped(kind)!r} is none of {', '.join(MOVING)}, fixed", where)
     for tag in ("parent", "child"):
         element = joint.find(tag)
         link = None if element is None else element.get("link")
         if link not in links:
-            raise UrdfError(source, f"{tag} link {shown(link)!r} does not exist", where)
+            raise UrdfError(source, f"{tag} link {clipped(link)!r} does not exist", where)
     if (origin := joint.find("origin")) is not None:
-        dict(_vectors(origin, source, where))
+        _vectors(origin, source, where)
     if kind == "fixed":
         return
     if (axis := joint.find("axis")) is not None:
-        for _, vector in _vectors(axis, source, where):
+        for vector in _vectors(axis, source, where):
             if not 1e-6 < np.linalg.norm(vector) < 1e6:  # who reads it divides by it
                 what = "axis is zero" if not np.any(vector) else f"axis is {vector}; its length should be 1"
                 raise UrdfError(source, what, where)
@@ -251,11 +221,11 @@ def _check_tree(links: dict[str, ElementTree.Element], joints: dict[str, Element
     for name, joint in joints.items():
         up, down = (str(joint.find(tag).get("link")) for tag in ("parent", "child"))  # type: ignore[union-attr]
         if down in parent:
-            raise UrdfError(source, f"link {shown(down)!r} is the child of two joints", f"joint {shown(name)!r}")
+            raise UrdfError(source, f"link {clipped(down)!r} is the child of two joints", f"joint {clipped(name)!r}")
         parent[down] = up
     roots = [link for link in links if link not in parent]
     if len(roots) > 1:
-        raise UrdfError(source, f"has {len(roots)} roots, {shown(', '.join(roots[:5]))}; a robot is one tree")
+        raise UrdfError(source, f"has {len(roots)} roots, {clipped(', '.join(roots[:5]))}; a robot is one tree")
     reached = set(roots)
     children: dict[str, list[str]] = {}
     for down, up in parent.items():
@@ -267,4 +237,4 @@ def _check_tree(links: dict[str, ElementTree.Element], joints: dict[str, Element
             stack.append(link)
     if len(reached) < len(links):
         lost = sorted(set(links) - reached)
-        raise UrdfError(source, f"has a cycle through {shown(', '.join(lost[:5]))}; a robot is one tree")
+        raise UrdfError(source, f"has a cycle through {clipped(', '.join(lost[:5]))}; a robot is one tree")

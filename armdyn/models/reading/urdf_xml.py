@@ -2,11 +2,12 @@
 
 import os
 import re
+from math import isfinite
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-from armdyn.arguments import shown as told
+from armdyn.arguments import shown
 from armdyn.errors import FileError, UrdfError
 from armdyn.files import read_bounded
 
@@ -18,6 +19,9 @@ MAX_DEPTH = 64
 
 MAX_ELEMENTS = 200_000
 """XML of more elements than this is refused; the largest known robots have some five thousand."""
+
+LARGEST = 1e9
+"""Masses, moments, lengths and locked positions above are refused [SI]: no arm has them, and products overflow."""
 
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _XACRO = "is xacro that was not expanded; run `xacro` on it first and give armdyn the result"
@@ -39,7 +43,7 @@ def file_path(path: object, kind: str = "URDF", of_text: str = "Robot.from_urdf_
     try:
         return Path(os.fsdecode(path))  # type: ignore[arg-type]  # it refuses what is no path
     except Exception:  # a stranger's __fspath__ may raise anything
-        raise UrdfError("path", f"is {told(path)}; it must be the path of a {kind} file") from None
+        raise UrdfError("path", f"is {shown(path)}; it must be the path of a {kind} file") from None
 
 
 def check_urdf_text(text: object, source: object) -> None:
@@ -49,11 +53,11 @@ def check_urdf_text(text: object, source: object) -> None:
         UrdfError: no text, too long, or a path.
     """
     if not isinstance(source, str):
-        raise UrdfError("URDF text", f"source is {told(source)}; it must be text, what messages call the URDF")
+        raise UrdfError("URDF text", f"source is {shown(source)}; it must be text, what messages call the URDF")
     if not isinstance(text, str):
-        raise UrdfError(source, f"is {told(text)}; it must be the text of a URDF")
+        raise UrdfError(source, f"is {shown(text)}; it must be the text of a URDF")
     if "<" not in text and text.strip().lower().endswith((".urdf", ".xml", ".xacro")):
-        raise UrdfError(source, f"{told(text)} is no URDF text; Robot.from_urdf takes the path of a file")
+        raise UrdfError(source, f"{shown(text)} is no URDF text; Robot.from_urdf takes the path of a file")
     if len(text) > MAX_BYTES:
         raise UrdfError(source, f"larger than {MAX_BYTES} bytes")
 
@@ -97,10 +101,10 @@ def parse_xml(text: str, source: str) -> ElementTree.Element:
             raise UrdfError(source, f"XML of more than {MAX_ELEMENTS} elements")
         namespace, _, name = tag.rpartition(" ")
         if "xacro" in namespace:
-            raise UrdfError(source, f"<xacro:{shown(name)}> {_XACRO}")
+            raise UrdfError(source, f"<xacro:{clipped(name)}> {_XACRO}")
         for key, value in attributes.items():
             if "${" in value or "$(" in value:
-                raise UrdfError(source, f"<{shown(name)} {shown(key)}={shown(value)!r}> {_XACRO}")
+                raise UrdfError(source, f"<{clipped(name)} {clipped(key)}={clipped(value)!r}> {_XACRO}")
         builder.start(tag, attributes)
 
     def end(tag: str) -> None:
@@ -136,7 +140,36 @@ def to_number(text: str) -> float:
     return value
 
 
-def shown(text: object) -> str:
+def finite_numbers(
+    text: str, what: str, source: str, where: str, least: int = 1, most: int | None = None, largest: float = LARGEST
+) -> list[float]:
+    """Numbers of an attribute, with spaces between.
+
+    Args:
+        text: the attribute's value.
+        what: its name, in messages.
+        source: the file, in messages.
+        where: the element, in messages.
+        least: fewest numbers.
+        most: most numbers; None: as many as the fewest.
+        largest: of their magnitudes.
+
+    Raises:
+        UrdfError: another count, one is not finite, or beyond the largest.
+    """
+    try:
+        values = [to_number(word) for word in text.split()]
+    except ValueError:
+        values = []
+    if not least <= len(values) <= (most or least) or not all(isfinite(value) for value in values):
+        count = "a finite number" if least == 1 and not most else f"{least} finite numbers"
+        raise UrdfError(source, f"{what}={clipped(text)!r} is not {count}", where)
+    if any(abs(value) > largest for value in values):
+        raise UrdfError(source, f"{what}={clipped(text)!r} is beyond {largest:g}", where)
+    return values
+
+
+def clipped(text: object) -> str:
     """A stranger's text as a message shows it: its beginning, if it is long."""
     words = str(text)
     return words if len(words) <= 80 else f"{words[:77]}..."

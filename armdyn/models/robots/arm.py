@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from armdyn.arguments import expect, several, shown, text
 from armdyn.errors import SpecError, did_you_mean
 from armdyn.models.reading.urdf_arm import configuration
-from armdyn.models.reading.urdf_check import LARGEST
+from armdyn.models.reading.urdf_xml import LARGEST
 from armdyn.models.robots.identity import model_hash
 from armdyn.models.robots.options import RobotOptions
 from armdyn.models.robots.poses import named_poses, pose_named
@@ -213,7 +213,7 @@ class Arm:
         """This robot with reflected rotor inertia [kg m² or kg]: one number, or one per joint; None keeps its own.
 
         Raises:
-            SpecError: wrong length, NaN, negative, or beyond `urdf_check.LARGEST`.
+            SpecError: wrong length, NaN, negative, or beyond `urdf_xml.LARGEST`.
         """
         if armature is None:
             return self

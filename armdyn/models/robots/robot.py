@@ -13,9 +13,9 @@ from armdyn.arguments import expect, several, text
 from armdyn.errors import SpecError
 from armdyn.models.mjcf.document import check_mjcf_text, parse_mjcf, read_mjcf
 from armdyn.models.mjcf.reading import read_mjcf_arm
-from armdyn.models.reading.from_pinocchio import read_model
+from armdyn.models.reading.from_pinocchio import Reading, read_model
 from armdyn.models.reading.meshes import mesh_folders
-from armdyn.models.reading.urdf_arm import Reading, check_inertia, read_arm
+from armdyn.models.reading.urdf_arm import check_inertia, read_arm
 from armdyn.models.reading.urdf_xml import check_urdf_text, file_path, read_urdf
 from armdyn.models.robots.arm import READERS, Arm
 from armdyn.models.robots.descriptions import described

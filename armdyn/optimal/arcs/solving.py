@@ -35,10 +35,6 @@ from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_CAREFUL, _FROM_HERE = 1e-3, 1e-9
-"""First barrier parameters; the lesser where the guess is near or all torques are held, which then is pushed off its
-bounds by no more: Newton's method from where it stands."""
-
 
 def solve_phases(
     task: Task, arcs: Sequence[Arc], guess: Trajectory, intervals: int, aim: PhaseAim | None = None
@@ -83,8 +79,9 @@ def _solver(
     task: Task, build: Callable[[Dynamics, Scheme, int], Nlp], intervals: int, near: bool, iterations: int
 ) -> Solver[Nlp]:
     step = replace(task, scheme=replace(task.scheme, method=TABLEAU.name, control="stage"))
-    barrier, push = (_FROM_HERE, _FROM_HERE) if near else (_CAREFUL, None)
-    settings = SolverSettings(task.policy.arcs.tolerance, iterations, barrier=barrier, exact=True, push=push)
+    numbers = task.policy.arcs
+    barrier, push = (numbers.near_barrier, numbers.near_barrier) if near else (numbers.barrier, None)
+    settings = SolverSettings(numbers.tolerance, iterations, barrier=barrier, exact=True, push=push)
     return in_time(step, lambda scheme: solver_for(task, settings, build, task.dynamics, scheme, intervals))
 
 
@@ -116,7 +113,7 @@ def _read(task: Task, nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult) -> Phas
     stages = np.concatenate([x[layout.inner_states(N)].reshape(N, -1, 2, n) * units, knots[1:]], axis=1)
     tau = x[layout.torques(N)] * scales.effort
     states = np.concatenate([knots[:-1], stages], axis=1)
-    torques = motion_of(problem, arcs, nlp_data.arc_of, t, states, tau, numbers.samples)
+    torques = motion_of(problem, arcs, nlp_data.arc_of, t, states, tau, numbers)
     gradient = _gradient(nlp, nlp_data, result)
     costate, stage_costate = _costates(nlp, nlp_data, result, gradient)
     multiplier = scales.time / units

@@ -14,12 +14,9 @@ from numpy.typing import NDArray
 
 from armdyn.optimal.bound.enclosure.interval import Interval, joined
 from armdyn.optimal.bound.leg import BoundLeg
+from armdyn.optimal.task.policy.bound import BoundPolicy
 
 Array = NDArray[np.float64]
-
-_SHORTEST, _GROWTH, _LONGEST = 4e-5, 1.35, 1 / 20
-"""Cells of one side: the first one's share of it, how they grow, and the greatest share: a ramp of some thousandths
-has cells of its own, and torques may turn over anywhere without much being lost."""
 
 _EDGE = 1e-9
 """Share of an instant by which cells of two cuts are taken to overlap, whatever rounding makes of their ends."""
@@ -50,7 +47,7 @@ class Cells:
             half: at most so long are the cells of each side [s]; no motion is faster than twice that.
             longest: no motion that takes longer [s] is spoken of.
         """
-        side = _side(half)
+        side = _side(half, leg.policy)
         most = np.broadcast_to(leg.velocity, (2 * len(side) + 1, len(leg.velocity)))
         v = Interval(-most, most)
         return cls(side, _positions(leg, side, v, longest), v, longest)
@@ -93,13 +90,13 @@ class Cells:
         return float(np.maximum((Interval.at(self.longest) - Interval.at(self.lengths).sum(0)).upper, 0.0))
 
 
-def _side(half: float) -> Array:
+def _side(half: float, numbers: BoundPolicy) -> Array:
     """Lengths of the cells of one side [s]; their sum is half at most."""
     lengths: list[float] = []
-    length = _SHORTEST
+    length = numbers.shortest
     while sum(lengths) + length < 1:
         lengths.append(length)
-        length = min(length * _GROWTH, _LONGEST)
+        length = min(length * numbers.growth, numbers.longest)
     return np.array(lengths) * (half / sum(lengths) * (1 - 1e-12))  # which rounding does not make up for
 
 

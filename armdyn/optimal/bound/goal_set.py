@@ -28,6 +28,7 @@ from armdyn.models.scene.reaching import REACHED, GoalPose
 from armdyn.optimal.bound.enclosure.affine import Affine
 from armdyn.optimal.bound.enclosure.instructions import LevelledFunction
 from armdyn.optimal.bound.enclosure.interval import Interval, down, joined, rounding, up
+from armdyn.optimal.task.policy.bound import BoundPolicy
 
 Array = NDArray[np.float64]
 
@@ -37,16 +38,6 @@ whatever the lever between the cut and the frame (below 9 m)."""
 
 _BATCH = 500
 """Boxes that are evaluated at once: arrays of some 10 MB."""
-
-_MOST_BOXES = 60_000
-"""Of one enclosure: 3 to 6 s. Positions of UR5 and Panda need 200 to 12,000, full poses 10,000 to 25,000, some of
-a Panda's more than 50,000."""
-
-_PASSES = 2
-"""Over all combinations, each of which may profit from what the others have narrowed."""
-
-_DAMPING = 1e-6
-"""Share of the equations' size that keeps the combinations solvable where they depend on each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +50,7 @@ class GoalSet:
         q_start: where the motion begins [rad or m], shape (nv,).
         velocity: limits [rad/s or m/s], infinite where there is none, shape (nv,).
         position: limits, each end of shape (nv,).
+        policy: tuned numbers of the bound.
     """
 
     dynamics: Dynamics
@@ -66,6 +58,7 @@ class GoalSet:
     q_start: Array
     velocity: Array
     position: Interval
+    policy: BoundPolicy
 
     @cached_property
     def levers(self) -> Array:
@@ -112,11 +105,11 @@ class GoalSet:
         """
         closing, levers, examined = _closure(self.dynamics, self.goal), self.levers, 0
         kept: list[Interval] = [boxes[:0]]
-        while len(boxes.lower) and examined < _MOST_BOXES and not stop():
+        while len(boxes.lower) and examined < self.policy.most_boxes and not stop():
             order = np.argsort(np.max(self.times(boxes), axis=1), kind="stable")
             now, later = boxes[order[:_BATCH]], boxes[order[_BATCH:]]
             examined += len(now.lower)
-            now = narrowed(now, closing(Affine.over(now.turned((1, 0)))))
+            now = narrowed(now, closing(Affine.over(now.turned((1, 0)))), self.policy)
             now = now[np.max(self.times(now), axis=1) < duration]
             reach = (now.upper - now.lower) * levers
             wide = np.max(reach, axis=1, initial=0.0) > small
@@ -138,17 +131,18 @@ class GoalSet:
         return Affine(forms.centre, forms.slopes, forms.rest + _TOLERANCE)
 
 
-def narrowed(boxes: Interval, forms: Affine) -> Interval:
+def narrowed(boxes: Interval, forms: Affine, numbers: BoundPolicy) -> Interval:
     """What is left of boxes where equations hold: those without any such point are dropped.
 
     Args:
         boxes: shape (boxes, nv).
         forms: of the equations, in ε of `Affine.over`: zero within `_TOLERANCE`.
+        numbers: of the policy.
     """
     centre, slopes = forms.centre.T, np.ascontiguousarray(forms.slopes.transpose(2, 0, 1))
     rest, (m, nv) = forms.rest.T + _TOLERANCE, slopes.shape[1:]
     normal = slopes @ slopes.transpose(0, 2, 1)
-    damping = _DAMPING * np.trace(normal, axis1=1, axis2=2) + 1e-30
+    damping = numbers.damping * np.trace(normal, axis1=1, axis2=2) + 1e-30
     solved = np.linalg.solve(
         normal + damping[:, None, None] * np.eye(m), np.concatenate([slopes, centre[..., None]], 2)
     )
@@ -160,7 +154,7 @@ def narrowed(boxes: Interval, forms: Affine) -> Interval:
     lower, upper = -np.ones((len(centre), nv)), np.ones((len(centre), nv))
     possible, sign = np.ones(len(centre), dtype=bool), np.sign(row)
     safe = np.where(row == 0, 1.0, row)
-    for _ in range(_PASSES):
+    for _ in range(numbers.narrowings):
         ends = row * lower[:, None], row * upper[:, None]
         least, most = np.minimum(*ends), np.maximum(*ends)
         low, high = (

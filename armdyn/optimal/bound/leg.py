@@ -15,6 +15,7 @@ from armdyn.optimal.bound.enclosure.affine import Affine
 from armdyn.optimal.bound.enclosure.interval import Interval, down, joined
 from armdyn.optimal.bound.terms import terms_over
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.task.policy.bound import BoundPolicy
 
 Array = NDArray[np.float64]
 
@@ -38,6 +39,7 @@ class BoundLeg:
         acceleration: limits [rad/s² or m/s²], infinite where there is none, shape (nv,).
         position: limits that hold all poses, each end of shape (nv,).
         torque: the limits of it.
+        policy: tuned numbers of the bound.
     """
 
     dynamics: Dynamics
@@ -49,6 +51,7 @@ class BoundLeg:
     acceleration: Array
     position: Interval
     torque: JointLimits
+    policy: BoundPolicy
     closing: Affine | None = None
 
     @property
@@ -94,7 +97,7 @@ class BoundLeg:
         return float(np.max(self.kinematic))
 
 
-def legs_of(problem: MinimumTimeProblem) -> tuple[BoundLeg, ...]:
+def legs_of(problem: MinimumTimeProblem, policy: BoundPolicy) -> tuple[BoundLeg, ...]:
     """The legs of a problem, in order.
 
     Poses and velocities may be typed a little beyond the limits; these are widened to hold them.
@@ -118,6 +121,7 @@ def legs_of(problem: MinimumTimeProblem) -> tuple[BoundLeg, ...]:
             acceleration=none if asked is None else np.asarray(asked),
             position=position,
             torque=limits,
+            policy=policy,
         )
         for i in range(last + 1)
     )

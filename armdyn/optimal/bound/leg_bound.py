@@ -14,22 +14,6 @@ from armdyn.optimal.bound.reach import reached
 from armdyn.optimal.bound.relaxation import relaxed
 from armdyn.optimal.bound.terms import terms_over
 
-_PASSES, _GRIDS = 8, 16
-"""Of nested boxes on one grid, and grids, at most; usually it is four and one."""
-
-_WORTH = 2e-5
-"""A pass that raises the bound by a smaller share is the last."""
-
-_REGRID = 1e-3
-"""Where ramps meet in the middle and the bound has risen by more than this share, longer cells may raise it more."""
-
-_FULL, _ROOM = 0.9, 1.5
-"""Ramps that are longer than this share of a side fill it; shorter ones get sides that are longer by this factor."""
-
-_AHEAD = 0.5
-"""Motions that take longer by more than this share than is known to be needed are not spoken of, in one grid; later
-twice what the last grid has brought, one hundredth at least: the nearer, the smaller the boxes in the middle."""
-
 
 def leg_bound(leg: BoundLeg, stop: Callable[[], bool], known: float = 0.0) -> tuple[float, int]:
     """Lower bound on the duration of a leg [s], and the joint that decides it.
@@ -42,13 +26,13 @@ def leg_bound(leg: BoundLeg, stop: Callable[[], bool], known: float = 0.0) -> tu
     known, joint = max(known, leg.shortest), int(np.argmax(leg.kinematic))
     if known == 0 or not np.all(np.isfinite(leg.velocity)):
         return known, joint
-    ahead = _AHEAD
-    for _ in range(_GRIDS):
+    numbers, ahead = leg.policy, leg.policy.ahead
+    for _ in range(numbers.grids):
         before = known
         known, joint, full = _on_grid(leg, known, joint, (1 + ahead) * known, stop)
-        if stop() or not full or known < before * (1 + _REGRID):
+        if stop() or not full or known < before * (1 + numbers.regrid):
             break
-        ahead = min(max(2 * (known / before - 1), 0.01), _AHEAD)
+        ahead = min(max(2 * (known / before - 1), numbers.least_ahead), numbers.ahead)
     return known, joint
 
 
@@ -56,8 +40,8 @@ def _on_grid(
     leg: BoundLeg, known: float, joint: int, longest: float, stop: Callable[[], bool]
 ) -> tuple[float, int, bool]:
     """The bound by cells for a motion as long as is known to be needed, its joint, and whether ramps fill the cells."""
-    cells, full, cut = Cells.of(leg, known / 2, longest), False, False
-    for done in range(_PASSES):
+    cells, full, cut, numbers = Cells.of(leg, known / 2, longest), False, False, leg.policy
+    for done in range(numbers.passes):
         if stop():
             break
         forces = Forces(terms_over(leg.dynamics, cells.q), cells.v, leg.torque, leg.friction)
@@ -69,11 +53,11 @@ def _on_grid(
             if bound > known:
                 known, joint = bound, int(np.argmax(by.way * leg.away.centre))
             half, ramp = float(np.sum(cells.side)), by.ramp(leg, cells)
-            full = not cut and ramp > _FULL * half
-            if 0 < ramp * _ROOM < half and not cut:
-                cells, cut = cells.cut(leg, ramp * _ROOM), True
+            full = not cut and ramp > numbers.full * half
+            if 0 < ramp * numbers.room < half and not cut:
+                cells, cut = cells.cut(leg, ramp * numbers.room), True
                 continue
-            if known < before * (1 + _WORTH):
+            if known < before * (1 + numbers.worth):
                 break
         cells = cells.narrowed(leg, reached(leg, cells, forces))
     return known, joint, full or known == longest

@@ -14,6 +14,7 @@ from armdyn.optimal.bound.leg_bound import leg_bound
 from armdyn.optimal.bound.pose_bound import pose_bound
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.turns import MOST_WAYS, endless
+from armdyn.optimal.task.policy.bound import BoundPolicy
 from armdyn.reprs import brief
 
 _ROUNDED = 1e-12
@@ -41,7 +42,9 @@ class LowerBound:
         return self.duration - self.kinematic
 
 
-def lower_bound(problem: MinimumTimeProblem, stop: Callable[[], bool] | None = None) -> LowerBound | None:
+def lower_bound(
+    problem: MinimumTimeProblem, stop: Callable[[], bool] | None = None, policy: BoundPolicy | None = None
+) -> LowerBound | None:
     """Prove a lower bound on the duration by the momentum equation, over boxes nested in time.
 
     Limits of torque, velocity, position and acceleration count, friction, via points and velocities at the ends.
@@ -57,6 +60,7 @@ def lower_bound(problem: MinimumTimeProblem, stop: Callable[[], bool] | None = N
     Args:
         problem: as `solve_minimum_time` takes it.
         stop: asked now and then; once it is true, what is proven so far is returned.
+        policy: tuned numbers; None: as they are. The bound holds with any.
 
     Returns:
         None if no joint that moves has a velocity limit, so that this bound says nothing.
@@ -65,10 +69,10 @@ def lower_bound(problem: MinimumTimeProblem, stop: Callable[[], bool] | None = N
         ProblemError: problem is none, or stop no function.
         BridgeError: the dynamics have an operation that is not known in intervals.
     """
-    stopped = stopper(stop)
+    stopped, numbers = stopper(stop), policy or BoundPolicy()
     if expect_problem(problem).goal_pose is None and len(problem.goals) > 1:
-        return _soonest(problem, stopped)
-    *legs, last = legs_of(problem)
+        return _soonest(problem, stopped, numbers)
+    *legs, last = legs_of(problem, numbers)
     if problem.goal_pose is None:
         slowest, fastest = leg_bound(last, stopped), last.shortest
     else:
@@ -86,14 +90,14 @@ def lower_bound(problem: MinimumTimeProblem, stop: Callable[[], bool] | None = N
     )
 
 
-def _soonest(problem: MinimumTimeProblem, stop: Callable[[], bool]) -> LowerBound | None:
+def _soonest(problem: MinimumTimeProblem, stop: Callable[[], bool], numbers: BoundPolicy) -> LowerBound | None:
     """The least of the bounds of all ways round, those that velocity limits put nearest first; None: one has none."""
     least: LowerBound | None = None
     alone = [problem.variant(q_goal=q, wrap=False) for q in problem.goals]
     for one in sorted(alone, key=lambda one: one.duration_bound()):
         if least is not None and one.duration_bound() >= least.duration:
             break
-        found = lower_bound(one, stop)
+        found = lower_bound(one, stop, numbers)
         if found is None:
             return None
         least = found if least is None else min(least, found, key=lambda bound: bound.duration)

@@ -22,28 +22,6 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 
 Stop = Callable[[], bool]
 
-_SIZES = (0.05, 0.01, 0.002)
-"""Of boxes [m, rad] that velocity limits are held against, one after the other: the last is some 1e-3 of a way."""
-
-_SIZE = 0.02
-"""Of boxes [m, rad] that momentum is held against, before those that touch are taken together."""
-
-_FEW, _SOON = 500, 0.3
-"""Where there are more boxes, those alone are made smaller that are reached within so much of the time between the
-bound and a goal that is known: that goal may be far from the soonest one."""
-
-_TIMES, _REGIONS = 2, 4
-"""Times T that are tried, and bounds by momentum for each: 0.05 to 0.5 s each for six or seven joints."""
-
-_FURTHEST = 1.2
-"""Times the bound by velocity limits, which momentum is not asked to exceed."""
-
-_WORTH = 2e-3
-"""Between the bound and a time that is no bound, as a share: less is not looked for."""
-
-_ISOLATED = 1e-6
-"""Half width of a box [rad or m] up to which it is as good as a point."""
-
 
 def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: Stop) -> tuple[float, int, float]:
     """Lower bound on the last leg's duration to any joint position that reaches the pose.
@@ -56,18 +34,17 @@ def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: Stop) -> tuple[
     Returns:
         The bound [s], the joint that decides it, and the bound by velocity limits alone [s]; 0 says nothing.
     """
-    goals = GoalSet(
-        leg.dynamics, expect(problem.goal_pose, GoalPose, "goal_pose"), leg.q_start, leg.velocity, leg.position
-    )
+    numbers, pose = leg.policy, expect(problem.goal_pose, GoalPose, "goal_pose")
+    goals = GoalSet(leg.dynamics, pose, leg.q_start, leg.velocity, leg.position, numbers)
     near = min((replace(leg, q_goal=Interval.at(q)) for q in problem.goals), key=lambda one: one.shortest)
     kinematic = _kinematic(goals, near.shortest, stop)
     known, joint = kinematic, int(np.argmax(near.kinematic))
     if kinematic == 0 or not np.all(np.isfinite(leg.velocity)):
         return kinematic, joint, kinematic
     # No bound of the set is above that of a goal in it; that goal may be far from the soonest one.
-    longest = min(leg_bound(near, stop)[0], known * _FURTHEST)
-    for _ in range(_TIMES):
-        if stop() or longest < known * (1 + _WORTH):
+    longest = min(leg_bound(near, stop)[0], known * numbers.furthest)
+    for _ in range(numbers.times):
+        if stop() or longest < known * (1 + numbers.near_enough):
             break
         middle = (known + longest) / 2
         bound, decides = _before(goals, leg, middle, (known, joint), stop)
@@ -80,12 +57,12 @@ def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: Stop) -> tuple[
 
 def _kinematic(goals: GoalSet, near: float, stop: Stop) -> float:
     """The time before which velocity limits let no motion reach the pose [s], that of a goal given; 0 says nothing."""
-    known, boxes = 0.0, goals.within(near)
-    for size in _SIZES:
+    known, boxes, numbers = 0.0, goals.within(near), goals.policy
+    for size in numbers.sizes:
         if boxes is None or stop():
             break
-        if len(boxes.lower) > _FEW:  # too many to be made smaller: only what is reached soon
-            near = known + _SOON * (near - known)
+        if len(boxes.lower) > numbers.few:  # too many to be made smaller: only what is reached soon
+            near = known + numbers.soon * (near - known)
         boxes, least = goals.enclosed(boxes, near, size, stop)
         known = max(known, least)
     return known
@@ -119,10 +96,10 @@ def _before(goals: GoalSet, leg: BoundLeg, longest: float, known: tuple[float, i
     whole = goals.within(longest)
     if whole is None:
         return known
-    boxes, _ = goals.enclosed(whole, longest, _SIZE, stop)
+    boxes, _ = goals.enclosed(whole, longest, leg.policy.size, stop)
     regions = [_Region(known, part) for part in clusters(boxes)]
     tries = 0
-    while regions and tries < _REGIONS and not stop():
+    while regions and tries < leg.policy.regions and not stop():
         regions.sort(key=lambda region: region.bound)
         least = regions[0]
         if least.bound[0] >= longest or (least.tried and len(least.boxes.lower) == 1):
@@ -138,5 +115,5 @@ def _before(goals: GoalSet, leg: BoundLeg, longest: float, known: tuple[float, i
 def _by_momentum(goals: GoalSet, leg: BoundLeg, region: _Region, stop: Stop) -> tuple[float, int]:
     """Bound of all goals in a region, and the joint that decides it."""
     hull = region.hull
-    closing = None if np.max(hull.radius) < _ISOLATED else goals.closure_over(hull)
+    closing = None if np.max(hull.radius) < leg.policy.isolated else goals.closure_over(hull)
     return leg_bound(replace(leg, q_goal=hull, closing=closing), stop, region.bound[0])

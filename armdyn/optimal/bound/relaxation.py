@@ -28,17 +28,6 @@ from armdyn.optimal.bound.leg import BoundLeg
 
 Array = NDArray[np.float64]
 
-_EXACT = {"primal_feasibility_tolerance": 1e-9, "dual_feasibility_tolerance": 1e-9}
-"""Of scaled rows and columns: the first cells' momenta are some 1e-5 of the greatest."""
-
-_CAUTION = 2.5
-"""So many times what the inertia leaves open: for what is linear in q, which the program does not know. Of 1 to 8 it
-raises the bounds of motions with long ramps most (the first of ten random pairs of a Panda: gap 3.4 to 3.3 %; the
-fourth of a UR5: 1.02 to 0.92 %), and those of others not at all."""
-
-_IDLE = 1e-3
-"""A torque counts no more that is worth less than this share of what it is at its best."""
-
 
 @dataclass(frozen=True, eq=False)
 class Multipliers:
@@ -60,7 +49,7 @@ class Multipliers:
         torque = leg.torque.actuators.strongest
         acceleration = np.where(np.isfinite(leg.acceleration), leg.acceleration, 0.0)
         worth = np.abs(self.momentum) @ torque + np.abs(self.speed) @ acceleration
-        counts = worth > _IDLE * np.max(worth)
+        counts = worth > leg.policy.idle * np.max(worth)
         times = np.append(0.0, np.cumsum(cells.side))
         k = cells.middle
         return float(np.max(times, where=counts[: k + 1] | counts[: k - 1 : -1], initial=0.0))
@@ -117,9 +106,9 @@ def relaxed(leg: BoundLeg, cells: Cells, forces: Forces, duration: float) -> Mul
     cost = np.zeros(len(bounds))
     cost[-1] = -1.0
     given = np.concatenate([np.zeros(nv), *(rows.given for rows in kinds), np.zeros(len(closing))])
-    solved = linprog(
-        cost, A_eq=csr_matrix(vstack([matrix, closed])), b_eq=given, bounds=bounds, method="highs", options=_EXACT
-    )
+    equal, names = csr_matrix(vstack([matrix, closed])), ("primal_feasibility_tolerance", "dual_feasibility_tolerance")
+    exact = dict.fromkeys(names, leg.policy.feasible)
+    solved = linprog(cost, A_eq=equal, b_eq=given, bounds=bounds, method="highs", options=exact)
     if solved.status != 0:
         return None
     marginals = np.asarray(solved.eqlin.marginals)
@@ -151,7 +140,7 @@ def _rows(leg: BoundLeg, cells: Cells, held: Interval, rate: Interval, duration:
     blocks = block_diag([block * leg.velocity / scale[:, None] for block in inertia[cells.outer]])
     from_node, shift = _between_nodes(blocks, nv), _between_nodes(eye(blocks.shape[0]), nv)
     cruise = csr_matrix((from_node.shape[0], nv))
-    beside = _CAUTION * (np.einsum("bij,bj->bi", held.radius, cells.v.magnitude) / scale)[cells.outer].ravel()
+    beside = leg.policy.caution * (np.einsum("bij,bj->bi", held.radius, cells.v.magnitude) / scale)[cells.outer].ravel()
     return _Rows(
         matrix=csr_matrix(hstack([from_node[:, : k * nv], cruise, from_node[:, k * nv :]])),
         shift=shift,

@@ -58,7 +58,7 @@ def refine_curve(task: Task, guess: Curve) -> RefinedCurve:
     """
     numbers, problem = task.policy.curves, task.problem
     smooth = 0.0 if problem.pays_effort else task.options.smooth
-    spec = CurveSpec(TightenedConstraints.of(problem), smooth=smooth)
+    spec = CurveSpec(TightenedConstraints.of(task), smooth=smooth)
     solved = solve_curve(task, guess, spec)
     iterations = solved.result.iterations
     for k in range(numbers.rounds):
@@ -91,7 +91,7 @@ def excesses_of(task: Task, curve: Curve) -> tuple[TorqueMargin, ...]:
         curve: a motion.
     """
     problem, looks = task.problem, task.policy.curves.looks
-    limits, limit = problem.limits, torque_rates(task, TightenedConstraints.of(problem))
+    limits, limit = problem.limits, torque_rates(task, TightenedConstraints.of(task))
     half = limits.actuators.half_range
     found = []
     for leg in curve.legs:

@@ -7,7 +7,7 @@ everywhere (`check`), and what is missing between the points is asked for more s
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
 import numpy as np
@@ -19,6 +19,7 @@ from armdyn.models.scene.collision import Clearance, CollisionModel
 from armdyn.optimal.path_constraints.rows import Rows, RowValues
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
+from armdyn.optimal.task.policy.landing import PathConstraintPolicy
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -107,18 +108,22 @@ class AskedDistances:
     places: tuple[Array, ...]
 
 
+@dataclass(frozen=True)
 class PathConstraint(ABC):
     """A path constraint, perhaps tightened.
 
     A frozen dataclass; `tightened` returns another. All but `check` may be left as it is here.
 
     Attributes:
+        policy: tuned numbers of path constraints.
         name: for people, in the plural.
         continuous_torque: it forbids jumps of the torque.
         option: its name in `--limit NAME=…`; empty: it cannot be given there.
         metavar: what `…` stands for, with its unit in the help.
         help: one line of that help.
     """
+
+    policy: PathConstraintPolicy = field(default=PathConstraintPolicy(), kw_only=True, repr=False, compare=False)
 
     name: ClassVar[str]
     continuous_torque: ClassVar[bool] = False
@@ -143,6 +148,10 @@ class PathConstraint(ABC):
     def option_text(self) -> str:
         """See `PathConstraintSpec.option_text`."""
         raise ProblemError(f"{self!r} has no text that --limit or a problem file could say it by: give option_text")
+
+    def under(self, policy: PathConstraintPolicy) -> Self:
+        """The same constraint with the tuned numbers of a policy."""
+        return replace(self, policy=policy)
 
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
         """See `PathConstraintSpec.on`."""

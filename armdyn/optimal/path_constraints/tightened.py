@@ -15,6 +15,7 @@ from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.program.interval import IntervalView
+from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -66,9 +67,10 @@ class TightenedConstraints:
     aim: Aim = field(default_factory=Aim)
 
     @classmethod
-    def of(cls, problem: MinimumTimeProblem) -> Self:
-        """As strict as the problem itself."""
-        return cls(path_constraints_of(problem))
+    def of(cls, task: Task) -> Self:
+        """As strict as the task's problem itself."""
+        numbers = task.policy.path_constraints
+        return cls(tuple(constraint.under(numbers) for constraint in path_constraints_of(task.problem)))
 
     def asked_distances(self, problem: MinimumTimeProblem) -> AskedDistances | None:
         """Distances between bodies that one of them asks for; None: none does."""

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, PathConstraint
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
-from armdyn.optimal.task.policy.landing import PathConstraintPolicy
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -33,7 +32,7 @@ class ViaPoints(PathConstraint):
         """How far beside each it passes when it should be there."""
         beside = np.abs(motion(passing).q - np.array(problem.via))
         errors = np.max(beside, axis=1)
-        missed = [(i, error) for i, error in enumerate(errors) if error > PathConstraintPolicy.near]
+        missed = [(i, error) for i, error in enumerate(errors) if error > self.policy.near]
         reasons = tuple(f"it passes {error:.2g} rad beside via point {i}" for i, error in missed)
         times = ", ".join(f"{t:.4f}" for t in passing)
         far, joint = np.unravel_index(np.argmax(beside), beside.shape)

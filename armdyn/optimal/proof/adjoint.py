@@ -154,8 +154,10 @@ class Along:
         if not deepest or rough.size > _MOST:
             return None
         first_half = self._halved(starts[rough], middles[rough], first[rough], precise, deepest - 1)
+        if first_half is None:
+            return None
         second_half = self._halved(middles[rough], ends[rough], second[rough], precise, deepest - 1)
-        if first_half is None or second_half is None:
+        if second_half is None:
             return None
         both[rough] = first_half @ second_half
         return both

@@ -58,7 +58,7 @@ def with_clearances(task: Task, optima: Sequence[Optimum]) -> list[Optimum]:
         task: with obstacles.
         optima: of `without_obstacles`.
     """
-    constraints = TightenedConstraints.of(task.problem)
+    constraints = TightenedConstraints.of(task)
     return [
         replace(one, reports=constraints.check(task.problem, one.trajectory, np.array(one.via_times))) for one in optima
     ]
@@ -82,7 +82,7 @@ def settled(task: Task, attempt: Attempt) -> Optimum:
     """
     numbers, iterations = task.policy.path_constraints, 0
     again = replace(task.fine(), barrier=task.policy.program.again_barrier)
-    mesh: _Mesh | None = _Mesh(task.options.intervals, TightenedConstraints.of(task.problem))
+    mesh: _Mesh | None = _Mesh(task.options.intervals, TightenedConstraints.of(task))
     best: Optimum | None = None
     for k in range(numbers.rounds):
         if mesh is None:
@@ -150,6 +150,6 @@ def _judged(task: Task, replay: Trajectory, attempt: Attempt) -> Optimum:
         certify(problem, motion, None, remark),
         trajectory_cost(motion, problem.effort_weight),
         attempt.intervals,
-        reports=TightenedConstraints.of(problem).check(problem, motion, attempt.passing),
+        reports=TightenedConstraints.of(task).check(problem, motion, attempt.passing),
         via_times=tuple(attempt.passing.tolist()),
     )

@@ -32,14 +32,8 @@ from armdyn.parallel import in_processes
 
 Array = NDArray[np.float64]
 
-_HOPELESS = 1e-2
-"""Excess over a limit, as a part of it, that is not for following a little beside the curve."""
 _LIMITS = {1: "velocity limit", 2: "acceleration limit", 3: "jerk limit"}
 """Of the derivatives of the positions, by their order."""
-_LEAST_SHARE = 1e-4
-"""Of the time: less is what IPOPT's barrier leaves of no share at all."""
-_IDLE = 1e-2
-"""Of the time: a joint whose limits decide less moves as it likes for most of it."""
 
 
 def curves(task: Task) -> tuple[list[Optimum], Found]:
@@ -52,7 +46,7 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
     starts = task.policy.search.guesses(task.options, numbers.starts)
     try:
         found = refined_ways(task) if crowded else _refined(task, _guesses(task, starts))
-        if len(found) == 1 and not (crowded or task.stop) and _trouble(found[0]):
+        if len(found) == 1 and not (crowded or task.stop) and _trouble(task, found[0]):
             found += _refined(task, _guesses(task, numbers.more_starts)[1:])
     except LateError:
         unbegun = Attempt.unbegun(task.stop, spline(task.problem, []), task.policy.curves.intervals)
@@ -61,8 +55,10 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
         task.progress("its machine code is being built in the background, once: later solves are faster")
     if not found:
         return [], Found((), failed=(_no_way(task),))
-    found.sort(key=lambda one: (one.excess > _HOPELESS, not constraints_mended(task, one.reports), one.curve.duration))
-    if found[0].excess > _HOPELESS:
+    found.sort(
+        key=lambda one: (one.excess > numbers.hopeless, not constraints_mended(task, one.reports), one.curve.duration)
+    )
+    if found[0].excess > numbers.hopeless:
         return [], Found((), failed=(_failed(task, found[0]),), iterations=sum(one.iterations for one in found))
     optima: list[Optimum] = []
     for one in found:
@@ -83,7 +79,8 @@ def _met(task: Task, found: Sequence[RefinedCurve]) -> str:
         task: the problem.
         found: curves that the guesses led to, the best first.
     """
-    durations = [one.curve.duration for one in found if one.excess <= _HOPELESS and not one.reports.reasons]
+    most = task.policy.curves.hopeless
+    durations = [one.curve.duration for one in found if one.excess <= most and not one.reports.reasons]
     if len(found) < 2 or not durations or _enough(task, found[0]):
         return ""
     return optima_met(durations, len(found), task.policy.same.mesh)
@@ -103,10 +100,10 @@ def optima_met(durations: Sequence[float], guesses: int, same: float) -> str:
     return f"{several} met, {times}; other seeds may find a faster one"
 
 
-def _trouble(refined: RefinedCurve) -> bool:
+def _trouble(task: Task, refined: RefinedCurve) -> bool:
     """Whether another guess may lead to a better curve: this one did not converge, or had to be slowed down."""
-    slowed = refined.curve.duration / refined.solved.curve.duration - 1
-    return not refined.solved.converged or refined.excess > _HOPELESS or slowed > _HOPELESS
+    slowed, most = refined.curve.duration / refined.solved.curve.duration - 1, task.policy.curves.hopeless
+    return not refined.solved.converged or refined.excess > most or slowed > most
 
 
 def _guesses(task: Task, count: int) -> list[Curve]:
@@ -133,9 +130,7 @@ def _refined(task: Task, guesses: Sequence[Curve]) -> list[RefinedCurve]:
     if len(guesses) < 2:
         return [refine_curve(task, guess) for guess in guesses]
     task.progress(f"{len(guesses)} guesses")
-    prepare_curve(
-        task, guesses[0], CurveSpec(TightenedConstraints.of(task.problem))
-    )  # workers know what was built before
+    prepare_curve(task, guesses[0], CurveSpec(TightenedConstraints.of(task)))  # workers know what was built before
     found = []
     jobs = [partial(refine_curve, task, guess) for guess in guesses]
     for one in in_processes(jobs, task.workers):
@@ -148,7 +143,7 @@ def _refined(task: Task, guesses: Sequence[Curve]) -> list[RefinedCurve]:
 
 def _enough(task: Task, refined: RefinedCurve) -> bool:
     """Whether other guesses have nothing to give: a proven bound is near."""
-    if not constraints_mended(task, refined.reports) or _trouble(refined):
+    if not constraints_mended(task, refined.reports) or _trouble(task, refined):
         return False
     bound = task.lower_bound()
     return bound is not None and refined.curve.duration <= (1 + GAP_TOLERANCE) * bound
@@ -195,7 +190,7 @@ def _deciding(task: Task, refined: RefinedCurve) -> tuple[Share, ...]:
         Share(limit, name, float(part))
         for limit, parts in by_joint.items()
         for name, part in zip(names, parts, strict=True)
-        if part > _LEAST_SHARE
+        if part > task.policy.curves.least_share
     ]
     return tuple(sorted(shares, key=lambda share: -share.part))
 
@@ -208,7 +203,7 @@ def _landed(task: Task, refined: RefinedCurve) -> Optimum:
     if problem.robot.friction.present and can_be_slowed(problem):
         # Where friction jumps the replay is farther off its curve: `refine.slowing` would end off the goal.
         factor = least_factor(problem.robot, problem.limits, replay, LIMIT_TOLERANCE)
-        if 1 < factor < 1 + _HOPELESS:
+        if 1 < factor < 1 + task.policy.curves.hopeless:
             curve = curve.slower(1 + task.policy.curves.slower_again * (factor - 1))
             replay = follow(task, sampled(task, curve))
     replay = replace(replay, name="minimum time")
@@ -216,7 +211,7 @@ def _landed(task: Task, refined: RefinedCurve) -> Optimum:
     result = refined.solved.result
     remark = ON_CURVE if refined.solved.converged else f"the curve did not converge ({result.message})"
     shares = _deciding(task, refined)
-    decisive = {share.joint for share in shares if share.part > _IDLE}
+    decisive = {share.joint for share in shares if share.part > task.policy.curves.idle}
     idle = tuple(name for name in problem.robot.joint_names if shares and name not in decisive)
     return Optimum(
         trajectory=replay,

@@ -21,9 +21,6 @@ from armdyn.optimal.task.mesh_refinement import MeshRefinement
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
-_MOST_SAMPLES = 2000
-"""Of a replay, about: six times those of most."""
-
 
 def land(task: Task, phases: Phases, remark: str = "", intervals: int | None = None) -> Optimum:
     """Solve arcs until their replay is on the goal, and certify it.
@@ -68,7 +65,7 @@ def land_extremal(task: Task, extremal: Extremal, intervals: int, stop: Stop) ->
     """
     problem, policy, n, aim, samples = task.problem, task.policy, task.problem.robot.nv, Aim(), 1
     for _ in range(policy.refinement.aims):
-        phases = phases_of(in_one_piece(extremal, aim.at_goal(n)), policy.arcs)
+        phases = phases_of(in_one_piece(extremal, aim.at_goal(n)))
         astray = float(np.max(np.abs(pontryagin(problem, phases)[0]))) > policy.refinement.stray
         if astray and not stop and (more := finer(extremal, stop)) is not None:
             extremal = more
@@ -78,7 +75,10 @@ def land_extremal(task: Task, extremal: Extremal, intervals: int, stop: Stop) ->
         if replay.t[-1] != phases.duration or task.stop:
             break
         if missed <= policy.refinement.landed:
-            if samples > _MOST_SAMPLES or Segments.of(problem.robot, replay).largest <= SEGMENT_TOLERANCE / 2:
+            if (
+                samples > policy.refinement.most_samples
+                or Segments.of(problem.robot, replay).largest <= SEGMENT_TOLERANCE / 2
+            ):
                 break
             samples = 2 * replay.t.size  # so fast that the replay's integrator is wrong in some
             continue

@@ -37,8 +37,6 @@ from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 _IDLE = "time leaves a joint idle"
-_SAME = 1e-6
-"""Of the duration: a mesh's own motion that is faster by less is none."""
 Structure = tuple[tuple[tuple[Mode, ...], tuple[tuple[int, Mode], ...]], ...]
 
 
@@ -68,7 +66,7 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
     certified = [one for one in known if one.certificate.ok]
     if certified:
         return certified[0]
-    longest = (1 + _SAME) * sharp.trajectory.duration
+    longest = (1 + task.policy.same.resolved) * sharp.trajectory.duration
     if known and not _rank(known[0])[0] and known[0].trajectory.duration <= longest:
         return known[0]  # usable, and the mesh's own motion is slower
     for mesh in _alike(task, sharp, attempt):
@@ -242,7 +240,7 @@ def _lack(task: Task, refined: RefinedExtremal) -> tuple[float, float]:
         return np.inf, np.inf
     wrong = refined.wrong
     if wrong <= SWITCHING_TOLERANCE:  # contacts that could not be mended are not in it
-        wrong = pontryagin(task.problem, phases_of(refined.extremal, task.policy.arcs))[2]
+        wrong = pontryagin(task.problem, phases_of(refined.extremal))[2]
     return wrong if wrong > SWITCHING_TOLERANCE else 0.0, refined.extremal.structure.duration
 
 

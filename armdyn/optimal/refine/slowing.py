@@ -15,9 +15,6 @@ from armdyn.optimal.refine.smooth import trajectory_cost
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
-_ASTRAY = 1e-7
-"""So far [rad or m] beside the path's own end a slower motion may end: a tenth of what is on the goal."""
-
 
 def slowed(task: Task, optimum: Optimum) -> Optimum:
     """The optimum, slower by the least factor with which its replay keeps all limits and conditions.
@@ -40,7 +37,7 @@ def slowed(task: Task, optimum: Optimum) -> Optimum:
         whole *= factor
         found = _at_pace(task, optimum, path, whole)
         factor = _factor(task, found)
-        lost = found.certificate.goal_error > max(GOAL_TOLERANCE, optimum.certificate.goal_error + _ASTRAY)
+        lost = found.certificate.goal_error > max(GOAL_TOLERANCE, optimum.certificate.goal_error + numbers.astray)
         if factor == 1 and not lost:
             return found
         if lost or not np.isfinite(factor) or task.stop:
@@ -71,6 +68,6 @@ def _at_pace(task: Task, optimum: Optimum, path: Trajectory, factor: float) -> O
         certificate=certificate,
         cost=trajectory_cost(motion, problem.effort_weights()),
         phases=None,
-        reports=None if optimum.reports is None else TightenedConstraints.of(problem).check(problem, motion, passing),
+        reports=None if optimum.reports is None else TightenedConstraints.of(task).check(problem, motion, passing),
         via_times=tuple(passing.tolist()),
     )

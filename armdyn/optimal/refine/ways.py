@@ -79,7 +79,7 @@ def refined_ways(task: Task) -> list[RefinedCurve]:
     task.progress("ways round the obstacles")
     ways = [_guess(task, way) for way in ways_through(task.problem, task.options.seed, task.stop)[: numbers.ways]]
     ways += [Curve.near(guess, _coarse(numbers)) for guess in task.options.guesses]
-    spec = CurveSpec(TightenedConstraints.of(task.problem))
+    spec = CurveSpec(TightenedConstraints.of(task))
     best: Solved | None = None
     for k, way in enumerate(ways):
         beaten = np.inf if best is None or not best.converged else best.curve.duration

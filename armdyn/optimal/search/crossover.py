@@ -51,7 +51,7 @@ def crossover_guesses(
             return solve_quickly(task, guess, *search_settings.of(k), between=False)
 
         several = range(first + len(born), first + min(count, len(born) + numbers.round))
-        born += in_bunches([partial(job, k, parents) for k in several], task.workers)
+        born += in_bunches([partial(job, k, parents) for k in several], task)
     return born
 
 

@@ -1,8 +1,7 @@
 """Several joint positions that reach one goal: which is reached fastest."""
 
-from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,6 @@ from armdyn.optimal.problem.stop import stopping
 from armdyn.optimal.search.sliding import slid_goals
 from armdyn.optimal.search.starts import spline, straight_curve
 from armdyn.optimal.solve.direct import solve_on_mesh
-from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task
 from armdyn.reprs import brief
 
@@ -39,35 +37,31 @@ class GoalTried:
     refined: bool = False
 
 
-def screened(
-    problem: MinimumTimeProblem, options: MinimumTimeOptions, progress: Callable[[str], None]
-) -> tuple[list[MinimumTimeProblem], list[GoalTried]]:
+def screened(task: Task) -> tuple[list[MinimumTimeProblem], list[GoalTried]]:
     """One problem for each of the most promising goals, best first; and all goals with coarse durations.
 
     Args:
-        problem: with several `goals`.
-        options: meshes and time limit, of which this takes a third at most.
-        progress: called with a line of text on what is being tried.
+        task: its problem has several `goals`; of its time limit this takes a third at most.
     """
     branches: list[MinimumTimeProblem] = []
     durations: list[float] = []
-    with stopping(options.time_limit / 3) as stop:
-        task = Task.of(problem, options, stop, progress)
-        numbers = task.policy.search
-        goals = [*slid_goals(problem), *problem.goals]
+    problem, numbers = task.problem, task.policy.goals
+    with stopping(numbers.tried * task.options.time_limit) as stop:
+        task = replace(task, stop=stop)
+        goals = [*slid_goals(problem, numbers), *problem.goals]
         for i, q in enumerate(goals, start=1):
             branch = problem.variant(q_goal=q, goal_pose=None, wrap=False)
             branches.append(branch)
             if stop or branch.unheld or branch.duration_bound() > numbers.hopeless * min(durations, default=np.inf):
                 durations.append(np.inf)
                 continue
-            progress(f"goal {i} of {len(goals)}")
+            task.progress(f"goal {i} of {len(goals)}")
             durations.append(_tried(task.about(branch)))
     order = sorted(range(len(branches)), key=lambda i: (durations[i], i))
     order = sorted(order, key=lambda i: branches[i].unheld is not None)  # those where the arm can stay first
     tried = [GoalTried(goals[i], durations[i]) for i in order]
     held = [i for i in order if branches[i].unheld is None] or order
-    return [branches[i] for i in held[: numbers.goals_solved]], tried
+    return [branches[i] for i in held[: numbers.solved]], tried
 
 
 def _tried(task: Task) -> float:
@@ -78,7 +72,7 @@ def _tried(task: Task) -> float:
         return attempt.trajectory.duration if attempt.usable else np.inf
     with suppress(LateError):
         smooth = 0.0 if task.problem.pays_effort else task.options.smooth
-        spec = CurveSpec(TightenedConstraints.of(task.problem), smooth=smooth)
+        spec = CurveSpec(TightenedConstraints.of(task), smooth=smooth)
         solved = solve_curve(task, straight_curve(task, task.policy.curves.coarse), spec)
         return solved.curve.duration if solved.converged else np.inf
     return np.inf

@@ -14,11 +14,6 @@ from armdyn.parallel import in_processes
 
 Job = Callable[[], Attempt]
 
-_BUNCH = 7
-"""Jobs that a worker gets at once."""
-_LOOKS = 24
-"""Times that a search asks whether it has seen enough: telling optima apart takes its time, too."""
-
 
 @dataclass(frozen=True)
 class SearchSettings:
@@ -59,7 +54,7 @@ def search(task: Task, count: int, search_settings: SearchSettings, extra_jobs: 
 
     attempts: list[Attempt] = []
     jobs: list[Job] = [*extra_jobs, *(partial(job, k) for k in range(count))]
-    for attempt in in_bunches(jobs[:1] if task.stop else jobs, task.workers):
+    for attempt in in_bunches(jobs[:1] if task.stop else jobs, task):
         attempts.append(attempt)
         own = attempts[len(extra_jobs) :]
         if not own:
@@ -68,17 +63,17 @@ def search(task: Task, count: int, search_settings: SearchSettings, extra_jobs: 
         best = f", best {min(solved):.4f} s" if solved else ""
         task.progress(f"search: guess {len(own)} of {count}{best}")
         # An optimum has another duration on another mesh, and counts on each: safer than to match them.
-        asked = task.options.search != "thorough" and len(own) % max(1, count // _LOOKS) == 0
+        asked = task.options.search != "thorough" and len(own) % max(1, count // numbers.asks) == 0
         if task.stop or (asked and enough(len(solved), len(distinct(own, task.policy.same.coarse)), numbers.least)):
             break
     return attempts
 
 
-def in_bunches(jobs: Sequence[Job], workers: int | None) -> Iterator[Attempt]:
+def in_bunches(jobs: Sequence[Job], task: Task) -> Iterator[Attempt]:
     """The jobs' attempts in their order: several go to a worker at once, as one takes hardly longer than its result."""
-    size = 1 if workers == 1 else _BUNCH
+    size = 1 if task.workers == 1 else task.policy.search.bunch
     bunches = [jobs[k : k + size] for k in range(0, len(jobs), size)]
-    for attempts in in_processes([partial(_done, bunch) for bunch in bunches], workers):
+    for attempts in in_processes([partial(_done, bunch) for bunch in bunches], task.workers):
         yield from attempts
 
 

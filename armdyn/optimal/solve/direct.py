@@ -47,7 +47,7 @@ def solve_on_mesh(
     if task.stop:
         return Attempt.unbegun(task.stop, guess, intervals)
     problem = task.problem
-    constraints = TightenedConstraints.of(problem) if constraints is None else constraints
+    constraints = TightenedConstraints.of(task) if constraints is None else constraints
     rows = constraints.rows(problem)
     try:
         solver = _solver(task, intervals, settings, rows)
@@ -125,7 +125,7 @@ def prepare(task: Task, intervals: int, settings: DirectOptions) -> None:
     if task.stop:
         return
     with suppress(LateError):
-        _solver(task, intervals, settings, TightenedConstraints.of(task.problem).rows(task.problem))
+        _solver(task, intervals, settings, TightenedConstraints.of(task).rows(task.problem))
 
 
 def _solver(task: Task, intervals: int, settings: DirectOptions, rows: tuple[Rows, ...]) -> Solver[Nlp]:

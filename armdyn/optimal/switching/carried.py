@@ -11,12 +11,9 @@ from armdyn.optimal.switching.extremal.change import Carrier, Change, Segment
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.state_limits import state_at
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
-from armdyn.optimal.switching.signs import WrongSign
+from armdyn.optimal.switching.signs import WrongSign, worst_stretch
 
 Array = NDArray[np.float64]
-
-_NEAR = 1e-3
-"""Of the duration: switches of the carrier so near a contact are part of it."""
 
 
 def with_carrier(
@@ -32,7 +29,8 @@ def with_carrier(
         segment: the contact, of more torque than there is.
         press: the limit that the torque is beyond.
     """
-    structure, limits = extremal.structure, extremal.rollout.shooting.problem.limits
+    structure, limits = extremal.structure, extremal.shooting.problem.limits
+    near = extremal.shooting.policy.contacts.near * structure.duration
     contact, (begin, end) = structure.changes[segment.begin], structure.span(segment)
     if contact.carrier or contact.mode not in POSITION:
         return None
@@ -42,7 +40,7 @@ def with_carrier(
     inverse = np.linalg.inv(whole.inertia[own])
     found: list[tuple[float, int]] = []
     for j in range(len(structure.first)):
-        if j == i or not _on_limits(structure, j, begin, end):
+        if j == i or not _on_limits(structure, j, begin, end, near):
             continue
         more = less * inverse[..., i, i] / inverse[..., i, j]
         if limits.actuators.lower[j] <= np.median(whole.tau[own, :, j] + more) <= limits.actuators.upper[j]:
@@ -87,7 +85,8 @@ def with_carried_touches(extremal: Extremal, wrong: list[WrongSign], refused: se
 def _carried_touches(extremal: Extremal, wrong: list[WrongSign], refused: set[object]) -> CarriedTouches | None:
     """The same of stretches of one joint."""
     structure, j = extremal.structure, wrong[0].joint
-    begin, end = _stretch(wrong, _NEAR * structure.duration)
+    near = extremal.shooting.policy.contacts.near * structure.duration
+    begin, end = worst_stretch(wrong, near)
     touches = [
         k
         for k, (change, time) in enumerate(zip(structure.changes, structure.times, strict=True))
@@ -102,11 +101,13 @@ def _carried_touches(extremal: Extremal, wrong: list[WrongSign], refused: set[ob
     nearest = min(touches, key=lambda k: abs(structure.times[k] - wrong[0].worst))
     touch = structure.changes[nearest]
     times = [float(structure.times[k]) for k in touches if structure.changes[k] == touch]
-    half = (end - begin) / 8 if max(times) - min(times) < _NEAR * structure.duration else 0.0
+    half = (end - begin) / 8 if max(times) - min(times) < near else 0.0
     ends = max(begin, min(times) - half), min(end, max(times) + half)
     press = structure.modes()[nearest][touch.joint]
-    switched = any(c.joint == touch.joint and not c.touch and c.mode is not press for c in _within(structure, *ends))
-    if press not in BANG or switched or not _on_limits(structure, j, *ends):
+    switched = any(
+        c.joint == touch.joint and not c.touch and c.mode is not press for c in _within(structure, *ends, near)
+    )
+    if press not in BANG or switched or not _on_limits(structure, j, *ends, near):
         return None
     contact = _held(extremal, structure, replace(touch, touch=False), ends, Carrier(j, press, Mode.FREE), press)
     return CarriedTouches(contact, (touch.joint, j))
@@ -148,7 +149,7 @@ def _held(
         carrier: of what it does afterwards the structure decides.
         leaving: the torque that the joint has afterwards; None: the structure says it.
     """
-    near = _NEAR * structure.duration
+    near = extremal.shooting.policy.contacts.near * structure.duration
     begin, end = ends
     gone, after = [], structure.modes()[int(np.searchsorted(structure.times, begin - near))][carrier.joint]
     for k, (change, time) in enumerate(zip(structure.changes, structure.times, strict=True)):
@@ -168,8 +169,7 @@ def _held(
     return left.with_changes((time, change, state_at(extremal.rollout, time)) for time, change in more).without(())
 
 
-def _within(structure: SwitchingStructure, begin: float, end: float) -> list[Change]:
-    near = _NEAR * structure.duration
+def _within(structure: SwitchingStructure, begin: float, end: float, near: float) -> list[Change]:
     return [
         change
         for change, time in zip(structure.changes, structure.times, strict=True)
@@ -177,19 +177,12 @@ def _within(structure: SwitchingStructure, begin: float, end: float) -> list[Cha
     ]
 
 
-def _on_limits(structure: SwitchingStructure, joint: int, begin: float, end: float) -> bool:
+def _on_limits(structure: SwitchingStructure, joint: int, begin: float, end: float, near: float) -> bool:
     """Whether a joint's torque is on its limits between two times [s], so that it may hold another joint instead."""
-    first = int(np.searchsorted(structure.times, begin - _NEAR * structure.duration))
+    first = int(np.searchsorted(structure.times, begin - near))
     modes = [structure.modes()[first][joint]]
-    modes += [change.mode for change in _within(structure, begin, end) if change.joint == joint and not change.touch]
+    modes += [
+        change.mode for change in _within(structure, begin, end, near) if change.joint == joint and not change.touch
+    ]
     carrying = any(carrier.joint == joint for each in structure.carriers()[first:] for carrier in each.values())
     return all(mode in BANG for mode in modes) and not carrying
-
-
-def _stretch(own: list[WrongSign], apart: float) -> tuple[float, float]:
-    """The worst stretch of one joint and those that join it [s]."""
-    begin, end = own[0].begin, own[0].end
-    for _ in own:
-        near = [one for one in own if one.begin <= end + apart and one.end >= begin - apart]
-        begin, end = min(begin, *(one.begin for one in near)), max(end, *(one.end for one in near))
-    return begin, end

@@ -13,21 +13,10 @@ from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.state_limits import state_at
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.velocity_contacts import kept_at_speed, left_at_speed
+from armdyn.optimal.task.policy.switching import ContactPolicy
 
 Array = NDArray[np.float64]
 
-_BEYOND = 1e-6
-"""Of a torque's range: by so much more than it has a joint cannot be held."""
-_INWARD = 5e-5
-"""Of a contact's largest pull: half of what is certified, which is seen at other places of it."""
-_MOSTLY = 0.5
-"""Of a contact: where more of it takes more torque than there is, another joint rather holds all of it."""
-_WHOLE = 0.02
-"""Of a contact: what is left of it at an end is not worth another contact."""
-_LEAST = 0.1
-"""The least part of a contact that is let go at first."""
-_END = 0.25
-"""The part that is let go where its beginning or its end would rather be."""
 _TOWARDS = {
     Mode.POSITION_UPPER: Mode.UPPER,
     Mode.POSITION_LOWER: Mode.LOWER,
@@ -66,7 +55,7 @@ def with_contacts(extremal: Extremal, is_extremal: bool = True) -> list[Switchin
             carried = with_carrier(extremal, whole, segment, weak.mode) if whole is not None else None
             less = _let_go(extremal, segment, weak.part, [(0.0, weak.mode)])
             every = [less] if carried is None else [carried, less]
-            return every if weak.part[1] - weak.part[0] >= _MOSTLY else every[::-1]
+            return every if weak.part[1] - weak.part[0] >= extremal.shooting.policy.contacts.mostly else every[::-1]
         joint, mode = structure.changes[segment.begin].joint, structure.changes[segment.begin].mode
         alike = [
             other.largest
@@ -108,17 +97,19 @@ class _Contact:
         torque: from −1 at the lower limit to 1 at the upper, shape (m,).
         multiplier: of the limit in the time of the contact [s/rad], outward, shape (m,).
         blows: the same at once, at the knots, both ends included, shape (knots,).
+        numbers: tuned numbers of contacts.
     """
 
     s: Array
     torque: Array
     multiplier: Array
     blows: Array
+    numbers: ContactPolicy
 
     @classmethod
     def of(cls, extremal: Extremal, whole: SampledExtremal, segment: Segment) -> "_Contact | None":
         """Of a segment; None: it takes no time."""
-        structure, limits = extremal.structure, extremal.rollout.shooting.problem.limits
+        structure, limits = extremal.structure, extremal.shooting.problem.limits
         change = structure.changes[segment.begin]
         begin, end = structure.span(segment)
         middle = (whole.t[:-1] + whole.t[1:]) / 2
@@ -142,12 +133,13 @@ class _Contact:
             torque.ravel(),
             -sign * whole.state_multipliers[own, :, place].ravel() * (end - begin),
             sign * np.array(blows),
+            extremal.shooting.policy.contacts,
         )
 
     @property
     def weak(self) -> _Weak | None:
         """The first part in which a torque would have to be beyond its limit, and which; None: it never is."""
-        beyond = np.flatnonzero(np.abs(self.torque) > 1 + 2 * _BEYOND)
+        beyond = np.flatnonzero(np.abs(self.torque) > 1 + 2 * self.numbers.excess)
         if not beyond.size:
             return None
         run = stretches(beyond)[0]
@@ -165,22 +157,23 @@ class _Contact:
         Args:
             largest: of its pulls, of a limit of velocity of those of all the joint's contacts, as certificates have it.
         """
-        least = -_INWARD * largest
+        least = -self.numbers.inward * largest
         inward = self.multiplier < least
         for k in np.flatnonzero(self.blows[1:-1] < least) + 1:  # another joint's touch is felt here, too
             inward[k * NODES.size - 1 : k * NODES.size + 1] = True
         if np.any(inward):
             begin, end = self._part(stretches(np.flatnonzero(inward))[0])
-            lacking = max(0.0, _LEAST - (end - begin)) / 2
+            lacking = max(0.0, self.numbers.least - (end - begin)) / 2
             return max(0.0, begin - lacking), min(1.0, end + lacking)
         if self.blows[0] < least:
-            return 0.0, _END
-        return (1 - _END, 1.0) if self.blows[-1] < least else None
+            return 0.0, self.numbers.end
+        return (1 - self.numbers.end, 1.0) if self.blows[-1] < least else None
 
     def _part(self, run: NDArray[np.int_]) -> tuple[float, float]:
         before, after = self.s[max(run[0] - 1, 0)], self.s[min(run[-1] + 1, self.s.size - 1)]
+        whole = self.numbers.whole
         begin, end = (self.s[run[0]] + before) / 2, (self.s[run[-1]] + after) / 2
-        return (0.0 if begin < _WHOLE else float(begin)), (1.0 if end > 1 - _WHOLE else float(end))
+        return (0.0 if begin < whole else float(begin)), (1.0 if end > 1 - whole else float(end))
 
 
 def _as_touch(extremal: Extremal, segment: Segment) -> list[SwitchingStructure]:

@@ -15,12 +15,9 @@ from armdyn.optimal.arcs.sampling import motion_of
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.flow import STEPS
 from armdyn.optimal.switching.extremal.rollout import Rollout
-from armdyn.optimal.task.policy.refinement import ArcsPolicy
 
 Array = NDArray[np.float64]
 
-_TOGETHER = 3
-"""Steps of an interval where torques are constant; where one is free it is a line in every step, and an interval."""
 NODES = np.append(0.0, TABLEAU.c)
 """The start of an interval and its stages, as parts of it."""
 
@@ -36,14 +33,15 @@ def _derivative() -> Array:
 _DIFFERENTIATION = _derivative()
 
 
-def phases_of(extremal: Extremal, numbers: ArcsPolicy) -> Phases:
+def phases_of(extremal: Extremal) -> Phases:
     """The arcs of an extremal with its costates, for certificates and sensitivities.
 
     Args:
         extremal: what is to be proved.
-        numbers: of the arcs.
     """
-    problem, arcs, whole = extremal.rollout.shooting.problem, extremal.structure.arcs(), SampledExtremal.of(extremal)
+    numbers = extremal.shooting.policy.arcs
+    problem, whole = extremal.shooting.problem, SampledExtremal.of(extremal)
+    arcs = extremal.structure.arcs(extremal.shooting.policy.rollout.met)
     n, (K, nodes), lengths = problem.robot.nv, whole.tau.shape[:2], np.diff(whole.t)
     ends, middle = np.cumsum([arc.duration for arc in arcs]), (whole.t[:-1] + whole.t[1:]) / 2
     arc_of = np.minimum(np.searchsorted(ends, middle), len(arcs) - 1)
@@ -68,7 +66,7 @@ def phases_of(extremal: Extremal, numbers: ArcsPolicy) -> Phases:
         torque_multiplier=weights * whole.switching[:, 1:],
         state_multiplier=impulses[:, :-1].reshape(K, -1, 2, n),
         knot_multiplier=knots.reshape(K - 1, 2, n),
-        torques=motion_of(problem, arcs, arc_of, whole.t, states, tau, numbers.samples),
+        torques=motion_of(problem, arcs, arc_of, whole.t, states, tau, numbers),
         iterations=0,
     )
 
@@ -107,7 +105,7 @@ class SampledExtremal:
     @classmethod
     def of(cls, extremal: Extremal) -> Self:
         """Of an extremal."""
-        grid, robot = _Grid.of(extremal.rollout), extremal.rollout.shooting.problem.robot
+        grid, robot = _Grid.of(extremal.rollout), extremal.shooting.problem.robot
         at = _At.of(extremal, grid)
         costate, state_multipliers = _adjoined(at, np.diff(grid.t), robot.nv)
         switching = np.asarray(np.linalg.solve(at.inertia, costate[..., robot.nv :, None])[..., 0], float)
@@ -148,7 +146,7 @@ class _Grid:
             own = np.flatnonzero(rollout.arc == arc)
             if rollout.h[own].sum() <= 1e-12 * rollout.structure.duration:
                 continue
-            parts = own.size if curved[own[0]] else max(1, round(own.size / _TOGETHER))
+            parts = own.size if curved[own[0]] else max(1, round(own.size / rollout.shooting.policy.rollout.together))
             for steps in np.array_split(own, parts):
                 first.append(int(steps[0]))
                 count.append(steps.size)
@@ -185,7 +183,7 @@ class _At:
     @classmethod
     def of(cls, extremal: Extremal, grid: _Grid) -> Self:
         """Of an extremal."""
-        rollout, robot = extremal.rollout, extremal.rollout.shooting.problem.robot
+        rollout, robot = extremal.rollout, extremal.shooting.problem.robot
         step, part, n = grid.step.ravel(), grid.part.ravel(), robot.nv
         x, state_transition, rate = _carried(rollout, step, part)
         p = np.linalg.solve(state_transition.transpose(0, 2, 1), extremal.costates[0][step][:, :, None])[..., 0]

@@ -17,15 +17,6 @@ from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_LONG = 0.05
-"""Of the duration: a stretch off all limits that is shorter is read as bang arcs alone."""
-_FIRST = 1e-3
-"""Of the duration: a bang arc at the start, before the first singular control."""
-_IN_ARC = 50
-"""Samples of a torque in an arc."""
-_SAMPLES = 100
-"""Of the torques along a stretch."""
-
 
 def structures_of(
     shooting: ShootingProblem, arcs: Sequence[Arc], motion: Trajectory, sure: bool = False
@@ -38,28 +29,31 @@ def structures_of(
         motion: its states and torques.
         sure: what is off all limits on the mesh is a singular arc: it is tried alone.
     """
-    shares, left = shares_of(shooting.problem, arcs, motion), _long_stretches(arcs)
+    numbers = shooting.policy.singular
+    shares = shares_of(shooting.problem, arcs, motion, numbers.in_arc)
+    left = _long_stretches(arcs, numbers.long)
     if not (sure and np.any(left)):
         yield SwitchingStructure.of(banged(arcs, shares), motion)
     if np.any(left):
         yield _with_controls(shooting, SwitchingStructure.of(banged(arcs, shares, left), motion), motion)
 
 
-def _long_stretches(arcs: Sequence[Arc]) -> NDArray[np.bool_]:
-    """Which joints are in which arcs on a long stretch off all limits, shape (arcs, nv)."""
+def _long_stretches(arcs: Sequence[Arc], long: float) -> NDArray[np.bool_]:
+    """Which joints are in which arcs on a stretch off all limits as long as this part of all, shape (arcs, nv)."""
     free = np.array([[mode is Mode.FREE for mode in arc.modes] for arc in arcs])
     lengths = np.array([arc.duration for arc in arcs])
     for i in range(free.shape[1]):
         for run in stretches(np.flatnonzero(free[:, i])):
-            free[run, i] = lengths[run].sum() > _LONG * lengths.sum()
+            free[run, i] = lengths[run].sum() > long * lengths.sum()
     return free
 
 
 def _with_controls(shooting: ShootingProblem, structure: SwitchingStructure, motion: Trajectory) -> SwitchingStructure:
     """The structure with singular controls for its free torques, each begun by a change."""
+    numbers = shooting.policy.singular
     starting = [i for i, mode in enumerate(structure.first) if mode is Mode.FREE]
     if starting:
-        begin = _FIRST * structure.duration
+        begin = numbers.first * structure.duration
         at = motion(np.array([begin * motion.duration / structure.duration]))
         first = [_nearest(shooting, i, at.tau[0]) if i in starting else mode for i, mode in enumerate(structure.first)]
         state = np.concatenate([at.q[0], at.v[0]])
@@ -70,9 +64,10 @@ def _with_controls(shooting: ShootingProblem, structure: SwitchingStructure, mot
         if change.mode is not Mode.FREE:
             continue
         begin, end = structure.span(Segment(k, structure.end_of(k)))
-        t = np.linspace(begin, end, _SAMPLES + 2)[1:-1] * (motion.duration / structure.duration)
+        t = np.linspace(begin, end, numbers.along + 2)[1:-1] * (motion.duration / structure.duration)
         leaping = leaping_within(structure, change.joint, begin, end)
-        changes[k] = replace(change, control=control_near(shooting, change.joint, motion(t).tau, leaping))
+        control = control_near(shooting, change.joint, motion(t).tau, leaping, numbers.few)
+        changes[k] = replace(change, control=control)
     return replace(structure, changes=tuple(changes))
 
 
@@ -114,12 +109,12 @@ def banged(arcs: Sequence[Arc], shares: Array, left: NDArray[np.bool_] | None = 
     return merged(out)
 
 
-def shares_of(problem: MinimumTimeProblem, arcs: Sequence[Arc], motion: Trajectory) -> Array:
-    """How much of its range every torque is above its lower limit in every arc, in the mean, shape (arcs, nv)."""
+def shares_of(problem: MinimumTimeProblem, arcs: Sequence[Arc], motion: Trajectory, samples: int) -> Array:
+    """How much of its range every torque is above its lower limit, in the mean of samples of an arc, (arcs, nv)."""
     limits = problem.limits
     edges = np.cumsum([0.0, *(arc.duration for arc in arcs)])
     edges *= motion.duration / edges[-1]
-    means = np.array([np.mean(motion(np.linspace(a, b, _IN_ARC)).tau, axis=0) for a, b in pairwise(edges)])
+    means = np.array([np.mean(motion(np.linspace(a, b, samples)).tau, axis=0) for a, b in pairwise(edges)])
     ranges = limits.actuators.width
     return np.asarray((means - limits.actuators.lower) / np.where(ranges > 0, ranges, 1.0))
 

@@ -13,27 +13,11 @@ from armdyn.optimal.switching.extremal.descent import Extremal, NoExtremal, fast
 from armdyn.optimal.switching.extremal.flow import Flow, flow_of
 from armdyn.optimal.switching.extremal.quadratic_model import LinearizedRollout
 from armdyn.optimal.switching.extremal.rollout import ShootingProblem
-from armdyn.optimal.switching.extremal.state_limits import BEYOND, excess, with_limits
+from armdyn.optimal.switching.extremal.state_limits import with_limits, within_limits
 from armdyn.optimal.switching.extremal.structure import StructureKey, SwitchingStructure
 from armdyn.optimal.switching.signs import with_signs, without_unwanted, wrong_signs
 from armdyn.optimal.switching.singular import idle_fall, with_bang_arcs, with_longer_control, with_singular
 from armdyn.optimal.task.task import Task
-
-_ROUNDS = 40
-"""Of mending: where a contact is left by bounces that grow shorter and shorter, each takes two."""
-_LEAST = 5e-5
-"""Smallest decrease of H that justifies another bang arc or a longer singular control: half the certificate's
-tolerance."""
-_DRIFT = 1e-5
-"""Of H along an arc: a tenth of what is certified; beyond it the steps are too long."""
-_ASTRAY = 1e-3
-"""The same where no extremal was found: then that may be why."""
-_SHORTER = 1e-11
-"""Of the duration: what mending a contact gains at least, or it is left."""
-_TRIAL = 1 / 3
-"""Of the budget that is left: what a structure may spend while others wait; those that lead on take a tenth."""
-_PATIENCE, _BETTER = 3, 0.7
-"""Rounds in a row that come no nearer than by so much: more go in circles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +41,7 @@ class RefinedExtremal:
             linear: the motion, if there is one.
             why: it is not.
         """
-        if np.isfinite(self.wrong) or linear is None or excess(linear.rollout) > BEYOND:
+        if np.isfinite(self.wrong) or linear is None or not within_limits(linear.rollout):
             return self if self.extremal else replace(self, why=why)
         if self.extremal is not None and self.extremal.structure.duration <= linear.rollout.structure.duration:
             return self
@@ -73,7 +57,7 @@ def has_switching(task: Task) -> bool:
 
 def shooting_problem(task: Task, duration: float) -> ShootingProblem:
     """What a task's structures, of about so long a duration [s], are integrated by."""
-    return ShootingProblem.of(task.problem, _flow(task), task.dynamics.last_body, duration)
+    return ShootingProblem.of(task, _flow(task), duration)
 
 
 def prepare_switching(task: Task) -> None:
@@ -95,11 +79,12 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure, st
         stop: asked before every step.
     """
     best, mended, stale, others = RefinedExtremal(None, np.inf, "nothing was tried"), False, 0, _Others()
-    for _ in range(_ROUNDS):
+    numbers = shooting.policy.switching
+    for _ in range(numbers.rounds):
         while structure.size + 1 > shooting.most_arcs and shooting.finer is not None:
             shooting = shooting.finer
         found, given_up = _tried(shooting, structure, stop, bool(others.left))
-        finer, enough = shooting.finer, _DRIFT if isinstance(found, Extremal) else _ASTRAY
+        finer, enough = shooting.finer, numbers.drift if isinstance(found, Extremal) else numbers.astray
         if found.linear is not None and found.linear.drift > enough and finer is not None and not stop:
             shooting, structure = finer, found.linear.rollout.structure
             continue
@@ -113,7 +98,7 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure, st
             continue
         limited = with_limits(found.rollout) or without_unwanted(found)
         contacts = [limited] if limited else others.of_contacts(found)
-        wrong = [] if limited else wrong_signs(found, _LEAST)
+        wrong = [] if limited else wrong_signs(found, numbers.least)
         carried = with_carried_touches(found, wrong, others.refused)
         if contacts:
             best = best.or_else(found.linear, "limits of position are not settled")
@@ -122,12 +107,14 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure, st
             continue
         idle = max([0.0, *(idle_fall(found, k) for k in found.structure.controls)])
         worst = max([idle, *(one.value for one in wrong[:1])])
-        stale = 0 if worst < _BETTER * best.wrong else stale + 1
+        stale = 0 if worst < numbers.better * best.wrong else stale + 1
         if worst < best.wrong:
-            best = RefinedExtremal(found, worst, "the switching structure did not settle" if worst > _LEAST else "")
-        if worst <= _LEAST or stale > _PATIENCE:
+            best = RefinedExtremal(
+                found, worst, "the switching structure did not settle" if worst > numbers.least else ""
+            )
+        if worst <= numbers.least or stale > numbers.patience:
             return best
-        longer = with_bang_arcs(found, _LEAST) or with_longer_control(found, _LEAST)
+        longer = with_bang_arcs(found, numbers.least) or with_longer_control(found, numbers.least)
         if longer is not None:  # what a singular control that is too short leaves wrong beside it goes with it
             structure = with_signs(found, [one for one in wrong if one.value > idle], longer)
             continue
@@ -155,7 +142,7 @@ def _tried(
     if not waiting or not isinstance(stop, Budget):
         found = fastest(shooting, structure, stop)
         return found, bool(stop)
-    granted = stop.left * _TRIAL
+    granted = stop.left * shooting.policy.switching.trial
     trial = Budget(stop, granted)
     found = fastest(replace(shooting, budget=trial), structure, trial)
     stop.spend(granted - trial.left)
@@ -192,7 +179,7 @@ class _Others:
         key, duration = found.structure.key, found.structure.duration
         known = self._seen.get(key, np.inf)
         self._seen[key] = min(duration, known)
-        if duration > (1 - _SHORTER) * known:
+        if duration > (1 - found.shooting.policy.switching.shorter) * known:
             contacts, self._instead = self._instead, []
             return contacts
         contacts = with_contacts(found)
@@ -209,7 +196,7 @@ def leaves_idle(extremal: Extremal, tolerance: float) -> bool:
         extremal: whose joints are all on limits.
         tolerance: of what H feels of a torque, against the 1 that time costs.
     """
-    rollout, limits = extremal.rollout, extremal.rollout.shooting.problem.limits
+    rollout, limits = extremal.rollout, extremal.shooting.problem.limits
     ranges = limits.actuators.width
     idle = (np.abs(extremal.switching) * ranges <= tolerance) & (ranges > 0)
     elsewhere = (

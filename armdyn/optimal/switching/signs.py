@@ -13,11 +13,6 @@ from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 
 Array = NDArray[np.float64]
 
-_MET = 1e-7
-"""Of the duration: a joint that is on a limit of velocity for less touches it."""
-_WORSE = 0.05
-"""Of the worst: stretches that fall short of that wait for another round."""
-
 
 @dataclass(frozen=True)
 class WrongSign:
@@ -49,7 +44,7 @@ def wrong_signs(extremal: Extremal, least: float) -> list[WrongSign]:
         extremal: its costates and switching functions.
         least: by how much H must fall for that.
     """
-    rollout, limits = extremal.rollout, extremal.rollout.shooting.problem.limits
+    rollout, limits = extremal.rollout, extremal.shooting.problem.limits
     modes, t = _torque_modes(extremal.structure), np.repeat(rollout.times, 2)[1:-1]
     found, carriers = list[WrongSign](), extremal.structure.carriers()
     for i in range(len(extremal.structure.first)):
@@ -66,6 +61,15 @@ def wrong_signs(extremal: Extremal, least: float) -> list[WrongSign]:
                 mode = own[worst // 2]
                 found.append(WrongSign(float(fall[worst]), i, mode, float(begin), float(end), float(t[worst]), carried))
     return sorted(found, key=lambda wrong: -wrong.value)
+
+
+def worst_stretch(wrong: list[WrongSign], apart: float) -> tuple[float, float]:
+    """Begin and end [s] of the worst stretch, with those of its joint that are no farther from it than a time [s]."""
+    own, begin, end = [one for one in wrong if one.joint == wrong[0].joint], wrong[0].begin, wrong[0].end
+    for _ in own:
+        near = [one for one in own if one.begin <= end + apart and one.end >= begin - apart]
+        begin, end = min(begin, *(one.begin for one in near)), max(end, *(one.end for one in near))
+    return begin, end
 
 
 def _torque_modes(structure: SwitchingStructure) -> list[list[Mode]]:
@@ -89,7 +93,7 @@ def with_signs(
     """
     more: list[tuple[float, Change, Array]] = []
     for one in wrong:
-        if one.value < _WORSE * wrong[0].value:
+        if one.value < extremal.shooting.policy.switching.worse * wrong[0].value:
             break
         if one.carried:  # it is on its limit of position, and another joint's torque answers for it
             continue
@@ -124,7 +128,7 @@ def _without_idle_speeds(extremal: Extremal) -> SwitchingStructure | None:
         for (k, _, _), multiplier in zip(extremal.rollout.held_states, extremal.multipliers[size:], strict=False)
         if structure.changes[k].mode in VELOCITY
     }
-    short = _MET * structure.duration
+    short = extremal.shooting.policy.rollout.met * structure.duration
     gone = []
     for segment in structure.segments():
         begin, end = structure.span(segment)

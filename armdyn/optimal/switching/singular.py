@@ -13,30 +13,10 @@ from armdyn.optimal.switching.extremal.rollout import ShootingProblem
 from armdyn.optimal.switching.extremal.singular_control import SingularControl
 from armdyn.optimal.switching.extremal.state_limits import state_at
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
-from armdyn.optimal.switching.signs import WrongSign
+from armdyn.optimal.switching.signs import WrongSign, worst_stretch
+from armdyn.optimal.task.policy.switching import SingularPolicy
 
 Array = NDArray[np.float64]
-
-_APART = 0.05
-"""Of the duration: stretches of one joint that are nearer together belong together."""
-_FEW, _MANY = 3, 11
-"""Coefficients of a singular control that are fitted to what was there, and at most."""
-_MORE = 2
-"""Coefficients that come at a time, while the switching function is not zero yet."""
-_INSIDE = 0.95
-"""Of the way to a limit that such a singular control may go at first."""
-_ON_LIMIT = 0.9
-"""Of the way to a limit: a torque of a mesh or of bang arcs that is so near it is on it."""
-_REACHED = 1e-4
-"""Of a torque's range: so near a limit it has reached it."""
-_FROM = 0.2
-"""Of that by which H must rise off a limit for a bang arc there: where the arc begins and ends."""
-_BEND = 0.05
-"""Of a segment: half a bang arc where the switching function bends."""
-_SHORT = 0.05
-"""Of a segment: a singular control that would be shorter next to a bang arc is left to the bang arc."""
-_SAMPLES = 200
-"""Of a segment, where bang arcs are looked for."""
 
 
 def with_singular(extremal: Extremal, wrong: list[WrongSign]) -> SwitchingStructure | None:
@@ -46,8 +26,8 @@ def with_singular(extremal: Extremal, wrong: list[WrongSign]) -> SwitchingStruct
         extremal: whose torques are all on limits, or free where no other would be.
         wrong: its stretches on the wrong limit, the worst first.
     """
-    structure, worst = extremal.structure, wrong[0]
-    begin, end = _stretch(wrong, _APART * structure.duration)
+    structure, worst, numbers = extremal.structure, wrong[0], extremal.shooting.policy.singular
+    begin, end = worst_stretch(wrong, numbers.apart * structure.duration)
     own = [k for k, change in enumerate(structure.changes) if change.joint == worst.joint]
     near = 1e-3 * structure.duration
     inside = [k for k in own if begin - near <= structure.times[k] <= end + near]
@@ -56,7 +36,8 @@ def with_singular(extremal: Extremal, wrong: list[WrongSign]) -> SwitchingStruct
     begin = max(min(begin, *structure.times[inside]), near)
     end = max(end, *structure.times[inside])
     after = structure.modes()[inside[-1] + 1][worst.joint]
-    more = [(begin, Change(worst.joint, Mode.FREE, control=_control(extremal, worst.joint, (begin, end), _FEW)))]
+    control = _control(extremal, worst.joint, (begin, end), numbers.few)
+    more = [(begin, Change(worst.joint, Mode.FREE, control=control))]
     if end < structure.duration - near:
         more.append((end, Change(worst.joint, after)))
     left = structure.without_changes(inside)
@@ -70,12 +51,12 @@ def with_longer_control(extremal: Extremal, least: float) -> SwitchingStructure 
         extremal: with free torques.
         least: by how much H may fall.
     """
-    structure = extremal.structure
+    structure, numbers = extremal.structure, extremal.shooting.policy.singular
     changes = list(structure.changes)
     for k, change in enumerate(structure.changes):
-        if change.control and len(change.control.smooth) < _MANY and idle_fall(extremal, k) > least:
+        if change.control and len(change.control.smooth) < numbers.many and idle_fall(extremal, k) > least:
             leaping = leaping_within(structure, change.joint, *structure.span(Segment(k, structure.end_of(k))))
-            changes[k] = replace(change, control=change.control.longer(_MORE, leaping))
+            changes[k] = replace(change, control=change.control.longer(numbers.more, leaping))
     return replace(structure, changes=tuple(changes)) if tuple(changes) != structure.changes else None
 
 
@@ -107,12 +88,14 @@ class _FreeTorque:
         t: [s], shape (samples,).
         fall: its switching function times its range: by how much H falls from limit to limit, likewise.
         slack: what it is from its upper and its lower limit, as parts of its range, shape (2, samples).
+        numbers: tuned numbers of singular arcs.
     """
 
     joint: int
     t: Array
     fall: Array
     slack: Array
+    numbers: SingularPolicy
 
     @classmethod
     def of(cls, extremal: Extremal, k: int) -> Self:
@@ -124,7 +107,8 @@ class _FreeTorque:
         switching = np.column_stack([each[own, joint] for each in np.split(extremal.switching, 2)]).ravel()
         tau = np.column_stack([each[own, joint] for each in rollout.torques.tau]).ravel()
         t = np.column_stack([rollout.times[own], rollout.times[own + 1]]).ravel()
-        return cls(joint, t, switching * (high - low), np.array([high - tau, tau - low]) / (high - low))
+        slack = np.array([high - tau, tau - low]) / (high - low)
+        return cls(joint, t, switching * (high - low), slack, extremal.shooting.policy.singular)
 
     def held(self, least: float) -> list[tuple[float, float, Mode]]:
         """Where it is to stay on a limit that it has reached: begin, end [s], and which.
@@ -134,8 +118,8 @@ class _FreeTorque:
         """
         out: list[tuple[float, float, Mode]] = []
         for mode, sign, slack in ((Mode.UPPER, -1, self.slack[0]), (Mode.LOWER, 1, self.slack[1])):
-            runs = stretches(np.flatnonzero(sign * self.fall > _FROM * least))
-            held = [r for r in runs if np.max(sign * self.fall[r]) > least and np.min(slack[r]) <= _REACHED]
+            runs = stretches(np.flatnonzero(sign * self.fall > self.numbers.rise * least))
+            held = [r for r in runs if np.max(sign * self.fall[r]) > least and np.min(slack[r]) <= self.numbers.reached]
             out += [(float(self.t[run[0]]), float(self.t[run[-1]]), mode) for run in held]
         return sorted(out)
 
@@ -145,7 +129,7 @@ class _FreeTorque:
         No torque takes the bend away: the arc ends before it, or begins after it.
         """
         begin, end = self.t[0], self.t[-1]
-        half = _BEND * (end - begin)
+        half = self.numbers.bend * (end - begin)
         out: list[tuple[float, float, Mode]] = []
         for k in sorted({k for k, _, _ in extremal.rollout.held_states}):
             time = float(extremal.structure.times[k])
@@ -159,9 +143,10 @@ class _FreeTorque:
 def _pieces(extremal: Extremal, k: int, bang_arcs: list[tuple[float, float, Mode]]) -> list[tuple[float, Change]]:
     """A segment of a free torque cut into bang arcs and singular controls, with their times."""
     structure, joint = extremal.structure, extremal.structure.changes[k].joint
+    numbers = extremal.shooting.policy.singular
     now, stop = structure.span(Segment(k, structure.end_of(k)))
-    few = min(len(structure.controls[k].smooth), _MANY - _MORE)
-    shortest, out = _SHORT * (stop - now), list[tuple[float, Change]]()
+    few = min(len(structure.controls[k].smooth), numbers.many - numbers.more)
+    shortest, out = numbers.short * (stop - now), list[tuple[float, Change]]()
     for begin, end, mode in [*bang_arcs, (stop, stop, Mode.FREE)]:
         if begin - now > shortest:
             out.append((now, Change(joint, Mode.FREE, control=_control(extremal, joint, (now, begin), few))))
@@ -197,16 +182,6 @@ def leaping_within(structure: SwitchingStructure, joint: int, begin: float, end:
     )
 
 
-def _stretch(wrong: list[WrongSign], apart: float) -> tuple[float, float]:
-    """The worst stretch and those of its joint that join it [s]."""
-    own = sorted((one.begin, one.end) for one in wrong if one.joint == wrong[0].joint)
-    begin, end = wrong[0].begin, wrong[0].end
-    for _ in own:
-        near = [one for one in own if one[0] <= end + apart and one[1] >= begin - apart]
-        begin, end = min(begin, *(a for a, _ in near)), max(end, *(b for _, b in near))
-    return begin, end
-
-
 def _control(extremal: Extremal, joint: int, ends: tuple[float, float], few: int) -> SingularControl:
     """What comes nearest to a joint's torque between two times [s], with some freedom more.
 
@@ -216,17 +191,18 @@ def _control(extremal: Extremal, joint: int, ends: tuple[float, float], few: int
         ends: the two times.
         few: coefficients of the fit.
     """
-    rollout = extremal.rollout
-    t = np.linspace(*ends, _SAMPLES + 2)[1:-1]
+    rollout, numbers = extremal.rollout, extremal.shooting.policy.singular
+    t = np.linspace(*ends, numbers.samples + 2)[1:-1]
     own = np.clip(np.searchsorted(rollout.times, t, side="right") - 1, 0, rollout.h.size - 1)
     part = ((t - rollout.times[own]) / np.where(rollout.h[own] > 0, rollout.h[own], 1.0))[:, None]
     first, last = (tau[own] for tau in rollout.torques.tau)
     leaping = leaping_within(extremal.structure, joint, *ends)
-    return control_near(rollout.shooting, joint, first + part * (last - first), leaping, few).longer(_MORE, leaping)
+    near = control_near(rollout.shooting, joint, first + part * (last - first), leaping, few)
+    return near.longer(numbers.more, leaping)
 
 
 def control_near(
-    shooting: ShootingProblem, joint: int, tau: Array, leaping: frozenset[int], few: int = _FEW
+    shooting: ShootingProblem, joint: int, tau: Array, leaping: frozenset[int], few: int
 ) -> SingularControl:
     """A short singular control near a joint's torque, within its limits.
 
@@ -237,13 +213,13 @@ def control_near(
         leaping: others that change within it.
         few: coefficients of its polynomial.
     """
-    limits, unit = shooting.problem.limits, shooting.torque_unit[joint]
+    limits, unit, numbers = shooting.problem.limits, shooting.torque_unit[joint], shooting.policy.singular
     s = np.linspace(0, 1, len(tau) + 2)[1:-1]
     middle, half = limits.actuators.center, limits.actuators.scale
-    signs: Array = np.sign(tau - middle) * (np.abs(tau - middle) > _ON_LIMIT * half)
+    signs: Array = np.sign(tau - middle) * (np.abs(tau - middle) > numbers.on_limit * half)
     control = SingularControl((0.0,) * few, tuple((other, (0.0,)) for other in sorted(leaping)))
     terms = control.terms(s, signs)
     fitted = np.linalg.lstsq(terms, (tau[:, joint] - middle[joint]) / unit, rcond=None)[0]
-    fitted *= min(1.0, _INSIDE * half[joint] / unit / max(float(np.max(np.abs(terms @ fitted))), 1e-300))
+    fitted *= min(1.0, numbers.inside * half[joint] / unit / max(float(np.max(np.abs(terms @ fitted))), 1e-300))
     fitted[0] += middle[joint] / unit
     return control.with_values(fitted)

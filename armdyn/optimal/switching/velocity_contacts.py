@@ -13,9 +13,6 @@ from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 
 Array = NDArray[np.float64]
 
-_AT = 1e-6
-"""Of the duration: so near each other two changes are at one time."""
-
 
 def kept_at_speed(
     extremal: Extremal, segment: Segment, part: tuple[float, float], press: Mode
@@ -39,7 +36,7 @@ def kept_at_speed(
     if structure.changes[segment.begin].mode not in VELOCITY:
         return None
     begin, end = (start + each * (stop - start) for each in part)
-    near, modes = _AT * structure.duration, structure.modes()
+    near, modes = extremal.shooting.policy.contacts.at * structure.duration, structure.modes()
     jumps = [
         k
         for k, (change, time) in enumerate(zip(structure.changes, structure.times, strict=True))
@@ -121,7 +118,7 @@ def left_at_speed(
             more += [(b, on)] if b < stop else []
         elif b < stop:
             more.append((b, on))
-        if a <= start + 2 * _AT * structure.duration:
+        if a <= start + 2 * extremal.shooting.policy.contacts.at * structure.duration:
             gone |= {j for j, one in enumerate(structure.changes) if one is contact}
         every = [(time, one, state_at(extremal.rollout, time)) for time, one in more]
         return structure.without_changes(gone).with_changes(every).without(())

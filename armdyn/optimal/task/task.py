@@ -81,8 +81,8 @@ class Task:
         )
 
     def about(self, problem: MinimumTimeProblem) -> Self:
-        """The same about another problem."""
-        policy = Policy.of(problem)
+        """The same about another problem, with what was changed of the policy."""
+        policy = self.policy.about(problem)
         dynamics = Dynamics(problem.robot, free_last_body=True)
         return replace(self, problem=problem, dynamics=dynamics, scheme=policy.scheme(self.options), policy=policy)
 

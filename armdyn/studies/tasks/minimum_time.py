@@ -34,6 +34,7 @@ class MinimumTimeTask:
         options: of every search; with neighbours "chain" its workers count, else each search has one.
         neighbours: see `Neighbours`.
         progress: called with the progress of a search in this process, in words.
+        same: numbers that tell whether two motions are one optimum.
     """
 
     name: ClassVar = "minimum-time"
@@ -45,6 +46,7 @@ class MinimumTimeTask:
     options: MinimumTimeOptions = field(default_factory=MinimumTimeOptions)
     neighbours: Neighbours = "add"
     progress: Callable[[str], None] | None = None
+    same: SamePolicy = field(default_factory=SamePolicy)
 
     def __post_init__(self) -> None:
         one_of(self.neighbours, NEIGHBOURS, "neighbours")
@@ -102,7 +104,7 @@ class MinimumTimeTask:
         own, its = row.facts, other.facts
         if own["landed"] != its["landed"]:
             return bool(own["landed"])
-        return bool(own["cost"] < its["cost"] * (1 - SamePolicy.resolved))
+        return bool(own["cost"] < its["cost"] * (1 - self.same.resolved))
 
 
 def _facts(solution: Solution) -> dict[str, Any]:

@@ -132,7 +132,7 @@ def test_what_is_locked():
     assert READ(text, arm=("k", "c")).joint_names == ("k",)
     with pytest.raises(SpecError, match=r"cannot lock 'joint11': MJCF text has joints .*; did you mean 'joint1'\?"):
         READ(RR, lock={"joint11": 0.0})
-    with pytest.raises(SpecError, match="has no frame or joint 'nose'"):
+    with pytest.raises(SpecError, match="has no link, frame or joint 'nose'"):
         READ(text, arm=("j", "nose"))
 
 

@@ -169,7 +169,7 @@ def test_names_that_are_not_there():
     model = pin.buildModelFromUrdf(str(library_arm("ur5")[0]))
     with pytest.raises(SpecError, match=r"cannot lock 'elbow': .*wrist_3_joint; did you mean 'elbow_joint'\?"):
         MODEL(model, lock={"elbow": 0.0})
-    with pytest.raises(SpecError, match=r"no frame or joint 'tool'; did you mean 'tool0'\?"):
+    with pytest.raises(SpecError, match=r"no link, frame or joint 'tool'; did you mean 'tool0'\?"):
         MODEL(model, arm=("elbow_joint", "tool"))
     with pytest.raises(SpecError, match="'shoulder_pan_joint' is not behind 'elbow_joint'"):
         MODEL(model, arm=("elbow_joint", "shoulder_pan_joint"))

@@ -8,6 +8,7 @@ import armdyn as ad
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.goal_set import GoalSet
+from armdyn.optimal.task.policy.bound import BoundPolicy
 from problems import paper_arm
 
 ARMS = {
@@ -47,7 +48,12 @@ def test_no_joint_position_that_reaches_the_pose_is_lost(name, seed, oriented):
     start, pose, members = reaching(robot, seed, oriented)
     limits = robot.limits
     goals = GoalSet(
-        Dynamics(robot), pose, start, limits.velocity, Interval(limits.position_lower, limits.position_upper)
+        Dynamics(robot),
+        pose,
+        start,
+        limits.velocity,
+        Interval(limits.position_lower, limits.position_upper),
+        BoundPolicy(),
     )
     times = np.max(np.abs(members - start) / limits.velocity, axis=1)
     longest = float(np.quantile(times, 0.1 if oriented else 0.3)) * (1 + 1e-9)

@@ -9,6 +9,7 @@ from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import legs_of
 from armdyn.optimal.bound.reach import reached
 from armdyn.optimal.bound.terms import terms_over
+from armdyn.optimal.task.policy.bound import BoundPolicy
 from optimal.bound.arms import ARMS, random_problem
 
 _INTEGRATED = 1e-6
@@ -17,7 +18,7 @@ _INTEGRATED = 1e-6
 
 def nested(problem, passes=3, ahead=1.5):
     """A leg and its boxes, for motions that take so many times the shortest."""
-    leg = legs_of(problem)[0]
+    leg = legs_of(problem, BoundPolicy())[0]
     known = leg.shortest
     cells = Cells.of(leg, known / 2, ahead * known)
     for _ in range(passes):

@@ -59,4 +59,4 @@ def bent(problem, intervals=4, shortest=0.2):
 
 def spec(problem, **more):
     """What the problem asks, no more."""
-    return CurveSpec(TightenedConstraints.of(problem), **more)
+    return CurveSpec(TightenedConstraints.of(Task.of(problem)), **more)

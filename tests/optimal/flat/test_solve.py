@@ -21,7 +21,7 @@ def fastest(intervals=56, shortest=EVEN, near=None, goal=AWAY, **asked):
     problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[goal], **asked)
     task = Task.of(problem, ad.MinimumTimeOptions(compile=False))
     guess = near.curve if near else Curve.straight(problem, Basis(graded(intervals, shortest)), 3.0)
-    solved = solve_curve(task, guess, CurveSpec(TightenedConstraints.of(problem)), near)
+    solved = solve_curve(task, guess, CurveSpec(TightenedConstraints.of(task)), near)
     assert solved.converged, solved.result.message
     return solved
 

@@ -13,6 +13,7 @@ from armdyn.optimal.program.assembly import build_nlp
 from armdyn.optimal.program.interval import Collocated
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.task import Task
 from problems import POSES, paper_arm, paper_problem
 
 START, GOAL = POSES["rr"]
@@ -21,7 +22,7 @@ KNOTS = Knots(np.array([0.0, 0.5, 1.0]), (0, 2))
 
 def test_a_plain_problem_has_no_rows_and_one_leg():
     problem = paper_problem("rr")
-    constraints = TightenedConstraints.of(problem)
+    constraints = TightenedConstraints.of(Task.of(problem))
     assert (
         constraints.path_constraints == () and constraints.rows(problem) == () and problem.path_constraint_names == ()
     )
@@ -39,7 +40,7 @@ def test_derivatives(method, form):
         jerk_limit=1e4,
         path_constraints=[ad.FrameSpeedLimit(0.5), ad.FrameSpeedLimit(0.5, "link2"), ad.TorqueRateLimit([20.0, 30.0])],
     )
-    scheme, constraints = Scheme(method, "linear", form, compile=False), TightenedConstraints.of(problem)
+    scheme, constraints = Scheme(method, "linear", form, compile=False), TightenedConstraints.of(Task.of(problem))
     dynamics, rows, N = ad.Dynamics(problem.robot, free_last_body=True), constraints.rows(problem), KNOTS.intervals
     values = constraints.values(problem, KNOTS)
     nlp = build_nlp(dynamics, scheme, N)

@@ -7,6 +7,7 @@ import pytest
 import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.optimal.search.goals import screened
+from armdyn.optimal.task.task import Task
 from problems import POSES, paper_arm, paper_problem
 
 
@@ -99,7 +100,7 @@ def test_of_a_goal_pose_the_branches_that_can_be_held_are_solved():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         problem = free.variant(effort_limit=sum(needed) / 2)
-    branches, tried = screened(problem, ad.MinimumTimeOptions(), lambda text: None)
+    branches, tried = screened(Task.of(problem))
     assert len(branches) == 1 and branches[0].unheld is None and len(tried) == 2
     np.testing.assert_array_equal(branches[0].q_goal, free.goals[int(np.argmin(needed))])
 

@@ -11,6 +11,7 @@ from armdyn.models.scene.collision import CollisionModel
 from armdyn.models.scene.obstacles import Box, Sphere
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
+from armdyn.optimal.task.task import Task
 from problems import POSES, cart, paper_arm, paper_problem, solve
 
 START, GOAL = POSES["rr"]
@@ -91,7 +92,7 @@ def test_check_says_what_is_hit():
     straight = solve(rr(), arcs=False, starts=1)
 
     def check(problem, *passing):
-        return TightenedConstraints.of(problem).check(problem, straight.trajectory, np.array(passing))
+        return TightenedConstraints.of(Task.of(problem)).check(problem, straight.trajectory, np.array(passing))
 
     checked = check(rr(obstacles=[BALL]))
     (reason,) = checked.reasons

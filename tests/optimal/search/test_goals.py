@@ -8,6 +8,7 @@ import armdyn as ad
 from armdyn.models.scene.reaching import free_directions, slid
 from armdyn.optimal.proof.transversality import end_gradient, transversality
 from armdyn.optimal.search.goals import screened
+from armdyn.optimal.task.task import Task
 from problems import paper_arm
 
 START, GOAL = [0, -1, 1, -1, -1.5, 0], np.array([-1.5, -1.8, 1.6, -0.4, 0.3, 1.0])
@@ -26,7 +27,7 @@ def test_a_goal_that_velocity_limits_put_far_behind_is_not_tried():
     place = ad.GoalPose(robot.tip, placement(robot, near).translation)
     problem = ad.MinimumTimeProblem(robot, q_start=near - 0.3, goal_pose=place, velocity_limit=1.0)
     told = []
-    branches, tried = screened(problem, ad.MinimumTimeOptions(), told.append)
+    branches, tried = screened(Task.of(problem, progress=told.append))
     assert len(told) == 1 and len(tried) == len(branches) == 2
     # 0.3 rad at no more than 1 rad/s, gained and lost; the other elbow is 0.7 rad away.
     np.testing.assert_allclose(tried[0].q, near, atol=1e-8)
@@ -38,7 +39,7 @@ def test_a_goal_that_velocity_limits_put_far_behind_is_not_tried():
 def test_eight_branches_of_a_ur5_are_compared_as_coarse_curves():
     robot = ad.Robot.from_library("ur5")
     problem = ad.MinimumTimeProblem(robot, q_start=START, goal_pose=ad.GoalPose(robot.tip, placement(robot, GOAL)))
-    branches, tried = screened(problem, ad.MinimumTimeOptions(), lambda text: None)
+    branches, tried = screened(Task.of(problem))
     assert len(tried) == len(problem.goals) == 8 and len(branches) == 2
     np.testing.assert_array_equal(branches[0].q_goal, tried[0].q)
     solution = ad.solve_minimum_time(problem)

@@ -14,7 +14,6 @@ from armdyn.optimal.switching.extremal.descent import in_one_piece
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.refinement import refine_extremal, shooting_problem
 from armdyn.optimal.task.options import MinimumTimeOptions
-from armdyn.optimal.task.policy.refinement import ArcsPolicy
 from armdyn.optimal.task.task import Task
 from problems import random_problem, random_solution, solved
 
@@ -31,7 +30,7 @@ def test_changes_that_are_missing_are_put_in():
     assert lacking.size == given.size - 2
     found = refine_extremal(own, lacking, Stop())
     assert found.why == ""
-    assert [arc.modes for arc in found.extremal.structure.arcs()] == [arc.modes for arc in solution.phases.arcs]
+    assert [arc.modes for arc in found.extremal.structure.arcs(1e-7)] == [arc.modes for arc in solution.phases.arcs]
     assert found.extremal.structure.duration == pytest.approx(solution.phases.duration, rel=1e-7)
 
 
@@ -58,7 +57,7 @@ def test_a_motion_has_the_states_of_its_steps():
     found = refine_extremal(own, given, Stop())
     assert found.why == ""
     assert found.wrong <= 1e-4
-    motion = phases_of(in_one_piece(found.extremal), ArcsPolicy()).torques
+    motion = phases_of(in_one_piece(found.extremal)).torques
     replay = ad.replay_torques(solution.problem.robot, motion)
     # Steps of eighth order against the replay's integrator, whose tolerance is 1e-10.
     np.testing.assert_allclose(replay.q[-1], solution.problem.q_goal, atol=1e-8)

@@ -73,7 +73,7 @@ def test_a_course_knows_the_jump_of_another_torque():
     own = shooting(paper_problem("rr"), 0.2)
     s = np.linspace(0, 1, 102)[1:-1]
     tau = np.column_stack([np.where(s < 0.4, 3.0, -3.0), 1 + s**2 - 0.5 * np.sign(s - 0.4)])
-    control = control_near(own, 1, tau, frozenset({0}))
+    control = control_near(own, 1, tau, frozenset({0}), 3)
     assert [joint for joint, _ in control.leaps] == [0]
     signs = np.column_stack([np.sign(tau[:, 0]), np.zeros(s.size)])
     np.testing.assert_allclose(own.torque_unit[1] * control.terms(s, signs) @ control.values, tau[:, 1], atol=1e-9)
@@ -82,7 +82,7 @@ def test_a_course_knows_the_jump_of_another_torque():
 def test_a_course_keeps_within_its_limits():
     own = shooting(paper_problem("rr"), 0.2)
     tau = np.column_stack([np.zeros(50), np.full(50, 3.0)])
-    control = control_near(own, 1, tau, frozenset())
+    control = control_near(own, 1, tau, frozenset(), 3)
     np.testing.assert_allclose(own.torque_unit[1] * control.values, [0.95 * 3.0, 0, 0], atol=1e-9)
 
 

@@ -188,7 +188,7 @@ def test_the_numbers_are_those_of_the_moment(tmp_path):
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_a_phone_shows_all_of_it(tmp_path, scheme):
     robot, move = judged()
-    with open_page(written(tmp_path, robot, move), **PHONE) as (page, _, errors):
+    with open_page(written(tmp_path, robot, move), **PHONE, drawn=True) as (page, _, errors):
         page.emulate_media(color_scheme=scheme)
         first, second = (screenshot(page, time) for time in (0.0, 0.2))
         assert first != second

@@ -1,14 +1,14 @@
 """Limits of the joints' accelerations."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, Path, PathConstraint
-from armdyn.optimal.path_constraints.limits.rates import accelerations, kept_by_joints, tightened_part
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, Path
+from armdyn.optimal.path_constraints.limits.rates import PartialLimit, accelerations, kept_by_joints
 from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.interval import Stages
@@ -18,14 +18,8 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class AccelerationLimit(PathConstraint):
-    """No joint accelerates by more than `problem.acceleration_limit`.
-
-    Attributes:
-        part: of the limit, that the program is asked to keep: `tightened` lowers it.
-    """
-
-    part: float = 1.0
+class AccelerationLimit(PartialLimit):
+    """No joint accelerates by more than `problem.acceleration_limit`."""
 
     name = "acceleration limits"
 
@@ -46,15 +40,7 @@ class AccelerationLimit(PathConstraint):
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """By forward dynamics, within every sample."""
         t, a, _ = accelerations(problem.robot, motion)
-        return kept_by_joints(problem.robot, "acceleration", 2, t, a, np.asarray(problem.acceleration_limit))
-
-    def tightened(self, problem: MinimumTimeProblem, kept: ConstraintReport) -> Self:
-        """By what the replay exceeds it."""
-        return replace(self, part=tightened_part(self.part, kept))
-
-    def on_finer_mesh(self) -> Self:
-        """As it was: the excess between the points is a fraction there."""
-        return replace(self, part=1.0)
+        return kept_by_joints(self.policy, problem.robot, 2, t, a, np.asarray(problem.acceleration_limit))
 
     def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
         return float(np.sqrt(np.max(np.abs(path.ddq) / np.asarray(problem.acceleration_limit))))

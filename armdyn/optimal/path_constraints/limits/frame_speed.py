@@ -13,32 +13,29 @@ from numpy.typing import NDArray
 from armdyn.arguments import number, text
 from armdyn.errors import ProblemError, SpecError
 from armdyn.models.robots.robot import Robot
-from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, Path, PathConstraint
-from armdyn.optimal.path_constraints.limits.rates import pieces, tightened_part
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, Path
+from armdyn.optimal.path_constraints.limits.rates import PartialLimit, pieces
 from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
 from armdyn.optimal.problem.checks import SLOWEST
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.program.interval import Stages
-from armdyn.optimal.task.policy.landing import PathConstraintPolicy
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class FrameSpeedLimit(PathConstraint):
+class FrameSpeedLimit(PartialLimit):
     """The origin of a frame never moves faster in the world than this.
 
     Attributes:
         limit: [m/s].
         frame: its name; None: the robot's tip.
-        part: of the limit, that the mesh is asked to keep: `tightened` lowers it.
     """
 
     limit: float
     frame: str | None = None
-    part: float = 1.0
 
     name = "frame speed limits"
     option, metavar, help = "tip-speed", "V[@FRAME]", "how fast a frame may move [m/s], by default the tip"
@@ -94,19 +91,11 @@ class FrameSpeedLimit(PathConstraint):
         share = float(np.max(speeds)) / self.limit
         said = f"{np.max(speeds):.5g} m/s at most, at t = {t[np.argmax(speeds)]:.4g} s"
         name, of = f"speed of {self.frame!r}", f"{said}, of {self.limit:g} m/s"
-        if share <= 1 + PathConstraintPolicy.rate_tolerance:
+        if share <= 1 + self.policy.rate_tolerance:
             return ConstraintReport(name, of, share, order=1)
         reason = f"frame {self.frame!r} moves at {said}; the limit is {self.limit:g} m/s"
         worst = Violation("frame speed limit", str(self.frame), float(t[np.argmax(speeds)]), share - 1)
         return ConstraintReport(name, of, share, (reason,), worst, order=1)
-
-    def tightened(self, problem: MinimumTimeProblem, kept: ConstraintReport) -> Self:
-        """By what the speed exceeds the limit between the stages; less so, where too much was taken off."""
-        return replace(self, part=tightened_part(self.part, kept))
-
-    def on_finer_mesh(self) -> Self:
-        """As it was: the excess between the stages is a fraction there."""
-        return replace(self, part=1.0)
 
     def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
         return float(np.max(_speeds(problem.robot, str(self.frame), path.q, path.dq))) / self.limit

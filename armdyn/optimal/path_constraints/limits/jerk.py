@@ -1,14 +1,14 @@
 """Limits of the joints' jerks."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, PathConstraint
-from armdyn.optimal.path_constraints.limits.rates import accelerations, kept_by_joints, tightened_part
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots
+from armdyn.optimal.path_constraints.limits.rates import PartialLimit, accelerations, kept_by_joints
 from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.interval import Stages
@@ -18,14 +18,8 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class JerkLimit(PathConstraint):
-    """No joint's acceleration changes faster than `problem.jerk_limit`; before and after the motion it is zero.
-
-    Attributes:
-        part: of the limit, that the program is asked to keep: `tightened` lowers it.
-    """
-
-    part: float = 1.0
+class JerkLimit(PartialLimit):
+    """No joint's acceleration changes faster than `problem.jerk_limit`; before and after the motion it is zero."""
 
     name = "jerk limits"
     continuous_torque = True
@@ -52,15 +46,7 @@ class JerkLimit(PathConstraint):
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """By the slope of forward dynamics, within every sample."""
         t, _, jerks = accelerations(problem.robot, motion)
-        return kept_by_joints(problem.robot, "jerk", 3, t, jerks, np.asarray(problem.jerk_limit))
-
-    def tightened(self, problem: MinimumTimeProblem, kept: ConstraintReport) -> Self:
-        """By what the replay exceeds it."""
-        return replace(self, part=tightened_part(self.part, kept))
-
-    def on_finer_mesh(self) -> Self:
-        """As it was: the excess between the points is a fraction there."""
-        return replace(self, part=1.0)
+        return kept_by_joints(self.policy, problem.robot, 3, t, jerks, np.asarray(problem.jerk_limit))
 
 
 def _jerks(stages: Stages, over_limit: ca.SX) -> ca.SX:

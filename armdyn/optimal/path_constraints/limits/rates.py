@@ -1,18 +1,22 @@
-"""Accelerations and jerks along a replayed motion, and reports on their limits."""
+"""Accelerations and jerks along a replayed motion; limits that are tightened as a whole, and reports on them."""
+
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.models.robots.robot import Robot
-from armdyn.optimal.path_constraints.constraint import ConstraintReport
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, PathConstraint
+from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.task.policy.landing import PathConstraintPolicy
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_POWERS = {2: "²", 3: "³"}
+_DERIVATIVES = {2: ("acceleration", "²"), 3: ("jerk", "³")}
 _POINTS = (1 - np.cos(np.pi * np.arange(5) / 4)) / 2
 """Chebyshev's points of a sample, its ends among them."""
 _PLACES = np.linspace(0, 1, 17)
@@ -56,38 +60,50 @@ def accelerations(robot: Robot, motion: Trajectory) -> tuple[Array, Array, Array
     return start[:, None] + steps[:, None] * _PLACES, _VALUES @ a, jerks
 
 
-def kept_by_joints(robot: Robot, what: str, order: int, t: Array, values: Array, limits: Array) -> ConstraintReport:
+@dataclass(frozen=True)
+class PartialLimit(PathConstraint):
+    """A limit of a rate; the program keeps a part of it, so that the replay keeps the whole between the points.
+
+    Attributes:
+        part: of the limit, that the program is asked to keep: `tightened` lowers it.
+    """
+
+    part: float = field(default=1.0, kw_only=True)
+
+    def tightened(self, problem: MinimumTimeProblem, kept: ConstraintReport) -> Self:
+        """Ask for less by what the replay exceeds the limit by; for more again where it stays below."""
+        spare = self.policy.rate_spare if kept.reasons else 0.0
+        part = (1 - spare) * self.part / max(float(kept.share or 1), 1e-6)
+        fitting = float(np.clip(part, self.policy.least_part, 1))
+        return replace(self, part=fitting) if kept.reasons or fitting > self.part else self
+
+    def on_finer_mesh(self) -> Self:
+        """The whole limit again: the excess between the points of a mesh twice as fine is a fraction."""
+        return replace(self, part=1.0)
+
+
+def kept_by_joints(
+    policy: PathConstraintPolicy, robot: Robot, order: int, t: Array, values: Array, limits: Array
+) -> ConstraintReport:
     """How a derivative of the positions keeps its limits.
 
     Args:
+        policy: tuned numbers of path constraints.
         robot: whose joints are limited.
-        what: is limited: "acceleration".
-        order: of the derivative.
+        order: of the derivative: 2, acceleration, or 3, jerk.
         t: when it was looked at [s], of any shape.
         values: what was seen then, of the same shape and (nv,).
         limits: of its size, shape (nv,).
     """
+    what, power = _DERIVATIVES[order]
     seen = np.abs(values).reshape(-1, robot.nv)
     k, i = np.unravel_index(np.argmax(seen / limits), seen.shape)
     share, joint, when = float(seen[k, i] / limits[i]), robot.joint_names[i], float(t.ravel()[k])
-    unit = f"{'m' if robot.slides[i] else 'rad'}/s{_POWERS[order]}"
+    unit = f"{'m' if robot.slides[i] else 'rad'}/s{power}"
     said = f"{seen[k, i]:.5g} of {limits[i]:.5g} {unit} at most, by {joint!r} at t = {when:.4g} s"
     name = f"{what} limits"
-    if share <= 1 + PathConstraintPolicy.rate_tolerance:
+    if share <= 1 + policy.rate_tolerance:
         return ConstraintReport(name, said, share, order=order)
     reason = f"joint {joint!r} exceeds its {what} limit by {100 * (share - 1):.2g} % at t = {when:.4g} s"
-    return ConstraintReport(
-        name, said, share, (reason,), Violation(f"{what} limit", joint, when, share - 1), order=order
-    )
-
-
-def tightened_part(part: float, kept: ConstraintReport) -> float:
-    """Part of a limit that a program is asked to keep, so that the replay of its next solution keeps the whole.
-
-    Args:
-        part: asked for so far.
-        kept: how the replay keeps the limit.
-    """
-    spare = PathConstraintPolicy.rate_spare if kept.reasons else 0.0
-    fitting = float(np.clip((1 - spare) * part / max(float(kept.share or 1), 1e-6), PathConstraintPolicy.least_part, 1))
-    return fitting if kept.reasons or fitting > part else part
+    worst = Violation(f"{what} limit", joint, when, share - 1)
+    return ConstraintReport(name, said, share, (reason,), worst, order=order)

@@ -23,9 +23,6 @@ from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_TOLERANCE = 1e-6
-"""Of the limit, as a part of it. Torques are linear between knots, so that rows hold everywhere: IPOPT's, with room."""
-
 
 @brief
 @dataclass(frozen=True, eq=False)
@@ -96,14 +93,14 @@ class TorqueRateLimit(PathConstraint):
         k, i = np.unravel_index(np.argmax(rates), rates.shape)
         names, reasons, worst = problem.robot.joint_names, [], list[Violation]()
         joint = names[i]
-        if share > 1 + _TOLERANCE:
+        if share > 1 + self.policy.rate_tolerance:
             worst.append(Violation("torque-rate limit", joint, float(motion.t[k]), share - 1))
             reasons.append(f"the torque of joint {joint!r} changes {share:.4g} times as fast as its limit allows")
         ends = zip(_ends(problem), motion.t[[0, -1]], motion.tau[[0, -1]], ("begins", "ends"), strict=True)
         for x, t, tau, end in ends:
             hold, free = self._held(problem, x)
             beside = np.where(free > 0, 0, np.abs(tau - hold)) / problem.limits.actuators.scale
-            if np.max(beside) > _TOLERANCE:
+            if np.max(beside) > self.policy.rate_tolerance:
                 worst.append(
                     Violation("jump of the torque", names[int(np.argmax(beside))], float(t), float(np.max(beside)))
                 )

@@ -17,39 +17,10 @@ from armdyn.optimal.problem.stop import Budget, Stop
 from armdyn.optimal.switching.extremal.landing import landed, moved_by
 from armdyn.optimal.switching.extremal.quadratic_model import LinearizedRollout, Model, lengths_of
 from armdyn.optimal.switching.extremal.rollout import Rollout, ShootingProblem
-from armdyn.optimal.switching.extremal.state_limits import BEYOND, beyond_position, excess, with_limits
+from armdyn.optimal.switching.extremal.state_limits import beyond_position, excess, with_limits, within_limits
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 
 Array = NDArray[np.float64]
-
-_AGAIN = 4
-"""Rounds of Newton's method from a motion beside."""
-_VANISHED = 1e-8
-"""Of the duration: a segment that is none."""
-_HALVES = 12
-"""Of a step that goes beyond a limit of position, at most."""
-_NEAR = 1e-3
-"""Beyond a limit of position by so much it is near enough for a touch [rad or m]."""
-_FAR_BEYOND = 0.3
-"""The same for a motion as it lands first."""
-_DEAR = 0.05
-"""Of the duration: what touches may take at most."""
-_SLOW = 0.5
-"""The same for velocity limits alone, which the motion was beyond for long."""
-_TOUCHES = 3
-"""Times that touches are put in: one may bring about another."""
-_RADIUS = 0.03
-"""Of the duration: how far the model is trusted at first."""
-_STEPS = 20
-"""Along tangents, at most: of random pairs of RRR those that came to an extremal took 13 at most."""
-_NARROW = 1e-6
-"""Of the duration: a model that is not to be trusted so far is none."""
-_FLAT = 1e-6
-"""∂t_f/∂(time of a change), beside 1 for time, that is none: a hundredth of what is certified."""
-_NEARLY_FLAT = 1e-4
-"""The same where the model promises nothing any more: what is certified."""
-_WORTH = 1e-12
-"""Of the duration: what a step must promise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +54,11 @@ class Extremal:
         return self.linear.rollout
 
     @property
+    def shooting(self) -> ShootingProblem:
+        """The shooting problem: limits, dynamics, tuned numbers."""
+        return self.linear.rollout.shooting
+
+    @property
     def structure(self) -> SwitchingStructure:
         """Its structure."""
         return self.rollout.structure
@@ -113,14 +89,15 @@ def fastest(shooting: ShootingProblem, structure: SwitchingStructure, stop: Stop
     if linear is None:
         return NoExtremal("no motion near the mesh's ends in the goal")
     linear = _touching(shooting, linear)
-    radius = _RADIUS * structure.duration
-    for _ in range(_STEPS):
+    numbers = shooting.policy.descent
+    radius = numbers.radius * structure.duration
+    for _ in range(numbers.steps):
         if stop:
             return NoExtremal(stop.word, linear)
         model = Model.of(linear)
         if not np.all(np.isfinite(model.quadratic.hessian)):
             return NoExtremal("the motion beside it leaves what numbers can hold", linear)
-        if linear.gradient_norm <= _FLAT:
+        if linear.gradient_norm <= numbers.flat:
             other = _other_order(shooting, linear)
             if other is None:
                 return Extremal(linear)
@@ -128,8 +105,8 @@ def fastest(shooting: ShootingProblem, structure: SwitchingStructure, stop: Stop
             continue
         step = model.step(radius)
         while True:
-            if step.promised < _WORTH * structure.duration or radius < _NARROW * structure.duration:
-                if linear.gradient_norm <= _NEARLY_FLAT:
+            if step.promised < numbers.worth * structure.duration or radius < numbers.narrow * structure.duration:
+                if linear.gradient_norm <= numbers.nearly_flat:
                     return Extremal(linear)
                 return NoExtremal("no step shortens the motion any more", linear)
             after = _stepped(shooting, linear, step.by)
@@ -142,17 +119,17 @@ def fastest(shooting: ShootingProblem, structure: SwitchingStructure, stop: Stop
             radius *= 2.5
         assert after is not None  # noqa: S101 - else nothing is gained
         linear = _without_vanished(shooting, _within_limits(shooting, linear, step.by, after))
-    return NoExtremal(f"{_STEPS} steps did not reach an extremal", linear)
+    return NoExtremal(f"{numbers.steps} steps did not reach an extremal", linear)
 
 
 def _other_order(shooting: ShootingProblem, linear: LinearizedRollout) -> LinearizedRollout | None:
     """The same motion with two changes at one time in the other order, if it can be shortened from there."""
+    structure, numbers = linear.rollout.structure, shooting.policy.descent
     for k, after in linear.ties:
-        swapped = landed(shooting, linear.rollout.structure.swapped(k, after), _AGAIN)
-        longer = (
-            swapped is None or swapped.rollout.structure.duration > (1 + _VANISHED) * linear.rollout.structure.duration
-        )
-        if swapped is not None and not longer and swapped.gradient_norm > _FLAT:
+        swapped = landed(shooting, structure.swapped(k, after), numbers.again)
+        if swapped is None or swapped.rollout.structure.duration > (1 + numbers.vanished) * structure.duration:
+            continue
+        if swapped.gradient_norm > numbers.flat:
             return swapped
     return None
 
@@ -168,26 +145,28 @@ def _within_limits(
         by: what the unknowns change by in it.
         after: after it.
     """
-    there, low, high = after, 0.0, 1.0
-    for _ in range(_HALVES):
-        beyond = excess(there.rollout)
-        if BEYOND < beyond <= _NEAR or (high == 1.0 and beyond <= BEYOND):
+    there, low, high, numbers = after, 0.0, 1.0, shooting.policy.descent
+    for _ in range(numbers.halves):
+        kept = within_limits(there.rollout)
+        if (kept and high == 1.0) or (not kept and excess(there.rollout) <= numbers.near):
             break
         part = (low + high) / 2
         halved = _stepped(shooting, linear, part * by)
         if halved is None:
             return after
-        low, high = (part, high) if excess(halved.rollout) <= BEYOND else (low, part)
+        low, high = (part, high) if within_limits(halved.rollout) else (low, part)
         there = halved
     return _touching(shooting, there)
 
 
 def _touching(shooting: ShootingProblem, linear: LinearizedRollout) -> LinearizedRollout:
     """The motion with touches of the limits of position that it exceeds, if one with them is near."""
-    for _ in range(_TOUCHES):
-        structure = with_limits(linear.rollout) if beyond_position(linear.rollout) <= _FAR_BEYOND else None
+    numbers, overlooked = shooting.policy.descent, shooting.policy.rollout.beyond
+    for _ in range(numbers.touches):
+        beyond = beyond_position(linear.rollout)
+        structure = with_limits(linear.rollout) if beyond <= numbers.far_beyond else None
         touching = landed(shooting, structure) if structure else None
-        dear = _DEAR if beyond_position(linear.rollout) > BEYOND else _SLOW
+        dear = numbers.dear if beyond > overlooked else numbers.slow
         if touching is None or touching.rollout.structure.duration > (1 + dear) * linear.rollout.structure.duration:
             return linear
         linear = touching
@@ -205,7 +184,7 @@ def in_one_piece(extremal: Extremal, offset: Array | float = 0.0) -> Extremal:
         It; as it was, if nothing in one piece is near.
     """
     shooting = replace(extremal.rollout.shooting, offset=offset)
-    linear = landed(shooting, extremal.structure, _AGAIN, in_one=True)
+    linear = landed(shooting, extremal.structure, shooting.policy.descent.again, in_one=True)
     return extremal if linear is None else Extremal(linear)
 
 
@@ -226,7 +205,7 @@ def finer(extremal: Extremal, stop: Stop) -> Extremal | None:
 def _stepped(shooting: ShootingProblem, linear: LinearizedRollout, by: Array) -> LinearizedRollout | None:
     """The motion after a step along the tangent."""
     structure, joined = moved_by(linear, by, 1.0)
-    return landed(shooting, structure, _AGAIN, joined, tied=True)
+    return landed(shooting, structure, shooting.policy.descent.again, joined, tied=True)
 
 
 def _without_vanished(shooting: ShootingProblem, linear: LinearizedRollout) -> LinearizedRollout:
@@ -234,11 +213,11 @@ def _without_vanished(shooting: ShootingProblem, linear: LinearizedRollout) -> L
 
     On a limit of velocity they stay: a joint may have to meet it just where its torque switches.
     """
-    structure = linear.rollout.structure
+    structure, numbers = linear.rollout.structure, shooting.policy.descent
     lengths = lengths_of(structure) @ structure.unknowns
     short = [
         segment
         for segment, length in zip(structure.segments(), lengths, strict=True)
-        if length < _VANISHED * structure.duration and structure.mode_of(segment) not in VELOCITY
+        if length < numbers.vanished * structure.duration and structure.mode_of(segment) not in VELOCITY
     ]
-    return (landed(shooting, structure.without(short), _AGAIN) or linear) if short else linear
+    return (landed(shooting, structure.without(short), numbers.again) or linear) if short else linear

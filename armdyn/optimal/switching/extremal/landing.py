@@ -10,28 +10,16 @@ from armdyn.optimal.switching.extremal.trust_region import null_space
 
 Array = NDArray[np.float64]
 
-_CLOSED = 1e-9
-"""Gaps and misses that are none, in parts of `Rollout.unit`: the integrator's own."""
-_ROUNDS = 30
-"""Of Newton's method from a mesh's states, that of a heavy arm with singular arcs."""
-_FAR = 0.5
-"""A correction of a time by more than this part of the duration says that there is nothing near."""
-_STATES = 0.1
-"""What a state that is moved by `Rollout.unit` counts, beside a time that is moved by the duration."""
-_SWING = 0.3
-"""Of `Rollout.unit`: states are moved by no more at once."""
 _RANK = 1e-12
 """Of the largest singular value: rounding, of equations that an arm in the open answers to a millionfold."""
 _TIED = 1e-12
 """Of the duration: a change that comes earlier than the one before by no more has not passed it, but for rounding."""
-_KEPT = 0.2
-"""Part of a segment that one correction leaves at least."""
 
 
 def landed(
     shooting: ShootingProblem,
     structure: SwitchingStructure,
-    rounds: int = _ROUNDS,
+    rounds: int | None = None,
     joined: NDArray[np.bool_] | None = None,
     in_one: bool = False,
     tied: bool = False,
@@ -41,12 +29,13 @@ def landed(
     Args:
         shooting: the shooting problem.
         structure: to begin with.
-        rounds: of Newton's method.
+        rounds: of Newton's method; None: as many as from a mesh's states.
         joined: its changes whose states are not theirs, see `Rollout.of`.
         in_one: none are, now and later: the motion stays in one piece.
         tied: changes at one time stay together.
     """
-    joined = np.ones(structure.size, bool) if in_one else joined
+    numbers, joined = shooting.policy.descent, np.ones(structure.size, bool) if in_one else joined
+    rounds = numbers.rounds if rounds is None else rounds
     for k in range(rounds + 1):
         if structure.size + 1 > shooting.most_arcs:
             return None
@@ -56,13 +45,13 @@ def landed(
         linear, structure = LinearizedRollout.of(rollout), rollout.structure
         if not np.all(np.isfinite(linear.jacobian)):  # a chain of many arcs may overflow where each does not
             return None
-        if linear.infeasible <= _CLOSED:
+        if linear.infeasible <= numbers.closed:
             return linear
         by, whole = _correction(linear, tied)
         most = float(np.max(np.abs(by[: structure.size + 1]))) / structure.duration
-        if k == rounds or most > _FAR:
+        if k == rounds or most > numbers.far:
             return None
-        part = min(1.0, whole, 0.1 / max(most, 1e-300))
+        part = min(1.0, whole, numbers.stride / max(most, 1e-300))
         structure, moved = moved_by(linear, part * by, part)
         joined = np.ones(structure.size, bool) if in_one else moved
     return None
@@ -75,12 +64,13 @@ def _correction(linear: LinearizedRollout, tied: bool) -> tuple[Array, float]:
     millionfold, and a least change of the times alone would throw it about.
     """
     structure, planes, now = linear.rollout.structure, linear.planes, linear.planes.now
+    numbers = linear.rollout.shooting.policy.descent
     unit, width = linear.rollout.unit, structure.width
     changes = np.vstack(
-        [np.eye(width) / structure.duration, _STATES * (linear.reach[:-1] / unit[:, None]).reshape(-1, width)]
+        [np.eye(width) / structure.duration, numbers.states * (linear.reach[:-1] / unit[:, None]).reshape(-1, width)]
     )
-    moved = np.concatenate([np.zeros(width), _STATES * (linear.gap[:-1] / unit).ravel()])
-    least = np.where(planes.lengths, _KEPT * now, 0.0)
+    moved = np.concatenate([np.zeros(width), numbers.states * (linear.gap[:-1] / unit).ravel()])
+    least = np.where(planes.lengths, numbers.kept * now, 0.0)
     held: list[int] = []
     first = now.size - len(planes.orders)
     least[first:] = -np.inf  # in which order changes come, the equations decide
@@ -97,7 +87,7 @@ def _correction(linear: LinearizedRollout, tied: bool) -> tuple[Array, float]:
         held.append(min(short, key=lambda k: after[k] - least[k]))
     shares = [(now[k] - least[k]) / (now[k] - after[k]) for k in short if planes.lengths[k]]
     states = (linear.reach[:-1] @ by + linear.gap[:-1]) / unit
-    shares.append(_SWING / max(float(np.max(np.abs(states), initial=0.0)), 1e-300))
+    shares.append(numbers.swing / max(float(np.max(np.abs(states), initial=0.0)), 1e-300))
     return by, float(max(0.0, min([1.0, *shares])))
 
 

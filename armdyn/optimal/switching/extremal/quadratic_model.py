@@ -10,18 +10,9 @@ from numpy.typing import NDArray
 from armdyn.optimal.switching.extremal.change import Segment
 from armdyn.optimal.switching.extremal.rollout import Rollout
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
-from armdyn.optimal.switching.extremal.trust_region import TIGHT, QuadraticForm, held_back, null_space
+from armdyn.optimal.switching.extremal.trust_region import RANK, TIGHT, QuadraticForm, held_back, null_space
 
 Array = NDArray[np.float64]
-
-_DIFFERENCE = 1e-6
-"""Of the duration, for a tangent of length 1: between what rounds off and what is cut off."""
-_SHORT = 1e-2
-"""Of the duration: segments shorter than that may vanish in one step; longer ones shrink by a tenth first."""
-_ASIDE = 0.1
-"""Of the duration: changes farther from each other do not meet within a step."""
-_RANK = 1e-10
-"""Of the largest singular value: rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +74,7 @@ class LinearizedRollout:
             lengths_of(self.rollout.structure),
             self.rollout.slack,
         )
-        orders = structure.orders(_ASIDE * structure.duration)
+        orders = structure.orders(self.rollout.shooting.policy.descent.aside * structure.duration)
         apart = np.zeros((len(orders), structure.width))
         for row, (k, after) in zip(apart, orders, strict=True):
             row[k], row[after] = -1.0, 1.0
@@ -102,7 +93,7 @@ class LinearizedRollout:
         gradient[self.rollout.structure.size] = 1.0
         tight = self.planes.rows[self.planes.now <= TIGHT]
         multiplier, gradient_norm = held_back(self.tangents @ gradient, tight @ self.tangents.T)
-        multipliers = np.linalg.lstsq(self.jacobian.T, multiplier @ tight - gradient, rcond=_RANK)[0]
+        multipliers = np.linalg.lstsq(self.jacobian.T, multiplier @ tight - gradient, rcond=RANK)[0]
         return gradient_norm, np.asarray(multipliers, float), multiplier
 
     @property
@@ -170,7 +161,7 @@ class LinearizedRollout:
         rollout = self.rollout
         states = np.einsum("asz,kz->kas", self.reach[:-1], tangents)
         out = np.empty((len(tangents), len(tangents)))
-        small = _DIFFERENCE * rollout.structure.duration
+        small = rollout.shooting.policy.descent.difference * rollout.structure.duration
         here = _gradient(rollout, self.costates)
         for j, (by, moved) in enumerate(zip(tangents, states, strict=True)):
             there = _gradient(rollout.perturbed(small * by, small * moved), self.costates)
@@ -249,8 +240,9 @@ class Model:
 
     def step(self, radius: float) -> Step:
         """The best step within a radius [s] that leaves no segment negative."""
-        planes, tangents = self.linear.planes, self.linear.tangents
-        long = planes.lengths & (planes.now >= _SHORT * self.linear.rollout.structure.duration)
+        planes, tangents, rollout = self.linear.planes, self.linear.tangents, self.linear.rollout
+        short = rollout.shooting.policy.descent.short * rollout.structure.duration
+        long = planes.lengths & (planes.now >= short)
         slack = np.where(long, 0.9 * planes.now, planes.now)
         y, rim = self.quadratic.within(planes.rows @ tangents.T, slack, radius)
         return Step(y @ tangents, -self.quadratic.at(y), rim)

@@ -13,18 +13,10 @@ from armdyn.optimal.problem.stop import Budget
 from armdyn.optimal.switching.extremal.flow import STEPS, Flow
 from armdyn.optimal.switching.extremal.step_torques import Torques
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
+from armdyn.optimal.task.policy import Policy
+from armdyn.optimal.task.task import Task
 
 Array = NDArray[np.float64]
-
-_CURVED = 24
-"""Steps of an arc on which a torque is free, at least: two for a coefficient of the longest singular control."""
-_SWAY = 0.2
-"""Of the duration: a bang arc that is moved by so much counts as much as a free torque that goes through its range."""
-_LEAST = 3
-"""Steps of an arc, in the mean: fewer see nothing of what happens between."""
-
-_FINEST = 4 * STEPS
-"""Steps of a rollout, at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +25,7 @@ class ShootingProblem:
 
     Attributes:
         problem: its limits, start and goal.
+        policy: tuned numbers.
         flow: of its arm.
         body: the ten dynamic parameters of the last body.
         torque_unit: what a coefficient of 1 in a singular control is [N m], shape (nv,): as much as
@@ -43,6 +36,7 @@ class ShootingProblem:
     """
 
     problem: MinimumTimeProblem
+    policy: Policy
     flow: Flow
     body: Array
     torque_unit: Array
@@ -53,18 +47,18 @@ class ShootingProblem:
     @property
     def most_arcs(self) -> int:
         """That a rollout may have."""
-        return self.steps // _LEAST
+        return self.steps // self.policy.rollout.per_arc
 
     @property
     def finer(self) -> Self | None:
         """With twice the steps; None: with the most already."""
-        return replace(self, steps=2 * self.steps) if self.steps < _FINEST else None
+        return replace(self, steps=2 * self.steps) if self.steps < self.policy.rollout.finest * STEPS else None
 
     @classmethod
-    def of(cls, problem: MinimumTimeProblem, flow: Flow, body: Array, duration: float) -> Self:
-        """Of a problem, whose motion takes about so long [s]."""
-        limits = problem.limits
-        return cls(problem, flow, body, (limits.actuators.width) / (_SWAY * duration))
+    def of(cls, task: Task, flow: Flow, duration: float) -> Self:
+        """Of a task, whose motion takes about so long [s]."""
+        unit = task.problem.limits.actuators.width / (task.policy.rollout.sway * duration)
+        return cls(task.problem, task.policy, flow, task.dynamics.last_body, unit)
 
     @property
     def end(self) -> Array:
@@ -118,7 +112,7 @@ class Rollout:
         """
         lengths = np.diff(np.concatenate([[0.0], structure.times, [structure.duration]]))
         curved = np.array([Mode.FREE in modes for modes in structure.modes()])
-        arc = _dealt(lengths, curved, shooting.steps) if arc is None else arc
+        arc = _dealt(lengths, curved, shooting.steps, shooting.policy.rollout.per_free_arc) if arc is None else arc
         h = (lengths / np.bincount(arc))[arc]
         torques = Torques.of(shooting.problem.limits, shooting.torque_unit, structure, arc)
         begins = np.concatenate([[True], arc[1:] != arc[:-1]])
@@ -271,13 +265,13 @@ class Rollout:
         return type(self).of(self.shooting, there, arc=self.arc)
 
 
-def _dealt(lengths: Array, curved: NDArray[np.bool_], steps: int) -> NDArray[np.int_]:
+def _dealt(lengths: Array, curved: NDArray[np.bool_], steps: int, per_free_arc: int) -> NDArray[np.int_]:
     """Which arc each step is in: some for every arc, more where a torque is free, and most for the longest.
 
     Twice as many steps where curved arcs would take more than half of them: else the others would not be followed.
     """
-    steps *= 2 if 2 * _CURVED * curved.sum() > steps else 1
-    own = max(2, min(_CURVED, (steps - 2 * lengths.size) // max(int(curved.sum()), 1)))
+    steps *= 2 if 2 * per_free_arc * curved.sum() > steps else 1
+    own = max(2, min(per_free_arc, (steps - 2 * lengths.size) // max(int(curved.sum()), 1)))
     counts, parts = np.where(curved, own, 2), np.maximum(lengths, 0.0)
     for _ in range(steps - counts.sum()):
         counts[np.argmax(parts / counts)] += 1

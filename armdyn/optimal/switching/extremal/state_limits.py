@@ -13,16 +13,17 @@ from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 
 Array = NDArray[np.float64]
 
-BEYOND = 1e-6
-"""Largest excess that does not count as overlooked: of a position limit [rad or m], of a velocity limit as a part of
-it."""
-
 
 def excess(rollout: Rollout) -> float:
     """Largest excess at the steps' ends: of position limits [rad or m], of velocity limits as a part of them."""
     n = rollout.shooting.problem.robot.nv
     over = np.max(np.abs(rollout.end[:, n:]) / rollout.shooting.problem.limits.velocity) - 1
     return max(beyond_position(rollout), float(over))
+
+
+def within_limits(rollout: Rollout) -> bool:
+    """Whether the largest excess does not count as overlooked."""
+    return excess(rollout) <= rollout.shooting.policy.rollout.beyond
 
 
 def beyond_position(rollout: Rollout) -> float:
@@ -118,7 +119,7 @@ def _overlooked(rollout: Rollout) -> Iterator[_Overlooked]:
             (Mode.VELOCITY_LOWER, -fastest, -v / fastest - 1),
         )
         for mode, bound, beyond in sides:
-            for run in stretches(np.flatnonzero(beyond > BEYOND)):
+            for run in stretches(np.flatnonzero(beyond > rollout.shooting.policy.rollout.beyond)):
                 worst = float(t[1 + run[np.argmax(beyond[run])]])
                 yield _Overlooked(i, mode, bound, float(t[run[0]]), float(t[min(run[-1] + 2, t.size - 1)]), worst)
 

@@ -16,9 +16,6 @@ from armdyn.trajectory import Trajectory
 Array = NDArray[np.float64]
 StructureKey = tuple[tuple[Mode, ...], tuple[tuple[int, Mode, bool, Carrier | None], ...]]
 
-_MET = 1e-7
-"""Of the duration: a joint that is on a limit of velocity for less touches it."""
-
 
 @dataclass(frozen=True, eq=False)
 class SwitchingStructure:
@@ -242,8 +239,12 @@ class SwitchingStructure:
         changes = tuple(self.changes[k] for k in kept)
         return replace(self, changes=changes, times=self.times[list(kept)], states=self.states[list(kept)])
 
-    def arcs(self) -> list[Arc]:
-        """Arcs with these durations; of changes at one time the later ones' modes count."""
+    def arcs(self, brief: float) -> list[Arc]:
+        """Arcs with these durations; of changes at one time the later ones' modes count.
+
+        Args:
+            brief: a joint that is on a velocity limit for less than this part of the duration touches it.
+        """
         edges = [0.0, *self.times.tolist(), self.duration]
         out: list[Arc] = []
         carried = self.carriers()
@@ -253,14 +254,14 @@ class SwitchingStructure:
             touches: tuple[tuple[int, Mode], ...] = ()
             if k < self.size and self.changes[k].touch:
                 touches = ((self.changes[k].joint, self.changes[k].mode),)
-            if t1 - t0 <= _MET * self.duration:
+            if t1 - t0 <= brief * self.duration:
                 met = [
                     (i, mode)
                     for i, mode in enumerate(modes)
                     if mode in VELOCITY and out and mode is not out[-1].modes[i]
                 ]
                 touches += tuple(each for each in met if each not in (*touches, *(out[-1].touches if out else ())))
-            if t1 - t0 > (_MET if touches else 1e-12) * self.duration or (touches and not out):
+            if t1 - t0 > (brief if touches else 1e-12) * self.duration or (touches and not out):
                 out.append(Arc(t1 - t0, modes, touches))
             elif touches:
                 out[-1] = replace(out[-1], touches=out[-1].touches + touches)

@@ -9,7 +9,7 @@ from scipy.optimize import nnls
 
 Array = NDArray[np.float64]
 
-_RANK = 1e-10
+RANK = 1e-10
 """Of the largest singular value: rounding."""
 TIGHT = 1e-8
 """Room to a plane that is none, in what unknowns are in: landing closes to about a tenth."""
@@ -67,7 +67,7 @@ class QuadraticForm:
                 continue
             if not kept:
                 break
-            multiplier = np.linalg.lstsq(rows[kept].T, self.gradient + self.hessian @ y + shift * y, rcond=_RANK)[0]
+            multiplier = np.linalg.lstsq(rows[kept].T, self.gradient + self.hessian @ y + shift * y, rcond=RANK)[0]
             if np.min(multiplier) >= -_PULL:
                 break
             kept.pop(int(np.argmin(multiplier)))
@@ -101,7 +101,7 @@ def held_back(gradient: Array, rows: Array) -> tuple[Array, float]:
 def null_space(rows: Array) -> Array:
     """Orthonormal directions that rows do not feel, shape (k, columns)."""
     values, directions = np.linalg.svd(rows)[1:]
-    return np.asarray(directions[int(np.sum(values > _RANK * values[0])) :])
+    return np.asarray(directions[int(np.sum(values > RANK * values[0])) :])
 
 
 def _in_ball(values: Array, down: Array, radius: float) -> tuple[Array, float, bool]:

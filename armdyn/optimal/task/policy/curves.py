@@ -59,4 +59,7 @@ class CurvePolicy:
     coarser_after_interrupt: int = tuned(
         2, "-", "divides both after Ctrl-C: half the time to replay, and still within 1e-6 rad of the goal", "Panda"
     )
+    hopeless: float = tuned(1e-2, "of a limit", "excess beyond which a replay is not merely off its curve", TRAINED)
+    least_share: float = tuned(1e-4, "of the time", "a smaller share is what IPOPT's barrier leaves of none", TRAINED)
+    idle: float = tuned(1e-2, "of the time", "a joint whose limits decide less moves as it likes mostly", TRAINED)
     bandwidth: float = tuned(160.0, "over the duration", "of the feedback that keeps torques to their curve", TRAINED)

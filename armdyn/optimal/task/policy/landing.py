@@ -25,7 +25,6 @@ class PathConstraintPolicy:
     """Tightening of path constraints until the replay keeps them."""
 
     rounds: int = tuned(8, "rounds", "of meshes solved again", "RR: spheres, boxes; Panda: a post")
-    most_points: int = tuned(8, "points", "of an interval, at which distances are asked for", "RR: thin boxes")
     near: float = tuned(1e-4, "rad or m", "of via points and goal: no further round is worth its seconds", "RR, Panda")
     far: float = tuned(0.1, "rad or m", "of the goal: the mesh was too coarse for what the arm does", "RR, Panda")
     settled: float = tuned(

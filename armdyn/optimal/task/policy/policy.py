@@ -8,6 +8,7 @@ import numpy as np
 
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.optimal.task.policy.bound import BoundPolicy
 from armdyn.optimal.task.policy.curves import CurvePolicy
 from armdyn.optimal.task.policy.landing import LandingPolicy, PathConstraintPolicy
 from armdyn.optimal.task.policy.problem_class import is_speed_limited
@@ -18,9 +19,16 @@ from armdyn.optimal.task.policy.refinement import (
     SmoothPolicy,
     SwitchMeshPolicy,
 )
-from armdyn.optimal.task.policy.search import ProgramPolicy, SamePolicy, SearchPolicy
+from armdyn.optimal.task.policy.search import GoalPolicy, ProgramPolicy, SamePolicy, SearchPolicy
 from armdyn.optimal.task.policy.sequential import SequentialPolicy
 from armdyn.optimal.task.policy.strategy import Method, StrategyPolicy
+from armdyn.optimal.task.policy.switching import (
+    ContactPolicy,
+    DescentPolicy,
+    RolloutPolicy,
+    SingularPolicy,
+    SwitchingPolicy,
+)
 from armdyn.optimal.task.policy.tuned import rows
 from armdyn.optimal.task.scheme import Scheme
 
@@ -33,31 +41,47 @@ class Policy:
         strategy: methods of refinement, in the order in which they are tried.
         program: how motion becomes a nonlinear program.
         search: guesses, and which of their optima go on.
+        goals: which of many goals are tried, and how an end slides along a pose.
         same: when two durations are one optimum's.
         refinement: how far an optimum of a mesh is refined.
         switch_mesh: how a mesh is refined at the switches before arcs are read from it.
         arcs: how arcs are read, laid and solved.
+        switching: how a switching structure is corrected.
+        rollout: how finely its arcs are integrated.
+        descent: how its times come to the least duration.
+        contacts: which contacts with limits of the state are corrected.
+        singular: where torques are free, and what they are at first.
         landing: how a mesh's torques are brought to land.
         smooth: optima of time and energy.
         path_constraints: what is asked along the way.
         indirect: the second approach.
         curves: motions as curves.
         sequential: curves among obstacles.
+        bound: how tight a lower bound is made.
+        changes: groups and numbers that `changed` has set, in turn.
     """
 
     strategy: StrategyPolicy
     program: ProgramPolicy
     search: SearchPolicy
+    goals: GoalPolicy = field(default_factory=GoalPolicy)
     same: SamePolicy = field(default_factory=SamePolicy)
     refinement: RefinementPolicy
     switch_mesh: SwitchMeshPolicy = field(default_factory=SwitchMeshPolicy)
     arcs: ArcsPolicy = field(default_factory=ArcsPolicy)
+    switching: SwitchingPolicy = field(default_factory=SwitchingPolicy)
+    rollout: RolloutPolicy = field(default_factory=RolloutPolicy)
+    descent: DescentPolicy = field(default_factory=DescentPolicy)
+    contacts: ContactPolicy = field(default_factory=ContactPolicy)
+    singular: SingularPolicy = field(default_factory=SingularPolicy)
     landing: LandingPolicy = field(default_factory=LandingPolicy)
     smooth: SmoothPolicy
     path_constraints: PathConstraintPolicy = field(default_factory=PathConstraintPolicy)
     indirect: IndirectPolicy
     curves: CurvePolicy
     sequential: SequentialPolicy = field(default_factory=SequentialPolicy)
+    bound: BoundPolicy = field(default_factory=BoundPolicy)
+    changes: tuple[tuple[str, dict[str, object]], ...] = ()
 
     @classmethod
     def of(cls, problem: MinimumTimeProblem) -> Self:
@@ -110,8 +134,16 @@ class Policy:
         return rows(self)
 
     def changed(self, group: str, **numbers: object) -> Self:
-        """The same with other numbers in one group, to try them."""
-        return replace(self, **{group: replace(getattr(self, group), **numbers)})
+        """The same with other numbers in one group, to try them; policies of other problems keep them, see `about`."""
+        own = {group: replace(getattr(self, group), **numbers), "changes": (*self.changes, (group, numbers))}
+        return replace(self, **own)
+
+    def about(self, problem: MinimumTimeProblem) -> Self:
+        """The policy for another problem, with the same numbers changed."""
+        policy = self.of(problem)
+        for group, numbers in self.changes:
+            policy = policy.changed(group, **numbers)
+        return policy
 
 
 def _strategy(problem: MinimumTimeProblem, motors: bool, speed_limited: bool) -> StrategyPolicy:

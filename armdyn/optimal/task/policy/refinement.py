@@ -52,6 +52,8 @@ class RefinementPolicy:
     )
     stray: float = tuned(1e-6, "-", "|H| that is as good as it can be: a hundredth of what is certified", PLANAR)
     slowing: int = tuned(6, "rounds", "of slowing a motion down until it keeps all limits; most take one or two", LARGE)
+    astray: float = tuned(1e-7, "rad or m", "from the path's own end: a tenth of what is on the goal", LARGE)
+    most_samples: int = tuned(2000, "samples", "of a replay that segments are checked on: six times most", PLANAR)
     slow_samples: int = tuned(1000, "samples", "of a motion that is slowed down or held against conditions", "RR")
 
 
@@ -123,6 +125,11 @@ class ArcsPolicy:
     )
     smooth_iterations: int = tuned(150, "iterations", "where they are to be smooth", PLANAR)
     tie: float = tuned(1e-5, "of 1 for time", "cost of full torques that time leaves free: it makes them unique", "RRR")
+    on_interval: int = tuned(
+        8, "samples", "of constant torques: with one, cubics between were off by 0.27 rad/s of 62; so by 0.0012", "RRR"
+    )
+    barrier: float = tuned(1e-3, "scaled", "IPOPT's mu_init of arcs where some torques are free", PLANAR)
+    near_barrier: float = tuned(1e-9, "scaled", "the same, and its push, where the guess is near or none is", PLANAR)
     samples: int = tuned(480, "samples", "of torques that are not constant, 4 to 16 on an interval", "RRR time-energy")
 
     @property

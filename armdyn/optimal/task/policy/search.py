@@ -88,10 +88,6 @@ class SearchPolicy:
     astray: float = tuned(
         0.2, "of a joint's way", "it is where those of all its optima end this far beside the goal", "RRR 500 g, 1 kg"
     )
-    goals_solved: int = tuned(2, "goals", "solved in full, the best by one coarse solve each", "UR5: eight branches")
-    hopeless: float = tuned(
-        1.05, "of the best coarse duration", "goals that velocity limits alone put so far behind are not tried", "UR5"
-    )
     bow: float = tuned(
         2.0, "rad", "least spread of random poses: fast motions fold far out of the straight way", "RR, RRR, Luus"
     )
@@ -130,6 +126,8 @@ class SearchPolicy:
     )
     led: float = tuned(6.0, "rad or m", "the most by which one joint is led elsewhere", "RRR, random")
     slack: float = tuned(1.2, "of an optimum's duration", "changes of it begin with", "RRR, random")
+    bunch: int = tuned(7, "guesses", "that a worker gets at once: one takes hardly longer than its result", UNRECORDED)
+    asks: int = tuned(24, "times", "that a search asks whether it has seen enough: that takes its time, too", PLANAR)
     brisk: float = tuned(10.0, "rad/s", "stands for a missing velocity limit where ways are compared", UNRECORDED)
 
     def guesses(self, options: MinimumTimeOptions, normal: int | None = None) -> int:
@@ -146,6 +144,33 @@ class SearchPolicy:
         """How many optima the options ask for. Arguments as of `guesses`."""
         own = self.refined if normal is None else normal
         return options.refinements or own * (self.more_refined if options.search == "thorough" else 1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GoalPolicy:
+    """Which of many goals are tried, and how goals and ends slide along the joint positions that reach a pose."""
+
+    solved: int = tuned(2, "goals", "solved in full, the best by one coarse solve each", "UR5: eight branches")
+    hopeless: float = tuned(
+        1.05, "of the best coarse duration", "goals that velocity limits alone put so far behind are not tried", "UR5"
+    )
+    tried: float = tuned(1 / 3, "of the time limit", "for coarse solves of all goals, at most", UNRECORDED)
+    slid: int = tuned(4, "goals", "that are kept of those slid by velocity limits", "UR5, Panda: positions")
+    slides: int = tuned(25, "linear programs", "for each goal, at most", "UR5, Panda: positions")
+    farthest: float = tuned(0.5, "rad or m", "step of any joint, at first and at most", "UR5, Panda: positions")
+    shortest: float = tuned(1e-3, "rad or m", "last step: far below what coarse solves tell apart", "UR5, Panda")
+    others: float = tuned(
+        1e-3,
+        "-",
+        "weight of all joints' times against the slowest's: the others stay near",
+        "UR5, Panda",
+    )
+    distinct: float = tuned(0.05, "rad or m", "goals of which no joint is further off are one", "UR5, Panda")
+    end_solves: int = tuned(8, "solves", "of an end that slides down the duration: RRR needs two to six", "RRR")
+    end_first: float = tuned(0.02, "rad or m", "first step of such an end", "RRR")
+    end_farthest: float = tuned(0.3, "rad or m", "any step: the switching structure is to stay the same", "RRR")
+    end_least: float = tuned(1e-5, "rad or m", "step that is worth no solve: it saves about its square", "RRR")
+    bound: float = tuned(1.0, "s", "least time for the bound of all goals, whatever the search has left", UNRECORDED)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,7 +26,7 @@ def structure(arcs):
 @pytest.mark.parametrize("arm", ["r", "rr"])
 def test_arcs_of_an_optimum_come_back(arm):
     phases = solved(arm).phases
-    back = SwitchingStructure.of(phases.arcs, phases.torques).arcs()
+    back = SwitchingStructure.of(phases.arcs, phases.torques).arcs(1e-7)
     assert [arc.modes for arc in back] == [arc.modes for arc in phases.arcs]
     np.testing.assert_allclose([arc.duration for arc in back], [arc.duration for arc in phases.arcs], rtol=1e-12)
 
@@ -37,7 +37,7 @@ def test_touches_and_changes_at_one_time_come_back():
     assert [(change.joint, change.mode, change.touch) for change in given.changes] == [
         (1, P, True), (0, L, False), (1, U, False),
     ]  # fmt: skip
-    assert given.arcs() == arcs
+    assert given.arcs(1e-7) == arcs
     np.testing.assert_array_equal(given.unknowns, [1.0, 1.5, 1.5, 3.0])
     np.testing.assert_allclose(given.states[:, :2], [[1, 1], [1.5, 1.5], [1.5, 1.5]])
 
@@ -45,18 +45,18 @@ def test_touches_and_changes_at_one_time_come_back():
 def test_a_segment_that_is_taken_out_leaves_what_was_around_it():
     given = structure([Arc(1.0, (U, L)), Arc(0.1, (L, L)), Arc(1.0, (U, L)), Arc(1.0, (U, U))])
     left = given.without([Segment(0, 1)])
-    assert left.arcs() == [Arc(2.1, (U, L)), Arc(1.0, (U, U))]
+    assert left.arcs(1e-7) == [Arc(2.1, (U, L)), Arc(1.0, (U, U))]
     begun = given.without([Segment(-1, 0)])
     assert begun.first == (L, L)
     assert [change.mode for change in begun.changes] == [U, U]
     in_one_piece = given.without([Segment(2, 3)])
-    assert [arc.modes for arc in in_one_piece.arcs()] == [(U, L), (L, L), (U, L)]
+    assert [arc.modes for arc in in_one_piece.arcs(1e-7)] == [(U, L), (L, L), (U, L)]
 
 
 def test_changes_of_different_joints_pass_each_other():
     given = structure([Arc(1.0, (U, L)), Arc(1.0, (L, L)), Arc(1.0, (L, U))])
     moved = given.moved(np.array([1.5, 0.0, 0.0]), given.states)
-    assert [arc.modes for arc in moved.arcs()] == [(U, L), (U, U), (L, U)]
+    assert [arc.modes for arc in moved.arcs(1e-7)] == [(U, L), (U, U), (L, U)]
     np.testing.assert_array_equal(moved.times, [2.0, 2.5])
     np.testing.assert_array_equal(moved.states, given.states[::-1])
 

@@ -1,0 +1,13 @@
+from armdyn.models.robots.options import RobotOptions as RobotOptions
+from armdyn.models.robots.robot import Robot as Robot
+from armdyn.models.scene.obstacles import Box as Box
+from armdyn.models.scene.obstacles import Capsule as Capsule
+from armdyn.models.scene.obstacles import Sphere as Sphere
+from armdyn.models.scene.reaching import GoalPose as GoalPose
+from armdyn.models.values.friction import JointFriction as JointFriction
+from armdyn.models.values.joint_limits import JointLimits as JointLimits
+from armdyn.models.values.spec import PLANAR_ARMS as PLANAR_ARMS
+from armdyn.models.values.spec import ArmSpec as ArmSpec
+from armdyn.models.values.spec import LinkSpec as LinkSpec
+from armdyn.models.values.spec import Payload as Payload
+from armdyn.models.values.urdf import urdf_from_spec as urdf_from_spec

@@ -1,0 +1,15 @@
+from armdyn.paper.closed_form import PlanarArm as PlanarArm
+from armdyn.paper.indirect.law import MINIMUM as MINIMUM
+from armdyn.paper.indirect.law import TorqueLaw as TorqueLaw
+from armdyn.paper.indirect.solution import Comparison as Comparison
+from armdyn.paper.indirect.solution import IndirectOptions as IndirectOptions
+from armdyn.paper.indirect.solution import IndirectSolution as IndirectSolution
+from armdyn.paper.indirect.solution import compare_with_direct as compare_with_direct
+from armdyn.paper.indirect.solve_indirect import solve_indirect as solve_indirect
+from armdyn.paper.printed.examples import EXAMPLES as EXAMPLES
+from armdyn.paper.printed.examples import PAYLOAD as PAYLOAD
+from armdyn.paper.printed.examples import PAYLOADS as PAYLOADS
+from armdyn.paper.printed.examples import Example as Example
+from armdyn.paper.printed.examples import Kind as Kind
+from armdyn.paper.printed.examples import example as example
+from armdyn.paper.printed.loop import GAINS as GAINS
