@@ -39,10 +39,12 @@ if TYPE_CHECKING:
         ArmSpec,
         Box,
         Capsule,
+        Cylinder,
         GoalPose,
         JointLimits,
         LinkSpec,
         Payload,
+        Plane,
         Robot,
         RobotOptions,
         Sphere,
@@ -89,8 +91,8 @@ else:
             "gain_plane least_stable_factor loop_margins multiloop_disk ramp routh_table "
             "sampled_loop sampled_stability set_point simulate_pid slowest_stable_rate track",
             "dynamics": "Dynamics",
-            "models": "ArmSpec Box Capsule GoalPose JointLimits LinkSpec Payload Robot RobotOptions Sphere "
-            "urdf_from_spec",
+            "models": "ArmSpec Box Capsule Cylinder GoalPose JointLimits LinkSpec Payload Plane Robot RobotOptions "
+            "Sphere urdf_from_spec",
             "optimal": "Arc Certificate FrameSpeedLimit LowerBound MinimumTimeOptions MinimumTimeProblem Sensitivities "
             "Solution Status TimeOptimality TorqueRateLimit "
             "lower_bound plan_path read_problem replay_torques solve_minimum_time time_optimality trajectory_from_path",
@@ -130,6 +132,7 @@ __all__ = [
     "Certificate",
     "ComputedTorque",
     "ControllerFamily",
+    "Cylinder",
     "Dynamics",
     "FrameSpeedLimit",
     "GainPlane",
@@ -149,6 +152,7 @@ __all__ = [
     "Payload",
     "Pid",
     "PidGains",
+    "Plane",
     "Plants",
     "Ramps",
     "ReserveCurve",

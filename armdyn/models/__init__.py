@@ -7,7 +7,7 @@ from armdyn.lazy import facade
 if TYPE_CHECKING:
     from armdyn.models.robots.options import RobotOptions
     from armdyn.models.robots.robot import Robot
-    from armdyn.models.scene.obstacles import Box, Capsule, Sphere
+    from armdyn.models.scene.obstacles import Box, Capsule, Cylinder, Plane, Sphere
     from armdyn.models.scene.reaching import GoalPose
     from armdyn.models.values.friction import JointFriction
     from armdyn.models.values.joint_limits import JointLimits
@@ -19,7 +19,7 @@ else:
         {
             "values.friction": "JointFriction",
             "values.joint_limits": "JointLimits",
-            "scene.obstacles": "Box Capsule Sphere",
+            "scene.obstacles": "Box Capsule Cylinder Plane Sphere",
             "scene.reaching": "GoalPose",
             "robots.options": "RobotOptions",
             "robots.robot": "Robot",
@@ -33,11 +33,13 @@ __all__ = [
     "ArmSpec",
     "Box",
     "Capsule",
+    "Cylinder",
     "GoalPose",
     "JointFriction",
     "JointLimits",
     "LinkSpec",
     "Payload",
+    "Plane",
     "Robot",
     "RobotOptions",
     "Sphere",
