@@ -30,10 +30,12 @@ from armdyn.errors import ArmdynWarning as ArmdynWarning
 from armdyn.models import ArmSpec as ArmSpec
 from armdyn.models import Box as Box
 from armdyn.models import Capsule as Capsule
+from armdyn.models import Cylinder as Cylinder
 from armdyn.models import GoalPose as GoalPose
 from armdyn.models import JointLimits as JointLimits
 from armdyn.models import LinkSpec as LinkSpec
 from armdyn.models import Payload as Payload
+from armdyn.models import Plane as Plane
 from armdyn.models import Robot as Robot
 from armdyn.models import RobotOptions as RobotOptions
 from armdyn.models import Sphere as Sphere

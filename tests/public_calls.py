@@ -87,6 +87,8 @@ def values() -> dict[Callable[..., object], Right]:
         | {"effort_limit": 3.0},
         ad.Payload: {"mass": 1.0, "com": (0, 0, 0), "inertia": (0, 0, 0), "frame": None, "offset": None},
         ad.Sphere: {"center": (0, 0, 0), "radius": 1.0, "name": "ball"},
+        ad.Cylinder: {"a": (0, 0, 0), "b": (0, 0, 1), "radius": 1.0, "name": "drum"},
+        ad.Plane: {"point": (0, 0, 0), "normal": (0, 0, 1), "name": "floor"},
         ad.Capsule: {"a": (0, 0, 0), "b": (0, 0, 1), "radius": 1.0, "name": "post"},
         ad.Box: {"size": (1, 1, 1), "placement": (0, 0, 0), "name": "box"},
         ad.GoalPose: {"frame": "tip", "placement": (0, 0, 0)},

@@ -2,6 +2,8 @@ from armdyn.models.robots.options import RobotOptions as RobotOptions
 from armdyn.models.robots.robot import Robot as Robot
 from armdyn.models.scene.obstacles import Box as Box
 from armdyn.models.scene.obstacles import Capsule as Capsule
+from armdyn.models.scene.obstacles import Cylinder as Cylinder
+from armdyn.models.scene.obstacles import Plane as Plane
 from armdyn.models.scene.obstacles import Sphere as Sphere
 from armdyn.models.scene.reaching import GoalPose as GoalPose
 from armdyn.models.values.friction import JointFriction as JointFriction

@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 _GREY = (0.62, 0.66, 0.70, 1.0)
 _BONE = (0.35, 0.42, 0.50, 1.0)
 _OBSTACLE = (0.93, 0.62, 0.20, 0.55)
+_PLATE = (3.0, 3.0, 0.005)  # [m]: what is drawn of a half space
 _PAYLOAD = (0.80, 0.15, 0.18, 1.0)
 _DENSITY = 2700.0  # [kg/m³], aluminium: how large a payload looks
 _CREASE = np.radians(35.0)  # faces that meet at a sharper angle show an edge
@@ -119,6 +120,10 @@ def obstacle_shapes(obstacles: Sequence[Obstacle]) -> list[VisualShape]:
         if isinstance(solid, coal.ConvexBase):
             hull = trimesh.convex.convex_hull(np.array(solid.points()))
             shapes.append(VisualShape(0, placement, _NormalGeometry(hull), _OBSTACLE))
+            continue
+        if isinstance(solid, coal.Halfspace):  # a plate below its plane
+            at = placement @ pin.SE3(np.eye(3), np.array([0, 0, -_PLATE[2] / 2])).homogeneous
+            shapes.append(VisualShape(0, at, mg.Box(list(_PLATE)), _OBSTACLE))
             continue
         half = 0.0 if isinstance(solid, coal.Sphere) else solid.halfLength
         a, b = (placement[:3, 3] + side * half * placement[:3, 2] for side in (-1, 1))

@@ -53,9 +53,13 @@ class PathConstraintOptions:
     obstacle: list[str] | None = option(
         "SHAPE|FILE.json",
         "Something to keep clear of, in the world \\[m]: box:SX,SY,SZ@X,Y,Z (edges, centre), sphere:R@X,Y,Z, "
-        "capsule:R@X,Y,Z;X,Y,Z, or a file of them, boxes turned too (docs/obstacles.md). May be given again.",
+        "capsule:R@X,Y,Z;X,Y,Z, cylinder:R@X,Y,Z;X,Y,Z, plane:NX,NY,NZ@X,Y,Z "
+        "(outward normal), or a file of them, boxes turned too (docs/obstacles.md). May be given again.",
     )
     self_collision: bool = flag("Keep the arm's links clear of each other, too.")
+    allow_contact: list[str] | None = option(
+        "A,B", "Names of a link and an obstacle, or of two links, that may touch. May be given again."
+    )
     clearance: float = option("M", "From obstacles, and between links \\[m].", default=0.005)
     rates: RateOptions = field(default_factory=RateOptions)
     limit: Limits = None
@@ -75,6 +79,7 @@ class PathConstraintOptions:
             "via": [positions(text, "--via", robot) for text in self.via or ()],
             "obstacles": obstacles_of(self.obstacle or ()),
             "self_collision": self.self_collision,
+            "allowed_contacts": [tuple(name.strip() for name in text.split(",")) for text in self.allow_contact or ()],
             "clearance": self.clearance,
             **self.rates.problem_arguments(),
             "path_constraints": [path_constraint_from(text) for text in self.limit or ()],

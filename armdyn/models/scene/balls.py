@@ -17,6 +17,8 @@ Index = NDArray[np.int_]
 
 BALLS = 3
 """Balls along the axis of every link's capsule: with three a Panda's far pairs are told apart from its near ones."""
+_INFINITE = 1e300
+"""Ends of a box beyond this [m] are a half space's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +29,10 @@ class Balls:
         joints: index of the joint that carries each body, shape (bodies,).
         centers: of the balls in the joint's frame [m], shape (bodies, BALLS, 3).
         radii: of each body's balls [m], shape (bodies,).
-        rotations: of the obstacles' boxes, shape (obstacles, 3, 3).
-        middles: of the boxes in the world [m], shape (obstacles, 3).
-        halves: half of the boxes' edges [m], shape (obstacles, 3).
+        rotations: of the obstacles, shape (obstacles, 3, 3).
+        places: of the obstacles in the world [m], shape (obstacles, 3).
+        lower: of the boxes along the obstacles' own axes [m], shape (obstacles, 3); minus infinity for half spaces.
+        upper: likewise.
         pairs: indices of the two solids of every pair, shape (pairs, 2).
     """
 
@@ -37,8 +40,9 @@ class Balls:
     centers: Array
     radii: Array
     rotations: Array
-    middles: Array
-    halves: Array
+    places: Array
+    lower: Array
+    upper: Array
     pairs: Index
 
     @classmethod
@@ -48,14 +52,15 @@ class Balls:
         part = (np.arange(BALLS) + 0.5) / BALLS
         half_step = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / (2 * BALLS)
         boxes = [_box(scene.model.geometryObjects[k]) for k in range(scene.links, len(scene.names))]
-        rotations, middles, halves = zip(*boxes, strict=True) if boxes else ((), (), ())
+        rotations, places, lower, upper = zip(*boxes, strict=True) if boxes else ((), (), (), ())
         return cls(
             joints=np.array([body.joint for body in own]),
             centers=ends[:, :1] + part[:, None] * (ends[:, 1:] - ends[:, :1]),
             radii=np.array([body.capsule.radius for body in own]) + half_step,
             rotations=np.array(rotations).reshape(-1, 3, 3),
-            middles=np.array(middles).reshape(-1, 3),
-            halves=np.array(halves).reshape(-1, 3),
+            places=np.array(places).reshape(-1, 3),
+            lower=np.array(lower).reshape(-1, 3),
+            upper=np.array(upper).reshape(-1, 3),
             pairs=scene.pairs,
         )
 
@@ -74,18 +79,17 @@ class Balls:
         a, b = first[own], second[own]
         gaps = centers[a][:, :, None] - centers[b][:, None]
         out[own] = np.sqrt(np.min(np.sum(gaps**2, axis=-1), axis=(1, 2))) - self.radii[a] - self.radii[b]
-        if len(self.middles):
-            inside = np.einsum("oji,bkoj->bkoi", self.rotations, centers[:, :, None] - self.middles)
-            beyond = np.maximum(np.abs(inside) - self.halves, 0)
+        if len(self.places):
+            inside = np.einsum("oji,bkoj->bkoi", self.rotations, centers[:, :, None] - self.places)
+            beyond = np.maximum(np.maximum(self.lower - inside, inside - self.upper), 0)
             away = np.sqrt(np.min(np.sum(beyond**2, axis=-1), axis=1)) - self.radii[:, None]
             out[~own] = away[first[~own], second[~own] - links]
         return out
 
 
-def _box(solid: Any) -> tuple[Array, Array, Array]:
-    """Rotation, middle and half edges of the box around an obstacle, along the obstacle's own axes."""
+def _box(solid: Any) -> tuple[Array, Array, Array, Array]:
+    """Rotation and place of an obstacle, and the lower and upper ends of its box along its own axes."""
     solid.geometry.computeLocalAABB()
     around, placement = solid.geometry.aabb_local, solid.placement
-    low, high = np.array(around.min_), np.array(around.max_)
-    middle = placement.rotation @ ((low + high) / 2) + placement.translation
-    return np.array(placement.rotation), middle, (high - low) / 2
+    ends = (np.where(np.abs(end) < _INFINITE, end, np.copysign(np.inf, end)) for end in (around.min_, around.max_))
+    return np.array(placement.rotation), np.array(placement.translation), *ends

@@ -15,14 +15,13 @@ from armdyn.locks import built_once
 from armdyn.models.reading.meshes import load_meshes, numbers, origin, resolve_mesh
 from armdyn.models.reading.urdf_check import parse_urdf
 from armdyn.models.robots.robot import Robot
+from armdyn.models.scene.convex_parts import convex_parts
 from armdyn.models.scene.obstacles import Capsule
 
 Array = NDArray[np.float64]
 
 _ROUND = 24
 """Corners of the polygon around a cylinder's circle."""
-_CONVEX = 1.001
-"""A mesh whose convex hull has no more than this times its volume is convex."""
 _ONE = 2.0
 """A link's parts share a capsule if it has no more than this times the volume of their own."""
 
@@ -108,32 +107,30 @@ def _shapes(element: Element, folders: tuple[str, ...]) -> Iterator[tuple[Any, A
             if shape.tag == "capsule":
                 yield coal.Capsule(radius, length), ends, radius
                 continue
-            angle = np.linspace(0, 2 * np.pi, _ROUND, endpoint=False)
-            circle = radius / np.cos(np.pi / _ROUND) * np.array([np.cos(angle), np.sin(angle), 0 * angle]).T
-            yield coal.Cylinder(radius, length), np.vstack([circle + end for end in ends]), 0.0
+            yield coal.Cylinder(radius, length), around_cylinder(radius, length / 2, _ROUND), 0.0
         elif shape.tag == "mesh":
             path = resolve_mesh(str(shape.get("filename", "")), folders)
             for mesh, _ in load_meshes(path, numbers(shape.get("scale"), 3, 1.0)):
-                yield _triangles(mesh), np.asarray(mesh.convex_hull.vertices), 0.0
+                for corners in convex_parts(mesh):
+                    yield convex_hull(corners), corners, 0.0
 
 
-def _triangles(mesh: Any) -> Any:
-    """Geometry of a triangle mesh for coal: its convex hull where that is no larger, which is 50 times as fast."""
+def convex_hull(corners: Array) -> Any:
+    """Geometry of coal around corners, shape (m, 3) [m]."""
     import coal
 
-    hull = mesh.convex_hull
-    if mesh.is_watertight and hull.volume <= _CONVEX * mesh.volume:
-        corners = coal.StdVec_Vec3s()
-        for corner in np.asarray(hull.vertices, dtype=float):
-            corners.append(corner)
-        return coal.ConvexBase.convexHull(corners, True, "Qt")
-    vertices, faces = mesh.vertices, mesh.faces
-    model = coal.BVHModelOBBRSS()
-    model.beginModel(len(faces), len(vertices))
-    model.addVertices(np.asarray(vertices, dtype=float))
-    model.addTriangles(np.asarray(faces, dtype=np.int64))
-    model.endModel()
-    return model
+    kept = coal.StdVec_Vec3s()
+    for corner in corners:
+        kept.append(corner)
+    return coal.ConvexBase.convexHull(kept, True, "Qt")
+
+
+def around_cylinder(radius: float, half_length: float, corners: int) -> Array:
+    """Corners of a prism that contains a cylinder along z around the origin [m], shape (2 * corners, 3)."""
+    angle = np.linspace(0, 2 * np.pi, corners, endpoint=False)
+    circle = radius / np.cos(np.pi / corners) * np.array([np.cos(angle), np.sin(angle)]).T
+    ends = (np.column_stack([circle, np.full(corners, z)]) for z in (-half_length, half_length))
+    return np.vstack(list(ends))
 
 
 def capsules(robot: Robot) -> tuple[tuple[str, int, Capsule], ...]:

@@ -1,4 +1,4 @@
-"""Obstacles: spheres, capsules and boxes that stand in the world."""
+"""Obstacles: spheres, capsules, cylinders, boxes and half spaces that stand in the world."""
 
 from __future__ import annotations
 
@@ -115,12 +115,78 @@ class Capsule(Obstacle):
         """Along z of its placement."""
         import coal
 
-        a, b, placement = np.array(self.a), np.array(self.b), np.eye(4)
-        length = float(np.linalg.norm(b - a))
-        placement[:3, 3] = (a + b) / 2
-        if length > 0:
-            placement[:3, :3] = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), b - a).matrix()
-        return placement, coal.Capsule(self.radius, length)
+        a, b = np.array(self.a), np.array(self.b)
+        return _along((a + b) / 2, b - a), coal.Capsule(self.radius, float(np.linalg.norm(b - a)))
+
+
+def _along(place: Array, z: Array) -> Array:
+    """Placement with its z axis along a vector, shape (4, 4); any where the vector is 0."""
+    placement = np.eye(4)
+    placement[:3, 3] = place
+    if np.any(z):
+        placement[:3, :3] = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), z).matrix()
+    return placement
+
+
+@dataclass(frozen=True)
+class Cylinder(Obstacle):
+    """A cylinder with flat ends.
+
+    Attributes:
+        a: centre of one end, in the world [m].
+        b: centre of the other end [m].
+        radius: [m].
+        name: what messages call it.
+    """
+
+    a: Point
+    b: Point
+    radius: float
+    _: KW_ONLY
+    name: str = "cylinder"
+
+    sizes, places = {"radius": "R"}, ("a", "b")
+
+    def __post_init__(self) -> None:
+        self._check(points=["a", "b"], lengths=["radius"])
+        if self.a == self.b:
+            raise ProblemError(f"a and b of obstacle {self.name!r} are the same point; a cylinder has two ends")
+
+    def solid(self) -> tuple[Array, Any]:
+        """Along z of its placement."""
+        import coal
+
+        a, b = np.array(self.a), np.array(self.b)
+        return _along((a + b) / 2, b - a), coal.Cylinder(self.radius, float(np.linalg.norm(b - a)))
+
+
+@dataclass(frozen=True)
+class Plane(Obstacle):
+    """All points behind a plane, such as a floor or a wall: a half space.
+
+    Attributes:
+        point: of the plane, in the world [m].
+        normal: points out of the obstacle, of any length.
+        name: what messages call it.
+    """
+
+    point: Point
+    normal: Point = (0.0, 0.0, 1.0)
+    _: KW_ONLY
+    name: str = "plane"
+
+    sizes, places = {"normal": "NX,NY,NZ"}, ("point",)
+
+    def __post_init__(self) -> None:
+        self._check(points=["point", "normal"])
+        if not 1e-9 < np.linalg.norm(self.normal) < np.inf:
+            raise ProblemError(f"normal of obstacle {self.name!r} is {self.normal}; it must have a length")
+
+    def solid(self) -> tuple[Array, Any]:
+        """Below z of its placement."""
+        import coal
+
+        return _along(np.array(self.point), np.array(self.normal)), coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
 
 
 @dataclass(frozen=True)
@@ -160,7 +226,13 @@ class Box(Obstacle):
         return self.pose, coal.Box(*self.size)
 
 
-SHAPES: dict[str, type[Obstacle]] = {"sphere": Sphere, "capsule": Capsule, "box": Box}
+SHAPES: dict[str, type[Obstacle]] = {
+    "sphere": Sphere,
+    "capsule": Capsule,
+    "cylinder": Cylinder,
+    "box": Box,
+    "plane": Plane,
+}
 """All shapes, by the "type" that files have for them, and the word of --obstacle."""
 
 

@@ -12,7 +12,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from armdyn.models.robots.robot import Robot
-from armdyn.models.scene.bodies import bodies
+from armdyn.models.scene.bodies import around_cylinder, bodies
 from armdyn.models.scene.geometry import SceneGeometry
 from armdyn.trajectory import Trajectory
 
@@ -22,17 +22,19 @@ Index = NDArray[np.int_]
 
 @dataclass(frozen=True, eq=False)
 class Hull:
-    """A solid inside the convex hull of equal balls.
+    """A solid inside the convex hull of equal balls, or a half space.
 
     Attributes:
         joint: index of the joint that carries it; 0 is the world.
         points: centres of the balls in the joint's frame [m], shape (m, 3).
         radius: of the balls [m].
+        outward: normal of a half space in the world, shape (3,), whose point is one of its plane; None: of a solid.
     """
 
     joint: int
     points: Array
     radius: float
+    outward: Array | None = None
 
 
 def hulls(robot: Robot, scene: SceneGeometry) -> tuple[Hull, ...]:
@@ -41,8 +43,8 @@ def hulls(robot: Robot, scene: SceneGeometry) -> tuple[Hull, ...]:
     return (*own, *(_hull(solid) for solid in list(scene.model.geometryObjects)[scene.links :]))
 
 
-_ROUND = 24
-"""Corners of the polygon around a cylinder's circle."""
+_ROUND = 128
+"""Corners of the polygon around an obstacle's circle: 0.03 % larger, and computed once."""
 
 
 def _hull(solid: Any) -> Hull:
@@ -57,9 +59,10 @@ def _hull(solid: Any) -> Hull:
     elif isinstance(shape, coal.Capsule):
         points, radius = np.array([[0, 0, -shape.halfLength], [0, 0, shape.halfLength]]), float(shape.radius)
     elif isinstance(shape, coal.Cylinder):
-        angle = np.linspace(0, 2 * np.pi, _ROUND, endpoint=False)
-        circle = shape.radius / np.cos(np.pi / _ROUND) * np.array([np.cos(angle), np.sin(angle), 0 * angle]).T
-        points = np.vstack([circle + np.array([0, 0, end]) for end in (-shape.halfLength, shape.halfLength)])
+        points = around_cylinder(shape.radius, shape.halfLength, _ROUND)
+    elif isinstance(shape, coal.Halfspace):
+        outward = solid.placement.rotation @ shape.n
+        return Hull(0, (solid.placement.translation + shape.d * outward)[None], 0.0, outward)
     else:
         points = np.array(shape.points())
     return Hull(0, points @ solid.placement.rotation.T + solid.placement.translation, radius)
@@ -78,6 +81,9 @@ def gap(data: pin.Data, model: pin.Model, pair: tuple[Hull, Hull], normal: Array
     Returns:
         [m], shape (k,).
     """
+    for sign, body in zip((1, -1), pair, strict=True):
+        if body.outward is not None:  # along any other direction a half space has no end
+            normal = sign * body.outward
     first, second = (_along(data, model, body, normal, times) for body in pair)
     out: Array = np.min(second, axis=1) - np.max(first, axis=1) - pair[0].radius - pair[1].radius
     return out

@@ -2,13 +2,16 @@
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import count
+from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from armdyn.arguments import number, several, shown
-from armdyn.errors import ArmdynWarning, ProblemError
+from armdyn.errors import ArmdynWarning, ProblemError, did_you_mean
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.collision import CollisionModel
 from armdyn.models.scene.obstacles import Obstacle
@@ -96,21 +99,38 @@ def check_poses(poses: Array) -> None:
         raise ProblemError(f"the leg from pose {int(np.argmin(legs))} to the next goes nowhere: start, via, goal")
 
 
-def check_scene(obstacles: Sequence[Obstacle], clearance: float) -> None:
-    """Refuse what is no obstacle, and no clearance."""
+def check_scene(obstacles: Sequence[object], clearance: float) -> tuple[Obstacle, ...]:
+    """The obstacles, those of one name numbered ("box", "box 2"); refuse other values, and no clearance."""
+    number(clearance, "clearance", unit="m", sign="not negative")
+    taken: set[str] = set()
+    named: list[Obstacle] = []
     for i, obstacle in enumerate(obstacles):
         if not isinstance(obstacle, Obstacle):
-            raise ProblemError(f"obstacles[{i}] is {shown(obstacle)}; it must be a Sphere, a Capsule or a Box")
-    number(clearance, "clearance", unit="m", sign="not negative")
+            raise ProblemError(f"obstacles[{i}] is {shown(obstacle)}; it must be a Sphere, a Box or another obstacle")
+        one: Any = obstacle  # a dataclass
+        if obstacle.name in taken:
+            others = {other.name for other in obstacles if isinstance(other, Obstacle)} | taken
+            one = replace(one, name=next(name for k in count(2) if (name := f"{obstacle.name} {k}") not in others))
+        taken.add(one.name)
+        named.append(one)
+    return tuple(named)
 
 
-def contacts(pairs: object) -> tuple[tuple[str, str], ...]:
-    """Pairs of names that may touch; refuse anything else."""
+def contacts(pairs: object, robot: Robot, obstacles: Sequence[Obstacle]) -> tuple[tuple[str, str], ...]:
+    """Pairs of names that may touch; refuse anything else, and names of no link and no obstacle."""
     found = []
+    links = [frame.name for frame in robot.model.frames if frame.type == pin.FrameType.BODY]
+    known = {*links, *(obstacle.name for obstacle in obstacles)}
     for i, pair in enumerate(several(pairs, "allowed_contacts")):
         both = tuple(pair) if isinstance(pair, list | tuple) else ()
         if len(both) != 2 or not all(isinstance(name, str) for name in both):
             raise ProblemError(f"allowed_contacts[{i}] is {shown(pair)}; it must be two names of links or obstacles")
+        for name in both:
+            if name not in known:
+                raise ProblemError(
+                    f"allowed_contacts[{i}]: no link of {robot.name} and no obstacle is named {shown(name)}"
+                    f"{did_you_mean(name, known)}"
+                )
         found.append(both)
     return tuple(found)
 

@@ -307,9 +307,9 @@ class MinimumTimeProblem:
             q.setflags(write=False)
         object.__setattr__(self, "via", tuple(via))
         check_poses(self.poses)
-        object.__setattr__(self, "obstacles", several(self.obstacles, "obstacles"))
-        check_scene(self.obstacles, self.clearance)
-        object.__setattr__(self, "allowed_contacts", contacts(self.allowed_contacts))
+        obstacles = check_scene(several(self.obstacles, "obstacles"), self.clearance)
+        object.__setattr__(self, "obstacles", obstacles)
+        object.__setattr__(self, "allowed_contacts", contacts(self.allowed_contacts, self.robot, obstacles))
         for name, unit in (("acceleration_limit", "rad/s²"), ("jerk_limit", "rad/s³")):
             if getattr(self, name) is not None:
                 value = per_joint(

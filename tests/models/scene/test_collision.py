@@ -7,7 +7,7 @@ import pytest
 from armdyn.errors import ProblemError
 from armdyn.models.scene.bodies import bodies, capsules, volume
 from armdyn.models.scene.collision import CollisionModel, collision_model
-from armdyn.models.scene.obstacles import Box, Capsule, Sphere
+from armdyn.models.scene.obstacles import Box, Capsule, Cylinder, Plane, Sphere
 from oracles import robot_named
 from problems import CART, cart, paper_arm
 
@@ -48,11 +48,20 @@ def test_distances_in_closed_form():
         Sphere((0.1, 0, 0.2), 0.05),
         Capsule((0.1, -1, 0.2), (0.1, 1, 0.2), 0.05),
         Box((0.1, 1, 0.1), (0.1, 0, 0.2)),
+        Cylinder((0.1, -1, 0.2), (0.1, 1, 0.2), 0.05),
+        Cylinder((0.1, 0, 0.15), (0.1, 0, 0.3), 0.05),
     ):
         near = CollisionModel(robot, [obstacle]).nearest([0.0, 0.0])
         # GJK on curved shapes stops at 1e-6 of their size.
         assert near.distance == pytest.approx(0.2 - 0.05 - 0.012, abs=1e-6)
         assert (near.body, near.other) == ("link1", obstacle.name)
+    # A half space below a plane at 0.2 m, turned upside down: of all solids the ball at the end is nearest.
+    ceiling = CollisionModel(robot, [Plane((5, 3, 0.2), (0, 0, -2))])
+    ball = ceiling.nearest([0.0, 0.0])
+    assert ball.body == "payload" and ball.other == "plane"
+    assert CollisionModel(robot, [Sphere((0.484, 0, 0.25), 0.05)]).nearest([0.0, 0.0]).distance == pytest.approx(
+        ball.distance, abs=1e-6
+    )
     near = CollisionModel(robot, [Sphere((0.6, 0, 0), 0.1)]).nearest([0.0, 0.0])
     assert near.body == "payload"
     assert near.distance < 0.6 - 0.484 - 0.1

@@ -8,7 +8,16 @@ import pinocchio as pin
 import pytest
 
 from armdyn.errors import ProblemError
-from armdyn.models.scene.obstacles import Box, Capsule, Sphere, load_obstacles, obstacle_entry, obstacle_from
+from armdyn.models.scene.obstacles import (
+    Box,
+    Capsule,
+    Cylinder,
+    Plane,
+    Sphere,
+    load_obstacles,
+    obstacle_entry,
+    obstacle_from,
+)
 from armdyn.models.scene.placement import homogeneous, pose_of
 
 
@@ -27,6 +36,8 @@ def test_equal_obstacles_are_equal_and_hash_alike():
         (lambda: Sphere([0, 0, 0], 0), "radius"),
         (lambda: Capsule([0, 0, 0], "abc", 1), "b of obstacle"),
         (lambda: Box([1, 1, -1], [0, 0, 0]), "edge"),
+        (lambda: Cylinder([0, 0, 1], [0, 0, 1], 1), "two ends"),
+        (lambda: Plane([0, 0, 1], [0, 0, 0]), "normal of obstacle"),
         (lambda: Box([1, 1, 1], np.eye(3)), "placement"),
         (lambda: Box([1, 1, 1], np.diag([1, 1, -1, 1])), "rotation"),
         (lambda: homogeneous(None, "it"), "it"),
@@ -108,7 +119,13 @@ def test_messages_are_short(tmp_path):
 
 def test_what_is_kept_of_an_obstacle_makes_it_again():
     turned = Box([0.1, 0.2, 0.3], pose_of([1, 2, 3], None, [0.1, -0.4, 2.0], "it"), name="crate")
-    for one in (Sphere([1, 2, 3], 0.1), Capsule([0, 0, 0.1], [1, 0, 0], 0.2, name="pipe"), Box([1, 2, 3], [0, 0, 1])):
+    for one in (
+        Sphere([1, 2, 3], 0.1),
+        Capsule([0, 0, 0.1], [1, 0, 0], 0.2, name="pipe"),
+        Box([1, 2, 3], [0, 0, 1]),
+        Cylinder([0, 0, 0.1], [1, 0, 0], 0.2),
+        Plane([0, 0, 1], [0, 1, 0]),
+    ):
         assert obstacle_from(json.loads(json.dumps(obstacle_entry(one))), "it") == one
     again = obstacle_from(obstacle_entry(turned), "it")
     assert (again.size, again.name) == (turned.size, turned.name)

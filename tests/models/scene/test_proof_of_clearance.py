@@ -7,7 +7,7 @@ import pytest
 import armdyn as ad
 from armdyn.models.scene.bodies import bodies
 from armdyn.models.scene.collision import CollisionModel
-from armdyn.models.scene.obstacles import Box, Sphere
+from armdyn.models.scene.obstacles import Box, Plane, Sphere
 from armdyn.models.scene.proof_of_clearance import prove_clearance, relative_reach
 from armdyn.models.scene.separation import MotionBounds
 from oracles import robot_named
@@ -88,3 +88,19 @@ def test_the_relative_reach_bounds_how_distances_change():
         q, step = random.uniform(-3, 3, 6), random.uniform(-0.05, 0.05, 6)
         change = np.abs(model.distances(q + step) - model.distances(q))
         assert np.all(change <= reach @ np.abs(step) + 1e-5)  # GJK's tolerance on curved shapes
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.7])
+def test_a_half_space_is_proven_clear_just_where_it_is(turned):
+    robot, random = robot_named("panda"), np.random.default_rng(2)
+    low, high = robot.limits.position_lower, robot.limits.position_upper
+    normal, verdicts = np.array([np.sin(turned), 0, np.cos(turned)]), []
+    for _ in range(12):
+        motion = swing(robot, random.uniform(low, high), random.uniform(low, high))
+        model = CollisionModel(robot, [Plane(-0.1 * normal, normal)])
+        least = min(np.min(model.distances(q)) for q in motion(np.linspace(0, 1, 1001)).q)
+        proof = prove_clearance(model, motion, 1e-3)
+        assert proof.nearest.sure == (least >= 1e-3)  # no look is within 0.1 mm of the clearance
+        assert model.is_free(motion.q[-1]) == (np.min(model.distances(motion.q[-1])) > 0)
+        verdicts.append(proof.nearest.sure)
+    assert 0 < sum(verdicts) < 12
