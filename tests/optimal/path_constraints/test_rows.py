@@ -76,7 +76,9 @@ def test_one_program_serves_all_numbers():
         path_constraints = [ad.FrameSpeedLimit(speed), ad.TorqueRateLimit(rate)]
         return ad.MinimumTimeProblem(paper_arm("rr"), q_start=START, q_goal=GOAL, path_constraints=path_constraints)
 
-    rows = [TightenedConstraints.of(each).rows(each) for each in (problem(1, 20.0), problem(2, [30.0, np.inf]))]
+    rows = [
+        TightenedConstraints.of(Task.of(each)).rows(each) for each in (problem(1, 20.0), problem(2, [30.0, np.inf]))
+    ]
     assert rows[0] == rows[1] and hash(rows[0]) == hash(rows[1])
 
 

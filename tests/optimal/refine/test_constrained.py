@@ -115,7 +115,7 @@ def test_start_and_goal_in_contact_are_named():
         rr(obstacles=[Box((0.1, 0.1, 0.1), (0, 0, -0.2), name="post")])
     with pytest.raises(ProblemError, match=r"goal, 'payload' is .* mm from 'wall'; clearance is 30 mm"):
         rr(obstacles=[Box((0.1, 1, 1), (0.57, 0, 0), name="wall")], clearance=0.03)
-    with pytest.raises(ProblemError, match="must be a Sphere, a Capsule or a Box"):
+    with pytest.raises(ProblemError, match="must be a Sphere, a Box or another obstacle"):
         rr(obstacles=["wall"])
     with pytest.raises(ProblemError, match="clearance"):
         rr(clearance=-1.0)
