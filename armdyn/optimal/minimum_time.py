@@ -101,9 +101,9 @@ def refined(task: Task) -> tuple[list[Optimum], Found]:
         listed, iterations = (*found.listed, *searched.listed), found.iterations + searched.iterations
         found = replace(searched, listed=listed, iterations=iterations)
     for method in strategy.fallback:
-        if task.stop or any(_usable(task, one) for one in optima):
+        if task.stop or _is_enough(task, optima):
             break
-        task.progress(f"nothing so far is usable: {method}")
+        task.progress(f"nothing so far is usable, or what is faster touches something: {method}")
         near = tuple(one.trajectory for one in optima if one.landed(task.policy.landing.far))
         more, searched = _by(method, task.with_options(guesses=near))
         optima += [slowed(task, one) for one in more]
@@ -124,6 +124,13 @@ def _certified(task: Task, optimum: Optimum) -> bool:
     """Whether an optimum is certified, by the lower bound if by nothing else, and satisfies the path constraints."""
     bound = task.lower_bound()
     return optimum.certificate.bounded(bound, optimum.trajectory.duration).ok and not optimum.missed
+
+
+def _is_enough(task: Task, optima: list[Optimum]) -> bool:
+    """Whether an optimum is usable, and among obstacles no faster one touches something: a way round may be between."""
+    fastest = min((one.trajectory.duration for one in optima if _usable(task, one)), default=np.inf)
+    touching = [one for one in optima if task.problem.crowded and one.missed]
+    return fastest < np.inf and all(one.trajectory.duration >= fastest for one in touching)
 
 
 def _usable(task: Task, optimum: Optimum) -> bool:

@@ -94,7 +94,7 @@ def test_multipliers_are_those_of_the_solution():
 
 def test_every_guess_of_a_search_converges_back_from_where_the_filter_stops():
     task = replace(Task.of(paper_problem("rrr")), scheme=CONSTANT)
-    ways = via_guesses(task.problem, 0, 24, Stop())
+    ways = via_guesses(task.problem, 0, 24)
     attempts = [
         solve_quickly(task, spline(task.problem, way), 15, task.coarse()[k % 2], between=False)
         for k, way in enumerate(ways)
