@@ -37,11 +37,21 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 class ArmdynError(Exception):
     """Root of all errors that armdyn raises on purpose. Its message is bounded, and can be written anywhere."""
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """What makes it again in another process, whatever its class is made of."""
+        return _made_again, (type(self), self.args), vars(self)
+
     def __str__(self) -> str:
         """The message; of a long one, as with a path of 100,000 characters in it, both ends."""
         told = str(self.args[0]) if self.args else ""  # no more than that: KeyError would print its repr
         told = told.encode("utf-8", "backslashreplace").decode()  # half a surrogate pair cannot be written
         return told if len(told) <= _MESSAGE else f"{told[: _MESSAGE // 2]} … {told[3 - _MESSAGE // 2 :]}"
+
+
+def _made_again(kind: type[ArmdynError], args: tuple[object, ...]) -> ArmdynError:
+    error = kind.__new__(kind)
+    error.args = args
+    return error
 
 
 class SpecError(ArmdynError, ValueError):
@@ -85,10 +95,6 @@ class UnknownRobotError(ArmdynError, KeyError):
             names = " `armdyn robots` lists those there are"
         super().__init__(f"no robot named {name!r}{f'; {hint}' if hint else ''}{meant}{names}")
 
-    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
-        """What makes it again in another process."""
-        return type(self), (self.name, self.known, self.hint)
-
 
 class ProblemError(ArmdynError, ValueError):
     """A motion problem is ill-posed: wrong length, not finite, outside the limits, start = goal."""
@@ -122,10 +128,6 @@ class FileError(ArmdynError, OSError):
             shown = f"{shown[:half]}…{shown[-half:]}"
         super().__init__(f"{shown}: {why}")
 
-    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
-        """What makes it again in another process."""
-        return type(self), (self.path, self.why)
-
 
 class DiskFullError(ArmdynError, OSError):
     """There is no room for a file. What was written before it is whole.
@@ -137,10 +139,6 @@ class DiskFullError(ArmdynError, OSError):
     def __init__(self, path: str | os.PathLike[str]):
         self.path = path
         super().__init__(f"disk full while writing {path}; what was written before is whole")
-
-    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
-        """What makes it again in another process."""
-        return type(self), (self.path,)
 
 
 class BridgeError(ArmdynError, RuntimeError):
@@ -161,10 +159,6 @@ class MissingPackageError(ArmdynError, ImportError):
         self.what = what
         self.instead = instead
         super().__init__(f"{what} needs {package}: pip install {package}{f'; {instead}' if instead else ''}")
-
-    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
-        """What makes it again in another process."""
-        return type(self), (self.package, self.what, self.instead)
 
 
 class ClusterError(ArmdynError, ConnectionError):

@@ -127,22 +127,30 @@ def write_whole(path: str | os.PathLike[str], data: bytes) -> Path:
         DiskFullError: there is no room for it.
         FileError: the folder cannot be written.
     """
+    with writing_whole(path) as scratch:
+        scratch.write_bytes(data)
+    return Path(path)
+
+
+@contextmanager
+def writing_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """A scratch file that takes the place of a file when it is written; see `write_whole`."""
     path = Path(path_of(path, "path"))
     with _telling_unwritten(path):
-        handle, scratch = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        scratch = Path(name)
         try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())  # or a crash may leave the new name on an empty file
-            Path(scratch).chmod(0o644)
-            Path(scratch).replace(path)
+            yield scratch
+            os.fsync(handle)  # or a crash may leave the new name on an empty file
+            scratch.chmod(0o644)
+            scratch.replace(path)
         except BaseException:
-            Path(scratch).unlink(missing_ok=True)
+            scratch.unlink(missing_ok=True)
             raise
+        finally:
+            os.close(handle)
     with suppress(OSError):  # some file systems cannot; the old file or the new one is whole without it
         _sync_folder(path.parent)
-    return path
 
 
 def probe_folder(folder: str | os.PathLike[str], *names: str) -> Path:

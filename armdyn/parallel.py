@@ -7,7 +7,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkProcess
 from typing import Any, Generic, TypeVar
@@ -15,7 +15,6 @@ from typing import Any, Generic, TypeVar
 from armdyn.locks import one_at_a_time
 
 Result = TypeVar("Result")
-Processes = Mapping[Connection, ForkProcess]
 
 _GRACE = 0.75
 """Who is still at work so long after an interrupt is interrupted once more, and after as long again killed [s]: whoever
@@ -38,8 +37,8 @@ def in_processes(jobs: Sequence[Callable[[], Result]], workers: int | None) -> G
         workers: processes at most; None: one per core. With one, within a worker, or where there is no fork, all is
             done here.
     """
-    with _forked(jobs, workers) as processes:
-        ended, known = _ended(jobs, processes), dict[int, tuple[Result] | None]()
+    with _workers(jobs, workers) as pool:
+        ended, known = _ended(jobs, pool), dict[int, tuple[Result] | None]()
         for k, job in enumerate(jobs):
             while k not in known:
                 known.update([next(ended)])
@@ -63,8 +62,8 @@ def as_completed(
     Raises:
         ValueError: jobs wait for each other.
     """
-    with _forked(jobs, workers, patient=True) as processes:
-        for k, result in _ended(jobs, processes, after or {}):
+    with _workers(jobs, workers, patient=True) as pool:
+        for k, result in _ended(jobs, pool, after or {}):
             yield jobs[k]() if result is None else result[0]
 
 
@@ -77,18 +76,14 @@ def concurrently(job: Callable[[], Result], workers: int | None) -> Iterator[Cal
         workers: processes at most; with one there is no other.
     """
     known: list[Result] = []
-    with _forked([job] if workers != 1 else [], None, least=1) as processes:
-        for line in processes:
-            with suppress(OSError):  # else it is no more
-                line.send(0)
+    with _workers([job] if workers != 1 else [], None, least=1) as pool:
+        if pool.count:
+            pool.submit(0, 0)
 
         def result() -> Result:
             if not known:
-                for line in processes:
-                    with suppress(OSError, EOFError):
-                        known.append(line.recv())
-            if not known:
-                known.append(job())
+                found = pool.finished(None)[0][2] if pool.count else None
+                known.append(job() if found is None else found[0])
             return known[0]
 
         yield result
@@ -130,15 +125,15 @@ class ForkPool(Generic[Result]):
             self._under_way[line] = number
             return
 
-    def finished(self, seconds: float) -> list[tuple[int, int | None, tuple[Result] | None]]:
+    def finished(self, seconds: float | None) -> list[tuple[int, int | None, tuple[Result] | None]]:
         """Number, process and result of what has ended; instead of a result None where the worker died.
 
         Args:
-            seconds: how long that is waited for at most [s].
+            seconds: how long that is waited for at most [s]; None: as long as it takes.
         """
         found: list[tuple[int, int | None, tuple[Result] | None]] = []
-        for line in wait(list(self._under_way), seconds):
-            assert isinstance(line, Connection)  # noqa: S101  # nothing else was given
+        ready = wait(list(self._under_way), seconds)
+        for line in [line for line in self._under_way if line in ready]:
             number, process = self._under_way.pop(line), self._processes[line].pid
             try:
                 found.append((number, process, (line.recv(),)))
@@ -148,10 +143,23 @@ class ForkPool(Generic[Result]):
                 found.append((number, process, None))
         return found
 
-    def close(self) -> None:
-        """Kill all workers."""
-        for line in list(self._processes):
-            self._dismiss(line)
+    def close(self, patient: bool) -> None:
+        """Kill all workers. Nobody waits for their end, which takes as long as a small solve.
+
+        Args:
+            patient: they are interrupted before, and have 1.5 s to end.
+        """
+        _own_ends.difference_update(self._processes)
+        for line in self._processes:
+            with suppress(OSError):  # else it is no more
+                line.send(None)
+            line.close()
+        try:
+            if patient:
+                _interrupt(self._processes.values())
+        finally:
+            for worker in self._processes.values():
+                worker.kill()
 
     def _dismiss(self, line: Connection) -> None:
         worker = self._processes.pop(line)
@@ -162,84 +170,68 @@ class ForkPool(Generic[Result]):
 
 
 @contextmanager
-def fork_pool(do: Callable[[Any], Result], count: int | None) -> Iterator[ForkPool[Result]]:
+def fork_pool(do: Callable[[Any], Result], count: int | None, patient: bool = False) -> Iterator[ForkPool[Result]]:
     """Pool of forked workers, killed on exit. They end with this process, too.
 
     Args:
         do: what they do, also what this process has built; results are pickled. What it raises kills its worker.
         count: of them; None: one per core.
+        patient: see `ForkPool.close`.
 
     Raises:
         OSError: processes cannot be forked here.
     """
-    if "fork" not in multiprocessing.get_all_start_methods():
+    if count != 0 and not _can_fork():
         raise OSError("processes cannot be forked on this system")
-    workers = ForkPool(do, count or os.cpu_count() or 1)
+    workers = ForkPool(do, core_count() if count is None else count)
     try:
         yield workers
     finally:
-        workers.close()
+        workers.close(patient)
+
+
+def core_count() -> int:
+    """Number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _can_fork() -> bool:
+    return "fork" in multiprocessing.get_all_start_methods()
+
+
+def _workers(
+    jobs: Sequence[Callable[[], Result]], workers: int | None, patient: bool = False, least: int = 2
+) -> AbstractContextManager[ForkPool[Result]]:
+    """Pool for jobs by their numbers; it has no worker where all is to be done here, as of fewer than the least."""
+    count = min(workers or core_count(), len(jobs))
+    forks = count >= least and _can_fork() and not multiprocessing.current_process().daemon
+    return fork_pool(lambda k: jobs[k](), count if forks else 0, patient)
 
 
 def _ended(
-    jobs: Sequence[Callable[[], Result]], processes: Processes, after: Mapping[int, Collection[int]] | None = None
+    jobs: Sequence[Callable[[], Result]], pool: ForkPool[Result], after: Mapping[int, Collection[int]] | None = None
 ) -> Iterator[tuple[int, tuple[Result] | None]]:
     """Numbers of jobs that are no longer under way, with their results; None: it is to be done here."""
-    idle, under_way = list(processes), dict[Connection, int]()
     waiting, known = list(range(len(jobs))), set[int]()
 
     def free() -> int | None:
         """The first job whose predecessors have finished."""
         return next((k for k in waiting if known.issuperset((after or {}).get(k, ()))), None)
 
-    while waiting or under_way:
-        while idle and (k := free()) is not None:
-            line = idle.pop()
-            with suppress(OSError):  # else it is no more
-                line.send(k)
-                under_way[line] = k
-                waiting.remove(k)
-        if not under_way:  # there is nobody, or nobody is left
-            if (k := free()) is None:
-                raise ValueError(f"jobs {waiting} wait for each other")
+    while waiting or pool.idle < pool.count:
+        while pool.idle and (k := free()) is not None:
             waiting.remove(k)
-            yield k, None
-            known.add(k)
+            pool.submit(k, k)
+        if pool.idle < pool.count:
+            for k, _, result in pool.finished(None):
+                yield k, result
+                known.add(k)
             continue
-        ready = wait(list(under_way))
-        for line in [line for line in under_way if line in ready]:
-            k, result = under_way.pop(line), None
-            with suppress(OSError, EOFError):
-                result = (line.recv(),)
-                idle.append(line)
-            yield k, result
-            known.add(k)
-
-
-@contextmanager
-def _forked(
-    jobs: Sequence[Callable[[], object]], workers: int | None, patient: bool = False, least: int = 2
-) -> Iterator[Processes]:
-    """Workers at the ends of their lines; none where all is to be done here, as of fewer than the least."""
-    count = min(workers or os.cpu_count() or 1, len(jobs))
-    forks = "fork" in multiprocessing.get_all_start_methods() and not multiprocessing.current_process().daemon
-    processes: dict[Connection, ForkProcess] = {}
-    try:
-        while forks and len(processes) < count >= least:
-            _fork(lambda k: jobs[k](), processes)
-        yield processes
-    finally:
-        _own_ends.difference_update(processes)
-        for line in processes:
-            with suppress(OSError):  # else it is no more
-                line.send(None)
-            line.close()
-        try:
-            if patient:
-                _interrupt(processes.values())
-        finally:
-            for worker in processes.values():  # nobody waits for their end, which takes as long as a small solve
-                worker.kill()
+        if (k := free()) is None:
+            raise ValueError(f"jobs {waiting} wait for each other")
+        waiting.remove(k)
+        yield k, None
+        known.add(k)
 
 
 def _fork(do: Callable[[Any], object], processes: dict[Connection, ForkProcess]) -> Connection:

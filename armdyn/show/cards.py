@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from functools import singledispatch
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,6 +34,7 @@ _MOST_ROWS = 40
 _CELL = "text-align:left;padding:.1em .9em .1em 0;vertical-align:top"
 
 
+@singledispatch
 def card(value: object) -> str:
     """A value as a notebook shows it.
 
@@ -42,19 +44,10 @@ def card(value: object) -> str:
     Raises:
         TypeError: it is none of these.
     """
-    if isinstance(value, Robot):
-        return _robot(value)
-    if isinstance(value, MinimumTimeProblem):
-        return _problem(value)
-    if isinstance(value, Solution):
-        return _solution(value)
-    if isinstance(value, Trajectory):
-        return _motion(value)
-    if isinstance(value, Run):
-        return _run(value)
     raise TypeError(f"a notebook has no card for {type(value).__name__}")
 
 
+@card.register
 def _robot(robot: Robot) -> Html:
     facts = {"from": source_name(robot.source), "tip": robot.tip}
     if robot.payload is not None:
@@ -69,6 +62,7 @@ def _robot(robot: Robot) -> Html:
     return _card(title, _facts(facts), _joints(robot.joint_names, robot.limits), _svg(picture, title))
 
 
+@card.register
 def _problem(problem: MinimumTimeProblem) -> Html:
     names = problem.robot.joint_names
     ends = {"start": problem.q_start, "goal": problem.q_goal}
@@ -83,6 +77,7 @@ def _problem(problem: MinimumTimeProblem) -> Html:
     return _card(title, _facts(facts), table, _svg(picture, f"{title}: poses"))
 
 
+@card.register
 def _solution(solution: Solution) -> Html:
     facts = {"status": solution.message, "verdict": verdict(solution)}
     if solution.moves:
@@ -101,6 +96,7 @@ def _solution(solution: Solution) -> Html:
     return _card(title, _facts(facts), _svg(picture, f"{title}, the motion"))
 
 
+@card.register
 def _motion(motion: Trajectory) -> Html:
     title = motion.name or "Trajectory"
     names = motion.joint_names or tuple(f"joint {i + 1}" for i in range(motion.v.shape[1]))
@@ -115,6 +111,7 @@ def _motion(motion: Trajectory) -> Html:
     return _card(title, _facts(facts), _table(head, rows), _svg(motion_picture(motion, None), title))
 
 
+@card.register
 def _run(run: Run) -> Html:
     title = run.trajectory.name or "Run of a loop"
     facts = {

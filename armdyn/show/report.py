@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 
 from armdyn.files import write_whole
 from armdyn.models.scene.obstacles import obstacle_entry
-from armdyn.show.results import result_head, save_result
+from armdyn.show.results import result_head, save_results
 
 if TYPE_CHECKING:
     from armdyn.models.robots.robot import Robot
@@ -79,10 +79,8 @@ def write_run(
     if "report" in parts:
         progress("writing the report")
         files.append(write_report(folder / "report.html", robot, motions, summary, title, obstacles))
-    result = folder / "result.json"
-    names = [path.name for path in [*files, result]]
     scene = {"obstacles": [obstacle_entry(each) for each in obstacles]} if obstacles else {}
-    return [*files, save_result(result, robot, {"title": title, **summary, **scene, "files": names})]
+    return save_results(folder, robot, {"title": title, **summary, **scene}, files)
 
 
 def write_report(

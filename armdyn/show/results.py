@@ -3,6 +3,7 @@
 import json
 import os
 import re
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 from platform import python_version
@@ -106,6 +107,18 @@ def save_result(path: str | os.PathLike[str], robot: Robot, facts: dict[str, obj
     if taken := head.keys() & facts.keys():
         raise ValueError(f"facts must not be called {', '.join(sorted(taken))}")
     return write_whole(path, (json.dumps(head | facts, indent=1, allow_nan=False) + "\n").encode())
+
+
+def save_results(folder: Path, robot: Robot, facts: dict[str, object], files: Sequence[Path]) -> list[Path]:
+    """Write result.json, which names the files of a run, into their folder; returns all of them.
+
+    Raises:
+        OSError: the folder cannot be written.
+        ValueError: see `save_result`.
+    """
+    every = [*files, folder / "result.json"]
+    save_result(every[-1], robot, {**facts, "files": [file.name for file in every]})
+    return every
 
 
 def load_result(path: str | os.PathLike[str]) -> dict[str, Any]:

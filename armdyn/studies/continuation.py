@@ -104,7 +104,7 @@ def continuation(
         progress(f"{min(len(found) + 1, len(problems))} of {len(problems)}: {text}")
 
     study = chain("problem", {float(k): one for k, one in enumerate(problems)}, options, count)
-    with row_store(None, {}) as rows, stopping(np.inf) as stop, in_process(study.task) as executor:
+    with row_store(None, study.description) as rows, stopping(np.inf) as stop, in_process(study.task) as executor:
         run_cases(study, rows, executor, stop, ended=keep)
     return tuple(found[k] for k in sorted(found))
 

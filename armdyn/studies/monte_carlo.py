@@ -68,8 +68,7 @@ def monte_carlo(
         left = "" if now.left is None else f", {now.left[1]:.0f} s left"
         progress(f"{now.done} of {now.cases} arms{left}")
 
-    asked = {} if file is None else study.description()
-    with row_store(file, asked, "normal") as rows, stopping(np.inf) as stop:
+    with row_store(file, study.description, "normal") as rows, stopping(np.inf) as stop:
         with in_process(study, options.workers) as executor:
             run_cases(study, rows, executor, stop, told)
         found = list[PlantRow]()

@@ -7,7 +7,7 @@ import json
 import os
 import sqlite3
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, fields
 from importlib.metadata import version
@@ -134,7 +134,7 @@ class RowStore:
 @contextmanager
 def row_store(
     path: str | os.PathLike[str] | None,
-    description: Mapping[str, object],
+    describe: Callable[[], Mapping[str, object]],
     sync: Sync = "full",
     *,
     replace: bool = False,
@@ -146,7 +146,7 @@ def row_store(
 
     Args:
         path: of the file, whose folder is made; next to it lie SQLite's -wal and -shm, and a .lock. None: in memory.
-        description: of the study, as JSON.
+        describe: description of the study, as JSON; not called for rows in memory.
         sync: see above.
         replace: rows of another study are deleted instead of refused.
 
@@ -162,7 +162,7 @@ def row_store(
         with _errors(here):
             connection.execute("PRAGMA journal_mode = WAL")
             connection.execute(f"PRAGMA synchronous = {'FULL' if sync == 'full' else 'NORMAL'}")
-            _begin(connection, here, description, replace)
+            _begin(connection, here, {} if path is None else describe(), replace)
         yield RowStore(here, connection)
 
 

@@ -117,7 +117,7 @@ def run_study(
     one_of(sync, SYNCS, "sync")
     path = Path(path_of(file, "file", error=ResultError))
     began = time.monotonic()
-    with row_store(path, study.description(), sync) as rows, stopping(np.inf) as stop:
+    with row_store(path, study.description, sync) as rows, stopping(np.inf) as stop:
         if again:
             rows.forget((DIED, ERROR))
         before = len(rows.numbers())

@@ -5,13 +5,13 @@ from __future__ import annotations
 import csv
 import json
 import os
-import tempfile
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from armdyn.errors import MissingPackageError
+from armdyn.files import writing_whole
 from armdyn.studies.rows import RowStore, StudyRow, read_rows
 
 _FIRST = ("k", "status", "good")
@@ -49,7 +49,7 @@ def write_csv(rows: RowStore, path: str | os.PathLike[str]) -> Path:
         OSError: the folder cannot be written.
     """
     columns = _columns(rows)
-    with _Whole(Path(path)) as scratch, scratch.open("w", newline="") as file:
+    with writing_whole(path) as scratch, scratch.open("w", newline="") as file:
         table = csv.DictWriter(file, list(columns), lineterminator="\n")
         table.writeheader()
         table.writerows(flat(row) for row in rows.rows())
@@ -69,7 +69,7 @@ def write_parquet(rows: RowStore, path: str | os.PathLike[str]) -> Path:
     except ImportError:
         raise MissingPackageError("pyarrow", "Parquet", "CSV needs nothing") from None
     schema = arrow.schema([(name, _arrow_type(arrow, kinds)) for name, kinds in _columns(rows).items()])
-    with _Whole(Path(path)) as scratch, parquet.ParquetWriter(scratch, schema) as file:
+    with writing_whole(path) as scratch, parquet.ParquetWriter(scratch, schema) as file:
         for piece in _pieces(rows):
             file.write_table(arrow.Table.from_pylist(piece, schema=schema))
     return Path(path)
@@ -99,23 +99,3 @@ def _arrow_type(arrow: Any, kinds: set[type]) -> Any:
     if kinds == {int}:
         return arrow.int64()
     return arrow.float64() if kinds <= {int, float} else arrow.string()  # of no value at all, too
-
-
-class _Whole:
-    """A scratch file that gets its name when all is written, as `write_whole` does of what fits into memory."""
-
-    def __init__(self, path: Path):
-        self.path = path
-
-    def __enter__(self) -> Path:
-        handle, name = tempfile.mkstemp(dir=self.path.parent, prefix=f".{self.path.name}.")
-        os.close(handle)
-        self._scratch = Path(name)
-        return self._scratch
-
-    def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
-        if kind is None:
-            self._scratch.chmod(0o644)
-            self._scratch.replace(self.path)
-        else:
-            self._scratch.unlink(missing_ok=True)

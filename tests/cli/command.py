@@ -34,6 +34,6 @@ def answer(done, code=0):
     return json.loads(done.stdout)
 
 
-def run_json(*arguments, code=0, cwd=None):
-    """What a process tells with `--json`."""
-    return answer(run(*arguments, "--json", cwd=cwd), code)
+def run_json(*arguments, code=0, cwd=None, how=run_here):
+    """What a command tells with `--json`; with `how=run` in a process of its own."""
+    return answer(how(*arguments, "--json", cwd=cwd), code)

@@ -17,7 +17,7 @@ from problems import CART
 
 
 def test_mintime(tmp_path):
-    answer = run_json("mintime", "rr", "--payload", 0.1006, "--out", tmp_path / "run")
+    answer = run_json("mintime", "rr", "--payload", 0.1006, "--out", tmp_path / "run", how=run)
     assert answer["success"] and answer["status"] == "solved"
     assert 0.2106 < answer["duration"] < 0.22
     assert answer["replay_error"] < 1e-3
@@ -49,7 +49,7 @@ def test_what_is_not_wanted_is_not_written(options, missing, tmp_path):
 
 
 def test_people_are_told_what_was_written_and_how_long_it_took(tmp_path):
-    words = " ".join(run("pid", "r", "--duration", 1, "--no-report", "--out", "here", cwd=tmp_path).stdout.split())
+    words = " ".join(run_here("pid", "r", "--duration", 1, "--no-report", "--out", "here", cwd=tmp_path).stdout.split())
     assert "results here" in words
     assert "written trajectory.npz, figure.png, figure.pdf, result.json in" in words
 
@@ -72,13 +72,13 @@ def test_mintime_round_an_obstacle_to_a_pose(tmp_path):
         (["--goal-pose", "9,0,0"], "FRAME:X,Y,Z"),
         (["--via", "1"], "via"),
     ):
-        done = run("mintime", "rr", *wrong, cwd=tmp_path)
+        done = run_here("mintime", "rr", *wrong, cwd=tmp_path)
         assert done.returncode == 2 and says in " ".join(done.stderr.split()), done.stderr
 
 
 @pytest.mark.slow
 def test_mintime_with_limits_along_the_way(tmp_path):
-    limits = ["--limit", "tip-speed=4", "--limit", "torque-rate=200,100"]
+    limits = ["--limit", "tip-speed=4", "--limit", "torque-rate=200,100", "--no-figure", "--no-report"]
     answer = run_json("mintime", "rr", *limits, "--starts", 2, "--out", "run", cwd=tmp_path)
     assert answer["usable"] and not answer["certified"]
     speed, rate = answer["conditions"]
@@ -90,7 +90,8 @@ def test_mintime_with_limits_along_the_way(tmp_path):
 @pytest.mark.slow
 def test_mintime_of_a_urdf_file_with_poses_and_limits(tmp_path):
     (tmp_path / "cart.urdf").write_text(CART)
-    answer = run_json("mintime", "cart.urdf", "--q-start", "0", "--q-goal", "-2", "--effort-limit", "4", cwd=tmp_path)
+    task = ("cart.urdf", "--q-start", "0", "--q-goal", "-2", "--effort-limit", "4")
+    answer = run_json("mintime", *task, "--no-figure", cwd=tmp_path)
     # Four newtons instead of one halve the 2√2 s.
     assert answer["duration"] == pytest.approx(2**0.5, rel=1e-8)
     assert (tmp_path / "results" / "mintime-cart" / "report.html").exists()
@@ -115,7 +116,7 @@ def test_sweep(tmp_path):
     assert again["rows"] == answer["rows"]  # with the time that each has taken: nothing was solved again
     answer = run_json("sweep", "r", "--payload", "0.1", "--no-figure", "--out", tmp_path / "bare")
     assert {Path(file).name for file in answer["files"]} == {"100g.npz", "sweep.csv", "result.json"}
-    done = run("sweep", "panda", cwd=tmp_path)
+    done = run_here("sweep", "panda", cwd=tmp_path)
     assert done.returncode == 2 and "--payload" in done.stderr
 
 
@@ -133,21 +134,21 @@ def test_pid_and_replay_of_both(tmp_path):
 
 @pytest.mark.slow
 def test_pid_that_never_settles_is_exit_3(tmp_path):
-    answer = run_json("pid", "rrr", "--out", tmp_path, code=3)
+    answer = run_json("pid", "rrr", "--no-figure", "--no-report", "--out", tmp_path, code=3)
     assert not answer["success"] and answer["arrival_time"] is None
     assert answer["max_real_eigenvalue"] > 0
 
 
 def test_urdf(tmp_path):
     rr = ("urdf", "rr", "--payload", 0.1006)
-    text = run(*rr).stdout
+    text = run_here(*rr).stdout
     (file,) = answer(run_here(*rr, "--out", tmp_path, "--json"))["files"]
     assert Path(file).name == "rr_100.6g.urdf"
     assert Path(file).read_text() == text == answer(run_here(*rr, "--json"))["urdf"]
 
 
 def test_doctor(tmp_path):
-    assert run_json("doctor")["status"] == "healthy"
+    assert run_json("doctor", how=run)["status"] == "healthy"
     answer = run_json("doctor", "panda")
     assert len(answer["joints"]) == 7 and answer["dynamics_error"] < 1e-10
     assert any("locked" in remark for remark in answer["remarks"])
@@ -190,7 +191,7 @@ def test_bad_input_is_exit_2_without_traceback(arguments, message, tmp_path):
 
 
 def test_bad_input_is_exit_2_of_the_process(tmp_path):
-    told = run_json("mintime", "nosuch", code=2, cwd=tmp_path)
+    told = run_json("mintime", "nosuch", code=2, cwd=tmp_path, how=run)
     assert told["success"] is False and "no robot named 'nosuch'" in told["message"]
 
 
@@ -208,7 +209,7 @@ def test_bad_usage_is_exit_2():
 
 @pytest.mark.slow
 def test_not_converged_is_exit_3(tmp_path):
-    answer = run_json("mintime", "rrr", "--time-limit", 0.001, "--out", tmp_path, code=3)
+    answer = run_json("mintime", "rrr", "--time-limit", 0.001, "--no-figure", "--no-report", "--out", tmp_path, code=3)
     assert answer["success"] is False and answer["status"] == "time_limit"
     assert (tmp_path / "trajectory.npz").exists()
 

@@ -10,7 +10,7 @@ import yaml
 
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.planned import read_planned
-from cli.command import answer, run, run_here
+from cli.command import answer, run_here
 from problems import solved
 
 
@@ -22,7 +22,7 @@ def here(tmp_path):
 
 
 def test_a_table_beside_the_file(here):
-    told = answer(run("export", "trajectory.npz", "--json", cwd=here))
+    told = answer(run_here("export", "trajectory.npz", "--json", cwd=here))
     assert told["success"] and told["status"] == "written" and told["files"] == ["trajectory.csv"]
     table = pandas.read_csv(here / "trajectory.csv")
     samples = solved("rr").trajectory.resample(1000)

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from cli.command import run, run_here, run_json
+from cli.command import run_here, run_json
 from oracles import joint, two_links
 
 INSIDE = '<axis xyz="0 0 1"/><limit effort="2" velocity="1000"/><dynamics damping="0.1" friction="0.2"/>'  # no gravity
+BARE = ("--no-figure", "--no-report")
 
 
 @pytest.fixture
@@ -19,25 +20,37 @@ def turntable(tmp_path):
 @pytest.mark.slow
 def test_a_files_friction_is_applied_unless_told_otherwise(turntable):
     poses = ("--q-start", "0", "--q-goal", "2")
-    own = run_json("mintime", "arm.urdf", *poses, cwd=turntable)
+    own = run_json("mintime", "arm.urdf", *BARE, *poses, cwd=turntable)
     assert (own["damping"], own["friction"], own["friction_width"]) == ([0.1], [0.2], 0.05)
-    none = run_json("mintime", "arm.urdf", *poses, "--damping", "0", "--friction", "0", cwd=turntable)
+    none = run_json("mintime", "arm.urdf", *BARE, *poses, "--damping", "0", "--friction", "0", cwd=turntable)
     assert "damping" not in none
     assert none["duration"] == pytest.approx(2 * np.sqrt(2 * 0.03 / 2), rel=1e-8)
     assert own["duration"] > none["duration"] + 1e-3
     heavy = ("--damping", "0", "--friction", "0", "--armature", "0.06")
     # Three times the inertia.
-    assert run_json("mintime", "arm.urdf", *poses, *heavy, cwd=turntable)["duration"] == pytest.approx(
+    assert run_json("mintime", "arm.urdf", *BARE, *poses, *heavy, cwd=turntable)["duration"] == pytest.approx(
         none["duration"] * np.sqrt(3), rel=1e-8
     )
 
 
 @pytest.mark.slow
 def test_wrap_takes_the_shorter_way(turntable):
-    frictionless = ("mintime", "arm.urdf", "--damping", "0", "--friction", "0", "--q-start", "3", "--q-goal", "-3")
+    frictionless = (
+        "mintime",
+        "arm.urdf",
+        *BARE,
+        "--damping",
+        "0",
+        "--friction",
+        "0",
+        "--q-start",
+        "3",
+        "--q-goal",
+        "-3",
+    )
     wrapped = run_json(*frictionless, "--wrap", cwd=turntable)
     assert wrapped["duration"] == pytest.approx(2 * np.sqrt((2 * np.pi - 6) * 0.03 / 2), rel=1e-8)
-    asked = run(*frictionless, cwd=turntable)
+    asked = run_here(*frictionless, cwd=turntable)
     assert asked.returncode == 0
     assert "--wrap" in asked.stdout
 
@@ -45,14 +58,14 @@ def test_wrap_takes_the_shorter_way(turntable):
 def test_a_payload_on_a_link(turntable):
     flags = ("--damping", "0", "--friction", "0", "--payload", "0.5", "--payload-frame", "arm")
     poses = ("--q-start", "0", "--q-goal", "2")
-    answer = run_json("mintime", "arm.urdf", *poses, *flags, "--payload-com", "0.2,0,1", cwd=turntable)
+    answer = run_json("mintime", "arm.urdf", *BARE, *poses, *flags, "--payload-com", "0.2,0,1", cwd=turntable)
     # Half a kilogram 0.2 m from the axis.
     assert answer["duration"] == pytest.approx(2 * np.sqrt(2 * (0.03 + 0.5 * 0.2**2) / 2), rel=1e-8)
 
 
 @pytest.mark.slow
 def test_pid_knows_friction(turntable):
-    loop = ("pid", "arm.urdf", "--form", "torque", "--gains", "2,0,0", "--q-start", "0", "--q-goal", "1")
+    loop = ("pid", "arm.urdf", *BARE, "--form", "torque", "--gains", "2,0,0", "--q-start", "0", "--q-goal", "1")
     # Without any the loop swings for ever; with the file's damping it comes to rest.
     swings = run_json(*loop, "--damping", "0", "--friction", "0", "--duration", "3", cwd=turntable, code=3)
     assert swings["max_real_eigenvalue"] == pytest.approx(0, abs=1e-6)

@@ -10,7 +10,7 @@ import pytest
 from armdyn.cli.sweeps.study import _left
 from armdyn.studies.rows import read_rows
 from armdyn.studies.tables import study_table
-from cli.command import COMMAND, answer, run, run_here, run_json
+from cli.command import COMMAND, answer, run_here, run_json
 
 STUDY = """
 [arms.r]
@@ -113,8 +113,8 @@ RR = """
 q_start = [-1.5707963267948966, 0.037399912542735635]
 q_goal = [0.15707963267948966, -0.037399912542735635]
 [vary]
-payload = { from = 0.05, to = 0.25, count = 6 }
-reserve = { from = 0.0, to = 0.2, count = 5 }
+payload = { from = 0.05, to = 0.25, count = 4 }
+reserve = { from = 0.0, to = 0.2, count = 4 }
 """
 
 
@@ -126,23 +126,23 @@ def test_killed_twice_and_gone_on_with(tmp_path):
     file, before = tmp_path / "out" / "study.sqlite", 0
     for _ in range(2):
         process = subprocess.Popen([*COMMAND, *command], cwd=tmp_path, stdout=subprocess.DEVNULL)
-        while rows_of(file) < before + 5:
+        while rows_of(file) < before + 3:
             assert process.poll() is None
             time.sleep(0.01)
         process.kill()
         process.wait()
         before = rows_of(file)
-    assert before < 30
+    assert before < 16
     told = run_json(*command, cwd=tmp_path)
-    assert told["done"] == 30 and told["done_here"] == 30 - before
+    assert told["done"] == 16 and told["done_here"] == 16 - before
     rows = study_table(file)
-    assert [row["k"] for row in rows] == list(range(30)) and all(row["certified"] for row in rows)
+    assert [row["k"] for row in rows] == list(range(16)) and all(row["certified"] for row in rows)
     # In one go, without neighbours: the same, as certified optima are to 1e-9.
     (tmp_path / "alone.toml").write_text(RR + "[search]\nneighbours = 'off'\n")
-    assert run("sweep", "alone.toml", "--no-figure", "--out", "alone", cwd=tmp_path).returncode == 0
+    assert run_here("sweep", "alone.toml", "--no-figure", "--out", "alone", cwd=tmp_path).returncode == 0
     alone = study_table(tmp_path / "alone" / "study.sqlite")
     assert [row["duration_s"] for row in rows] == pytest.approx([row["duration_s"] for row in alone], rel=1e-8)
-    assert not any(row["begun_from"] for row in alone) and sum(row["begun_from"] is not None for row in rows) > 20
+    assert not any(row["begun_from"] for row in alone) and sum(row["begun_from"] is not None for row in rows) >= 8
 
 
 @pytest.mark.parametrize(

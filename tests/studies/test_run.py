@@ -114,7 +114,7 @@ def test_a_case_has_no_second_row(tmp_path):
     run_study(study, tmp_path / "s.sqlite", TWO)
     row = rows_of(tmp_path / "s.sqlite")[1]
     with (
-        row_store(tmp_path / "s.sqlite", study.description()) as rows,
+        row_store(tmp_path / "s.sqlite", study.description) as rows,
         pytest.raises(ResultError, match="a row already"),
     ):
         rows.append([row], {})
@@ -133,9 +133,9 @@ def test_one_at_a_time(tmp_path, monkeypatch):
     monkeypatch.setattr("armdyn.studies.rows._PATIENCE", 0.1)
     study = squares(2)
     with (
-        row_store(tmp_path / "s.sqlite", study.description()),
+        row_store(tmp_path / "s.sqlite", study.description),
         pytest.raises(ResultError, match="another process is at this study"),
-        row_store(tmp_path / "s.sqlite", study.description()),
+        row_store(tmp_path / "s.sqlite", study.description),
     ):
         pass
 

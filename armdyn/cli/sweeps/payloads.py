@@ -121,7 +121,7 @@ def _solved(
             save(row.k, result.value.trajectory)
 
     study = chain("payload", problems, options, lambda text: progress(f"{len(files) + 1} of {len(problems)}: {text}"))
-    with row_store(folder / ROWS, study.description(), replace=True) as rows, stopping(inf) as stop:
+    with row_store(folder / ROWS, study.description, replace=True) as rows, stopping(inf) as stop:
         with in_process(study.task) as executor:
             run_cases(study, rows, executor, stop, ended=keep)
         found = partial | {row.k: row for row in rows.rows()}

@@ -147,7 +147,7 @@ def _write(
     """The reference, the figure and result.json, beside the rows."""
     from armdyn.show.figures.envelopes import plot_envelope
     from armdyn.show.plots import save_figure
-    from armdyn.show.results import save_result
+    from armdyn.show.results import save_results
     from armdyn.studies.rows import read_rows
     from armdyn.studies.tables import write_csv
 
@@ -158,9 +158,7 @@ def _write(
         name = found.question.robot.name
         drawn = plot_envelope(found.envelope(), f"{name}: {len(found.rows)} arms, {found.success().settled} settle")
         files += [save_figure(drawn, folder / f"envelope.{suffix}") for suffix in ("png", "pdf")]
-    result = folder / "result.json"
-    names = [path.name for path in [*files, result]]
-    return [*files, save_result(result, found.question.robot, {**summary, "files": names})]
+    return save_results(folder, found.question.robot, summary, files)
 
 
 def _words(found: ad.MonteCarlo, within: float, reference: ad.Trajectory) -> dict[str, str]:

@@ -142,8 +142,7 @@ def _summary(found: ad.Tuned) -> dict[str, object]:
 
 def _write(folder: Path, model: ad.Robot, found: ad.Tuned, summary: dict[str, object]) -> list[Path]:
     """The reference and result.json."""
-    from armdyn.show.results import save_result
+    from armdyn.show.results import save_results
 
     motion = replace(found.reference, model_hash=model.model_hash).save(folder / "reference.npz")
-    result = folder / "result.json"
-    return [motion, save_result(result, model, {**summary, "files": [motion.name, result.name]})]
+    return save_results(folder, model, summary, [motion])

@@ -14,7 +14,7 @@ from armdyn.paper.printed.published import Printed
 from armdyn.paper.tables.columns import TITLES, our_column, paper_column, table_line, with_numbers
 from armdyn.paper.tables.rows import Row, Verdict
 from armdyn.paper.tables.standing import VERDICTS, Number, number_of, standings, time_of
-from armdyn.show.grids import Grid
+from armdyn.paper.tables.text_tables import Grid
 from armdyn.show.markup import Html, element, join, table
 
 _CLASS = {

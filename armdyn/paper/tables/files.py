@@ -10,7 +10,7 @@ from armdyn.paper.claims.first_approach import all_linearisations
 from armdyn.paper.outcomes.outcome import Outcome
 from armdyn.paper.tables.grids import feasibility_grid, first_approach_grid, grid
 from armdyn.paper.tables.rows import Row
-from armdyn.show.grids import csv_text, write_grid
+from armdyn.paper.tables.text_tables import csv_text, write_grid
 
 
 def write_tables(folder: Path, rows: Sequence[Row]) -> list[Path]:

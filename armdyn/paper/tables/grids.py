@@ -9,7 +9,7 @@ from armdyn.paper.printed.examples import PAYLOADS
 from armdyn.paper.printed.published import LARGEST_PAYLOAD
 from armdyn.paper.tables.columns import TITLES, our_column, paper_column, table_line, with_numbers
 from armdyn.paper.tables.rows import Row
-from armdyn.show.grids import Grid
+from armdyn.paper.tables.text_tables import Grid
 
 _MARKS = {"reproduced": "✓", "close": "≈", "not reproduced": ""}
 _LEGEND = "✓ reproduced, ≈ within 2 %; – none; tip, mM: where the payload is"

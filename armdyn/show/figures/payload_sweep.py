@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
-from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdyn.files import write_whole
-from armdyn.show.results import save_result
+from armdyn.files import writing_whole
+from armdyn.show.results import save_results
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -90,19 +89,17 @@ def write_sweep(
     Raises:
         OSError: the folder cannot be written.
     """
-    text = StringIO()
-    table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    table.writeheader()
-    table.writerows(rows)
-    files = [*motions, write_whole(folder / "sweep.csv", text.getvalue().encode())]
+    with writing_whole(folder / "sweep.csv") as scratch, scratch.open("w", newline="") as text:
+        table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+        table.writeheader()
+        table.writerows(rows)
+    files = [*motions, folder / "sweep.csv"]
     if figure:
         from armdyn.show.plots import save_figure
 
         drawn = plot_sweep(rows, title)
         files += [save_figure(drawn, folder / f"figure.{suffix}") for suffix in ("png", "pdf")]
-    result = folder / "result.json"
-    summary: dict[str, object] = {"rows": rows, "files": [path.name for path in [*files, result]]}
-    return [*files, save_result(result, robot, summary)]
+    return save_results(folder, robot, {"rows": rows}, files)
 
 
 def motion_name(payload: float) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import queue
 import time
 from collections import deque
@@ -10,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 
+from armdyn.parallel import core_count
 from armdyn.studies.executors.executor import HERE, Ended, Executor, StudyCase
 from armdyn.studies.tasks.task import StudyTask, storable
 
@@ -76,7 +76,7 @@ def in_process(task: StudyTask, workers: int | None = 1) -> Iterator[Executor]:
         task: what is done in each.
         workers: threads; with one the calling thread does the work; None: one per core.
     """
-    size = workers or os.cpu_count() or 1
+    size = workers or core_count()
     if size == 1:
         yield InProcess(task)
         return

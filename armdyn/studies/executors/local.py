@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -56,5 +55,5 @@ def local_executor(task: StudyTask, workers: int | None = None) -> Iterator[Exec
     def do(case: StudyCase) -> Ended:
         return next(run_in_turn(task, [case], 0.0))
 
-    with fork_pool(do, workers or len(os.sched_getaffinity(0))) as forks:
+    with fork_pool(do, workers) as forks:
         yield LocalProcesses(forks)

@@ -163,8 +163,8 @@ def tune(
         raise ProblemError("plants are none; expected some arms, such as Plants(payload=(0.8, 1.2)).corners(robot)")
     progress = listener(progress)
     search = GainSearch(expect_robot(robot), reference, family, on, loop, options)
-    asked = {} if options.file is None else search.description()
-    with stopping(options.time_limit) as stop, row_store(options.file, asked, "normal", replace=True) as rows:
+    kept = row_store(options.file, search.description, "normal", replace=True)
+    with stopping(options.time_limit) as stop, kept as rows:
         with in_process(search, options.workers) as executor:
             status = search.go(rows, executor, stop, progress)
         if search.best is None:

@@ -5,7 +5,7 @@ import io
 
 import numpy as np
 
-from armdyn.show.grids import Grid, csv_text, write_grid
+from armdyn.paper.tables.text_tables import Grid, csv_text, write_grid
 
 GRID = Grid("Torque_1 [N m]", ("M [g]", "√|r| ✓"), (("21.2", "3 %"), ("500", "–")), note="± π")
 
