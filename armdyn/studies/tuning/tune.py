@@ -161,11 +161,12 @@ def tune(
     on, off = (expect_robots(arms, name) for arms, name in ((plants, "plants"), (held_out, "held_out")))
     if not on:
         raise ProblemError("plants are none; expected some arms, such as Plants(payload=(0.8, 1.2)).corners(robot)")
+    progress = listener(progress)
     search = GainSearch(expect_robot(robot), reference, family, on, loop, options)
     kept = row_store(options.file, search.description, "normal", replace=True)
     with stopping(options.time_limit) as stop, kept as rows:
         with in_process(search, options.workers) as executor:
-            status = search.go(rows, executor, stop, listener(progress))
+            status = search.go(rows, executor, stop, progress)
         if search.best is None:
             raise ProblemError(f"no controller was run: {search.refused or 'the search was stopped at once'}")
         own, values = search.best
