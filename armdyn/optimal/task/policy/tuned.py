@@ -36,5 +36,5 @@ def rows(group: object, prefix: str = "") -> Iterator[tuple[str, object, str, st
         value, name = getattr(group, one.name), f"{prefix}{one.name}"
         if is_dataclass(value):
             yield from rows(value, f"{name}.")
-        elif one.name != "changes":
+        elif one.name != "overrides":
             yield name, value, one.metadata["unit"], one.metadata["why"], one.metadata["cases"]
