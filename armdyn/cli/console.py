@@ -9,7 +9,6 @@ import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -18,7 +17,7 @@ import typer
 
 from armdyn.cli import interrupts
 from armdyn.cli.interrupts import INTERRUPTED as INTERRUPTED
-from armdyn.cli.reports.invocation import is_given
+from armdyn.cli.invocation import command_name, is_given, option_value
 from armdyn.cli.streams import BAD_INPUT as BAD_INPUT
 from armdyn.cli.streams import DISK_FULL as DISK_FULL
 from armdyn.errors import ArmdynError, ArmdynWarning, DiskFullError
@@ -79,25 +78,6 @@ class Terminal:
 
 console, errors = Terminal(), Terminal(stderr=True)
 
-_COMMAND: ContextVar[str] = ContextVar("command", default="")
-
-
-@contextmanager
-def speaking(command: str, *, quiet: bool) -> Iterator[None]:
-    """Within it a command speaks.
-
-    Args:
-        command: its name, for the JSON object.
-        quiet: nothing is said on standard output, and no progress shown.
-    """
-    token = _COMMAND.set(command)
-    console.quiet = quiet
-    try:
-        yield
-    finally:
-        _COMMAND.reset(token)
-        console.quiet = False
-
 
 def escape(text: str) -> str:
     """The text as it is, in rich's markup."""
@@ -142,12 +122,12 @@ def answering(as_json: bool) -> Iterator[Answer]:
     Raises:
         typer.Exit: always, with the code.
     """
-    answer, quiet = Answer(), console.quiet
+    answer = Answer()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("ignore")
         warnings.simplefilter("always", ArmdynWarning)
         try:
-            console.quiet = quiet or as_json
+            console.quiet = as_json or bool(option_value("quiet"))
             with interrupts.Raised():
                 yield answer
         except typer.Exit:
@@ -170,13 +150,13 @@ def answering(as_json: bool) -> Iterator[Answer]:
                 hint = "this is a bug in armdyn; ARMDYN_DEBUG=1 shows where"
                 answer.failed("internal_error", f"internal error ({type(error).__name__}: {error}); {hint}", INTERNAL)
         finally:
-            console.quiet = quiet
+            console.quiet = False
     messages = list(dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, ArmdynWarning)))
     for message in messages:
         errors.print(f"[yellow]warning:[/] {escape(message)}")
     if as_json:
         answer.facts["warnings"] = messages
-        said = {"schema": SCHEMA, "command": _COMMAND.get(), **answer.facts}
+        said = {"schema": SCHEMA, "command": command_name(), **answer.facts}
         sys.stdout.write(json.dumps(said, allow_nan=False) + "\n")
     if answer.code in (INTERNAL, BAD_INPUT, DISK_FULL, INTERRUPTED) and "message" in answer.facts and not as_json:
         errors.print(f"[bold red]armdyn:[/] {escape(str(answer.facts['message']))}")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Self
 
 import typer
 
-from armdyn.cli.reports.invocation import invocation
+from armdyn.cli.invocation import invocation
 from armdyn.files import probe_folder
 
 if TYPE_CHECKING:

@@ -16,12 +16,9 @@ from armdyn.cli.console import (
     working,
 )
 from armdyn.cli.options.groups import option
-from armdyn.cli.options.joints import FastJointOptions
-from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import NoFigure, OutputOptions
-from armdyn.cli.options.robot import PayloadOptions, RobotArgument
+from armdyn.cli.options.task import FastArmOptions
 from armdyn.cli.parsing.panels import TASK
-from armdyn.cli.parsing.requests import requested_arm
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions
 from armdyn.cli.tracking.track import ReferenceOptions, no_motion
 from armdyn.errors import ProblemError
@@ -88,10 +85,7 @@ class CountOptions:
 
 
 def monte_carlo(
-    poses: PoseOptions,
-    payload: PayloadOptions,
-    robot: RobotArgument,
-    joints: FastJointOptions,
+    task: FastArmOptions,
     reference: ReferenceOptions,
     controller: ControllerOptions,
     loop: LoopOptions,
@@ -111,16 +105,15 @@ def monte_carlo(
     armdyn monte-carlo rrr --payload 0.1006 --ramp 0.5 --friction-range 0,0.06 --at-least 0.99[/]
     """
     with answering(output.json) as answer:
-        own = requested_arm(robot, poses, payload, joints)
-        model = own.arm
+        model = task.arm
         law, joined, plants = controller.chosen(), loop.joined(), arms.plants(model)
         options = ad.MonteCarloOptions(count=study.count, duration=reference.duration, tolerance=reference.tolerance)
         within = reference.duration if study.within is None else checked(study.within, "--within", sign="positive")
         drawn = [] if no_figure else ["envelope.png", "envelope.pdf"]
-        folder = output.folder("monte-carlo", robot.robot, [ROWS, TABLE, "reference.npz", *drawn, "result.json"])
+        folder = output.folder("monte-carlo", task.robot.robot, [ROWS, TABLE, "reference.npz", *drawn, "result.json"])
 
         with working(f"many arms like {model.name}") as progress:
-            asked = reference.motion(own, progress)
+            asked = reference.motion(task, progress)
             if isinstance(asked, ad.Solution):
                 no_motion(answer, asked)
                 return

@@ -10,12 +10,9 @@ import armdyn as ad
 from armdyn.arguments import one_of
 from armdyn.cli.console import INTERRUPTED, NOT_USABLE, answering, console, facts_table, working
 from armdyn.cli.options.groups import flag, option
-from armdyn.cli.options.joints import JointOptions
-from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import OutputOptions
-from armdyn.cli.options.robot import PayloadOptions, RobotArgument
+from armdyn.cli.options.task import ArmOptions
 from armdyn.cli.parsing.panels import SOLVER
-from armdyn.cli.parsing.requests import requested_arm
 from armdyn.cli.tracking.controllers import LoopOptions
 from armdyn.cli.tracking.many import ROWS, ArmsOptions, range_of
 
@@ -74,10 +71,7 @@ class TuningOptions:
 
 
 def tune(
-    poses: PoseOptions,
-    payload: PayloadOptions,
-    robot: RobotArgument,
-    joints: JointOptions,
+    task: ArmOptions,
     family: FamilyOptions,
     search: TuningOptions,
     loop: LoopOptions,
@@ -95,10 +89,9 @@ def tune(
     armdyn tune rrr --payload 0.1006 --ramp-range 0.2,0.6 --controller computed-torque[/]
     """
     with answering(output.json) as answer:
-        asked = requested_arm(robot, poses, payload, joints)
-        model, (start, goal) = asked.arm, asked.ends()
+        model, (start, goal) = task.arm, task.ends()
         plants, options = arms.plants(model), search.options()
-        folder = output.folder("tune", robot.robot, [ROWS, "reference.npz", "result.json"])
+        folder = output.folder("tune", task.robot.robot, [ROWS, "reference.npz", "result.json"])
         folder.mkdir(parents=True, exist_ok=True)
         options = replace(options, file=folder / ROWS)
         with working(f"tuning {family.controller} for {model.name}") as progress:

@@ -172,16 +172,10 @@ def tune(
         own, values = search.best
         others = worth(search.setup(values), off, options.index) if off else None
     return Tuned(
-        controller=family.controller(values),
-        reference=search.motion(values),
-        values=values,
-        training=own,
-        held_out=others,
-        history=tuple(search.history),
-        evaluations=search.evaluations,
-        status=status,
+        controller=family.controller(values), reference=search.motion(values), values=values, training=own,
+        held_out=others, history=tuple(search.history), evaluations=search.evaluations, status=status,
         message=_message(status, own, others, options.overshoot),
-    )
+    )  # fmt: skip
 
 
 @dataclass(eq=False)
