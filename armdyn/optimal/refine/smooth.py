@@ -26,7 +26,7 @@ from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.search.multistart import SearchSettings, search
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.task.mesh_refinement import MeshRefinement
-from armdyn.optimal.task.options import DirectOptions
+from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -101,7 +101,7 @@ def _searched(task: Task, starts: int) -> list[Attempt]:
     """Attempts of the search on a coarse mesh."""
     numbers = task.policy.smooth
     linear = replace(task, scheme=replace(task.scheme, method="lobatto3", control="linear"))
-    coarse = [DirectOptions(task.policy.program.coarse_tolerance, numbers.iterations)]
+    coarse = [SolverSettings(task.policy.program.coarse_tolerance, numbers.iterations)]
     return search(linear, starts, SearchSettings([numbers.coarse], coarse))
 
 
