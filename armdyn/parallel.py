@@ -29,11 +29,11 @@ def in_processes(jobs: Sequence[Callable[[], Result]], workers: int | None) -> G
     """Results of jobs in parallel processes, in the order of the jobs.
 
     Workers are forks, which know all that was built before; jobs are begun in order, results are pickled. Workers end
-    with this process, however it ends, and with the thread that asked first. Who has seen enough stops asking: what
-    is still under way is then killed. Jobs ask a `Stop` of this process, which forks share.
+    with this process, however it ends, and with the thread that asked first. When the caller stops iterating,
+    jobs under way are killed. Jobs ask a `Stop` of this process, which forks share.
 
     Args:
-        jobs: what is to be done. A job whose worker dies or raises is done again here.
+        jobs: to be done. A job whose worker dies or raises is done again here.
         workers: processes at most; None: one per core. With one, within a worker, or where there is no fork, all is
             done here.
     """
@@ -51,11 +51,11 @@ def as_completed(
 ) -> Generator[Result]:
     """Results of jobs in parallel processes, in the order in which they finish.
 
-    Who stops asking interrupts what is under way: a job hears SIGINT only where it listens, as `solve_minimum_time`
-    does. What does not end within 1.5 s is killed.
+    When the caller stops iterating, jobs under way are interrupted: a job gets SIGINT only where it listens, as
+    `solve_minimum_time` does. Jobs that do not end within 1.5 s are killed.
 
     Args:
-        jobs: what is to be done.
+        jobs: to be done.
         workers: processes at most, see `in_processes`.
         after: of some jobs, the numbers of others that end before they are begun.
 
@@ -72,7 +72,7 @@ def concurrently(job: Callable[[], Result], workers: int | None) -> Iterator[Cal
     """Run a job in a process of its own; yields a function that waits for the result and returns it.
 
     Args:
-        job: what is to be done; if its worker dies or raises, or there is none, here, when the result is asked for.
+        job: to be done; if its worker dies or raises, or there is none, here, when the result is asked for.
         workers: processes at most; with one there is no other.
     """
     known: list[Result] = []
@@ -126,7 +126,7 @@ class ForkPool(Generic[Result]):
             return
 
     def finished(self, seconds: float | None) -> list[tuple[int, int | None, tuple[Result] | None]]:
-        """Number, process and result of what has ended; instead of a result None where the worker died.
+        """Number, process and result of jobs that have ended; the result is None where the worker died.
 
         Args:
             seconds: how long that is waited for at most [s]; None: as long as it takes.
@@ -174,7 +174,8 @@ def fork_pool(do: Callable[[Any], Result], count: int | None, patient: bool = Fa
     """Pool of forked workers, killed on exit. They end with this process, too.
 
     Args:
-        do: what they do, also what this process has built; results are pickled. What it raises kills its worker.
+        do: their function, which may use everything that this process has built; results are pickled. An exception
+            kills the worker.
         count: of them; None: one per core.
         patient: see `ForkPool.close`.
 
@@ -278,7 +279,7 @@ def _work(do: Callable[[Any], object], line: Connection, owner: int) -> None:
 def _end_with(owner: int) -> None:
     """Have the kernel kill this process when its owner ends, even within a long call that knows no Python.
 
-    Strictly, when the owner's thread ends that forked: what is lost is done again there. Where the kernel cannot, a
+    Strictly, when the owner's thread ends that forked: lost jobs are done again there. Where the kernel cannot, a
     worker ends after its job, by the dead line.
     """
     if sys.platform == "linux":

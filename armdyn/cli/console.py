@@ -1,4 +1,4 @@
-"""How commands speak: to people on a terminal, to machines as one JSON object."""
+"""Output of commands: text for people on a terminal, one JSON object for machines."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ EXIT_CODES = (
     "0 done, and the motion is usable: it lands and keeps its limits; 2 bad usage or input; 3 it is not usable; "
     "4 it is, but not what --require asks for; 5 disk full; 130 interrupted."
 )
-"""What they mean, as help and README say it."""
+"""Meaning of the exit codes, as in help and README."""
 
 SCHEMA = interrupts.SCHEMA
 """Version of the JSON objects, see docs/json.md: raised when a key goes, or means something else."""
 
 
 class Terminal:
-    """Standard output or error, spoken to by rich; which is loaded when there is something to say."""
+    """Standard output or error by rich, which is imported at the first print."""
 
     def __init__(self, *, stderr: bool = False):
         self._stderr = stderr
@@ -59,11 +59,11 @@ class Terminal:
 
     @property
     def is_terminal(self) -> bool:
-        """Someone watches."""
+        """Whether it is a terminal."""
         return self.rich.is_terminal
 
     def shows(self, text: str) -> bool:
-        """It has all characters of a text."""
+        """Whether its encoding has all characters of a text."""
         try:
             text.encode(self.rich.encoding)
         except (LookupError, UnicodeEncodeError):
@@ -71,7 +71,7 @@ class Terminal:
         return True
 
     def print(self, what: str | Table) -> None:
-        """Say something, in rich's markup; nothing where it is to be quiet."""
+        """Print rich's markup, unless `quiet` is set."""
         if not self.quiet:
             self.rich.print(what)
 
@@ -80,7 +80,7 @@ console, errors = Terminal(), Terminal(stderr=True)
 
 
 def escape(text: str) -> str:
-    """The text as it is, in rich's markup."""
+    """Text with rich's markup escaped."""
     from rich.markup import escape as escaped
 
     return escaped(text)
@@ -88,7 +88,7 @@ def escape(text: str) -> str:
 
 @dataclass
 class Answer:
-    """What a command found out; filled in as it goes.
+    """Answer of a command, filled in while it runs.
 
     Attributes:
         facts: for the JSON object.
@@ -99,22 +99,22 @@ class Answer:
     code: int = DONE
 
     def done(self, status: str, facts: Mapping[str, object], files: Iterable[Path] = ()) -> None:
-        """It has ended well."""
+        """Record success."""
         self.facts |= {"success": True, "status": status, **facts, "files": [str(file) for file in files]}
 
     def interrupted(self) -> None:
-        """It ends by Ctrl-C."""
+        """Record an interrupt."""
         self.failed("interrupted", "interrupted", INTERRUPTED)
 
     def failed(self, status: str, message: str, code: int) -> None:
-        """It ends without an answer."""
+        """Record a failure."""
         self.facts |= {"success": False, "status": status, "message": message}
         self.code = code
 
 
 @contextmanager
 def answering(as_json: bool) -> Iterator[Answer]:
-    """Turns what happens within into output and an exit code; no traceback leaves it.
+    """Turn results, errors and warnings of the block into output and an exit code, without tracebacks.
 
     Args:
         as_json: the answer is one JSON object, and `console` says nothing.
@@ -170,14 +170,14 @@ def _by_option(message: str) -> str:
 
 
 def _os_message(error: OSError) -> str:
-    """What the operating system refuses, and of which file."""
+    """The operating system's message, with the file."""
     what = error.strerror or str(error) or type(error).__name__
     return what if error.filename is None else f"{what}: {error.filename}"
 
 
 @contextmanager
 def working(what: str) -> Iterator[Callable[[str], None]]:
-    """A spinner on standard error while something runs; the function it gives updates its words."""
+    """Show a spinner on standard error; yields the function that updates its text."""
     interrupts.at(what)
     if console.quiet or not errors.is_terminal:
         yield lambda text: interrupts.at(f"{what}: {text}")
@@ -238,7 +238,7 @@ def progress_bar(name: str, total: int) -> Iterator[Bar]:
 
 
 def facts_table(title: str, facts: dict[str, str]) -> Table:
-    """Two columns, what and how much."""
+    """Table of two columns: names and values."""
     from rich.table import Table
 
     table = Table(title=escape(title), title_justify="left", title_style="bold", show_header=False, box=None)

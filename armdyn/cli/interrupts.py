@@ -39,11 +39,11 @@ _PATIENCE = 0.5
 
 class _State:
     working = False
-    """A command works: it hears of an interrupt as `KeyboardInterrupt`."""
+    """A command is running: an interrupt raises `KeyboardInterrupt` in it."""
     pressed = False
-    """There was one."""
+    """Ctrl-C was pressed."""
     doing = ""
-    """What the command is at, in words."""
+    """The command's current step, in words."""
 
 
 class Guard:
@@ -78,7 +78,7 @@ class Guard:
 class Raised:
     """Within it Ctrl-C raises `KeyboardInterrupt`, so that a command can put things in order.
 
-    Where that takes a while, a line says what is being finished; a second Ctrl-C ends the process, wherever it is.
+    If that takes a while, a line names the step that is being finished; a second Ctrl-C ends the process at once.
     """
 
     def __enter__(self) -> None:
@@ -94,7 +94,7 @@ class Raised:
 
 
 def at(what: str) -> None:
-    """Note what the command is doing, for the line that follows Ctrl-C.
+    """Set the command's current step, for the line that follows Ctrl-C.
 
     Args:
         what: in words.

@@ -42,7 +42,7 @@ def reproduce(
         typer.Option(metavar="KG", help="Payload \\[kg]; several: comma or again. By default the paper's ten."),
     ] = None,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results.")] = Path("results/paper"),
-    fresh: Annotated[bool, typer.Option("--fresh", help="Solve again what DIR has already.")] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Solve again the cases that DIR has already.")] = False,
     arrival_rule: ArrivalRuleName = None,
     json: Json = False,
 ) -> None:
@@ -51,7 +51,7 @@ def reproduce(
     Open DIR/index.html in a browser: it is there as soon as the examples with 100.6 g are, which come first.
     DIR/tables has Tables 3 to 7 as CSV, Markdown and LaTeX, DIR/figures Figures 2 to 7, DIR/cases every single
     result; the six examples with 100.6 g have a folder each.
-    What is done stays: Ctrl-C, and the same command goes on from there.
+    After Ctrl-C the same command goes on: solved cases stay in DIR.
     A PID loop that does not settle is a finding, not a failure: the paper's loop is unstable for RRR. Exit code 3:
     some minimum-time motion is not usable.
 
@@ -86,7 +86,7 @@ def reproduce(
 
 
 def _plan(only: Sequence[str], payloads: Sequence[str], rule: str | None, fresh: bool) -> "Plan":
-    """What the options ask for."""
+    """The plan of the options."""
     from armdyn.paper.plan import Plan
     from armdyn.paper.printed.loop import PAPER_RULE
 
@@ -124,7 +124,7 @@ def _print_examples(outcomes: "Sequence[Outcome]", plan: "Plan", out: Path) -> N
 
     grams = f"{1000 * plan.shown_payload:g} g"
     table = Table(title=f"The paper's examples with {grams} at the tip", title_justify="left")
-    for column in ("#", "arm", "problem", "paper", "ours", "what happened"):
+    for column in ("#", "arm", "problem", "paper", "ours", "result"):
         table.add_column(column, justify="right" if column in ("#", "paper", "ours") else "left")
     for outcome in sorted(outcomes, key=lambda o: (o.case.example, o.case.kind)):
         case = outcome.case

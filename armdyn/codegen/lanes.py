@@ -9,7 +9,7 @@ from collections.abc import Iterable
 import casadi as ca
 
 LANES = 2
-"""What a register holds on every x86-64 and ARMv8; with four, on what has registers for them, nothing is gained."""
+"""Doubles in a register of every x86-64 and ARMv8; four, where registers are wider, are no faster."""
 
 _WRITTEN = {
     ca.OP_ADD: "{} + {}",

@@ -1,4 +1,4 @@
-"""TOML files from strangers: bounded, and every complaint with the line that it is about."""
+"""Untrusted TOML files: bounded, and errors with their lines."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ _KEY = re.compile(rf"[ \t]*({_NAME}(?:[ \t]*\.[ \t]*{_NAME})*)[ \t]*=")
 
 @dataclass(frozen=True)
 class Table:
-    """A table of a file, and where its keys stand.
+    """A table of a file, with the lines of its keys.
 
     Attributes:
         path: of the file.
-        values: what it says.
+        values: its keys and their values.
         lines: the line of each table and key, by the names on the way to it.
         within: the names on the way to this table.
     """
@@ -68,7 +68,7 @@ class Table:
 
     @contextmanager
     def telling(self, words: Mapping[str, str] | None = None) -> Iterator[None]:
-        """What armdyn complains of within is about one of the keys: see `about`.
+        """Raise errors of the block with the line of the key that they name: see `about`.
 
         Raises:
             ProblemError: the complaint, with its line.
@@ -80,7 +80,7 @@ class Table:
 
     @contextmanager
     def at(self, key: str) -> Iterator[None]:
-        """What armdyn complains of within is about a key.
+        """Raise errors of the block with the line of a key.
 
         Raises:
             ProblemError: the complaint, with its line.

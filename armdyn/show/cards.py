@@ -70,7 +70,7 @@ def _problem(problem: MinimumTimeProblem) -> Html:
     if problem.path_constraint_names:
         facts["along the way"] = ", ".join(problem.path_constraint_names)
     if problem.reserves.any:
-        facts["kept for feedback"] = "part of the limits; those below are what is left"
+        facts["kept for feedback"] = "part of the limits; those below are reduced by it"
     title = f"Minimum time of {problem.robot.name}"
     picture = robot_picture(problem.robot, list(problem.poses))
     table = _joints(names, problem.limits, {name: np.asarray(value) for name, value in ends.items()})
@@ -134,7 +134,7 @@ def _facts(facts: Mapping[str, str]) -> Html:
 
 
 def _joints(names: Sequence[str], limits: JointLimits, more: Mapping[str, Array] | None = None) -> Html:
-    """A row for each joint, of its limits and what more there is [rad or m, and so on]."""
+    """A row for each joint, of its limits and other numbers [rad or m, and so on]."""
     more = more or {}
     head = ("joint", *more, "position [rad or m]", "velocity [rad/s or m/s]", "torque [N m or N]")
     rows = [

@@ -28,7 +28,7 @@ def motion_picture(motion: Trajectory, limits: JointLimits | None, resolved: boo
     """Position, velocity and torque over time.
 
     Args:
-        motion: what is drawn.
+        motion: the drawn one.
         limits: drawn, too; None: none.
         resolved: its switching times are its own, not a mesh's or a curve's; else it says so.
     """

@@ -36,7 +36,7 @@ def write_html(
     curves and the numbers, as in a report.
 
     Args:
-        robot: what moves.
+        robot: the arm that moves.
         trajectories: one or more motions of it; they start together. The page gives the verdict on a `Solution`, and on
             a `ShownMotion` with facts.
         path: the HTML file.

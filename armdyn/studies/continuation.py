@@ -50,7 +50,7 @@ def chain(
     """The study of a chain of problems, to be done in this process.
 
     Args:
-        setting: name of what varies.
+        setting: name of the one that varies.
         problems: by its values.
         options: of every search; `starts` holds for all, if it is given. A time limit is each search's own.
         progress: called with the progress of a search in words.

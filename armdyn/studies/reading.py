@@ -1,4 +1,4 @@
-"""Study files: TOML that may be a stranger's, bounded, without code and without files beyond its own folder."""
+"""Study files: untrusted TOML, bounded, without code and without files outside its own folder."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def read_study(path: str | os.PathLike[str]) -> Study:
 
     Raises:
         FileError: the file, or a robot's file, cannot be read.
-        ProblemError: the file is no study; the message says which line, and what would be right.
+        ProblemError: the file is no study; the message has the line and the remedy.
         ArmdynError: an arm is none.
     """
     table = read_toml(path)
@@ -103,7 +103,7 @@ def _checked(table: Table, name: str, value: object, signs: Any, problems: ArmPr
 
 
 def _axis(table: Table, name: str, value: object, signs: Any, problems: ArmProblems) -> Axis:
-    """What varies: a list of values, or a table from, to, count, scale."""
+    """An axis of [vary]: a list of values, or a table from, to, count, scale."""
     with table.at(name.rpartition(".")[2]):
         if isinstance(value, list):
             if not 1 <= len(value) <= _MAX_VALUES:

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 FORMAT = "armdyn-sweep-1"
 MAX_CASES = 10**6
-"""Largest study [cases]: their places are kept in memory (docs/cluster.md says what more would need)."""
+"""Largest study [cases]: their places are kept in memory (docs/cluster.md says how to do more)."""
 MAX_AXES = 32
 
 _NEAR = 12

@@ -53,7 +53,7 @@ def write(
 
 
 def read(path: str | os.PathLike[str], make: Callable[..., Made]) -> Made:
-    """Read what `write` wrote; see `Trajectory.load`.
+    """Read a file of `write`; see `Trajectory.load`.
 
     Args:
         path: the file.

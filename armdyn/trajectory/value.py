@@ -1,4 +1,4 @@
-"""The one result of solvers and simulations: a motion."""
+"""Motions, the one result of solvers and simulations."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ class Trajectory:
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Trajectory:
-        """Read what `save` wrote, also with earlier versions. Nothing in the file is executed.
+        """Read a file of `save`, also of earlier versions. Nothing in the file is executed.
 
         Raises:
             TrajectoryError: the file is missing, no regular file, no trajectory, of an unknown version or in other

@@ -1,4 +1,4 @@
-"""The command that proves a lower bound on the duration."""
+"""The command `armdyn bound`: proves a lower bound on the duration."""
 
 from __future__ import annotations
 

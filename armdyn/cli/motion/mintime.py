@@ -1,4 +1,4 @@
-"""The command that finds the fastest motion."""
+"""The command `armdyn mintime`: finds the fastest motion."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class SolverOptions:
     )
 
     def over(self, options: Mapping[str, Any]) -> Self:
-        """What a problem file asks for, but for what was asked for on the command line, too."""
+        """The options of a problem file, overridden by those of the command line."""
         return replace(self, **{**options, **given(self)})
 
     def options(self) -> ad.MinimumTimeOptions:
@@ -62,7 +62,7 @@ class SolverOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class SearchOptions(SolverOptions):
-    """The same, and what is left to feedback."""
+    """The same, and the choice of a reserve for feedback."""
 
     for_tracking: bool = flag(
         "Leave so much torque to feedback (--reserve) that likely arms settle soonest: payload 20 % off, with "
@@ -72,7 +72,7 @@ class SearchOptions(SolverOptions):
     def solved(
         self, problem: ad.MinimumTimeProblem, progress: Callable[[str], None]
     ) -> tuple[ad.Solution, ReserveCurve | None]:
-        """The answer, and what decided its reserve where that was to be chosen.
+        """The solution, and the reserve curve if the reserve was to be chosen.
 
         Raises:
             ProblemError: a reserve is given, too.
@@ -157,7 +157,7 @@ def _reserve_facts(curve: ReserveCurve | None) -> dict[str, object]:
 
 
 def _reserve_choice(curve: ReserveCurve | None) -> dict[str, str]:
-    """The same for people: what was chosen, and what each reserve gives."""
+    """The chosen reserve and the settled times of each, in words."""
     if curve is None:
         return {}
     best = curve.best

@@ -1,4 +1,4 @@
-"""The command that says how far any planner's motion is from the fastest."""
+"""The command `armdyn optimality`: compares any planner's motion with the fastest."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ class RateOptions:
         """The arguments of a `MinimumTimeProblem` that they are.
 
         Raises:
-            ProblemError: a text is not what its option takes.
+            ProblemError: a text does not fit its option.
         """
         return {
             "acceleration_limit": one_or_more(self.acceleration_limit, "--acceleration-limit"),
@@ -91,7 +91,7 @@ class PathConstraintOptions:
             robot: that moves.
 
         Raises:
-            ProblemError: a text is not what its option takes.
+            ProblemError: a text does not fit its option.
         """
         from armdyn.optimal.path_constraints.registry import path_constraint_from
 

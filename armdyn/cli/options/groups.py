@@ -61,7 +61,7 @@ def option(metavar: str, about: str, *, default: Any = None, name: str = "", **m
         about: help.
         default: its value where it is not given.
         name: with its dashes; by default the field's.
-        more: what else `typer.Option` takes.
+        more: further arguments of `typer.Option`.
     """
     names = (name,) if name else ()
     return field(default=default, metadata={"option": typer.Option(*names, metavar=metavar, help=about, **more)})
@@ -73,7 +73,7 @@ def flag(about: str, **more: Any) -> Any:
 
 
 def given(group: Any) -> dict[str, Any]:
-    """The options of a group that are not as by default, by name: they go before what a file says."""
+    """The options of a group that are not as by default, by name: they override a file."""
     return {one.name: value for one in fields(group) if (value := getattr(group, one.name)) != one.default}
 
 
@@ -112,7 +112,7 @@ def _annotated(one: Field[Any], hint: Any) -> Any:
 
 
 def _shown(hint: Any, panel: str | None) -> Any:
-    """The annotation with what help shows: the panel of an option, and of a flag that it takes no value."""
+    """The annotation with the option's panel of help; flags show no value."""
     if get_origin(hint) is not Annotated:
         return hint
     told = tuple(copy(info) for info in hint.__metadata__)

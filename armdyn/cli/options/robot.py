@@ -1,4 +1,4 @@
-"""Which robot: its name, the joints of it that move, and what it carries."""
+"""Options of the robot: its name, its moving joints, its payload."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ class PayloadPlace:
     """Where a payload is.
 
     Attributes:
-        payload_frame: what it is fixed to; None: the tip.
+        payload_frame: frame that carries it; None: the tip.
         payload_com: its centre of mass there [m], as text; None: the frame's origin.
     """
 
@@ -132,7 +132,7 @@ class PayloadPlace:
         """A payload [kg] there.
 
         Raises:
-            ProblemError: where it is, but not what it weighs.
+            ProblemError: its place is given, but not its mass.
         """
         if not mass and (self.payload_frame or self.payload_com):
             raise ProblemError("--payload-frame and --payload-com say where a payload is: give its mass, --payload KG")
@@ -142,7 +142,7 @@ class PayloadPlace:
 
 @dataclass(frozen=True, kw_only=True)
 class PayloadOptions:
-    """What the robot carries, and where.
+    """Payload and its place.
 
     Attributes:
         payload: its mass [kg].

@@ -83,7 +83,7 @@ class ProblemOptions:
         """The problem, and the solver's options of a file.
 
         Raises:
-            ArmdynError: there is no such problem; or an option says again what a file says.
+            ArmdynError: there is no such problem; or an option repeats a key of the file.
         """
         name = self.robot.robot
         if is_problem_file(name):
@@ -109,7 +109,7 @@ class ArmOptions:
         """The problem file; None: the options say all.
 
         Raises:
-            ArmdynError: it cannot be read; or an option says again what it says.
+            ArmdynError: it cannot be read; or an option repeats one of its keys.
         """
         name = self.robot.robot
         if not is_problem_file(name):

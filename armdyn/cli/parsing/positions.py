@@ -36,7 +36,7 @@ def positions(text: str, what: str, robot: Robot) -> list[float]:
 
 
 def sliding_locks(texts: Sequence[str], robot: Robot) -> None:
-    """Refuse what --degrees would have made of a joint that slides: JOINT=0.1 without a unit.
+    """Refuse --degrees for a sliding joint that is locked without a unit: JOINT=0.1.
 
     Args:
         texts: of --lock.

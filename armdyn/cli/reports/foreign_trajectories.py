@@ -1,6 +1,6 @@
-"""A motion from any planner's file, as a motion of a robot: what the file does not have is computed.
+"""A motion from any planner's file, as a motion of a robot: missing quantities are computed.
 
-What reads files loads numpy, so it is imported where it is used: help does without.
+Readers of files load numpy and are imported where they are used: help does without.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def motion_of(robot: ad.Robot, file: Path) -> ad.Trajectory:
 
 
 def checked(robot: ad.Robot, motion: ad.Trajectory) -> Facts:
-    """What can be said of a bare motion: whether it keeps limits, and whether its torques lead to its end.
+    """Checks of a bare motion: whether it satisfies limits, and whether its torques lead to its end.
 
     Args:
         robot: with the limits that hold.

@@ -62,7 +62,7 @@ def _arms(one: Saved) -> set[str]:
 
 
 def _subject(paths: Sequence[Path], own: Sequence[Saved], spec: SubjectSpec) -> Subject:
-    """What moves."""
+    """The arm of the motions."""
     known = next((one for one in own if one.facts.values), own[0] if own else None)
     if known is not None:
         return subject_of(known, spec)

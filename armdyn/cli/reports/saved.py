@@ -1,4 +1,4 @@
-"""Results that were saved, read again: motions, and what is known of them.
+"""Saved results, read again: motions and their facts.
 
 They may come from a stranger. Of a folder only files of known names are read, within bounds, and none that leads out of
 it.
@@ -23,9 +23,9 @@ class Saved:
 
     Attributes:
         path: the folder, or the motion's file.
-        motion: what moved.
+        motion: its motion.
         facts: of its result; none beside a bare motion.
-        reference: what the motion was to follow, or the fastest that it was held beside; None if nothing.
+        reference: the motion to follow, or the fastest one that it was compared with; None: neither.
     """
 
     path: Path

@@ -1,4 +1,4 @@
-"""What `armdyn sweep` does with a study file."""
+"""`armdyn sweep STUDY.toml`: the cases of a study file."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class StudyOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class SweepResults:
-    """What is written of a sweep, and where."""
+    """Files of a sweep, and their folder."""
 
     output: OutputOptions
     no_figure: NoFigure = False
@@ -72,7 +72,7 @@ def run_file(path: str, options: StudyOptions, results: SweepResults, answer: An
     Args:
         path: of the study.
         options: who works.
-        results: what is written.
+        results: files that are written.
         answer: filled in.
 
     Raises:
@@ -174,7 +174,7 @@ def _said(name: str, value: float | str) -> str:
 
 
 def _told(told: Progress) -> str:
-    """What stands behind the bar."""
+    """Text next to the bar."""
     bad = f"{told.bad} not as wanted, " if told.bad else ""
     return f"{bad}{_left(told.left)}"
 

@@ -26,7 +26,7 @@ from armdyn.parsing.numbers import numbers
 
 @dataclass(frozen=True, kw_only=True)
 class PayloadsOptions:
-    """What the robot carries, one after the other, and where.
+    """Payloads, one after the other, and their place.
 
     Attributes:
         payload: the masses [kg] as text; None: the paper's.
@@ -73,7 +73,7 @@ class SweepOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class SweptOptions(RobotArgument):
-    """A robot, or a file that says of many cases what is done in each."""
+    """A robot, or a study file."""
 
     robot: Annotated[
         str,
@@ -99,7 +99,7 @@ def sweep(
     r"""Minimum time over payload, of a robot; or a study file's many cases over limits, gains, poses, reserve, arms.
 
     Of a ROBOT: how much each gram costs, and which limit counts. Each optimum is where the search for the next
-    payload's begins; what a heavier payload's search finds is tried on the lighter one, too. A payload that is solved
+    payload's begins; the optimum of a heavier payload is tried on the lighter one, too. A payload that is solved
     is on disk at once, and the same command goes on with the others. Exit code 0: all motions are usable; 3: some are
     not; 4: all are, but some are not what --require asks for.
 
@@ -141,7 +141,7 @@ def _problems(
     """Problems by payload [kg], and the solver's options of a problem file.
 
     Raises:
-        ArmdynError: there is no such problem; or the command line says again what a file says.
+        ArmdynError: there is no such problem; or an option repeats a key of the file.
     """
     masses = payloads.masses(robot.robot)
     if is_problem_file(robot.robot):

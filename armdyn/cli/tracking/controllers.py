@@ -38,7 +38,7 @@ class ControllerOptions:
         """The controller.
 
         Raises:
-            ProblemError: unknown; an option is another controller's, or is not what it takes.
+            ProblemError: unknown; an option of another controller, or of wrong numbers.
         """
         from armdyn.control.laws.registry import CONTROLLERS
 

@@ -1,4 +1,4 @@
-"""The command that has a controller move many arms, each other than its model."""
+"""The command `armdyn monte-carlo`: a controller on many random arms."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ ROWS, TABLE = "rows.sqlite", "rows.csv"
 
 @dataclass(frozen=True, kw_only=True)
 class ArmsOptions:
-    """What the arms are drawn from; see `Plants`."""
+    """Ranges of the random arms; see `Plants`."""
 
     panel: ClassVar[str] = "The arms that move, each number drawn from its range"
 
@@ -75,7 +75,7 @@ def range_of(text: str, name: str) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class CountOptions:
-    """How many arms, and what is asked of them."""
+    """Number of arms, and the requirement on them."""
 
     panel: ClassVar[str] = TASK
 

@@ -1,4 +1,4 @@
-"""The command that chooses a controller's gains on a set of arms."""
+"""The command `armdyn tune`: chooses gains on a set of arms."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from armdyn.cli.tracking.many import ROWS, ArmsOptions, range_of
 
 @dataclass(frozen=True, kw_only=True)
 class FamilyOptions:
-    """What is chosen; see `ControllerFamily` and `Ramps`."""
+    """Parameters to choose; see `ControllerFamily` and `Ramps`."""
 
-    panel: ClassVar[str] = "What is chosen"
+    panel: ClassVar[str] = "Controllers"
 
     controller: str = option("NAME", "pid, computed-torque or lqr.", default="pid")
     form: str = option("FORM", "Of pid: computed_torque, torque or acceleration.", default="computed_torque")
@@ -43,7 +43,7 @@ class FamilyOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class TuningOptions:
-    """What is made small, and how long it is searched; see `TuneOptions`."""
+    """Index to minimise, and extent of the search; see `TuneOptions`."""
 
     panel: ClassVar[str] = SOLVER
 
@@ -117,7 +117,7 @@ def tune(
 
 
 def _summary(found: ad.Tuned) -> dict[str, object]:
-    """For machines; what is infinite is None."""
+    """The result as JSON; infinite numbers are None."""
     worths = {}
     for name, one in (("training", found.training), ("held_out", found.held_out)):
         facts = None if one is None else asdict(one)

@@ -23,10 +23,10 @@ from armdyn.models.values.per_joint import per_joint
 Array = NDArray[np.float64]
 
 Form = Literal["acceleration", "torque", "computed_torque"]
-"""What the output u of eq. (27) is:
+"""Meaning of the output u of eq. (27):
 
 - "acceleration", eqs (22), (24): tau = D(q) u; Coriolis, gravity and friction torques are not compensated.
-- "torque": tau = u, what a motor controller does.
+- "torque": tau = u, as motor controllers do.
 - "computed_torque": tau = D(q) u + C(q, v) v + g(q), and the joints' friction; every joint becomes a triple
   integrator of its own.
 """

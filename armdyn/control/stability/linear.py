@@ -24,7 +24,7 @@ _NEAR = 1e-12
 
 
 class BeyondNumbersError(ProblemError):
-    """A loop leaves what numbers can hold: its gains, friction or period are too large."""
+    """A loop exceeds the range of floating-point numbers: its gains, friction or period are too large."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,7 @@ class Slopes:
             step = np.linalg.lstsq(blocks[2], rest, rcond=None)[0]
             if not all(np.all(np.isfinite(part)) for part in (*blocks[:4], step)):
                 raise BeyondNumbersError(
-                    "the law's slopes at the goal leave what numbers can hold; its gains are too large"
+                    "the law's slopes at the goal exceed the range of floating-point numbers; its gains are too large"
                 )
             if np.abs(step).max() <= _NEAR * max(1.0, np.abs(z).max()):
                 break
@@ -196,5 +196,7 @@ def continuous_matrix(rest: Rest) -> Array:
     with np.errstate(over="ignore", invalid="ignore"):
         A[k:] += plant.B @ np.hstack([law.integral, law.q, law.v])
     if not np.all(np.isfinite(A)):
-        raise BeyondNumbersError("the continuous loop leaves what numbers can hold; its gains are too large")
+        raise BeyondNumbersError(
+            "the continuous loop exceeds the range of floating-point numbers; its gains are too large"
+        )
     return A

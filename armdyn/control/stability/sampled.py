@@ -85,7 +85,7 @@ class SampledLoop:
             closed = cls(carried, np.vstack([driven, np.zeros((n - 2 * nv, nv))]), felt, h)
             if not np.all(np.isfinite(closed.matrix)):
                 raise BeyondNumbersError(
-                    "the sampled loop leaves what numbers can hold: its gains or period are too large"
+                    "the sampled loop exceeds the range of floating-point numbers: its gains or period are too large"
                 )
         return closed
 

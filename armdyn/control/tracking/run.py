@@ -71,7 +71,7 @@ class Run:
     max_real_eigenvalue: float | None = None
 
     def _words(self) -> list[str]:
-        """What `repr` says."""
+        """Parts of the `repr`."""
         when = "" if self.settled_time is None else f" after {self.settled_time:.6g} s"
         return [
             called(self.trajectory.name) if self.trajectory.name else "without a name",
@@ -81,7 +81,7 @@ class Run:
         ]
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: a table and a picture."""
+        """HTML for notebooks: a table and a picture."""
         return renderer().card(self)
 
     @property

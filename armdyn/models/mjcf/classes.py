@@ -1,4 +1,4 @@
-"""What elements of an MJCF inherit from its `<default>` classes."""
+"""Default attributes of an MJCF's elements, from its `<default>` classes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,10 +9,10 @@ from armdyn.models.mjcf.values import ROTATIONS
 from armdyn.models.reading.urdf_xml import clipped
 
 MAIN = "main"
-"""MuJoCo's name of the class of what names none."""
+"""MuJoCo's name of the class of elements that name none."""
 
 MAX_CLASSES = 1000
-"""An MJCF of more default classes is refused: each holds a copy of what it inherits."""
+"""An MJCF of more default classes is refused: each holds a copy of inherited attributes."""
 
 _ACTUATORS = "motor general position velocity intvelocity damper cylinder muscle adhesion dcmotor orientation plugin"
 ACTUATORS = frozenset(_ACTUATORS.split())
@@ -25,7 +25,7 @@ _ASKED = """
     ctrlrange ctrllimited forcerange forcelimited gear gainprm gaintype biastype dyntype
 """
 _KEYS = frozenset(_ASKED.split())
-"""What is asked of a class; no more is kept, for every class has a copy of what it inherits."""
+"""Attributes that are read; no others are kept, for every class has a copy of those that it inherits."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Classes:
     """Default attributes by class and kind of element.
 
     Attributes:
-        source: what to call the MJCF in messages.
+        source: name of the MJCF, in messages.
         table: class to kind to attributes, those of the class around it included.
     """
 

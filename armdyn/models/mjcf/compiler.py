@@ -1,4 +1,4 @@
-"""What an MJCF says of its own numbers, and of the world."""
+"""Settings of an MJCF: `<compiler>` and gravity."""
 
 import re
 from dataclasses import dataclass

@@ -32,7 +32,7 @@ def is_mjcf(path: str | os.PathLike[str]) -> bool:
 
 
 def check_mjcf_text(text: object, source: object) -> None:
-    """Refuse what is no text of an MJCF, before it is read.
+    """Refuse a value that is no text of an MJCF, before it is read.
 
     Raises:
         UrdfError: no text, or too long.
@@ -46,7 +46,7 @@ def check_mjcf_text(text: object, source: object) -> None:
 
 
 def read_mjcf(file: Path) -> Element:
-    """The tree of an MJCF file, each `<include>` replaced by what it names.
+    """The tree of an MJCF file, each `<include>` replaced by its file.
 
     Raises:
         UrdfError: see `parse_mjcf`, or the file cannot be read.
@@ -59,7 +59,7 @@ def parse_mjcf(text: str, source: str, folder: Path | None = None) -> Element:
 
     Args:
         text: the MJCF.
-        source: what to call it in messages.
+        source: name of the file or text, in messages.
         folder: where its includes are; None: it may have none.
 
     Raises:

@@ -1,4 +1,4 @@
-"""How something in an MJCF is placed: five ways to say how it is turned, one to write it."""
+"""Placements in an MJCF: five notations of a rotation are read, one is written."""
 
 from xml.etree.ElementTree import Element
 

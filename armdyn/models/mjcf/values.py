@@ -17,8 +17,8 @@ class Values:
 
     Attributes:
         given: as text, completed by the element's class.
-        source: what to call the MJCF in messages.
-        where: what to call the element.
+        source: name of the MJCF, in messages.
+        where: name of the element, in messages.
     """
 
     given: Mapping[str, str]

@@ -1,4 +1,4 @@
-"""Where a robot is read from, as a value: a file, a text, a library's name, numbers, or Pinocchio's model."""
+"""Source of a robot: a file, a text, a library's name, numbers, or Pinocchio's model."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class RobotSource:
 
     Attributes:
         format: of the description.
-        name: of the library's arm; of a file its path; else what messages call the source.
+        name: of the library's arm; of a file its path; else the name of the source in messages.
         text: the URDF or MJCF; None: the file of that name.
         spec: the arm, of the format "spec".
         model: the model, of the format "model".

@@ -154,4 +154,4 @@ def _written_source(origin: RobotSource, folder: str | os.PathLike[str] | None) 
         return {"name": place.relative_to(home).as_posix()}
     if origin.format == "urdf":
         return {"urdf": read_urdf(origin.file)}
-    return {"mjcf": ElementTree.tostring(read_mjcf(origin.file), "unicode")}  # with what it includes
+    return {"mjcf": ElementTree.tostring(read_mjcf(origin.file), "unicode")}  # with its includes

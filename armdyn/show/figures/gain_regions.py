@@ -37,7 +37,7 @@ def plot_regions(
     Args:
         panels: a panel's title, and in it the name of each payload and its plane.
         mark: (kp, kd) to be marked in every panel.
-        marked: what the mark is called.
+        marked: name of the mark.
         title: above the panels.
 
     Returns:

@@ -1,4 +1,4 @@
-"""The figure of a reserve curve: what leaving torque to feedback costs, and what it gains."""
+"""Figure of a reserve curve: settled time over the torque that is left to feedback."""
 
 from __future__ import annotations
 

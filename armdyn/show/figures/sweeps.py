@@ -54,7 +54,7 @@ def plot_curve(
         x: the setting's column.
         y: the number's.
         by: columns that tell curves from each other.
-        named: what the axes say of a column.
+        named: label of a column on the axes.
         log: settings on a logarithmic axis.
         title: above the axes.
 
@@ -94,7 +94,7 @@ def plot_map(
         y: of the second.
         z: of the number.
         panel: a column whose values have a panel each; None: one panel for all.
-        named: what the axes say of a column.
+        named: label of a column on the axes.
         log: settings on a logarithmic axis.
         title: above the panels.
     """
@@ -141,7 +141,7 @@ def plot_pareto(
         x: column of the first number; less is better.
         y: of the second, likewise.
         color: of a setting that colours the cases; None: they are alike.
-        named: what the axes say of a column.
+        named: label of a column on the axes.
         log: settings whose colours are logarithmic.
         title: above the axes.
     """
@@ -192,7 +192,7 @@ def _begun(title: str | None) -> tuple[Figure, Axes]:
 
 
 def _cells(axes: Axes, rows: Sequence[Row], columns: tuple[str, str, str], span: tuple[float, float], none: str) -> Any:
-    """One panel; what a colour bar is made for, None if there is nothing."""
+    """One panel; returns the artist of its colour bar, None without one."""
     from armdyn.show.figures.style import INK
 
     least: dict[tuple[float, float], float] = {}
@@ -239,7 +239,7 @@ def figures_of(
         rows: as `study_table` gives them.
         settings: columns that vary, and of which kind they are.
         outcomes: columns of the two numbers that count.
-        named: what the axes say of a column.
+        named: label of a column on the axes.
         title: of all.
     """
     found: dict[str, Figure] = {}

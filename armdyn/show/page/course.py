@@ -38,7 +38,7 @@ Segment = tuple[float, float, str]
 
 @dataclass(frozen=True, eq=False)
 class ShownMotion:
-    """A motion, what it is called, and what is known of it.
+    """A motion with its name and facts.
 
     Attributes:
         name: in legends and tables.
@@ -207,7 +207,7 @@ def _kept(facts: Facts, joints: int) -> dict[str, list[float]] | None:
 
 
 def _left(limits: JointLimits, facts: Facts) -> JointLimits:
-    """The limits less what is left to feedback."""
+    """The limits less the reserve for feedback."""
     kept = _kept(facts, limits.velocity.size)
     if kept is None:
         return limits

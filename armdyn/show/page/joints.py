@@ -1,4 +1,4 @@
-"""Numbers of motions: what each joint does, and several motions side by side."""
+"""Numbers of motions: joint by joint, and several motions side by side."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def dense(motion: Trajectory) -> tuple[Array, Array, Array, Array]:
 
 
 def mechanical_work(motion: Trajectory) -> float:
-    """∫ Σ |τ_i v_i| dt [J], by the trapezoidal rule: what joints give and take, without recovery."""
+    """∫ Σ |τ_i v_i| dt [J], by the trapezoidal rule: work given and taken by the joints, without recovery."""
     t, _, v, tau = dense(motion)
     return float(np.trapezoid(np.abs(v * tau).sum(axis=1), t))
 
@@ -61,8 +61,8 @@ class Compared:
     """Numbers of one motion among several.
 
     Attributes:
-        name: what it is called.
-        duration: of what was recorded [s].
+        name: in legends and tables.
+        duration: of the recorded motion [s].
         there: when it is at the goal to stay, by its own rule [s]; None: it never is.
         later: than the first, as a part of the first's time; None if one of them never is.
         work: see `mechanical_work` [J].
@@ -171,5 +171,5 @@ def most_used(x: Array, lower: Array, upper: Array) -> float | None:
 def _share(part: float | None) -> Html:
     if part is None:
         return td("–")
-    # A millionth beyond is rounding, and what a solver's tolerance allows.
+    # A millionth beyond is rounding, and a solver's tolerance.
     return td(f"{100 * part:.3g} %", class_="over") if part > 1 + 2e-6 else td(f"{100 * part:.3g} %")

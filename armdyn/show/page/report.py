@@ -1,4 +1,4 @@
-"""A report: one HTML file of one motion or several, with the arm, its curves under one cursor, and what is to be said.
+"""A report: one HTML file of one motion or several, with the arm, its curves under one cursor, and its verdict.
 
 Facts become a `Report`, a value; `report_html` is the only one that knows how a page is written.
 """
@@ -98,7 +98,7 @@ class Report:
         verdict: of its first motion.
         tiles: the numbers that are seen first.
         sections: below the plots.
-        data: what the scripts draw, as JSON says it.
+        data: input of the scripts, as JSON.
     """
 
     title: str

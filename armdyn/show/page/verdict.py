@@ -1,4 +1,4 @@
-"""What became of a run: the verdict in words, with the numbers that it stands on."""
+"""Verdict on a run in words, with its numbers."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class Verdict:
             bare motion, of which nothing was checked.
         headline: a few words.
         said: a sentence or two.
-        checks: what was checked: its name, whether it holds (None: not known, or not asked), and the number.
-        advice: lines of what may help.
+        checks: name of each check, whether it holds (None: not known, or not asked), and the number.
+        advice: remedies, a line each.
     """
 
     level: Level
@@ -37,7 +37,7 @@ class Tile:
     """A number that is seen first.
 
     Attributes:
-        label: what it is.
+        label: its name.
         value: with its unit.
         note: a few words on it.
     """

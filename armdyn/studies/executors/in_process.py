@@ -73,7 +73,7 @@ def in_process(task: StudyTask, workers: int | None = 1) -> Iterator[Executor]:
     """Do a study's cases in this process.
 
     Args:
-        task: what is done in each.
+        task: the work on each.
         workers: threads; with one the calling thread does the work; None: one per core.
     """
     size = workers or core_count()

@@ -48,7 +48,7 @@ def local_executor(task: StudyTask, workers: int | None = None) -> Iterator[Exec
     """Fork processes for a study; they end with this process, however it ends.
 
     Args:
-        task: what they do in each case.
+        task: the work on each case.
         workers: number of processes; None: one per core.
     """
 

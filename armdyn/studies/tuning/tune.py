@@ -236,7 +236,7 @@ class GainSearch(OwnTask):
         bounds = [(np.log(one.low), np.log(one.high)) for one in parameters]
 
         def generation(_: object, points: Iterable[Array]) -> list[float]:
-            """Costs of points, in their order: what scipy takes for a `map` of its function."""
+            """Costs of points, in their order: the `map` that scipy calls."""
             first = len(self.tried)
             self.tried += [by_name(parameters, np.array(x)) for x in points]
             run_cases(self, rows, executor, stop)
