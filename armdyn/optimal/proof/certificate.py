@@ -202,10 +202,6 @@ class Certificate:
         bound = number(lower_bound, "lower_bound", unit="s", sign="positive")
         return replace(self, lower_bound=bound, gap=duration / bound - 1)
 
-    def at_goal(self, transversality: float | None) -> Self:
-        """The certificate with the transversality error at a goal pose; see `transversality`."""
-        return replace(self, transversality=transversality)
-
     @property
     def _against_pontryagin(self) -> tuple[str, ...]:
         return _beyond(
@@ -246,7 +242,6 @@ def certify(
     replay: Trajectory,
     phases: Phases | None,
     remark: str = "",
-    lower_bound: float | None = None,
     adjoint: bool = True,
 ) -> Certificate:
     """Check a replayed motion, and its costates if its arcs are known.
@@ -256,7 +251,6 @@ def certify(
         replay: what the torques do under `replay_torques`.
         phases: the arcs solved; None: only the replay is checked.
         remark: why there are no arcs.
-        lower_bound: no motion is faster [s], as is proven; None: no bound is known.
         adjoint: the adjoint equations are integrated, too, which takes up to half a second.
     """
     goal = float(np.max(np.abs(replay.q[-1] - problem.q_goal)))
@@ -264,7 +258,6 @@ def certify(
     exceeded = worst_violation(problem.limits, replay, problem.robot.joint_names)
     limit = exceeded.value if exceeded else 0.0
     plain = Certificate(goal, goal_velocity, limit, remark=remark, exceeded=exceeded)
-    plain = plain.bounded(lower_bound, replay.duration)
     if phases is None:
         return plain
     hamiltonian, switching, sign = pontryagin(problem, phases)

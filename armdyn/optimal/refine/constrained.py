@@ -14,9 +14,7 @@ from armdyn.optimal.landing.pace import mended
 from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.path_constraints.tightened import ConstraintReports, TightenedConstraints
-from armdyn.optimal.proof.certificate import certify
 from armdyn.optimal.refine.optimum import Optimum
-from armdyn.optimal.refine.smooth import trajectory_cost
 from armdyn.optimal.search.candidates import Found, find
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.direct import solve_on_mesh
@@ -144,15 +142,12 @@ def _replayed(task: Task, attempt: Attempt) -> Trajectory:
 
 def _judged(task: Task, replay: Trajectory, attempt: Attempt) -> Optimum:
     problem = task.problem
-    remark = (
-        f"arcs are not resolved, nor Pontryagin's conditions checked, with {', '.join(problem.path_constraint_names)}"
-    )
-    motion = replace(replay, name="minimum time")
-    return Optimum(
-        motion,
-        certify(problem, motion, None, remark),
-        trajectory_cost(motion, problem.effort_weight),
+    names, reports = ", ".join(problem.path_constraint_names), TightenedConstraints.of(task)
+    return Optimum.of(
+        problem,
+        replay,
         attempt.intervals,
-        reports=TightenedConstraints.of(task).check(problem, motion, attempt.passing),
+        remark=f"arcs are not resolved, nor Pontryagin's conditions checked, with {names}",
+        reports=reports.check(problem, replay, attempt.passing),
         via_times=tuple(attempt.passing.tolist()),
     )

@@ -12,7 +12,7 @@ from armdyn.optimal.landing.segments import Segments
 from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.proof.adjoint import adjoint_error
-from armdyn.optimal.proof.certificate import SEGMENT_TOLERANCE, certify
+from armdyn.optimal.proof.certificate import SEGMENT_TOLERANCE
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.switching.costates import phases_of
@@ -34,10 +34,8 @@ def land(task: Task, phases: Phases, remark: str = "", intervals: int | None = N
     phases, replay, resisted = _finer(task, phases)
     if not resisted:
         phases, replay, resisted = _on_goal(task, phases, replay)
-    replay = replace(replay, name="minimum time")
-    certificate = certify(task.problem, replay, phases, remark or resisted, adjoint=False)
     size = intervals or phases.arc_of.size
-    return Optimum(replay, certificate, replay.duration, size, phases, iterations=phases.iterations)
+    return Optimum.of(task.problem, replay, size, phases, remark or resisted, iterations=phases.iterations)
 
 
 def with_costates(task: Task, optimum: Optimum) -> Optimum:
@@ -83,9 +81,7 @@ def land_extremal(task: Task, extremal: Extremal, intervals: int, stop: Stop) ->
             samples = 2 * replay.t.size  # so fast that the replay's integrator is wrong in some
             continue
         aim = aim.corrected(problem, replay)
-    replay = replace(replay, name="minimum time")
-    certificate = certify(problem, replay, phases, adjoint=False)
-    return Optimum(replay, certificate, replay.duration, intervals, phases)
+    return Optimum.of(problem, replay, intervals, phases)
 
 
 def _finer(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.arcs.nlp_data import PhaseAim
@@ -20,7 +19,7 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import ADJOINT_TOLERANCE
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land, with_costates
-from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.refine.optimum import Optimum, trajectory_cost
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.search.multistart import SearchSettings, search
@@ -270,15 +269,3 @@ def _distinct(task: Task, attempts: Sequence[Attempt]) -> list[Trajectory]:
         ),
     )
     return [group[0][1] for group in groups]
-
-
-def trajectory_cost(motion: Trajectory, weight: ArrayLike) -> float:
-    """J = ∫ (1 + ½ Σ wᵢ τᵢ²) dt [s], exact for linear and held torques.
-
-    Args:
-        motion: of which times and torques count.
-        weight: w [1/(N m)²], one number or one per joint.
-    """
-    a, b = motion.tau[:-1], motion.tau_end
-    squares = np.sum(np.asarray(weight) * (a * a + a * b + b * b), axis=1) / 3
-    return float(motion.duration + np.diff(motion.t) @ squares / 2)

@@ -94,9 +94,10 @@ def test_a_motion_below_its_bound_proves_that_one_of_them_is_wrong():
 
 def test_an_extremal_needs_no_bound_and_a_bound_no_extremal():
     solution = solved("rr")
-    bounded = certify(solution.problem, solution.trajectory, solution.phases, lower_bound=0.5 * solution.duration)
+    bounded = certify(solution.problem, solution.trajectory, solution.phases)
+    bounded = bounded.bounded(0.5 * solution.duration, solution.duration)
     assert bounded.extremal and bounded.ok and bounded.gap == pytest.approx(1.0)
-    near = certify(solution.problem, solution.trajectory, None, lower_bound=0.9995 * solution.duration)
+    near = certify(solution.problem, solution.trajectory, None).bounded(0.9995 * solution.duration, solution.duration)
     assert near.ok and not near.extremal
 
 
