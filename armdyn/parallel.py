@@ -6,7 +6,8 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Collection, Generator, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkProcess
@@ -37,34 +38,16 @@ def in_processes(jobs: Sequence[Callable[[], Result]], workers: int | None) -> G
         workers: processes at most; None: one per core. With one, within a worker, or where there is no fork, all is
             done here.
     """
-    with _workers(jobs, workers) as pool:
-        ended, known = _ended(jobs, pool), dict[int, tuple[Result] | None]()
+    with job_pool(jobs, workers) as pool:
+        waiting, known = deque(range(len(jobs))), dict[int, tuple[Result] | None]()
         for k, job in enumerate(jobs):
-            while k not in known:
-                known.update([next(ended)])
-            result = known.pop(k)
-            yield job() if result is None else result[0]
-
-
-def as_completed(
-    jobs: Sequence[Callable[[], Result]], workers: int | None, after: Mapping[int, Collection[int]] | None = None
-) -> Generator[Result]:
-    """Results of jobs in parallel processes, in the order in which they finish.
-
-    When the caller stops iterating, jobs under way are interrupted: a job gets SIGINT only where it listens, as
-    `solve_minimum_time` does. Jobs that do not end within 1.5 s are killed.
-
-    Args:
-        jobs: to be done.
-        workers: processes at most, see `in_processes`.
-        after: of some jobs, the numbers of others that end before they are begun.
-
-    Raises:
-        ValueError: jobs wait for each other.
-    """
-    with _workers(jobs, workers, patient=True) as pool:
-        for k, result in _ended(jobs, pool, after or {}):
-            yield jobs[k]() if result is None else result[0]
+            while pool.count and k not in known:
+                while pool.idle and waiting:
+                    number = waiting.popleft()
+                    pool.submit(number, number)
+                known.update((number, result) for number, _, result in pool.finished(None))
+            found = known.pop(k, None)
+            yield job() if found is None else found[0]
 
 
 @contextmanager
@@ -76,7 +59,7 @@ def concurrently(job: Callable[[], Result], workers: int | None) -> Iterator[Cal
         workers: processes at most; with one there is no other.
     """
     known: list[Result] = []
-    with _workers([job] if workers != 1 else [], None, least=1) as pool:
+    with job_pool([job] if workers != 1 else [], None, least=1) as pool:
         if pool.count:
             pool.submit(0, 0)
 
@@ -200,39 +183,20 @@ def _can_fork() -> bool:
     return "fork" in multiprocessing.get_all_start_methods()
 
 
-def _workers(
+def job_pool(
     jobs: Sequence[Callable[[], Result]], workers: int | None, patient: bool = False, least: int = 2
 ) -> AbstractContextManager[ForkPool[Result]]:
-    """Pool for jobs by their numbers; it has no worker where all is to be done here, as of fewer than the least."""
+    """Pool that does jobs by their numbers; it has no worker where all is to be done in this process.
+
+    Args:
+        jobs: to be done; workers know them, as they are forks.
+        workers: at most; None: one per core.
+        patient: see `ForkPool.close`.
+        least: fewest workers that are worth their forks.
+    """
     count = min(workers or core_count(), len(jobs))
     forks = count >= least and _can_fork() and not multiprocessing.current_process().daemon
     return fork_pool(lambda k: jobs[k](), count if forks else 0, patient)
-
-
-def _ended(
-    jobs: Sequence[Callable[[], Result]], pool: ForkPool[Result], after: Mapping[int, Collection[int]] | None = None
-) -> Iterator[tuple[int, tuple[Result] | None]]:
-    """Numbers of jobs that are no longer under way, with their results; None: it is to be done here."""
-    waiting, known = list(range(len(jobs))), set[int]()
-
-    def free() -> int | None:
-        """The first job whose predecessors have finished."""
-        return next((k for k in waiting if known.issuperset((after or {}).get(k, ()))), None)
-
-    while waiting or pool.idle < pool.count:
-        while pool.idle and (k := free()) is not None:
-            waiting.remove(k)
-            pool.submit(k, k)
-        if pool.idle < pool.count:
-            for k, _, result in pool.finished(None):
-                yield k, result
-                known.add(k)
-            continue
-        if (k := free()) is None:
-            raise ValueError(f"jobs {waiting} wait for each other")
-        waiting.remove(k)
-        yield k, None
-        known.add(k)
 
 
 def _fork(do: Callable[[Any], object], processes: dict[Connection, ForkProcess]) -> Connection:

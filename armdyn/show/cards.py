@@ -117,10 +117,7 @@ def _run(run: Run) -> Html:
     facts = {
         "status": run.message,
         "settled": "no" if run.settled_time is None else f"after {run.settled_time:.4f} s",
-        "error at the reference's end": f"{run.error_at_end:.4g} rad or m",
-        "largest error on the way": f"{run.peak_error:.4g} rad or m",
-        "largest speed": f"{100 * run.peak_velocity:.1f} % of its limit",
-        "torque on its limit": f"{100 * run.saturated:.0f} % of the time",
+        **run.words(),
     }
     return _card(title, _facts(facts), _svg(motion_picture(run.trajectory, None), title))
 

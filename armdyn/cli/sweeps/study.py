@@ -104,11 +104,11 @@ def run_file(path: str, options: StudyOptions, results: SweepResults, answer: An
         table = [flat(row) for row in rows.rows()] if sum(run.counts.values()) <= _MOST_DRAWN else []
     if table and not (results.no_figure or run.interrupted):
         files += _drawn(study, table, folder, Path(path).stem)
-    _answered(answer, study, run, files)
+    _answered(answer, run, files)
     console.print(facts_table(f"{Path(path).name}: {len(study)} cases", _words(study, run, table, files)))
 
 
-def _answered(answer: Answer, study: Study, run: StudyRun, files: Sequence[Path]) -> None:
+def _answered(answer: Answer, run: StudyRun, files: Sequence[Path]) -> None:
     there = sum(run.counts.values())
     odd = there - sum(count for status, count in run.counts.items() if status in _ANSWERS)
     answer.code = INTERRUPTED if run.interrupted else NOT_USABLE if odd else DONE

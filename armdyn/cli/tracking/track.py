@@ -114,11 +114,8 @@ def _words(run: ad.Run, reference: ad.Trajectory) -> dict[str, str]:
         "reference": f"{reference.duration:.4f} s",
         "status": run.message,
         "settled": "-" if settled is None else f"{settled:.4f} s{later}",
-        "error at the reference's end": f"{run.error_at_end:.4f} rad",
-        "largest error on the way": f"{run.peak_error:.4f} rad",
         "overshoot": ", ".join(f"{x:.4f}" for x in run.overshoot) + " rad",
-        "largest speed": f"{100 * run.peak_velocity:.1f} % of its limit",
-        "torque on its limit": f"{100 * run.saturated:.0f} % of the time",
+        **run.words(),
     }
     if run.went_wrong is not None:
         told["went wrong"] = f"at {run.went_wrong:.3f} s"

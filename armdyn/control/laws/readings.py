@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Self
 
 import casadi as ca
 import numpy as np
@@ -29,19 +28,6 @@ class Readings:
     pending: ca.SX
     row: Mapping[str, ca.SX]
 
-    @classmethod
-    def of(cls, nv: int, delay: int, widths: Mapping[str, int]) -> Self:
-        """Symbols.
-
-        Args:
-            nv: number of joints.
-            delay: ticks from a reading to its torque.
-            widths: width of each column of a row, by name.
-        """
-        q, v, integral = (ca.SX.sym(name, nv) for name in ("q", "v", "integral"))
-        row = {name: ca.SX.sym(name, width) for name, width in widths.items()}
-        return cls(q, v, integral, ca.SX.sym("pending", delay * nv), row)
-
 
 def law_function(nv: int, delay: int, columns: Mapping[str, Array], torque: Callable[[Readings], ca.SX]) -> ca.Function:
     """A law's Function of (q, v, integral, pending, row).
@@ -54,10 +40,11 @@ def law_function(nv: int, delay: int, columns: Mapping[str, Array], torque: Call
         columns: see `table`.
         torque: of the readings, the torque before clipping [N m or N], shape (nv, 1).
     """
-    given = Readings.of(nv, delay, {name: np.shape(column)[-1] for name, column in columns.items()})
-    row = ca.vertcat(*given.row.values())
-    arguments = [given.q, given.v, given.integral, given.pending, row]
-    return ca.Function("law", arguments, [torque(given)], ["q", "v", "integral", "pending", "row"], ["tau"])
+    names = {"q": nv, "v": nv, "integral": nv, "pending": delay * nv}
+    readings = {name: ca.SX.sym(name, size) for name, size in names.items()}
+    row = {name: ca.SX.sym(name, np.shape(column)[-1]) for name, column in columns.items()}
+    arguments = [*readings.values(), ca.vertcat(*row.values())]
+    return ca.Function("law", arguments, [torque(Readings(**readings, row=row))], [*readings, "row"], ["tau"])
 
 
 def table(columns: Mapping[str, Array]) -> Array:

@@ -27,8 +27,6 @@ class Reference(NamedTuple):
     """Positions at the tick of reading [rad or m], shape (n, nv)."""
     v: Array
     """Velocity as the loop measures it on an arm that follows exactly [rad/s or m/s], shape (n, nv)."""
-    true_v: Array
-    """Velocities [rad/s or m/s], shape (n, nv)."""
     a: Array
     """Mean acceleration over the tick on which the torque is felt [rad/s² or m/s²], shape (n, nv)."""
     tau: Array
@@ -58,7 +56,7 @@ def reference_of(robot: Robot, ticks: Ticks, loop: Loop) -> Reference:
     more = _rows_to_rest(loop) if loop.velocity == "filtered" else 0
     q, v, a, tau = (_held(rows, more) for rows in (ticks.q, ticks.v, ticks.a, ticks.tau))
     seen = _filtered(q, v[0], loop) if loop.velocity == "filtered" else v
-    return Reference(q, seen, v, _felt(a, loop), _felt(tau, loop))
+    return Reference(q, seen, _felt(a, loop), _felt(tau, loop))
 
 
 def _held(rows: Array, more: int) -> Array:

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.control.laws.linear import slopes
+from armdyn.control.laws.linear import held, slopes
 from armdyn.control.loop.law import Controller, Law, expect_controller
 from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.loop.references import set_point
@@ -51,15 +51,8 @@ class LinearPlant:
         return cls(*slopes(robot, goal, np.zeros(robot.nv), holding))
 
     def held(self, period: float) -> tuple[Array, Array]:
-        """One tick of (q, v) under a torque that stays, exactly: shapes (2 nv, 2 nv) and (2 nv, nv).
-
-        Both are parts of one matrix exponential (Åström and Wittenmark, Computer-Controlled Systems, 3rd ed., (2.6)).
-        """
-        from scipy.linalg import expm
-
-        m, nv = self.B.shape
-        step = np.asarray(expm(period * np.block([[self.A, self.B], [np.zeros((nv, m + nv))]])))
-        return step[:m, :m], step[:m, m:]
+        """One tick of (q, v) under a torque that stays, exactly: shapes (2 nv, 2 nv) and (2 nv, nv)."""
+        return held(self.A, self.B, period)
 
 
 @dataclass(frozen=True, eq=False)

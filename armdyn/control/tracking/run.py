@@ -97,6 +97,15 @@ class Run:
             self, stability=stability, message=f"{self.message}; at the goal the loop is {stability.message}"
         )
 
+    def words(self) -> dict[str, str]:
+        """The numbers of a run in words, by their names."""
+        return {
+            "error at the reference's end": f"{self.error_at_end:.4g} rad or m",
+            "largest error on the way": f"{self.peak_error:.4g} rad or m",
+            "largest speed": f"{100 * self.peak_velocity:.1f} % of its limit",
+            "torque on its limit": f"{100 * self.saturated:.0f} % of the time",
+        }
+
     def summary(self) -> dict[str, object]:
         """A run as JSON says it: success is that it settled; units as above."""
         numbers = {

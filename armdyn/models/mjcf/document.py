@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from armdyn.arguments import shown
 from armdyn.errors import FileError, UrdfError
 from armdyn.files import read_bounded
 from armdyn.models.reading.urdf_xml import MAX_BYTES, MAX_DEPTH, MAX_ELEMENTS, clipped, parse_xml, read_urdf
@@ -29,20 +28,6 @@ def is_mjcf(path: str | os.PathLike[str]) -> bool:
         after = data.find(ends[0], at)
         at = -1 if after < 0 else data.find(b"<", after)
     return at >= 0 and _ROOT.match(data, at) is not None
-
-
-def check_mjcf_text(text: object, source: object) -> None:
-    """Refuse a value that is no text of an MJCF, before it is read.
-
-    Raises:
-        UrdfError: no text, or too long.
-    """
-    if not isinstance(source, str):
-        raise UrdfError("MJCF text", f"source is {shown(source)}; it must be text, what messages call the MJCF")
-    if not isinstance(text, str):
-        raise UrdfError(source, f"is {shown(text)}; it must be the text of an MJCF")
-    if len(text) > MAX_BYTES:
-        raise UrdfError(source, f"larger than {MAX_BYTES} bytes")
 
 
 def read_mjcf(file: Path) -> Element:

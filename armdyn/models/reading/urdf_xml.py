@@ -46,18 +46,25 @@ def file_path(path: object, kind: str = "URDF", of_text: str = "Robot.from_urdf_
         raise UrdfError("path", f"is {shown(path)}; it must be the path of a {kind} file") from None
 
 
-def check_urdf_text(text: object, source: object) -> None:
-    """Refuse a value that is no text of a URDF, before it is read.
+def check_text(text: object, source: object, kind: str) -> None:
+    """Refuse a value that is no text of a URDF or an MJCF, before it is read.
+
+    Args:
+        text: as given.
+        source: its name in messages, as given.
+        kind: "URDF" or "MJCF".
 
     Raises:
         UrdfError: no text, too long, or a path.
     """
     if not isinstance(source, str):
-        raise UrdfError("URDF text", f"source is {shown(source)}; it must be text, what messages call the URDF")
+        raise UrdfError(
+            f"{kind} text", f"source is {shown(source)}; it must be text, the name of the {kind} in messages"
+        )
     if not isinstance(text, str):
-        raise UrdfError(source, f"is {shown(text)}; it must be the text of a URDF")
+        raise UrdfError(source, f"is {shown(text)}; it must be the text of a {kind}")
     if "<" not in text and text.strip().lower().endswith((".urdf", ".xml", ".xacro")):
-        raise UrdfError(source, f"{shown(text)} is no URDF text; Robot.from_urdf takes the path of a file")
+        raise UrdfError(source, f"{shown(text)} is no {kind} text; Robot.from_{kind.lower()} takes the path of a file")
     if len(text) > MAX_BYTES:
         raise UrdfError(source, f"larger than {MAX_BYTES} bytes")
 

@@ -11,12 +11,12 @@ import pinocchio as pin
 
 from armdyn.arguments import expect, several, text
 from armdyn.errors import SpecError
-from armdyn.models.mjcf.document import check_mjcf_text, parse_mjcf, read_mjcf
+from armdyn.models.mjcf.document import parse_mjcf, read_mjcf
 from armdyn.models.mjcf.reading import read_mjcf_arm
 from armdyn.models.reading.from_pinocchio import Reading, read_model
 from armdyn.models.reading.meshes import mesh_folders
 from armdyn.models.reading.urdf_arm import check_inertia, read_arm
-from armdyn.models.reading.urdf_xml import check_urdf_text, file_path, read_urdf
+from armdyn.models.reading.urdf_xml import check_text, file_path, read_urdf
 from armdyn.models.robots.arm import READERS, Arm
 from armdyn.models.robots.descriptions import described
 from armdyn.models.robots.library import BENCHMARKS, library_arm
@@ -140,7 +140,7 @@ class Robot(Arm):
             UrdfError: it is no text, too long, or not physical.
             UnsupportedJointError: see `from_urdf`.
         """
-        check_urdf_text(text, source)
+        check_text(text, source, "URDF")
         return cls.from_source(RobotSource(format="urdf", name=source, text=text), robot_options(payload, keywords))
 
     @classmethod
@@ -218,7 +218,7 @@ class Robot(Arm):
             UrdfError: see `from_mjcf`.
             UnsupportedJointError: see `from_mjcf`.
         """
-        check_mjcf_text(text, source)
+        check_text(text, source, "MJCF")
         return cls.from_source(RobotSource(format="mjcf", name=source, text=text), robot_options(payload, keywords))
 
     @classmethod
