@@ -21,7 +21,6 @@ from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.landing.limit_violations import worst_violation
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
-from armdyn.optimal.proof.adjoint import adjoint_error
 from armdyn.optimal.proof.pontryagin import idle_joints, pontryagin
 from armdyn.optimal.task.options import REPLAY_TOLERANCE
 from armdyn.reprs import brief
@@ -242,16 +241,14 @@ def certify(
     replay: Trajectory,
     phases: Phases | None,
     remark: str = "",
-    adjoint: bool = True,
 ) -> Certificate:
-    """Check a replayed motion, and its costates if its arcs are known.
+    """Check a replayed motion, and its costates if its arcs are known; the adjoint equations are `adjoint_error`'s.
 
     Args:
         problem: what was asked.
         replay: what the torques do under `replay_torques`.
         phases: the arcs solved; None: only the replay is checked.
         remark: why there are no arcs.
-        adjoint: the adjoint equations are integrated, too, which takes up to half a second.
     """
     goal = float(np.max(np.abs(replay.q[-1] - problem.q_goal)))
     goal_velocity = float(np.max(np.abs(replay.v[-1] - problem.v_goal)))
@@ -265,7 +262,6 @@ def certify(
         plain,
         hamiltonian_spread=float(np.max(np.abs(hamiltonian))),
         switching_violation=sign,
-        adjoint_error=adjoint_error(problem.robot, replay, phases) if adjoint else None,
         singular=problem.effort_weight == 0 and any(arc.singular for arc in phases.arcs),
         idle=idle_joints(problem, phases, switching, SWITCHING_TOLERANCE),
         t=phases.t,

@@ -64,7 +64,7 @@ class Optimum:
             more: other attributes.
         """
         motion = replace(replay, name="minimum time")
-        certificate = certify(problem, motion, phases, remark, adjoint=False)
+        certificate = certify(problem, motion, phases, remark)
         return cls(motion, certificate, trajectory_cost(motion, problem.effort_weights()), intervals, phases, **more)
 
     @property

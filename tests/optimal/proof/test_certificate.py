@@ -46,7 +46,7 @@ def test_a_costate_beside_the_adjoint_equations_is_no_extremal():
     assert certificate.usable
     assert certificate.reasons == ("the costates stray from the adjoint equations by 0.0002",)
     assert not replace(solution.certificate, adjoint_error=np.nan).extremal
-    candidate = certify(solution.problem, solution.trajectory, solution.phases, adjoint=False)
+    candidate = certify(solution.problem, solution.trajectory, solution.phases)
     assert candidate.adjoint_error is None and candidate.extremal  # as far as it was asked
 
 

@@ -252,6 +252,7 @@ CHANGED = {
             "fine_barrier": 1e-5,
         },
         "rollout": {"together": 1},
+        "adjoint": {"samples": 1600},
         "search": {"haste": 0.5, "starts": 3, "meshes": (30, 50)},
     },
     "friction": {

@@ -13,6 +13,7 @@ from armdyn.optimal.task.policy.curves import CurvePolicy
 from armdyn.optimal.task.policy.landing import LandingPolicy, PathConstraintPolicy
 from armdyn.optimal.task.policy.problem_class import is_speed_limited
 from armdyn.optimal.task.policy.refinement import (
+    AdjointPolicy,
     ArcsPolicy,
     RefinementPolicy,
     SmoothPolicy,
@@ -50,6 +51,7 @@ class Policy:
         contacts: which contacts with limits of the state are corrected.
         singular: where torques are free, and what they are at first.
         landing: how a mesh's torques are brought to land.
+        adjoint: how finely the adjoint equations are checked.
         smooth: optima of time and energy.
         path_constraints: what is asked along the way.
         curves: motions as curves.
@@ -71,6 +73,7 @@ class Policy:
     contacts: ContactPolicy = field(default_factory=ContactPolicy)
     singular: SingularPolicy = field(default_factory=SingularPolicy)
     landing: LandingPolicy = field(default_factory=LandingPolicy)
+    adjoint: AdjointPolicy = field(default_factory=AdjointPolicy)
     smooth: SmoothPolicy
     path_constraints: PathConstraintPolicy = field(default_factory=PathConstraintPolicy)
     curves: CurvePolicy

@@ -130,12 +130,30 @@ class ArcsPolicy:
     )
     barrier: float = tuned(1e-3, "scaled", "IPOPT's mu_init of arcs where some torques are free")
     near_barrier: float = tuned(1e-9, "scaled", "the same, and its push, where the guess is near or none is")
+    least_share: float = tuned(1e-6, "of the time", "a limit's smaller share is none: what the multipliers resolve")
     samples: int = tuned(480, "samples", "of torques that are not constant, 4 to 16 on an interval", "RRR time-energy")
 
     @property
     def at_switches(self) -> Self:
         """The same for a mesh that is refined at its switches, whose knots keep to a limit that they are on."""
         return replace(self, touching=self.refined, in_contact=self.refined, near_speed=self.refined_speed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AdjointPolicy:
+    """How finely the adjoint equations are integrated along a replay, to check the costates."""
+
+    cases: ClassVar = PLANAR
+
+    precise: float = tuned(
+        1e-7, "-", "error of a stretch's propagator, as H feels it: a thousandth of the costates' tolerance"
+    )
+    samples: int = tuned(400, "samples", "of the replay: quintics between them are right to 1e-9")
+    most: int = tuned(20_000, "stretches", "fifty times as many as planar arms take: some seconds")
+    deepest: int = tuned(16, "halvings", "of a stretch: the turn of a joint through dry friction takes some")
+    near: float = tuned(1e-3, "of an interval", "a sample so near its end is no edge of its own")
+    middle: float = tuned(0.3, "of a stretch", "a sample so near its middle halves it: torques have corners there")
+    still: float = tuned(1e-9, "of the fastest joint", "a joint that moves less counts as if it moved that much")
 
 
 @dataclass(frozen=True, kw_only=True)
