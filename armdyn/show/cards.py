@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from functools import singledispatch
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from armdyn.control.tracking.run import Run
@@ -23,9 +24,6 @@ from armdyn.show.pictures import motion_picture, robot_picture
 from armdyn.show.plots import svg_text
 from armdyn.show.results import source_name
 from armdyn.trajectory import Trajectory
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 

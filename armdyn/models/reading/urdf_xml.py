@@ -62,7 +62,7 @@ def check_text(text: object, source: object, kind: str) -> None:
             f"{kind} text", f"source is {shown(source)}; it must be text, the name of the {kind} in messages"
         )
     if not isinstance(text, str):
-        raise UrdfError(source, f"is {shown(text)}; it must be the text of a {kind}")
+        raise UrdfError(source, f"is {shown(text)}; it must be the text of {'an' if kind == 'MJCF' else 'a'} {kind}")
     if "<" not in text and text.strip().lower().endswith((".urdf", ".xml", ".xacro")):
         raise UrdfError(source, f"{shown(text)} is no {kind} text; Robot.from_{kind.lower()} takes the path of a file")
     if len(text) > MAX_BYTES:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from armdyn.show.figures.style import COLORS, INK, LOOK, literal
 
 Array = NDArray[np.float64]
 Row = Mapping[str, Any]
@@ -61,8 +62,6 @@ def plot_curve(
     Returns:
         A figure of its own: pyplot knows nothing of it.
     """
-    from armdyn.show.figures.style import COLORS
-
     figure, axes = _begun(title)
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
@@ -98,11 +97,6 @@ def plot_map(
         log: settings on a logarithmic axis.
         title: above the panels.
     """
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-
-    from armdyn.show.figures.style import LOOK, literal
-
     values = list(dict.fromkeys(row[panel] for row in rows))[:_MAX_PANELS] if panel else [None]
     numbers = [row[z] for row in rows if row[z] is not None]
     low, high = _colored(numbers)
@@ -145,8 +139,6 @@ def plot_pareto(
         log: settings whose colours are logarithmic.
         title: above the axes.
     """
-    from armdyn.show.figures.style import COLORS
-
     figure, axes = _begun(title)
     whole = [row for row in rows if row[x] is not None and row[y] is not None]
     points = np.array([[row[x], row[y]] for row in whole], dtype=float).reshape(-1, 2)
@@ -178,10 +170,6 @@ def _colored(numbers: Sequence[float]) -> tuple[float, float]:
 
 
 def _begun(title: str | None) -> tuple[Figure, Axes]:
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-
-    from armdyn.show.figures.style import LOOK, literal
 
     with rc_context(LOOK):
         figure = Figure(figsize=(7.0, 4.4), layout="constrained")
@@ -193,8 +181,6 @@ def _begun(title: str | None) -> tuple[Figure, Axes]:
 
 def _cells(axes: Axes, rows: Sequence[Row], columns: tuple[str, str, str], span: tuple[float, float], none: str) -> Any:
     """One panel; returns the artist of its colour bar, None without one."""
-    from armdyn.show.figures.style import INK
-
     least: dict[tuple[float, float], float] = {}
     missing: set[tuple[float, float]] = set()
     for row in rows:
