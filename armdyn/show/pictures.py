@@ -83,7 +83,7 @@ def _thinned(motion: Trajectory) -> Trajectory:
 
 
 def _clear(figure: Figure) -> Figure:
-    """On whatever ground the notebook has."""
+    """Make the background transparent."""
     figure.patch.set_alpha(0.0)
     for axes in figure.axes:
         axes.patch.set_alpha(0.0)

@@ -120,7 +120,7 @@ class Trajectory:
 
     @property
     def jumps(self) -> NDArray[np.bool_]:
-        """Where no time passes from one sample to the next, shape (n - 1,): there a linear torque may jump.
+        """Mask of intervals without duration, shape (n - 1,): there a linear torque may jump.
 
         `jumps[k]` is of samples k and k + 1: they are one ulp of time apart, or two where a sum of times was rounded.
         """
@@ -155,7 +155,7 @@ class Trajectory:
         return Sample(q, v, tau)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write to an npz file; whoever reads it meanwhile sees the old file or the new one, whole.
+        """Write to an npz file; concurrent readers see the old file or the new one, whole.
 
         Returns:
             The path written, as given.

@@ -66,7 +66,7 @@ class Ticks:
 
     @property
     def goal(self) -> Array:
-        """Where it ends [rad or m], shape (nv,)."""
+        """Last position [rad or m], shape (nv,)."""
         return np.asarray(self.q[-1])
 
     def ahead(self, ticks: int) -> Array:

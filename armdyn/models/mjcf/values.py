@@ -26,7 +26,7 @@ class Values:
     where: str
 
     def numbers(self, key: str, least: int, most: int | None = None) -> list[float]:
-        """So many finite numbers; none if the attribute is missing.
+        """A number of finite numbers; empty if the attribute is missing.
 
         Raises:
             UrdfError: it is something else.

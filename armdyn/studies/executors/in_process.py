@@ -18,7 +18,7 @@ _AHEAD = 4
 
 
 class InProcess:
-    """This process, with one case at a time: work that listens for Ctrl-C hears it. Exceptions are raised."""
+    """This process, with one case at a time: work that listens for Ctrl-C gets it. Exceptions are raised."""
 
     size = 1
 

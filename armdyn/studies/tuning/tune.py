@@ -302,7 +302,7 @@ _ENDS: dict[TuningStatus, str] = {
 
 
 def _message(status: TuningStatus, own: Worth, others: Worth | None, most: float) -> str:
-    """How it ended, in words."""
+    """The end of a search in words."""
     held = "" if others is None else f"; held out: {others}"
     over = f"; none keeps to {100 * most:g} %" if own.overshoot > most else ""
     return f"{_ENDS[status]}: {own}{over}{held}"
