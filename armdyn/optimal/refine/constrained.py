@@ -14,11 +14,11 @@ from armdyn.optimal.landing.pace import mended
 from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.path_constraints.tightened import ConstraintReports, TightenedConstraints
+from armdyn.optimal.program.unknowns import doubled
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import Found, find
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.direct import solve_on_mesh
-from armdyn.optimal.task.mesh_refinement import MeshRefinement
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -108,7 +108,7 @@ def settled(task: Task, attempt: Attempt) -> Optimum:
 def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: Attempt) -> _Mesh | None:
     """What to ask of the next mesh; None: nothing, it is well, or no mesh mends it."""
     numbers, problem, duration = task.policy.path_constraints, task.problem, found.trajectory.duration
-    finer = MeshRefinement(task.options.max_intervals).above(mesh.intervals)
+    finer = doubled(mesh.intervals, task.options.max_intervals)
     if not any(_faults(task, found)):
         if finer is None or abs(duration / mesh.settled - 1) < numbers.settled:
             return None

@@ -11,13 +11,13 @@ from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.landing.segments import Segments
 from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.program.unknowns import doubled
 from armdyn.optimal.proof.adjoint import adjoint_error
 from armdyn.optimal.proof.certificate import SEGMENT_TOLERANCE
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.switching.costates import phases_of
 from armdyn.optimal.switching.extremal.descent import Extremal, finer, in_one_piece
-from armdyn.optimal.task.mesh_refinement import MeshRefinement
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -87,8 +87,8 @@ def land_extremal(task: Task, extremal: Extremal, intervals: int, stop: Stop) ->
 def _finer(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
     """On finer meshes while H strays; with the replay, and what went wrong."""
     numbers = task.policy.refinement
-    refinement = MeshRefinement(max(numbers.most_intervals, numbers.most_per_arc * len(phases.arcs)))
-    while (size := refinement.above(phases.arc_of.size)) and not task.stop:
+    finest = max(numbers.most_intervals, numbers.most_per_arc * len(phases.arcs))
+    while (size := doubled(phases.arc_of.size, finest)) and not task.stop:
         if np.max(np.abs(pontryagin(task.problem, phases)[0])) <= numbers.stray:
             break
         aim = PhaseAim(near=True, density=phases.density)

@@ -16,6 +16,7 @@ from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.arcs.structure import with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
+from armdyn.optimal.program.unknowns import doubled
 from armdyn.optimal.proof.certificate import ADJOINT_TOLERANCE
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land, with_costates
@@ -24,7 +25,6 @@ from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.search.multistart import SearchSettings, search
 from armdyn.optimal.solve.attempt import Attempt
-from armdyn.optimal.task.mesh_refinement import MeshRefinement
 from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -212,9 +212,7 @@ class _Settling:
         """Another structure, or a finer mesh; where neither converges, or is to be had, what is rough is let go."""
         numbers, rough = self._task.policy.smooth, stray >= self._task.policy.smooth.rough
         better: Phases | Unresolved | None = None if rough else _restructured(self._task, best, stray)
-        if better is None and (
-            size := MeshRefinement(numbers.most_rough if rough else numbers.most).above(best.arc_of.size)
-        ):
+        if better is None and (size := doubled(best.arc_of.size, numbers.most_rough if rough else numbers.most)):
             better = _solved(self._task, best.arcs, size, best, stray)
         if isinstance(better, Phases):
             self._waiting.append(_Lead(cost(self._task.problem, better), better))
