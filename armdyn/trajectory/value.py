@@ -15,8 +15,7 @@ from armdyn.errors import TrajectoryError
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called
 from armdyn.trajectory import npz
-from armdyn.trajectory.samples import Samples, check_fields
-from armdyn.trajectory.sampling import samples_of
+from armdyn.trajectory.samples import Samples, check_fields, samples_of
 
 if TYPE_CHECKING:
     from pandas import DataFrame

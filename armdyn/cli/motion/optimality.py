@@ -15,7 +15,6 @@ from armdyn.cli.options.course import RateOptions
 from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
-from armdyn.cli.reports.foreign_trajectories import motion_of
 from armdyn.errors import ProblemError
 
 MOTIONS = ("trajectory", "optimum")
@@ -53,6 +52,7 @@ def optimality(
     armdyn optimality rr results/track-rr/trajectory.npz --search quick[/]
     """
     with answering(results.output.json) as answer:
+        from armdyn.cli.reports.saved import motion_of
         from armdyn.trajectory.planned import SUFFIXES
 
         if robot.robot.lower().endswith(SUFFIXES):

@@ -11,7 +11,7 @@ from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
-from armdyn.trajectory.sampling import mean_torques
+from armdyn.trajectory.samples import mean_torques
 
 Array = NDArray[np.float64]
 
