@@ -196,14 +196,14 @@ _REDRAWN = 0.1
 
 
 class Bar:
-    """A progress bar on standard error; without one, nothing is shown."""
+    """Progress bar on standard error, or none."""
 
     def __init__(self, bar: Progress | None, total: int):
         self._bar, self._task = bar, bar.add_task("", total=total) if bar else None
         self._drawn = 0.0
 
     def update(self, done: int, text: str, total: int | None = None) -> None:
-        """So many are done; the text stands behind the bar."""
+        """Set the count of finished cases, and the text next to the bar."""
         if self._bar and self._task is not None:
             now = time.monotonic()
             due = now - self._drawn >= _REDRAWN
@@ -212,7 +212,7 @@ class Bar:
 
     @contextmanager
     def aside(self) -> Iterator[None]:
-        """Out of the way, while something else is said."""
+        """Hide the bar while other text is printed."""
         if self._bar:
             self._bar.stop()
         yield
@@ -222,7 +222,7 @@ class Bar:
 
 @contextmanager
 def progress_bar(name: str, total: int) -> Iterator[Bar]:
-    """A bar with a name and a count, where someone watches."""
+    """Show a progress bar with a name and a count, if standard error is a terminal."""
     if console.quiet or not errors.is_terminal:
         yield Bar(None, total)
         return

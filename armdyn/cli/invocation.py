@@ -27,7 +27,7 @@ _RUNNING: ContextVar[_Invocation] = ContextVar("running", default=_NONE)
 
 @contextmanager
 def running(command: str, parameters: Mapping[str, Parameter], values: Mapping[str, Any]) -> Iterator[None]:
-    """Within it a command is running.
+    """Context in which a command is running.
 
     Args:
         command: its name, as it is typed.

@@ -18,7 +18,7 @@ from armdyn.errors import SettingError
 
 
 def cache_directory() -> Path:
-    """Where libraries are kept: `ARMDYN_CACHE`, or the user's cache directory.
+    """Folder of the libraries: `ARMDYN_CACHE`, or the user's cache directory.
 
     Raises:
         SettingError: `ARMDYN_CACHE` is relative: another folder wherever one stands.

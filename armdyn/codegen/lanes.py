@@ -22,14 +22,7 @@ _WRITTEN = {
     ca.OP_INV: "1.0 / {}",
 }
 _CALLED = {
-    ca.OP_SIN: "sin",
-    ca.OP_COS: "cos",
-    ca.OP_TAN: "tan",
-    ca.OP_TANH: "tanh",
-    ca.OP_SQRT: "sqrt",
-    ca.OP_EXP: "exp",
-    ca.OP_LOG: "log",
-    ca.OP_FABS: "fabs",
+    getattr(ca, f"OP_{name.upper()}"): name for name in ["sin", "cos", "tan", "tanh", "sqrt", "exp", "log", "fabs"]
 }
 """Of the C library, which knows one place at a time."""
 

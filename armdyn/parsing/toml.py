@@ -51,7 +51,7 @@ class Table:
         return ProblemError(f"{self.path}, line {line}: {_UNCLEAR.sub(' ', why)}")
 
     def about(self, error: ArmdynError, words: Mapping[str, str] | None = None) -> ProblemError:
-        """An error of whoever was given these values, with the line of the key that it speaks of.
+        """An error about these values, with the line of the key that its message names.
 
         Args:
             error: whose message names an argument, as all of armdyn's do.
@@ -180,7 +180,7 @@ def read_toml(path: str | os.PathLike[str]) -> Table:
 
 
 def _lines(text: str) -> dict[tuple[str, ...], int]:
-    """Where keys and tables stand; a line within a long text may look like a key, and does no harm."""
+    """Lines of keys and tables; a line within a long text may look like a key, and does no harm."""
     lines: dict[tuple[str, ...], int] = {}
     within: tuple[str, ...] = ()
     for i, line in enumerate(text.split("\n"), start=1):

@@ -22,7 +22,7 @@ def element(tag: str, *content: str, **attributes: str | int) -> Html:
 
 
 def join(parts: Iterable[str], between: str = "") -> Html:
-    """Parts one after the other."""
+    """Concatenate parts."""
     return Html(between.join(part if isinstance(part, Html) else html.escape(part) for part in parts))
 
 

@@ -129,7 +129,7 @@ def run_handles(captions: Sequence[str]) -> list[Line2D]:
 
 
 def switches(trajectory: Trajectory) -> tuple[tuple[float, ...], ...]:
-    """For each joint when its torque changes sides [s], as opposed to the small steps of a mesh or a controller.
+    """Times at which each joint's torque changes sides [s]; small steps of a mesh or a controller are left out.
 
     A change of sides is a jump by more than 0.4 of the torque's range.
     """
@@ -209,7 +209,7 @@ def _add_legend(figure: Figure, trajectories: Sequence[Trajectory], limits: bool
 
 
 def _legend(figure: Figure, handles: Sequence[Line2D], place: _Place, **options: Any) -> None:
-    """In as many columns as the figure is wide: at 9 points a letter takes about 0.075 inches, a handle 0.6."""
+    """Add a legend with as many columns as fit: at 9 points a letter takes about 0.075 inches, a handle 0.6."""
     widest = max(len(str(handle.get_label())) for handle in handles)
     rows = -(-len(handles) // max(int((figure.get_figwidth() - 0.3) / (0.075 * widest + 0.6)), 1))
     columns = -(-len(handles) // rows)

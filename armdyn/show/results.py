@@ -65,7 +65,7 @@ def model_facts(robot: Robot) -> dict[str, object]:
 
 
 def source_name(source: str) -> str:
-    """Where a robot came from, without the folders of whose machine it was: a package and the path in it, or a file.
+    """Source of a robot without private folders: a package and the path in it, or a file.
 
     Args:
         source: a path, or words such as "ArmSpec 'rr'", which stay as they are.

@@ -140,7 +140,7 @@ class Plants:
         )
 
     def check(self, robot: Robot) -> Self:
-        """These, if an arm can differ so.
+        """Return these ranges if an arm can differ so.
 
         Raises:
             ProblemError: it carries no payload that could differ.

@@ -83,7 +83,7 @@ def is_own(path: str | os.PathLike[str]) -> bool:
 
 
 def numbers_of(file: zipfile.ZipFile, name: str) -> NDArray[np.float64]:
-    """One array of numbers of anybody's npz file, no larger than the file says that it is.
+    """One array of numbers of an untrusted npz file, no larger than the file says that it is.
 
     Raises:
         TrajectoryError: it is larger than `MAX_BYTES`, or not of numbers.

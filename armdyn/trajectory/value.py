@@ -15,8 +15,7 @@ from armdyn.errors import TrajectoryError
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called
 from armdyn.trajectory import npz
-from armdyn.trajectory.samples import Samples, check_fields
-from armdyn.trajectory.sampling import samples_of
+from armdyn.trajectory.samples import Samples, check_fields, samples_of
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -120,7 +119,7 @@ class Trajectory:
 
     @property
     def jumps(self) -> NDArray[np.bool_]:
-        """Where no time passes from one sample to the next, shape (n - 1,): there a linear torque may jump.
+        """Mask of intervals without duration, shape (n - 1,): there a linear torque may jump.
 
         `jumps[k]` is of samples k and k + 1: they are one ulp of time apart, or two where a sum of times was rounded.
         """
@@ -155,7 +154,7 @@ class Trajectory:
         return Sample(q, v, tau)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write to an npz file; whoever reads it meanwhile sees the old file or the new one, whole.
+        """Write to an npz file; concurrent readers see the old file or the new one, whole.
 
         Returns:
             The path written, as given.

@@ -38,14 +38,12 @@ def bound(
 
 
 def _facts(found: ad.LowerBound | None) -> dict[str, object]:
-    """For machines."""
     if found is None:
         return {"bound": None, "joint": None, "kinematic": None, "ramps": None}
     return {"bound": found.duration, "joint": found.joint, "kinematic": found.kinematic, "ramps": found.ramps}
 
 
 def _words(found: ad.LowerBound | None) -> dict[str, str]:
-    """For people."""
     if found is None:
         return {"bound": "none: no joint that moves has a velocity limit; --velocity-limit gives it one"}
     words = {

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class SolverOptions:
-    """How much is searched; see `MinimumTimeOptions`."""
+    """Extent of the search; see `MinimumTimeOptions`."""
 
     panel: ClassVar[str] = SOLVER
 
@@ -62,7 +62,7 @@ class SolverOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class SearchOptions(SolverOptions):
-    """The same, and the choice of a reserve for feedback."""
+    """Extent of the search, and the choice of a reserve for feedback."""
 
     for_tracking: bool = flag(
         "Leave so much torque to feedback (--reserve) that likely arms settle soonest: payload 20 % off, with "
@@ -147,7 +147,7 @@ def mintime(
 
 
 def _reserve_facts(curve: ReserveCurve | None) -> dict[str, object]:
-    """A reserve curve for machines; empty without one."""
+    """A reserve curve as JSON; empty without one."""
     if curve is None:
         return {}
     best = curve.best

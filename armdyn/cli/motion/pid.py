@@ -107,7 +107,7 @@ def _words(run: ad.Run) -> dict[str, str]:
 
 
 def _arrival(run: ad.Run) -> str:
-    """When a loop arrived, and by which rule; with another rule than that all joints stay, when they all do, too."""
+    """Time of arrival with its rule; for other rules than that all joints stay, also the time of that rule."""
     rule = run.arrival_rule.replace("_", " ")
     words = f"{_seconds(run.arrival_time)} ({rule})"
     if run.arrival_rule == ARRIVAL_RULES[0]:

@@ -69,8 +69,7 @@ def _saved(path: Path, arm: ad.Robot) -> Saved:
     Warns:
         ArmdynWarning: it is another arm's.
     """
-    from armdyn.cli.reports.foreign_trajectories import checked, is_given, motion_of
-    from armdyn.cli.reports.saved import Saved, read_saved
+    from armdyn.cli.reports.saved import Saved, checked, is_given, motion_of, read_saved
 
     if is_given(path):
         motion = motion_of(arm, path)

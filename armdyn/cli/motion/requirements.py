@@ -84,7 +84,6 @@ def _why(one: Requirement, solution: Solution) -> str:
 
 
 def _requirement(text: str) -> Requirement:
-    """One requirement."""
     for plain in _PLAIN:
         if text == plain:
             return Requirement(text, plain)

@@ -52,7 +52,7 @@ class RateOptions:
     jerk_limit: str | None = option("J[,J…]", "Jerk limits \\[rad/s³]: the torque no longer jumps. By default none.")
 
     def problem_arguments(self) -> dict[str, Any]:
-        """The arguments of a `MinimumTimeProblem` that they are.
+        """The path constraints as arguments of a `MinimumTimeProblem`.
 
         Raises:
             ProblemError: a text does not fit its option.
@@ -85,7 +85,7 @@ class PathConstraintOptions:
     limit: Limits = None
 
     def problem_arguments(self, robot: Robot) -> dict[str, Any]:
-        """The arguments of a `MinimumTimeProblem` that they are.
+        """The path constraints as arguments of a `MinimumTimeProblem`.
 
         Args:
             robot: that moves.

@@ -111,7 +111,7 @@ def _friction(text: str | None, what: str) -> FrictionValue | None:
 
 
 def friction_facts(robot: Robot) -> dict[str, object]:
-    """The friction in a robot's joints, for machines; empty if there is none."""
+    """The friction in a robot's joints as JSON; empty if there is none."""
     own = robot.friction
     if not own.present:
         return {}
@@ -120,7 +120,7 @@ def friction_facts(robot: Robot) -> dict[str, object]:
 
 
 def friction_words(robot: Robot) -> dict[str, str]:
-    """The same for people."""
+    """The friction in a robot's joints in words; empty if there is none."""
     own = robot.friction
     if not own.present:
         return {}

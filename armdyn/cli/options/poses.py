@@ -96,7 +96,7 @@ class GoalOptions:
     )
 
     def problem_arguments(self, robot: ad.Robot, name: str) -> dict[str, Any]:
-        """The arguments of a `MinimumTimeProblem` that say from where to where.
+        """Start and goal as arguments of a `MinimumTimeProblem`.
 
         Args:
             robot: that moves.

@@ -71,12 +71,12 @@ class Written:
 
     @property
     def facts(self) -> dict[str, object]:
-        """For machines."""
+        """The files as JSON."""
         return {"files": [str(file) for file in self.files]}
 
     @property
     def words(self) -> dict[str, str]:
-        """For people."""
+        """The files in words."""
         names = ", ".join(file.name for file in self.files)
         return {"results": str(self.files[0].parent), "written": f"{names} in {self.seconds:.1f} s"}
 
@@ -90,7 +90,7 @@ class ResultOptions:
     no_report: NoReport = False
 
     def folder(self, command: str, name: str, motions: Iterable[str] = ("trajectory",)) -> Path:
-        """Where it goes; see `OutputOptions.folder`."""
+        """Folder of the files; see `OutputOptions.folder`."""
         from armdyn.show.report import file_names
 
         return self.output.folder(command, name, file_names(self._parts, motions))

@@ -20,7 +20,7 @@ TAKE_FILES = "mintime, bound, sweep, track, monte-carlo, tune and pid"
 
 
 def known_names(incomplete: str) -> list[str]:
-    """The names of robots that begin so, for a shell that completes."""
+    """Names of robots with a beginning, for shell completion."""
     from armdyn.models.robots.library import BENCHMARKS, LIBRARY_ARMS
 
     return [name for name in (*models.PLANAR_ARMS, *BENCHMARKS, *LIBRARY_ARMS) if name.startswith(incomplete)]
@@ -41,7 +41,7 @@ RobotName = Annotated[
 
 @dataclass(frozen=True, kw_only=True)
 class PartOptions:
-    """Which joints move.
+    """Choice of the moving joints.
 
     Attributes:
         lock: JOINT=Q of each joint that does not.
@@ -106,13 +106,13 @@ class RobotArgument:
     part: PartOptions = field(default_factory=PartOptions)
 
     def read(self, payload: ad.Payload | None = None) -> ad.Robot:
-        """It; see `PartOptions.read`."""
+        """The robot; see `PartOptions.read`."""
         return self.part.read(self.robot, payload)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PayloadPlace:
-    """Where a payload is.
+    """Place of a payload.
 
     Attributes:
         payload_frame: frame that carries it; None: the tip.
@@ -129,7 +129,7 @@ class PayloadPlace:
     )
 
     def carried(self, mass: float) -> ad.Payload | None:
-        """A payload [kg] there.
+        """A payload of a mass [kg] at this place.
 
         Raises:
             ProblemError: its place is given, but not its mass.
@@ -155,5 +155,5 @@ class PayloadOptions:
     place: PayloadPlace = field(default_factory=PayloadPlace)
 
     def carried(self) -> ad.Payload | None:
-        """The payload, None if it weighs nothing."""
+        """The payload; None for a mass of zero."""
         return self.place.carried(self.payload)

@@ -26,7 +26,7 @@ def is_problem_file(name: str) -> bool:
 
 
 def is_study_file(name: str) -> bool:
-    """Whether a TOML file has neither [robot] nor [problem], and so is a study file, or none of both.
+    """Whether a TOML file has neither [robot] nor [problem]: it may be a study file.
 
     Raises:
         ArmdynError: it cannot be read.
@@ -106,7 +106,7 @@ class ArmOptions:
 
     @cached_property
     def file(self) -> ProblemFile | None:
-        """The problem file; None: the options say all.
+        """The problem file; None: a robot is named instead.
 
         Raises:
             ArmdynError: it cannot be read; or an option repeats one of its keys.
@@ -159,7 +159,7 @@ class ArmOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class FastArmOptions(ArmOptions):
-    """The same with limits of its fastest motion."""
+    """An arm from pose to pose, with the limits of its fastest motion."""
 
     joints: FastJointOptions  # type: ignore[assignment]  # it fits a robot, too
 

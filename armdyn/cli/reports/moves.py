@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from armdyn.cli.reports.foreign_trajectories import checked, is_given, motion_of
-from armdyn.cli.reports.saved import Saved, read_saved
+from armdyn.cli.reports.saved import Saved, checked, is_given, motion_of, read_saved
 from armdyn.cli.reports.subject import SubjectSpec, subject_named, subject_of
 from armdyn.errors import ArmdynWarning, FileError, ProblemError, TrajectoryError
 from armdyn.show.page.course import ShownMotion

@@ -36,7 +36,7 @@ Results = Annotated[
 
 @dataclass(frozen=True, kw_only=True)
 class ShownOptions:
-    """Which robot is drawn, and how much of its motions."""
+    """Drawn robot, and drawn part of its motions."""
 
     panel: ClassVar[str] = "Contents"
 
@@ -46,7 +46,7 @@ class ShownOptions:
     until: str | None = option("S", "Only so much of each motion \\[s]; by default all of it.")
 
     def end(self) -> float | None:
-        """How much of each motion is drawn [s]; None: all.
+        """Drawn duration of each motion [s]; None: all.
 
         Raises:
             ProblemError: no positive number.
@@ -161,7 +161,6 @@ def _written(folder: Path, made: Report) -> Path:
 
 
 def _table(title: str, rows: Sequence[Compared]) -> Table:
-    """For people."""
     from rich.table import Table
 
     table = Table(title=escape(title), title_justify="left", box=None, pad_edge=False, caption_justify="left")

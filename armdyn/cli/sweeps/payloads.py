@@ -100,7 +100,7 @@ def _solved(
     from armdyn.optimal.problem.stop import stopping
     from armdyn.show.figures.payload_sweep import motion_name
     from armdyn.studies.continuation import chain
-    from armdyn.studies.executors.in_process import in_process
+    from armdyn.studies.executors.local import in_process
     from armdyn.studies.rows import row_store
     from armdyn.studies.run import run_cases
     from armdyn.studies.tasks.task import INTERRUPTED as STOPPED

@@ -26,7 +26,7 @@ _MOST_DRAWN = 100_000
 
 @dataclass(frozen=True, kw_only=True)
 class StudyOptions:
-    """Who works on a study file's cases, and how its rows are kept."""
+    """Executor of a study file's cases, and storage of its rows."""
 
     panel: ClassVar[str] = "Study file"
 
@@ -39,7 +39,7 @@ class StudyOptions:
     parquet: bool = flag("Write rows.parquet, too (needs pyarrow).")
 
     def executor(self) -> ExecutorOf:
-        """Who works.
+        """The executor of the cases.
 
         Raises:
             ProblemError: the scheduler's address is none, or workers are given, too.

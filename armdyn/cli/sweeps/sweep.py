@@ -55,7 +55,7 @@ class PayloadsOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class SweepOptions:
-    """How much is searched for each payload; see `MinimumTimeOptions`."""
+    """Extent of the search for each payload; see `MinimumTimeOptions`."""
 
     panel: ClassVar[str] = SOLVER
 

@@ -88,7 +88,7 @@ class LoopOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class PlantOptions:
-    """How the arm that moves differs from the controller's model."""
+    """Differences of the simulated arm from the controller's model."""
 
     panel: ClassVar[str] = "The arm that moves, where it differs from the model"
 

@@ -94,7 +94,7 @@ def monte_carlo(
     output: OutputOptions,
     no_figure: NoFigure = False,
 ) -> None:
-    """How often a controller settles on arms that differ from its model: payload, friction, where they stand.
+    """How often a controller settles on arms that differ from its model: in payload, friction and start.
 
     Each arm is drawn at random and run as `track` runs one. Its row is on disk at once: the same command goes on
     where it was stopped or killed, also with a greater --count. Exit code 0: done; 4: fewer settle than --at-least
@@ -137,7 +137,7 @@ def monte_carlo(
 def _write(
     folder: Path, found: ad.MonteCarlo, motion: ad.Trajectory, summary: dict[str, object], *, figure: bool
 ) -> list[Path]:
-    """The reference, the figure and result.json, beside the rows."""
+    """Write the reference, the figure and result.json next to the rows."""
     from armdyn.show.figures.envelopes import plot_envelope
     from armdyn.show.plots import save_figure
     from armdyn.show.results import save_results

@@ -58,7 +58,7 @@ class TuningOptions:
     held_out: int = option("N", "Random arms on which only the answer is run.", default=100)
 
     def options(self) -> ad.TuneOptions:
-        """The same for the search.
+        """The options of `tune`.
 
         Raises:
             ProblemError: something is out of range or unknown.

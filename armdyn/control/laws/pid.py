@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import MOST_MEMBERS, expect, flag, one_of, whole
-from armdyn.control.laws.readings import Readings, law_function, table
-from armdyn.control.laws.reference import Reference, reference_of
+from armdyn.control.laws.readings import Readings, Reference, law_function, reference_of, table
 from armdyn.control.loop.law import Law, expect_motors
 from armdyn.control.loop.loop import Loop
 from armdyn.control.loop.ticks import Ticks

@@ -84,7 +84,7 @@ def closed_loop_matrix(arm: ArmAtGoal, kp: Array, ki: Array, kd: Array) -> Array
 
 
 def eigenvalues(A: Array) -> NDArray[np.complex128]:
-    """Of a matrix of shape (n, n) [1/s], largest real part first, shape (n,).
+    """Eigenvalues of a matrix of shape (n, n) [1/s], largest real part first, shape (n,).
 
     Raises:
         ProblemError: it is not finite.

@@ -48,7 +48,7 @@ class SampledLoop:
 
     @classmethod
     def of(cls, rest: Rest, loop: Loop) -> Self:
-        """A loop's, by the order of one tick.
+        """The matrices of a loop, in the order of one tick.
 
         Reading, estimate of the velocity, law with the integral as it stands, torque of `delay` ticks before on the
         arm, and then the integral: z + period (q_goal - q_read).
@@ -91,7 +91,7 @@ class SampledLoop:
 
     @property
     def matrix(self) -> Array:
-        """Of the closed loop, shape (n, n)."""
+        """Matrix of the closed loop, shape (n, n)."""
         return np.asarray(self.carried + self.torque @ self.felt)
 
     @property

@@ -178,7 +178,7 @@ def settled_time(t: Array, error: Array, tolerance: float) -> float | None:
 
 
 def overshoot(q: Array, goal: Array) -> Array:
-    """How far each joint goes past its goal, seen from the start [rad or m], shape (nv,).
+    """Overshoot of each joint past its goal, seen from the start [rad or m], shape (nv,).
 
     Of a joint that starts at its goal, how far it strays.
 

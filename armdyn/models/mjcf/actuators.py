@@ -5,8 +5,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from armdyn.models.mjcf.classes import ACTUATORS, Classes
-from armdyn.models.mjcf.values import Values
+from armdyn.models.mjcf.classes import ACTUATORS, Classes, Values
 from armdyn.models.reading.urdf_xml import clipped
 
 Range = tuple[float, float]

@@ -8,9 +8,8 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from armdyn.errors import UnsupportedJointError, UrdfError
-from armdyn.models.mjcf.classes import Classes
+from armdyn.models.mjcf.classes import ROTATIONS, Classes, Values
 from armdyn.models.mjcf.compiler import Compiler, place
-from armdyn.models.mjcf.values import ROTATIONS, Values
 from armdyn.models.reading.urdf_check import MAX_LINKS, MAX_MOVING
 from armdyn.models.reading.urdf_xml import clipped
 

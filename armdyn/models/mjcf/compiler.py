@@ -10,7 +10,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from armdyn.errors import UrdfError
-from armdyn.models.mjcf.values import ROTATIONS, Values
+from armdyn.models.mjcf.classes import ROTATIONS, Values
 from armdyn.models.reading.urdf_xml import clipped
 
 _GRAVITY = (0.0, 0.0, -9.81)

@@ -1,4 +1,4 @@
-"""The XML of an MJCF file from a stranger, with the files that it includes."""
+"""The XML of an untrusted MJCF file, with its includes."""
 
 import os
 import re

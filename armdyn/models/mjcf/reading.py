@@ -14,9 +14,8 @@ import pinocchio as pin
 from armdyn.errors import ArmdynWarning, UrdfError
 from armdyn.models.mjcf.actuators import effort_limits
 from armdyn.models.mjcf.bare import Bare, check_moving
-from armdyn.models.mjcf.classes import Classes
+from armdyn.models.mjcf.classes import Classes, Values
 from armdyn.models.mjcf.compiler import Compiler, gravity
-from armdyn.models.mjcf.values import Values
 from armdyn.models.reading.from_pinocchio import Reading, read_model, rename
 from armdyn.models.reading.urdf_xml import clipped
 from armdyn.models.values.joint_limits import JointLimits

@@ -61,7 +61,7 @@ def other_robots() -> list[str]:
 
 
 def library_arm(name: str) -> tuple[Path, str, LibraryArm | None]:
-    """Where an arm's URDF is, the folder in which its `package://` is, and which joints it has.
+    """URDF file of an arm, folder of its `package://`, and its joints.
 
     Args:
         name: of `LIBRARY_ARMS` or `BENCHMARKS`, or any robot of the library: but for the first no choice of joints

@@ -22,7 +22,7 @@ Format = Literal["spec", "library", "urdf", "mjcf", "model"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RobotSource:
-    """Where a robot is read from; `Robot.from_source` reads it.
+    """Source of a robot; `Robot.from_source` reads it.
 
     Attributes:
         format: of the description.
@@ -76,7 +76,7 @@ class RobotSource:
 
     @classmethod
     def inside(cls, name: str, folder: str | os.PathLike[str]) -> RobotSource:
-        """The source that a name in a stranger's file stands for: no download, and no file outside a folder.
+        """The source of a name in an untrusted file: no download, and no file outside a folder.
 
         Args:
             name: of the robot, or its file seen from the folder.

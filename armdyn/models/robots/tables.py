@@ -103,7 +103,7 @@ def robot_table(robot: Robot, folder: str | os.PathLike[str] | None = None) -> d
 
 
 def _source(table: Table) -> RobotSource:
-    """Where the robot of a table is read from."""
+    """Source of the robot of a table."""
     given, folder = [key for key in _SOURCES if key in table.values], Path(table.path).parent
     if len(given) > 1:
         raise table.error(given[1], f"[robot] has {' and '.join(given)}; give one of them")

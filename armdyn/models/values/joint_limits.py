@@ -66,7 +66,7 @@ class JointLimits:
         return self.actuators.passive
 
     def without_motors(self, passive: Iterable[str], joints: Sequence[str], error: type[ArmdynError]) -> Self:
-        """The same, but for joints that have no motor.
+        """The limits with no motor at some joints.
 
         Args:
             passive: their names.

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from armdyn.control.stability.plane import GainPlane
+from armdyn.control.stability.region import GainPlane
 from armdyn.errors import ProblemError
 from armdyn.show.figures.style import COLORS, INK, LOOK
 

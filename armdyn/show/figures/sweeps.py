@@ -1,4 +1,4 @@
-"""Figures of a study: a number over a setting, over two of them, and two numbers that cannot both be least."""
+"""Figures of a study: curves over a setting, maps over two settings, Pareto fronts."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _TICKED = 8
 
 
 def pareto(points: Array) -> NDArray[np.bool_]:
-    """Which points no other is as good as in both numbers and better in one, shape (n,); least is best.
+    """Pareto front of points with two numbers, of which the least is best: a mask of shape (n,).
 
     Args:
         points: shape (n, 2).
@@ -128,7 +128,7 @@ def plot_pareto(
     rows: Sequence[Row], x: str, y: str, color: str | None = None, *, named: Named = str, log: Collection[str] = (),
     title: str | None = None,
 ) -> Figure:  # fmt: skip
-    """Two numbers of every case against each other, with those that no case beats in both joined.
+    """Two numbers of every case against each other, with their Pareto front.
 
     Args:
         rows: as `study_table` gives them; cases that lack a number are left out.
@@ -162,7 +162,7 @@ def plot_pareto(
 
 
 def _colored(numbers: Sequence[float]) -> tuple[float, float]:
-    """From where to where colours go: a few numbers far off would leave none for the others."""
+    """Range of the colours, without a few numbers far off."""
     if not numbers:
         return 0.0, 1.0
     low, most, high = min(numbers), float(np.quantile(numbers, _MOST)), max(numbers)

@@ -52,7 +52,7 @@ class ShownMotion:
 
 
 def until(motion: Trajectory, end: float | None) -> Trajectory:
-    """A motion as far as a time [s] from its start; None, or one that is shorter: all of it."""
+    """A motion up to a time [s] from its start; None: all of it."""
     rows = np.full(motion.t.size, True) if end is None else motion.t - motion.t[0] <= end
     rows[:2] = True
     if np.all(rows):
@@ -83,7 +83,7 @@ def course_data(moves: Sequence[ShownMotion], limits: JointLimits, sliding: Sequ
 
 
 def _times(motion: Trajectory) -> Array:
-    """When a motion is drawn [s], from 0 on: often enough for its curves, and at both sides of each jump."""
+    """Times at which a motion is drawn [s], from 0 on: dense for its curves, on both sides of each jump."""
     own = motion.t
     if own.size > _OWN:
         jump = np.flatnonzero(motion.jumps)[:_OWN]

@@ -82,7 +82,7 @@ class Compared:
 
 
 def compared(moves: Sequence[ShownMotion], limits: JointLimits) -> list[Compared]:
-    """Several motions side by side; they are measured by the first."""
+    """Compare several motions with the first."""
     first, rows = at_the_goal(moves[0]), []
     for move in moves:
         there = at_the_goal(move)
@@ -116,7 +116,7 @@ def worth_seeing(moves: Sequence[ShownMotion], end: float | None = None) -> floa
 
 
 def at_the_goal(move: ShownMotion) -> float | None:
-    """When a closed loop has settled, by its own rule; of any other motion its end [s]. None: it has not."""
+    """Settled time of a closed loop by its own rule, None without one; end of any other motion [s]."""
     for name in ("settled_time", "arrival_time"):
         if name in move.facts:
             return move.facts.number(name)
@@ -124,7 +124,7 @@ def at_the_goal(move: ShownMotion) -> float | None:
 
 
 def comparison_tiles(rows: Sequence[Compared]) -> list[Tile]:
-    """When each of several motions is at the goal, to be seen first."""
+    """Tiles of several motions: the time at which each is at the goal."""
     tiles = []
     for k, row in enumerate(rows):
         beside = "" if k == 0 or row.later is None else f"{100 * row.later:+.3g} %, ".replace("-", "−")
@@ -155,7 +155,7 @@ def comparison_section(rows: Sequence[Compared]) -> Section | None:
 
 
 def most_used(x: Array, lower: Array, upper: Array) -> float | None:
-    """The most of its limit that something takes; None where there is no limit.
+    """Largest share of its limit that a quantity takes; None where there is no limit.
 
     Args:
         x: numbers over time, shape (n,) of one joint or (n, nv).

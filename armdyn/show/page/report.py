@@ -69,7 +69,7 @@ class Subject:
 
     @classmethod
     def of(cls, robot: Robot, obstacles: Sequence[Obstacle] = ()) -> Subject:
-        """A robot that is at hand."""
+        """The subject of a robot."""
         sliding = tuple(robot.slides.tolist())
         return cls(robot.name, tuple(robot.joint_names), robot.limits, sliding, robot, tuple(obstacles))
 
@@ -89,7 +89,7 @@ class Replay:
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """All that a report says and shows.
+    """Content of a report.
 
     Attributes:
         title: its heading.

@@ -33,7 +33,7 @@ class BatchSize:
         self._most = max(self._most, min(2 * cases, MOST))
 
     def cases(self, left: int, workers: int) -> int:
-        """Of the next batch.
+        """Number of cases of the next batch.
 
         Args:
             left: cases that wait.

@@ -84,7 +84,7 @@ def worth(setup: Setup, plants: Sequence[Robot], index: Index) -> Worth:
 
 
 def index_of(run: Run, setup: Setup, index: Index) -> float:
-    """One run's, see `Index`; a run that broke off stays where it was to the end.
+    """Index of a run, see `Index`; a run that broke off stays where it was to the end.
 
     Args:
         run: of the setup.

@@ -18,7 +18,7 @@ from armdyn.models.robots.robot import Robot, expect_robot, expect_robots
 from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.reprs import brief
 from armdyn.studies.executors.executor import Executor
-from armdyn.studies.executors.in_process import in_process
+from armdyn.studies.executors.local import in_process
 from armdyn.studies.plant_study import digest, identity, named
 from armdyn.studies.rows import RowStore, StudyRow, Value, row_store
 from armdyn.studies.run import run_cases
@@ -302,7 +302,7 @@ _ENDS: dict[TuningStatus, str] = {
 
 
 def _message(status: TuningStatus, own: Worth, others: Worth | None, most: float) -> str:
-    """How it ended, in words."""
+    """The end of a search in words."""
     held = "" if others is None else f"; held out: {others}"
     over = f"; none keeps to {100 * most:g} %" if own.overshoot > most else ""
     return f"{_ENDS[status]}: {own}{over}{held}"

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.control.laws.reference import reference_of
+from armdyn.control.laws.readings import reference_of
 from armdyn.control.loop.ticks import Ticks
 from plain_loop import Filtered
 from problems import paper_arm
