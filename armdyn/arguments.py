@@ -1,4 +1,4 @@
-"""Checks of arguments: errors name the argument, its value, and what would be right.
+"""Checks of arguments: errors name the argument, its value, and the remedy.
 
 Numpy is imported where an array is read: the command line's help checks arguments, too, and does without.
 """
@@ -32,7 +32,7 @@ MOST_NUMBERS = 2**24
 """Numbers of an array, more than the largest motion that may be saved has in one: larger ones are refused unread."""
 
 MOST_MEMBERS = 10_000
-"""Members of a list of arms, obstacles, names or the like: ten times what was ever needed."""
+"""Members of a list of arms, obstacles, names or the like: ten times the largest one known."""
 
 MOST_SAMPLES = 1_000_000
 """Samples or steps that one call may be asked for: seconds of work, and less than a gigabyte."""
@@ -46,7 +46,7 @@ _RIGHT: dict[tuple[Sign, bool], str] = {
     ("not negative", False): "a number that is not negative",
     ("positive", False): "positive",
 }
-"""What a number must be, by its sign and whether it is to be finite."""
+"""Conditions on a number, by its sign and whether it is to be finite."""
 
 
 def shown(value: object) -> str:
@@ -75,7 +75,7 @@ def expect(
         kind: the class.
         name: of the argument.
         hint: how to come by the right one.
-        error: what is raised.
+        error: class of the raised error.
 
     Raises:
         ArmdynError: as `error`; it is of another.
@@ -120,7 +120,7 @@ def function(value: object, name: str, default: Function | None = None) -> Funct
     Args:
         value: as given.
         name: of the argument.
-        default: what stands for None; None: nothing does.
+        default: value in place of None; None: None is refused.
 
     Raises:
         ProblemError: it cannot be called.
@@ -128,7 +128,7 @@ def function(value: object, name: str, default: Function | None = None) -> Funct
     if value is None and default is not None:
         return default
     if callable(value):
-        return value  # type: ignore[return-value]  # what it takes and returns shows when it is called
+        return value  # type: ignore[return-value]  # its arguments are checked when it is called
     raise ProblemError(f"{name} is {shown(value)}; it must be a function")
 
 
@@ -196,7 +196,7 @@ def number(
         unit: in messages.
         sign: that it must have.
         finite: whether infinity is refused; NaN always is.
-        error: what is raised.
+        error: class of the raised error.
 
     Raises:
         ArmdynError: as `error`; it is none, or not such a one.
@@ -217,8 +217,8 @@ def numbers(value: object, name: str, expected: str = "numbers", *, error: type[
     Args:
         value: as given: no text, nothing complex, no booleans, no rows of different length.
         name: of the argument.
-        expected: what would be right.
-        error: what is raised.
+        expected: the right values, in messages.
+        error: class of the raised error.
 
     Raises:
         ArmdynError: as `error`; it is none.
@@ -262,13 +262,13 @@ def interval(
 def several(
     value: object, name: str, *, most: int = MOST_MEMBERS, error: type[ArmdynError] = ProblemError
 ) -> tuple[object, ...]:
-    """The members of a list or of what else can be gone through, but no text.
+    """The members of a list or another iterable, but no text.
 
     Args:
         value: as given; of one without end no more is read than the most.
         name: of the argument.
         most: members that there may be.
-        error: what is raised.
+        error: class of the raised error.
 
     Raises:
         ArmdynError: as `error`; it is one thing, or too many.
@@ -302,7 +302,7 @@ def path(value: object, name: str, *, error: type[ArmdynError] = ProblemError) -
         ArmdynError: as `error`; it is none.
     """
     try:
-        found = os.fsdecode(value)  # type: ignore[arg-type]  # it refuses what is no path
+        found = os.fsdecode(value)  # type: ignore[arg-type]  # it refuses other values
         good = b"\0" not in os.fsencode(found)  # which refuses half a surrogate pair
     except Exception:  # whatever a stranger's __fspath__ raises
         good = False

@@ -22,7 +22,7 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """The end of a message about a name that is not known: "; did you mean 'ur5'?", empty if none is like it.
 
     Args:
-        name: what was asked for.
+        name: the unknown one.
         known: the names that would have been right.
     """
     import difflib  # only who mistypes waits for it
@@ -62,7 +62,7 @@ class UrdfError(ArmdynError, ValueError):
     """A URDF cannot be read or is not physical.
 
     Attributes:
-        source: the file, or what the text was called.
+        source: the file, or the name of the text.
         element: the link or joint at fault, if it is one.
     """
 
@@ -80,7 +80,7 @@ class UnknownRobotError(ArmdynError, KeyError):
     """No robot of that name.
 
     Attributes:
-        name: what was asked for.
+        name: the unknown one.
         known: the names that would have been right.
         hint: where else there may be one of that name; empty: nowhere.
     """
@@ -117,7 +117,7 @@ class FileError(ArmdynError, OSError):
 
     Attributes:
         path: which one.
-        why: what is wrong with it.
+        why: the fault.
     """
 
     def __init__(self, path: str | os.PathLike[str], why: str):
@@ -130,7 +130,7 @@ class FileError(ArmdynError, OSError):
 
 
 class DiskFullError(ArmdynError, OSError):
-    """There is no room for a file. What was written before it is whole.
+    """There is no room for a file. Files written before it are whole.
 
     Attributes:
         path: the file, or the folder for it.
@@ -146,12 +146,12 @@ class BridgeError(ArmdynError, RuntimeError):
 
 
 class MissingPackageError(ArmdynError, ImportError):
-    """A package that armdyn can do without is needed for what was asked, and not installed.
+    """An optional package is needed for the request, and not installed.
 
     Attributes:
         package: its name, as pip knows it.
-        what: was asked.
-        instead: what does without; empty: nothing.
+        what: the request.
+        instead: a way without it; empty: none.
     """
 
     def __init__(self, package: str, what: str, instead: str = ""):
@@ -166,11 +166,11 @@ class ClusterError(ArmdynError, ConnectionError):
 
 
 class SettingError(ArmdynError, ValueError):
-    """An environment variable is set to what it cannot be.
+    """An environment variable has a wrong value.
 
     Attributes:
         variable: its name.
-        value: what it is set to.
+        value: its value.
     """
 
     def __init__(self, variable: str, value: str, right: str):
@@ -180,4 +180,4 @@ class SettingError(ArmdynError, ValueError):
 
 
 class ArmdynWarning(UserWarning):
-    """A problem that can be solved but may not mean what its author thinks."""
+    """A problem that can be solved, but may not be the intended one."""

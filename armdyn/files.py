@@ -127,9 +127,10 @@ def write_whole(path: str | os.PathLike[str], data: bytes) -> Path:
         DiskFullError: there is no room for it.
         FileError: the folder cannot be written.
     """
+    path = Path(path_of(path, "path"))
     with writing_whole(path) as scratch:
         scratch.write_bytes(data)
-    return Path(path)
+    return path
 
 
 @contextmanager

@@ -1,6 +1,6 @@
 """Packages that import a name when it is first asked for (PEP 562).
 
-`import armdyn` is then quick, and who only reads a robot does not wait for the optimiser.
+`import armdyn` is then quick, and a program that only reads a robot does not import the optimiser.
 """
 
 import sys

@@ -2,8 +2,8 @@
 
 CasADi lets go of the interpreter's lock whenever it is called, so that threads do meet in it. Building expressions
 and evaluating Functions are safe there. A solver is not: it has one memory, whoever calls it, and one monitor that
-says when to stop. Whoever calls IPOPT therefore takes `one_at_a_time`, and so does who builds, or works in what is
-built once and changed by its use. It is never held from one call of IPOPT to the next: threads take turns.
+says when to stop. Whoever calls IPOPT therefore takes `one_at_a_time`, and so does code that builds objects once,
+or works in objects that their use changes. It is never held from one call of IPOPT to the next: threads take turns.
 
 A fork waits for its turn, too, so that its child finds nothing half done and no lock of IPOPT's taken.
 """

@@ -6,7 +6,8 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Collection, Generator, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkProcess
@@ -29,42 +30,24 @@ def in_processes(jobs: Sequence[Callable[[], Result]], workers: int | None) -> G
     """Results of jobs in parallel processes, in the order of the jobs.
 
     Workers are forks, which know all that was built before; jobs are begun in order, results are pickled. Workers end
-    with this process, however it ends, and with the thread that asked first. Who has seen enough stops asking: what
-    is still under way is then killed. Jobs ask a `Stop` of this process, which forks share.
+    with this process, however it ends, and with the thread that asked first. When the caller stops iterating,
+    jobs under way are killed. Jobs ask a `Stop` of this process, which forks share.
 
     Args:
-        jobs: what is to be done. A job whose worker dies or raises is done again here.
+        jobs: to be done. A job whose worker dies or raises is done again here.
         workers: processes at most; None: one per core. With one, within a worker, or where there is no fork, all is
             done here.
     """
-    with _workers(jobs, workers) as pool:
-        ended, known = _ended(jobs, pool), dict[int, tuple[Result] | None]()
+    with job_pool(jobs, workers) as pool:
+        waiting, known = deque(range(len(jobs))), dict[int, tuple[Result] | None]()
         for k, job in enumerate(jobs):
-            while k not in known:
-                known.update([next(ended)])
-            result = known.pop(k)
-            yield job() if result is None else result[0]
-
-
-def as_completed(
-    jobs: Sequence[Callable[[], Result]], workers: int | None, after: Mapping[int, Collection[int]] | None = None
-) -> Generator[Result]:
-    """Results of jobs in parallel processes, in the order in which they finish.
-
-    Who stops asking interrupts what is under way: a job hears SIGINT only where it listens, as `solve_minimum_time`
-    does. What does not end within 1.5 s is killed.
-
-    Args:
-        jobs: what is to be done.
-        workers: processes at most, see `in_processes`.
-        after: of some jobs, the numbers of others that end before they are begun.
-
-    Raises:
-        ValueError: jobs wait for each other.
-    """
-    with _workers(jobs, workers, patient=True) as pool:
-        for k, result in _ended(jobs, pool, after or {}):
-            yield jobs[k]() if result is None else result[0]
+            while pool.count and k not in known:
+                while pool.idle and waiting:
+                    number = waiting.popleft()
+                    pool.submit(number, number)
+                known.update((number, result) for number, _, result in pool.finished(None))
+            found = known.pop(k, None)
+            yield job() if found is None else found[0]
 
 
 @contextmanager
@@ -72,11 +55,11 @@ def concurrently(job: Callable[[], Result], workers: int | None) -> Iterator[Cal
     """Run a job in a process of its own; yields a function that waits for the result and returns it.
 
     Args:
-        job: what is to be done; if its worker dies or raises, or there is none, here, when the result is asked for.
+        job: to be done; if its worker dies or raises, or there is none, here, when the result is asked for.
         workers: processes at most; with one there is no other.
     """
     known: list[Result] = []
-    with _workers([job] if workers != 1 else [], None, least=1) as pool:
+    with job_pool([job] if workers != 1 else [], None, least=1) as pool:
         if pool.count:
             pool.submit(0, 0)
 
@@ -126,7 +109,7 @@ class ForkPool(Generic[Result]):
             return
 
     def finished(self, seconds: float | None) -> list[tuple[int, int | None, tuple[Result] | None]]:
-        """Number, process and result of what has ended; instead of a result None where the worker died.
+        """Number, process and result of jobs that have ended; the result is None where the worker died.
 
         Args:
             seconds: how long that is waited for at most [s]; None: as long as it takes.
@@ -174,7 +157,8 @@ def fork_pool(do: Callable[[Any], Result], count: int | None, patient: bool = Fa
     """Pool of forked workers, killed on exit. They end with this process, too.
 
     Args:
-        do: what they do, also what this process has built; results are pickled. What it raises kills its worker.
+        do: their function, which may use everything that this process has built; results are pickled. An exception
+            kills the worker.
         count: of them; None: one per core.
         patient: see `ForkPool.close`.
 
@@ -199,39 +183,20 @@ def _can_fork() -> bool:
     return "fork" in multiprocessing.get_all_start_methods()
 
 
-def _workers(
+def job_pool(
     jobs: Sequence[Callable[[], Result]], workers: int | None, patient: bool = False, least: int = 2
 ) -> AbstractContextManager[ForkPool[Result]]:
-    """Pool for jobs by their numbers; it has no worker where all is to be done here, as of fewer than the least."""
+    """Pool that does jobs by their numbers; it has no worker where all is to be done in this process.
+
+    Args:
+        jobs: to be done; workers know them, as they are forks.
+        workers: at most; None: one per core.
+        patient: see `ForkPool.close`.
+        least: fewest workers that are worth their forks.
+    """
     count = min(workers or core_count(), len(jobs))
     forks = count >= least and _can_fork() and not multiprocessing.current_process().daemon
     return fork_pool(lambda k: jobs[k](), count if forks else 0, patient)
-
-
-def _ended(
-    jobs: Sequence[Callable[[], Result]], pool: ForkPool[Result], after: Mapping[int, Collection[int]] | None = None
-) -> Iterator[tuple[int, tuple[Result] | None]]:
-    """Numbers of jobs that are no longer under way, with their results; None: it is to be done here."""
-    waiting, known = list(range(len(jobs))), set[int]()
-
-    def free() -> int | None:
-        """The first job whose predecessors have finished."""
-        return next((k for k in waiting if known.issuperset((after or {}).get(k, ()))), None)
-
-    while waiting or pool.idle < pool.count:
-        while pool.idle and (k := free()) is not None:
-            waiting.remove(k)
-            pool.submit(k, k)
-        if pool.idle < pool.count:
-            for k, _, result in pool.finished(None):
-                yield k, result
-                known.add(k)
-            continue
-        if (k := free()) is None:
-            raise ValueError(f"jobs {waiting} wait for each other")
-        waiting.remove(k)
-        yield k, None
-        known.add(k)
 
 
 def _fork(do: Callable[[Any], object], processes: dict[Connection, ForkProcess]) -> Connection:
@@ -278,7 +243,7 @@ def _work(do: Callable[[Any], object], line: Connection, owner: int) -> None:
 def _end_with(owner: int) -> None:
     """Have the kernel kill this process when its owner ends, even within a long call that knows no Python.
 
-    Strictly, when the owner's thread ends that forked: what is lost is done again there. Where the kernel cannot, a
+    Strictly, when the owner's thread ends that forked: lost jobs are done again there. Where the kernel cannot, a
     worker ends after its job, by the dead line.
     """
     if sys.platform == "linux":

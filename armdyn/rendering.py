@@ -1,6 +1,6 @@
 """Registry of the renderer, which draws values in notebooks, figures and reports.
 
-Values below `armdyn.show` draw themselves through the registry and do not import what draws. `armdyn/__init__.py`,
+Values below `armdyn.show` draw themselves through the registry and do not import drawing code. `armdyn/__init__.py`,
 above all of them, registers the renderer: matplotlib and meshcat are imported when the first value is drawn.
 """
 

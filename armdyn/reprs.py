@@ -1,6 +1,6 @@
 """One-line `repr` of dataclasses, for notebooks, logs and debuggers.
 
-A dataclass with arrays would write all of their numbers. Nobody reads those, and they hide the rest.
+The default `repr` of a dataclass with arrays writes all of their numbers, which hide the rest.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def line_of(value: Any) -> str:
 
 def called(name: object) -> str:
     """A name in quotation marks, on one line whatever it has in it, and cut off where it is long."""
-    text = repr(str(name)[:_MOST_OF_A_NAME])  # repr writes line breaks and what cannot be printed as escapes
+    text = repr(str(name)[:_MOST_OF_A_NAME])  # repr escapes line breaks and characters that cannot be printed
     return _cut(text, _MOST_OF_A_NAME)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 import armdyn as ad
 from armdyn.control.loop.loop import VELOCITIES
-from armdyn.control.stability.plane import gain_plane
+from armdyn.control.stability.region import gain_plane
 from armdyn.paper import GAINS, example
 from armdyn.show.figures.gain_regions import plot_regions
 from armdyn.show.plots import save_figure

@@ -1,5 +1,6 @@
 """What all tests share: how hypothesis searches, which tests come first, URDFs given as text."""
 
+import os
 import signal
 import subprocess
 from pathlib import Path
@@ -7,7 +8,10 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from armdyn.models import Robot
+import armdyn as ad
+
+# Before numpy is imported: matrices are small, and each thread of BLAS would wait for the other on a core of a worker.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # Examples are the same in every run, and none is judged by the clock of a busy machine.
 settings.register_profile("armdyn", deadline=None, derandomize=True)
@@ -41,7 +45,7 @@ def read(file):
     """Reads a robot from a URDF, given as text."""
 
     def from_text(text, **options):
-        return Robot.from_urdf(file(text), **options)
+        return ad.Robot.from_urdf(file(text), **options)
 
     return from_text
 

@@ -15,7 +15,7 @@ ARMDYN = [sys.executable, "-c", "from armdyn.cli import main; main()"]
 LONG_CALL = """
 import os
 from functools import partial
-from armdyn.parallel import {together}
+from {room} import {together}
 
 def busy(k):
     os.write(1, b"begun\\n")
@@ -55,9 +55,11 @@ def assert_nothing_is_left(owner, workers, how):
 
 
 @ENDINGS
-@pytest.mark.parametrize("together", ["in_processes", "as_completed"])
-def test_within_one_long_call(how, together):
-    owner = owner_of([sys.executable, "-c", LONG_CALL.format(together=together)])
+@pytest.mark.parametrize(
+    ("room", "together"), [("armdyn.parallel", "in_processes"), ("armdyn.paper.parallel", "as_completed")]
+)
+def test_within_one_long_call(how, room, together):
+    owner = owner_of([sys.executable, "-c", LONG_CALL.format(room=room, together=together)])
     assert [owner.stdout.readline() for _ in range(2)] == ["begun\n"] * 2
     assert_nothing_is_left(owner, workers_of(owner), how)
 

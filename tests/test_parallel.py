@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from armdyn.optimal.problem.stop import Stop, stopping
-from armdyn.parallel import as_completed, in_processes
+from armdyn.paper.parallel import as_completed
+from armdyn.parallel import in_processes
 
 HERE = os.getpid()
 FORK = multiprocessing.get_context("fork")

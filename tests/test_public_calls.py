@@ -62,6 +62,7 @@ INNER = {
         "of",
         "of_option",
         "on",
+        "under",
     ),
     *("rows", "tightened", "torque_rate_limit", "values", "with_stability", "without_motors"),
     "from_description",  # takes a package, and the internet

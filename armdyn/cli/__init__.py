@@ -1,6 +1,6 @@
 """The command line: `armdyn`.
 
-To import it takes a few milliseconds: what Ctrl-C and the streams need is settled before anything big is imported.
+Its import takes a few milliseconds: Ctrl-C and the streams are set up before anything large is imported.
 """
 
 import sys
@@ -11,7 +11,7 @@ __all__ = ["main"]
 
 
 def main() -> None:
-    """Run the command line; never ends in a traceback for bad input, Ctrl-C or a reader that has gone.
+    """Run the command line; bad input, Ctrl-C and a closed pipe never end in a traceback.
 
     Raises:
         SystemExit: always, with the exit code.

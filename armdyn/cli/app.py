@@ -1,6 +1,6 @@
 """The application: its commands.
 
-A command's module is read to know its options; what the command works with is imported when it runs.
+The module of a command is imported for its options; the modules that do its work are imported when it runs.
 """
 
 import sys
@@ -35,11 +35,11 @@ _HELP = """Time-optimal and closed-loop motion of robot arms, from a URDF.
 [dim]Of your own arm, or of one that has a name; poses by name or in degrees:[/]
     armdyn mintime my_arm.urdf --q-start 0,0,0 --q-goal 1,0.5,-1.2
     armdyn mintime ur5 --q-start home --q-goal 90deg,-45deg,60deg,-90deg,0,0
-[dim]What a controller makes of it, sampled and with another payload than it thinks:[/]
+[dim]A controller along the motion, sampled, on an arm with another payload than its model:[/]
     armdyn track rr --payload 0.1006 --reserve 0.1 --plant-payload 0.12
 [dim]How much time any planner's motion leaves:[/]
     armdyn optimality panda planned.csv
-[dim]Which arms have a name, what armdyn reads from a URDF, what is wrong with it:[/]
+[dim]The arms that have a name; a check of your URDF:[/]
     armdyn robots
     armdyn doctor my_arm.urdf
 [dim]For a robot or a simulator; for a script:[/]
@@ -51,7 +51,7 @@ armdyn COMMAND --help says more, with examples."""
 _PANELS: dict[str, tuple[Callable[..., None], ...]] = {
     "Motions": (mintime, bound, optimality, sweep),
     "Closed loops": (track, monte_carlo, tune, pid),
-    "What a motion is for": (report, compare, replay, export),
+    "Results": (report, compare, replay, export),
     "Robots": (robots, doctor),
     "The paper": (reproduce, urdf),
 }

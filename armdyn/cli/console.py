@@ -1,4 +1,4 @@
-"""How commands speak: to people on a terminal, to machines as one JSON object."""
+"""Output of commands: text for people on a terminal, one JSON object for machines."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -18,7 +17,7 @@ import typer
 
 from armdyn.cli import interrupts
 from armdyn.cli.interrupts import INTERRUPTED as INTERRUPTED
-from armdyn.cli.reports.invocation import is_given
+from armdyn.cli.invocation import command_name, is_given, option_value
 from armdyn.cli.streams import BAD_INPUT as BAD_INPUT
 from armdyn.cli.streams import DISK_FULL as DISK_FULL
 from armdyn.errors import ArmdynError, ArmdynWarning, DiskFullError
@@ -38,14 +37,14 @@ EXIT_CODES = (
     "0 done, and the motion is usable: it lands and keeps its limits; 2 bad usage or input; 3 it is not usable; "
     "4 it is, but not what --require asks for; 5 disk full; 130 interrupted."
 )
-"""What they mean, as help and README say it."""
+"""Meaning of the exit codes, as in help and README."""
 
 SCHEMA = interrupts.SCHEMA
 """Version of the JSON objects, see docs/json.md: raised when a key goes, or means something else."""
 
 
 class Terminal:
-    """Standard output or error, spoken to by rich; which is loaded when there is something to say."""
+    """Standard output or error by rich, which is imported at the first print."""
 
     def __init__(self, *, stderr: bool = False):
         self._stderr = stderr
@@ -60,11 +59,11 @@ class Terminal:
 
     @property
     def is_terminal(self) -> bool:
-        """Someone watches."""
+        """Whether it is a terminal."""
         return self.rich.is_terminal
 
     def shows(self, text: str) -> bool:
-        """It has all characters of a text."""
+        """Whether its encoding has all characters of a text."""
         try:
             text.encode(self.rich.encoding)
         except (LookupError, UnicodeEncodeError):
@@ -72,35 +71,16 @@ class Terminal:
         return True
 
     def print(self, what: str | Table) -> None:
-        """Say something, in rich's markup; nothing where it is to be quiet."""
+        """Print rich's markup, unless `quiet` is set."""
         if not self.quiet:
             self.rich.print(what)
 
 
 console, errors = Terminal(), Terminal(stderr=True)
 
-_COMMAND: ContextVar[str] = ContextVar("command", default="")
-
-
-@contextmanager
-def speaking(command: str, *, quiet: bool) -> Iterator[None]:
-    """Within it a command speaks.
-
-    Args:
-        command: its name, for the JSON object.
-        quiet: nothing is said on standard output, and no progress shown.
-    """
-    token = _COMMAND.set(command)
-    console.quiet = quiet
-    try:
-        yield
-    finally:
-        _COMMAND.reset(token)
-        console.quiet = False
-
 
 def escape(text: str) -> str:
-    """The text as it is, in rich's markup."""
+    """Text with rich's markup escaped."""
     from rich.markup import escape as escaped
 
     return escaped(text)
@@ -108,7 +88,7 @@ def escape(text: str) -> str:
 
 @dataclass
 class Answer:
-    """What a command found out; filled in as it goes.
+    """Answer of a command, filled in while it runs.
 
     Attributes:
         facts: for the JSON object.
@@ -119,22 +99,22 @@ class Answer:
     code: int = DONE
 
     def done(self, status: str, facts: Mapping[str, object], files: Iterable[Path] = ()) -> None:
-        """It has ended well."""
+        """Record success."""
         self.facts |= {"success": True, "status": status, **facts, "files": [str(file) for file in files]}
 
     def interrupted(self) -> None:
-        """It ends by Ctrl-C."""
+        """Record an interrupt."""
         self.failed("interrupted", "interrupted", INTERRUPTED)
 
     def failed(self, status: str, message: str, code: int) -> None:
-        """It ends without an answer."""
+        """Record a failure."""
         self.facts |= {"success": False, "status": status, "message": message}
         self.code = code
 
 
 @contextmanager
 def answering(as_json: bool) -> Iterator[Answer]:
-    """Turns what happens within into output and an exit code; no traceback leaves it.
+    """Turn results, errors and warnings of the block into output and an exit code, without tracebacks.
 
     Args:
         as_json: the answer is one JSON object, and `console` says nothing.
@@ -142,12 +122,12 @@ def answering(as_json: bool) -> Iterator[Answer]:
     Raises:
         typer.Exit: always, with the code.
     """
-    answer, quiet = Answer(), console.quiet
+    answer = Answer()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("ignore")
         warnings.simplefilter("always", ArmdynWarning)
         try:
-            console.quiet = quiet or as_json
+            console.quiet = as_json or bool(option_value("quiet"))
             with interrupts.Raised():
                 yield answer
         except typer.Exit:
@@ -170,13 +150,13 @@ def answering(as_json: bool) -> Iterator[Answer]:
                 hint = "this is a bug in armdyn; ARMDYN_DEBUG=1 shows where"
                 answer.failed("internal_error", f"internal error ({type(error).__name__}: {error}); {hint}", INTERNAL)
         finally:
-            console.quiet = quiet
+            console.quiet = False
     messages = list(dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, ArmdynWarning)))
     for message in messages:
         errors.print(f"[yellow]warning:[/] {escape(message)}")
     if as_json:
         answer.facts["warnings"] = messages
-        said = {"schema": SCHEMA, "command": _COMMAND.get(), **answer.facts}
+        said = {"schema": SCHEMA, "command": command_name(), **answer.facts}
         sys.stdout.write(json.dumps(said, allow_nan=False) + "\n")
     if answer.code in (INTERNAL, BAD_INPUT, DISK_FULL, INTERRUPTED) and "message" in answer.facts and not as_json:
         errors.print(f"[bold red]armdyn:[/] {escape(str(answer.facts['message']))}")
@@ -190,14 +170,14 @@ def _by_option(message: str) -> str:
 
 
 def _os_message(error: OSError) -> str:
-    """What the operating system refuses, and of which file."""
+    """The operating system's message, with the file."""
     what = error.strerror or str(error) or type(error).__name__
     return what if error.filename is None else f"{what}: {error.filename}"
 
 
 @contextmanager
 def working(what: str) -> Iterator[Callable[[str], None]]:
-    """A spinner on standard error while something runs; the function it gives updates its words."""
+    """Show a spinner on standard error; yields the function that updates its text."""
     interrupts.at(what)
     if console.quiet or not errors.is_terminal:
         yield lambda text: interrupts.at(f"{what}: {text}")
@@ -216,14 +196,14 @@ _REDRAWN = 0.1
 
 
 class Bar:
-    """A progress bar on standard error; without one, nothing is shown."""
+    """Progress bar on standard error, or none."""
 
     def __init__(self, bar: Progress | None, total: int):
         self._bar, self._task = bar, bar.add_task("", total=total) if bar else None
         self._drawn = 0.0
 
     def update(self, done: int, text: str, total: int | None = None) -> None:
-        """So many are done; the text stands behind the bar."""
+        """Set the count of finished cases, and the text next to the bar."""
         if self._bar and self._task is not None:
             now = time.monotonic()
             due = now - self._drawn >= _REDRAWN
@@ -232,7 +212,7 @@ class Bar:
 
     @contextmanager
     def aside(self) -> Iterator[None]:
-        """Out of the way, while something else is said."""
+        """Hide the bar while other text is printed."""
         if self._bar:
             self._bar.stop()
         yield
@@ -242,7 +222,7 @@ class Bar:
 
 @contextmanager
 def progress_bar(name: str, total: int) -> Iterator[Bar]:
-    """A bar with a name and a count, where someone watches."""
+    """Show a progress bar with a name and a count, if standard error is a terminal."""
     if console.quiet or not errors.is_terminal:
         yield Bar(None, total)
         return
@@ -258,7 +238,7 @@ def progress_bar(name: str, total: int) -> Iterator[Bar]:
 
 
 def facts_table(title: str, facts: dict[str, str]) -> Table:
-    """Two columns, what and how much."""
+    """Table of two columns: names and values."""
     from rich.table import Table
 
     table = Table(title=escape(title), title_justify="left", title_style="bold", show_header=False, box=None)

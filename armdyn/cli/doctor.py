@@ -1,4 +1,4 @@
-"""The command that looks at the installation, or at a robot, and says what is wrong."""
+"""The command `armdyn doctor`: checks the installation, or a robot."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def doctor(
     ] = False,
     json: Json = False,
 ) -> None:
-    """Check the installation, or what armdyn reads from a robot's URDF.
+    """Check the installation, or a robot as armdyn reads it.
 
     [dim]armdyn doctor
     armdyn doctor panda
@@ -160,7 +160,7 @@ def policy_table(name: str, rows: Iterable[PolicyRow]) -> Table:
     from rich.table import Table
 
     table = Table(title=escape(f"{name}: policy of minimum time"), title_justify="left", header_style="bold", box=None)
-    for column in ("number", "value", "what it is, and why"):
+    for column in ("number", "value", "meaning and reason"):
         table.add_column(column, overflow="fold")
     for what, value, unit, reason, cases in rows:
         shown = "none" if value is None else f"{value:g}" if isinstance(value, float) else str(value)

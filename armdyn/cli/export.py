@@ -1,4 +1,4 @@
-"""The command that writes a motion in another format."""
+"""The command `armdyn export`: writes a motion in another format."""
 
 from __future__ import annotations
 

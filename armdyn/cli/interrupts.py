@@ -39,15 +39,15 @@ _PATIENCE = 0.5
 
 class _State:
     working = False
-    """A command works: it hears of an interrupt as `KeyboardInterrupt`."""
+    """A command is running: an interrupt raises `KeyboardInterrupt` in it."""
     pressed = False
-    """There was one."""
+    """Ctrl-C was pressed."""
     doing = ""
-    """What the command is at, in words."""
+    """The command's current step, in words."""
 
 
 class Guard:
-    """Within it Ctrl-C is answered as this module says, and afterwards not at all: all that is left is to end.
+    """Context that handles Ctrl-C as this module describes; after it Ctrl-C is ignored until the process ends.
 
     Where someone else sees to the signal, or nobody is to hear it (`nohup`, a job in the background), that stays.
     """
@@ -76,9 +76,9 @@ class Guard:
 
 
 class Raised:
-    """Within it Ctrl-C raises `KeyboardInterrupt`, so that a command can put things in order.
+    """Context in which Ctrl-C raises `KeyboardInterrupt`, so that a command can put things in order.
 
-    Where that takes a while, a line says what is being finished; a second Ctrl-C ends the process, wherever it is.
+    If that takes a while, a line names the step that is being finished; a second Ctrl-C ends the process at once.
     """
 
     def __enter__(self) -> None:
@@ -94,7 +94,7 @@ class Raised:
 
 
 def at(what: str) -> None:
-    """Note what the command is doing, for the line that follows Ctrl-C.
+    """Set the command's current step, for the line that follows Ctrl-C.
 
     Args:
         what: in words.
@@ -103,12 +103,12 @@ def at(what: str) -> None:
 
 
 def pressed() -> bool:
-    """Ctrl-C was pressed: whatever exception came since may be its doing."""
+    """Whether Ctrl-C was pressed: exceptions since then may be its consequence."""
     return _State.pressed
 
 
 def leave() -> NoReturn:
-    """End the process at once, in a word."""
+    """End the process at once, with one line of output."""
     if "--json" in sys.argv:
         os.write(1, _ANSWER)
     os.write(2, (_SHOW_CURSOR if os.isatty(2) else b"") + b"armdyn: interrupted\n")
@@ -123,7 +123,7 @@ def _on_interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def _watch(signals: int) -> None:
-    """Look out for Ctrl-C in a thread of its own: the main thread may be deep in a library that knows no signals."""
+    """Watch for Ctrl-C in a thread: the main thread may be in a library that handles no signals."""
     presses = 0
     while presses < 2:
         presses += os.read(signals, 1) == bytes([_signal.SIGINT])

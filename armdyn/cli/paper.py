@@ -17,7 +17,6 @@ from armdyn.parsing.numbers import numbers
 if TYPE_CHECKING:
     from armdyn.paper.outcomes.outcome import Outcome
     from armdyn.paper.plan import Plan
-    from armdyn.paper.reproduce import Reproduced
 
 
 ArrivalRuleName = Annotated[
@@ -42,7 +41,7 @@ def reproduce(
         typer.Option(metavar="KG", help="Payload \\[kg]; several: comma or again. By default the paper's ten."),
     ] = None,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results.")] = Path("results/paper"),
-    fresh: Annotated[bool, typer.Option("--fresh", help="Solve again what DIR has already.")] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Solve again the cases that DIR has already.")] = False,
     arrival_rule: ArrivalRuleName = None,
     json: Json = False,
 ) -> None:
@@ -51,7 +50,7 @@ def reproduce(
     Open DIR/index.html in a browser: it is there as soon as the examples with 100.6 g are, which come first.
     DIR/tables has Tables 3 to 7 as CSV, Markdown and LaTeX, DIR/figures Figures 2 to 7, DIR/cases every single
     result; the six examples with 100.6 g have a folder each.
-    What is done stays: Ctrl-C, and the same command goes on from there.
+    After Ctrl-C the same command goes on: solved cases stay in DIR.
     A PID loop that does not settle is a finding, not a failure: the paper's loop is unstable for RRR. Exit code 3:
     some minimum-time motion is not usable.
 
@@ -80,13 +79,16 @@ def reproduce(
             answer.facts |= {"success": False, "status": "interrupted", "message": message, "out": str(out)}
             answer.code = INTERRUPTED
         else:
-            answer.facts |= _facts(result)
+            answer.facts |= result.summary()
             answer.code = 0 if answer.facts["success"] else NOT_USABLE
-            _print(result, out)
+            console.print(result.message())
+            console.print(
+                f"all of them are in {escape(str(out / 'index.html'))}; tables in {escape(str(out / 'tables'))}"
+            )
 
 
 def _plan(only: Sequence[str], payloads: Sequence[str], rule: str | None, fresh: bool) -> "Plan":
-    """What the options ask for."""
+    """The plan of the options."""
     from armdyn.paper.plan import Plan
     from armdyn.paper.printed.loop import PAPER_RULE
 
@@ -100,76 +102,20 @@ def _plan(only: Sequence[str], payloads: Sequence[str], rule: str | None, fresh:
     )
 
 
-def _facts(result: "Reproduced") -> dict[str, object]:
-    """For the JSON object."""
-    # A time-energy optimum without torque limit that resists is a finding of its own, and the tables say so.
-    failed = [o.case.name for o in result.outcomes if o.case.kind == "minimum_time" and not o.success]
-    verdicts = [row.verdict for row in result.rows]
-    return {
-        "success": not failed,
-        "status": "done" if not failed else "not_converged",
-        "failed": failed,
-        "cases": {o.case.name: {"time": o.time, "status": o.status, "message": o.message} for o in result.outcomes},
-        "verdicts": {verdict: verdicts.count(verdict) for verdict in ("reproduced", "close", "not reproduced")},
-        "files": [str(file) for file in result.files],
-    }
-
-
 def _print_examples(outcomes: "Sequence[Outcome]", plan: "Plan", out: Path) -> None:
-    """For people: the examples with the figures' payload, and where they are shown."""
+    """Print the examples with the figures' payload, and the place of their figures."""
     from rich.table import Table
 
-    from armdyn.paper.printed.published import printed_time
-    from armdyn.paper.tables.rows import setup
+    from armdyn.paper.tables.examples import HEADER, example_lines
 
     grams = f"{1000 * plan.shown_payload:g} g"
     table = Table(title=f"The paper's examples with {grams} at the tip", title_justify="left")
-    for column in ("#", "arm", "problem", "paper", "ours", "what happened"):
+    for column in HEADER:
         table.add_column(column, justify="right" if column in ("#", "paper", "ours") else "left")
-    for outcome in sorted(outcomes, key=lambda o: (o.case.example, o.case.kind)):
-        case = outcome.case
-        paper = printed_time(case.example, case.payload)
-        if case.reading != "tip" or setup(case):
-            continue
-        table.add_row(
-            str(case.example),
-            case.arm.upper(),
-            {"minimum_time": "minimum time", "time_energy": "time–energy", "pid": "PID"}[case.kind],
-            "-" if paper is None else f"{paper.value:.3f} s",
-            "-" if outcome.time is None else f"{outcome.time:.4f} s",
-            escape(_happened(outcome)),
-        )
+    for line in example_lines(outcomes):
+        table.add_row(*map(escape, line))
     console.print(table)
     console.print(f"figures and replays: open {escape(str(out / 'index.html'))} in a browser")
-
-
-def _print(result: "Reproduced", out: Path) -> None:
-    """For people: how the paper's numbers fare, and where the rest is."""
-    from collections import Counter
-
-    from armdyn.paper.tables.standing import VERDICTS, standings
-
-    stand = standings(result.rows)
-    again, close, missing = (Counter(stand.values())[verdict] for verdict in VERDICTS)
-    console.print(
-        f"of {len(stand)} numbers in the paper's tables {again} come out again, {close} come near, and {missing} come "
-        f"out of no reading of the paper's own data ({len(result.rows)} comparisons)"
-    )
-    console.print(f"all of them are in {escape(str(out / 'index.html'))}; tables in {escape(str(out / 'tables'))}")
-
-
-def _happened(outcome: "Outcome") -> str:
-    facts = outcome.facts
-    if outcome.case.kind == "pid":
-        return f"{outcome.status.replace('_', ' ')}, max Re λ = {facts['max_real_eigenvalue']:+.3f} 1/s"
-    if not outcome.success:
-        return outcome.message
-    landed = "certified" if facts["certified"] else f"replay ends {facts['goal_error']:.0e} rad from the goal"
-    indirect = facts.get("indirect_time_s")
-    if not isinstance(indirect, float) or outcome.time is None:
-        return landed
-    apart = abs(indirect - outcome.time)
-    return f"{landed}; indirect method {f'differs by {apart:.0e} s' if apart > 1e-12 else 'agrees to rounding'}"
 
 
 def urdf(

@@ -1,4 +1,4 @@
-"""The command that lists the robots that have a name."""
+"""The command `armdyn robots`: lists the robots that have a name."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def _tell_poses(robot: ad.Robot, answer: Answer) -> None:
 
 
 def _facts(name: str, progress: Callable[[str], None]) -> Facts:
-    """What one robot is; never an exception, for one bad robot must not hide the others."""
+    """Facts of one robot; never an exception, for one bad robot must not hide the others."""
     import numpy as np
 
     from armdyn.models.robots.library import LIBRARY_ARMS

@@ -13,8 +13,8 @@ BAD_INPUT, DISK_FULL = 2, 5
 def settle() -> None:
     """Make standard output and error such that no character and no reader's end is an error.
 
-    A character that the terminal's encoding lacks is written as its escape. What nobody reads any more is dropped,
-    and the command goes on: its files are still wanted.
+    A character that the terminal's encoding lacks is written as its escape. Output without a
+    reader is dropped, and the command goes on: its files are still wanted.
 
     Raises:
         SystemExit: standard output is closed.
@@ -71,7 +71,7 @@ def _settled(stream: TextIO | None) -> TextIO | None:
 
 
 class _UntilNobodyReads(io.FileIO):
-    """A file that takes what it is given also when the reader of the pipe has gone."""
+    """A file that accepts data after the reader of the pipe has closed it."""
 
     def write(self, data: "bytes | memoryview") -> int:  # type: ignore[override]  # a buffer, as BufferedWriter gives it
         try:

@@ -1,4 +1,4 @@
-"""The process that `build_later` starts: it builds one library, puts it in its place, and ends."""
+"""Process of `build_later`: it builds one library, puts it in its place, and ends."""
 
 import os
 import sys
@@ -9,7 +9,7 @@ from armdyn.codegen.compiler import CompilerError, built
 from armdyn.files import write_sealed
 
 _NICE = 10
-"""Whoever solves meanwhile goes first."""
+"""Niceness: solves go first."""
 
 
 def main() -> None:

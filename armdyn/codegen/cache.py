@@ -1,8 +1,8 @@
 """Cache folders of machine code that only this user can write.
 
-What lies in the cache is loaded and runs. A folder is therefore used only if it is this user's, no one else can write
+Libraries in the cache are loaded and run. A folder is therefore used only if it is this user's, no one else can write
 in it, and no one else can put another in its place: the folders above it belong to this user or to root, and others
-can write in none of them, or not rename what is not theirs (the sticky bit, as of /tmp). Root is trusted.
+can write in none of them, or not rename files of others (the sticky bit, as of /tmp). Root is trusted.
 """
 
 import os
@@ -18,7 +18,7 @@ from armdyn.errors import SettingError
 
 
 def cache_directory() -> Path:
-    """Where libraries are kept: `ARMDYN_CACHE`, or the user's cache directory.
+    """Folder of the libraries: `ARMDYN_CACHE`, or the user's cache directory.
 
     Raises:
         SettingError: `ARMDYN_CACHE` is relative: another folder wherever one stands.
@@ -33,7 +33,7 @@ def protected(folder: Path) -> Path:
     """The folder without links in its path, made where it is not there.
 
     Raises:
-        OSError: it cannot be made, or others can change what is in it.
+        OSError: it cannot be made, or others can change its content.
     """
     folder = Path(os.path.realpath(folder))
     for part in (*reversed(folder.parents), folder):

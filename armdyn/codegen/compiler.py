@@ -13,9 +13,9 @@ from armdyn.codegen.deadline import NoTimeError, left
 FLAGS = ("-O1", "-fPIC", "-shared", "-ffp-contract=off")
 """Level 1 has nearly all of the speed at half of level 2's build time; no contraction: the same numbers everywhere."""
 _TIMEOUT = 60.0
-"""Longest run of the compiler [s]: six times what a Panda's curves take on an idle core."""
+"""Longest run of the compiler [s]: six times that of a Panda's curves on an idle core."""
 _MEMORY = 2**20
-"""Address space of each of the compiler's processes [KiB], 1 GiB: twice what a Panda's curves take."""
+"""Address space of each of the compiler's processes [KiB], 1 GiB: twice that of a Panda's curves."""
 _LIMITED = f'ulimit -v {_MEMORY} 2>/dev/null; ulimit -t {_TIMEOUT:.0f}; exec "$@"'
 """The compiler's command line in sh. Its processes inherit the limits, so that they hold also where this one is killed
 meanwhile; without the first where the system has none, as macOS."""

@@ -19,7 +19,7 @@ class LateError(Exception):
 
 @contextmanager
 def until(deadline: float, stopped: Callable[[], bool] = lambda: False) -> Iterator[None]:
-    """Within it building is to be done by a time of `time.perf_counter` [s], or until it is stopped."""
+    """Context with a deadline for building: a time of `time.perf_counter` [s], or a stop."""
     tokens = _deadline.set(deadline), _stopped.set(stopped)
     try:
         yield

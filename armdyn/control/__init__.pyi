@@ -8,13 +8,13 @@ from armdyn.control.loop.references import set_point as set_point
 from armdyn.control.stability.margins import Margins as Margins
 from armdyn.control.stability.margins import loop_margins as loop_margins
 from armdyn.control.stability.margins import multiloop_disk as multiloop_disk
-from armdyn.control.stability.plane import GainPlane as GainPlane
-from armdyn.control.stability.plane import gain_plane as gain_plane
 from armdyn.control.stability.poles import closed_loop_eigenvalues as closed_loop_eigenvalues
 from armdyn.control.stability.rate import SampledStability as SampledStability
 from armdyn.control.stability.rate import sampled_stability as sampled_stability
 from armdyn.control.stability.rate import slowest_stable_rate as slowest_stable_rate
+from armdyn.control.stability.region import GainPlane as GainPlane
 from armdyn.control.stability.region import GainRegion as GainRegion
+from armdyn.control.stability.region import gain_plane as gain_plane
 from armdyn.control.stability.region import least_stable_factor as least_stable_factor
 from armdyn.control.stability.routh import RouthTable as RouthTable
 from armdyn.control.stability.routh import characteristic_polynomial as characteristic_polynomial

@@ -1,4 +1,4 @@
-"""Equations of motion: Pinocchio's in CasADi, and by hand."""
+"""Equations of motion: Pinocchio's, in CasADi and in numbers."""
 
 from armdyn.lazy import facade
 

@@ -22,7 +22,7 @@ _NO_MASS = 1e-100
 _CASADI = (ca.SX, ca.MX, ca.DM)
 
 Value = Any
-"""A numpy array, list or number, or a casadi DM, SX or MX: what goes in is what comes out."""
+"""A numpy array, list or number, or a casadi DM, SX or MX: results are of the type of the arguments."""
 
 
 class Dynamics:
@@ -35,7 +35,7 @@ class Dynamics:
     Two are equal if their Functions are: a dictionary or a cache may have them as keys.
 
     Attributes:
-        robot: what it was built from.
+        robot: the arm.
         nv: number of joints.
         payload_frame: the frame that carries the symbolic payload, or None.
         last_body: dynamic parameters of the last joint's body, shape (10,), where they are an argument; else (0,).
@@ -50,7 +50,7 @@ class Dynamics:
             payload_frame: with a frame's name every method takes one more argument, the ten dynamic
                 parameters (see `payload_parameters`) of a body fixed to that frame's joint.
             free_last_body: every method takes one more argument, the ten dynamic parameters of all that
-                the last joint carries (the robot's own are in `last_body`; what is zero there stays zero).
+                the last joint carries (the robot's own are in `last_body`; zeros there stay zero).
                 The same Functions then serve every payload at the tip.
 
         Raises:
@@ -101,7 +101,7 @@ class Dynamics:
         return self._call("nle", q, v, *payload)
 
     def gravity(self, q: Value, *payload: Value) -> Any:
-        """Gravity torque g(q) [N m], shape (nv,): what holds the arm still."""
+        """Gravity torque g(q) [N m], shape (nv,): it holds the arm still."""
         return self._call("gravity", q, *payload)
 
     def kinetic_energy(self, q: Value, v: Value, *payload: Value) -> Any:
@@ -194,7 +194,7 @@ def _vector(value: Value, name: str) -> NDArray[np.float64]:
 
 
 def bridge_versions() -> str:
-    """What the compiled bridge was built with, for people."""
+    """Versions that the compiled bridge was built with, in words."""
     import _armdyn_bridge as bridge
 
     return f"casadi {bridge.casadi_version}, pinocchio {bridge.pinocchio_version}"

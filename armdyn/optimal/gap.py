@@ -8,14 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
-from armdyn.arguments import expect, numbers
+from armdyn.arguments import numbers
 from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.errors import TrajectoryError
-from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.arcs.arc import stretches
 from armdyn.optimal.landing.limit_violations import worst_violation
-from armdyn.optimal.landing.rollout import replay_torques
+from armdyn.optimal.landing.rollout import expect_motion_of, replay_torques
 from armdyn.optimal.landing.segments import Segments
 from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -250,13 +251,7 @@ def trajectory_from_path(
 
 
 def _check_joints(robot: Robot, trajectory: Trajectory) -> None:
-    expect_robot(robot)
-    expect(trajectory, Trajectory, "trajectory", "trajectory_from_path makes one of positions", error=TrajectoryError)
-    if trajectory.q.shape[1] != robot.nv or trajectory.v.shape[1] != robot.nv:
-        raise TrajectoryError(
-            f"the trajectory has {trajectory.q.shape[1]} joints; {robot.name} has {robot.nv}: "
-            f"{', '.join(robot.joint_names)}"
-        )
+    expect_motion_of(robot, trajectory)
     if trajectory.joint_names and trajectory.joint_names != robot.joint_names:
         raise TrajectoryError(
             f"the trajectory is of joints {', '.join(trajectory.joint_names)}; {robot.name} has, in this order, "
@@ -270,15 +265,11 @@ def _idleness(limits: JointLimits, motion: Trajectory) -> tuple[Array, tuple[tup
     edges = edges[np.append(True, np.diff(edges) > _JUMP * motion.duration)]
     edges[-1] = motion.t[-1]
     at = motion((edges[:-1] + edges[1:]) / 2)
-    middle = limits.actuators.center
-    half = limits.actuators.half_range
-    pushing = np.abs(at.tau - middle) >= BUSY * half
+    pushing = np.abs(at.tau - limits.actuators.center) >= BUSY * limits.actuators.half_range
     fast = np.abs(at.v) >= BUSY * limits.velocity
     stopped = (at.q <= limits.position_lower + AT_STOP) | (at.q >= limits.position_upper - AT_STOP)
     idle = ~(pushing | fast | stopped)
     lengths = np.diff(edges)
-    intervals = []
-    for mask in idle.T:
-        change = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-        intervals.append(tuple((float(edges[i]), float(edges[j])) for i, j in change.reshape(-1, 2)))
-    return lengths @ idle / motion.duration, tuple(intervals)
+    runs = [stretches(np.flatnonzero(mask)) for mask in idle.T]
+    intervals = tuple(tuple((float(edges[run[0]]), float(edges[run[-1] + 1])) for run in each) for each in runs)
+    return lengths @ idle / motion.duration, intervals

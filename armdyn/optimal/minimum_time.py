@@ -173,9 +173,8 @@ def _fastest_goal(task: Task) -> Solution:
     if best not in solutions:
         tried.append(GoalTried(goal, best.duration, refined=True))
     bound = _bound_of_all(task, solutions, max(until - time.perf_counter(), numbers.bound))
-    certificate = best.certificate.bounded(bound, best.duration).at_goal(
-        transversality(problem, problem.goal_pose, goal, best.phases)
-    )
+    missed = transversality(problem, problem.goal_pose, goal, best.phases)
+    certificate = replace(best.certificate.bounded(bound, best.duration), transversality=missed)
     tried.sort(key=lambda goal: goal.duration)
     elapsed = time.perf_counter() - started
     return replace(with_certificate(best, certificate), goals=tuple(tried), solve_time=elapsed)

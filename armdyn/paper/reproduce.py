@@ -1,5 +1,6 @@
 """The whole paper: cases solved side by side, kept as they are done, and what is written of them."""
 
+from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
@@ -14,12 +15,13 @@ from armdyn.paper.outcomes.case import Case
 from armdyn.paper.outcomes.outcome import Outcome
 from armdyn.paper.outcomes.run import run_case
 from armdyn.paper.outcomes.store import load_outcome, save_outcome
+from armdyn.paper.parallel import as_completed
 from armdyn.paper.plan import Plan, neighbour
 from armdyn.paper.printed.examples import PAYLOADS
 from armdyn.paper.printed.loop import PAPER_RULE
 from armdyn.paper.tables.files import write_findings, write_methods, write_tables
 from armdyn.paper.tables.rows import Row, all_rows
-from armdyn.parallel import as_completed
+from armdyn.paper.tables.standing import VERDICTS, standings
 
 if TYPE_CHECKING:
     from armdyn.paper.page.figures import Picture
@@ -40,6 +42,29 @@ class Reproduced:
     outcomes: tuple[Outcome, ...]
     rows: tuple[Row, ...]
     files: tuple[Path, ...] = field(repr=False)
+
+    def summary(self) -> dict[str, object]:
+        """The results as JSON."""
+        # A time-energy optimum without torque limit that resists is a finding of its own, and the tables say so.
+        failed = [o.case.name for o in self.outcomes if o.case.kind == "minimum_time" and not o.success]
+        verdicts = [row.verdict for row in self.rows]
+        return {
+            "success": not failed,
+            "status": "done" if not failed else "not_converged",
+            "failed": failed,
+            "cases": {o.case.name: {"time": o.time, "status": o.status, "message": o.message} for o in self.outcomes},
+            "verdicts": {verdict: verdicts.count(verdict) for verdict in ("reproduced", "close", "not reproduced")},
+            "files": [str(file) for file in self.files],
+        }
+
+    def message(self) -> str:
+        """How many of the paper's numbers are reproduced, in a sentence."""
+        found = standings(self.rows)
+        again, close, missing = (Counter(found.values())[verdict] for verdict in VERDICTS)
+        return (
+            f"of {len(found)} numbers in the paper's tables {again} come out again, {close} come near, and {missing} "
+            f"come out of no reading of the paper's own data ({len(self.rows)} comparisons)"
+        )
 
 
 def reproduce(

@@ -1,4 +1,4 @@
-"""TOML files from strangers: bounded, and every complaint with the line that it is about."""
+"""Untrusted TOML files: bounded, and errors with their lines."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ _KEY = re.compile(rf"[ \t]*({_NAME}(?:[ \t]*\.[ \t]*{_NAME})*)[ \t]*=")
 
 @dataclass(frozen=True)
 class Table:
-    """A table of a file, and where its keys stand.
+    """A table of a file, with the lines of its keys.
 
     Attributes:
         path: of the file.
-        values: what it says.
+        values: its keys and their values.
         lines: the line of each table and key, by the names on the way to it.
         within: the names on the way to this table.
     """
@@ -51,7 +51,7 @@ class Table:
         return ProblemError(f"{self.path}, line {line}: {_UNCLEAR.sub(' ', why)}")
 
     def about(self, error: ArmdynError, words: Mapping[str, str] | None = None) -> ProblemError:
-        """An error of whoever was given these values, with the line of the key that it speaks of.
+        """An error about these values, with the line of the key that its message names.
 
         Args:
             error: whose message names an argument, as all of armdyn's do.
@@ -68,7 +68,7 @@ class Table:
 
     @contextmanager
     def telling(self, words: Mapping[str, str] | None = None) -> Iterator[None]:
-        """What armdyn complains of within is about one of the keys: see `about`.
+        """Raise errors of the block with the line of the key that they name: see `about`.
 
         Raises:
             ProblemError: the complaint, with its line.
@@ -80,7 +80,7 @@ class Table:
 
     @contextmanager
     def at(self, key: str) -> Iterator[None]:
-        """What armdyn complains of within is about a key.
+        """Raise errors of the block with the line of a key.
 
         Raises:
             ProblemError: the complaint, with its line.
@@ -180,7 +180,7 @@ def read_toml(path: str | os.PathLike[str]) -> Table:
 
 
 def _lines(text: str) -> dict[tuple[str, ...], int]:
-    """Where keys and tables stand; a line within a long text may look like a key, and does no harm."""
+    """Lines of keys and tables; a line within a long text may look like a key, and does no harm."""
     lines: dict[tuple[str, ...], int] = {}
     within: tuple[str, ...] = ()
     for i, line in enumerate(text.split("\n"), start=1):

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import singledispatch
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pinocchio as pin
+from matplotlib import rc_context
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from armdyn.control.tracking.run import Run
@@ -17,18 +21,17 @@ from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.answer.words import verdict
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.proof.certificate import percent
-from armdyn.show.figures.style import INK
+from armdyn.show.figures.style import COLORS, INK, LOOK, literal
 from armdyn.show.markup import Html, element, inline_svg, join
-from armdyn.show.pictures import motion_picture, robot_picture
-from armdyn.show.plots import svg_text
+from armdyn.show.plots import plot_trajectories, svg_text
 from armdyn.show.results import source_name
 from armdyn.trajectory import Trajectory
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 Array = NDArray[np.float64]
 
+_MOST_SAMPLES = 600
+"""Most samples that are drawn; a longer motion is resampled at even times."""
+_AXES = "xyz"
 _MOST_ROWS = 40
 """Joints that a table shows."""
 _CELL = "text-align:left;padding:.1em .9em .1em 0;vertical-align:top"
@@ -70,7 +73,7 @@ def _problem(problem: MinimumTimeProblem) -> Html:
     if problem.path_constraint_names:
         facts["along the way"] = ", ".join(problem.path_constraint_names)
     if problem.reserves.any:
-        facts["kept for feedback"] = "part of the limits; those below are what is left"
+        facts["kept for feedback"] = "part of the limits; those below are reduced by it"
     title = f"Minimum time of {problem.robot.name}"
     picture = robot_picture(problem.robot, list(problem.poses))
     table = _joints(names, problem.limits, {name: np.asarray(value) for name, value in ends.items()})
@@ -117,10 +120,7 @@ def _run(run: Run) -> Html:
     facts = {
         "status": run.message,
         "settled": "no" if run.settled_time is None else f"after {run.settled_time:.4f} s",
-        "error at the reference's end": f"{run.error_at_end:.4g} rad or m",
-        "largest error on the way": f"{run.peak_error:.4g} rad or m",
-        "largest speed": f"{100 * run.peak_velocity:.1f} % of its limit",
-        "torque on its limit": f"{100 * run.saturated:.0f} % of the time",
+        **run.words(),
     }
     return _card(title, _facts(facts), _svg(motion_picture(run.trajectory, None), title))
 
@@ -134,7 +134,7 @@ def _facts(facts: Mapping[str, str]) -> Html:
 
 
 def _joints(names: Sequence[str], limits: JointLimits, more: Mapping[str, Array] | None = None) -> Html:
-    """A row for each joint, of its limits and what more there is [rad or m, and so on]."""
+    """A row for each joint, of its limits and other numbers [rad or m, and so on]."""
     more = more or {}
     head = ("joint", *more, "position [rad or m]", "velocity [rad/s or m/s]", "torque [N m or N]")
     rows = [
@@ -166,3 +166,69 @@ def _svg(figure: Figure, label: str) -> Html:
     text = svg_text(figure)
     prefix = f"armdyn-{hashlib.sha256(text.encode()).hexdigest()[:10]}"  # two cells of one page may show the same value
     return element("div", inline_svg(text, prefix, label, {INK: "currentColor"}), style="overflow-x:auto")
+
+
+def motion_picture(motion: Trajectory, limits: JointLimits | None, resolved: bool = True) -> Figure:
+    """Position, velocity and torque over time.
+
+    Args:
+        motion: the drawn one.
+        limits: drawn, too; None: none.
+        resolved: its switching times are its own, not a mesh's or a curve's; else it says so.
+    """
+    figure = plot_trajectories([_thinned(motion)], limits=limits, unresolved=() if resolved else (0,))
+    figure.set_size_inches(6.0, 5.4 + 1.4 * (len(figure.axes) - 3))
+    return _clear(figure)
+
+
+def robot_picture(robot: Robot, poses: Sequence[Array]) -> Figure:
+    """An arm's joints and tip, joined by lines, seen along the axis of the world in which it extends least.
+
+    Args:
+        robot: the arm.
+        poses: joint positions [rad or m], each of shape (nv,), the first drawn faintest.
+    """
+    lines = [_skeleton(robot, q) for q in poses]
+    spread = np.ptp(np.concatenate(lines), axis=0)
+    across, up = sorted(np.argsort(spread, kind="stable")[1:])  # z, where it is seen, goes up
+    with rc_context(LOOK):
+        figure = Figure(figsize=(3.4, 3.0), layout="constrained")
+        axes = figure.add_subplot()
+        for i, line in enumerate(lines):
+            shade = 1.0 if len(lines) == 1 else 0.35 + 0.65 * i / (len(lines) - 1)
+            last = i == len(lines) - 1
+            said = "" if len(lines) == 1 else "start" if i == 0 else "goal" if last else f"via {i}"
+            axes.plot(line[:, across], line[:, up], "-o", color=COLORS[0], alpha=shade, markersize=3.5, linewidth=1.8)
+            if said:
+                axes.annotate(said, (line[-1, across], line[-1, up]), xytext=(4, 4), textcoords="offset points")
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.margins(0.12)
+        axes.set_xlabel(f"{_AXES[across]} [m]")
+        axes.set_ylabel(f"{_AXES[up]} [m]")
+        axes.set_title(literal(f"tip: {robot.tip[:40]}"), fontsize=9, color=INK)
+    return _clear(figure)
+
+
+def _skeleton(robot: Robot, q: Array) -> Array:
+    """Base, joints and tip in the world [m], shape (nv + 2, 3)."""
+    model = robot.model
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, robot.configuration(np.asarray(q, dtype=float)))
+    frame = model.getFrameId(robot.frame(robot.tip).name)
+    return np.array([np.zeros(3), *(place.translation for place in data.oMi[1:]), data.oMf[frame].translation])
+
+
+def _thinned(motion: Trajectory) -> Trajectory:
+    if motion.t.size <= _MOST_SAMPLES:
+        return motion
+    t = np.linspace(motion.t[0], motion.t[-1], _MOST_SAMPLES)
+    at = motion(t)
+    return replace(motion, t=t, q=at.q, v=at.v, tau=at.tau)
+
+
+def _clear(figure: Figure) -> Figure:
+    """Make the background transparent."""
+    figure.patch.set_alpha(0.0)
+    for axes in figure.axes:
+        axes.patch.set_alpha(0.0)
+    return figure

@@ -1,4 +1,4 @@
-"""HTML put together from text: what is not markup already is escaped."""
+"""HTML from text: everything but `Html` is escaped."""
 
 import html
 import json
@@ -22,7 +22,7 @@ def element(tag: str, *content: str, **attributes: str | int) -> Html:
 
 
 def join(parts: Iterable[str], between: str = "") -> Html:
-    """Parts one after the other."""
+    """Concatenate parts."""
     return Html(between.join(part if isinstance(part, Html) else html.escape(part) for part in parts))
 
 
@@ -41,7 +41,7 @@ def table(head: Sequence[Sequence[Html]], rows: Iterable[Sequence[Html]], class_
 
 
 def fill(template: str, parts: Mapping[str, str]) -> str:
-    """The template with its {{name}} replaced, in one pass: what is put in may contain {{name}} too."""
+    """The template with its {{name}} replaced, in one pass: parts may contain {{name}}, too."""
     return re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match[1]], template)
 
 
@@ -51,7 +51,7 @@ def inline_svg(text: str, prefix: str, label: str, colors: Mapping[str, str]) ->
     Args:
         text: the file.
         prefix: of the ids, which must differ from those of the page's other pictures.
-        label: what the picture shows, for those who do not see it.
+        label: description of the picture, for screen readers.
         colors: CSS that takes a colour's place, so that the picture follows the page from light to dark.
     """
     svg = text[text.index("<svg") :]

@@ -45,7 +45,7 @@ def plot_trajectories(
 
     A colour is a joint, a line style a trajectory. The torque's jumps are drawn as jumps; ticks of the joint's colour
     on the time axes say when it switches. Joints whose torque limits differ by more than three times have torque panels
-    of their own, so that a wrist is seen beside a shoulder. What limits are not drawn is said above the panel.
+    of their own, so that a wrist is seen beside a shoulder. Limits that are not drawn are listed above the panel.
 
     Args:
         trajectories: one or more, of the same joints.
@@ -53,7 +53,7 @@ def plot_trajectories(
         title: above the panels.
         unresolved: places in `trajectories` of those whose switching times are a mesh's or a curve's, as a `Solution`'s
             are whose `phases` are None: they have no ticks, and it is said.
-        captions: what the legend says of each; None: its name and its duration.
+        captions: of each in the legend; None: its name and its duration.
 
     Returns:
         A figure of its own: pyplot knows nothing of it. Its axes are position, velocity and one or more of torque.
@@ -113,7 +113,7 @@ def plot_panels(
 
 
 def put_head(figure: Figure, title: str | None, handles: Sequence[Line2D] = ()) -> None:
-    """A title above the panels, and under it what the line styles mean."""
+    """A title above the panels, and under it the legend of the line styles."""
     bold = {"size": 12, "weight": "bold"}
     if handles:
         above = literal(title) if title else None
@@ -129,7 +129,7 @@ def run_handles(captions: Sequence[str]) -> list[Line2D]:
 
 
 def switches(trajectory: Trajectory) -> tuple[tuple[float, ...], ...]:
-    """For each joint when its torque changes sides [s], as opposed to the small steps of a mesh or a controller.
+    """Times at which each joint's torque changes sides [s]; small steps of a mesh or a controller are left out.
 
     A change of sides is a jump by more than 0.4 of the torque's range.
     """
@@ -198,7 +198,7 @@ def _draw_switches(panels: Sequence[Panel], trajectory: Trajectory) -> None:
 
 
 def _add_legend(figure: Figure, trajectories: Sequence[Trajectory], limits: bool, unresolved: Collection[int]) -> None:
-    """Under the panels: what colours and marks mean."""
+    """Legend of colours and marks, under the panels."""
     names = trajectories[0].joint_names or [f"joint {i + 1}" for i in range(trajectories[0].v.shape[1])]
     handles = [Line2D([], [], color=color(i), linewidth=1.7, label=literal(name)) for i, name in enumerate(names)]
     if any(any(switches(one)) for k, one in enumerate(trajectories) if k not in unresolved):
@@ -209,7 +209,7 @@ def _add_legend(figure: Figure, trajectories: Sequence[Trajectory], limits: bool
 
 
 def _legend(figure: Figure, handles: Sequence[Line2D], place: _Place, **options: Any) -> None:
-    """In as many columns as the figure is wide: at 9 points a letter takes about 0.075 inches, a handle 0.6."""
+    """Add a legend with as many columns as fit: at 9 points a letter takes about 0.075 inches, a handle 0.6."""
     widest = max(len(str(handle.get_label())) for handle in handles)
     rows = -(-len(handles) // max(int((figure.get_figwidth() - 0.3) / (0.075 * widest + 0.6)), 1))
     columns = -(-len(handles) // rows)

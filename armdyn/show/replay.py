@@ -5,19 +5,16 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from armdyn.files import write_whole
 from armdyn.models import Robot
 from armdyn.models.scene.obstacles import Obstacle
+from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.answer.summary import minimum_time_summary
 from armdyn.show.page.course import ShownMotion
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.report import Replay, Report, Subject, report_html, report_of
 from armdyn.trajectory import Trajectory
-
-if TYPE_CHECKING:
-    from armdyn.optimal import Solution
 
 
 def write_html(
@@ -36,7 +33,7 @@ def write_html(
     curves and the numbers, as in a report.
 
     Args:
-        robot: what moves.
+        robot: the arm that moves.
         trajectories: one or more motions of it; they start together. The page gives the verdict on a `Solution`, and on
             a `ShownMotion` with facts.
         path: the HTML file.

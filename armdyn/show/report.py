@@ -42,17 +42,17 @@ def write_run(
     parts: Collection[Part] = PARTS,
     progress: Callable[[str], None] | None = None,
 ) -> list[Path]:
-    """Write trajectory.npz or what else the motions are called, figure.png, figure.pdf, report.html and result.json.
+    """Write the motions (trajectory.npz), figure.png, figure.pdf, report.html and result.json.
 
     Args:
         folder: made if it is not there.
         robot: that moved.
         motions: its motions by the names of their files; drawn together.
-        summary: what result.json says, besides the files.
+        summary: facts of result.json, besides the files.
         title: of the figure and the report.
         obstacles: drawn in the report, and said in result.json.
-        parts: what is drawn.
-        progress: called with a line of text on what is being written.
+        parts: the drawings.
+        progress: called with the name of the current step.
 
     Returns:
         The files written.
@@ -63,7 +63,7 @@ def write_run(
     progress = progress or (lambda text: None)
     folder.mkdir(parents=True, exist_ok=True)
     own = {
-        # What a controller follows was made for its own model of the arm.
+        # A controller's reference was made for its own model of the arm.
         name: motion if name == "reference" and motion.model_hash else replace(motion, model_hash=robot.model_hash)
         for name, motion in motions.items()
     }

@@ -1,4 +1,4 @@
-"""result.json: what came of a run, with what is needed to know later what its numbers mean."""
+"""result.json: the facts of a run, with the arm, units and versions that explain its numbers."""
 
 import json
 import os
@@ -41,7 +41,7 @@ MAX_BYTES = 8 * 2**20
 def model_facts(robot: Robot) -> dict[str, object]:
     """Description of the arm for JSON: data to rebuild it from its name, and its limits.
 
-    What is not finite is null; units as everywhere.
+    Numbers that are not finite are null; units are those of `_UNITS`.
     """
     limits, payload, friction = robot.limits, robot.payload, robot.friction
     return {
@@ -65,7 +65,7 @@ def model_facts(robot: Robot) -> dict[str, object]:
 
 
 def source_name(source: str) -> str:
-    """Where a robot came from, without the folders of whose machine it was: a package and the path in it, or a file.
+    """Source of a robot without private folders: a package and the path in it, or a file.
 
     Args:
         source: a path, or words such as "ArmSpec 'rr'", which stay as they are.
@@ -94,7 +94,7 @@ def save_result(path: str | os.PathLike[str], robot: Robot, facts: dict[str, obj
     Args:
         path: the file.
         robot: that moved.
-        facts: what JSON can say; numbers finite.
+        facts: as JSON; numbers finite.
 
     Returns:
         The path written.
@@ -122,7 +122,7 @@ def save_results(folder: Path, robot: Robot, facts: dict[str, object], files: Se
 
 
 def load_result(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Read what `save_result` wrote.
+    """Read a file of `save_result`.
 
     Returns:
         The facts, and `format`, `armdyn`, `units` and `model` beside them.

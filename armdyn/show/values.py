@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from matplotlib.figure import Figure
 
 from armdyn.arguments import path as path_of
 from armdyn.optimal.answer.solution import Solution
@@ -12,9 +13,6 @@ from armdyn.optimal.answer.summary import minimum_time_summary
 from armdyn.show.cards import card as card
 from armdyn.show.plots import plot_trajectories
 from armdyn.show.report import write_report
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def figure(solution: Solution) -> Figure:

@@ -12,7 +12,7 @@ from armdyn.arguments import expect, listener
 from armdyn.errors import ArmdynError, ProblemError
 from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Solution
 from armdyn.optimal.problem.stop import stopping
-from armdyn.studies.executors.in_process import in_process
+from armdyn.studies.executors.local import in_process
 from armdyn.studies.rows import StudyRow, Value, row_store
 from armdyn.studies.run import run_cases
 from armdyn.studies.study import Axis, Study
@@ -50,7 +50,7 @@ def chain(
     """The study of a chain of problems, to be done in this process.
 
     Args:
-        setting: name of what varies.
+        setting: name of the one that varies.
         problems: by its values.
         options: of every search; `starts` holds for all, if it is given. A time limit is each search's own.
         progress: called with the progress of a search in words.

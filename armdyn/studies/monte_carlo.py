@@ -1,25 +1,201 @@
 """Monte Carlo over plants: how often one controller settles on random arms, and how long that takes."""
 
+from __future__ import annotations
+
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from armdyn.arguments import listener
+from armdyn.arguments import listener, number
+from armdyn.arguments import parts as parts_of
 from armdyn.control.laws.lqr import Lqr
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop
-from armdyn.errors import ResultError
+from armdyn.control.tracking.envelope import Envelope
+from armdyn.control.tracking.run import Run
+from armdyn.errors import ProblemError, ResultError
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.problem.stop import stopping
-from armdyn.studies.executors.in_process import in_process
-from armdyn.studies.monte_carlo_result import MonteCarlo
+from armdyn.reprs import brief
+from armdyn.studies.executors.local import in_process
 from armdyn.studies.plant_study import MonteCarloOptions, PlantRow, PlantStudy
 from armdyn.studies.plants import Plants
 from armdyn.studies.rows import row_store
 from armdyn.studies.run import Progress, run_cases
 from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_CONFIDENCE = 0.95
+_SAMPLES = 2000
+"""Largest number of times of an envelope."""
+
+
+@dataclass(frozen=True)
+class SuccessRate:
+    """Success rate of some arms, with a confidence interval for all others of their kind.
+
+    Attributes:
+        settled: number of arms that settled in time.
+        count: number of arms.
+        rate: settled / count [-].
+        low: lower end of Wilson's interval of 95 % [-].
+        high: upper end [-].
+    """
+
+    settled: int
+    count: int
+    rate: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        """In words."""
+        return (
+            f"{self.settled} of {self.count} ({100 * self.rate:.4g} %; 95 % interval {100 * self.low:.4g} to "
+            f"{100 * self.high:.4g} %)"
+        )
+
+
+@brief
+@dataclass(frozen=True, eq=False)
+class MonteCarlo:
+    """Result of one controller on many arms.
+
+    Attributes:
+        question: the controller, its reference, and the arms.
+        rows: one per arm, by their numbers.
+        file: in which they are stored; None: none.
+    """
+
+    question: PlantStudy
+    rows: tuple[PlantRow, ...]
+    file: Path | None = None
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether arms are missing because Ctrl-C was pressed."""
+        return len(self.rows) < self.question.options.count
+
+    @property
+    def settled_times(self) -> Array:
+        """Settled time of each row [s], shape (n,); inf where the arm did not settle."""
+        times = [np.inf if row.settled_time is None else row.settled_time for row in self.rows]
+        return np.array(times, dtype=float)
+
+    def success(self, within: float = np.inf) -> SuccessRate:
+        """Number of arms that settled within a time.
+
+        Wilson's score interval of 95 % (E. B. Wilson, J. Am. Stat. Assoc. 22, 1927).
+
+        Args:
+            within: the time [s]; inf: within the time that they were watched.
+
+        Raises:
+            ProblemError: it is negative or NaN; there are no rows.
+        """
+        from scipy.stats import binomtest
+
+        within = number(within, "within", unit="s", sign="not negative", finite=False)
+        count = len(self._some())
+        settled = int(np.sum(np.minimum(self.settled_times, np.finfo(float).max) <= min(within, 1e300)))
+        interval = binomtest(settled, count).proportion_ci(_CONFIDENCE, method="wilson")
+        return SuccessRate(settled, count, settled / count, float(interval.low), float(interval.high))
+
+    def quantiles(self, parts: Sequence[float] = (0.5, 0.9, 0.99, 1.0)) -> Array:
+        """Quantiles of the settled times [s]; inf where so many arms did not settle.
+
+        Each is the time of an arm; none is interpolated.
+
+        Args:
+            parts: each in 0 to 1.
+
+        Raises:
+            ProblemError: one is not; there are no rows.
+        """
+        self._some()
+        return np.asarray(np.quantile(self.settled_times, parts_of(parts, "parts"), method="inverted_cdf"))
+
+    @property
+    def worst(self) -> PlantRow:
+        """The arm that settled last; of those that did not settle the one that was farthest from its reference.
+
+        Raises:
+            ProblemError: there are no rows.
+        """
+
+        def badness(row: PlantRow) -> tuple[float, float]:
+            farthest = np.inf if row.peak_error is None else row.peak_error
+            return (np.inf, farthest) if row.settled_time is None else (row.settled_time, 0.0)
+
+        return max(self._some(), key=badness)
+
+    def plant(self, k: int) -> Robot:
+        """Arm number k, such as `worst.k`."""
+        return self.question.plant(k)
+
+    def run(self, k: int) -> Run:
+        """Run arm number k again, with its motion."""
+        return self.question.run(k)
+
+    def envelope(self, parts: Sequence[float] = (0.05, 0.5, 0.95)) -> Envelope:
+        """Distance from the reference over time, of all arms at once; each is run again.
+
+        Args:
+            parts: quantiles besides the least and the greatest.
+
+        Raises:
+            ProblemError: a part is not in 0 to 1; there are no rows.
+        """
+        setup, options = self.question.setup, self.question.options
+        numbers = [row.k for row in self._some()]
+        ticks = max(int(np.ceil(setup.duration * setup.loop.rate - 1e-9)), 1)
+        kept = np.arange(0, ticks + 1, max(-(-ticks // _SAMPLES), 1))
+        reference = setup.ticks.q[np.minimum(kept, len(setup.ticks.q) - 1)]
+        errors = np.full((len(numbers), kept.size, self.question.robot.nv), np.inf, dtype=np.float32)
+
+        def put(i: int) -> None:
+            q = self.question.run(numbers[i]).trajectory.q
+            whole = kept[kept < len(q)].size  # a run that broke off is at no distance that can be told
+            errors[i, :whole] = np.abs(q[kept[:whole]] - reference[:whole])
+
+        with ThreadPoolExecutor(options.workers) as pool:
+            list(pool.map(put, range(len(numbers))))
+        t = kept / setup.loop.rate
+        return Envelope.of(t, errors, parts, self.question.robot.joint_names, setup.ticks.duration, options.tolerance)
+
+    def summary(self, within: float = np.inf) -> dict[str, object]:
+        """The result as JSON; unknown and infinite numbers are None.
+
+        Args:
+            within: see `success`.
+        """
+        success, worst, times = self.success(within), self.worst, self.quantiles()
+        return {
+            "count": success.count,
+            "settled": success.settled,
+            "within": within if np.isfinite(within) else None,
+            "success_rate": success.rate,
+            "success_rate_low": success.low,
+            "success_rate_high": success.high,
+            "settled_time": {
+                name: float(time) if np.isfinite(time) else None
+                for name, time in zip(("median", "90 %", "99 %", "worst"), times, strict=True)
+            },
+            "worst": {"k": worst.k, "status": worst.status, "payload": worst.sample.payload},
+            "interrupted": self.interrupted,
+        }
+
+    def _some(self) -> tuple[PlantRow, ...]:
+        if not self.rows:
+            raise ProblemError("there are no rows: the study was interrupted before the first arm ended")
+        return self.rows
+
 
 _CONTROLLER = Lqr()
 _PLANTS = Plants()

@@ -54,7 +54,7 @@ class PlantSample:
 
 @dataclass(frozen=True, kw_only=True)
 class Plants:
-    """Ranges of what nobody knows well of an arm: payload, friction, start.
+    """Ranges of the uncertain properties of an arm: payload, friction, start.
 
     Each number is uniformly distributed in its range, and each joint has its own.
 
@@ -140,7 +140,7 @@ class Plants:
         )
 
     def check(self, robot: Robot) -> Self:
-        """These, if an arm can differ so.
+        """Return these ranges if an arm can differ so.
 
         Raises:
             ProblemError: it carries no payload that could differ.
@@ -157,7 +157,7 @@ class Plants:
 def with_payload_times(robot: Robot, factor: float) -> Robot:
     """A robot whose payload has so many times its mass and inertia.
 
-    The dynamic parameters of what a joint carries are sums over its bodies, so that a part of one body's can be added.
+    The dynamic parameters of a joint's load are sums over its bodies, so that a part of one body's can be added.
 
     Args:
         robot: with a payload.

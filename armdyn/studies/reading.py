@@ -1,21 +1,27 @@
-"""Study files: TOML that may be a stranger's, bounded, without code and without files beyond its own folder."""
+"""Study files: untrusted TOML, bounded, without code and without files outside its own folder."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from armdyn.arguments import shown
 from armdyn.errors import ProblemError
+from armdyn.models.robots.poses import positions_of
+from armdyn.models.robots.robot import Robot
+from armdyn.models.robots.tables import KEYS, robot_from, robot_table
+from armdyn.optimal.problem_files import PROBLEM
 from armdyn.parsing.toml import Table, read_toml
-from armdyn.studies.arms import arms_of
-from armdyn.studies.problems import ARM, POSES, ArmProblems
+from armdyn.studies.problems import ARM, POSES, ArmProblems, StudyArm
 from armdyn.studies.rows import Value
 from armdyn.studies.settings import check_setting
 from armdyn.studies.study import MAX_AXES, METHODS, Axis, Study
 from armdyn.studies.tasks.registry import TASKS
 
+MAX_ARMS = 64
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 _MAX_VALUES = 10_000
 _MAX_POSES = 64
 """Names of poses that cases may have: for each the SRDFs by a URDF are read."""
@@ -29,7 +35,7 @@ def read_study(path: str | os.PathLike[str]) -> Study:
 
     Raises:
         FileError: the file, or a robot's file, cannot be read.
-        ProblemError: the file is no study; the message says which line, and what would be right.
+        ProblemError: the file is no study; the message has the line and the remedy.
         ArmdynError: an arm is none.
     """
     table = read_toml(path)
@@ -103,7 +109,7 @@ def _checked(table: Table, name: str, value: object, signs: Any, problems: ArmPr
 
 
 def _axis(table: Table, name: str, value: object, signs: Any, problems: ArmProblems) -> Axis:
-    """What varies: a list of values, or a table from, to, count, scale."""
+    """An axis of [vary]: a list of values, or a table from, to, count, scale."""
     with table.at(name.rpartition(".")[2]):
         if isinstance(value, list):
             if not 1 <= len(value) <= _MAX_VALUES:
@@ -117,3 +123,64 @@ def _axis(table: Table, name: str, value: object, signs: Any, problems: ArmProbl
         if not all(isinstance(end, int | float) for end in (low, high)):
             raise ProblemError(f"{name} has no numbers for values: write a list")
         return Axis(name=name, low=low, high=high, count=value.get("count", 0), scale=value.get("scale", "linear"))
+
+
+def arms_of(table: Table, varied: Mapping[str, tuple[str, ...]]) -> Iterator[StudyArm]:
+    """The arms that a table [arms] describes.
+
+    Args:
+        table: of the study file; robots' files lie in its folder or below.
+        varied: names of poses that cases set, of q_start, q_goal or both.
+
+    Raises:
+        ProblemError: the table describes none; the message says which line.
+    """
+    if len(table.values) > MAX_ARMS:
+        raise table.error("", f"{len(table.values)} arms; a study has at most {MAX_ARMS}")
+    for name in table.values:
+        own = table.table(name)
+        own.only(("robot", *POSES, *KEYS, *PROBLEM))
+        with table.at(name):
+            if not _NAME.fullmatch(name):
+                raise ProblemError(f"arm {shown(name)}: a name has letters, digits, dots, dashes, 64 at most")
+        of_robot = {key: value for key, value in own.values.items() if key in KEYS}
+        with own.at("robot" if "robot" in own.values else name):
+            given = {"name": own.text("robot", name)} if not {"urdf", "mjcf", "spec"} & of_robot.keys() else {}
+            robot = robot_from(Table(own.path, of_robot | given, own.lines, own.within))
+            described = robot_table(robot)
+        with table.at(name):
+            poses = {one: _positions(robot, one, pose) for pose, names in varied.items() for one in names}
+        problem = {key: value for key, value in own.values.items() if key in PROBLEM and key not in KEYS}
+        if "goal_pose" not in problem or "q_goal" in problem or "q_goal" in varied:
+            problem["q_goal"] = _end(own, "q_goal", robot, poses, varied)
+        problem["q_start"] = _end(own, "q_start", robot, poses, varied)
+        yield StudyArm(name=name, robot=described, problem=problem, poses=poses)
+
+
+def _end(
+    table: Table,
+    pose: str,
+    robot: Robot,
+    poses: Mapping[str, list[float]],
+    varied: Mapping[str, tuple[str, ...]],
+) -> list[float]:
+    """Joint positions [rad or m] at an end of the motion."""
+    if pose in varied:
+        return list(poses[varied[pose][0]])
+    with table.at(pose):
+        if pose not in table.values:
+            joints = ", ".join(robot.joint_names)
+            raise ProblemError(f"{table.called(pose)} is missing: {robot.nv} positions of {joints}, or a pose's name")
+        return _positions(robot, table.values[pose], table.called(pose))
+
+
+def _positions(robot: Robot, given: object, what: str) -> list[float]:
+    """Positions of all joints [rad or m].
+
+    Raises:
+        ProblemError: they are not.
+    """
+    values = positions_of(robot, given, what)
+    if len(values) != robot.nv:
+        raise ProblemError(f"{what} has {len(values)} numbers; {', '.join(robot.joint_names)} need {robot.nv}")
+    return [float(value) for value in values]

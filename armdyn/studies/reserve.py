@@ -105,7 +105,7 @@ class ReserveCurve:
 def likely_plants(robot: Robot) -> tuple[Robot, ...]:
     """Arms that a controller must expect: payload 20 % less, as it is and 20 % more, without and with friction.
 
-    Those that rub lose, beside what the model loses, 2 % of their torque limits, and 0.1 % for each rad/s.
+    Friction takes 2 % of the torque limits, and 0.1 % for each rad/s, in addition to the friction of the model.
 
     Args:
         robot: the controller's model.
@@ -159,7 +159,7 @@ def reserve_curve(
     if not levels or not 0 <= levels[0] <= levels[-1] < 1:
         raise ProblemError(f"reserves are {tuple(levels)}; expected one or more, each at least 0 and below 1")
     whole = problem.variant(reserve=0.0, velocity_reserve=0.0)
-    robot = replace(problem.robot, limits=whole.limits)  # feedback has all of what the problem has
+    robot = replace(problem.robot, limits=whole.limits)  # feedback has the problem's whole limits
     arms = likely_plants(robot) if plants is None else expect_robots(plants, "plants")
     followed_by = (Lqr(),) if controllers is None else several(controllers, "controllers")
     laws = tuple(expect_controller(law, f"controllers[{i}]") for i, law in enumerate(followed_by))

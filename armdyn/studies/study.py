@@ -5,17 +5,16 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arguments import number, one_of, whole
 from armdyn.errors import ProblemError
-from armdyn.studies.neighbours import neighbours_of
 from armdyn.studies.problems import ARM
 from armdyn.studies.rows import Value
 from armdyn.studies.tasks.task import CaseResult, Neighbours, StudyTask
@@ -24,8 +23,13 @@ Array = NDArray[np.float64]
 
 FORMAT = "armdyn-sweep-1"
 MAX_CASES = 10**6
-"""Largest study [cases]: their places are kept in memory (docs/cluster.md says what more would need)."""
+"""Largest study [cases]: their places are kept in memory (docs/cluster.md says how to do more)."""
 MAX_AXES = 32
+
+_NEAR = 12
+"""Neighbours of a case, at most."""
+_SAME_ARM = 10.0
+"""Cases farther than that from each other, in ranges, are of other arms."""
 
 Method = Literal["grid", "random", "latin-hypercube"]
 METHODS: tuple[Method, ...] = ("grid", "random", "latin-hypercube")
@@ -214,12 +218,20 @@ class Study(Cases):
 
     def nearest(self, k: int) -> tuple[int, ...]:
         """Cases of the same arm, the nearest first."""
-        return self._near(k)
+        tree, count = self._near, min(_NEAR, len(self) - 1)
+        if not count:
+            return ()
+        distances, numbers = tree.query(tree.data[k], k=count + 1)
+        pairs = zip(distances, numbers, strict=True)
+        return tuple(int(n) for distance, n in pairs if distance <= _SAME_ARM and int(n) != k)
 
     @cached_property
-    def _near(self) -> Callable[[int], tuple[int, ...]]:
+    def _near(self) -> Any:
+        """Places of the cases as scipy's tree."""
+        from scipy.spatial import cKDTree
+
         points = self.points.copy()
         for column, axis in enumerate(self.axes):
             if axis.name == ARM:  # so far from each other that no arm's case is another's neighbour
                 points[:, column] *= 100 * len(axis.values)
-        return neighbours_of(points)
+        return cKDTree(points)

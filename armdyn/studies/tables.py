@@ -82,7 +82,7 @@ def _pieces(rows: RowStore) -> Iterator[list[dict[str, Any]]]:
 
 
 def _columns(rows: RowStore) -> dict[str, set[type]]:
-    """What any row has, settings first, and of which kinds it is."""
+    """Columns of all rows, settings first, with the types of their values."""
     settings, kinds = dict[str, None](), dict[str, set[type]]()
     for row in rows.rows():
         settings |= dict.fromkeys(row.settings)

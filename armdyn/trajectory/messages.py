@@ -100,7 +100,7 @@ def _message(file: Path, content: object) -> Mapping[Any, Any]:
 
 
 def _order(file: Path, names: list[str], joints: Sequence[str]) -> list[int]:
-    """Where each of the robot's joints is in the message."""
+    """Indices of the robot's joints in the message."""
     if len(set(names)) != len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise TrajectoryError(f"{file}: joint_names has {shown(twice)} twice")

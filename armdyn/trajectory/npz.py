@@ -53,7 +53,7 @@ def write(
 
 
 def read(path: str | os.PathLike[str], make: Callable[..., Made]) -> Made:
-    """Read what `write` wrote; see `Trajectory.load`.
+    """Read a file of `write`; see `Trajectory.load`.
 
     Args:
         path: the file.
@@ -83,7 +83,7 @@ def is_own(path: str | os.PathLike[str]) -> bool:
 
 
 def numbers_of(file: zipfile.ZipFile, name: str) -> NDArray[np.float64]:
-    """One array of numbers of anybody's npz file, no larger than the file says that it is.
+    """One array of numbers of an untrusted npz file, no larger than the file says that it is.
 
     Raises:
         TrajectoryError: it is larger than `MAX_BYTES`, or not of numbers.

@@ -1,4 +1,4 @@
-"""The one result of solvers and simulations: a motion."""
+"""Motions, the one result of solvers and simulations."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from armdyn.errors import TrajectoryError
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called
 from armdyn.trajectory import npz
-from armdyn.trajectory.samples import Samples, check_fields
-from armdyn.trajectory.sampling import samples_of
+from armdyn.trajectory.samples import Samples, check_fields, samples_of
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -120,7 +119,7 @@ class Trajectory:
 
     @property
     def jumps(self) -> NDArray[np.bool_]:
-        """Where no time passes from one sample to the next, shape (n - 1,): there a linear torque may jump.
+        """Mask of intervals without duration, shape (n - 1,): there a linear torque may jump.
 
         `jumps[k]` is of samples k and k + 1: they are one ulp of time apart, or two where a sum of times was rounded.
         """
@@ -155,7 +154,7 @@ class Trajectory:
         return Sample(q, v, tau)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write to an npz file; whoever reads it meanwhile sees the old file or the new one, whole.
+        """Write to an npz file; concurrent readers see the old file or the new one, whole.
 
         Returns:
             The path written, as given.
@@ -170,7 +169,7 @@ class Trajectory:
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Trajectory:
-        """Read what `save` wrote, also with earlier versions. Nothing in the file is executed.
+        """Read a file of `save`, also of earlier versions. Nothing in the file is executed.
 
         Raises:
             TrajectoryError: the file is missing, no regular file, no trajectory, of an unknown version or in other

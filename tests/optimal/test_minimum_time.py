@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.refine.smooth import trajectory_cost
+from armdyn.optimal.refine.optimum import trajectory_cost
 from problems import cart, luus_problem, paper_arm, paper_problem, solve, solved
 
 # Exact bang-bang durations of Example 1 [s], payload at the tip, by quadrature of the energy integral.

@@ -1,23 +1,16 @@
-"""The command that proves a lower bound on the duration."""
+"""The command `armdyn bound`: proves a lower bound on the duration."""
 
 from __future__ import annotations
 
 import armdyn as ad
 from armdyn.cli.console import answering, console, facts_table, working
-from armdyn.cli.options.course import PathConstraintOptions
-from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words, reserve_words
-from armdyn.cli.options.poses import GoalOptions
+from armdyn.cli.options.joints import friction_facts, friction_words, reserve_words
 from armdyn.cli.options.results import Json
-from armdyn.cli.options.robot import PayloadOptions, RobotArgument
-from armdyn.cli.parsing.requests import requested_problem
+from armdyn.cli.options.task import ProblemOptions
 
 
 def bound(
-    goal: GoalOptions,
-    payload: PayloadOptions,
-    robot: RobotArgument,
-    joints: FastJointOptions,
-    course: PathConstraintOptions,
+    task: ProblemOptions,
     json: Json = False,
 ) -> None:
     """Lower bound on the duration between two poses, proven: no motion is faster.
@@ -34,7 +27,7 @@ def bound(
     with answering(json) as answer:
         from armdyn.optimal.answer.summary import reserve_summary
 
-        problem, _ = requested_problem(robot, goal, payload, joints, course)
+        problem, _ = task.problem()
         arm = problem.robot
         with working(f"lower bound of {arm.name}"):
             found = ad.lower_bound(problem)
@@ -45,14 +38,12 @@ def bound(
 
 
 def _facts(found: ad.LowerBound | None) -> dict[str, object]:
-    """For machines."""
     if found is None:
         return {"bound": None, "joint": None, "kinematic": None, "ramps": None}
     return {"bound": found.duration, "joint": found.joint, "kinematic": found.kinematic, "ramps": found.ramps}
 
 
 def _words(found: ad.LowerBound | None) -> dict[str, str]:
-    """For people."""
     if found is None:
         return {"bound": "none: no joint that moves has a velocity limit; --velocity-limit gives it one"}
     words = {

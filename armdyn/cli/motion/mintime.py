@@ -1,34 +1,32 @@
-"""The command that finds the fastest motion."""
+"""The command `armdyn mintime`: finds the fastest motion."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import armdyn as ad
 from armdyn.cli.console import INTERRUPTED, NOT_AS_REQUIRED, NOT_USABLE, answering, console, facts_table, working
 from armdyn.cli.motion.requirements import Require, missing_of, requirements_of
 from armdyn.cli.motion.words import missing_words, solution_words, title_words
-from armdyn.cli.options.course import PathConstraintOptions
 from armdyn.cli.options.groups import flag, given, option
-from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words, reserve_words
-from armdyn.cli.options.poses import GoalOptions
+from armdyn.cli.options.joints import friction_facts, friction_words, reserve_words
 from armdyn.cli.options.results import ResultOptions
-from armdyn.cli.options.robot import PayloadOptions, RobotArgument
+from armdyn.cli.options.task import ProblemOptions
 from armdyn.cli.parsing.panels import SOLVER
-from armdyn.cli.parsing.requests import requested_problem
-from armdyn.cli.tracking.reserves import reserve_choice, reserve_facts, write_reserves
 from armdyn.errors import ProblemError
 from armdyn.optimal.task.search_level import SearchLevel
 
 if TYPE_CHECKING:
-    from armdyn.studies.reserve import ReserveCurve
+    from armdyn.studies.reserve import ReserveCurve, Settling
 
 
 @dataclass(frozen=True, kw_only=True)
 class SolverOptions:
-    """How much is searched; see `MinimumTimeOptions`."""
+    """Extent of the search; see `MinimumTimeOptions`."""
 
     panel: ClassVar[str] = SOLVER
 
@@ -54,24 +52,17 @@ class SolverOptions:
     )
 
     def over(self, options: Mapping[str, Any]) -> Self:
-        """What a problem file asks for, but for what was asked for on the command line, too."""
+        """The options of a problem file, overridden by those of the command line."""
         return replace(self, **{**options, **given(self)})
 
     def options(self) -> ad.MinimumTimeOptions:
         """The solver's options."""
-        return ad.MinimumTimeOptions(
-            search=self.search,
-            starts=self.starts,
-            time_limit=self.time_limit,
-            max_intervals=self.max_intervals,
-            seed=self.seed,
-            smooth=self.smooth,
-        )
+        return ad.MinimumTimeOptions(**{one.name: getattr(self, one.name) for one in fields(SolverOptions)})
 
 
 @dataclass(frozen=True, kw_only=True)
 class SearchOptions(SolverOptions):
-    """The same, and what is left to feedback."""
+    """Extent of the search, and the choice of a reserve for feedback."""
 
     for_tracking: bool = flag(
         "Leave so much torque to feedback (--reserve) that likely arms settle soonest: payload 20 % off, with "
@@ -81,7 +72,7 @@ class SearchOptions(SolverOptions):
     def solved(
         self, problem: ad.MinimumTimeProblem, progress: Callable[[str], None]
     ) -> tuple[ad.Solution, ReserveCurve | None]:
-        """The answer, and what decided its reserve where that was to be chosen.
+        """The solution, and the reserve curve if the reserve was to be chosen.
 
         Raises:
             ProblemError: a reserve is given, too.
@@ -99,11 +90,7 @@ class SearchOptions(SolverOptions):
 
 
 def mintime(
-    goal: GoalOptions,
-    payload: PayloadOptions,
-    robot: RobotArgument,
-    joints: FastJointOptions,
-    course: PathConstraintOptions,
+    task: ProblemOptions,
     search: SearchOptions,
     results: ResultOptions,
     require: Require = None,
@@ -134,18 +121,18 @@ def mintime(
         required = requirements_of(require or ())
         from armdyn.optimal.answer.summary import minimum_time_summary
 
-        problem, options = requested_problem(robot, goal, payload, joints, course)
+        problem, options = task.problem()
         arm, search = problem.robot, search.over(options)
-        folder = results.folder("mintime", robot.robot)
+        folder = results.folder("mintime", task.robot.robot)
         with working(f"minimum time of {arm.name}") as progress:
             solution, curve = search.solved(problem, progress)
-            problem, summary = solution.problem, minimum_time_summary(solution) | reserve_facts(curve)
+            problem, summary = solution.problem, minimum_time_summary(solution) | _reserve_facts(curve)
             carried = f", {1000 * arm.payload.mass:g} g" if arm.payload is not None and arm.payload.mass else ""
             title = f"{arm.name}{carried}: {title_words(solution)}"
             motion = solution.trajectory
             written = results.write(
                 folder, arm, {"trajectory": motion}, summary, title, problem.obstacles, progress=progress
-            ).with_files([] if results.no_figure else write_reserves(curve, folder, arm.name))
+            ).with_files([] if results.no_figure else _write_reserves(curve, folder, arm.name))
         missing = missing_of(required, solution)
         answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, "missing": missing, **written.facts}
         if solution.status is ad.Status.INTERRUPTED:
@@ -155,5 +142,45 @@ def mintime(
         elif missing:
             answer.code = NOT_AS_REQUIRED
         words = friction_words(arm) | reserve_words(problem) | solution_words(solution, problem.wrap)
-        words |= reserve_choice(curve) | missing_words(missing) | written.words
+        words |= _reserve_choice(curve) | missing_words(missing) | written.words
         console.print(facts_table(f"{arm.name}: minimum time", words))
+
+
+def _reserve_facts(curve: ReserveCurve | None) -> dict[str, object]:
+    """A reserve curve as JSON; empty without one."""
+    if curve is None:
+        return {}
+    best = curve.best
+    return {
+        "for_tracking": {"best": None if best is None else best.facts(), "rows": [row.facts() for row in curve.rows]}
+    }
+
+
+def _reserve_choice(curve: ReserveCurve | None) -> dict[str, str]:
+    """The chosen reserve and the settled times of each, in words."""
+    if curve is None:
+        return {}
+    best = curve.best
+    if best is None:
+        return {"for tracking": "no reserve has a usable motion"}
+    count = len(curve.plants)
+    lines = ["      motion    mean   worst  settled [s]"]
+    lines += [f"{row.reserve:<5g} {row.duration:.4f}  {_settled(row)}" for row in curve.rows]
+    told = f"reserve {best.reserve:g}: the last of {count} arms settles after {best.worst:.3f} s"
+    return {"for tracking": told, "by reserve": "\n".join(lines)}
+
+
+def _write_reserves(curve: ReserveCurve | None, folder: Path, title: str) -> list[Path]:
+    """The curve's figure, reserve.png; none without a row."""
+    if curve is None or not curve.rows:
+        return []
+    from armdyn.show.figures.reserve_curve import plot_reserves
+    from armdyn.show.plots import save_figure
+
+    return [save_figure(plot_reserves([row.facts() for row in curve.rows], title), folder / "reserve.png")]
+
+
+def _settled(row: Settling) -> str:
+    if math.isfinite(row.worst):
+        return f"{row.mean:6.3f}  {row.worst:6.3f}"
+    return f"{row.count} of {len(row.settled)} settle"

@@ -1,4 +1,4 @@
-"""The command that says how far any planner's motion is from the fastest."""
+"""The command `armdyn optimality`: compares any planner's motion with the fastest."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from armdyn.cli.options.course import RateOptions
 from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
-from armdyn.cli.reports.foreign_trajectories import motion_of
 from armdyn.errors import ProblemError
 
 MOTIONS = ("trajectory", "optimum")
@@ -37,7 +36,7 @@ def optimality(
     search: SolverOptions,
     results: ResultOptions,
 ) -> None:
-    """How much time a planner's motion leaves: beside the fastest between the same two states.
+    """Compare a planner's motion with the fastest between the same two states.
 
     Says whether the motion keeps torque, velocity and position limits, how long each joint works on none of them, and
     what the fastest motion takes. Torques that the file does not have come from inverse dynamics, velocities from a
@@ -53,6 +52,7 @@ def optimality(
     armdyn optimality rr results/track-rr/trajectory.npz --search quick[/]
     """
     with answering(results.output.json) as answer:
+        from armdyn.cli.reports.saved import motion_of
         from armdyn.trajectory.planned import SUFFIXES
 
         if robot.robot.lower().endswith(SUFFIXES):
@@ -80,7 +80,6 @@ def optimality(
 
 
 def _facts(found: ad.TimeOptimality) -> dict[str, object]:
-    """For machines."""
     names, solution = found.solution.problem.robot.joint_names, found.solution
     compared = solution.success
     return {
@@ -105,7 +104,6 @@ def _title(found: ad.TimeOptimality) -> str:
 
 
 def _words(found: ad.TimeOptimality) -> dict[str, str]:
-    """For people."""
     solution = found.solution
     names = solution.problem.robot.joint_names
     words = {"the motion takes": f"{found.duration:.6f} s"}
@@ -125,7 +123,7 @@ def _words(found: ad.TimeOptimality) -> dict[str, str]:
 
 
 def _could(found: ad.TimeOptimality) -> str:
-    """How much faster it could be; a motion that is faster than the fastest breaks a limit, or starts a question."""
+    """Possible gain of time; a motion that is faster than the fastest found one exceeds a limit."""
     if found.gap >= 0:
         saved = 100 * (1 - found.optimal_duration / found.duration)
         return f"{1e3 * found.gap:.4g} ms faster: {saved:.3g} % less time"

@@ -9,11 +9,9 @@ import armdyn as ad
 from armdyn import models
 from armdyn.cli.console import NOT_USABLE, answering, console, facts_table, working
 from armdyn.cli.options.groups import option
-from armdyn.cli.options.joints import JointOptions, friction_facts, friction_words
-from armdyn.cli.options.poses import PoseOptions
+from armdyn.cli.options.joints import friction_facts, friction_words
 from armdyn.cli.options.results import ResultOptions
-from armdyn.cli.options.robot import PayloadOptions, RobotArgument
-from armdyn.cli.parsing.requests import requested_arm
+from armdyn.cli.options.task import ArmOptions
 from armdyn.control.tracking.arrival import ARRIVAL_RULES, ArrivalRule
 from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers
@@ -68,10 +66,7 @@ class PidLoopOptions:
 
 
 def pid(
-    poses: PoseOptions,
-    payload: PayloadOptions,
-    robot: RobotArgument,
-    joints: JointOptions,
+    task: ArmOptions,
     loop: PidLoopOptions,
     results: ResultOptions,
 ) -> None:
@@ -87,11 +82,10 @@ def pid(
         from armdyn.control.tracking.pid import pid_summary
         from armdyn.paper.printed.loop import PAPER_RULE
 
-        request = requested_arm(robot, poses, payload, joints)
-        arm, (start, goal) = request.arm, request.ends("pid")
-        folder = results.folder("pid", robot.robot)
+        arm, (start, goal), name = task.arm, task.ends("pid"), task.robot.robot
+        folder = results.folder("pid", name)
         with working(f"PID loop of {arm.name}") as progress:
-            run = loop.run(arm, start, goal, PAPER_RULE if robot.robot in models.PLANAR_ARMS else ARRIVAL_RULES[0])
+            run = loop.run(arm, start, goal, PAPER_RULE if name in models.PLANAR_ARMS else ARRIVAL_RULES[0])
             summary = pid_summary(run)
             carried = f", {1000 * arm.payload.mass:g} g" if arm.payload is not None else ""
             title = f"{arm.name}{carried}: PID loop"
@@ -113,7 +107,7 @@ def _words(run: ad.Run) -> dict[str, str]:
 
 
 def _arrival(run: ad.Run) -> str:
-    """When a loop arrived, and by which rule; with another rule than that all joints stay, when they all do, too."""
+    """Time of arrival with its rule; for other rules than that all joints stay, also the time of that rule."""
     rule = run.arrival_rule.replace("_", " ")
     words = f"{_seconds(run.arrival_time)} ({rule})"
     if run.arrival_rule == ARRIVAL_RULES[0]:

@@ -1,4 +1,4 @@
-"""The command that writes motions as a page in which the arm moves."""
+"""The command `armdyn replay`: writes a page in which the arm moves."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def replay(
         list[Path],
         typer.Argument(
             metavar="RESULT…",
-            help="Folders or trajectory.npz that mintime, pid or track wrote; or what other planners wrote, as "
-            "optimality reads it.",
+            help="Folders or trajectory.npz that mintime, pid or track wrote; or files of other planners, as "
+            "optimality reads them.",
         ),
     ],
     payload: PayloadOptions,
@@ -37,8 +37,8 @@ def replay(
 ) -> None:
     """One self-contained HTML page in which the robot moves; several files move side by side.
 
-    Where a result.json is beside a motion, the page says what became of it, such as certified or not, and its obstacles
-    stand around the arm.
+    If a result.json lies next to a motion, the page shows its verdict, such as certified or not, and its obstacles
+    around the arm.
 
     [dim]armdyn replay rr results/mintime-rr/trajectory.npz results/pid-rr/trajectory.npz --payload 0.1006[/]
     """
@@ -61,7 +61,7 @@ def replay(
 
 
 def _saved(path: Path, arm: ad.Robot) -> Saved:
-    """A result, or the motion in a file with what can be said of it.
+    """A result, or the motion of a file with its checks.
 
     Raises:
         ArmdynError: it cannot be read, or moves another number of joints.
@@ -69,8 +69,7 @@ def _saved(path: Path, arm: ad.Robot) -> Saved:
     Warns:
         ArmdynWarning: it is another arm's.
     """
-    from armdyn.cli.reports.foreign_trajectories import checked, is_given, motion_of
-    from armdyn.cli.reports.saved import Saved, read_saved
+    from armdyn.cli.reports.saved import Saved, checked, is_given, motion_of, read_saved
 
     if is_given(path):
         motion = motion_of(arm, path)

@@ -1,4 +1,4 @@
-"""`--require`: what a motion is to be besides usable."""
+"""Option `--require`: conditions on a motion besides being usable."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Require = Annotated[
         "--require",
         rich_help_panel=TASK,
         metavar="certified|extremal|gap:X",
-        help="What the motion is to be besides usable, else exit code 4: certified, extremal, or proven to be at most "
+        help="Condition on the motion besides usable, else exit code 4: certified, extremal, or proven to be at most "
         "X above the least time, such as gap:0.5% or gap:0.005. May be given again.",
     ),
 ]
@@ -31,7 +31,7 @@ _PLAIN: tuple[Literal["certified", "extremal"], ...] = ("certified", "extremal")
 
 @dataclass(frozen=True)
 class Requirement:
-    """One of them.
+    """A condition of --require.
 
     Attributes:
         text: as it was given.
@@ -44,7 +44,7 @@ class Requirement:
     most: float = 0.0
 
     def met_by(self, solution: Solution) -> bool:
-        """Whether a solution is so."""
+        """Whether a solution meets it."""
         if self.kind == "gap":
             return solution.gap_proven and solution.gap is not None and solution.gap <= self.most
         return solution.certified if self.kind == "certified" else solution.certificate.extremal
@@ -60,7 +60,7 @@ def requirements_of(texts: Sequence[str]) -> tuple[Requirement, ...]:
 
 
 def missing_of(required: Sequence[Requirement], solution: Solution) -> list[str]:
-    """Which of the requirements a solution does not meet, and what may help; of a motion that is not usable, all."""
+    """Requirements that a solution does not meet, with remedies; of a motion that is not usable, all."""
     return [
         f"{one.text} is missing: {_why(one, solution)}"
         for one in required
@@ -69,7 +69,7 @@ def missing_of(required: Sequence[Requirement], solution: Solution) -> list[str]
 
 
 def _why(one: Requirement, solution: Solution) -> str:
-    """Why a requirement is not met, or what may help."""
+    """Why a requirement is not met, or a remedy."""
     from armdyn.optimal.answer.advice import advice
     from armdyn.optimal.proof.certificate import percent
 
@@ -84,7 +84,6 @@ def _why(one: Requirement, solution: Solution) -> str:
 
 
 def _requirement(text: str) -> Requirement:
-    """One requirement."""
     for plain in _PLAIN:
         if text == plain:
             return Requirement(text, plain)

@@ -1,4 +1,4 @@
-"""What a solution is, in words."""
+"""A solution in words."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def title_words(solution: Solution) -> str:
 
 
 def _turns(solution: Solution, wrap: bool) -> dict[str, str]:
-    """How far endless joints turn, where another way round was open or was taken."""
+    """Turns of endless joints, where another way round was open or was taken."""
     import numpy as np
 
     from armdyn.optimal.problem.turns import endless
@@ -50,7 +50,7 @@ def _turns(solution: Solution, wrap: bool) -> dict[str, str]:
 
 
 def missing_words(missing: Sequence[str]) -> dict[str, str]:
-    """What was required and is missing, for `facts_table`."""
+    """Requirements that are not met, for `facts_table`."""
     return {"required": "\n".join(map(options_of, missing))} if missing else {}
 
 

@@ -1,1 +1,1 @@
-"""The options that commands share, in groups, and what is made of them."""
+"""Groups of options that commands share, and their values."""

@@ -1,13 +1,14 @@
-"""What is asked of a motion along its way."""
+"""Options of path constraints: via points, obstacles, limits along the way."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+import typer
 
 from armdyn.cli.options.groups import flag, option
-from armdyn.cli.options.path_limits import Limits
 from armdyn.cli.parsing.panels import LIMITS, SCENE, TASK
 from armdyn.cli.parsing.positions import positions
 from armdyn.errors import ProblemError
@@ -16,6 +17,29 @@ from armdyn.parsing.numbers import numbers, one_or_more
 if TYPE_CHECKING:
     from armdyn.models import Robot
     from armdyn.models.scene.obstacles import Obstacle
+
+
+def _explained(texts: list[str] | None) -> list[str] | None:
+    """`--limit help` lists the limits, and ends."""
+    if "help" in (texts or ()):
+        from armdyn.optimal.path_constraints.registry import options
+
+        for name, kind in options().items():
+            typer.echo(f"--limit {name}={kind.metavar}\n    {kind.help}")
+        raise typer.Exit
+    return texts
+
+
+Limits = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--limit",
+        metavar="NAME=X[,X…][@FRAME]",
+        rich_help_panel=LIMITS,
+        help="A limit along the way, such as tip-speed=0.25; --limit help lists them. May be given again.",
+        callback=_explained,
+    ),
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,10 +52,10 @@ class RateOptions:
     jerk_limit: str | None = option("J[,J…]", "Jerk limits \\[rad/s³]: the torque no longer jumps. By default none.")
 
     def problem_arguments(self) -> dict[str, Any]:
-        """The arguments of a `MinimumTimeProblem` that they are.
+        """The path constraints as arguments of a `MinimumTimeProblem`.
 
         Raises:
-            ProblemError: a text is not what its option takes.
+            ProblemError: a text does not fit its option.
         """
         return {
             "acceleration_limit": one_or_more(self.acceleration_limit, "--acceleration-limit"),
@@ -65,13 +89,13 @@ class PathConstraintOptions:
     limit: Limits = None
 
     def problem_arguments(self, robot: Robot) -> dict[str, Any]:
-        """The arguments of a `MinimumTimeProblem` that they are.
+        """The path constraints as arguments of a `MinimumTimeProblem`.
 
         Args:
             robot: that moves.
 
         Raises:
-            ProblemError: a text is not what its option takes.
+            ProblemError: a text does not fit its option.
         """
         from armdyn.optimal.path_constraints.registry import path_constraint_from
 

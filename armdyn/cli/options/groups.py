@@ -11,8 +11,11 @@ from typing import Annotated, Any, get_origin, get_type_hints
 import typer
 from typer.models import OptionInfo
 
-from armdyn.cli.parsing.everywhere import everywhere, heeding
-from armdyn.cli.reports.invocation import running
+from armdyn.cli.invocation import running
+from armdyn.cli.parsing.panels import OUTPUT, TASK
+
+_ANGLES = ("q_start", "q_goal", "via", "lock")
+"""Options whose numbers are positions of joints: all that --degrees is about."""
 
 
 def with_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -21,7 +24,7 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
     A group is a frozen dataclass. Its fields are an `option` or a `flag`, are annotated as a command's parameters are,
     `Annotated[type, typer.Option(…)] = default`, or are groups themselves; they become the command's options in their
     order. All options of a group stand in the help panel that its class attribute `panel` names, if it has one. After
-    them come the options that every command has, see `parsing.everywhere`.
+    them come the options that every command has: --quiet, and --degrees where there are angles.
 
     Raises:
         TypeError: two groups of a command have an option of the same name.
@@ -34,15 +37,14 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
         for name, parameter in signature(command).parameters.items()
         for option in _expanded(name, hints[name], parameter.default, None)
     )
-    for option in chain(own, everywhere(flat)):
+    for option in chain(own, _common(flat)):
         if option.name in flat:
             raise TypeError(f"{command.__name__} has two options {option.name!r}")
         flat[option.name] = option
 
     @wraps(command)
     def flattened(**values: Any) -> None:
-        name = command.__name__.replace("_", "-")
-        with running(name, flat, values), heeding(name, values):
+        with running(command.__name__.replace("_", "-"), flat, values):
             command(**{name: _gathered(name, hint, values) for name, hint in hints.items()})
 
     flattened.__doc__ = _flowing(command.__doc__ or "")
@@ -59,7 +61,7 @@ def option(metavar: str, about: str, *, default: Any = None, name: str = "", **m
         about: help.
         default: its value where it is not given.
         name: with its dashes; by default the field's.
-        more: what else `typer.Option` takes.
+        more: further arguments of `typer.Option`.
     """
     names = (name,) if name else ()
     return field(default=default, metadata={"option": typer.Option(*names, metavar=metavar, help=about, **more)})
@@ -71,8 +73,20 @@ def flag(about: str, **more: Any) -> Any:
 
 
 def given(group: Any) -> dict[str, Any]:
-    """The options of a group that are not as by default, by name: they go before what a file says."""
+    """The options of a group that are not as by default, by name: they override a file."""
     return {one.name: value for one in fields(group) if (value := getattr(group, one.name)) != one.default}
+
+
+def _common(own: Mapping[str, object]) -> Iterator[Parameter]:
+    """The options that a command has besides its own, which are looked at when all of them are there."""
+    angles = [f"--{name.replace('_', '-')}" for name in _ANGLES if name in own]
+    flags = [("quiet", "Say nothing but errors and warnings; the exit code tells, and files are written.", OUTPUT)]
+    if angles:
+        told = f"Numbers of {', '.join(angles)} are degrees, but for joints that slide and numbers with a unit or pi."
+        flags.insert(0, ("degrees", f"{told} All other options stay as they are.", TASK))
+    for name, about, panel in flags:
+        hint = Annotated[bool, typer.Option(f"--{name}", metavar="", help=about, rich_help_panel=panel)]
+        yield Parameter(name, Parameter.KEYWORD_ONLY, default=False, annotation=hint)
 
 
 def _expanded(name: str, hint: Any, default: Any, panel: str | None) -> Iterator[Parameter]:
@@ -98,7 +112,7 @@ def _annotated(one: Field[Any], hint: Any) -> Any:
 
 
 def _shown(hint: Any, panel: str | None) -> Any:
-    """The annotation with what help shows: the panel of an option, and of a flag that it takes no value."""
+    """The annotation with the option's panel of help; flags show no value."""
     if get_origin(hint) is not Annotated:
         return hint
     told = tuple(copy(info) for info in hint.__metadata__)

@@ -1,4 +1,4 @@
-"""What the joints can do and what they lose: limits, friction, rotor inertia."""
+"""Options of the joints: limits, friction, rotor inertia."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class JointOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class FastJointOptions:
-    """The same with velocity limits, reserves and joints without a motor, for motions that keep them."""
+    """Options of the joints of a minimum-time motion: velocity limits, reserves, joints without a motor."""
 
     panel: ClassVar[str] = LIMITS
 
@@ -83,10 +83,10 @@ class FastJointOptions:
         return self.joints.fit(fast).with_passive(self.passive or ())
 
     def problem_arguments(self) -> dict[str, Any]:
-        """The arguments of a `MinimumTimeProblem` that say what is kept for feedback.
+        """The reserves of a `MinimumTimeProblem`, as its arguments.
 
         Raises:
-            ProblemError: a text is not what its option takes.
+            ProblemError: a text does not fit its option.
         """
         return {
             "reserve": one_or_more(self.reserve, "--reserve"),
@@ -95,7 +95,7 @@ class FastJointOptions:
 
 
 def reserve_words(problem: MinimumTimeProblem) -> dict[str, str]:
-    """What is kept for feedback, for people; empty if nothing is."""
+    """Reserves for feedback, in words; empty without one."""
     kept = problem.reserves
     told = [
         f"{words[0] if len(set(words)) == 1 else ', '.join(words)} of the {limit} limits"
@@ -111,7 +111,7 @@ def _friction(text: str | None, what: str) -> FrictionValue | None:
 
 
 def friction_facts(robot: Robot) -> dict[str, object]:
-    """The friction in a robot's joints, for machines; empty if there is none."""
+    """The friction in a robot's joints as JSON; empty if there is none."""
     own = robot.friction
     if not own.present:
         return {}
@@ -120,7 +120,7 @@ def friction_facts(robot: Robot) -> dict[str, object]:
 
 
 def friction_words(robot: Robot) -> dict[str, str]:
-    """The same for people."""
+    """The friction in a robot's joints in words; empty if there is none."""
     own = robot.friction
     if not own.present:
         return {}

@@ -1,4 +1,4 @@
-"""From where to where."""
+"""Options of start and goal."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ class PoseOptions:
     q_goal: str | None = option("Q,Q,…|NAME", "Goal, like --q-start.")
 
     def start(self, robot: ad.Robot, name: str, kind: Kind) -> list[float]:
-        """What is given, else the start of the paper's example.
+        """The start; by default that of the paper's example.
 
         Args:
             robot: that moves.
-            name: what the user called it.
+            name: of the robot, as the user gave it.
             kind: of the example.
 
         Raises:
@@ -60,7 +60,7 @@ def _pose(option: str, text: str | None, robot: ad.Robot, name: str, kind: Kind)
 
 
 def _how_to_say(option: str, robot: ad.Robot) -> str:
-    """What a pose of this robot may be, for who gave none."""
+    """Message for a missing pose: the ways to give one."""
     poses = ", ".join(robot.poses)
     names = f", or a pose that has a name ({poses})" if poses else ""
     example = ",".join(["0", "90deg", "0.5"][: robot.nv] + ["0"] * (robot.nv - 3))
@@ -96,11 +96,11 @@ class GoalOptions:
     )
 
     def problem_arguments(self, robot: ad.Robot, name: str) -> dict[str, Any]:
-        """The arguments of a `MinimumTimeProblem` that say from where to where.
+        """Start and goal as arguments of a `MinimumTimeProblem`.
 
         Args:
             robot: that moves.
-            name: what the user called it.
+            name: of the robot, as the user gave it.
 
         Raises:
             ProblemError: a text is no pose, one is missing, or the goal is given twice.

@@ -1,4 +1,4 @@
-"""Where the results go, and which."""
+"""Options of the results: their folder and files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Self
 
 import typer
 
-from armdyn.cli.reports.invocation import invocation
+from armdyn.cli.invocation import invocation
 from armdyn.files import probe_folder
 
 if TYPE_CHECKING:
@@ -32,18 +32,18 @@ NoReport = Annotated[bool, typer.Option("--no-report", help="Write no report.htm
 
 @dataclass(frozen=True, kw_only=True)
 class OutputOptions:
-    """A folder for the results, and for whom the answer on standard output is."""
+    """Folder of the results, and form of the answer on standard output."""
 
     out: Out = None
     json: Json = False
 
     def folder(self, command: str, name: str, files: Iterable[str] = ()) -> Path:
-        """The folder that was asked for, else one that says what is in it. To be called before the work begins.
+        """The requested folder, else results/COMMAND-ROBOT; checked before the work begins.
 
         Args:
-            command: what is to be done.
-            name: with which robot.
-            files: names of what is to be written there.
+            command: its name.
+            name: of the robot.
+            files: names of the files to be written there.
 
         Raises:
             FileError: that cannot be written there.
@@ -55,7 +55,7 @@ class OutputOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class Written:
-    """What was written of a motion.
+    """The files of a motion.
 
     Attributes:
         files: in the order they were written.
@@ -66,38 +66,38 @@ class Written:
     seconds: float
 
     def with_files(self, more: Sequence[Path]) -> Self:
-        """The same with others that were written beside."""
+        """The same with more files."""
         return replace(self, files=[*self.files, *more])
 
     @property
     def facts(self) -> dict[str, object]:
-        """For machines."""
+        """The files as JSON."""
         return {"files": [str(file) for file in self.files]}
 
     @property
     def words(self) -> dict[str, str]:
-        """For people."""
+        """The files in words."""
         names = ", ".join(file.name for file in self.files)
         return {"results": str(self.files[0].parent), "written": f"{names} in {self.seconds:.1f} s"}
 
 
 @dataclass(frozen=True, kw_only=True)
 class ResultOptions:
-    """What is written of one motion, and where."""
+    """Files of one motion, and their folder."""
 
     output: OutputOptions = field(default_factory=OutputOptions)
     no_figure: NoFigure = False
     no_report: NoReport = False
 
     def folder(self, command: str, name: str, motions: Iterable[str] = ("trajectory",)) -> Path:
-        """Where it goes; see `OutputOptions.folder`."""
+        """Folder of the files; see `OutputOptions.folder`."""
         from armdyn.show.report import file_names
 
         return self.output.folder(command, name, file_names(self._parts, motions))
 
     @property
     def _parts(self) -> list[Part]:
-        """What is drawn."""
+        """The requested drawings."""
         from armdyn.show.report import PARTS
 
         unwanted = [part for part, no in (("figure", self.no_figure), ("report", self.no_report)) if no]
@@ -114,7 +114,7 @@ class ResultOptions:
         *,
         progress: Callable[[str], None],
     ) -> Written:
-        """Write what was asked for of motions; see `write_run`. After Ctrl-C nothing is drawn, which takes seconds."""
+        """Write the requested files of motions; see `write_run`. After Ctrl-C nothing is drawn: that takes seconds."""
         from armdyn.show.report import write_run
 
         begun = time.perf_counter()

@@ -1,4 +1,4 @@
-"""Which robot: its name, the joints of it that move, and what it carries."""
+"""Options of the robot: its name, its moving joints, its payload."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TAKE_FILES = "mintime, bound, sweep, track, monte-carlo, tune and pid"
 
 
 def known_names(incomplete: str) -> list[str]:
-    """The names of robots that begin so, for a shell that completes."""
+    """Names of robots with a beginning, for shell completion."""
     from armdyn.models.robots.library import BENCHMARKS, LIBRARY_ARMS
 
     return [name for name in (*models.PLANAR_ARMS, *BENCHMARKS, *LIBRARY_ARMS) if name.startswith(incomplete)]
@@ -41,7 +41,7 @@ RobotName = Annotated[
 
 @dataclass(frozen=True, kw_only=True)
 class PartOptions:
-    """Which joints move.
+    """Choice of the moving joints.
 
     Attributes:
         lock: JOINT=Q of each joint that does not.
@@ -106,16 +106,16 @@ class RobotArgument:
     part: PartOptions = field(default_factory=PartOptions)
 
     def read(self, payload: ad.Payload | None = None) -> ad.Robot:
-        """It; see `PartOptions.read`."""
+        """The robot; see `PartOptions.read`."""
         return self.part.read(self.robot, payload)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PayloadPlace:
-    """Where a payload is.
+    """Place of a payload.
 
     Attributes:
-        payload_frame: what it is fixed to; None: the tip.
+        payload_frame: frame that carries it; None: the tip.
         payload_com: its centre of mass there [m], as text; None: the frame's origin.
     """
 
@@ -129,10 +129,10 @@ class PayloadPlace:
     )
 
     def carried(self, mass: float) -> ad.Payload | None:
-        """A payload [kg] there.
+        """A payload of a mass [kg] at this place.
 
         Raises:
-            ProblemError: where it is, but not what it weighs.
+            ProblemError: its place is given, but not its mass.
         """
         if not mass and (self.payload_frame or self.payload_com):
             raise ProblemError("--payload-frame and --payload-com say where a payload is: give its mass, --payload KG")
@@ -142,7 +142,7 @@ class PayloadPlace:
 
 @dataclass(frozen=True, kw_only=True)
 class PayloadOptions:
-    """What the robot carries, and where.
+    """Payload and its place.
 
     Attributes:
         payload: its mass [kg].
@@ -155,5 +155,5 @@ class PayloadOptions:
     place: PayloadPlace = field(default_factory=PayloadPlace)
 
     def carried(self) -> ad.Payload | None:
-        """The payload, None if it weighs nothing."""
+        """The payload; None for a mass of zero."""
         return self.place.carried(self.payload)

@@ -1,1 +1,1 @@
-"""What people type: positions with units and names, problem files, and how help tells of options."""
+"""Positions with units and names, as typed; layout of the help."""

@@ -36,7 +36,7 @@ class Command(TyperCommand):
 
 
 class Group(TyperGroup):
-    """The application, whose help is laid out likewise: examples, options, commands by what they are for."""
+    """The application, whose help is laid out likewise: examples, options, commands by purpose."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Print help."""
@@ -66,7 +66,7 @@ def _usage(command: Any, ctx: Any) -> RenderableType:
 
 
 def _page(command: Command, ctx: Any) -> list[RenderableType]:
-    """All that help says."""
+    """The page of a command's help."""
     from rich.padding import Padding
     from rich.text import Text
 
@@ -81,7 +81,7 @@ def _page(command: Command, ctx: Any) -> list[RenderableType]:
 
 
 def _panels(params: Iterable[Any]) -> list[tuple[str, list[Any]]]:
-    """The parameters by panel: arguments, then the panels in their order, then what is of no kind."""
+    """The parameters by panel: arguments, then the panels in their order, then the rest."""
     found: defaultdict[str, list[Any]] = defaultdict(list)
     for param in params:
         if getattr(param, "hidden", False):
@@ -98,7 +98,7 @@ def _panels(params: Iterable[Any]) -> list[tuple[str, list[Any]]]:
 
 
 def _told(param: Any) -> RenderableType:
-    """One option: its name and value, and what it is."""
+    """One option: its name, its value, its description."""
     from rich.console import Group as Rows
     from rich.padding import Padding
     from rich.text import Text
@@ -111,7 +111,7 @@ def _told(param: Any) -> RenderableType:
 
 
 def _row(name: str, about: RenderableType, width: int) -> RenderableType:
-    """A name, and what it is beside it."""
+    """A name and its description side by side."""
     from rich.table import Table
     from rich.text import Text
 
@@ -133,7 +133,7 @@ def _called(param: Any) -> str:
 
 
 def _usual(param: Any) -> str:
-    """What an option is by default, where that says something."""
+    """The default of an option, where there is one to show."""
     told = param.show_default if isinstance(param.show_default, str) else ""
     value = param.default
     silent = param.show_default is False or value is None or value is False or value in ((), [], "") or callable(value)

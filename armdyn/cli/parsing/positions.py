@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from armdyn.cli.invocation import option_value
 from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import position as typed_position
 from armdyn.parsing.numbers import unit_said
@@ -14,27 +13,15 @@ from armdyn.parsing.numbers import unit_said
 if TYPE_CHECKING:
     from armdyn.models import Robot
 
-_DEGREES: ContextVar[bool] = ContextVar("degrees", default=False)
-
-
-@contextmanager
-def reading_degrees(wanted: bool) -> Iterator[None]:
-    """Within it angles without a unit are in degrees: --degrees."""
-    token = _DEGREES.set(wanted)
-    try:
-        yield
-    finally:
-        _DEGREES.reset(token)
-
 
 def degrees_are_on() -> bool:
-    """Whether --degrees was given."""
-    return _DEGREES.get()
+    """Whether angles without a unit are in degrees: --degrees."""
+    return bool(option_value("degrees"))
 
 
 def position(text: str, what: str, slides: bool | None = False) -> float:
     """A joint's position [rad or m], as `armdyn.parsing.numbers.position` reads it; with --degrees in degrees."""
-    return typed_position(text, what, slides, degrees=_DEGREES.get())
+    return typed_position(text, what, slides, degrees=degrees_are_on())
 
 
 def positions(text: str, what: str, robot: Robot) -> list[float]:
@@ -45,11 +32,11 @@ def positions(text: str, what: str, robot: Robot) -> list[float]:
     """
     from armdyn.models.robots.poses import positions_of
 
-    return positions_of(robot, text, what, degrees=_DEGREES.get())
+    return positions_of(robot, text, what, degrees=degrees_are_on())
 
 
 def sliding_locks(texts: Sequence[str], robot: Robot) -> None:
-    """Refuse what --degrees would have made of a joint that slides: JOINT=0.1 without a unit.
+    """Refuse --degrees for a sliding joint that is locked without a unit: JOINT=0.1.
 
     Args:
         texts: of --lock.
@@ -59,7 +46,7 @@ def sliding_locks(texts: Sequence[str], robot: Robot) -> None:
         ProblemError: one is such; or the robot was not read from a URDF, so that nobody knows.
     """
     bare = [joint for joint, _, value in (text.partition("=") for text in texts) if not unit_said(value)]
-    if not (bare and _DEGREES.get()):
+    if not (bare and degrees_are_on()):
         return
     if not robot.urdf:
         raise ProblemError(f"--lock {bare[0]}: say the unit, such as 90deg or 0.1m: {robot.source} is no URDF")

@@ -1,1 +1,1 @@
-"""Commands that show what others have left on disk."""
+"""Commands that show saved results."""

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from armdyn.cli.reports.foreign_trajectories import checked, is_given, motion_of
-from armdyn.cli.reports.saved import Saved, read_saved
+from armdyn.cli.reports.saved import Saved, checked, is_given, motion_of, read_saved
 from armdyn.cli.reports.subject import SubjectSpec, subject_named, subject_of
 from armdyn.errors import ArmdynWarning, FileError, ProblemError, TrajectoryError
 from armdyn.show.page.course import ShownMotion
@@ -62,7 +61,7 @@ def _arms(one: Saved) -> set[str]:
 
 
 def _subject(paths: Sequence[Path], own: Sequence[Saved], spec: SubjectSpec) -> Subject:
-    """What moves."""
+    """The arm of the motions."""
     known = next((one for one in own if one.facts.values), own[0] if own else None)
     if known is not None:
         return subject_of(known, spec)

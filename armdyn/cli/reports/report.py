@@ -28,17 +28,17 @@ Results = Annotated[
     list[Path],
     typer.Argument(
         metavar="RESULT…",
-        help="Folders that mintime, pid or track wrote, trajectories (npz), or what other planners wrote, as "
-        "optimality reads it: .csv, .npz, ROS 2's .json and .yaml.",
+        help="Folders that mintime, pid or track wrote, trajectories (npz), or files of other planners, as "
+        "optimality reads them: .csv, .npz, ROS 2's .json and .yaml.",
     ),
 ]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ShownOptions:
-    """Which robot is drawn, and how much of its motions."""
+    """Drawn robot, and drawn part of its motions."""
 
-    panel: ClassVar[str] = "What is shown"
+    panel: ClassVar[str] = "Contents"
 
     robot: str | None = option(
         "ROBOT", "Whose motions they are: a name or a URDF. By default the first result says it, if it is no file."
@@ -46,7 +46,7 @@ class ShownOptions:
     until: str | None = option("S", "Only so much of each motion \\[s]; by default all of it.")
 
     def end(self) -> float | None:
-        """How much of each motion is drawn [s]; None: all.
+        """Drawn duration of each motion [s]; None: all.
 
         Raises:
             ProblemError: no positive number.
@@ -77,7 +77,7 @@ def report(
     payload: PayloadOptions,
     output: OutputOptions,
 ) -> None:
-    """One HTML page of saved results: the arm, its curves, and what is to be said of them.
+    """One HTML page of saved results: the arm, its curves, its verdict and numbers.
 
     mintime, pid and track write it by themselves. Of several results the first is judged, and the others are its
     ghosts. It is written beside a single result, else to results/report-ROBOT. Nothing in a result is executed. A
@@ -109,7 +109,7 @@ def compare(
 ) -> None:
     """Several motions of one arm side by side: a table, one report, and one figure for a paper.
 
-    The first is what the others are measured by. The report has the first solid and the others as ghosts, all curves
+    The others are compared with the first. The report has the first solid and the others as ghosts, all curves
     under one time; figure.pdf and figure.svg have a colour for each joint and a line style for each motion. Motions of
     other planners are read as armdyn optimality reads them: torques that a file does not have come from inverse
     dynamics. Whether they keep the limits is said; the robot is that of the first result, or --robot with its payload.
@@ -161,7 +161,6 @@ def _written(folder: Path, made: Report) -> Path:
 
 
 def _table(title: str, rows: Sequence[Compared]) -> Table:
-    """For people."""
     from rich.table import Table
 
     table = Table(title=escape(title), title_justify="left", box=None, pad_edge=False, caption_justify="left")

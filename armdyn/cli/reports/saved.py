@@ -1,18 +1,20 @@
-"""Results that were saved, read again: motions, and what is known of them.
+"""Saved results and other planners' files, read again: motions and their facts.
 
-They may come from a stranger. Of a folder only files of known names are read, within bounds, and none that leads out of
-it.
+They may be untrusted. Of a folder only files of known names are read, within bounds, and no link that leads out of it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import armdyn as ad
 from armdyn.errors import FileError
 from armdyn.show.page.facts import Facts
 from armdyn.show.results import load_result
 from armdyn.trajectory import Trajectory
+from armdyn.trajectory.npz import is_own
+from armdyn.trajectory.planned import SUFFIXES, read_planned
 
 _BESIDE = ("reference.npz", "optimum.npz")
 
@@ -23,9 +25,9 @@ class Saved:
 
     Attributes:
         path: the folder, or the motion's file.
-        motion: what moved.
+        motion: its motion.
         facts: of its result; none beside a bare motion.
-        reference: what the motion was to follow, or the fastest that it was held beside; None if nothing.
+        reference: the motion to follow, or the fastest one that it was compared with; None: neither.
     """
 
     path: Path
@@ -65,3 +67,38 @@ def _inside(file: Path) -> Path:
     if file.resolve().parent != file.parent.resolve():
         raise FileError(file, "leads out of its folder, which is refused")
     return file
+
+
+def is_given(path: Path) -> bool:
+    """Whether it is a motion as other planners leave it, and neither a folder nor a file of armdyn."""
+    suffix = path.suffix.lower()
+    if path.is_dir() or path.name == "result.json" or suffix not in SUFFIXES:
+        return False
+    return suffix != ".npz" or (path.is_file() and not is_own(path))
+
+
+def motion_of(robot: ad.Robot, file: Path) -> Trajectory:
+    """The motion in a file; torques that it has not are computed.
+
+    Raises:
+        TrajectoryError: it cannot be read, or is of another robot.
+        MissingPackageError: it is YAML, and PyYAML is not installed.
+    """
+    if is_own(file):
+        return Trajectory.load(file)
+    planned = read_planned(file, robot.joint_names)
+    a = planned.accelerations() if planned.a is None and planned.tau is None else planned.a
+    motion = ad.trajectory_from_path(robot, planned.t, planned.q, planned.v, a, name=file.stem)
+    return motion if planned.tau is None else replace(motion, tau=planned.tau)
+
+
+def checked(robot: ad.Robot, motion: Trajectory) -> Facts:
+    """Checks of a bare motion: whether it satisfies limits, and whether its torques lead to its end.
+
+    Args:
+        robot: with the limits that hold.
+        motion: of it.
+    """
+    from armdyn.optimal.gap import check_motion
+
+    return Facts(check_motion(robot, motion).facts())

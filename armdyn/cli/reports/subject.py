@@ -1,4 +1,4 @@
-"""The robot that moved, made again from what a result says of it, or from its name.
+"""The robot that moved, made again from a result's description or from its name.
 
 A result may come from a stranger: a robot is made from a name that comes with armdyn, and from a file that a result
 names only if it makes the very arm that moved.
@@ -33,7 +33,7 @@ _MOST_OBSTACLES, _MOST_LOCKS = 200, 400
 
 @dataclass(frozen=True, kw_only=True)
 class SubjectSpec:
-    """What the user says of the robot.
+    """The robot as the user names it.
 
     Attributes:
         robot: its name or file; None: a result says it.
@@ -51,7 +51,7 @@ class SubjectSpec:
 
 
 def subject_named(robot: str, spec: SubjectSpec) -> Subject:
-    """What moves, as the user names it.
+    """The arm of a report, as the user names it.
 
     Raises:
         ArmdynError: there is no such robot.
@@ -60,7 +60,7 @@ def subject_named(robot: str, spec: SubjectSpec) -> Subject:
 
 
 def subject_of(saved: Saved, spec: SubjectSpec) -> Subject:
-    """What moves in a result.
+    """The arm of a result.
 
     Args:
         saved: the result.

@@ -1,4 +1,4 @@
-"""What `armdyn sweep ROBOT` does: minimum times over payload, their table, figure and motions."""
+"""`armdyn sweep ROBOT`: minimum times over payload, their table, figure and motions."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def run_payloads(
         problems: by payload [kg], increasing.
         options: of every search.
         required: of every motion.
-        results: what is written.
+        results: files that are written.
         answer: filled in.
     """
     from armdyn.optimal.answer.summary import reserve_summary
@@ -84,7 +84,7 @@ def run_payloads(
     }
     answer.code = NOT_AS_REQUIRED if status == "done" and missing else _CODES[status]
     if status == "interrupted":
-        answer.facts["message"] = f"interrupted; what was solved is in {folder}"
+        answer.facts["message"] = f"interrupted; the solved payloads are in {folder}"
     console.print(_table(arm.name, rows))
     for what, parts in reserve_words(first).items():
         console.print(f"{what}: {parts}")
@@ -100,7 +100,7 @@ def _solved(
     from armdyn.optimal.problem.stop import stopping
     from armdyn.show.figures.payload_sweep import motion_name
     from armdyn.studies.continuation import chain
-    from armdyn.studies.executors.in_process import in_process
+    from armdyn.studies.executors.local import in_process
     from armdyn.studies.rows import row_store
     from armdyn.studies.run import run_cases
     from armdyn.studies.tasks.task import INTERRUPTED as STOPPED
@@ -152,7 +152,7 @@ def _status(found: Sequence[StudyRow], wanted: int) -> str:
 
 
 def _missing(required: Sequence[Requirement], row: StudyRow) -> list[str]:
-    """Requirements that a motion does not meet, and what may help."""
+    """Requirements that a motion does not meet, with remedies."""
     facts, grams = row.facts, 1e3 * row.settings["payload"]
     proven = facts["gap"] if facts["gap_proven"] else None
     missed = {"certified": not facts["certified"], "extremal": not facts["extremal"]}
@@ -164,7 +164,7 @@ def _missing(required: Sequence[Requirement], row: StudyRow) -> list[str]:
 
 
 def _complain(status: str, missing: Sequence[str]) -> None:
-    """Print what is not as it should be."""
+    """Print failures and missing requirements."""
     if status == "not_landed":
         errors.print("some motions are not usable: their messages are in sweep.csv")
     for text in missing:

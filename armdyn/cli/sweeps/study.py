@@ -1,4 +1,4 @@
-"""What `armdyn sweep` does with a study file."""
+"""`armdyn sweep STUDY.toml`: the cases of a study file."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _MOST_DRAWN = 100_000
 
 @dataclass(frozen=True, kw_only=True)
 class StudyOptions:
-    """Who works on a study file's cases, and how its rows are kept."""
+    """Executor of a study file's cases, and storage of its rows."""
 
     panel: ClassVar[str] = "Study file"
 
@@ -39,7 +39,7 @@ class StudyOptions:
     parquet: bool = flag("Write rows.parquet, too (needs pyarrow).")
 
     def executor(self) -> ExecutorOf:
-        """Who works.
+        """The executor of the cases.
 
         Raises:
             ProblemError: the scheduler's address is none, or workers are given, too.
@@ -60,7 +60,7 @@ class StudyOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class SweepResults:
-    """What is written of a sweep, and where."""
+    """Files of a sweep, and their folder."""
 
     output: OutputOptions
     no_figure: NoFigure = False
@@ -72,7 +72,7 @@ def run_file(path: str, options: StudyOptions, results: SweepResults, answer: An
     Args:
         path: of the study.
         options: who works.
-        results: what is written.
+        results: files that are written.
         answer: filled in.
 
     Raises:
@@ -104,11 +104,11 @@ def run_file(path: str, options: StudyOptions, results: SweepResults, answer: An
         table = [flat(row) for row in rows.rows()] if sum(run.counts.values()) <= _MOST_DRAWN else []
     if table and not (results.no_figure or run.interrupted):
         files += _drawn(study, table, folder, Path(path).stem)
-    _answered(answer, study, run, files)
+    _answered(answer, run, files)
     console.print(facts_table(f"{Path(path).name}: {len(study)} cases", _words(study, run, table, files)))
 
 
-def _answered(answer: Answer, study: Study, run: StudyRun, files: Sequence[Path]) -> None:
+def _answered(answer: Answer, run: StudyRun, files: Sequence[Path]) -> None:
     there = sum(run.counts.values())
     odd = there - sum(count for status, count in run.counts.items() if status in _ANSWERS)
     answer.code = INTERRUPTED if run.interrupted else NOT_USABLE if odd else DONE
@@ -174,7 +174,7 @@ def _said(name: str, value: float | str) -> str:
 
 
 def _told(told: Progress) -> str:
-    """What stands behind the bar."""
+    """Text next to the bar."""
     bad = f"{told.bad} not as wanted, " if told.bad else ""
     return f"{bad}{_left(told.left)}"
 

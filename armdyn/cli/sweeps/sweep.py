@@ -2,21 +2,88 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, ClassVar
+
+import typer
 
 import armdyn as ad
+from armdyn import models
 from armdyn.cli.console import answering
 from armdyn.cli.motion.requirements import Require, requirements_of
+from armdyn.cli.options.groups import given, option
 from armdyn.cli.options.joints import FastJointOptions
 from armdyn.cli.options.poses import PoseOptions
-from armdyn.cli.parsing.problem_file import is_problem_file, is_study_file, problem_file, refuse_beside_a_file
-from armdyn.cli.sweeps.options import PayloadsOptions, SweepOptions, SweptOptions
+from armdyn.cli.options.robot import PayloadPlace, RobotArgument, known_names
+from armdyn.cli.options.task import is_problem_file, is_study_file, problem_file, refuse_beside_a_file
+from armdyn.cli.parsing.panels import SOLVER
 from armdyn.cli.sweeps.payloads import run_payloads
 from armdyn.cli.sweeps.study import StudyOptions, SweepResults, run_file
 from armdyn.errors import ProblemError
+from armdyn.parsing.numbers import numbers
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
+
+@dataclass(frozen=True, kw_only=True)
+class PayloadsOptions:
+    """Payloads, one after the other, and their place.
+
+    Attributes:
+        payload: the masses [kg] as text; None: the paper's.
+        place: where each is.
+    """
+
+    panel: ClassVar[str] = PayloadPlace.panel
+
+    payload: str | None = option("KG,KG,…", "Point masses that the arm carries \\[kg]. r, rr, rrr: the paper's ten.")
+    place: PayloadPlace = field(default_factory=PayloadPlace)
+
+    def masses(self, robot: str) -> list[float]:
+        """The masses [kg] that a robot is to carry, each once, increasing.
+
+        Raises:
+            ProblemError: none is given for a robot that is not the paper's.
+        """
+        if self.payload is not None:
+            return sorted(set(numbers(self.payload, "--payload")))
+        if robot not in models.PLANAR_ARMS:
+            raise ProblemError(f"give --payload with the masses [kg] that {robot} is to carry, such as 0,0.5,1")
+        from armdyn.paper import PAYLOADS
+
+        return sorted(PAYLOADS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepOptions:
+    """Extent of the search for each payload; see `MinimumTimeOptions`."""
+
+    panel: ClassVar[str] = SOLVER
+
+    starts: int | None = option("N", "Guesses of every search; by default the first has mintime's, the others few.")
+    time_limit: float = option("S", "For each payload \\[s].", default=300.0)
+
+    def options(self, of_file: Mapping[str, Any]) -> ad.MinimumTimeOptions:
+        """Options of every search.
+
+        Args:
+            of_file: options of a problem file, by name; those of the command line go first.
+        """
+        return ad.MinimumTimeOptions(**{"time_limit": self.time_limit, **of_file, **given(self)})
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweptOptions(RobotArgument):
+    """A robot, or a study file."""
+
+    robot: Annotated[
+        str,
+        typer.Argument(
+            metavar="ROBOT|STUDY.toml",
+            help="A robot or a problem file, as mintime takes them, or a study file (docs/sweeps.md).",
+            show_default=False,
+            autocompletion=known_names,
+        ),
+    ]
 
 
 def sweep(
@@ -32,7 +99,7 @@ def sweep(
     r"""Minimum time over payload, of a robot; or a study file's many cases over limits, gains, poses, reserve, arms.
 
     Of a ROBOT: how much each gram costs, and which limit counts. Each optimum is where the search for the next
-    payload's begins; what a heavier payload's search finds is tried on the lighter one, too. A payload that is solved
+    payload's begins; the optimum of a heavier payload is tried on the lighter one, too. A payload that is solved
     is on disk at once, and the same command goes on with the others. Exit code 0: all motions are usable; 3: some are
     not; 4: all are, but some are not what --require asks for.
 
@@ -74,7 +141,7 @@ def _problems(
     """Problems by payload [kg], and the solver's options of a problem file.
 
     Raises:
-        ArmdynError: there is no such problem; or the command line says again what a file says.
+        ArmdynError: there is no such problem; or an option repeats a key of the file.
     """
     masses = payloads.masses(robot.robot)
     if is_problem_file(robot.robot):

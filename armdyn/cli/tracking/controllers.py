@@ -12,7 +12,7 @@ from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers, one_or_more
 
 if TYPE_CHECKING:
-    from armdyn.cli.parsing.requests import ArmRequest
+    from armdyn.cli.options.task import FastArmOptions
     from armdyn.control.loop.law import Controller
 
 _OPTIONS = {"lqr": "weights", "computed-torque": "bandwidth"}
@@ -38,7 +38,7 @@ class ControllerOptions:
         """The controller.
 
         Raises:
-            ProblemError: unknown; an option is another controller's, or is not what it takes.
+            ProblemError: unknown; an option of another controller, or of wrong numbers.
         """
         from armdyn.control.laws.registry import CONTROLLERS
 
@@ -88,7 +88,7 @@ class LoopOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class PlantOptions:
-    """How the arm that moves differs from the controller's model."""
+    """Differences of the simulated arm from the controller's model."""
 
     panel: ClassVar[str] = "The arm that moves, where it differs from the model"
 
@@ -96,16 +96,16 @@ class PlantOptions:
     plant_damping: str | None = option("D[,D…]", "Viscous friction of its joints \\[N m s/rad].")
     plant_friction: str | None = option("F[,F…]", "Coulomb friction of its joints \\[N m].")
 
-    def real(self, request: ArmRequest) -> ad.Robot:
+    def real(self, task: FastArmOptions) -> ad.Robot:
         """The arm that moves.
 
         Args:
-            request: the controller's model.
+            task: the controller's model.
 
         Raises:
             ArmdynError: a value does not fit the robot.
         """
-        arm = request.carrying(self.plant_payload)
+        arm = task.carrying(self.plant_payload)
         damping, friction = (
             one_or_more(text, f"--plant-{name}")
             for text, name in ((self.plant_damping, "damping"), (self.plant_friction, "friction"))

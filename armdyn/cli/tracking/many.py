@@ -1,4 +1,4 @@
-"""The command that has a controller move many arms, each other than its model."""
+"""The command `armdyn monte-carlo`: a controller on many random arms."""
 
 from __future__ import annotations
 
@@ -16,12 +16,9 @@ from armdyn.cli.console import (
     working,
 )
 from armdyn.cli.options.groups import option
-from armdyn.cli.options.joints import FastJointOptions
-from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import NoFigure, OutputOptions
-from armdyn.cli.options.robot import PayloadOptions, RobotArgument
+from armdyn.cli.options.task import FastArmOptions
 from armdyn.cli.parsing.panels import TASK
-from armdyn.cli.parsing.requests import requested_arm
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions
 from armdyn.cli.tracking.track import ReferenceOptions, no_motion
 from armdyn.errors import ProblemError
@@ -33,7 +30,7 @@ ROWS, TABLE = "rows.sqlite", "rows.csv"
 
 @dataclass(frozen=True, kw_only=True)
 class ArmsOptions:
-    """What the arms are drawn from; see `Plants`."""
+    """Ranges of the random arms; see `Plants`."""
 
     panel: ClassVar[str] = "The arms that move, each number drawn from its range"
 
@@ -78,7 +75,7 @@ def range_of(text: str, name: str) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class CountOptions:
-    """How many arms, and what is asked of them."""
+    """Number of arms, and the requirement on them."""
 
     panel: ClassVar[str] = TASK
 
@@ -88,10 +85,7 @@ class CountOptions:
 
 
 def monte_carlo(
-    poses: PoseOptions,
-    payload: PayloadOptions,
-    robot: RobotArgument,
-    joints: FastJointOptions,
+    task: FastArmOptions,
     reference: ReferenceOptions,
     controller: ControllerOptions,
     loop: LoopOptions,
@@ -100,7 +94,7 @@ def monte_carlo(
     output: OutputOptions,
     no_figure: NoFigure = False,
 ) -> None:
-    """How often a controller settles on arms that differ from its model: payload, friction, where they stand.
+    """How often a controller settles on arms that differ from its model: in payload, friction and start.
 
     Each arm is drawn at random and run as `track` runs one. Its row is on disk at once: the same command goes on
     where it was stopped or killed, also with a greater --count. Exit code 0: done; 4: fewer settle than --at-least
@@ -111,16 +105,15 @@ def monte_carlo(
     armdyn monte-carlo rrr --payload 0.1006 --ramp 0.5 --friction-range 0,0.06 --at-least 0.99[/]
     """
     with answering(output.json) as answer:
-        own = requested_arm(robot, poses, payload, joints)
-        model = own.arm
+        model = task.arm
         law, joined, plants = controller.chosen(), loop.joined(), arms.plants(model)
         options = ad.MonteCarloOptions(count=study.count, duration=reference.duration, tolerance=reference.tolerance)
         within = reference.duration if study.within is None else checked(study.within, "--within", sign="positive")
         drawn = [] if no_figure else ["envelope.png", "envelope.pdf"]
-        folder = output.folder("monte-carlo", robot.robot, [ROWS, TABLE, "reference.npz", *drawn, "result.json"])
+        folder = output.folder("monte-carlo", task.robot.robot, [ROWS, TABLE, "reference.npz", *drawn, "result.json"])
 
         with working(f"many arms like {model.name}") as progress:
-            asked = reference.motion(own, progress)
+            asked = reference.motion(task, progress)
             if isinstance(asked, ad.Solution):
                 no_motion(answer, asked)
                 return
@@ -144,7 +137,7 @@ def monte_carlo(
 def _write(
     folder: Path, found: ad.MonteCarlo, motion: ad.Trajectory, summary: dict[str, object], *, figure: bool
 ) -> list[Path]:
-    """The reference, the figure and result.json, beside the rows."""
+    """Write the reference, the figure and result.json next to the rows."""
     from armdyn.show.figures.envelopes import plot_envelope
     from armdyn.show.plots import save_figure
     from armdyn.show.results import save_results

@@ -10,12 +10,10 @@ from typing import ClassVar
 import armdyn as ad
 from armdyn.cli.console import INTERRUPTED, NOT_USABLE, Answer, answering, console, errors, escape, facts_table, working
 from armdyn.cli.options.groups import option
-from armdyn.cli.options.joints import FastJointOptions, friction_words
-from armdyn.cli.options.poses import PoseOptions
+from armdyn.cli.options.joints import friction_words
 from armdyn.cli.options.results import ResultOptions
-from armdyn.cli.options.robot import PayloadOptions, RobotArgument
+from armdyn.cli.options.task import FastArmOptions
 from armdyn.cli.parsing.panels import TASK
-from armdyn.cli.parsing.requests import ArmRequest, requested_arm
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions, PlantOptions
 from armdyn.errors import ProblemError
 
@@ -31,11 +29,11 @@ class ReferenceOptions:
     duration: float = option("S", "Simulated time \\[s].", default=2.0)
     tolerance: float = option("RAD", "From the goal, to be settled \\[rad].", default=0.005)
 
-    def motion(self, request: ArmRequest, progress: Callable[[str], None]) -> ad.Trajectory | ad.Solution:
+    def motion(self, task: FastArmOptions, progress: Callable[[str], None]) -> ad.Trajectory | ad.Solution:
         """The motion to follow, or the unusable solution of a search that failed.
 
         Args:
-            request: the controller's model, start and goal.
+            task: the controller's model, start and goal.
             progress: called with a line of text per step.
 
         Raises:
@@ -46,16 +44,13 @@ class ReferenceOptions:
         if self.reference is not None:
             return ad.Trajectory.load(self.reference)
         if self.ramp is not None:
-            return ad.ramp(request.arm, *request.ends(), self.ramp)
-        solution = ad.solve_minimum_time(*request.fastest(), progress)
+            return ad.ramp(task.arm, *task.ends(), self.ramp)
+        solution = ad.solve_minimum_time(*task.fastest(), progress)
         return solution.trajectory if solution.usable else solution
 
 
 def track(
-    poses: PoseOptions,
-    payload: PayloadOptions,
-    robot: RobotArgument,
-    joints: FastJointOptions,
+    task: FastArmOptions,
     reference: ReferenceOptions,
     controller: ControllerOptions,
     loop: LoopOptions,
@@ -76,13 +71,12 @@ def track(
     with answering(results.output.json) as answer:
         from armdyn.show.page.course import until
 
-        model = requested_arm(robot, poses, payload, joints)
-        arm = model.arm
-        law, joined, real = controller.chosen(), loop.joined(), plant.real(model)
-        folder = results.folder("track", robot.robot, ("trajectory", "reference"))
+        arm = task.arm
+        law, joined, real = controller.chosen(), loop.joined(), plant.real(task)
+        folder = results.folder("track", task.robot.robot, ("trajectory", "reference"))
 
         with working(f"tracking with {arm.name}") as progress:
-            asked = reference.motion(model, progress)
+            asked = reference.motion(task, progress)
             if isinstance(asked, ad.Solution):
                 no_motion(answer, asked)
                 return
@@ -120,11 +114,8 @@ def _words(run: ad.Run, reference: ad.Trajectory) -> dict[str, str]:
         "reference": f"{reference.duration:.4f} s",
         "status": run.message,
         "settled": "-" if settled is None else f"{settled:.4f} s{later}",
-        "error at the reference's end": f"{run.error_at_end:.4f} rad",
-        "largest error on the way": f"{run.peak_error:.4f} rad",
         "overshoot": ", ".join(f"{x:.4f}" for x in run.overshoot) + " rad",
-        "largest speed": f"{100 * run.peak_velocity:.1f} % of its limit",
-        "torque on its limit": f"{100 * run.saturated:.0f} % of the time",
+        **run.words(),
     }
     if run.went_wrong is not None:
         told["went wrong"] = f"at {run.went_wrong:.3f} s"

@@ -1,4 +1,4 @@
-"""The command that chooses a controller's gains on a set of arms."""
+"""The command `armdyn tune`: chooses gains on a set of arms."""
 
 from __future__ import annotations
 
@@ -10,21 +10,18 @@ import armdyn as ad
 from armdyn.arguments import one_of
 from armdyn.cli.console import INTERRUPTED, NOT_USABLE, answering, console, facts_table, working
 from armdyn.cli.options.groups import flag, option
-from armdyn.cli.options.joints import JointOptions
-from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.results import OutputOptions
-from armdyn.cli.options.robot import PayloadOptions, RobotArgument
+from armdyn.cli.options.task import ArmOptions
 from armdyn.cli.parsing.panels import SOLVER
-from armdyn.cli.parsing.requests import requested_arm
 from armdyn.cli.tracking.controllers import LoopOptions
 from armdyn.cli.tracking.many import ROWS, ArmsOptions, range_of
 
 
 @dataclass(frozen=True, kw_only=True)
 class FamilyOptions:
-    """What is chosen; see `ControllerFamily` and `Ramps`."""
+    """Parameters to choose; see `ControllerFamily` and `Ramps`."""
 
-    panel: ClassVar[str] = "What is chosen"
+    panel: ClassVar[str] = "Controllers"
 
     controller: str = option("NAME", "pid, computed-torque or lqr.", default="pid")
     form: str = option("FORM", "Of pid: computed_torque, torque or acceleration.", default="computed_torque")
@@ -46,7 +43,7 @@ class FamilyOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class TuningOptions:
-    """What is made small, and how long it is searched; see `TuneOptions`."""
+    """Index to minimise, and extent of the search; see `TuneOptions`."""
 
     panel: ClassVar[str] = SOLVER
 
@@ -61,7 +58,7 @@ class TuningOptions:
     held_out: int = option("N", "Random arms on which only the answer is run.", default=100)
 
     def options(self) -> ad.TuneOptions:
-        """The same for the search.
+        """The options of `tune`.
 
         Raises:
             ProblemError: something is out of range or unknown.
@@ -74,10 +71,7 @@ class TuningOptions:
 
 
 def tune(
-    poses: PoseOptions,
-    payload: PayloadOptions,
-    robot: RobotArgument,
-    joints: JointOptions,
+    task: ArmOptions,
     family: FamilyOptions,
     search: TuningOptions,
     loop: LoopOptions,
@@ -95,10 +89,9 @@ def tune(
     armdyn tune rrr --payload 0.1006 --ramp-range 0.2,0.6 --controller computed-torque[/]
     """
     with answering(output.json) as answer:
-        asked = requested_arm(robot, poses, payload, joints)
-        model, (start, goal) = asked.arm, asked.ends()
+        model, (start, goal) = task.arm, task.ends()
         plants, options = arms.plants(model), search.options()
-        folder = output.folder("tune", robot.robot, [ROWS, "reference.npz", "result.json"])
+        folder = output.folder("tune", task.robot.robot, [ROWS, "reference.npz", "result.json"])
         folder.mkdir(parents=True, exist_ok=True)
         options = replace(options, file=folder / ROWS)
         with working(f"tuning {family.controller} for {model.name}") as progress:
@@ -124,7 +117,7 @@ def tune(
 
 
 def _summary(found: ad.Tuned) -> dict[str, object]:
-    """For machines; what is infinite is None."""
+    """The result as JSON; infinite numbers are None."""
     worths = {}
     for name, one in (("training", found.training), ("held_out", found.held_out)):
         facts = None if one is None else asdict(one)

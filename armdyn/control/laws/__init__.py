@@ -1,1 +1,1 @@
-"""Controllers: each is numbers, and makes a law of a robot, a reference and a loop."""
+"""Controllers: values that compile to a law for a robot, a reference and a loop."""

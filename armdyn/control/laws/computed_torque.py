@@ -6,8 +6,7 @@ import casadi as ca
 import numpy as np
 
 from armdyn.arguments import number
-from armdyn.control.laws.readings import Readings, law_function, table
-from armdyn.control.laws.reference import reference_of
+from armdyn.control.laws.readings import Readings, law_function, reference_of, table
 from armdyn.control.loop.law import Law, expect_motors
 from armdyn.control.loop.loop import Loop
 from armdyn.control.loop.ticks import Ticks

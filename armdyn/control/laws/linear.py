@@ -55,17 +55,31 @@ def plant_steps(robot: Robot, ticks: Ticks) -> Steps:
         robot: the controller's model of the arm.
         ticks: the reference.
     """
-    q, v, h, nv = ticks.q, ticks.v, 1 / ticks.rate, robot.nv
+    q, v, h = ticks.q, ticks.v, 1 / ticks.rate
     middle_q = (q[:-1] + q[1:]) / 2 - h / 8 * np.diff(v, axis=0)
     middle_v = (v[:-1] + v[1:]) / 2
-    rest = np.zeros(nv)
+    rest = np.zeros(robot.nv)
     holding = inverse_dynamics(robot)(ticks.goal, rest, rest)
     states = [*zip(middle_q, middle_v, ticks.tau[:-1], strict=True), (ticks.goal, rest, holding)]
-    block = np.zeros((len(states), 3 * nv, 3 * nv))
-    for each, state in zip(block, states, strict=True):
-        each[: 2 * nv, : 2 * nv], each[: 2 * nv, 2 * nv :] = slopes(robot, *state)
-    over = expm(h * block)
-    return Steps(over[:, : 2 * nv, : 2 * nv], over[:, : 2 * nv, 2 * nv :])
+    A, B = zip(*(slopes(robot, *state) for state in states), strict=True)
+    return Steps(*held(np.array(A), np.array(B), h))
+
+
+def held(A: Array, B: Array, period: float) -> tuple[Array, Array]:
+    """One tick of ẋ = A x + B u under a u that stays, exactly: x[k + 1] = A' x[k] + B' u.
+
+    Both are parts of one matrix exponential (Åström and Wittenmark, Computer-Controlled Systems, 3rd ed., (2.6)).
+
+    Args:
+        A: shape (…, m, m).
+        B: shape (…, m, nv).
+        period: one tick [s].
+    """
+    m, nv = B.shape[-2:]
+    block = np.zeros((*A.shape[:-2], m + nv, m + nv))
+    block[..., :m, :m], block[..., :m, m:] = A, B
+    step = np.asarray(expm(period * block))
+    return step[..., :m, :m], step[..., :m, m:]
 
 
 def loop_steps(plant: Steps, delay: int, gathered: Array) -> Steps:

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from armdyn.arguments import Sign, number
 from armdyn.control.laws.linear import Steps, best_gains, loop_steps, plant_steps
-from armdyn.control.laws.readings import Readings, law_function, table
-from armdyn.control.laws.reference import reference_of
+from armdyn.control.laws.readings import Readings, law_function, reference_of, table
 from armdyn.control.laws.weights import ErrorWeights, bearable, diagonals, half_range
 from armdyn.control.loop.law import Law, expect_motors
 from armdyn.control.loop.loop import Loop

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import MOST_MEMBERS, expect, flag, one_of, whole
-from armdyn.control.laws.readings import Readings, law_function, table
-from armdyn.control.laws.reference import Reference, reference_of
+from armdyn.control.laws.readings import Readings, Reference, law_function, reference_of, table
 from armdyn.control.loop.law import Law, expect_motors
 from armdyn.control.loop.loop import Loop
 from armdyn.control.loop.ticks import Ticks
@@ -23,10 +22,10 @@ from armdyn.models.values.per_joint import per_joint
 Array = NDArray[np.float64]
 
 Form = Literal["acceleration", "torque", "computed_torque"]
-"""What the output u of eq. (27) is:
+"""Meaning of the output u of eq. (27):
 
 - "acceleration", eqs (22), (24): tau = D(q) u; Coriolis, gravity and friction torques are not compensated.
-- "torque": tau = u, what a motor controller does.
+- "torque": tau = u, as motor controllers do.
 - "computed_torque": tau = D(q) u + C(q, v) v + g(q), and the joints' friction; every joint becomes a triple
   integrator of its own.
 """

@@ -1,14 +1,27 @@
-"""Symbolic inputs of a law and the table of its rows, by named columns."""
+"""Inputs of a law: readings of the loop, the reference in the loop's own measurements, rows of a table."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_banded
+
+from armdyn.arguments import expect
+from armdyn.control.loop.loop import Loop, expect_loop
+from armdyn.control.loop.ticks import Ticks
+from armdyn.errors import ProblemError
+from armdyn.models.robots.robot import Robot
 
 Array = NDArray[np.float64]
+
+
+_LEFT = 1e-6
+"""Part of a filtered velocity that is left when the rows end."""
+_MOST_MORE = 20_000
+"""Rows that a slow filter may add."""
 
 
 @dataclass(frozen=True)
@@ -29,19 +42,6 @@ class Readings:
     pending: ca.SX
     row: Mapping[str, ca.SX]
 
-    @classmethod
-    def of(cls, nv: int, delay: int, widths: Mapping[str, int]) -> Self:
-        """Symbols.
-
-        Args:
-            nv: number of joints.
-            delay: ticks from a reading to its torque.
-            widths: width of each column of a row, by name.
-        """
-        q, v, integral = (ca.SX.sym(name, nv) for name in ("q", "v", "integral"))
-        row = {name: ca.SX.sym(name, width) for name, width in widths.items()}
-        return cls(q, v, integral, ca.SX.sym("pending", delay * nv), row)
-
 
 def law_function(nv: int, delay: int, columns: Mapping[str, Array], torque: Callable[[Readings], ca.SX]) -> ca.Function:
     """A law's Function of (q, v, integral, pending, row).
@@ -54,10 +54,11 @@ def law_function(nv: int, delay: int, columns: Mapping[str, Array], torque: Call
         columns: see `table`.
         torque: of the readings, the torque before clipping [N m or N], shape (nv, 1).
     """
-    given = Readings.of(nv, delay, {name: np.shape(column)[-1] for name, column in columns.items()})
-    row = ca.vertcat(*given.row.values())
-    arguments = [given.q, given.v, given.integral, given.pending, row]
-    return ca.Function("law", arguments, [torque(given)], ["q", "v", "integral", "pending", "row"], ["tau"])
+    names = {"q": nv, "v": nv, "integral": nv, "pending": delay * nv}
+    readings = {name: ca.SX.sym(name, size) for name, size in names.items()}
+    row = {name: ca.SX.sym(name, np.shape(column)[-1]) for name, column in columns.items()}
+    arguments = [*readings.values(), ca.vertcat(*row.values())]
+    return ca.Function("law", arguments, [torque(Readings(**readings, row=row))], [*readings, "row"], ["tau"])
 
 
 def table(columns: Mapping[str, Array]) -> Array:
@@ -68,3 +69,76 @@ def table(columns: Mapping[str, Array]) -> Array:
     """
     count = max(len(column) for column in columns.values() if column.ndim == 2)
     return np.hstack([np.broadcast_to(column, (count, column.shape[-1])) for column in columns.values()])
+
+
+class Reference(NamedTuple):
+    """Rows of a law; the last for good."""
+
+    q: Array
+    """Positions at the tick of reading [rad or m], shape (n, nv)."""
+    v: Array
+    """Velocity as the loop measures it on an arm that follows exactly [rad/s or m/s], shape (n, nv)."""
+    a: Array
+    """Mean acceleration over the tick on which the torque is felt [rad/s² or m/s²], shape (n, nv)."""
+    tau: Array
+    """Mean torque over that tick [N m or N], shape (n, nv)."""
+
+
+def reference_of(robot: Robot, ticks: Ticks, loop: Loop) -> Reference:
+    """Reference as a law reads it, in the loop's own measurements.
+
+    A filtered velocity lags by some ticks. An arm that follows exactly is to have no velocity error, so the
+    reference's velocity is led through the same filter, and rows are added until it has come to rest.
+
+    Args:
+        robot: that is to make the motion.
+        ticks: the motion.
+        loop: whose velocity filter and delay apply.
+
+    Raises:
+        ProblemError: another number of joints; another rate than the loop's.
+    """
+    expect_loop(loop)
+    expect(ticks, Ticks, "ticks", "Ticks.of(robot, reference, loop.rate)")
+    if ticks.q.shape[1] != robot.nv:
+        raise ProblemError(f"the reference has {ticks.q.shape[1]} joints; {robot.name} has {robot.nv}")
+    if ticks.rate != loop.rate:
+        raise ProblemError(f"the reference has {ticks.rate:g} ticks a second; the loop has {loop.rate:g}")
+    more = _rows_to_rest(loop) if loop.velocity == "filtered" else 0
+    q, v, a, tau = (_held(rows, more) for rows in (ticks.q, ticks.v, ticks.a, ticks.tau))
+    seen = _filtered(q, v[0], loop) if loop.velocity == "filtered" else v
+    return Reference(q, seen, _felt(a, loop), _felt(tau, loop))
+
+
+def _held(rows: Array, more: int) -> Array:
+    """Append repetitions of the last row."""
+    return np.vstack([rows, np.repeat(rows[-1:], more, axis=0)])
+
+
+def _rows_to_rest(loop: Loop) -> int:
+    """Rows until a filter's output has decayed to a millionth."""
+    if loop.pole <= 0:
+        return 0
+    return int(min(np.ceil(np.log(_LEFT) / np.log(min(loop.pole, 1 - 1e-9))), _MOST_MORE))
+
+
+def _filtered(q: Array, start: Array, loop: Loop) -> Array:
+    """Low-pass difference quotient of positions, initialised with the velocity at the start.
+
+    yₖ - p yₖ₋₁ = (1 - p) dₖ: a system of two bands. (scipy.signal, which has filters, takes half a second to import.)
+    """
+    rate, pole = loop.rate, loop.pole
+    right = (1 - pole) * np.diff(q, axis=0, prepend=(q[0] - start / rate)[None]) * rate
+    right[0] += pole * start
+    bands = np.repeat([[1.0], [-pole]], len(q), axis=1)
+    return np.asarray(solve_banded((1, 0), bands, right))
+
+
+def _felt(means: Array, loop: Loop) -> Array:
+    """Shift means over each tick to the tick on which the torque decided at a row acts.
+
+    A continuous loop takes rows between ticks on a line: a row is then the mean about the time of the row.
+    """
+    if loop.hold == "continuous":
+        return np.vstack([means[:1], (means[1:] + means[:-1]) / 2])
+    return np.asarray(means[np.minimum(np.arange(len(means)) + loop.delay, len(means) - 1)])

@@ -100,7 +100,7 @@ class Loop:
 
     @property
     def pole(self) -> float:
-        """Of the velocity's filter, and twice of the observer, in the plane of z: exp(-2π cutoff / rate)."""
+        """Pole of the velocity's filter, double pole of the observer, in the z plane: exp(-2π cutoff / rate)."""
         return float(np.exp(-2 * np.pi * self.cutoff / self.rate))
 
     @property

@@ -11,7 +11,7 @@ from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
-from armdyn.trajectory.sampling import mean_torques
+from armdyn.trajectory.samples import mean_torques
 
 Array = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ class Ticks:
 
     @property
     def goal(self) -> Array:
-        """Where it ends [rad or m], shape (nv,)."""
+        """Last position [rad or m], shape (nv,)."""
         return np.asarray(self.q[-1])
 
     def ahead(self, ticks: int) -> Array:

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.control.laws.linear import slopes
+from armdyn.control.laws.linear import held, slopes
 from armdyn.control.loop.law import Controller, Law, expect_controller
 from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.loop.references import set_point
@@ -24,7 +24,7 @@ _NEAR = 1e-12
 
 
 class BeyondNumbersError(ProblemError):
-    """A loop leaves what numbers can hold: its gains, friction or period are too large."""
+    """A loop exceeds the range of floating-point numbers: its gains, friction or period are too large."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,15 +51,8 @@ class LinearPlant:
         return cls(*slopes(robot, goal, np.zeros(robot.nv), holding))
 
     def held(self, period: float) -> tuple[Array, Array]:
-        """One tick of (q, v) under a torque that stays, exactly: shapes (2 nv, 2 nv) and (2 nv, nv).
-
-        Both are parts of one matrix exponential (Åström and Wittenmark, Computer-Controlled Systems, 3rd ed., (2.6)).
-        """
-        from scipy.linalg import expm
-
-        m, nv = self.B.shape
-        step = np.asarray(expm(period * np.block([[self.A, self.B], [np.zeros((nv, m + nv))]])))
-        return step[:m, :m], step[:m, m:]
+        """One tick of (q, v) under a torque that stays, exactly: shapes (2 nv, 2 nv) and (2 nv, nv)."""
+        return held(self.A, self.B, period)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +99,7 @@ class Slopes:
             step = np.linalg.lstsq(blocks[2], rest, rcond=None)[0]
             if not all(np.all(np.isfinite(part)) for part in (*blocks[:4], step)):
                 raise BeyondNumbersError(
-                    "the law's slopes at the goal leave what numbers can hold; its gains are too large"
+                    "the law's slopes at the goal exceed the range of floating-point numbers; its gains are too large"
                 )
             if np.abs(step).max() <= _NEAR * max(1.0, np.abs(z).max()):
                 break
@@ -196,5 +189,7 @@ def continuous_matrix(rest: Rest) -> Array:
     with np.errstate(over="ignore", invalid="ignore"):
         A[k:] += plant.B @ np.hstack([law.integral, law.q, law.v])
     if not np.all(np.isfinite(A)):
-        raise BeyondNumbersError("the continuous loop leaves what numbers can hold; its gains are too large")
+        raise BeyondNumbersError(
+            "the continuous loop exceeds the range of floating-point numbers; its gains are too large"
+        )
     return A

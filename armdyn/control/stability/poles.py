@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 class ArmAtGoal(NamedTuple):
     """An arm under a PID output u, linearised at rest at a goal: δa = B u + S δq - F v.
 
-    At rest the integral carries what keeps the arm up: D u = g for form "acceleration", u = g for "torque", nothing for
+    At rest the integral holds the arm up: D u = g for form "acceleration", u = g for "torque", nothing for
     "computed_torque". "acceleration" multiplies by D at the *present* position, so only D⁻¹(-g) varies there: S is
     taken at tau = 0; for "torque" at tau = g. "computed_torque" cancels gravity and friction: S = 0, F = 0.
     """
@@ -84,14 +84,14 @@ def closed_loop_matrix(arm: ArmAtGoal, kp: Array, ki: Array, kd: Array) -> Array
 
 
 def eigenvalues(A: Array) -> NDArray[np.complex128]:
-    """Of a matrix of shape (n, n) [1/s], largest real part first, shape (n,).
+    """Eigenvalues of a matrix of shape (n, n) [1/s], largest real part first, shape (n,).
 
     Raises:
         ProblemError: it is not finite.
     """
     if not np.all(np.isfinite(A)):
         raise ProblemError(
-            "the loop at its goal leaves what numbers can hold: gains, friction or inertia are too large"
+            "the loop at its goal exceeds the range of floating-point numbers: gains, friction or inertia are too large"
         )
     values = np.linalg.eigvals(A).astype(complex)
     return np.asarray(values[np.argsort(-values.real, kind="stable")])

@@ -45,17 +45,17 @@ class RouthTable:
 
     @property
     def first_column(self) -> tuple[Fraction, ...]:
-        """Whose changes of sign are counted; none of them is zero."""
+        """First column of the table, whose changes of sign are counted; none is zero."""
         return tuple(row[0] for row in self.rows)
 
     @property
     def right_half_plane(self) -> int:
-        """How many roots have a positive real part, each as often as it is one."""
+        """Number of roots with a positive real part, with multiplicity."""
         return _changes(self.first_column)
 
     @property
     def on_axis(self) -> int:
-        """How many roots lie on the imaginary axis, each as often as it is one."""
+        """Number of roots on the imaginary axis, with multiplicity."""
         if "zero row" not in self.remedies:
             return 0
         first = self.remedies.index("zero row")
@@ -64,7 +64,7 @@ class RouthTable:
 
     @property
     def is_stable(self) -> bool:
-        """All roots have a negative real part."""
+        """Whether all roots have a negative real part."""
         return self.right_half_plane == 0 and self.on_axis == 0
 
     def markdown(self) -> str:

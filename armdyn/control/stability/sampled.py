@@ -48,7 +48,7 @@ class SampledLoop:
 
     @classmethod
     def of(cls, rest: Rest, loop: Loop) -> Self:
-        """A loop's, by the order of one tick.
+        """The matrices of a loop, in the order of one tick.
 
         Reading, estimate of the velocity, law with the integral as it stands, torque of `delay` ticks before on the
         arm, and then the integral: z + period (q_goal - q_read).
@@ -85,13 +85,13 @@ class SampledLoop:
             closed = cls(carried, np.vstack([driven, np.zeros((n - 2 * nv, nv))]), felt, h)
             if not np.all(np.isfinite(closed.matrix)):
                 raise BeyondNumbersError(
-                    "the sampled loop leaves what numbers can hold: its gains or period are too large"
+                    "the sampled loop exceeds the range of floating-point numbers: its gains or period are too large"
                 )
         return closed
 
     @property
     def matrix(self) -> Array:
-        """Of the closed loop, shape (n, n)."""
+        """Matrix of the closed loop, shape (n, n)."""
         return np.asarray(self.carried + self.torque @ self.felt)
 
     @property

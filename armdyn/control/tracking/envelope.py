@@ -50,7 +50,7 @@ class Envelope:
         duration: float,
         tolerance: float,
     ) -> Self:
-        """Of all distances; each quantile is one run's.
+        """Envelope of all distances; each quantile is the distance of a run.
 
         Args:
             t: times [s], shape (n,).

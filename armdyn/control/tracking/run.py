@@ -71,7 +71,7 @@ class Run:
     max_real_eigenvalue: float | None = None
 
     def _words(self) -> list[str]:
-        """What `repr` says."""
+        """Parts of the `repr`."""
         when = "" if self.settled_time is None else f" after {self.settled_time:.6g} s"
         return [
             called(self.trajectory.name) if self.trajectory.name else "without a name",
@@ -81,7 +81,7 @@ class Run:
         ]
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: a table and a picture."""
+        """HTML for notebooks: a table and a picture."""
         return renderer().card(self)
 
     @property
@@ -96,6 +96,15 @@ class Run:
         return replace(
             self, stability=stability, message=f"{self.message}; at the goal the loop is {stability.message}"
         )
+
+    def words(self) -> dict[str, str]:
+        """The numbers of a run in words, by their names."""
+        return {
+            "error at the reference's end": f"{self.error_at_end:.4g} rad or m",
+            "largest error on the way": f"{self.peak_error:.4g} rad or m",
+            "largest speed": f"{100 * self.peak_velocity:.1f} % of its limit",
+            "torque on its limit": f"{100 * self.saturated:.0f} % of the time",
+        }
 
     def summary(self) -> dict[str, object]:
         """A run as JSON says it: success is that it settled; units as above."""
@@ -169,7 +178,7 @@ def settled_time(t: Array, error: Array, tolerance: float) -> float | None:
 
 
 def overshoot(q: Array, goal: Array) -> Array:
-    """How far each joint goes past its goal, seen from the start [rad or m], shape (nv,).
+    """Overshoot of each joint past its goal, seen from the start [rad or m], shape (nv,).
 
     Of a joint that starts at its goal, how far it strays.
 

@@ -5,8 +5,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from armdyn.models.mjcf.classes import ACTUATORS, Classes
-from armdyn.models.mjcf.values import Values
+from armdyn.models.mjcf.classes import ACTUATORS, Classes, Values
 from armdyn.models.reading.urdf_xml import clipped
 
 Range = tuple[float, float]
@@ -17,8 +16,8 @@ _UNLIMITED: Range = (-np.inf, np.inf)
 def effort_limits(root: Element, classes: Classes, joints: Mapping[str, Values], automatic: bool) -> dict[str, Range]:
     """Lower and upper torque limit of every joint [N m or N]; infinite where no actuator limits it.
 
-    What an actuator gives is its gear times its force; force is within `forcerange`, and of a motor, which passes
-    its control on, within gain times `ctrlrange`. What several give to one joint adds up, and the joint's own
+    The torque of an actuator is its gear times its force; force is within `forcerange`, and of a motor, which passes
+    its control on, within gain times `ctrlrange`. Torques of several actuators of one joint add up, and the joint's own
     `actuatorfrcrange` bounds the sum.
 
     Args:

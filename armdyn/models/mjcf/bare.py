@@ -1,4 +1,4 @@
-"""An MJCF without all that dynamics do not need: what Pinocchio reads is what was checked here."""
+"""An MJCF reduced to the elements that dynamics need: Pinocchio reads nothing that was not checked here."""
 
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
@@ -8,15 +8,13 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from armdyn.errors import UnsupportedJointError, UrdfError
-from armdyn.models.mjcf.classes import Classes
-from armdyn.models.mjcf.compiler import Compiler
-from armdyn.models.mjcf.placing import place
-from armdyn.models.mjcf.values import ROTATIONS, Values
+from armdyn.models.mjcf.classes import ROTATIONS, Classes, Values
+from armdyn.models.mjcf.compiler import Compiler, place
 from armdyn.models.reading.urdf_check import MAX_LINKS, MAX_MOVING
 from armdyn.models.reading.urdf_xml import clipped
 
 WORLD = "world"
-"""MuJoCo's name of what stands still."""
+"""MuJoCo's name of the fixed body."""
 
 _JOINTS = ("hinge", "slide", "ball", "free")
 _WIDTHS = {"ball": 4, "free": 7}
@@ -34,7 +32,7 @@ class Bare:
 
     Attributes:
         classes: of the MJCF.
-        compiler: what it says of its own numbers.
+        compiler: its settings of `<compiler>`.
         fixed: free joints that stand still where their body is; None: all of them do.
         joints: name to attributes of every joint written.
         free: the free joints that stand still.
@@ -59,7 +57,7 @@ class Bare:
 
         Raises:
             UnsupportedJointError: a joint is free.
-            UrdfError: a body, a joint or a geometry makes no sense; says which and what would be right.
+            UrdfError: a body, a joint or a geometry makes no sense, with its name and the remedy.
         """
         bare = Element("mujoco", model="arm")
         SubElement(bare, "compiler", angle="radian")
@@ -78,7 +76,7 @@ class Bare:
         return parent.findall("body")
 
     def _named(self, kind: str, name: str) -> str:
-        """What something is written with, whose name none of its kind has yet."""
+        """New name of an element; its own name must be new among its kind."""
         taken = self.called.setdefault(kind, {})
         if name in taken:
             raise UrdfError(self.classes.source, "is defined twice", f"{kind} {clipped(name)!r}")
@@ -209,13 +207,13 @@ class Bare:
 
 
 def check_moving(joints: Mapping[str, Values], moving: Sequence[str], root: Element, source: str) -> None:
-    """Refuse what moving joints do in MuJoCo beyond rigid bodies, friction and armature.
+    """Refuse moving joints with more than rigid bodies, friction and armature.
 
     Args:
         joints: of `Bare`.
         moving: names of those that are not locked.
         root: of the whole MJCF.
-        source: what to call it in messages.
+        source: name of the file or text, in messages.
 
     Raises:
         UnsupportedJointError: one has a spring, counts from elsewhere than zero, or is coupled with another.

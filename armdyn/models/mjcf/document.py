@@ -1,4 +1,4 @@
-"""The XML of an MJCF file from a stranger, with the files that it includes."""
+"""The XML of an untrusted MJCF file, with its includes."""
 
 import os
 import re
@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from armdyn.arguments import shown
 from armdyn.errors import FileError, UrdfError
 from armdyn.files import read_bounded
 from armdyn.models.reading.urdf_xml import MAX_BYTES, MAX_DEPTH, MAX_ELEMENTS, clipped, parse_xml, read_urdf
@@ -31,22 +30,8 @@ def is_mjcf(path: str | os.PathLike[str]) -> bool:
     return at >= 0 and _ROOT.match(data, at) is not None
 
 
-def check_mjcf_text(text: object, source: object) -> None:
-    """Refuse what is no text of an MJCF, before it is read.
-
-    Raises:
-        UrdfError: no text, or too long.
-    """
-    if not isinstance(source, str):
-        raise UrdfError("MJCF text", f"source is {shown(source)}; it must be text, what messages call the MJCF")
-    if not isinstance(text, str):
-        raise UrdfError(source, f"is {shown(text)}; it must be the text of an MJCF")
-    if len(text) > MAX_BYTES:
-        raise UrdfError(source, f"larger than {MAX_BYTES} bytes")
-
-
 def read_mjcf(file: Path) -> Element:
-    """The tree of an MJCF file, each `<include>` replaced by what it names.
+    """The tree of an MJCF file, each `<include>` replaced by its file.
 
     Raises:
         UrdfError: see `parse_mjcf`, or the file cannot be read.
@@ -59,7 +44,7 @@ def parse_mjcf(text: str, source: str, folder: Path | None = None) -> Element:
 
     Args:
         text: the MJCF.
-        source: what to call it in messages.
+        source: name of the file or text, in messages.
         folder: where its includes are; None: it may have none.
 
     Raises:

@@ -14,9 +14,8 @@ import pinocchio as pin
 from armdyn.errors import ArmdynWarning, UrdfError
 from armdyn.models.mjcf.actuators import effort_limits
 from armdyn.models.mjcf.bare import Bare, check_moving
-from armdyn.models.mjcf.classes import Classes
+from armdyn.models.mjcf.classes import Classes, Values
 from armdyn.models.mjcf.compiler import Compiler, gravity
-from armdyn.models.mjcf.values import Values
 from armdyn.models.reading.from_pinocchio import Reading, read_model, rename
 from armdyn.models.reading.urdf_xml import clipped
 from armdyn.models.values.joint_limits import JointLimits
@@ -28,13 +27,13 @@ def read_mjcf_arm(
     """Pinocchio's model of the arm that an MJCF describes; torque limits are the actuators', velocity limits infinite.
 
     Args:
-        root: what `parse_mjcf` gave.
-        source: what to call it in messages.
+        root: of `parse_mjcf`.
+        source: name of the file or text, in messages.
         lock: joints to fix, name to position [rad or m].
         arm: first and last joint, body or site; see `Robot.from_urdf`.
 
     Raises:
-        UrdfError: the MJCF is not physical, or needs what armdyn does not know.
+        UrdfError: the MJCF is not physical, or uses elements that armdyn does not know.
         UnsupportedJointError: a joint that moves is of no known kind, has a spring, or is coupled.
         SpecError: a lock or the arm does not fit it.
     """
@@ -62,8 +61,8 @@ def read_keyframes(root: Element, source: str, most: int) -> dict[str, dict[str,
     A key without a name, or whose qpos has not a finite number for each joint, is passed over.
 
     Args:
-        root: what `parse_mjcf` gave, of an MJCF that has been read as an arm.
-        source: what to call it in messages.
+        root: of `parse_mjcf`; the MJCF has been read as an arm.
+        source: name of the file or text, in messages.
         most: keys that are looked at.
 
     Raises:

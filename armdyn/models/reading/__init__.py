@@ -1,1 +1,1 @@
-"""From a stranger's URDF or model to Pinocchio's model of an arm."""
+"""From an untrusted URDF or model to Pinocchio's model of an arm."""

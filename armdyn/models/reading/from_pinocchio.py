@@ -1,4 +1,4 @@
-"""From a Pinocchio model, whoever built it, to that of an arm: joints locked, numbers checked, a tip."""
+"""From any Pinocchio model to that of an arm: joints are locked, numbers checked, the tip is found."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -60,7 +60,7 @@ def read_model(
 
     Args:
         model: any of Pinocchio's.
-        source: what to call it in messages.
+        source: name of the file or text, in messages.
         lock: joints to fix, name to position [rad or m]; a joint of several coordinates at 0, its neutral.
         arm: first and last joint or frame; see `Robot.from_urdf`.
 
@@ -83,7 +83,7 @@ def locked_joints(
 
     Args:
         model: of all joints.
-        source: what to call it in messages.
+        source: name of the file or text, in messages.
         lock: see `read_model`.
         arm: see `read_model`.
         mimics: joints that follow others, which may be fixed ones; they do not move.

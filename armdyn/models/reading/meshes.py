@@ -1,4 +1,4 @@
-"""What a URDF's `<visual>` and `<collision>` elements refer to: placements, numbers, mesh files."""
+"""Contents of a URDF's `<visual>` and `<collision>` elements: placements, numbers, mesh files."""
 
 import io
 import os
@@ -45,7 +45,7 @@ def origin(element: Element) -> Array:
 
 
 def mesh_folders(urdf: Path, given: Sequence[str | os.PathLike[str]]) -> tuple[str, ...]:
-    """Where a URDF's meshes may lie: folders that are given, its own, and that of its ROS package.
+    """Folders of a URDF's meshes: those given, its own, and that of its ROS package.
 
     Args:
         urdf: the file; a folder above it with a `package.xml` is its package.
@@ -120,7 +120,7 @@ def load_meshes(path: Path, scale: Array) -> Iterator[tuple[Any, Any]]:
 
 
 def _beside(path: Path) -> Any:
-    """What trimesh asks for the files that a mesh refers to: those in its folder, read as it is read itself."""
+    """Resolver for the files that a mesh refers to: those in its folder, read within the same bounds."""
     from trimesh.resolvers import FilePathResolver
 
     class Beside(FilePathResolver):

@@ -25,7 +25,7 @@ def read_arm(
 
     Args:
         text: the URDF.
-        source: what to call it in messages.
+        source: name of the file or text, in messages.
         lock: joints to fix, name to position [rad or m].
         arm: first and last joint or link; see `Robot.from_urdf`.
 

@@ -1,4 +1,4 @@
-"""What a URDF from a stranger must pass before Pinocchio reads it."""
+"""Checks of an untrusted URDF, before Pinocchio reads it."""
 
 from collections.abc import Set
 from xml.etree import ElementTree
@@ -37,14 +37,14 @@ _KEPT: dict[str, tuple[str, ...]] = {
 def parse_urdf(text: str, source: str) -> ElementTree.Element:
     """The checked XML tree of a URDF: no DTD, no entity, bounded size, one tree of joints, finite numbers.
 
-    Whether the inertias are physical is asked by `check_inertias`, once it is known which links move.
+    Inertias are checked by `check_inertias`, when the moving links are known.
 
     Args:
         text: the URDF.
-        source: what to call it in messages.
+        source: name of the file or text, in messages.
 
     Raises:
-        UrdfError: not XML, no URDF, or a link or joint makes no sense; says which and what would be right.
+        UrdfError: not XML, no URDF, or a link or joint makes no sense, with its name and the remedy.
         UnsupportedJointError: a joint is neither revolute, continuous, prismatic nor fixed.
     """
     root = parse_xml(text, source)
@@ -69,11 +69,11 @@ def parse_urdf(text: str, source: str) -> ElementTree.Element:
 
 
 def check_inertias(root: ElementTree.Element, source: str, moving: Set[str]) -> None:
-    """A link that moves must have an inertia that a body can have. Of one that never moves it says nothing.
+    """Refuse inertias of moving links that no body has.
 
     Args:
-        root: what `parse_urdf` gave.
-        source: what to call it in messages.
+        root: of `parse_urdf`.
+        source: name of the file or text, in messages.
         moving: the names of the links that move.
 
     Raises:
@@ -112,7 +112,7 @@ def dynamics_urdf(root: ElementTree.Element) -> str:
             continue
         keys = ("name",) if element.tag == "link" else ("name", "type")
         copy = ElementTree.SubElement(bare, element.tag, {key: str(element.get(key)) for key in keys})
-        fixed = ("parent", "child", "origin")  # what else a fixed joint has was not checked
+        fixed = ("parent", "child", "origin")  # a fixed joint's other elements were not checked
         more = () if element.get("type") == "fixed" else ("axis", "limit", "dynamics")
         tags = ("inertial",) if element.tag == "link" else (*fixed, *more)
         for tag in tags:

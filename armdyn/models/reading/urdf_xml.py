@@ -1,4 +1,4 @@
-"""XML from a stranger: read in bounded time and memory, nothing in it expanded or followed."""
+"""Untrusted XML: read in bounded time and memory, nothing in it expanded or followed."""
 
 import os
 import re
@@ -33,7 +33,7 @@ def file_path(path: object, kind: str = "URDF", of_text: str = "Robot.from_urdf_
     Args:
         path: as given.
         kind: of the file, in messages.
-        of_text: what reads a text of that kind.
+        of_text: the reader of a text of that kind.
 
     Raises:
         UrdfError: it is none; or the file's text, where its path belongs.
@@ -41,23 +41,30 @@ def file_path(path: object, kind: str = "URDF", of_text: str = "Robot.from_urdf_
     if isinstance(path, str) and "<" in path[:1000]:
         raise UrdfError("path", f"looks like {kind} text: use {of_text}")
     try:
-        return Path(os.fsdecode(path))  # type: ignore[arg-type]  # it refuses what is no path
+        return Path(os.fsdecode(path))  # type: ignore[arg-type]  # it refuses other values
     except Exception:  # a stranger's __fspath__ may raise anything
         raise UrdfError("path", f"is {shown(path)}; it must be the path of a {kind} file") from None
 
 
-def check_urdf_text(text: object, source: object) -> None:
-    """Refuse what is no text of a URDF, before it is read.
+def check_text(text: object, source: object, kind: str) -> None:
+    """Refuse a value that is no text of a URDF or an MJCF, before it is read.
+
+    Args:
+        text: as given.
+        source: its name in messages, as given.
+        kind: "URDF" or "MJCF".
 
     Raises:
         UrdfError: no text, too long, or a path.
     """
     if not isinstance(source, str):
-        raise UrdfError("URDF text", f"source is {shown(source)}; it must be text, what messages call the URDF")
+        raise UrdfError(
+            f"{kind} text", f"source is {shown(source)}; it must be text, the name of the {kind} in messages"
+        )
     if not isinstance(text, str):
-        raise UrdfError(source, f"is {shown(text)}; it must be the text of a URDF")
+        raise UrdfError(source, f"is {shown(text)}; it must be the text of {'an' if kind == 'MJCF' else 'a'} {kind}")
     if "<" not in text and text.strip().lower().endswith((".urdf", ".xml", ".xacro")):
-        raise UrdfError(source, f"{shown(text)} is no URDF text; Robot.from_urdf takes the path of a file")
+        raise UrdfError(source, f"{shown(text)} is no {kind} text; Robot.from_{kind.lower()} takes the path of a file")
     if len(text) > MAX_BYTES:
         raise UrdfError(source, f"larger than {MAX_BYTES} bytes")
 
@@ -83,7 +90,7 @@ def parse_xml(text: str, source: str) -> ElementTree.Element:
 
     Args:
         text: the XML.
-        source: what to call it in messages.
+        source: name of the file or text, in messages.
 
     Raises:
         UrdfError: one of these, or not XML.
@@ -129,7 +136,7 @@ def parse_xml(text: str, source: str) -> ElementTree.Element:
 
 
 def to_number(text: str) -> float:
-    """A decimal number as URDF writes it; Python's other spellings (1_000, other scripts' digits) are none.
+    """A decimal number as URDF writes it; Python's other spellings (1_000, other scripts' digits) are refused.
 
     Raises:
         ValueError: it is none. NaN and infinity are numbers here: whoever asked says that they are not finite.
@@ -170,6 +177,6 @@ def finite_numbers(
 
 
 def clipped(text: object) -> str:
-    """A stranger's text as a message shows it: its beginning, if it is long."""
+    """Text in messages: its beginning, if it is long."""
     words = str(text)
     return words if len(words) <= 80 else f"{words[:77]}..."

@@ -1,1 +1,1 @@
-"""Robots, and where they come from."""
+"""Robots and their readers."""

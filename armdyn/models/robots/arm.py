@@ -1,4 +1,4 @@
-"""What a robot arm is, once it is read: Pinocchio's model and the limits of its joints."""
+"""A robot arm: Pinocchio's model and the limits of its joints."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ READERS = (
     "Robot.from_library(name), Robot.from_urdf(path), Robot.from_urdf_string(text), Robot.from_mjcf(path), "
     "Robot.from_model(model) or Robot.from_spec(spec)"
 )
-"""How to come by a robot."""
+"""Readers of robots, in messages."""
 
 
 @brief
@@ -53,10 +53,10 @@ class Arm:
             given. Torque limits of zero that are here are those of a joint without a motor: see `passive`.
         joint_names: the moving joints, in the order of every vector.
         urdf: the text it was read from; empty if that was no URDF, and then it has no geometry.
-        source: the file it came from, or what made it.
+        source: its file, or its origin in words.
         package_dirs: folders in which `package://` is looked up.
         locked: joint name to the position it is locked at [rad or m].
-        payload: what it carries, None if nothing was added.
+        payload: the added one; None: none was.
         tip: the frame at the end of the arm.
         friction: in its joints; the model itself, and so `pin.aba`, knows nothing of it.
         origin: where it was read from; None: it was put together otherwise.
@@ -78,7 +78,7 @@ class Arm:
     options: RobotOptions = field(default_factory=RobotOptions, repr=False)
 
     def __new__(cls, *given: object, **fields: object) -> Self:
-        """Refuses what is no field: `Robot(model)` or `Robot("arm.urdf")` is meant for one of the readers."""
+        """Refuse positional arguments: `Robot(model)` or `Robot("arm.urdf")` is meant for one of the readers."""
         if given:
             raise SpecError(f"Robot({shown(given[0])}) is no way to make one: use {READERS}")
         return super().__new__(cls)
@@ -104,14 +104,14 @@ class Arm:
             expect(self.payload, Payload, "payload", "Payload(mass=…)", error=SpecError)
 
     def _words(self) -> list[str]:
-        """What `repr` says."""
+        """Parts of the `repr`."""
         told = [called(self.name), f"{self.nv} joint{'s' if self.nv > 1 else ''}", f"tip {called(self.tip)}"]
         told += [f"payload {self.payload.mass:g} kg"] if self.payload is not None else []
         told += ["with friction"] if self.friction.present else []
         return told + ([f"{len(self.locked)} locked"] if self.locked else [])
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: a table and a picture."""
+        """HTML for notebooks: a table and a picture."""
         return renderer().card(self)
 
     @property
@@ -133,7 +133,7 @@ class Arm:
         """The joint positions of a name [rad or m], shape (nv,).
 
         Raises:
-            SpecError: there is none of that name; says which there are.
+            SpecError: there is none of that name; the message lists all.
         """
         return pose_named(self, name)
 
@@ -183,8 +183,8 @@ class Arm:
         """This robot with other friction in its joints; None keeps its own.
 
         Args:
-            damping: viscous [N m s/rad or N s/m]: one number, one per joint, or "urdf" for what the URDF says, or
-                the MJCF or the model that it was read from.
+            damping: viscous [N m s/rad or N s/m]: one number, one per joint, or "urdf": that of the URDF, the
+                MJCF or the model that it was read from.
             friction: Coulomb's [N m or N], likewise.
             width: see `JointFriction` [rad/s or m/s].
 

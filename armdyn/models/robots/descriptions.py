@@ -16,7 +16,7 @@ INSTALL = f"names that end so are of {PACKAGE}, which is not installed: pip inst
 
 @dataclass(frozen=True)
 class Description:
-    """Where a robot's description is.
+    """Place of a robot's description.
 
     Attributes:
         path: its URDF or MJCF.

@@ -1,4 +1,4 @@
-"""Which arm a motion belongs to."""
+"""Checksum of an arm's equations of motion."""
 
 import hashlib
 
@@ -28,6 +28,6 @@ def model_hash(model: pin.Model, friction: JointFriction) -> str:
             numbers.append(np.ravel(joint.createData().S))
     numbers += friction.per_joint(model.nv)
     numbers.append(np.array([friction.width if np.any(friction.coulomb) else 0.0]))
-    # Plus zero: what is rounded to minus zero is zero.
+    # Plus zero: minus zero becomes zero.
     rounded = (np.round(np.concatenate(numbers), 12) + 0.0).astype("<f8")
     return hashlib.sha256("\n".join(words).encode() + rounded.tobytes()).hexdigest()

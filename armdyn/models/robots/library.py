@@ -1,5 +1,6 @@
 """The robots that go by a name: the arms of example-robot-data, and the package's own benchmarks."""
 
+import csv
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,51 +25,11 @@ class LibraryArm:
     last: str
 
 
-_UR = ("shoulder_pan_joint", "ee_link")
-_BRAVO = ("joint1", "joint6")
-_SO = ("shoulder_pan", "wrist_roll")
-_Z1 = ("joint1", "joint6")
+_HERE = Path(__file__).parent
 
 LIBRARY_ARMS: dict[str, LibraryArm] = {
-    "anymal_kinova_arm": LibraryArm("anymal_kinova", "j2s6s200_joint_1", "j2s6s200_end_effector"),
-    "asr_twodof": LibraryArm("asr_twodof", "J1", "J2"),
-    "b1_z1_arm": LibraryArm("b1_z1", *_Z1),
-    "baxter_left": LibraryArm("baxter", "left_s0", "left_w2"),
-    "baxter_right": LibraryArm("baxter", "right_s0", "right_w2"),
-    "bravo7_gripper": LibraryArm("bravo7_gripper", *_BRAVO),
-    "bravo7_no_ee": LibraryArm("bravo7_no_ee", *_BRAVO),
-    "centauro_left": LibraryArm("centauro", "j_arm1_1", "j_arm1_6"),
-    "centauro_right": LibraryArm("centauro", "j_arm2_1", "j_arm2_6"),
-    "double_pendulum": LibraryArm("double_pendulum", "joint1", "joint2"),
-    "double_pendulum_continuous": LibraryArm("double_pendulum_continuous", "joint1", "joint2"),
-    "double_pendulum_simple": LibraryArm("double_pendulum_simple", "joint1", "joint2"),
-    "finger_edu": LibraryArm("finger_edu", "finger_base_to_upper_joint", "finger_tip_link"),
-    "kinova": LibraryArm("kinova", "j2s6s200_joint_1", "j2s6s200_end_effector"),
-    "panda": LibraryArm("panda", "panda_joint1", "panda_hand_tcp"),
-    "panda_collision": LibraryArm("panda_collision", "panda_joint1", "panda_joint7"),
-    "pr2_left": LibraryArm("pr2", "l_shoulder_pan_joint", "l_gripper_tool_frame"),
-    "pr2_right": LibraryArm("pr2", "r_shoulder_pan_joint", "r_gripper_tool_frame"),
-    "so100": LibraryArm("so100", *_SO),
-    "so101": LibraryArm("so101", *_SO),
-    "talos_arm": LibraryArm("talos_arm", "arm_left_2_joint", "gripper_left_base_link"),
-    "talos_left": LibraryArm("talos", "arm_left_1_joint", "gripper_left_base_link"),
-    "talos_right": LibraryArm("talos", "arm_right_1_joint", "gripper_right_base_link"),
-    "tiago_arm": LibraryArm("tiago", "arm_1_joint", "arm_7_joint"),
-    "tiago_dual_left": LibraryArm("tiago_dual", "arm_left_1_joint", "arm_left_7_joint"),
-    "tiago_dual_right": LibraryArm("tiago_dual", "arm_right_1_joint", "arm_right_7_joint"),
-    "tiago_no_hand_arm": LibraryArm("tiago_no_hand", "arm_1_joint", "arm_7_joint"),
-    "tiago_pro_left": LibraryArm("tiago_pro", "arm_left_1_joint", "arm_left_7_joint"),
-    "tiago_pro_right": LibraryArm("tiago_pro", "arm_right_1_joint", "arm_right_7_joint"),
-    "ur10": LibraryArm("ur10", *_UR),
-    "ur10_limited": LibraryArm("ur10_limited", *_UR),
-    "ur3": LibraryArm("ur3", *_UR),
-    "ur3_gripper": LibraryArm("ur3_gripper", *_UR),
-    "ur3_limited": LibraryArm("ur3_limited", *_UR),
-    "ur5": LibraryArm("ur5", *_UR),
-    "ur5_gripper": LibraryArm("ur5_gripper", *_UR),
-    "ur5_limited": LibraryArm("ur5_limited", *_UR),
-    "xarm7": LibraryArm("xarm7", "joint1", "link_eef"),
-    "z1": LibraryArm("z1", *_Z1),
+    row.pop("name"): LibraryArm(**row)
+    for row in csv.DictReader((_HERE / "library.csv").read_text("utf-8").splitlines())
 }
 """The library's arms, and those inside its bigger robots; all else of the robot is locked."""
 
@@ -80,8 +41,6 @@ BENCHMARKS: dict[str, tuple[str, ...]] = {
 }
 """The benchmarks of underactuated control, and which of their joints have no motor. A URDF's torque limit of zero, by
 which many mean none at all, could not say that. Where their numbers come from is said in their files."""
-
-_OWN = Path(__file__).parent / "urdf"
 
 _CORRECTED = {"ur3": "ur3_robot.urdf"}
 """Files that the loaders 5 get wrong: their "ur3" is a UR5."""
@@ -102,7 +61,7 @@ def other_robots() -> list[str]:
 
 
 def library_arm(name: str) -> tuple[Path, str, LibraryArm | None]:
-    """Where an arm's URDF is, the folder in which its `package://` is, and which joints it has.
+    """URDF file of an arm, folder of its `package://`, and its joints.
 
     Args:
         name: of `LIBRARY_ARMS` or `BENCHMARKS`, or any robot of the library: but for the first no choice of joints
@@ -115,7 +74,7 @@ def library_arm(name: str) -> tuple[Path, str, LibraryArm | None]:
     """
     arm = LIBRARY_ARMS.get(text(name, "name of a robot", error=SpecError))
     if name in BENCHMARKS:
-        return _OWN / f"{name}.urdf", str(_OWN), None
+        return _HERE / "urdf" / f"{name}.urdf", str(_HERE / "urdf"), None
     if name not in (known := library_names()):
         hint = "" if not is_description(name) else "Robot.from_description reads those of robot_descriptions"
         raise UnknownRobotError(name, known, hint)

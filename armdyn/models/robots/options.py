@@ -1,4 +1,4 @@
-"""How a robot is read: its payload, its locked joints, and numbers instead of the file's."""
+"""Options of the readers of robots: payload, locked joints, and numbers instead of the file's."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class RobotKeywords(TypedDict, total=False):
 @brief
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RobotOptions:
-    """How a robot is read. Every reader takes these fields as keywords, or the whole value as `options`.
+    """Options of the readers of robots. Every reader takes these fields as keywords, or the whole value as `options`.
 
     Attributes:
         payload: fixed to `payload.frame`, by default the end of the longest chain.

@@ -101,7 +101,7 @@ def pose_given(robot: Arm, given: Any, what: str) -> Array:
 def positions_of(robot: Arm, given: object, what: str, *, degrees: bool = False) -> list[float]:
     """Positions of a robot's joints, as people write them [rad or m].
 
-    How many there are is for whoever uses them to say, who knows more of what they are.
+    Their number is checked by the caller.
 
     Args:
         robot: whose joints.
@@ -152,7 +152,7 @@ def _known(poses: Iterable[str]) -> str:
 
 def _files(robot: Arm) -> list[Path]:
     """The SRDFs that may be of a robot's URDF: those of its name, or that name it."""
-    if not robot.urdf or not os.path.isfile(robot.source):  # noqa: PTH113  # False of what is no path, such as a text
+    if not robot.urdf or not os.path.isfile(robot.source):  # noqa: PTH113  # False of a text
         return []
     file = Path(robot.source)
     found: list[Path] = []

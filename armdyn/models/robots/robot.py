@@ -1,4 +1,4 @@
-"""A robot arm, from where one comes: a URDF, an MJCF, a library, Pinocchio's model, or numbers."""
+"""Readers of robot arms: from a URDF, an MJCF, a library, Pinocchio's model, or numbers."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import pinocchio as pin
 
 from armdyn.arguments import expect, several, text
 from armdyn.errors import SpecError
-from armdyn.models.mjcf.document import check_mjcf_text, parse_mjcf, read_mjcf
+from armdyn.models.mjcf.document import parse_mjcf, read_mjcf
 from armdyn.models.mjcf.reading import read_mjcf_arm
 from armdyn.models.reading.from_pinocchio import Reading, read_model
 from armdyn.models.reading.meshes import mesh_folders
 from armdyn.models.reading.urdf_arm import check_inertia, read_arm
-from armdyn.models.reading.urdf_xml import check_urdf_text, file_path, read_urdf
+from armdyn.models.reading.urdf_xml import check_text, file_path, read_urdf
 from armdyn.models.robots.arm import READERS, Arm
 from armdyn.models.robots.descriptions import described
 from armdyn.models.robots.library import BENCHMARKS, library_arm
@@ -29,7 +29,7 @@ from armdyn.models.values.urdf import urdf_from_spec
 from armdyn.reprs import brief
 
 UNNAMED = "model"
-"""What a robot is called whose model has no name."""
+"""Name of a robot whose model has none."""
 
 
 class _Parsed(NamedTuple):
@@ -44,7 +44,7 @@ class _Parsed(NamedTuple):
 @brief
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Robot(Arm):
-    """An arm of revolute, continuous and prismatic joints; `Arm` says what it has.
+    """An arm of revolute, continuous and prismatic joints; its attributes are those of `Arm`.
 
     It is read, not made: by `from_library`, `from_urdf`, `from_urdf_string`, `from_mjcf`, `from_mjcf_string`,
     `from_model`, `from_description` or `from_spec`. Each takes the fields of `RobotOptions` as keywords, or
@@ -131,16 +131,16 @@ class Robot(Arm):
         """An arm from a URDF's text, read, bounded and checked as a file is; else see `from_urdf`.
 
         Args:
-            text: the URDF, such as `open("arm.urdf").read()` or what xacro printed.
+            text: the URDF, such as `open("arm.urdf").read()` or the output of xacro.
             payload: see `from_urdf`.
-            source: what messages call it.
+            source: its name in messages.
             keywords: see `from_urdf`; package_dirs has all meshes: a text has no folder of its own.
 
         Raises:
             UrdfError: it is no text, too long, or not physical.
             UnsupportedJointError: see `from_urdf`.
         """
-        check_urdf_text(text, source)
+        check_text(text, source, "URDF")
         return cls.from_source(RobotSource(format="urdf", name=source, text=text), robot_options(payload, keywords))
 
     @classmethod
@@ -154,7 +154,7 @@ class Robot(Arm):
                 "acrobot", "cart_pole", "furuta_pendulum", "pendubot", which come with armdyn: they know which of
                 their joints have no motor.
             payload: see `from_urdf`.
-            keywords: see `from_urdf`; `lock` besides what is locked already, such as a hand's fingers.
+            keywords: see `from_urdf`; `lock` adds to the joints that are locked already, such as a hand's fingers.
 
         Raises:
             UnknownRobotError: the library has no such robot.
@@ -188,15 +188,15 @@ class Robot(Arm):
 
         Torque limits are those of the actuators, see `mjcf.actuators.effort_limits`. MJCF has no velocity limits:
         they are infinite unless `velocity_limit` or the problem gives some. Friction and armature are the file's.
-        Tendons, contacts and what actuators do with their controls are left out.
+        Tendons, contacts and the dynamics of actuators are left out.
 
         Args:
-            path: the file; what it includes is in its folder or below.
+            path: the file; its includes are in its folder or below.
             payload: see `from_urdf`.
             keywords: see `from_urdf`; `lock` also free joints, and with an `arm` all of them: their bodies stand still.
 
         Raises:
-            UrdfError: the file cannot be read, is not physical, or needs what armdyn or this Pinocchio does not know.
+            UrdfError: the file cannot be read, is not physical, or has elements unknown to armdyn or to this Pinocchio.
             UnsupportedJointError: a moving joint is free, a ball, has a spring, or is coupled with another.
         """
         file = file_path(path, "MJCF", "Robot.from_mjcf_string")
@@ -211,14 +211,14 @@ class Robot(Arm):
         Args:
             text: the MJCF.
             payload: see `from_urdf`.
-            source: what messages call it.
+            source: its name in messages.
             keywords: see `from_mjcf`.
 
         Raises:
             UrdfError: see `from_mjcf`.
             UnsupportedJointError: see `from_mjcf`.
         """
-        check_mjcf_text(text, source)
+        check_text(text, source, "MJCF")
         return cls.from_source(RobotSource(format="mjcf", name=source, text=text), robot_options(payload, keywords))
 
     @classmethod
@@ -232,7 +232,7 @@ class Robot(Arm):
     ) -> Self:
         """An arm from a Pinocchio model that was built or loaded elsewhere, and stays as it is.
 
-        Its friction is what the model has. Nothing is known of its geometry: it is drawn as rods, and obstacles cannot
+        Its friction is that of the model. Its geometry is unknown: it is drawn as rods, and obstacles cannot
         be given.
 
         Args:

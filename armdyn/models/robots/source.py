@@ -1,4 +1,4 @@
-"""Where a robot is read from, as a value: a file, a text, a library's name, numbers, or Pinocchio's model."""
+"""Source of a robot: a file, a text, a library's name, numbers, or Pinocchio's model."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ Format = Literal["spec", "library", "urdf", "mjcf", "model"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RobotSource:
-    """Where a robot is read from; `Robot.from_source` reads it.
+    """Source of a robot; `Robot.from_source` reads it.
 
     Attributes:
         format: of the description.
-        name: of the library's arm; of a file its path; else what messages call the source.
+        name: of the library's arm; of a file its path; else the name of the source in messages.
         text: the URDF or MJCF; None: the file of that name.
         spec: the arm, of the format "spec".
         model: the model, of the format "model".
@@ -76,7 +76,7 @@ class RobotSource:
 
     @classmethod
     def inside(cls, name: str, folder: str | os.PathLike[str]) -> RobotSource:
-        """The source that a name in a stranger's file stands for: no download, and no file outside a folder.
+        """The source of a name in an untrusted file: no download, and no file outside a folder.
 
         Args:
             name: of the robot, or its file seen from the folder.

@@ -103,7 +103,7 @@ def robot_table(robot: Robot, folder: str | os.PathLike[str] | None = None) -> d
 
 
 def _source(table: Table) -> RobotSource:
-    """Where the robot of a table is read from."""
+    """Source of the robot of a table."""
     given, folder = [key for key in _SOURCES if key in table.values], Path(table.path).parent
     if len(given) > 1:
         raise table.error(given[1], f"[robot] has {' and '.join(given)}; give one of them")
@@ -154,4 +154,4 @@ def _written_source(origin: RobotSource, folder: str | os.PathLike[str] | None) 
         return {"name": place.relative_to(home).as_posix()}
     if origin.format == "urdf":
         return {"urdf": read_urdf(origin.file)}
-    return {"mjcf": ElementTree.tostring(read_mjcf(origin.file), "unicode")}  # with what it includes
+    return {"mjcf": ElementTree.tostring(read_mjcf(origin.file), "unicode")}  # with its includes

@@ -1,1 +1,1 @@
-"""What arms are made of, as values: specs, payloads, limits, friction; and a URDF written from a spec."""
+"""Values of arms: specs, payloads, limits, friction; and the URDF of a spec."""

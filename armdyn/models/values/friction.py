@@ -14,16 +14,16 @@ from armdyn.reprs import brief
 Array = NDArray[np.float64]
 
 FRICTION_WIDTH = 0.05
-"""Default of `JointFriction.width` [rad/s or m/s]: one or two per cent of what joints of industrial arms reach."""
+"""Default of `JointFriction.width` [rad/s or m/s]: one or two per cent of the speed of industrial joints."""
 
 FrictionValue = ArrayLike | Literal["urdf"]
-"""One number, one per joint, or "urdf": what the URDF's `<dynamics>` says."""
+"""One number, one per joint, or "urdf": that of the URDF's `<dynamics>`."""
 
 
 @brief
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JointFriction:
-    """What joints lose of their torque: tau_f(v) = damping v + coulomb tanh(v / width).
+    """Friction torque of the joints: tau_f(v) = damping v + coulomb tanh(v / width).
 
     Joint by joint, independent of load and position; the URDF's `<dynamics damping= friction=>`. The
     hyperbolic tangent stands for the sign of the velocity (for instance Armstrong-Hélouvry, Dupont and
@@ -53,7 +53,7 @@ class JointFriction:
 
     @property
     def present(self) -> bool:
-        """Some joint has some."""
+        """Whether some joint has friction."""
         return bool(np.any(self.damping) or np.any(self.coulomb))
 
     def per_joint(self, nv: int) -> tuple[Array, Array]:
@@ -64,7 +64,7 @@ class JointFriction:
         return damping, coulomb
 
     def torque(self, v: Array) -> Array:
-        """What the joints lose [N m or N] at velocities v [rad/s or m/s], both of shape (…, nv)."""
+        """Friction torque [N m or N] at velocities v [rad/s or m/s], both of shape (…, nv)."""
         return np.asarray(np.asarray(self.damping) * v + np.asarray(self.coulomb) * np.tanh(v / self.width))
 
     def slope(self, v: Array) -> Array:

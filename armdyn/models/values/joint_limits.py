@@ -57,7 +57,7 @@ class JointLimits:
 
     @property
     def rows(self) -> dict[str, Array]:
-        """The limits by their names, each of shape (nv,); what the actuators make of them in a state is not in it."""
+        """The limits by their names, each of shape (nv,); without the ranges of the actuators in a state."""
         return {own.name: getattr(self, own.name) for own in fields(self) if own.name != "actuators"}
 
     @property
@@ -66,12 +66,12 @@ class JointLimits:
         return self.actuators.passive
 
     def without_motors(self, passive: Iterable[str], joints: Sequence[str], error: type[ArmdynError]) -> Self:
-        """The same, but for joints that have no motor.
+        """The limits with no motor at some joints.
 
         Args:
             passive: their names.
             joints: the names of all, in the order of the limits.
-            error: what is raised.
+            error: class of the raised error.
 
         Raises:
             ArmdynError: as `error`; there is no such joint.

@@ -1,4 +1,4 @@
-"""One number per joint, as users give it: read and checked in one place."""
+"""One number per joint, as users give it, read and checked."""
 
 from collections.abc import Sequence
 
@@ -29,7 +29,7 @@ def per_joint(
         joints: their names; None where no arm is known yet: then any number of them is right, and one stays one.
         what: the number is, in messages.
         unit: likewise.
-        error: what is raised.
+        error: class of the raised error.
         scalar: whether one number may stand for all joints; where there is one joint it may anyway.
         finite: whether infinity is refused; NaN always is.
         sign: that every number must have.
@@ -55,7 +55,7 @@ def per_joint(
 
 
 def _wanted(joints: Sequence[str] | None, scalar: bool) -> str:
-    """What would be right, as far as the count goes."""
+    """The expected count, in words."""
     if joints is None:
         return "one number, or one per joint"
     one = "one number or " if scalar and len(joints) > 1 else ""
@@ -64,7 +64,7 @@ def _wanted(joints: Sequence[str] | None, scalar: bool) -> str:
 
 
 def _right_instead(number: float, finite: bool, sign: Sign) -> str:
-    """What a number must be and is not; empty if it is fine."""
+    """The violated condition on a number; empty: none."""
     if np.isnan(number) and not finite:
         return "be a number, not NaN"
     if finite and not np.isfinite(number):

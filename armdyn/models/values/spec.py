@@ -47,7 +47,7 @@ PLANAR_LINKS = (
 """Giv and Malek (2024), Table 1."""
 
 _XML_TEXT = "[\t -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]+"
-"""What XML can hold, in one line."""
+"""Characters of XML in one line."""
 
 PlanarArmName = Literal["r", "rr", "rrr"]
 PLANAR_ARMS: tuple[PlanarArmName, ...] = ("r", "rr", "rrr")
@@ -124,7 +124,7 @@ class Payload:
         frame: str | None = None,
         offset: ArrayLike | None = None,
     ):
-        """A payload from what is convenient.
+        """A payload from its mass, and inertia in one of several forms.
 
         Args:
             mass: [kg].

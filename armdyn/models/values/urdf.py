@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 TIP = "tip"
 POINT_INERTIA = 1e-12
-"""Stands for zero in a point mass's tensor [kg m²]: positive definite, far below what shows in a duration."""
+"""Stands for zero in a point mass's tensor [kg m²]: positive definite, and without an effect on durations."""
 
 _ROD_RADIUS = 0.012
 _JOINT_RADIUS = 0.019
@@ -32,7 +32,7 @@ _COLORS = {
 
 
 def urdf_file_name(spec: ArmSpec, payload: Payload | None = None) -> str:
-    """What a generated file is called: rr.urdf, rr_100.6g.urdf."""
+    """Name of a generated file: rr.urdf, rr_100.6g.urdf."""
     load = f"_{1000 * payload.mass:g}g" if payload is not None and payload.mass > 0 else ""
     return f"{spec.name}{load}.urdf"
 
@@ -118,7 +118,7 @@ def _joint(name: str, kind: str, parent: str, child: str, origin: np.ndarray, **
 
 
 def _base() -> yp.Link:
-    """What stands still."""
+    """The fixed link."""
     import yourdfpy as yp
 
     base = yp.Link(name="base")

@@ -62,7 +62,8 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, b
         via_times=best.via_times,
         moves=_moves(task, best),
         met=met,
-        decides=best.decides or (deciding(task.problem, best.phases) if best.phases else ()),
+        decides=best.decides
+        or (deciding(task.problem, best.phases, task.policy.arcs.least_share) if best.phases else ()),
     )
 
 

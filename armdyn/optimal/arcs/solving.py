@@ -28,8 +28,9 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Nlp, build_nlp
 from armdyn.optimal.program.interval import Stages
 from armdyn.optimal.solve.registry import in_time, solver_for
-from armdyn.optimal.solve.solver import NlpResult, Solver, SolverSettings
+from armdyn.optimal.solve.solver import NlpResult, Solver
 from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 

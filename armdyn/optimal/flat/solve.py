@@ -14,7 +14,8 @@ from armdyn.optimal.path_constraints.rows import Rows
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.registry import in_time, solver_for
-from armdyn.optimal.solve.solver import Acceptable, NlpResult, Solver, SolverSettings
+from armdyn.optimal.solve.solver import NlpResult, Solver
+from armdyn.optimal.task.solver_settings import Acceptable, SolverSettings
 from armdyn.optimal.task.task import Task
 
 _WARM = 1e-9

@@ -83,11 +83,6 @@ def limit_violation(limits: JointLimits, motion: Trajectory, dense: int = 8) -> 
     return max(excess.share for excess in excesses(limits, motion, dense))
 
 
-def overspeed(limits: JointLimits, motion: Trajectory, dense: int = 8) -> float:
-    """Largest excess over a velocity limit, as a part of it; 0 where all are kept. Arguments as of `excesses`."""
-    return excesses(limits, motion, dense)[1].share
-
-
 def worst_violation(
     limits: JointLimits, motion: Trajectory, joint_names: tuple[str, ...], dense: int = 8
 ) -> Violation | None:

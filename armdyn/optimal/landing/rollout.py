@@ -47,7 +47,8 @@ def replay_torques(
         ProblemError: no Robot, rtol not positive, or stop no function.
         TrajectoryError: no Trajectory, or of another number of joints.
     """
-    _check(robot, trajectory, rtol)
+    expect_motion_of(robot, trajectory)
+    number(rtol, "rtol", sign="positive")
     states = _followed(robot, trajectory, rtol, stopper(stop))
     x, n = np.array(states if len(states) > 1 else 2 * states), robot.nv
     m = len(x)
@@ -149,13 +150,19 @@ def replay_of(task: Task, trajectory: Trajectory) -> Trajectory:
     return replay_torques(task.problem.robot, trajectory, stop=task.stop.__bool__)
 
 
-def _check(robot: Robot, trajectory: Trajectory, rtol: float) -> None:
-    """Refuse what cannot be replayed."""
+def expect_motion_of(robot: Robot, trajectory: Trajectory) -> None:
+    """Refuse a trajectory of other joints than a robot's.
+
+    Raises:
+        ProblemError: no Robot.
+        TrajectoryError: no Trajectory, or of another number of joints.
+    """
     expect_robot(robot)
-    expect(trajectory, Trajectory, "trajectory", error=TrajectoryError)
-    number(rtol, "rtol", sign="positive")
-    if trajectory.v.shape[1] != robot.nv or trajectory.q.shape[1] != robot.nv:
-        raise TrajectoryError(f"the trajectory has {trajectory.v.shape[1]} joints; {robot.name} has {robot.nv}")
+    expect(trajectory, Trajectory, "trajectory", "trajectory_from_path makes one of positions", error=TrajectoryError)
+    own = {trajectory.q.shape[1], trajectory.v.shape[1]} - {robot.nv}
+    if own:
+        names = ", ".join(robot.joint_names)
+        raise TrajectoryError(f"the trajectory has {own.pop()} joints; {robot.name} has {robot.nv}: {names}")
 
 
 def _integrate(

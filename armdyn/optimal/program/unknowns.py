@@ -172,6 +172,11 @@ def bounds(problem: MinimumTimeProblem, layout: Layout, intervals: int, scales: 
     return sides[0], sides[1]
 
 
+def doubled(intervals: int, finest: int) -> int | None:
+    """Intervals of the next finer mesh; None: it would have more than the finest."""
+    return 2 * intervals if 2 * intervals <= finest else None
+
+
 def mesh(intervals: int) -> Array:
     """Knots as parts of the duration, shape (intervals + 1,)."""
     return np.linspace(0, 1, intervals + 1)

@@ -18,31 +18,17 @@ from armdyn.models.robots.robot import Robot
 from armdyn.optimal.arcs.arc import POSITION, VELOCITY
 from armdyn.optimal.arcs.phases import TABLEAU, Phases
 from armdyn.optimal.landing.rollout import dense, replay_torques
+from armdyn.optimal.task.policy.refinement import AdjointPolicy
 from armdyn.optimal.task.tableau import GAUSS_3
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_PRECISE = 1e-7
-"""Of a stretch's propagator, as H feels it: a thousandth of the costates' tolerance. What is taken is 64 times as good:
-the two halves' of what one step of sixth order is held against."""
-_SAMPLES = 400
-"""Of the replay, about: quintics between them are then right to 1e-9 of what planar arms do."""
 _POWERS = np.arange(6.0)
 """Of a quintic."""
-_MOST = 20_000
-"""Stretches: fifty times what planar arms take, some seconds."""
-_DEEPEST = 16
-"""Times that one is halved: the turn of a joint through dry friction takes some."""
-_NEAR = 1e-3
-"""Of an interval: a sample so near its end is no edge of its own."""
-_STILL = 1e-9
-"""A joint that moves less than this part of the fastest counts as if it moved that much."""
-_MIDDLE = 0.3
-"""Of a stretch: a sample so near its middle halves it, because torques have their corners there."""
 
 
-def adjoint_error(robot: Robot, replay: Trajectory, phases: Phases) -> float:
+def adjoint_error(robot: Robot, replay: Trajectory, phases: Phases, numbers: AdjointPolicy) -> float:
     """Residual of the costates in the adjoint equations, as a change of H, relative to the 1 that time costs.
 
     A difference in ρ_q counts by the joint's largest velocity, one in ρ_v by its largest acceleration.
@@ -51,6 +37,7 @@ def adjoint_error(robot: Robot, replay: Trajectory, phases: Phases) -> float:
         robot: that moves.
         replay: its motion.
         phases: the arcs, with costates.
+        numbers: how finely the equations are integrated.
 
     Returns:
         The largest difference at any knot, of any joint; infinite if the replay or the integration broke off.
@@ -58,12 +45,12 @@ def adjoint_error(robot: Robot, replay: Trajectory, phases: Phases) -> float:
     duration = phases.duration
     if abs(replay.duration - duration) > 1e-12 * duration:
         return float("inf")
-    finer = dense(replay, _SAMPLES)
+    finer = dense(replay, numbers.samples)
     if finer.t.size > replay.t.size:  # else the replay's own states are all there are
         finer = replay_torques(robot, finer)
         if finer.t[-1] != replay.t[-1]:
             return float("inf")
-    along = Along.of(robot, finer)
+    along = Along.of(robot, finer, numbers)
     found = _backwards(along, phases)
     if found is None:
         return float("inf")
@@ -82,15 +69,17 @@ class Along:
         motion: samples of its states and torques.
         quintics: between two samples, coefficients of sᵏ with s from 0 to 1 [rad or m], shape (m - 1, 6, nv).
         size: largest velocity and acceleration of every joint, shape (2 nv,).
+        policy: how finely the equations are integrated.
     """
 
     robot: Robot
     motion: Trajectory
     quintics: Array
     size: Array
+    policy: AdjointPolicy
 
     @classmethod
-    def of(cls, robot: Robot, motion: Trajectory) -> "Along":
+    def of(cls, robot: Robot, motion: Trajectory, policy: AdjointPolicy) -> "Along":
         """Interpolate a motion, with accelerations from forward dynamics."""
         acceleration = forward_dynamics(robot)
         q, v, h = motion.q, motion.v, np.diff(motion.t)[:, None]
@@ -100,8 +89,8 @@ class Along:
         # Of s³, s⁴ and s⁵, so that value, slope and curvature at s = 1 are rise, speed and 2 bend.
         more = (10 * rise - 4 * speed + bend, -15 * rise + 7 * speed - 2 * bend, 6 * rise - 3 * speed + bend)
         peaks = [np.max(np.abs(each), axis=0) for each in (v, a)]
-        size = np.concatenate([np.maximum(each, _STILL * np.max(each)) for each in peaks])
-        return cls(robot, motion, np.stack([q[:-1], start, mean, *more], axis=1), size)
+        size = np.concatenate([np.maximum(each, policy.still * np.max(each)) for each in peaks])
+        return cls(robot, motion, np.stack([q[:-1], start, mean, *more], axis=1), size, policy)
 
     def states(self, times: Array) -> tuple[Array, Array, Array]:
         """Positions, velocities and torques at times that are no jumps, shape (k,): each of shape (k, nv)."""
@@ -135,7 +124,7 @@ class Along:
             None: it takes too many stretches.
         """
         starts, ends = edges[:-1], edges[1:]
-        return self._halved(starts, ends, self._step(starts, ends), precise, _DEEPEST)
+        return self._halved(starts, ends, self._step(starts, ends), precise, self.policy.deepest)
 
     def _halved(self, starts: Array, ends: Array, whole: Array, precise: float, deepest: int) -> Array | None:
         """Transition matrices by bisection of the stretches, until another bisection changes nothing."""
@@ -143,7 +132,7 @@ class Along:
         middles = (starts + ends) / 2
         k = np.searchsorted(t, middles)
         near = np.where(t[k] - middles < middles - t[k - 1], t[k], t[k - 1])
-        middles = np.where(np.abs(near - middles) < _MIDDLE * (ends - starts), near, middles)
+        middles = np.where(np.abs(near - middles) < self.policy.middle * (ends - starts), near, middles)
         steps = self._step(np.append(starts, middles), np.append(middles, ends))
         first, second = steps[: starts.size], steps[starts.size :]
         both: Array = first @ second
@@ -151,7 +140,7 @@ class Along:
         rough = np.flatnonzero(~(apart <= precise))
         if not rough.size:
             return both
-        if not deepest or rough.size > _MOST:
+        if not deepest or rough.size > self.policy.most:
             return None
         first_half = self._halved(starts[rough], middles[rough], first[rough], precise, deepest - 1)
         if first_half is None:
@@ -185,9 +174,9 @@ def _backwards(along: Along, phases: Phases) -> Array | None:
     K, own = phases.arc_of.size, phases.costate.shape[1]
     stops = phases.t[:-1, None] + np.diff(phases.t)[:, None] * TABLEAU.c[:-1]  # where limits pull
     breaks = np.unique(np.concatenate([phases.t, stops[on_limit].ravel()]))
-    edges = _edges(breaks, along.motion.t)
+    edges = _edges(breaks, along.motion.t, along.policy.near)
     largest = float(np.max(np.abs(phases.costate * along.size)))
-    steps = along.carried(edges, _PRECISE / max(largest, 1.0))
+    steps = along.carried(edges, along.policy.precise / max(largest, 1.0))
     if steps is None:
         return None
     place = np.searchsorted(edges, phases.t)
@@ -206,13 +195,13 @@ def _backwards(along: Along, phases: Phases) -> Array | None:
     return found if np.all(np.isfinite(found)) else None
 
 
-def _edges(breaks: Array, samples: Array) -> Array:
+def _edges(breaks: Array, samples: Array, close: float) -> Array:
     """Edges of the stretches of integration: all breaks, and every second sample that is not too near a break."""
     others = samples[::2]
     k = np.clip(np.searchsorted(breaks, others), 1, breaks.size - 1)
     before, after = breaks[k - 1], breaks[k]
     near = np.minimum(np.abs(others - before), np.abs(after - others))
-    return np.sort(np.concatenate([breaks, others[near > _NEAR * (after - before)]]))
+    return np.sort(np.concatenate([breaks, others[near > close * (after - before)]]))
 
 
 def _impulses(phases: Phases) -> tuple[Array, Array, NDArray[np.bool_]]:

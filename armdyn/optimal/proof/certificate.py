@@ -21,7 +21,6 @@ from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.landing.limit_violations import worst_violation
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
-from armdyn.optimal.proof.adjoint import adjoint_error
 from armdyn.optimal.proof.pontryagin import idle_joints, pontryagin
 from armdyn.optimal.task.options import REPLAY_TOLERANCE
 from armdyn.reprs import brief
@@ -202,10 +201,6 @@ class Certificate:
         bound = number(lower_bound, "lower_bound", unit="s", sign="positive")
         return replace(self, lower_bound=bound, gap=duration / bound - 1)
 
-    def at_goal(self, transversality: float | None) -> Self:
-        """The certificate with the transversality error at a goal pose; see `transversality`."""
-        return replace(self, transversality=transversality)
-
     @property
     def _against_pontryagin(self) -> tuple[str, ...]:
         return _beyond(
@@ -246,25 +241,20 @@ def certify(
     replay: Trajectory,
     phases: Phases | None,
     remark: str = "",
-    lower_bound: float | None = None,
-    adjoint: bool = True,
 ) -> Certificate:
-    """Check a replayed motion, and its costates if its arcs are known.
+    """Check a replayed motion, and its costates if its arcs are known; the adjoint equations are `adjoint_error`'s.
 
     Args:
         problem: what was asked.
         replay: what the torques do under `replay_torques`.
         phases: the arcs solved; None: only the replay is checked.
         remark: why there are no arcs.
-        lower_bound: no motion is faster [s], as is proven; None: no bound is known.
-        adjoint: the adjoint equations are integrated, too, which takes up to half a second.
     """
     goal = float(np.max(np.abs(replay.q[-1] - problem.q_goal)))
     goal_velocity = float(np.max(np.abs(replay.v[-1] - problem.v_goal)))
     exceeded = worst_violation(problem.limits, replay, problem.robot.joint_names)
     limit = exceeded.value if exceeded else 0.0
     plain = Certificate(goal, goal_velocity, limit, remark=remark, exceeded=exceeded)
-    plain = plain.bounded(lower_bound, replay.duration)
     if phases is None:
         return plain
     hamiltonian, switching, sign = pontryagin(problem, phases)
@@ -272,7 +262,6 @@ def certify(
         plain,
         hamiltonian_spread=float(np.max(np.abs(hamiltonian))),
         switching_violation=sign,
-        adjoint_error=adjoint_error(problem.robot, replay, phases) if adjoint else None,
         singular=problem.effort_weight == 0 and any(arc.singular for arc in phases.arcs),
         idle=idle_joints(problem, phases, switching, SWITCHING_TOLERANCE),
         t=phases.t,

@@ -9,9 +9,6 @@ from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.proof.sensitivity import by_limits
 
-_LEAST = 1e-6
-"""A share below that is none: what the multipliers of the arcs resolve."""
-
 
 @dataclass(frozen=True)
 class Share:
@@ -44,12 +41,13 @@ class Share:
         return f"{self.joint}'s {self.limit}"
 
 
-def deciding(problem: MinimumTimeProblem, phases: Phases) -> tuple[Share, ...]:
+def deciding(problem: MinimumTimeProblem, phases: Phases, least: float) -> tuple[Share, ...]:
     """The limits that decide the time of an optimum whose arcs are known, most first; none where effort is paid for.
 
     Args:
         problem: what was solved.
         phases: its optimum.
+        least: smaller shares are left out.
     """
     if problem.effort_weight > 0:  # its multipliers speak of the cost, not of the time
         return ()
@@ -59,4 +57,4 @@ def deciding(problem: MinimumTimeProblem, phases: Phases) -> tuple[Share, ...]:
     speed = -velocity * np.where(velocity == 0, 0.0, limits.velocity) / phases.duration
     shares = [Share("torque limit", name, float(part)) for name, part in zip(names, torque, strict=True)]
     shares += [Share("velocity limit", name, float(part)) for name, part in zip(names, speed, strict=True)]
-    return tuple(sorted((one for one in shares if one.part > _LEAST), key=lambda one: -one.part))
+    return tuple(sorted((one for one in shares if one.part > least), key=lambda one: -one.part))

@@ -8,13 +8,13 @@ import numpy as np
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.problem.stop import Budget
+from armdyn.optimal.program.unknowns import doubled
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, HAMILTONIAN_TOLERANCE, certify
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.resolve import prepare_resolving, resolve
 from armdyn.optimal.search.candidates import Found, find
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import solve_quickly
-from armdyn.optimal.task.mesh_refinement import MeshRefinement
 from armdyn.optimal.task.task import Task
 from armdyn.parallel import in_processes
 
@@ -47,7 +47,7 @@ def refined(task: Task, found: Found) -> list[Optimum]:
     if _resolvable(task):
         prepare_resolving(task)
     # With an answer in hand a slower optimum is worth one mesh, not all of them.
-    few, many = MeshRefinement(options.intervals), MeshRefinement(options.max_intervals)
+    few, many = options.intervals, options.max_intervals
 
     def climbed(k: int) -> _Reached:
         return _up(task, few if k else many, _first(task, attempts[k], numbers.budget * 2 / 3 ** (k + 1)))
@@ -115,10 +115,10 @@ def _on(task: Task, mesh: int, step: _Reached) -> _Reached:
     return _Reached(attempt, mesh, best, iterations, left=left)
 
 
-def _up(task: Task, refinement: MeshRefinement, step: _Reached) -> _Reached:
-    """On finer and finer meshes until there is enough."""
+def _up(task: Task, finest: int, step: _Reached) -> _Reached:
+    """On finer and finer meshes, as far as the finest, until there is enough."""
     while not (_enough(task, step) or task.stop):
-        finer = task.options.intervals if step.mesh is None else refinement.above(step.mesh)
+        finer = task.options.intervals if step.mesh is None else doubled(step.mesh, finest)
         if finer is None or (step.best is None and step.mesh is not None and step.mesh > task.options.intervals):
             break
         step = _on(task, finer, step)

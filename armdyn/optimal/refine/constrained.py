@@ -13,13 +13,11 @@ import numpy as np
 from armdyn.optimal.landing.pace import mended
 from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.path_constraints.tightened import ConstraintReports, TightenedConstraints
-from armdyn.optimal.proof.certificate import certify
+from armdyn.optimal.program.unknowns import doubled
 from armdyn.optimal.refine.optimum import Optimum
-from armdyn.optimal.refine.smooth import trajectory_cost
 from armdyn.optimal.search.candidates import Found, find
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.direct import solve_on_mesh
-from armdyn.optimal.task.mesh_refinement import MeshRefinement
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -107,7 +105,7 @@ def settled(task: Task, attempt: Attempt) -> Optimum:
 def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: Attempt) -> _Mesh | None:
     """What to ask of the next mesh; None: nothing, it is well, or no mesh mends it."""
     numbers, problem, duration = task.policy.path_constraints, task.problem, found.trajectory.duration
-    finer = MeshRefinement(task.options.max_intervals).above(mesh.intervals)
+    finer = doubled(mesh.intervals, task.options.max_intervals)
     if not any(_faults(task, found)):
         if finer is None or abs(duration / mesh.settled - 1) < numbers.settled:
             return None
@@ -141,15 +139,12 @@ def _replayed(task: Task, attempt: Attempt) -> Trajectory:
 
 def _judged(task: Task, replay: Trajectory, attempt: Attempt) -> Optimum:
     problem = task.problem
-    remark = (
-        f"arcs are not resolved, nor Pontryagin's conditions checked, with {', '.join(problem.path_constraint_names)}"
-    )
-    motion = replace(replay, name="minimum time")
-    return Optimum(
-        motion,
-        certify(problem, motion, None, remark),
-        trajectory_cost(motion, problem.effort_weight),
+    names, reports = ", ".join(problem.path_constraint_names), TightenedConstraints.of(task)
+    return Optimum.of(
+        problem,
+        replay,
         attempt.intervals,
-        reports=TightenedConstraints.of(task).check(problem, motion, attempt.passing),
+        remark=f"arcs are not resolved, nor Pontryagin's conditions checked, with {names}",
+        reports=reports.check(problem, replay, attempt.passing),
         via_times=tuple(attempt.passing.tolist()),
     )

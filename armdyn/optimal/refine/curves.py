@@ -20,8 +20,7 @@ from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE, certify
 from armdyn.optimal.proof.deciding import Share
-from armdyn.optimal.refine.optimum import Optimum
-from armdyn.optimal.refine.smooth import trajectory_cost
+from armdyn.optimal.refine.optimum import Optimum, trajectory_cost
 from armdyn.optimal.refine.ways import refined_ways
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within

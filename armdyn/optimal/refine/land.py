@@ -11,13 +11,13 @@ from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.landing.segments import Segments
 from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.program.unknowns import doubled
 from armdyn.optimal.proof.adjoint import adjoint_error
-from armdyn.optimal.proof.certificate import SEGMENT_TOLERANCE, certify
+from armdyn.optimal.proof.certificate import SEGMENT_TOLERANCE
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.switching.costates import phases_of
 from armdyn.optimal.switching.extremal.descent import Extremal, finer, in_one_piece
-from armdyn.optimal.task.mesh_refinement import MeshRefinement
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -34,10 +34,8 @@ def land(task: Task, phases: Phases, remark: str = "", intervals: int | None = N
     phases, replay, resisted = _finer(task, phases)
     if not resisted:
         phases, replay, resisted = _on_goal(task, phases, replay)
-    replay = replace(replay, name="minimum time")
-    certificate = certify(task.problem, replay, phases, remark or resisted, adjoint=False)
     size = intervals or phases.arc_of.size
-    return Optimum(replay, certificate, replay.duration, size, phases, iterations=phases.iterations)
+    return Optimum.of(task.problem, replay, size, phases, remark or resisted, iterations=phases.iterations)
 
 
 def with_costates(task: Task, optimum: Optimum) -> Optimum:
@@ -50,7 +48,7 @@ def with_costates(task: Task, optimum: Optimum) -> Optimum:
     known = optimum.certificate.adjoint_error is not None
     if optimum.phases is None or known or not optimum.certificate.extremal:
         return optimum
-    error = adjoint_error(task.problem.robot, optimum.trajectory, optimum.phases)
+    error = adjoint_error(task.problem.robot, optimum.trajectory, optimum.phases, task.policy.adjoint)
     return replace(optimum, certificate=replace(optimum.certificate, adjoint_error=error))
 
 
@@ -83,16 +81,14 @@ def land_extremal(task: Task, extremal: Extremal, intervals: int, stop: Stop) ->
             samples = 2 * replay.t.size  # so fast that the replay's integrator is wrong in some
             continue
         aim = aim.corrected(problem, replay)
-    replay = replace(replay, name="minimum time")
-    certificate = certify(problem, replay, phases, adjoint=False)
-    return Optimum(replay, certificate, replay.duration, intervals, phases)
+    return Optimum.of(problem, replay, intervals, phases)
 
 
 def _finer(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
     """On finer meshes while H strays; with the replay, and what went wrong."""
     numbers = task.policy.refinement
-    refinement = MeshRefinement(max(numbers.most_intervals, numbers.most_per_arc * len(phases.arcs)))
-    while (size := refinement.above(phases.arc_of.size)) and not task.stop:
+    finest = max(numbers.most_intervals, numbers.most_per_arc * len(phases.arcs))
+    while (size := doubled(phases.arc_of.size, finest)) and not task.stop:
         if np.max(np.abs(pontryagin(task.problem, phases)[0])) <= numbers.stray:
             break
         aim = PhaseAim(near=True, density=phases.density)

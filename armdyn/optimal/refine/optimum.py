@@ -1,11 +1,16 @@
 """An optimum refined."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.path_constraints.tightened import ConstraintReports
+from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
-from armdyn.optimal.proof.certificate import Certificate
+from armdyn.optimal.proof.certificate import Certificate, certify
 from armdyn.optimal.proof.deciding import Share
 from armdyn.trajectory import Trajectory
 
@@ -38,6 +43,30 @@ class Optimum:
     via_times: tuple[float, ...] = ()
     decides: tuple[Share, ...] = ()
 
+    @classmethod
+    def of(
+        cls,
+        problem: MinimumTimeProblem,
+        replay: Trajectory,
+        intervals: int,
+        phases: Phases | None = None,
+        remark: str = "",
+        **more: Any,
+    ) -> Self:
+        """A replay with its certificate and its cost J.
+
+        Args:
+            problem: that it solves.
+            replay: whose states are what its torques lead to.
+            intervals: of the mesh that it was read from.
+            phases: its arcs; None: they are not known.
+            remark: why not.
+            more: other attributes.
+        """
+        motion = replace(replay, name="minimum time")
+        certificate = certify(problem, motion, phases, remark)
+        return cls(motion, certificate, trajectory_cost(motion, problem.effort_weights()), intervals, phases, **more)
+
     @property
     def error(self) -> float:
         """What is worst about it: of the goal [rad or m], or of a limit, as a part of it."""
@@ -56,3 +85,15 @@ class Optimum:
     def landed(self, tolerance: float) -> bool:
         """Whether its replay ends within a tolerance of the goal [rad or m]."""
         return self.certificate.goal_error <= tolerance and self.certificate.repeats
+
+
+def trajectory_cost(motion: Trajectory, weight: ArrayLike) -> float:
+    """J = ∫ (1 + ½ Σ wᵢ τᵢ²) dt [s], exact for linear and held torques.
+
+    Args:
+        motion: of which times and torques count.
+        weight: w [1/(N m)²], one number or one per joint.
+    """
+    a, b = motion.tau[:-1], motion.tau_end
+    squares = np.sum(np.asarray(weight) * (a * a + a * b + b * b), axis=1) / 3
+    return float(motion.duration + np.diff(motion.t) @ squares / 2)

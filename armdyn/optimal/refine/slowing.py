@@ -10,8 +10,7 @@ from armdyn.optimal.landing.pace import can_be_slowed, least_factor, paced, pace
 from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE, certify, percent
-from armdyn.optimal.refine.optimum import Optimum
-from armdyn.optimal.refine.smooth import trajectory_cost
+from armdyn.optimal.refine.optimum import Optimum, trajectory_cost
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.arcs.nlp_data import PhaseAim
@@ -17,16 +16,16 @@ from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.arcs.structure import with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
+from armdyn.optimal.program.unknowns import doubled
 from armdyn.optimal.proof.certificate import ADJOINT_TOLERANCE
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land, with_costates
-from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.refine.optimum import Optimum, trajectory_cost
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.search.multistart import SearchSettings, search
 from armdyn.optimal.solve.attempt import Attempt
-from armdyn.optimal.task.mesh_refinement import MeshRefinement
-from armdyn.optimal.task.options import DirectOptions
+from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -101,7 +100,7 @@ def _searched(task: Task, starts: int) -> list[Attempt]:
     """Attempts of the search on a coarse mesh."""
     numbers = task.policy.smooth
     linear = replace(task, scheme=replace(task.scheme, method="lobatto3", control="linear"))
-    coarse = [DirectOptions(task.policy.program.coarse_tolerance, numbers.iterations)]
+    coarse = [SolverSettings(task.policy.program.coarse_tolerance, numbers.iterations)]
     return search(linear, starts, SearchSettings([numbers.coarse], coarse))
 
 
@@ -213,9 +212,7 @@ class _Settling:
         """Another structure, or a finer mesh; where neither converges, or is to be had, what is rough is let go."""
         numbers, rough = self._task.policy.smooth, stray >= self._task.policy.smooth.rough
         better: Phases | Unresolved | None = None if rough else _restructured(self._task, best, stray)
-        if better is None and (
-            size := MeshRefinement(numbers.most_rough if rough else numbers.most).above(best.arc_of.size)
-        ):
+        if better is None and (size := doubled(best.arc_of.size, numbers.most_rough if rough else numbers.most)):
             better = _solved(self._task, best.arcs, size, best, stray)
         if isinstance(better, Phases):
             self._waiting.append(_Lead(cost(self._task.problem, better), better))
@@ -270,15 +267,3 @@ def _distinct(task: Task, attempts: Sequence[Attempt]) -> list[Trajectory]:
         ),
     )
     return [group[0][1] for group in groups]
-
-
-def trajectory_cost(motion: Trajectory, weight: ArrayLike) -> float:
-    """J = ∫ (1 + ½ Σ wᵢ τᵢ²) dt [s], exact for linear and held torques.
-
-    Args:
-        motion: of which times and torques count.
-        weight: w [1/(N m)²], one number or one per joint.
-    """
-    a, b = motion.tau[:-1], motion.tau_end
-    squares = np.sum(np.asarray(weight) * (a * a + a * b + b * b), axis=1) / 3
-    return float(motion.duration + np.diff(motion.t) @ squares / 2)

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from armdyn.optimal.landing.rollout import replay_of
+from armdyn.optimal.program.unknowns import doubled
 from armdyn.optimal.search.crossover import crossover_guesses
 from armdyn.optimal.search.distinct import distinct, ranked
 from armdyn.optimal.search.multistart import Job, SearchSettings, search
@@ -15,7 +16,6 @@ from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
 from armdyn.optimal.solve.direct import solve_on_mesh
-from armdyn.optimal.task.mesh_refinement import MeshRefinement
 from armdyn.optimal.task.scheme import DynamicsForm
 from armdyn.optimal.task.task import Task
 from armdyn.parallel import in_processes
@@ -174,7 +174,7 @@ def _too_coarse(
     if not (astray or slower > numbers.too_coarse):
         return None
     task.progress(f"optima of {task.meshes} intervals are {slower:.2f} times as slow on {mesh}")
-    finer = MeshRefinement(task.options.max_intervals).above(mesh) if astray else None
+    finer = doubled(mesh, task.options.max_intervals) if astray else None
     on = finer or mesh
     return on, (on, on * 3 // 2), 4 if finer else 2
 

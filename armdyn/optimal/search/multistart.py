@@ -8,7 +8,7 @@ from armdyn.optimal.search.distinct import distinct
 from armdyn.optimal.search.starts import spline, via_guesses
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
-from armdyn.optimal.task.options import DirectOptions
+from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.task import Task
 from armdyn.parallel import in_processes
 
@@ -25,9 +25,9 @@ class SearchSettings:
     """
 
     meshes: Sequence[int]
-    settings: Sequence[DirectOptions]
+    settings: Sequence[SolverSettings]
 
-    def of(self, k: int) -> tuple[int, DirectOptions]:
+    def of(self, k: int) -> tuple[int, SolverSettings]:
         """Those of a guess."""
         return self.meshes[k % len(self.meshes)], self.settings[k // len(self.meshes) % len(self.settings)]
 

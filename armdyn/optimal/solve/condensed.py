@@ -11,10 +11,10 @@ from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory,
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.direct import prepare, solve_on_mesh
 from armdyn.optimal.solve.registry import in_time, solver_for
-from armdyn.optimal.solve.solver import NlpData, Solver, SolverSettings
+from armdyn.optimal.solve.solver import NlpData, Solver
 from armdyn.optimal.solve.stagewise.solver import Stagewise
-from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -30,7 +30,7 @@ def condensable(task: Task) -> bool:
 
 
 def solve_quickly(
-    task: Task, guess: Trajectory, intervals: int, settings: DirectOptions, between: bool = True
+    task: Task, guess: Trajectory, intervals: int, settings: SolverSettings, between: bool = True
 ) -> Attempt:
     """`direct.solve_on_mesh`, by way of the condensed program where that is possible.
 
@@ -57,7 +57,7 @@ def has_stagewise(task: Task) -> bool:
     return condensable(task) and isinstance(_solver(task, task.options.intervals, task.fine()), Stagewise)
 
 
-def solve_on_knots(task: Task, guess: Trajectory, knots: Array, settings: DirectOptions) -> Attempt:
+def solve_on_knots(task: Task, guess: Trajectory, knots: Array, settings: SolverSettings) -> Attempt:
     """The condensed program on any mesh, within all limits in the middle of the intervals, too.
 
     Args:
@@ -70,7 +70,7 @@ def solve_on_knots(task: Task, guess: Trajectory, knots: Array, settings: Direct
     return replace(attempt, knots=knots)
 
 
-def prepare_quickly(task: Task, intervals: int, settings: DirectOptions) -> None:
+def prepare_quickly(task: Task, intervals: int, settings: SolverSettings) -> None:
     """Build, if it is not there, what `solve_quickly` is likely to need."""
     if task.stop:
         return
@@ -88,7 +88,7 @@ def _on_limits(task: Task, guess: Trajectory) -> bool:
     return bool(beyond or np.any(np.abs(guess.v) >= (1 - near) * limits.velocity))
 
 
-def _within(task: Task, guess: Trajectory, intervals: int, settings: DirectOptions) -> Attempt:
+def _within(task: Task, guess: Trajectory, intervals: int, settings: SolverSettings) -> Attempt:
     """An attempt that keeps all limits in the middle of the intervals, too."""
     if not task.stop and isinstance(_solver(task, intervals, settings), Stagewise):
         return _condensed(task, guess, mesh(intervals), settings, bounded=True)[0]
@@ -96,7 +96,7 @@ def _within(task: Task, guess: Trajectory, intervals: int, settings: DirectOptio
 
 
 def _condensed(
-    task: Task, guess: Trajectory, knots: Array, settings: DirectOptions, bounded: bool = False
+    task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, bounded: bool = False
 ) -> tuple[Attempt, bool]:
     """An attempt, and whether it keeps all limits between the knots, too.
 
@@ -136,12 +136,11 @@ def _condensed(
     return Attempt(result.status, result.message, motion, intervals, result.iterations, violation), within
 
 
-def _solver(task: Task, intervals: int, settings: DirectOptions) -> Stagewise | Solver[CondensedNlp]:
+def _solver(task: Task, intervals: int, settings: SolverSettings) -> Stagewise | Solver[CondensedNlp]:
     """The stagewise method where it can be had, else the policy's solver."""
 
     def build(scheme: Scheme) -> Stagewise | Solver[CondensedNlp]:
         stagewise = Stagewise.of(task.dynamics, scheme, intervals, settings)
-        own = SolverSettings.of(settings)
-        return stagewise or solver_for(task, own, build_condensed, task.dynamics, scheme, intervals)
+        return stagewise or solver_for(task, settings, build_condensed, task.dynamics, scheme, intervals)
 
     return in_time(task, build)

@@ -20,8 +20,8 @@ from armdyn.optimal.program.layout import Layout
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.registry import in_time, solver_for
-from armdyn.optimal.solve.solver import Acceptable, NlpData, Solver, SolverSettings
-from armdyn.optimal.task.options import DirectOptions
+from armdyn.optimal.solve.solver import NlpData, Solver
+from armdyn.optimal.task.solver_settings import Acceptable, SolverSettings
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -32,7 +32,7 @@ def solve_on_mesh(
     task: Task,
     guess: Trajectory,
     intervals: int,
-    settings: DirectOptions,
+    settings: SolverSettings,
     constraints: TightenedConstraints | None = None,
 ) -> Attempt:
     """Solve one guess on one mesh.
@@ -120,7 +120,7 @@ def _fix_legs(
         bound[knots[N, layout.knot.v]] += np.asarray(aim.end_velocity) / scales.speed
 
 
-def prepare(task: Task, intervals: int, settings: DirectOptions) -> None:
+def prepare(task: Task, intervals: int, settings: SolverSettings) -> None:
     """Build, if it is not there and there is time, what `solve_on_mesh` needs."""
     if task.stop:
         return
@@ -128,8 +128,7 @@ def prepare(task: Task, intervals: int, settings: DirectOptions) -> None:
         _solver(task, intervals, settings, TightenedConstraints.of(task).rows(task.problem))
 
 
-def _solver(task: Task, intervals: int, settings: DirectOptions, rows: tuple[Rows, ...]) -> Solver[Nlp]:
-    flat, own = task.policy.program.flat, SolverSettings.of(settings)
-    if flat is not None:
-        own = replace(own, acceptable=Acceptable(flat, settings.tolerance))
-    return in_time(task, lambda scheme: solver_for(task, own, with_rows, task.dynamics, scheme, intervals, rows))
+def _solver(task: Task, intervals: int, settings: SolverSettings, rows: tuple[Rows, ...]) -> Solver[Nlp]:
+    if (flat := task.policy.program.flat) is not None:
+        settings = replace(settings, acceptable=Acceptable(flat, settings.tolerance))
+    return in_time(task, lambda scheme: solver_for(task, settings, with_rows, task.dynamics, scheme, intervals, rows))

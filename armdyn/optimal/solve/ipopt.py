@@ -12,7 +12,8 @@ from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.monitor import Monitor
 from armdyn.optimal.solve.silence import silence
-from armdyn.optimal.solve.solver import NlpData, NlpResult, SolverSettings
+from armdyn.optimal.solve.solver import NlpData, NlpResult
+from armdyn.optimal.task.solver_settings import SolverSettings
 
 Array = NDArray[np.float64]
 P = TypeVar("P", bound=Program)
@@ -84,13 +85,12 @@ def _options(settings: SolverSettings) -> dict[str, float | str]:
     options: dict[str, float | str] = {
         "tol": settings.tolerance,
         "max_iter": settings.max_iterations,
+        "mu_init": settings.barrier,
         "nlp_scaling_method": "none",  # the unknowns and equations are scaled already
         "fixed_variable_treatment": "make_parameter",
         "print_level": 5 if settings.verbose else 0,
         "sb": "yes",
     }
-    if settings.barrier is not None:
-        options["mu_init"] = settings.barrier
     if settings.exact:  # IPOPT's own "acceptable" is a defect of 1e-2
         options |= {"bound_relax_factor": 0.0, "acceptable_iter": 0}
     if (accepted := settings.acceptable) is not None:

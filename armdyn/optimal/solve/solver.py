@@ -12,57 +12,9 @@ from numpy.typing import NDArray
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.assembly import Program
-from armdyn.optimal.task.options import DirectOptions
 
 Array = NDArray[np.float64]
 P_co = TypeVar("P_co", bound=Program, covariant=True)
-
-
-@dataclass(frozen=True)
-class Acceptable:
-    """An error, above the tolerance, at which a solver may stop once it no longer makes progress.
-
-    Attributes:
-        tolerance: of the optimality conditions, on the scaled problem.
-        equations: of the equations.
-        cost: largest relative change of the cost; None: any.
-        after: iterations in a row.
-    """
-
-    tolerance: float
-    equations: float
-    cost: float | None = None
-    after: int = 6
-
-
-@dataclass(frozen=True)
-class SolverSettings:
-    """How accurately, how long and from how near a program is solved.
-
-    Attributes:
-        tolerance: of the optimality conditions and the equations, on the scaled problem.
-        max_iterations: at most.
-        verbose: print the iterations.
-        barrier: first barrier parameter of an interior-point method; others ignore it.
-        acceptable: error at which it may stop early; None: as the solver has it.
-        exact: bounds are not relaxed, and nothing but the tolerance is accepted.
-        push: how far the start may be moved off its bounds; None: as the solver has it.
-        warm: start from the multipliers of a nearly equal program, too.
-    """
-
-    tolerance: float
-    max_iterations: int
-    verbose: bool = False
-    barrier: float | None = None
-    acceptable: Acceptable | None = None
-    exact: bool = False
-    push: float | None = None
-    warm: bool = False
-
-    @classmethod
-    def of(cls, options: DirectOptions) -> Self:
-        """Those of a solve on a mesh."""
-        return cls(options.tolerance, options.max_iterations, options.verbose, options.barrier)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, Mode
 from armdyn.optimal.switching.costates import SampledExtremal
 from armdyn.optimal.switching.extremal.change import Carrier, Change, Segment
 from armdyn.optimal.switching.extremal.descent import Extremal
-from armdyn.optimal.switching.extremal.state_limits import state_at
+from armdyn.optimal.switching.extremal.state_limits import edited
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.signs import WrongSign, worst_stretch
 
@@ -89,11 +89,10 @@ def _carried_touches(extremal: Extremal, wrong: list[WrongSign], refused: set[ob
     begin, end = worst_stretch(wrong, near)
     touches = [
         k
-        for k, (change, time) in enumerate(zip(structure.changes, structure.times, strict=True))
-        if change.touch
+        for k in structure.within(begin, end)
+        if (change := structure.changes[k]).touch
         and change.mode in POSITION
         and change.joint != j
-        and begin <= time <= end
         and (change.joint, j) not in refused
     ]
     if not touches:
@@ -104,9 +103,7 @@ def _carried_touches(extremal: Extremal, wrong: list[WrongSign], refused: set[ob
     half = (end - begin) / 8 if max(times) - min(times) < near else 0.0
     ends = max(begin, min(times) - half), min(end, max(times) + half)
     press = structure.modes()[nearest][touch.joint]
-    switched = any(
-        c.joint == touch.joint and not c.touch and c.mode is not press for c in _within(structure, *ends, near)
-    )
+    switched = any(change.is_of(touch.joint) and change.mode is not press for change in _within(structure, *ends, near))
     if press not in BANG or switched or not _on_limits(structure, j, *ends, near):
         return None
     contact = _held(extremal, structure, replace(touch, touch=False), ends, Carrier(j, press, Mode.FREE), press)
@@ -152,10 +149,9 @@ def _held(
     near = extremal.shooting.policy.contacts.near * structure.duration
     begin, end = ends
     gone, after = [], structure.modes()[int(np.searchsorted(structure.times, begin - near))][carrier.joint]
-    for k, (change, time) in enumerate(zip(structure.changes, structure.times, strict=True)):
-        if not begin - near <= time <= end + near:
-            continue
-        if change.joint == carrier.joint and not change.touch:
+    for k in structure.within(begin - near, end + near):
+        change = structure.changes[k]
+        if change.is_of(carrier.joint):
             gone.append(k)
             after = change.mode
         elif change.joint == contact.joint and (
@@ -165,24 +161,17 @@ def _held(
     more = [(begin, replace(contact, carrier=replace(carrier, after=after)))]
     if leaving is not None:
         more.append((end, Change(contact.joint, leaving)))
-    left = structure.without_changes(gone)
-    return left.with_changes((time, change, state_at(extremal.rollout, time)) for time, change in more).without(())
+    return edited(extremal.rollout, structure, gone, more).without(())
 
 
 def _within(structure: SwitchingStructure, begin: float, end: float, near: float) -> list[Change]:
-    return [
-        change
-        for change, time in zip(structure.changes, structure.times, strict=True)
-        if begin - near <= time <= end + near
-    ]
+    return [structure.changes[k] for k in structure.within(begin - near, end + near)]
 
 
 def _on_limits(structure: SwitchingStructure, joint: int, begin: float, end: float, near: float) -> bool:
     """Whether a joint's torque is on its limits between two times [s], so that it may hold another joint instead."""
     first = int(np.searchsorted(structure.times, begin - near))
     modes = [structure.modes()[first][joint]]
-    modes += [
-        change.mode for change in _within(structure, begin, end, near) if change.joint == joint and not change.touch
-    ]
+    modes += [change.mode for change in _within(structure, begin, end, near) if change.is_of(joint)]
     carrying = any(carrier.joint == joint for each in structure.carriers()[first:] for carrier in each.values())
     return all(mode in BANG for mode in modes) and not carrying

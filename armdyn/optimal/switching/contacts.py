@@ -10,7 +10,7 @@ from armdyn.optimal.switching.carried import with_carrier
 from armdyn.optimal.switching.costates import NODES, SampledExtremal
 from armdyn.optimal.switching.extremal.change import Change, Segment
 from armdyn.optimal.switching.extremal.descent import Extremal
-from armdyn.optimal.switching.extremal.state_limits import state_at
+from armdyn.optimal.switching.extremal.state_limits import edited
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.velocity_contacts import kept_at_speed, left_at_speed
 from armdyn.optimal.task.policy.switching import ContactPolicy
@@ -187,8 +187,7 @@ def _as_touch(extremal: Extremal, segment: Segment) -> list[SwitchingStructure]:
     more.append((end, Change(contact.joint, contact.mode, touch=True)))
     if contact.carrier:
         more.append((begin, Change(contact.carrier.joint, contact.carrier.after)))
-    every = [(time, change, state_at(extremal.rollout, time)) for time, change in more]
-    return [structure.without_changes([segment.begin, segment.end]).with_changes(every).without(())]
+    return [edited(extremal.rollout, structure, [segment.begin, segment.end], more).without(())]
 
 
 def _let_go(
@@ -217,5 +216,4 @@ def _let_go(
         more.append((b, Change(contact.joint, contact.mode)))
     elif touches and (part[0] > 0 or len(steps) > 1):
         more.append((b, touch))
-    every = [(time, change, state_at(extremal.rollout, time)) for time, change in more]
-    return structure.without_changes(gone).with_changes(every).without(())
+    return edited(extremal.rollout, structure, gone, more).without(())

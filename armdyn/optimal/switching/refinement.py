@@ -7,7 +7,7 @@ import numpy as np
 
 from armdyn.optimal.problem.stop import Budget, Stop
 from armdyn.optimal.solve.registry import in_time
-from armdyn.optimal.switching.carried import with_carried_touches, with_other_press
+from armdyn.optimal.switching.carried import CarriedTouches, with_carried_touches, with_other_press
 from armdyn.optimal.switching.contacts import with_contacts
 from armdyn.optimal.switching.extremal.descent import Extremal, NoExtremal, fastest
 from armdyn.optimal.switching.extremal.flow import Flow, flow_of
@@ -15,7 +15,7 @@ from armdyn.optimal.switching.extremal.quadratic_model import LinearizedRollout
 from armdyn.optimal.switching.extremal.rollout import ShootingProblem
 from armdyn.optimal.switching.extremal.state_limits import with_limits, within_limits
 from armdyn.optimal.switching.extremal.structure import StructureKey, SwitchingStructure
-from armdyn.optimal.switching.signs import with_signs, without_unwanted, wrong_signs
+from armdyn.optimal.switching.signs import WrongSign, with_signs, without_unwanted, wrong_signs
 from armdyn.optimal.switching.singular import idle_fall, with_bang_arcs, with_longer_control, with_singular
 from armdyn.optimal.task.task import Task
 
@@ -120,18 +120,11 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure, st
             continue
         if not wrong:
             return best
-        structure, left = with_signs(found, wrong), [one for one in wrong if one.joint not in others.refused]
-        pressed = None if "press" in others.refused else with_other_press(found.structure, wrong)
-        if pressed is not None:
-            others.add([structure], "press")
-            structure = pressed
-        elif carried is not None:
-            others.add([structure], carried.pair)
-            structure = carried.structure
-        elif mended and left and (smooth := with_singular(found, left)) is not None:
-            others.add([structure], left[0].joint)
-            structure = smooth
-        mended = True
+        instead = others.instead_of_signs(found, wrong, carried, mended)
+        structure, mended = with_signs(found, wrong), True
+        if instead is not None:
+            others.add([structure], instead[1])
+            structure = instead[0]
     return best
 
 
@@ -185,6 +178,26 @@ class _Others:
         contacts = with_contacts(found)
         self._instead = contacts[1:]
         return contacts
+
+    def instead_of_signs(
+        self, found: Extremal, wrong: list[WrongSign], carried: CarriedTouches | None, singular: bool
+    ) -> tuple[SwitchingStructure, object] | None:
+        """A structure that may correct wrong signs better than bang arcs, and its reason; None: none is left.
+
+        Args:
+            found: the extremal.
+            wrong: its stretches on the wrong limit, the worst first.
+            carried: with a contact that another joint holds in place of touches, if there is one.
+            singular: a singular arc may be put in, too.
+        """
+        pressed = None if "press" in self.refused else with_other_press(found.structure, wrong)
+        if pressed is not None:
+            return pressed, "press"
+        if carried is not None:
+            return carried.structure, carried.pair
+        left = [one for one in wrong if one.joint not in self.refused]
+        smooth = with_singular(found, left) if singular and left else None
+        return None if smooth is None else (smooth, left[0].joint)
 
 
 def leaves_idle(extremal: Extremal, tolerance: float) -> bool:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, VELOCITY, Mode, outward, stretches
 from armdyn.optimal.switching.extremal.change import Change
 from armdyn.optimal.switching.extremal.descent import Extremal
-from armdyn.optimal.switching.extremal.state_limits import state_at
+from armdyn.optimal.switching.extremal.state_limits import edited
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 
 Array = NDArray[np.float64]
@@ -91,7 +91,7 @@ def with_signs(
         wrong: the worst first.
         structure: the extremal's with other things mended; None: its own.
     """
-    more: list[tuple[float, Change, Array]] = []
+    more: list[tuple[float, Change]] = []
     for one in wrong:
         if one.value < extremal.shooting.policy.switching.worse * wrong[0].value:
             break
@@ -100,8 +100,8 @@ def with_signs(
         half = (one.end - one.begin) / 8
         middle = min(max(one.worst, one.begin + half), one.end - half)
         for time, mode in ((middle - half, OPPOSITE[one.mode]), (middle + half, one.mode)):
-            more.append((time, Change(one.joint, mode), state_at(extremal.rollout, time)))
-    return (structure or extremal.structure).with_changes(more)
+            more.append((time, Change(one.joint, mode)))
+    return edited(extremal.rollout, structure or extremal.structure, [], more)
 
 
 def without_unwanted(extremal: Extremal) -> SwitchingStructure | None:

@@ -11,7 +11,7 @@ from armdyn.optimal.switching.extremal.change import Change, Segment
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.rollout import ShootingProblem
 from armdyn.optimal.switching.extremal.singular_control import SingularControl
-from armdyn.optimal.switching.extremal.state_limits import state_at
+from armdyn.optimal.switching.extremal.state_limits import edited
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.signs import WrongSign, worst_stretch
 from armdyn.optimal.task.policy.switching import SingularPolicy
@@ -40,8 +40,7 @@ def with_singular(extremal: Extremal, wrong: list[WrongSign]) -> SwitchingStruct
     more = [(begin, Change(worst.joint, Mode.FREE, control=control))]
     if end < structure.duration - near:
         more.append((end, Change(worst.joint, after)))
-    left = structure.without_changes(inside)
-    return left.with_changes((time, change, state_at(extremal.rollout, time)) for time, change in more)
+    return edited(extremal.rollout, structure, inside, more)
 
 
 def with_longer_control(extremal: Extremal, least: float) -> SwitchingStructure | None:
@@ -75,7 +74,7 @@ def with_bang_arcs(extremal: Extremal, least: float) -> SwitchingStructure | Non
         bang_arcs = along.kinked(extremal, least) or along.held(max(least, idle_fall(extremal, k)))
         if bang_arcs:
             pieces = _pieces(extremal, k, bang_arcs)
-            now = now.without_changes([k]).with_changes((t, one, state_at(extremal.rollout, t)) for t, one in pieces)
+            now = edited(extremal.rollout, now, [k], pieces)
     return None if now is structure else now.without(())
 
 

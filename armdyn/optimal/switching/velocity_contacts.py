@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from armdyn.optimal.arcs.arc import BANG, VELOCITY, Mode
 from armdyn.optimal.switching.extremal.change import Change, Segment
 from armdyn.optimal.switching.extremal.descent import Extremal
-from armdyn.optimal.switching.extremal.state_limits import state_at
+from armdyn.optimal.switching.extremal.state_limits import edited
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 
 Array = NDArray[np.float64]
@@ -39,10 +39,9 @@ def kept_at_speed(
     near, modes = extremal.shooting.policy.contacts.at * structure.duration, structure.modes()
     jumps = [
         k
-        for k, (change, time) in enumerate(zip(structure.changes, structure.times, strict=True))
-        if change.joint != joint
+        for k in structure.within(begin - near, end + near)
+        if (change := structure.changes[k]).joint != joint
         and not change.touch
-        and begin - near <= time <= end + near
         and {modes[k][change.joint], change.mode} <= set(BANG)
     ]
     first = next((k for k in jumps if structure.times[k] <= begin + near), None)
@@ -55,14 +54,8 @@ def kept_at_speed(
         if not free:
             return None
         other = free[0]
-    last = next(
-        (
-            k
-            for k, (change, time) in enumerate(zip(structure.changes, structure.times, strict=True))
-            if change.joint == other and not change.touch and begin + near < time <= end + near
-        ),
-        None,
-    )
+    mode_changes = [k for k in structure.within(begin + near, end + near) if structure.changes[k].is_of(other)]
+    last = next((k for k in mode_changes if structure.times[k] > begin + near), None)
     end = min(end, stop - near) if last is None else min(end, float(structure.times[last]))
     if modes[after][other] not in BANG or end <= begin:
         return None
@@ -72,8 +65,7 @@ def kept_at_speed(
     if last is None:
         tangent = None if part[1] == 1 else limit
         more.append((end, Change(other, modes[after][other], tangent=tangent)))
-    every = [(time, change, state_at(extremal.rollout, time)) for time, change in more]
-    return structure.without_changes([] if first is None else [first]).with_changes(every)
+    return edited(extremal.rollout, structure, [] if first is None else [first], more)
 
 
 def left_at_speed(
@@ -120,6 +112,5 @@ def left_at_speed(
             more.append((b, on))
         if a <= start + 2 * extremal.shooting.policy.contacts.at * structure.duration:
             gone |= {j for j, one in enumerate(structure.changes) if one is contact}
-        every = [(time, one, state_at(extremal.rollout, time)) for time, one in more]
-        return structure.without_changes(gone).with_changes(every).without(())
+        return edited(extremal.rollout, structure, gone, more).without(())
     return None

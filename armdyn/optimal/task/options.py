@@ -17,23 +17,6 @@ REPLAY_TOLERANCE = 1e-3
 up for."""
 
 
-@dataclass(frozen=True)
-class DirectOptions:
-    """Options of one solve by IPOPT or the stagewise method.
-
-    Attributes:
-        tolerance: on the scaled problem.
-        max_iterations: before it gives up.
-        verbose: let it print.
-        barrier: the first one, IPOPT's mu_init, on the scaled problem.
-    """
-
-    tolerance: float = 1e-8
-    max_iterations: int = 500
-    verbose: bool = False
-    barrier: float = 0.1
-
-
 @brief
 @dataclass(frozen=True, kw_only=True)
 class MinimumTimeOptions:

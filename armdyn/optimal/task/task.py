@@ -8,9 +8,10 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ProblemError
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.task.options import DirectOptions, MinimumTimeOptions
+from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.solver_settings import SolverSettings
 
 
 def _silently(text: str) -> None:
@@ -100,23 +101,23 @@ class Task:
         """Intervals of the search's meshes."""
         return self.options.coarse_intervals or self.policy.search.meshes
 
-    def coarse(self) -> list[DirectOptions]:
+    def coarse(self) -> list[SolverSettings]:
         """What IPOPT needs for the search; guesses take turns on these."""
         numbers = self.policy.program
         return [self._settings(numbers.coarse_tolerance, barrier) for barrier in numbers.coarse_barriers]
 
-    def fine(self) -> DirectOptions:
+    def fine(self) -> SolverSettings:
         """The same where the guess is a solution on another mesh, and shall not be left."""
         return self._settings(self.policy.program.fine_tolerance, self.policy.program.fine_barrier)
 
-    def sharp(self) -> DirectOptions:
+    def sharp(self) -> SolverSettings:
         """The same where switches are located on finer and finer meshes."""
         numbers, barrier = self.policy.switch_mesh, self.policy.program.fine_barrier
-        return DirectOptions(numbers.tolerance, numbers.iterations, self.options.verbose, barrier)
+        return SolverSettings(numbers.tolerance, numbers.iterations, self.options.verbose, barrier)
 
-    def alone(self) -> DirectOptions:
+    def alone(self) -> SolverSettings:
         """The same for a guess that has to do without a search."""
-        return self._settings(self.options.tolerance, DirectOptions.barrier)
+        return self._settings(self.options.tolerance, SolverSettings.barrier)
 
-    def _settings(self, tolerance: float, barrier: float) -> DirectOptions:
-        return DirectOptions(tolerance, self.options.max_iterations, self.options.verbose, barrier)
+    def _settings(self, tolerance: float, barrier: float) -> SolverSettings:
+        return SolverSettings(tolerance, self.options.max_iterations, self.options.verbose, barrier)

@@ -26,12 +26,11 @@ from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.optimal.refine.smooth import resolved_near, smooth_optima
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.task.options import MinimumTimeOptions
-from armdyn.optimal.task.policy import Policy
-from armdyn.optimal.task.policy.refinement import IndirectPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.paper.indirect.bang_bang import BangBangProblem, guess_arcs
 from armdyn.paper.indirect.boundary import BoundaryExtremal, BoundaryProblem, solve_lobatto, solve_trapezoidal
 from armdyn.paper.indirect.canonical import CanonicalSystem, canonical_system
+from armdyn.paper.indirect.policy import IndirectPolicy
 from armdyn.paper.indirect.shooting import shoot
 from armdyn.paper.indirect.solution import (
     ExtremalSamples,
@@ -67,7 +66,7 @@ class _Question:
     @cached_property
     def numbers(self) -> IndirectPolicy:
         """The tuned numbers."""
-        return Policy.of(self.problem).indirect
+        return IndirectPolicy.of(self.problem)
 
     @property
     def fastest(self) -> bool:

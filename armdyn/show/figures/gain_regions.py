@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
+from armdyn.control.stability.region import GainPlane
 from armdyn.errors import ProblemError
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from armdyn.control.stability.plane import GainPlane
+from armdyn.show.figures.style import COLORS, INK, LOOK
 
 _MOST_COLUMNS = 3
 _SAMPLED, _CONTINUOUS = 0.005, 1.0
@@ -21,6 +21,7 @@ _SAMPLED, _CONTINUOUS = 0.005, 1.0
 magnitude on both sides, and a straight line between them would not cross zero near the boundary."""
 
 
+@rc_context(LOOK)
 def plot_regions(
     panels: Mapping[str, Mapping[str, GainPlane]],
     *,
@@ -36,7 +37,7 @@ def plot_regions(
     Args:
         panels: a panel's title, and in it the name of each payload and its plane.
         mark: (kp, kd) to be marked in every panel.
-        marked: what the mark is called.
+        marked: name of the mark.
         title: above the panels.
 
     Returns:
@@ -49,42 +50,34 @@ def plot_regions(
         raise ProblemError("nothing to plot: every panel needs one plane of gains at least")
     if any(plane.kp[0] <= 0 or plane.kd[0] <= 0 for planes in panels.values() for plane in planes.values()):
         raise ProblemError("a plane begins with a gain of 0, which a logarithmic axis does not have; begin above it")
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    from armdyn.show.figures.style import COLORS, INK, LOOK
-
     names = list(dict.fromkeys(name for planes in panels.values() for name in planes))
     colors = {name: COLORS[k % len(COLORS)] for k, name in enumerate(names)}
     columns = min(len(panels), _MOST_COLUMNS)
     rows = -(-len(panels) // columns)
-    with rc_context(LOOK):
-        figure = Figure(figsize=(3.4 * columns + 0.6, 3.1 * rows + 1.0), layout="constrained")
-        grid = figure.subplots(rows, columns, squeeze=False)
-        for axes, (label, planes) in zip(grid.flat, panels.items(), strict=False):
-            for name, plane in planes.items():
-                _draw(axes, plane, colors[name])
-            if mark is not None:
-                axes.plot(*mark, "+", color=INK, markersize=11, markeredgewidth=1.8, zorder=5)
-            axes.set_title(label, fontsize=10.5)
-        for axes in grid.flat[len(panels) :]:
-            axes.set_visible(False)
-        for axes in grid[-1]:
-            axes.set_xlabel("kp")
-        for axes in grid[:, 0]:
-            axes.set_ylabel("kd")
-        handles: list[Line2D | Patch] = [Patch(color=colors[name], alpha=0.6, label=name) for name in names]
-        handles += [
-            Line2D([], [], color=INK, linestyle=(0, (4, 2)), label="continuous: stable above and to the right"),
-            Line2D([], [], color=INK, label="sampled: stable where filled"),
-        ]
+    figure = Figure(figsize=(3.4 * columns + 0.6, 3.1 * rows + 1.0), layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False)
+    for axes, (label, planes) in zip(grid.flat, panels.items(), strict=False):
+        for name, plane in planes.items():
+            _draw(axes, plane, colors[name])
         if mark is not None:
-            handles.append(Line2D([], [], color=INK, linestyle="", marker="+", markersize=10, label=marked))
-        figure.legend(handles=handles, loc="outside lower center", ncols=3)
-        if title:
-            figure.suptitle(title, fontsize=12, fontweight="bold")
+            axes.plot(*mark, "+", color=INK, markersize=11, markeredgewidth=1.8, zorder=5)
+        axes.set_title(label, fontsize=10.5)
+    for axes in grid.flat[len(panels) :]:
+        axes.set_visible(False)
+    for axes in grid[-1]:
+        axes.set_xlabel("kp")
+    for axes in grid[:, 0]:
+        axes.set_ylabel("kd")
+    handles: list[Line2D | Patch] = [Patch(color=colors[name], alpha=0.6, label=name) for name in names]
+    handles += [
+        Line2D([], [], color=INK, linestyle=(0, (4, 2)), label="continuous: stable above and to the right"),
+        Line2D([], [], color=INK, label="sampled: stable where filled"),
+    ]
+    if mark is not None:
+        handles.append(Line2D([], [], color=INK, linestyle="", marker="+", markersize=10, label=marked))
+    figure.legend(handles=handles, loc="outside lower center", ncols=3)
+    if title:
+        figure.suptitle(title, fontsize=12, fontweight="bold")
     return figure
 
 

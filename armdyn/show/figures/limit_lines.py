@@ -1,4 +1,4 @@
-"""Limits in panels: which are drawn, and what is said of the others."""
+"""Limits in panels: lines near the curves, captions of the others."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

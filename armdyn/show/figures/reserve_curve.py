@@ -1,17 +1,19 @@
-"""The figure of a reserve curve: what leaving torque to feedback costs, and what it gains."""
+"""Figure of a reserve curve: settled time over the torque that is left to feedback."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from armdyn.show.figures.style import COLORS, INK, LOOK
 
 
+@rc_context(LOOK)
 def plot_reserves(rows: Sequence[Mapping[str, Any]], title: str | None = None) -> Figure:
     """Settled time over reserve, worst and mean of the plants, for every controller; and the motion's own duration.
 
@@ -24,31 +26,25 @@ def plot_reserves(rows: Sequence[Mapping[str, Any]], title: str | None = None) -
     Returns:
         A figure of its own: pyplot knows nothing of it.
     """
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-
-    from armdyn.show.figures.style import COLORS, INK, LOOK
-
     names = list(dict.fromkeys(row["controller"] for row in rows))
-    with rc_context(LOOK):
-        figure = Figure(figsize=(7.0, 4.4), layout="constrained")
-        axes = figure.subplots()
-        times = sorted({(100 * row["reserve"], row["duration"]) for row in rows})
-        axes.plot(*zip(*times, strict=True), color=INK, linewidth=1.2, linestyle=(0, (4, 3)), label="the motion itself")
-        for place, (name, color) in enumerate(zip(names, COLORS, strict=False)):
-            _draw(axes, [row for row in rows if row["controller"] == name], color, place)
-        whole = [row for row in rows if row["worst"] is not None]
-        if whole:
-            best = min(whole, key=lambda row: row["worst"])
-            at = (100 * best["reserve"], best["worst"])
-            axes.plot(*at, "o", color=COLORS[3], markersize=9, markerfacecolor="none", markeredgewidth=1.8)
-            axes.annotate(f"best: {best['reserve']:g}, {best['worst']:.3f} s", at, (8, 10), textcoords="offset points")
-        axes.set_xlabel("torque left to feedback [% of the limits]")
-        axes.set_ylabel("time until settled [s]")
-        axes.set_ylim(bottom=0)
-        axes.legend(loc="upper right")
-        if title:
-            axes.set_title(title, fontsize=12, fontweight="bold")
+    figure = Figure(figsize=(7.0, 4.4), layout="constrained")
+    axes = figure.subplots()
+    times = sorted({(100 * row["reserve"], row["duration"]) for row in rows})
+    axes.plot(*zip(*times, strict=True), color=INK, linewidth=1.2, linestyle=(0, (4, 3)), label="the motion itself")
+    for place, (name, color) in enumerate(zip(names, COLORS, strict=False)):
+        _draw(axes, [row for row in rows if row["controller"] == name], color, place)
+    whole = [row for row in rows if row["worst"] is not None]
+    if whole:
+        best = min(whole, key=lambda row: row["worst"])
+        at = (100 * best["reserve"], best["worst"])
+        axes.plot(*at, "o", color=COLORS[3], markersize=9, markerfacecolor="none", markeredgewidth=1.8)
+        axes.annotate(f"best: {best['reserve']:g}, {best['worst']:.3f} s", at, (8, 10), textcoords="offset points")
+    axes.set_xlabel("torque left to feedback [% of the limits]")
+    axes.set_ylabel("time until settled [s]")
+    axes.set_ylim(bottom=0)
+    axes.legend(loc="upper right")
+    if title:
+        axes.set_title(title, fontsize=12, fontweight="bold")
     return figure
 
 

@@ -1,6 +1,9 @@
 """Colours, lines and letters of all figures."""
 
+from pathlib import Path
 from typing import Any, Literal
+
+from matplotlib import rc_params_from_file
 
 COLORS = ("#2970b8", "#ed8a24", "#33a05c", "#cc2936", "#7b52ab", "#12a4b4", "#8a5a3b", "#d65fa5")
 """One per joint; the first three are the links' colours in the replay."""
@@ -10,28 +13,9 @@ STYLES: tuple[Style, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)), "-.")
 """One per trajectory."""
 INK = "#30363d"
 """Colour of text and axes."""
-_GRID = "#d9dee4"
 SOFT = "#5f6b78"
 """Colour of remarks."""
-LOOK: Any = {
-    "font.size": 9.5,
-    "axes.edgecolor": INK,
-    "axes.labelcolor": INK,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.8,
-    "axes.grid": True,
-    "grid.color": _GRID,
-    "grid.linewidth": 0.6,
-    "text.color": INK,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "xtick.direction": "out",
-    "legend.frameon": False,
-    "legend.fontsize": 9,
-    "pdf.fonttype": 42,
-    "svg.hashsalt": "armdyn",
-}
+LOOK: Any = rc_params_from_file(str(Path(__file__).with_name("armdyn.mplstyle")), use_default_template=False)
 
 
 def color(joint: int) -> str:

@@ -1,16 +1,17 @@
-"""Figures of a study: a number over a setting, over two of them, and two numbers that cannot both be least."""
+"""Figures of a study: curves over a setting, maps over two settings, Pareto fronts."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from armdyn.show.figures.style import COLORS, INK, LOOK, literal
 
 Array = NDArray[np.float64]
 Row = Mapping[str, Any]
@@ -29,7 +30,7 @@ _TICKED = 8
 
 
 def pareto(points: Array) -> NDArray[np.bool_]:
-    """Which points no other is as good as in both numbers and better in one, shape (n,); least is best.
+    """Pareto front of points with two numbers, of which the least is best: a mask of shape (n,).
 
     Args:
         points: shape (n, 2).
@@ -54,15 +55,13 @@ def plot_curve(
         x: the setting's column.
         y: the number's.
         by: columns that tell curves from each other.
-        named: what the axes say of a column.
+        named: label of a column on the axes.
         log: settings on a logarithmic axis.
         title: above the axes.
 
     Returns:
         A figure of its own: pyplot knows nothing of it.
     """
-    from armdyn.show.figures.style import COLORS
-
     figure, axes = _begun(title)
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
@@ -94,15 +93,10 @@ def plot_map(
         y: of the second.
         z: of the number.
         panel: a column whose values have a panel each; None: one panel for all.
-        named: what the axes say of a column.
+        named: label of a column on the axes.
         log: settings on a logarithmic axis.
         title: above the panels.
     """
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-
-    from armdyn.show.figures.style import LOOK, literal
-
     values = list(dict.fromkeys(row[panel] for row in rows))[:_MAX_PANELS] if panel else [None]
     numbers = [row[z] for row in rows if row[z] is not None]
     low, high = _colored(numbers)
@@ -134,19 +128,17 @@ def plot_pareto(
     rows: Sequence[Row], x: str, y: str, color: str | None = None, *, named: Named = str, log: Collection[str] = (),
     title: str | None = None,
 ) -> Figure:  # fmt: skip
-    """Two numbers of every case against each other, with those that no case beats in both joined.
+    """Two numbers of every case against each other, with their Pareto front.
 
     Args:
         rows: as `study_table` gives them; cases that lack a number are left out.
         x: column of the first number; less is better.
         y: of the second, likewise.
         color: of a setting that colours the cases; None: they are alike.
-        named: what the axes say of a column.
+        named: label of a column on the axes.
         log: settings whose colours are logarithmic.
         title: above the axes.
     """
-    from armdyn.show.figures.style import COLORS
-
     figure, axes = _begun(title)
     whole = [row for row in rows if row[x] is not None and row[y] is not None]
     points = np.array([[row[x], row[y]] for row in whole], dtype=float).reshape(-1, 2)
@@ -170,7 +162,7 @@ def plot_pareto(
 
 
 def _colored(numbers: Sequence[float]) -> tuple[float, float]:
-    """From where to where colours go: a few numbers far off would leave none for the others."""
+    """Range of the colours, without a few numbers far off."""
     if not numbers:
         return 0.0, 1.0
     low, most, high = min(numbers), float(np.quantile(numbers, _MOST)), max(numbers)
@@ -178,10 +170,6 @@ def _colored(numbers: Sequence[float]) -> tuple[float, float]:
 
 
 def _begun(title: str | None) -> tuple[Figure, Axes]:
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-
-    from armdyn.show.figures.style import LOOK, literal
 
     with rc_context(LOOK):
         figure = Figure(figsize=(7.0, 4.4), layout="constrained")
@@ -192,9 +180,7 @@ def _begun(title: str | None) -> tuple[Figure, Axes]:
 
 
 def _cells(axes: Axes, rows: Sequence[Row], columns: tuple[str, str, str], span: tuple[float, float], none: str) -> Any:
-    """One panel; what a colour bar is made for, None if there is nothing."""
-    from armdyn.show.figures.style import INK
-
+    """One panel; returns the artist of its colour bar, None without one."""
     least: dict[tuple[float, float], float] = {}
     missing: set[tuple[float, float]] = set()
     for row in rows:
@@ -239,7 +225,7 @@ def figures_of(
         rows: as `study_table` gives them.
         settings: columns that vary, and of which kind they are.
         outcomes: columns of the two numbers that count.
-        named: what the axes say of a column.
+        named: label of a column on the axes.
         title: of all.
     """
     found: dict[str, Figure] = {}

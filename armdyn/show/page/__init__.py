@@ -1,1 +1,1 @@
-"""Pages in which an arm moves: the scene, curves over time, and what is said of a motion."""
+"""Pages in which an arm moves: the scene, curves over time, verdicts and numbers."""

@@ -38,7 +38,7 @@ Segment = tuple[float, float, str]
 
 @dataclass(frozen=True, eq=False)
 class ShownMotion:
-    """A motion, what it is called, and what is known of it.
+    """A motion with its name and facts.
 
     Attributes:
         name: in legends and tables.
@@ -52,7 +52,7 @@ class ShownMotion:
 
 
 def until(motion: Trajectory, end: float | None) -> Trajectory:
-    """A motion as far as a time [s] from its start; None, or one that is shorter: all of it."""
+    """A motion up to a time [s] from its start; None: all of it."""
     rows = np.full(motion.t.size, True) if end is None else motion.t - motion.t[0] <= end
     rows[:2] = True
     if np.all(rows):
@@ -83,7 +83,7 @@ def course_data(moves: Sequence[ShownMotion], limits: JointLimits, sliding: Sequ
 
 
 def _times(motion: Trajectory) -> Array:
-    """When a motion is drawn [s], from 0 on: often enough for its curves, and at both sides of each jump."""
+    """Times at which a motion is drawn [s], from 0 on: dense for its curves, on both sides of each jump."""
     own = motion.t
     if own.size > _OWN:
         jump = np.flatnonzero(motion.jumps)[:_OWN]
@@ -207,7 +207,7 @@ def _kept(facts: Facts, joints: int) -> dict[str, list[float]] | None:
 
 
 def _left(limits: JointLimits, facts: Facts) -> JointLimits:
-    """The limits less what is left to feedback."""
+    """The limits less the reserve for feedback."""
     kept = _kept(facts, limits.velocity.size)
     if kept is None:
         return limits

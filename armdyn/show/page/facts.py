@@ -12,7 +12,7 @@ _MOST = 400
 
 @dataclass(frozen=True)
 class Facts:
-    """The facts of a run, as `result.json` has them; what is missing or of another kind than expected is nothing.
+    """The facts of a run, as `result.json` has them; missing and unexpected values read as empty.
 
     Attributes:
         values: by name; as JSON says them.
@@ -28,7 +28,7 @@ class Facts:
         return as_number(self.values.get(name))
 
     def numbers(self, name: str) -> list[float | None]:
-        """A list of numbers; None for what is none."""
+        """A list of numbers; None in place of anything else."""
         return [as_number(value) for value in self._list(name)]
 
     def text(self, name: str) -> str:

@@ -1,4 +1,4 @@
-"""Numbers of motions: what each joint does, and several motions side by side."""
+"""Numbers of motions: joint by joint, and several motions side by side."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def dense(motion: Trajectory) -> tuple[Array, Array, Array, Array]:
 
 
 def mechanical_work(motion: Trajectory) -> float:
-    """∫ Σ |τ_i v_i| dt [J], by the trapezoidal rule: what joints give and take, without recovery."""
+    """∫ Σ |τ_i v_i| dt [J], by the trapezoidal rule: work given and taken by the joints, without recovery."""
     t, _, v, tau = dense(motion)
     return float(np.trapezoid(np.abs(v * tau).sum(axis=1), t))
 
@@ -61,8 +61,8 @@ class Compared:
     """Numbers of one motion among several.
 
     Attributes:
-        name: what it is called.
-        duration: of what was recorded [s].
+        name: in legends and tables.
+        duration: of the recorded motion [s].
         there: when it is at the goal to stay, by its own rule [s]; None: it never is.
         later: than the first, as a part of the first's time; None if one of them never is.
         work: see `mechanical_work` [J].
@@ -82,7 +82,7 @@ class Compared:
 
 
 def compared(moves: Sequence[ShownMotion], limits: JointLimits) -> list[Compared]:
-    """Several motions side by side; they are measured by the first."""
+    """Compare several motions with the first."""
     first, rows = at_the_goal(moves[0]), []
     for move in moves:
         there = at_the_goal(move)
@@ -116,7 +116,7 @@ def worth_seeing(moves: Sequence[ShownMotion], end: float | None = None) -> floa
 
 
 def at_the_goal(move: ShownMotion) -> float | None:
-    """When a closed loop has settled, by its own rule; of any other motion its end [s]. None: it has not."""
+    """Settled time of a closed loop by its own rule, None without one; end of any other motion [s]."""
     for name in ("settled_time", "arrival_time"):
         if name in move.facts:
             return move.facts.number(name)
@@ -124,7 +124,7 @@ def at_the_goal(move: ShownMotion) -> float | None:
 
 
 def comparison_tiles(rows: Sequence[Compared]) -> list[Tile]:
-    """When each of several motions is at the goal, to be seen first."""
+    """Tiles of several motions: the time at which each is at the goal."""
     tiles = []
     for k, row in enumerate(rows):
         beside = "" if k == 0 or row.later is None else f"{100 * row.later:+.3g} %, ".replace("-", "−")
@@ -155,7 +155,7 @@ def comparison_section(rows: Sequence[Compared]) -> Section | None:
 
 
 def most_used(x: Array, lower: Array, upper: Array) -> float | None:
-    """The most of its limit that something takes; None where there is no limit.
+    """Largest share of its limit that a quantity takes; None where there is no limit.
 
     Args:
         x: numbers over time, shape (n,) of one joint or (n, nv).
@@ -171,5 +171,5 @@ def most_used(x: Array, lower: Array, upper: Array) -> float | None:
 def _share(part: float | None) -> Html:
     if part is None:
         return td("–")
-    # A millionth beyond is rounding, and what a solver's tolerance allows.
+    # A millionth beyond is rounding, and a solver's tolerance.
     return td(f"{100 * part:.3g} %", class_="over") if part > 1 + 2e-6 else td(f"{100 * part:.3g} %")

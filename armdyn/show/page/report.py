@@ -1,4 +1,4 @@
-"""A report: one HTML file of one motion or several, with the arm, its curves under one cursor, and what is to be said.
+"""A report: one HTML file of one motion or several, with the arm, its curves under one cursor, and its verdict.
 
 Facts become a `Report`, a value; `report_html` is the only one that knows how a page is written.
 """
@@ -69,7 +69,7 @@ class Subject:
 
     @classmethod
     def of(cls, robot: Robot, obstacles: Sequence[Obstacle] = ()) -> Subject:
-        """A robot that is at hand."""
+        """The subject of a robot."""
         sliding = tuple(robot.slides.tolist())
         return cls(robot.name, tuple(robot.joint_names), robot.limits, sliding, robot, tuple(obstacles))
 
@@ -89,7 +89,7 @@ class Replay:
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """All that a report says and shows.
+    """Content of a report.
 
     Attributes:
         title: its heading.
@@ -98,7 +98,7 @@ class Report:
         verdict: of its first motion.
         tiles: the numbers that are seen first.
         sections: below the plots.
-        data: what the scripts draw, as JSON says it.
+        data: input of the scripts, as JSON.
     """
 
     title: str

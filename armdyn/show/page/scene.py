@@ -45,7 +45,7 @@ def scene_data(
     """Input of `assets/scene.js`, ready for JSON.
 
     Args:
-        robot: what moves.
+        robot: the arm that moves.
         trajectories: one or more motions of it; they start together.
         fps: frames per second of playing time that are stored; the page interpolates between them.
         slow_motion: how many times slower than real time it plays at first; None: about 4 s in all.
@@ -84,7 +84,7 @@ def scene_data(
 
 
 def short_names(names: Sequence[str]) -> list[str]:
-    """Joints' names without what they share: panda_joint1 and panda_joint2 are joint1 and joint2."""
+    """Joints' names without their common beginning: panda_joint1 and panda_joint2 are joint1 and joint2."""
     same = takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))  # as far as the shortest goes
     stem = "".join(letters[0] for letters in same).rfind("_") + 1 if len(names) > 1 else 0
     return [name[stem:].removesuffix("_joint") or name for name in names]
@@ -123,7 +123,7 @@ def _set_object(path: str, shape: VisualShape) -> list[dict[str, Any]]:
 
 
 def _shape_commands(shapes: Sequence[VisualShape], obstacles: Sequence[VisualShape]) -> list[dict[str, Any]]:
-    """The robot, and what stands around it, once; the page clones both for every further trajectory."""
+    """The robot and its obstacles, once; the page clones both for every further trajectory."""
     named = [(f"shape{i}", shape) for i, shape in enumerate(shapes)]
     named += [(f"obstacle{i}", shape) for i, shape in enumerate(obstacles)]
     return [

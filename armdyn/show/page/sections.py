@@ -24,7 +24,7 @@ class Section:
     Attributes:
         name: its anchor.
         title: its heading.
-        body: what stands under it.
+        body: its content.
         wide: it takes the page's whole width.
     """
 
@@ -229,7 +229,7 @@ def titled(title: str, of: str) -> str:
 
 
 def listed(rows: Sequence[tuple[str, str]]) -> Html:
-    """Names and what they are."""
+    """List of names and values."""
     return element(
         "dl",
         *(join([element("dt", name), element("dd", value)]) for name, value in rows if value),

@@ -1,4 +1,4 @@
-"""What became of a run: the verdict in words, with the numbers that it stands on."""
+"""Verdict on a run in words, with its numbers."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ Level = Literal["good", "fair", "bad", "none"]
 
 @dataclass(frozen=True)
 class Verdict:
-    """How far a motion is to be trusted.
+    """Verdict on a motion.
 
     Attributes:
         level: "good": all is as it was asked; "fair": usable, but something is missing; "bad": not usable; "none": a
             bare motion, of which nothing was checked.
         headline: a few words.
         said: a sentence or two.
-        checks: what was checked: its name, whether it holds (None: not known, or not asked), and the number.
-        advice: lines of what may help.
+        checks: name of each check, whether it holds (None: not known, or not asked), and the number.
+        advice: remedies, a line each.
     """
 
     level: Level
@@ -34,10 +34,10 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Tile:
-    """A number that is seen first.
+    """A headline number of a report.
 
     Attributes:
-        label: what it is.
+        label: its name.
         value: with its unit.
         note: a few words on it.
     """
@@ -63,7 +63,7 @@ def verdict_of(facts: Facts) -> Verdict:
 
 
 def tiles_of(facts: Facts, duration: float) -> list[Tile]:
-    """The numbers that are seen first.
+    """The headline numbers of a run.
 
     Args:
         facts: of a run.
@@ -100,7 +100,7 @@ def tiles_of(facts: Facts, duration: float) -> list[Tile]:
 
 
 def seconds(time: float | None) -> str:
-    """A time as people read it."""
+    """A time in words."""
     return "–" if time is None else f"{time:.4f} s" if time < 100 else f"{time:.5g} s"
 
 
@@ -132,7 +132,7 @@ def _of_pid(facts: Facts) -> Verdict:
 
 
 def _of_given(facts: Facts) -> Verdict:
-    """Of a motion that came without a result."""
+    """Verdict on a motion without a result."""
     said = "A motion from elsewhere: whether the arm can do it was looked at, and not how much faster it could be."
     if facts.true("feasible"):
         return Verdict("good", "Keeps its limits", said, _possible(facts))
@@ -152,7 +152,7 @@ def _possible(facts: Facts) -> tuple[tuple[str, bool | None, str], ...]:
 
 
 def _of_planned(facts: Facts) -> Verdict:
-    """Of another planner's motion, beside the fastest."""
+    """Verdict on another planner's motion, compared with the fastest."""
     ratio, feasible = facts.number("ratio"), facts.true("feasible")
     checks: list[tuple[str, bool | None, str]] = [
         *_possible(facts),

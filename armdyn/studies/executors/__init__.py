@@ -1,1 +1,1 @@
-"""Who works on the cases: processes of this machine, or a Dask cluster."""
+"""Executors of cases: this process, processes of this machine, a Dask cluster."""

@@ -1,14 +1,14 @@
-"""How many cases go to a worker of a cluster at once."""
+"""Batch sizes: numbers of cases that are sent to a worker of a cluster at once."""
 
 import math
 
 TARGET = 1.0
-"""What a batch is to take [s]: a hundred times what Dask and its client take for a task."""
+"""Intended duration of a batch [s]: a hundred times the overhead of Dask and its client per task."""
 _PER_SECOND = 100
 """Batches that one client and scheduler are given at most: where client, scheduler and workers shared two cores, a task
 took 8 to 12 ms of the clock."""
 MOST = 1000
-"""Cases of a batch: what its worker's death, or that of who asked, can lose of cases that take no time."""
+"""Largest batch [cases]: as many are lost at most when a worker or the client dies."""
 _NEW = 0.3
 """Weight of the last batch in the mean."""
 _PARTS = 2
@@ -16,12 +16,12 @@ _PARTS = 2
 
 
 def target(workers: int) -> float:
-    """What a batch is to take among so many workers [s]."""
+    """Intended duration of a batch for so many workers [s]."""
     return max(TARGET, workers / _PER_SECOND)
 
 
 class BatchSize:
-    """Learns from what cases take; begins with one, and at most doubles from batch to batch."""
+    """Batch size from the durations of cases; it begins with one, and at most doubles from batch to batch."""
 
     def __init__(self) -> None:
         self._mean, self._most = 0.0, 1
@@ -33,7 +33,7 @@ class BatchSize:
         self._most = max(self._most, min(2 * cases, MOST))
 
     def cases(self, left: int, workers: int) -> int:
-        """Of the next batch.
+        """Number of cases of the next batch.
 
         Args:
             left: cases that wait.

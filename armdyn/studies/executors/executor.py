@@ -87,7 +87,7 @@ def run_in_turn(task: StudyTask, cases: Sequence[StudyCase], patience: float) ->
     """Do cases one after the other, each from the nearest motion that is there.
 
     Args:
-        task: what is done in each.
+        task: the work on each.
         cases: at least one; the first is done in any case.
         patience: time [s] after which no case is begun any more; those left out are to be given again.
     """

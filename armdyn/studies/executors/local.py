@@ -1,14 +1,21 @@
-"""Cases done in processes of this machine."""
+"""Executors of this machine: this process, its threads, other processes."""
 
 from __future__ import annotations
 
+import queue
+import time
+from collections import deque
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 
-from armdyn.parallel import ForkPool, fork_pool
-from armdyn.studies.executors.executor import Ended, Executor, StudyCase, run_in_turn
-from armdyn.studies.tasks.task import StudyTask
+from armdyn.parallel import ForkPool, core_count, fork_pool
+from armdyn.studies.executors.executor import HERE, Ended, Executor, StudyCase, run_in_turn
+from armdyn.studies.tasks.task import StudyTask, storable
+
+_AHEAD = 4
+"""Cases per thread that are under way or wait."""
 
 
 class LocalProcesses:
@@ -48,7 +55,7 @@ def local_executor(task: StudyTask, workers: int | None = None) -> Iterator[Exec
     """Fork processes for a study; they end with this process, however it ends.
 
     Args:
-        task: what they do in each case.
+        task: the work on each case.
         workers: number of processes; None: one per core.
     """
 
@@ -57,3 +64,80 @@ def local_executor(task: StudyTask, workers: int | None = None) -> Iterator[Exec
 
     with fork_pool(do, workers) as forks:
         yield LocalProcesses(forks)
+
+
+class InProcess:
+    """This process, with one case at a time: work that listens for Ctrl-C gets it. Exceptions are raised."""
+
+    size = 1
+
+    def __init__(self, task: StudyTask):
+        self._task, self._waiting = task, deque[StudyCase]()
+
+    def wanted(self, left: int) -> int:
+        """One case, while there is none."""
+        return min(left, 1 - len(self._waiting))
+
+    def give(self, cases: Sequence[StudyCase]) -> None:
+        """Keep cases until `ended` does them."""
+        self._waiting.extend(cases)
+
+    def ended(self, seconds: float) -> list[Ended]:
+        """Do one case."""
+        return [_done(self._task, self._waiting.popleft())] if self._waiting else []
+
+
+class Threads:
+    """Threads of this process, for work that runs in C without the interpreter's lock. Exceptions are raised."""
+
+    def __init__(self, task: StudyTask, size: int, pool: ThreadPoolExecutor):
+        self.size = size
+        self._task, self._pool = task, pool
+        self._under_way, self._done = 0, queue.SimpleQueue[Future[Ended]]()
+
+    def wanted(self, left: int) -> int:
+        """One case, while there are few."""
+        return min(left, 1, _AHEAD * self.size - self._under_way)
+
+    def give(self, cases: Sequence[StudyCase]) -> None:
+        """Put cases into the pool's queue."""
+        for case in cases:
+            self._under_way += 1
+            self._pool.submit(_done, self._task, case).add_done_callback(self._done.put)
+
+    def ended(self, seconds: float) -> list[Ended]:
+        """Wait for reports."""
+        found = list[Ended]()
+        while self._under_way and (not found or not self._done.empty()):
+            try:
+                found.append(self._done.get(timeout=seconds).result())
+            except queue.Empty:
+                break
+            self._under_way -= 1
+        return found
+
+
+@contextmanager
+def in_process(task: StudyTask, workers: int | None = 1) -> Iterator[Executor]:
+    """Do a study's cases in this process.
+
+    Args:
+        task: the work on each.
+        workers: threads; with one the calling thread does the work; None: one per core.
+    """
+    size = workers or core_count()
+    if size == 1:
+        yield InProcess(task)
+        return
+    pool = ThreadPoolExecutor(size)
+    try:
+        yield Threads(task, size, pool)
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _done(task: StudyTask, case: StudyCase) -> Ended:
+    began = time.perf_counter()
+    result = storable(task.work(case.settings, case.guess, case.revisit))
+    seconds = time.perf_counter() - began
+    return Ended(k=case.k, result=result, seconds=seconds, worker=HERE, begun_from=case.begun_from)

@@ -1,1 +1,1 @@
-"""What is done in a case: the fastest motion, or a controller's."""
+"""Work on a case: the fastest motion, or a controller's."""

@@ -94,6 +94,16 @@ class ClosedLoopTask:
         own = {name: finite(x) if isinstance(x := getattr(self, name), float) else x for name in self.own}
         return {"task": self.name, **self.problems.description(), **own}
 
+    def work(self, settings: Mapping[str, Value], guess: bytes = b"", revisit: bool = False) -> CaseResult:
+        """Do one case: check its settings, and run it."""
+        own = self.problems.settings(settings)
+        self.check(list(own))
+        return self.run(own)
+
+    def run(self, own: Mapping[str, Value]) -> CaseResult:
+        """Work on a case with all of its settings."""
+        raise NotImplementedError
+
     def check(self, names: Sequence[str]) -> None:
         """Refuse settings of another controller or another reference.
 

@@ -12,7 +12,7 @@ from armdyn.arguments import expect, one_of
 from armdyn.optimal import MinimumTimeOptions, Solution, Status, solve_minimum_time
 from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, percent
-from armdyn.optimal.refine.smooth import trajectory_cost
+from armdyn.optimal.refine.optimum import trajectory_cost
 from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.policy.search import SamePolicy
 from armdyn.parsing.toml import Table

@@ -39,10 +39,8 @@ class MonteCarloTask(ClosedLoopTask):
         super().__post_init__()
         options_of(Plants, self.plants, "plants")
 
-    def work(self, settings: Mapping[str, Value], guess: bytes, revisit: bool = False) -> CaseResult:
+    def run(self, own: Mapping[str, Value]) -> CaseResult:
         """Run all arms of a case."""
-        own = self.problems.settings(settings)
-        self.check(list(own))
         motion = self.reference_of(own)
         if isinstance(motion, CaseResult):
             return motion

@@ -29,10 +29,8 @@ class ReserveTask(ClosedLoopTask):
     duration: float = 2.5
     reserves: Sequence[float] = RESERVES
 
-    def work(self, settings: Mapping[str, Value], guess: bytes, revisit: bool = False) -> CaseResult:
+    def run(self, own: Mapping[str, Value]) -> CaseResult:
         """Try the reserves of a case."""
-        own = self.problems.settings(settings)
-        self.check(list(own))
         curve = reserve_curve(
             self.problems.problem(own), [self.controller_of(own)], reserves=self.reserves, loop=self.loop_of(own),
             duration=self.duration, options=MinimumTimeOptions(workers=1),

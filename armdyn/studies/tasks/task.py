@@ -51,7 +51,7 @@ class CaseResult:
 
 
 class StudyTask(Protocol):
-    """Work to be done in every case of a study; pickled and sent to whoever does it."""
+    """Work to be done in every case of a study; it is pickled and sent to workers."""
 
     @property
     def neighbours(self) -> Neighbours:

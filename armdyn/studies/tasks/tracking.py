@@ -24,10 +24,8 @@ class TrackTask(ClosedLoopTask):
         ("plant_payload", "plant_damping", "plant_friction"), "not negative"
     )
 
-    def work(self, settings: Mapping[str, Value], guess: bytes, revisit: bool = False) -> CaseResult:
+    def run(self, own: Mapping[str, Value]) -> CaseResult:
         """Run the loop of a case."""
-        own = self.problems.settings(settings)
-        self.check(list(own))
         controller, motion = self.controller_of(own), self.reference_of(own)
         if isinstance(motion, CaseResult):
             return motion

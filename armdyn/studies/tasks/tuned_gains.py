@@ -45,9 +45,8 @@ class TuneTask(ClosedLoopTask):
         others = {"duration": self.duration, "tolerance": self.tolerance, "workers": 1}
         return options_of(TuneOptions, self.options, "options", **others)
 
-    def work(self, settings: Mapping[str, Value], guess: bytes, revisit: bool = False) -> CaseResult:
+    def run(self, own: Mapping[str, Value]) -> CaseResult:
         """Tune the controller of a case."""
-        own = self.problems.settings(settings)
         robot, ends = self.problems.robot(own), self.problems.ends(own)
         motion = Ramps(*ends, self.ramp_range) if self.reference == "ramp" else self.reference_of(own)
         if isinstance(motion, CaseResult):

@@ -1,1 +1,1 @@
-"""Gains for a set of arms: what may be chosen, what a choice is worth, and the search for the best."""
+"""Gains for a set of arms: families of controllers, their index, and the search for the best."""

@@ -28,7 +28,7 @@ Values = Mapping[str, float]
 """Parameters by their names."""
 
 _PID = {"kp": (100.0, 30_000.0), "ki": (1.0, 100_000.0), "kd": (10.0, 400.0)}
-"""Bounds for a joint of inertia one: 10 to 170 rad/s, about what 1 kHz and a tick of delay can do; an integral from
+"""Bounds for a joint of inertia one: 10 to 170 rad/s, about the limit of 1 kHz and a tick of delay; an integral from
 slow to unstable."""
 
 
@@ -64,7 +64,7 @@ class ControllerFamily:
 
     Attributes:
         name: in messages.
-        parameters: what is chosen.
+        parameters: to be chosen.
         controller: of the values that are chosen, by name. It may take others, too: all that a search chooses.
 
     Raises:
@@ -118,7 +118,7 @@ class ControllerFamily:
         nv = expect_robot(robot).nv
         inertia = np.diag(Dynamics(robot).crba(pose_given(robot, q_goal, "q_goal")))
         scale = inertia if form == "torque" else np.ones(nv)
-        Pid(PidGains(1.0, 1.0, 1.0), form, feedforward, gravity)  # which refuses what does not go together
+        Pid(PidGains(1.0, 1.0, 1.0), form, feedforward, gravity)  # refuses arguments that contradict each other
         if flag(shared, "shared"):
             chosen = tuple(Parameter(name, *ends) for name, ends in _PID.items())
         else:
@@ -184,7 +184,7 @@ class Ramps:
 
 
 def chosen(family: ControllerFamily, reference: Trajectory | Ramps) -> tuple[Parameter, ...]:
-    """All that a search chooses."""
+    """Parameters of a search."""
     return (*family.parameters, *([reference.parameter] if isinstance(reference, Ramps) else []))
 
 

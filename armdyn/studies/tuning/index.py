@@ -1,4 +1,4 @@
-"""What a controller is worth on a set of arms."""
+"""Performance of a controller on a set of arms."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from armdyn.models.robots.robot import Robot
 Array = NDArray[np.float64]
 
 Index = Literal["settled", "itae", "ise"]
-"""What is made small, of the worst arm; e is the distance from the goal:
+"""Performance index of the worst arm, to be minimised; e is the distance from the goal:
 
 - "settled": the settled time [s]. Of a run that does not settle, the time that it was watched and more the farther it
   is from its goal in the end.
@@ -29,7 +29,7 @@ _LAST = 0.1
 
 @dataclass(frozen=True)
 class Worth:
-    """What a controller is worth on a set of arms.
+    """Performance of a controller on a set of arms.
 
     Attributes:
         index: of the worst arm, see `Index`.
@@ -46,7 +46,7 @@ class Worth:
     overshoot: float
 
     def cost(self, most: float) -> float:
-        """What the search makes small: the index, more beyond an overshoot.
+        """Cost that the search minimises: the index, more beyond an overshoot.
 
         It is in proportion, so that it means the same to each index, and grows without a jump, so that the search
         finds its way back.
@@ -63,7 +63,7 @@ class Worth:
 
 
 def worth(setup: Setup, plants: Sequence[Robot], index: Index) -> Worth:
-    """What a controller is worth.
+    """Performance of a controller.
 
     Args:
         setup: the controller along its reference.
@@ -84,7 +84,7 @@ def worth(setup: Setup, plants: Sequence[Robot], index: Index) -> Worth:
 
 
 def index_of(run: Run, setup: Setup, index: Index) -> float:
-    """One run's, see `Index`; a run that broke off stays where it was to the end.
+    """Index of a run, see `Index`; a run that broke off stays where it was to the end.
 
     Args:
         run: of the setup.

@@ -18,7 +18,7 @@ from armdyn.models.robots.robot import Robot, expect_robot, expect_robots
 from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.reprs import brief
 from armdyn.studies.executors.executor import Executor
-from armdyn.studies.executors.in_process import in_process
+from armdyn.studies.executors.local import in_process
 from armdyn.studies.plant_study import digest, identity, named
 from armdyn.studies.rows import RowStore, StudyRow, Value, row_store
 from armdyn.studies.run import run_cases
@@ -172,16 +172,10 @@ def tune(
         own, values = search.best
         others = worth(search.setup(values), off, options.index) if off else None
     return Tuned(
-        controller=family.controller(values),
-        reference=search.motion(values),
-        values=values,
-        training=own,
-        held_out=others,
-        history=tuple(search.history),
-        evaluations=search.evaluations,
-        status=status,
+        controller=family.controller(values), reference=search.motion(values), values=values, training=own,
+        held_out=others, history=tuple(search.history), evaluations=search.evaluations, status=status,
         message=_message(status, own, others, options.overshoot),
-    )
+    )  # fmt: skip
 
 
 @dataclass(eq=False)
@@ -242,7 +236,7 @@ class GainSearch(OwnTask):
         bounds = [(np.log(one.low), np.log(one.high)) for one in parameters]
 
         def generation(_: object, points: Iterable[Array]) -> list[float]:
-            """Costs of points, in their order: what scipy takes for a `map` of its function."""
+            """Costs of points, in their order: the `map` that scipy calls."""
             first = len(self.tried)
             self.tried += [by_name(parameters, np.array(x)) for x in points]
             run_cases(self, rows, executor, stop)
@@ -308,7 +302,7 @@ _ENDS: dict[TuningStatus, str] = {
 
 
 def _message(status: TuningStatus, own: Worth, others: Worth | None, most: float) -> str:
-    """How it ended, in words."""
+    """The end of a search in words."""
     held = "" if others is None else f"; held out: {others}"
     over = f"; none keeps to {100 * most:g} %" if own.overshoot > most else ""
     return f"{_ENDS[status]}: {own}{over}{held}"

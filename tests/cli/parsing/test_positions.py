@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import armdyn as ad
-from armdyn.cli.parsing.positions import position, positions, reading_degrees, sliding_locks
+from armdyn.cli.invocation import running
+from armdyn.cli.parsing.positions import position, positions, sliding_locks
 from armdyn.errors import ProblemError
 
 
@@ -38,7 +39,7 @@ def test_what_is_no_position(text):
 
 @given(st.floats(-720, 720))
 def test_degrees_are_degrees_with_a_unit_and_with_the_option(angle):
-    with reading_degrees(True):
+    with running("mintime", {}, {"degrees": True}):
         assert position(repr(angle), "") == math.radians(angle)
         assert position(f"{angle!r}rad", "") == angle
         assert position("pi/2", "") == math.pi / 2
@@ -50,7 +51,7 @@ def test_degrees_are_degrees_with_a_unit_and_with_the_option(angle):
 def test_poses_by_name_and_by_joint():
     panda, cart = ad.Robot.from_library("panda"), ad.Robot.from_library("cart_pole")
     assert positions("ready", "--q-start", panda) == panda.pose("ready").tolist()
-    with reading_degrees(True):
+    with running("mintime", {}, {"degrees": True}):
         assert positions("ready", "--q-start", panda) == panda.pose("ready").tolist()
         assert positions("0.5,90", "--q-goal", cart) == [0.5, math.pi / 2]
     assert positions("0.5m,90deg", "--q-goal", cart) == [0.5, math.pi / 2]
@@ -69,7 +70,7 @@ def test_a_name_that_is_not_known_says_which_are():
 def test_degrees_of_a_lock_that_slides_need_a_unit():
     tiago = ad.Robot.from_library("tiago", lock={"torso_lift_joint": 0.1}, arm=("arm_1_joint", "arm_4_joint"))
     sliding_locks(["torso_lift_joint=0.1"], tiago)
-    with reading_degrees(True):
+    with running("mintime", {}, {"degrees": True}):
         sliding_locks(["torso_lift_joint=0.1m", "arm_5_joint=5"], tiago)
         with pytest.raises(ProblemError, match="torso_lift_joint: the joint slides"):
             sliding_locks(["torso_lift_joint=0.1"], tiago)
@@ -77,5 +78,5 @@ def test_degrees_of_a_lock_that_slides_need_a_unit():
 
 def test_degrees_of_a_lock_whose_kind_nobody_knows_need_a_unit():
     bare = ad.Robot.from_model(ad.Robot.from_library("panda").model)
-    with reading_degrees(True), pytest.raises(ProblemError, match="say the unit"):
+    with running("mintime", {}, {"degrees": True}), pytest.raises(ProblemError, match="say the unit"):
         sliding_locks(["panda_joint1=5"], bare)

@@ -2,9 +2,9 @@
 
 import pytest
 
+from armdyn.cli.invocation import running
 from armdyn.cli.options.poses import PoseOptions
-from armdyn.cli.parsing.positions import reading_degrees
-from armdyn.cli.parsing.problem_file import problem_file, refuse_beside_a_file
+from armdyn.cli.options.task import problem_file, refuse_beside_a_file
 from armdyn.errors import ProblemError
 from cli.command import answer, run_here
 from problems import RR_FILE
@@ -93,7 +93,7 @@ def test_a_sweep_over_payload_takes_a_file(write_problem):
 
 
 def test_degrees_are_not_of_files(write_problem):
-    with reading_degrees(True), pytest.raises(ProblemError, match="says units itself"):
+    with running("mintime", {}, {"degrees": True}), pytest.raises(ProblemError, match="says units itself"):
         refuse_beside_a_file(write_problem(RR_FILE), PoseOptions())
 
 

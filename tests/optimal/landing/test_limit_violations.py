@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.landing.limit_violations import excesses, limit_violation, miss_of, overspeed, worst_violation
+from armdyn.optimal.landing.limit_violations import excesses, limit_violation, miss_of, worst_violation
 from problems import paper_problem
 
 
@@ -24,14 +24,14 @@ def test_the_worst_limit_is_named_with_joint_and_time():
     worst = worst_violation(problem.limits, motion, problem.robot.joint_names)
     assert (worst.constraint, worst.joint, worst.time) == ("torque limit", "joint2", 1.0)
     assert worst.value == pytest.approx(0.5)  # 1.5 of 3 N m
-    assert overspeed(problem.limits, motion, dense=1) == pytest.approx(0.2)
+    assert excesses(problem.limits, motion, dense=1)[1].share == pytest.approx(0.2)
     assert excesses(problem.limits, motion, dense=1)[1].worst(("a", "b")).joint == "a"
 
 
 def test_what_keeps_its_limits_exceeds_none():
     problem = paper_problem("rr")
     still = ad.Trajectory([0, 1], np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((2, 2)))
-    assert limit_violation(problem.limits, still) == overspeed(problem.limits, still) == 0.0
+    assert limit_violation(problem.limits, still) == 0.0
     assert worst_violation(problem.limits, still, problem.robot.joint_names) is None
 
 

@@ -11,15 +11,17 @@ from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.optimal.landing.rollout import dense
 from armdyn.optimal.proof.adjoint import Along, adjoint_error
 from armdyn.optimal.proof.certificate import ADJOINT_TOLERANCE
+from armdyn.optimal.task.policy.refinement import AdjointPolicy
 from problems import cart, luus_problem, paper_problem, solve, solved
 
+FINELY = AdjointPolicy()
 NEAR = 1e-6
 """Of what the costates of arcs on torque limits come to: 1e-7 measured, by integrators of 1e-7."""
 
 
 def error(solution, **changes):
     """`adjoint_error` of a solution whose phases are changed."""
-    return adjoint_error(solution.problem.robot, solution.trajectory, replace(solution.phases, **changes))
+    return adjoint_error(solution.problem.robot, solution.trajectory, replace(solution.phases, **changes), FINELY)
 
 
 def moved(solution, row, column, by):
@@ -90,7 +92,7 @@ def test_costates_of_another_motion_are_caught():
     solution = solved("rr")
     assert error(solution, costate=solution.phases.costate[::-1]) > 0.1
     heavier = paper_problem("rr", 0.12).robot
-    assert adjoint_error(heavier, solution.trajectory, solution.phases) > 10 * ADJOINT_TOLERANCE
+    assert adjoint_error(heavier, solution.trajectory, solution.phases, FINELY) > 10 * ADJOINT_TOLERANCE
 
 
 def test_without_the_pull_of_a_held_limit_the_costates_are_wrong():
@@ -115,7 +117,7 @@ def test_a_replay_that_broke_off_says_nothing():
     motion = solution.trajectory
     half = motion.t.size // 2
     short = ad.Trajectory(motion.t[:half], motion.q[:half], motion.v[:half], motion.tau[:half])
-    assert adjoint_error(solution.problem.robot, short, solution.phases) == np.inf
+    assert adjoint_error(solution.problem.robot, short, solution.phases, FINELY) == np.inf
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.4])
@@ -124,7 +126,7 @@ def test_the_rates_are_those_of_differences(friction):
     solution = solved("rr")
     robot = solution.problem.robot.with_friction(damping=friction, friction=friction, width=0.5)
     replay = ad.replay_torques(robot, solution.trajectory)
-    along, acceleration, n = Along.of(robot, replay), forward_dynamics(robot), robot.nv
+    along, acceleration, n = Along.of(robot, replay, FINELY), forward_dynamics(robot), robot.nv
     at = np.array([replay.t[3] + 0.4 * (replay.t[4] - replay.t[3])])
     q, v, tau = (each[0] for each in along.states(at))
     step = 1e-6  # differences: rounding 1e-16/1e-6 of accelerations of 1e3, their third derivatives 1e-12
@@ -141,7 +143,7 @@ def test_stretches_are_followed_as_an_adaptive_integrator_does():
     """Through the turn of a joint with dry friction, too, where the rates change within a hundredth of the motion."""
     solution = solved("rr")
     robot = solution.problem.robot.with_friction(damping=0.05, friction=0.1, width=1e-2)
-    along = Along.of(robot, ad.replay_torques(robot, dense(solution.trajectory, 400)))
+    along = Along.of(robot, ad.replay_torques(robot, dense(solution.trajectory, 400)), FINELY)
     own, ends = along.size.size, solution.phases.t[[0, 1]]
     carried = along.carried(ends, 1e-9)
 
@@ -161,7 +163,7 @@ def test_states_between_samples_are_those_of_a_finer_replay():
     solution = solved("rr")
     robot, motion = solution.problem.robot, solution.trajectory
     coarse, fine = (ad.replay_torques(robot, dense(motion, count)) for count in (100, 1600))
-    along = Along.of(robot, coarse)
+    along = Along.of(robot, coarse, FINELY)
     inner = np.flatnonzero(~np.isclose(fine.t[:, None], coarse.t, rtol=0, atol=1e-9).any(axis=1))[::40]
     assert inner.size > 20
     for k in inner:

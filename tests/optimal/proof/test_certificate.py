@@ -46,7 +46,7 @@ def test_a_costate_beside_the_adjoint_equations_is_no_extremal():
     assert certificate.usable
     assert certificate.reasons == ("the costates stray from the adjoint equations by 0.0002",)
     assert not replace(solution.certificate, adjoint_error=np.nan).extremal
-    candidate = certify(solution.problem, solution.trajectory, solution.phases, adjoint=False)
+    candidate = certify(solution.problem, solution.trajectory, solution.phases)
     assert candidate.adjoint_error is None and candidate.extremal  # as far as it was asked
 
 
@@ -94,9 +94,10 @@ def test_a_motion_below_its_bound_proves_that_one_of_them_is_wrong():
 
 def test_an_extremal_needs_no_bound_and_a_bound_no_extremal():
     solution = solved("rr")
-    bounded = certify(solution.problem, solution.trajectory, solution.phases, lower_bound=0.5 * solution.duration)
+    bounded = certify(solution.problem, solution.trajectory, solution.phases)
+    bounded = bounded.bounded(0.5 * solution.duration, solution.duration)
     assert bounded.extremal and bounded.ok and bounded.gap == pytest.approx(1.0)
-    near = certify(solution.problem, solution.trajectory, None, lower_bound=0.9995 * solution.duration)
+    near = certify(solution.problem, solution.trajectory, None).bounded(0.9995 * solution.duration, solution.duration)
     assert near.ok and not near.extremal
 
 

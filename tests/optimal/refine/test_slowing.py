@@ -11,9 +11,8 @@ from armdyn.optimal.landing.pace import can_be_slowed, least_factor
 from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.proof.certificate import certify
-from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.refine.optimum import Optimum, trajectory_cost
 from armdyn.optimal.refine.slowing import slowed
-from armdyn.optimal.refine.smooth import trajectory_cost
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.task import Task

@@ -6,7 +6,8 @@ import pytest
 import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.refine.smooth import cost, resolved_near, smooth_optima, time_energy, trajectory_cost
+from armdyn.optimal.refine.optimum import trajectory_cost
+from armdyn.optimal.refine.smooth import cost, resolved_near, smooth_optima, time_energy
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.task.task import Task
 from problems import cart, paper_problem

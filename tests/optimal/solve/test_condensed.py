@@ -9,12 +9,12 @@ from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.condensed import condensable, solve_quickly
 from armdyn.optimal.solve.direct import solve_on_mesh
-from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.task import Task
 from problems import luus_problem, paper_problem
 
-TIGHT = DirectOptions(1e-9, 500, barrier=1e-2)
+TIGHT = SolverSettings(1e-9, 500, barrier=1e-2)
 CONSTANT = Scheme("lobatto3", "constant", "forward")
 
 

@@ -11,8 +11,8 @@ from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.ipopt import Ipopt, _options
 from armdyn.optimal.solve.registry import in_time, solver_for
-from armdyn.optimal.solve.solver import Acceptable, NlpData, SolverSettings
-from armdyn.optimal.task.options import DirectOptions
+from armdyn.optimal.solve.solver import NlpData
+from armdyn.optimal.task.solver_settings import Acceptable, SolverSettings
 from armdyn.optimal.task.task import Task
 from problems import paper_problem
 
@@ -88,11 +88,6 @@ def test_built_once_for_the_same_arguments_and_settings():
     assert solver_for(task, SolverSettings(1e-9, 100), valley, Shape(10.0)) is not first
 
 
-def test_settings_of_a_call_on_a_mesh():
-    settings = SolverSettings.of(DirectOptions(1e-6, 50, barrier=1e-3))
-    assert settings == SolverSettings(1e-6, 50, False, 1e-3)
-
-
 def test_settings_are_ipopts_options():
     near = SolverSettings(1e-10, 60, barrier=1e-9, exact=True, push=1e-9)
     known = {"tol": 1e-10, "max_iter": 60, "mu_init": 1e-9, "bound_relax_factor": 0.0, "acceptable_iter": 0}
@@ -104,7 +99,7 @@ def test_settings_are_ipopts_options():
         1e-7,
     )
     assert warm["warm_start_init_point"] == "yes" and warm["warm_start_mult_bound_push"] == 1e-9
-    assert "bound_push" not in warm and "mu_init" not in warm
+    assert "bound_push" not in warm and warm["mu_init"] == 0.1  # IPOPT's own
 
 
 def test_nothing_of_its_own_talk_is_heard_unless_asked(capfd):

@@ -8,8 +8,7 @@ from matplotlib.contour import QuadContourSet
 
 from armdyn.control.laws.pid import Pid, PidGains
 from armdyn.control.loop.loop import Loop
-from armdyn.control.stability.plane import gain_plane
-from armdyn.control.stability.region import GainRegion
+from armdyn.control.stability.region import GainRegion, gain_plane
 from armdyn.control.stability.sampled import sampled_loop
 from armdyn.errors import ProblemError
 from armdyn.show.figures.gain_regions import plot_regions

@@ -15,8 +15,8 @@ from armdyn.optimal.program.layout import CondensedLayout, Layout
 from armdyn.optimal.solve.ipopt import STATUS
 from armdyn.optimal.solve.solver import NlpData, NlpResult
 from armdyn.optimal.solve.stagewise.library import WATCH, stagewise_library
-from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.solver_settings import SolverSettings
 
 Array = NDArray[np.float64]
 
@@ -51,10 +51,10 @@ class Stagewise:
     library: ctypes.CDLL
     layout: CondensedLayout
     intervals: int
-    settings: DirectOptions
+    settings: SolverSettings
 
     @classmethod
-    def of(cls, dynamics: Dynamics, scheme: Scheme, intervals: int, settings: DirectOptions) -> Self | None:
+    def of(cls, dynamics: Dynamics, scheme: Scheme, intervals: int, settings: SolverSettings) -> Self | None:
         """None: the scheme is not of this kind, or there is no library; as for `compiled_library`.
 
         Args:

@@ -46,6 +46,10 @@ class Change:
     tangent: tuple[int, Mode] | None = None
     tied: bool = False
 
+    def is_of(self, joint: int) -> bool:
+        """Whether a joint's mode changes."""
+        return self.joint == joint and not self.touch
+
 
 @dataclass(frozen=True)
 class Segment:

@@ -1,6 +1,6 @@
 """Limits of position and velocity that a rollout exceeds, touches of the former and arcs on the latter."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,29 +81,19 @@ class _Overlooked:
 
     def touched(self, structure: SwitchingStructure) -> list[int]:
         """Touches of the same limit in that time, by their numbers."""
-        return [
-            k
-            for k, (change, time) in enumerate(zip(structure.changes, structure.times, strict=True))
-            if change.touch
-            and (change.joint, change.mode) == (self.joint, self.mode)
-            and self.begin <= time <= self.end
-        ]
+        touch = self.joint, self.mode, True
+        near = [(k, structure.changes[k]) for k in structure.within(self.begin, self.end)]
+        return [k for k, change in near if (change.joint, change.mode, change.touch) == touch]
 
     def changes(self, structure: SwitchingStructure) -> list[int]:
         """Changes of the joint's mode in that time, by their numbers."""
-        return [
-            k
-            for k, (change, time) in enumerate(zip(structure.changes, structure.times, strict=True))
-            if change.joint == self.joint and not change.touch and self.begin <= time <= self.end
-        ]
+        return [k for k in structure.within(self.begin, self.end) if structure.changes[k].is_of(self.joint)]
 
     def after(self, structure: SwitchingStructure) -> Change:
         """The change to what the joint is in when that time is over."""
-        found = Change(self.joint, structure.first[self.joint])
-        for change, time in zip(structure.changes, structure.times, strict=True):
-            if change.joint == self.joint and not change.touch and time <= self.end:
-                found = change
-        return found
+        before = (structure.changes[k] for k in structure.within(-np.inf, self.end))
+        own = [change for change in before if change.is_of(self.joint)]
+        return own[-1] if own else Change(self.joint, structure.first[self.joint])
 
 
 def _overlooked(rollout: Rollout) -> Iterator[_Overlooked]:
@@ -141,6 +131,20 @@ def _at_speed(rollout: Rollout, time: float, joint: int, bound: float) -> Array:
     state = state_at(rollout, time)
     state[state.size // 2 + joint] = bound
     return state
+
+
+def edited(
+    rollout: Rollout, structure: SwitchingStructure, gone: Iterable[int], more: Iterable[tuple[float, Change]]
+) -> SwitchingStructure:
+    """A structure without some of its changes, by their numbers, and with others at their times [s].
+
+    Args:
+        rollout: whose states the others begin with.
+        structure: the rollout's, perhaps changed already.
+        gone: changes that are taken out.
+        more: changes that are put in, with their times.
+    """
+    return structure.without_changes(gone).with_changes((time, one, state_at(rollout, time)) for time, one in more)
 
 
 def state_at(rollout: Rollout, time: float) -> Array:

@@ -184,6 +184,10 @@ class SwitchingStructure:
         edges = [*self.times.tolist(), self.duration, 0.0]  # the start is at −1
         return edges[segment.begin], edges[segment.end]
 
+    def within(self, begin: float, end: float) -> list[int]:
+        """Numbers of the changes between two times [s], both included."""
+        return np.flatnonzero((self.times >= begin) & (self.times <= end)).tolist()
+
     def mode_of(self, segment: Segment) -> Mode:
         """The mode that a joint is in during a segment."""
         if segment.begin < 0:

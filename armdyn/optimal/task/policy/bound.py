@@ -1,6 +1,7 @@
 """Tuned numbers of the lower bound. The bound holds whatever they are; they decide how tight it is, and its seconds."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from armdyn.optimal.task.policy.tuned import tuned
 
@@ -12,25 +13,24 @@ POSES = "positions and full poses of UR5 and Panda"
 class BoundPolicy:
     """How time is cut into cells, how often boxes are narrowed, and how goal sets are enclosed."""
 
-    shortest: float = tuned(4e-5, "of a side", "first cell: a ramp of some thousandths has cells of its own", PAIRS)
-    growth: float = tuned(1.35, "-", "from cell to cell", PAIRS)
-    longest: float = tuned(1 / 20, "of a side", "last cells: torques may turn over anywhere at little loss", PAIRS)
-    passes: int = tuned(8, "passes", "of nested boxes on one grid, at most; usually it is four", PAIRS)
-    grids: int = tuned(16, "grids", "at most; usually it is one", PAIRS)
-    worth: float = tuned(2e-5, "of the bound", "a pass that gains less is the last", PAIRS)
-    regrid: float = tuned(
-        1e-3, "of the bound", "gained where ramps meet in the middle: longer cells may gain more", PAIRS
-    )
-    full: float = tuned(0.9, "of a side", "longer ramps fill it", PAIRS)
-    room: float = tuned(1.5, "times a ramp", "length of a side that is cut to its ramp", PAIRS)
+    cases: ClassVar = PAIRS
+
+    shortest: float = tuned(4e-5, "of a side", "first cell: a ramp of some thousandths has cells of its own")
+    growth: float = tuned(1.35, "-", "from cell to cell")
+    longest: float = tuned(1 / 20, "of a side", "last cells: torques may turn over anywhere at little loss")
+    passes: int = tuned(8, "passes", "of nested boxes on one grid, at most; usually it is four")
+    grids: int = tuned(16, "grids", "at most; usually it is one")
+    worth: float = tuned(2e-5, "of the bound", "a pass that gains less is the last")
+    regrid: float = tuned(1e-3, "of the bound", "gained where ramps meet in the middle: longer cells may gain more")
+    full: float = tuned(0.9, "of a side", "longer ramps fill it")
+    room: float = tuned(1.5, "times a ramp", "length of a side that is cut to its ramp")
     ahead: float = tuned(
         0.5,
         "of the bound so far",
         "motions that take longer by more are left out, on the first grid; the nearer, the smaller the middle boxes",
-        PAIRS,
     )
     least_ahead: float = tuned(
-        0.01, "of the bound so far", "the same on later grids, at least; else twice what the last one gained", PAIRS
+        0.01, "of the bound so far", "the same on later grids, at least; else twice what the last one gained"
     )
     caution: float = tuned(
         2.5,
@@ -38,15 +38,12 @@ class BoundPolicy:
         "for what is linear in q, which the program does not know; of 1 to 8 it raises bounds of long ramps most",
         "first random pair of a Panda: gap 3.4 to 3.3 %; fourth of a UR5: 1.02 to 0.92 %",
     )
-    idle: float = tuned(1e-3, "of its best worth", "a torque that is worth less counts no more", PAIRS)
+    idle: float = tuned(1e-3, "of its best worth", "a torque that is worth less counts no more")
     feasible: float = tuned(
-        1e-9, "scaled", "tolerances of the linear program: the first cells' momenta are 1e-5 of the greatest", PAIRS
+        1e-9, "scaled", "tolerances of the linear program: the first cells' momenta are 1e-5 of the greatest"
     )
     sizes: tuple[float, ...] = tuned(
-        (0.05, 0.01, 0.002),
-        "m or rad",
-        "of boxes held against velocity limits in turn: 1e-3 of a way at last",
-        POSES,
+        (0.05, 0.01, 0.002), "m or rad", "of boxes held against velocity limits in turn: 1e-3 of a way at last", POSES
     )
     size: float = tuned(0.02, "m or rad", "of boxes held against momentum, before those that touch are joined", POSES)
     few: int = tuned(500, "boxes", "where there are more, only those that are reached soon are made smaller", POSES)

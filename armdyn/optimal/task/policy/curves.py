@@ -1,6 +1,7 @@
 """Tuned numbers of B-spline motions."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from armdyn.optimal.task.policy.tuned import by_kind, tuned
 
@@ -11,21 +12,23 @@ TRAINED = "Panda and UR5, ten random pairs each (seed 1)"
 class CurvePolicy:
     """How a curve is laid out, solved, kept within its limits and followed."""
 
-    cruises: bool = by_kind("-", "velocity limits shape the motion: a joint reaches its limit on its way", TRAINED)
-    intervals: int = tuned(56, "intervals", "of a leg; 40 are 0.004 % slower, 100 as much faster", TRAINED)
+    cases: ClassVar = TRAINED
+
+    cruises: bool = by_kind("-", "velocity limits shape the motion: a joint reaches its limit on its way")
+    intervals: int = tuned(56, "intervals", "of a leg; 40 are 0.004 % slower, 100 as much faster")
     coarse: int = tuned(16, "intervals", "of a leg, where goals are compared: right to 1 %", "UR5: eight branches")
-    shortest: float = by_kind("of a leg", "first and last interval: ramps to a velocity limit are this short", TRAINED)
-    starts: int = by_kind("guesses", "one where velocity limits shape the motion: from eight comes the same", TRAINED)
+    shortest: float = by_kind("of a leg", "first and last interval: ramps to a velocity limit are this short")
+    starts: int = by_kind("guesses", "one where velocity limits shape the motion: from eight comes the same")
     more_starts: int = tuned(6, "guesses", "where the first has come to nothing", "bravo7")
-    slack: float = tuned(1.2, "of the time at the velocity limits", "duration of a guess that cruises", TRAINED)
+    slack: float = tuned(1.2, "of the time at the velocity limits", "duration of a guess that cruises")
     patience: int = by_kind(
         "iterations",
         "of IPOPT; those that converge take 20 to 60, with path constraints up to 140, with Coulomb friction up to 200",
         TRAINED + ", xArm6",
     )
-    barrier: float = tuned(0.1, "scaled", "IPOPT's mu_init from a straight guess", TRAINED)
-    warm_barrier: float = tuned(1e-6, "scaled", "the same, where little has changed", TRAINED)
-    tolerance: float = tuned(1e-7, "scaled", "of IPOPT", TRAINED)
+    barrier: float = tuned(0.1, "scaled", "IPOPT's mu_init from a straight guess")
+    warm_barrier: float = tuned(1e-6, "scaled", "the same, where little has changed")
+    tolerance: float = tuned(1e-7, "scaled", "of IPOPT")
     accepted: float = tuned(
         1e-5,
         "scaled",
@@ -38,15 +41,13 @@ class CurvePolicy:
         1e-5, "of a limit", "kept from velocity limits where a motion in flight at an end cannot be slowed down", "UR5"
     )
     steep_in_flight: float = tuned(1e-3, "of a limit", "the same of how fast torques change", "UR5")
-    looks: int = tuned(24, "places", "of an interval at which torques are held against their limits", TRAINED)
-    eager: float = tuned(
-        1.5, "-", "times what a torque exceeds its limit by beside a point is taken off there", TRAINED
-    )
-    spare: float = tuned(1e-5, "of half the range", "taken off besides, or the excess only halves", TRAINED)
-    little: float = tuned(5e-5, "of half the range", "excess that slowing down mends at half its size", TRAINED)
-    rounds: int = tuned(8, "rounds", "of asking again for what is exceeded between the points", TRAINED)
-    samples: int = tuned(16, "samples", "of an interval: replays are beside the curve by the fourth power", TRAINED)
-    steps: int = tuned(400, "samples", "of a leg, at least", TRAINED)
+    looks: int = tuned(24, "places", "of an interval at which torques are held against their limits")
+    eager: float = tuned(1.5, "-", "times what a torque exceeds its limit by beside a point is taken off there")
+    spare: float = tuned(1e-5, "of half the range", "taken off besides, or the excess only halves")
+    little: float = tuned(5e-5, "of half the range", "excess that slowing down mends at half its size")
+    rounds: int = tuned(8, "rounds", "of asking again for what is exceeded between the points")
+    samples: int = tuned(16, "samples", "of an interval: replays are beside the curve by the fourth power")
+    steps: int = tuned(400, "samples", "of a leg, at least")
     finer_with_friction: int = tuned(
         2,
         "-",
@@ -59,7 +60,7 @@ class CurvePolicy:
     coarser_after_interrupt: int = tuned(
         2, "-", "divides both after Ctrl-C: half the time to replay, and still within 1e-6 rad of the goal", "Panda"
     )
-    hopeless: float = tuned(1e-2, "of a limit", "excess beyond which a replay is not merely off its curve", TRAINED)
-    least_share: float = tuned(1e-4, "of the time", "a smaller share is what IPOPT's barrier leaves of none", TRAINED)
-    idle: float = tuned(1e-2, "of the time", "a joint whose limits decide less moves as it likes mostly", TRAINED)
-    bandwidth: float = tuned(160.0, "over the duration", "of the feedback that keeps torques to their curve", TRAINED)
+    hopeless: float = tuned(1e-2, "of a limit", "excess beyond which a replay is not merely off its curve")
+    least_share: float = tuned(1e-4, "of the time", "a smaller share is what IPOPT's barrier leaves of none")
+    idle: float = tuned(1e-2, "of the time", "a joint whose limits decide less moves as it likes mostly")
+    bandwidth: float = tuned(160.0, "over the duration", "of the feedback that keeps torques to their curve")

@@ -1,6 +1,7 @@
 """Tuned numbers of replays, terminal corrections and path constraints."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from armdyn.optimal.task.policy.tuned import LARGE, PLANAR, tuned
 
@@ -9,20 +10,24 @@ from armdyn.optimal.task.policy.tuned import LARGE, PLANAR, tuned
 class LandingPolicy:
     """How torques of a mesh are brought to land."""
 
+    cases: ClassVar = LARGE
+
     rounds: int = tuned(8, "rounds", "of Newton's method on the torques", PLANAR)
     landed: float = tuned(1e-9, "rad or m", "miss of the goal that is a few of the integrator's own", PLANAR)
-    far: float = tuned(0.1, "rad or m", "miss beyond which a replay is no neighbour of what is sought", LARGE)
+    far: float = tuned(0.1, "rad or m", "miss beyond which a replay is no neighbour of what is sought")
     steps: int = tuned(600, "steps", "of the variational equations: 1 ms resolves a turn through dry friction", "Panda")
     samples: int = tuned(8, "samples", "of the motion under each constant torque", PLANAR)
-    below: float = tuned(1e-8, "of a limit", "kept from a velocity limit: what interpolation may be off", LARGE)
-    near: float = tuned(1e-3, "of a limit", "a velocity so near its limit is held while the goal is corrected", LARGE)
-    rank: float = tuned(1e-10, "-", "part of the most that torques can do about the goal: rounding", LARGE)
-    longer: float = tuned(10.0, "-", "cost of a change of duration against that of all torques", LARGE)
+    below: float = tuned(1e-8, "of a limit", "kept from a velocity limit: what interpolation may be off")
+    near: float = tuned(1e-3, "of a limit", "a velocity so near its limit is held while the goal is corrected")
+    rank: float = tuned(1e-10, "-", "part of the most that torques can do about the goal: rounding")
+    longer: float = tuned(10.0, "-", "cost of a change of duration against that of all torques")
 
 
 @dataclass(frozen=True, kw_only=True)
 class PathConstraintPolicy:
     """Tightening of path constraints until the replay keeps them."""
+
+    cases: ClassVar = "RR: spheres, boxes"
 
     rounds: int = tuned(8, "rounds", "of meshes solved again", "RR: spheres, boxes; Panda: a post")
     near: float = tuned(1e-4, "rad or m", "of via points and goal: no further round is worth its seconds", "RR, Panda")

@@ -13,8 +13,8 @@ from armdyn.optimal.task.policy.curves import CurvePolicy
 from armdyn.optimal.task.policy.landing import LandingPolicy, PathConstraintPolicy
 from armdyn.optimal.task.policy.problem_class import is_speed_limited
 from armdyn.optimal.task.policy.refinement import (
+    AdjointPolicy,
     ArcsPolicy,
-    IndirectPolicy,
     RefinementPolicy,
     SmoothPolicy,
     SwitchMeshPolicy,
@@ -52,13 +52,13 @@ class Policy:
         contacts: which contacts with limits of the state are corrected.
         singular: where torques are free, and what they are at first.
         landing: how a mesh's torques are brought to land.
+        adjoint: how finely the adjoint equations are checked.
         smooth: optima of time and energy.
         path_constraints: what is asked along the way.
-        indirect: the second approach.
         curves: motions as curves.
         sequential: curves among obstacles.
         bound: how tight a lower bound is made.
-        changes: groups and numbers that `changed` has set, in turn.
+        overrides: groups and numbers that `changed` has set, in turn.
     """
 
     strategy: StrategyPolicy
@@ -75,13 +75,13 @@ class Policy:
     contacts: ContactPolicy = field(default_factory=ContactPolicy)
     singular: SingularPolicy = field(default_factory=SingularPolicy)
     landing: LandingPolicy = field(default_factory=LandingPolicy)
+    adjoint: AdjointPolicy = field(default_factory=AdjointPolicy)
     smooth: SmoothPolicy
     path_constraints: PathConstraintPolicy = field(default_factory=PathConstraintPolicy)
-    indirect: IndirectPolicy
     curves: CurvePolicy
     sequential: SequentialPolicy = field(default_factory=SequentialPolicy)
     bound: BoundPolicy = field(default_factory=BoundPolicy)
-    changes: tuple[tuple[str, dict[str, object]], ...] = ()
+    overrides: tuple[tuple[str, dict[str, object]], ...] = ()
 
     @classmethod
     def of(cls, problem: MinimumTimeProblem) -> Self:
@@ -115,7 +115,6 @@ class Policy:
                 extremal_is_enough=joints > 2, lists_slower=joints > 1, budget=150_000 if joints > 2 else 180_000
             ),
             smooth=SmoothPolicy(starts=_by_joints(joints, 2, 16, 24), refined=10 if joints == 2 else 6),
-            indirect=IndirectPolicy(starts=_by_joints(joints, 1, 6, 16)),
             curves=CurvePolicy(
                 cruises=speed_limited,
                 patience=300 if asked or np.any(problem.robot.friction.coulomb) else 120,
@@ -135,13 +134,13 @@ class Policy:
 
     def changed(self, group: str, **numbers: object) -> Self:
         """The same with other numbers in one group, to try them; policies of other problems keep them, see `about`."""
-        own = {group: replace(getattr(self, group), **numbers), "changes": (*self.changes, (group, numbers))}
+        own = {group: replace(getattr(self, group), **numbers), "overrides": (*self.overrides, (group, numbers))}
         return replace(self, **own)
 
     def about(self, problem: MinimumTimeProblem) -> Self:
         """The policy for another problem, with the same numbers changed."""
         policy = self.of(problem)
-        for group, numbers in self.changes:
+        for group, numbers in self.overrides:
             policy = policy.changed(group, **numbers)
         return policy
 

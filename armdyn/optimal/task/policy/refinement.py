@@ -1,7 +1,7 @@
 """Tuned numbers of refinement: arcs, their mesh, smooth optima."""
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import ClassVar, Self
 
 from armdyn.optimal.task.policy.tuned import LARGE, PLANAR, UNRECORDED, by_kind, tuned
 
@@ -9,6 +9,8 @@ from armdyn.optimal.task.policy.tuned import LARGE, PLANAR, UNRECORDED, by_kind,
 @dataclass(frozen=True, kw_only=True)
 class RefinementPolicy:
     """How far an optimum of a mesh is refined."""
+
+    cases: ClassVar = PLANAR
 
     extremal_is_enough: bool = by_kind(
         "-",
@@ -38,22 +40,20 @@ class RefinementPolicy:
         5.0, "-", "slower by so many times what the certified one's mesh was wrong by", "RRR, ten payloads"
     )
     slower: float = tuned(1.02, "of a certified duration", "the same, at the most", "RRR, ten payloads")
-    intervals: int = tuned(24, "intervals", "of the first mesh of arcs", PLANAR)
-    most_intervals: int = tuned(100, "intervals", "of the finest such mesh", PLANAR)
+    intervals: int = tuned(24, "intervals", "of the first mesh of arcs")
+    most_intervals: int = tuned(100, "intervals", "of the finest such mesh")
     most_per_arc: int = tuned(12, "intervals", "the same for each arc: 17 arcs need more than 100", "RRR, random pairs")
     most_arcs: int = tuned(60, "arcs", "more are no structure", UNRECORDED)
     blur: int = tuned(
         20, "-", "off its limits for less than this part of a fine mesh a torque is switching", "RRR 1 kg"
     )
-    rounds: int = tuned(12, "rounds", "of structures corrected by multipliers", PLANAR)
-    aims: int = tuned(8, "rounds", "of aiming arcs beside the goal", PLANAR)
-    landed: float = tuned(
-        1e-8, "rad or m", "goal error at which a replay has landed: a hundredth of what is certified", PLANAR
-    )
-    stray: float = tuned(1e-6, "-", "|H| that is as good as it can be: a hundredth of what is certified", PLANAR)
+    rounds: int = tuned(12, "rounds", "of structures corrected by multipliers")
+    aims: int = tuned(8, "rounds", "of aiming arcs beside the goal")
+    landed: float = tuned(1e-8, "rad or m", "goal error at which a replay has landed: a hundredth of what is certified")
+    stray: float = tuned(1e-6, "-", "|H| that is as good as it can be: a hundredth of what is certified")
     slowing: int = tuned(6, "rounds", "of slowing a motion down until it keeps all limits; most take one or two", LARGE)
     astray: float = tuned(1e-7, "rad or m", "from the path's own end: a tenth of what is on the goal", LARGE)
-    most_samples: int = tuned(2000, "samples", "of a replay that segments are checked on: six times most", PLANAR)
+    most_samples: int = tuned(2000, "samples", "of a replay that segments are checked on: six times most")
     slow_samples: int = tuned(1000, "samples", "of a motion that is slowed down or held against conditions", "RR")
 
 
@@ -61,21 +61,21 @@ class RefinementPolicy:
 class SwitchMeshPolicy:
     """How a mesh is refined at the switches before arcs are read from it."""
 
-    intervals: int = tuned(80, "intervals", "of the first mesh, at least", "RRR, random pairs")
-    most: int = tuned(400, "knots", "more are a chattering torque's", "RRR, random pairs")
-    rounds: int = tuned(4, "meshes", "the last one's switches are located to 1e-6 of the duration", "RRR, random pairs")
-    shrink: float = tuned(0.1, "of an interval", "knots about a switch are so far apart", "RRR, random pairs")
-    margin: float = tuned(0.02, "of an interval", "and so far from the others", "RRR, random pairs")
-    switch: int = tuned(2, "intervals", "off all limits in a row are a switch; more are an arc", "RRR, random pairs")
-    least: float = tuned(1e-5, "of the duration", "a shorter interval is not divided", "RRR, random pairs")
-    beyond: float = tuned(
-        3e-7, "of a joint's range", "where a position limit is exceeded by more a knot is put", "RRR, random pairs"
-    )
+    cases: ClassVar = "RRR, random pairs"
+
+    intervals: int = tuned(80, "intervals", "of the first mesh, at least")
+    most: int = tuned(400, "knots", "more are a chattering torque's")
+    rounds: int = tuned(4, "meshes", "the last one's switches are located to 1e-6 of the duration")
+    shrink: float = tuned(0.1, "of an interval", "knots about a switch are so far apart")
+    margin: float = tuned(0.02, "of an interval", "and so far from the others")
+    switch: int = tuned(2, "intervals", "off all limits in a row are a switch; more are an arc")
+    least: float = tuned(1e-5, "of the duration", "a shorter interval is not divided")
+    beyond: float = tuned(3e-7, "of a joint's range", "where a position limit is exceeded by more a knot is put")
     inside: float = tuned(
         3e-5, "of a joint's range", "a motion that exceeds a position limit between knots is kept so far inside", "RRR"
     )
-    tolerance: float = tuned(1e-9, "scaled", "of a solution: times are then right to the interval", "RRR, random pairs")
-    iterations: int = tuned(100, "iterations", "at most: most take 30", "RRR, random pairs")
+    tolerance: float = tuned(1e-9, "scaled", "of a solution: times are then right to the interval")
+    iterations: int = tuned(100, "iterations", "at most: most take 30")
     slower: float = tuned(1e-2, "of the duration", "a solution that is so much slower is another optimum", "RRR")
 
 
@@ -83,13 +83,15 @@ class SwitchMeshPolicy:
 class ArcsPolicy:
     """How arcs are read from a mesh, laid on intervals and solved."""
 
-    near: float = tuned(2e-3, "of a limit", "a torque so near is on it: IPOPT's barrier leaves 1e-4", PLANAR)
+    cases: ClassVar = PLANAR
+
+    near: float = tuned(2e-3, "of a limit", "a torque so near is on it: IPOPT's barrier leaves 1e-4")
     near_speed: float = tuned(
         2e-2, "of a limit", "the same for speeds: a constant torque holds one in the mean", "Panda, UR5"
     )
     touching: float = tuned(1e-4, "of a joint's way", "a position so near its limit touches it", "RRR, ten payloads")
     in_contact: float = tuned(5e-3, "of a joint's way", "the same for one that is held there", "RRR, ten payloads")
-    switch: int = tuned(2, "intervals", "off all limits in a row are a switch; more are an arc", PLANAR)
+    switch: int = tuned(2, "intervals", "off all limits in a row are a switch; more are an arc")
     brief: float = tuned(
         1e-3,
         "of the duration",
@@ -101,12 +103,10 @@ class ArcsPolicy:
     held: float = tuned(
         1e-7, "of the duration", "that hangs on a limit, for its whole size: it holds the motion back", "RRR"
     )
-    shortest: float = tuned(1e-6, "of the duration", "arcs shorter than that are taken out", PLANAR)
+    shortest: float = tuned(1e-6, "of the duration", "arcs shorter than that are taken out")
     touch: int = tuned(2, "intervals", "a position limit that holds the motion back for no more is touched", "RRR")
-    least_density: float = tuned(
-        0.15, "of the mean", "least density of a mesh: an estimate may overlook something", PLANAR
-    )
-    per_arc: int = tuned(2, "intervals", "of the shortest arc", PLANAR)
+    least_density: float = tuned(0.15, "of the mean", "least density of a mesh: an estimate may overlook something")
+    per_arc: int = tuned(2, "intervals", "of the shortest arc")
     layer_samples: int = tuned(
         4000, "samples", "in which turns through dry friction are looked for", "RR with friction"
     )
@@ -114,22 +114,23 @@ class ArcsPolicy:
         3.0, "widths", "of the jump at which a mesh thins out: friction is 0.5 % short", "RR with friction"
     )
     in_layers: float = tuned(0.5, "-", "part of the intervals that such turns get", "RR with friction")
-    tolerance: float = tuned(1e-10, "scaled", "of IPOPT: durations then hold to about as much", PLANAR)
-    held_iterations: int = tuned(60, "iterations", "where all torques are held", PLANAR)
-    free_iterations: int = tuned(100, "iterations", "where some are free", PLANAR)
+    tolerance: float = tuned(1e-10, "scaled", "of IPOPT: durations then hold to about as much")
+    held_iterations: int = tuned(60, "iterations", "where all torques are held")
+    free_iterations: int = tuned(100, "iterations", "where some are free")
     near_iterations: int = tuned(
         40,
         "iterations",
         "where the guess solves nearly the same: what takes more comes to nothing",
         "RRR, random pairs",
     )
-    smooth_iterations: int = tuned(150, "iterations", "where they are to be smooth", PLANAR)
+    smooth_iterations: int = tuned(150, "iterations", "where they are to be smooth")
     tie: float = tuned(1e-5, "of 1 for time", "cost of full torques that time leaves free: it makes them unique", "RRR")
     on_interval: int = tuned(
         8, "samples", "of constant torques: with one, cubics between were off by 0.27 rad/s of 62; so by 0.0012", "RRR"
     )
-    barrier: float = tuned(1e-3, "scaled", "IPOPT's mu_init of arcs where some torques are free", PLANAR)
-    near_barrier: float = tuned(1e-9, "scaled", "the same, and its push, where the guess is near or none is", PLANAR)
+    barrier: float = tuned(1e-3, "scaled", "IPOPT's mu_init of arcs where some torques are free")
+    near_barrier: float = tuned(1e-9, "scaled", "the same, and its push, where the guess is near or none is")
+    least_share: float = tuned(1e-6, "of the time", "a limit's smaller share is none: what the multipliers resolve")
     samples: int = tuned(480, "samples", "of torques that are not constant, 4 to 16 on an interval", "RRR time-energy")
 
     @property
@@ -139,35 +140,50 @@ class ArcsPolicy:
 
 
 @dataclass(frozen=True, kw_only=True)
+class AdjointPolicy:
+    """How finely the adjoint equations are integrated along a replay, to check the costates."""
+
+    cases: ClassVar = PLANAR
+
+    precise: float = tuned(
+        1e-7, "-", "error of a stretch's propagator, as H feels it: a thousandth of the costates' tolerance"
+    )
+    samples: int = tuned(400, "samples", "of the replay: quintics between them are right to 1e-9")
+    most: int = tuned(20_000, "stretches", "fifty times as many as planar arms take: some seconds")
+    deepest: int = tuned(16, "halvings", "of a stretch: the turn of a joint through dry friction takes some")
+    near: float = tuned(1e-3, "of an interval", "a sample so near its end is no edge of its own")
+    middle: float = tuned(0.3, "of a stretch", "a sample so near its middle halves it: torques have corners there")
+    still: float = tuned(1e-9, "of the fastest joint", "a joint that moves less counts as if it moved that much")
+
+
+@dataclass(frozen=True, kw_only=True)
 class SmoothPolicy:
     """How optima of time and energy are searched and refined."""
 
+    cases: ClassVar = PLANAR
+
     starts: int = by_kind("guesses", "16 for two joints, 24 for three", "planar arms, w = 1, unbounded")
     refined: int = by_kind("optima", "so many are refined", "planar arms, w = 1, unbounded")
-    coarse: int = tuned(25, "intervals", "of the search", PLANAR)
-    iterations: int = tuned(200, "iterations", "of a guess of the search", PLANAR)
-    fine: int = tuned(30, "intervals", "of the first solution by a high order", PLANAR)
+    coarse: int = tuned(25, "intervals", "of the search")
+    iterations: int = tuned(200, "iterations", "of a guess of the search")
+    fine: int = tuned(30, "intervals", "of the first solution by a high order")
     most_rough: int = tuned(120, "intervals", "of the last mesh that is rough", "RRR, 500 g and 1 kg")
     most: int = tuned(240, "intervals", "of the finest mesh", "RRR, 500 g and 1 kg")
     optimism: float = tuned(
         0.98, "of a coarse J", "what it may yet fall to: more is another optimum's", "RR, RRR, ten payloads"
     )
     steps: int = tuned(12, "solves", "spent on all optima together: one takes 0.1 to 6 s", "RRR, ten payloads")
-    settled: float = tuned(1e-5, "-", "|H| at which a mesh is replayed: a tenth of what is certified", PLANAR)
-    warm: float = tuned(
-        0.02, "-", "|H| below which the next solve stays where it is: 4 to 10 iterations, not 50", PLANAR
-    )
-    rough: float = tuned(0.05, "-", "|H| beyond which a mesh is too coarse to tell limits by", PLANAR)
-    artefact: float = tuned(1.0, "-", "|H| beyond which it says nothing of where to look, either", PLANAR)
+    settled: float = tuned(1e-5, "-", "|H| at which a mesh is replayed: a tenth of what is certified")
+    warm: float = tuned(0.02, "-", "|H| below which the next solve stays where it is: 4 to 10 iterations, not 50")
+    rough: float = tuned(0.05, "-", "|H| beyond which a mesh is too coarse to tell limits by")
+    artefact: float = tuned(1.0, "-", "|H| beyond which it says nothing of where to look, either")
     unlikely: float = tuned(
         2.0,
         "-",
         "|H| of a first solution that most likely is none: it waits for all others",
         "RR, RRR, 500 g and 1 kg: good ones began with 1.1 at the most, artefacts with 1 to 60",
     )
-    worth: float = tuned(
-        1.5, "of the least J", "coarse optima beyond are let go; some of the best are artefacts", PLANAR
-    )
+    worth: float = tuned(1.5, "of the least J", "coarse optima beyond are let go; some of the best are artefacts")
     doubted: float = tuned(
         1.5,
         "of a coarse J",
@@ -180,20 +196,3 @@ class SmoothPolicy:
         "of the torques where lines between fewer lead the costates astray; on twice the intervals",
         "RRR, 500 g and 1 kg",
     )
-
-
-@dataclass(frozen=True, kw_only=True)
-class IndirectPolicy:
-    """How the indirect method is seeded and led to minimum time."""
-
-    starts: int = by_kind("guesses", "of the search that makes a seed", "R, RR, RRR with 100.6 g")
-    first_weight: float = tuned(0.5, "of 1 for time", "cost of full torques where continuation begins", "R, RR, Luus")
-    last_weight: float = tuned(2e-3, "of 1 for time", "and where it ends", "R, RR, Luus")
-    fall: float = tuned(0.25, "-", "from step to step", "R, RR, Luus")
-    rough: float = tuned(1e-3, "-", "tolerance on the way: good enough to see the arcs", "R, RR, Luus")
-    rough_nodes: int = tuned(1000, "nodes", "at most, on the way", "R, RR, Luus")
-    wider: float = tuned(10.0, "of a limit", "limits of a seed without limits", "R, RR")
-    shot: float = tuned(
-        1e-10, "scaled", "of the shooting equations: durations then hold to about as much", "R, RR, Luus"
-    )
-    candidates: int = tuned(6, "optima", "tried until one is confirmed: some are artefacts of the mesh", "R, RR, RRR")

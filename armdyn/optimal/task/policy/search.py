@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.tuned import PLANAR, UNRECORDED, by_kind, tuned
@@ -11,8 +12,10 @@ from armdyn.optimal.task.policy.tuned import PLANAR, UNRECORDED, by_kind, tuned
 class ProgramPolicy:
     """How a motion becomes a nonlinear program, and what IPOPT is told of it."""
 
-    solver: str = tuned("ipopt", "-", "solver of nonlinear programs, by its name in `solve.registry`", "by definition")
-    linear: bool = by_kind("-", "torque linear between knots: a condition forbids it to jump", "by definition")
+    cases: ClassVar = "by definition"
+
+    solver: str = tuned("ipopt", "-", "solver of nonlinear programs, by its name in `solve.registry`")
+    linear: bool = by_kind("-", "torque linear between knots: a condition forbids it to jump")
     condensed: bool = by_kind(
         "-",
         "the middle of an interval is put in: half the unknowns; it needs forward dynamics and no rows along the way",
@@ -47,6 +50,8 @@ class ProgramPolicy:
 class SearchPolicy:
     """How many guesses, of what, and which of their optima go on."""
 
+    cases: ClassVar = PLANAR
+
     starts: int = by_kind(
         "guesses",
         "16 for two joints met the best optimum within six over eight seeds; 140 for three, changes of optima among "
@@ -57,7 +62,6 @@ class SearchPolicy:
         "intervals",
         "which guesses take turns on; without a motor there are swings to resolve, and coarse meshes know faster ones "
         "that there are not",
-        PLANAR,
     )
     least: int = by_kind(
         "guesses",
@@ -71,20 +75,19 @@ class SearchPolicy:
     neighbour_starts: int = by_kind(
         "guesses",
         "of a search that has a neighbour's optimum; half where effort is paid for; beyond three joints the straight",
-        PLANAR,
     )
-    side_by_side: bool = by_kind("-", "in processes: up to two joints a fork takes as long as the solve", PLANAR)
-    again: bool = by_kind("-", "where a finer mesh contradicts the search it is done again on that", PLANAR)
-    refined: int = tuned(4, "optima", "so many are worth a finer mesh", PLANAR)
+    side_by_side: bool = by_kind("-", "in processes: up to two joints a fork takes as long as the solve")
+    again: bool = by_kind("-", "where a finer mesh contradicts the search it is done again on that")
+    refined: int = tuned(4, "optima", "so many are worth a finer mesh")
     looked_at: int = tuned(
         6, "times as many", "coarse optima are solved on the finer mesh: many are too good to be true", "RRR, random"
     )
-    again_at_least: int = tuned(50, "guesses", "of another search, on finer meshes", PLANAR)
-    worth: float = tuned(1.2, "of the best duration", "coarse solutions slower than that are only listed", PLANAR)
+    again_at_least: int = tuned(50, "guesses", "of another search, on finer meshes")
+    worth: float = tuned(1.2, "of the best duration", "coarse solutions slower than that are only listed")
     too_coarse: float = tuned(
-        1.05, "of the coarse duration", "where the finer mesh makes the best this slow, coarse ones are left", PLANAR
+        1.05, "of the coarse duration", "where the finer mesh makes the best this slow, coarse ones are left"
     )
-    doubted: float = tuned(1.01, "of the coarse duration", "the same, where replays tell whether it is", PLANAR)
+    doubted: float = tuned(1.01, "of the coarse duration", "the same, where replays tell whether it is")
     astray: float = tuned(
         0.2, "of a joint's way", "it is where those of all its optima end this far beside the goal", "RRR 500 g, 1 kg"
     )
@@ -98,7 +101,7 @@ class SearchPolicy:
         "cart-pole, acrobot, pendubot, Furuta pendulum, their own and weaker motors",
     )
     unlike: float = tuned(0.3, "of the way, rad or m", "by which such guesses differ from each other", "the same")
-    spread: float = by_kind("times the way", "standard deviation of random poses", PLANAR)
+    spread: float = by_kind("times the way", "standard deviation of random poses")
     turn: float = by_kind(
         "rad",
         "by which random poses are off beside that, any distance as likely; 0: not. With three joints, within a turn "
@@ -127,7 +130,7 @@ class SearchPolicy:
     led: float = tuned(6.0, "rad or m", "the most by which one joint is led elsewhere", "RRR, random")
     slack: float = tuned(1.2, "of an optimum's duration", "changes of it begin with", "RRR, random")
     bunch: int = tuned(7, "guesses", "that a worker gets at once: one takes hardly longer than its result", UNRECORDED)
-    asks: int = tuned(24, "times", "that a search asks whether it has seen enough: that takes its time, too", PLANAR)
+    asks: int = tuned(24, "times", "that a search asks whether it has seen enough: that takes its time, too")
     brisk: float = tuned(10.0, "rad/s", "stands for a missing velocity limit where ways are compared", UNRECORDED)
 
     def guesses(self, options: MinimumTimeOptions, normal: int | None = None) -> int:
@@ -150,6 +153,8 @@ class SearchPolicy:
 class GoalPolicy:
     """Which of many goals are tried, and how goals and ends slide along the joint positions that reach a pose."""
 
+    cases: ClassVar = "RRR"
+
     solved: int = tuned(2, "goals", "solved in full, the best by one coarse solve each", "UR5: eight branches")
     hopeless: float = tuned(
         1.05, "of the best coarse duration", "goals that velocity limits alone put so far behind are not tried", "UR5"
@@ -160,16 +165,13 @@ class GoalPolicy:
     farthest: float = tuned(0.5, "rad or m", "step of any joint, at first and at most", "UR5, Panda: positions")
     shortest: float = tuned(1e-3, "rad or m", "last step: far below what coarse solves tell apart", "UR5, Panda")
     others: float = tuned(
-        1e-3,
-        "-",
-        "weight of all joints' times against the slowest's: the others stay near",
-        "UR5, Panda",
+        1e-3, "-", "weight of all joints' times against the slowest's: the others stay near", "UR5, Panda"
     )
     distinct: float = tuned(0.05, "rad or m", "goals of which no joint is further off are one", "UR5, Panda")
-    end_solves: int = tuned(8, "solves", "of an end that slides down the duration: RRR needs two to six", "RRR")
-    end_first: float = tuned(0.02, "rad or m", "first step of such an end", "RRR")
-    end_farthest: float = tuned(0.3, "rad or m", "any step: the switching structure is to stay the same", "RRR")
-    end_least: float = tuned(1e-5, "rad or m", "step that is worth no solve: it saves about its square", "RRR")
+    end_solves: int = tuned(8, "solves", "of an end that slides down the duration: RRR needs two to six")
+    end_first: float = tuned(0.02, "rad or m", "first step of such an end")
+    end_farthest: float = tuned(0.3, "rad or m", "any step: the switching structure is to stay the same")
+    end_least: float = tuned(1e-5, "rad or m", "step that is worth no solve: it saves about its square")
     bound: float = tuned(1.0, "s", "least time for the bound of all goals, whatever the search has left", UNRECORDED)
 
 
@@ -177,18 +179,18 @@ class GoalPolicy:
 class SamePolicy:
     """When two durations are one optimum's, as parts of them: by how well each kind of answer is known."""
 
-    coarse: float = tuned(2e-3, "-", "on coarse meshes", PLANAR)
+    cases: ClassVar = PLANAR
+
+    coarse: float = tuned(2e-3, "-", "on coarse meshes")
     apart: float = tuned(
         0.3,
         "rad or m",
         "motions of the same duration that are this far from each other, on the same mesh or another, are two optima's",
         "RRR, random",
     )
-    near_known: float = tuned(
-        8e-3, "-", "a coarse one beside a better known one: it may be off by a few of those", PLANAR
-    )
-    mesh: float = tuned(5e-4, "-", "from different guesses on one mesh", PLANAR)
-    coarse_cost: float = tuned(1e-4, "-", "J on coarse meshes", PLANAR)
-    coarse_duration: float = tuned(1e-3, "-", "durations of motions of the same J on coarse meshes", PLANAR)
-    resolved: float = tuned(1e-6, "-", "resolved to arcs", PLANAR)
-    resolved_cost: float = tuned(1e-7, "-", "J by the ninth order", PLANAR)
+    near_known: float = tuned(8e-3, "-", "a coarse one beside a better known one: it may be off by a few of those")
+    mesh: float = tuned(5e-4, "-", "from different guesses on one mesh")
+    coarse_cost: float = tuned(1e-4, "-", "J on coarse meshes")
+    coarse_duration: float = tuned(1e-3, "-", "durations of motions of the same J on coarse meshes")
+    resolved: float = tuned(1e-6, "-", "resolved to arcs")
+    resolved_cost: float = tuned(1e-7, "-", "J by the ninth order")

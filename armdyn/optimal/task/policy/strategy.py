@@ -1,7 +1,7 @@
 """Strategy: by which methods a kind of problem is solved, chosen once."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 from armdyn.optimal.task.policy.curves import TRAINED
 from armdyn.optimal.task.policy.tuned import by_kind
@@ -15,11 +15,12 @@ weight; collocation, tightened until the replay keeps the path constraints; B-sp
 class StrategyPolicy:
     """Methods in the order in which they are tried."""
 
+    cases: ClassVar = TRAINED
+
     methods: tuple[Method, ...] = by_kind(
         "methods",
         "tried in turn until an optimum is certified: beyond three joints idle ones leave arcs undetermined, and "
         "curves stand alone; where velocity limits shape the motion curves are often proven, and come first",
-        TRAINED,
     )
     fallback: tuple[Method, ...] = by_kind(
         "methods",
@@ -27,9 +28,7 @@ class StrategyPolicy:
         "a motor at every joint, since a torque of zero would be an equation all along it",
         "by definition",
     )
-    bounded: bool = by_kind(
-        "-", "velocity limits shape the motion: a lower bound by them is computed concurrently", TRAINED
-    )
+    bounded: bool = by_kind("-", "velocity limits shape the motion: a lower bound by them is computed concurrently")
 
     @property
     def curves_alone(self) -> bool:

@@ -11,19 +11,19 @@ LARGE = "Panda and UR5, three pairs of poses each; one random pair of 39 library
 UNRECORDED = "not recorded"
 
 
-def tuned(value: Value, unit: str, why: str, cases: str) -> Value:
+def tuned(value: Value, unit: str, why: str, cases: str = "") -> Value:
     """A field that is the same for every kind of problem.
 
     Args:
         value: the number.
         unit: of it; "-" for none.
         why: what it is, and why so much.
-        cases: that it was chosen on.
+        cases: that it was chosen on; "": those of its group.
     """
     return field(default=value, metadata={"unit": unit, "why": why, "cases": cases})
 
 
-def by_kind(unit: str, why: str, cases: str) -> Any:
+def by_kind(unit: str, why: str, cases: str = "") -> Any:
     """A field that `Policy.of` decides for a kind of problem."""
     return field(metadata={"unit": unit, "why": why, "cases": cases})
 
@@ -36,5 +36,6 @@ def rows(group: object, prefix: str = "") -> Iterator[tuple[str, object, str, st
         value, name = getattr(group, one.name), f"{prefix}{one.name}"
         if is_dataclass(value):
             yield from rows(value, f"{name}.")
-        elif one.name != "changes":
-            yield name, value, one.metadata["unit"], one.metadata["why"], one.metadata["cases"]
+        elif one.name != "overrides":
+            about = one.metadata
+            yield name, value, about["unit"], about["why"], about["cases"] or getattr(group, "cases", "")

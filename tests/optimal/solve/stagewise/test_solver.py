@@ -14,8 +14,8 @@ from armdyn.optimal.solve.condensed import _within, solve_quickly
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.solve.solver import NlpData
 from armdyn.optimal.solve.stagewise.solver import Stagewise
-from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.task import Task
 from problems import paper_problem
 
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.skipif(not shutil.which("cc"), reason="there is no C co
 
 N = 20
 CONSTANT = Scheme("lobatto3", "constant", "forward", compile=True)
-TIGHT = DirectOptions(1e-9, 500, barrier=1e-2)
+TIGHT = SolverSettings(1e-9, 500, barrier=1e-2)
 
 
 def solver(task, settings=TIGHT):

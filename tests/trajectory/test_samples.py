@@ -9,7 +9,7 @@ import armdyn as ad
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.errors import TrajectoryError
 from armdyn.trajectory import Samples, Trajectory
-from armdyn.trajectory.sampling import LEAST_STAMP, MOST_SAMPLES
+from armdyn.trajectory.samples import LEAST_STAMP, MOST_SAMPLES
 from problems import solved
 from trajectory.motions import trajectories
 

@@ -1,4 +1,4 @@
-"""What a command was asked: itself, as it can be typed again, and all its options."""
+"""The command that is running: its name, and the values of its options."""
 
 from __future__ import annotations
 
@@ -10,55 +10,68 @@ from contextvars import ContextVar
 from enum import Enum
 from inspect import Parameter
 from pathlib import Path
-from typing import Any, get_args, get_origin
+from typing import Any, NamedTuple, get_args, get_origin
 
 from typer.models import ArgumentInfo, OptionInfo
 
-_RUNNING: ContextVar[tuple[str, Mapping[str, Parameter], Mapping[str, Any]] | None] = ContextVar(
-    "running", default=None
-)
+
+class _Invocation(NamedTuple):
+    command: str = ""
+    parameters: Mapping[str, Parameter] = {}
+    values: Mapping[str, Any] = {}
+
+
+_NONE = _Invocation()
+_RUNNING: ContextVar[_Invocation] = ContextVar("running", default=_NONE)
 
 
 @contextmanager
 def running(command: str, parameters: Mapping[str, Parameter], values: Mapping[str, Any]) -> Iterator[None]:
-    """While a command runs, `invocation` knows it.
+    """Context in which a command is running.
 
     Args:
         command: its name, as it is typed.
         parameters: as typer takes them, annotated with options and arguments.
-        values: what they were given.
+        values: of the parameters.
     """
-    token = _RUNNING.set((command, parameters, values))
+    token = _RUNNING.set(_Invocation(command, parameters, values))
     try:
         yield
     finally:
         _RUNNING.reset(token)
 
 
-def invocation() -> dict[str, object]:
-    """The command that is running, as JSON says it; nothing where none is.
+def command_name() -> str:
+    """Name of the command that is running; empty: none is."""
+    return _RUNNING.get().command
 
-    Returns:
-        "asked": {"command": a line for a shell with all that is not by default, "options": all by name}.
-    """
-    now = _RUNNING.get()
-    if now is None:
-        return {}
-    command, parameters, values = now
-    given = [(name, one.annotation) for name, one in parameters.items() if values[name] != one.default]
-    first = sorted(given, key=lambda one: not _is_argument(one[1]))  # the order stays otherwise
-    words = [
-        "armdyn",
-        command.replace("_", "-"),
-        *(word for name, hint in first for word in _typed(name, hint, values[name])),
-    ]
-    return {"asked": {"command": shlex.join(words), "options": {name: plain(values[name]) for name in parameters}}}
+
+def option_value(name: str) -> Any:
+    """Value of an option of the command that is running; None: it has no such option."""
+    return _RUNNING.get().values.get(name)
 
 
 def is_given(name: str) -> bool:
     """Whether the command that is running has an option of this name, which is not as by default."""
     now = _RUNNING.get()
-    return now is not None and name in now[2] and now[2][name] != now[1][name].default
+    return name in now.values and now.values[name] != now.parameters[name].default
+
+
+def invocation() -> dict[str, object]:
+    """The command that is running, as JSON says it; empty: none is.
+
+    Returns:
+        "asked": {"command": a line for a shell with all that is not by default, "options": all by name}.
+    """
+    now = _RUNNING.get()
+    if now is _NONE:
+        return {}
+    given = [(name, one.annotation) for name, one in now.parameters.items() if is_given(name)]
+    first = sorted(given, key=lambda one: not _is_argument(one[1]))  # the order stays otherwise
+    words = ["armdyn", now.command, *(word for name, hint in first for word in _typed(name, hint, now.values[name]))]
+    return {
+        "asked": {"command": shlex.join(words), "options": {name: plain(now.values[name]) for name in now.parameters}}
+    }
 
 
 def _typed(name: str, hint: Any, value: object) -> list[str]:

@@ -1,0 +1,176 @@
+"""The task of a command, by its options or a problem file: a minimum-time problem, or an arm and its poses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import armdyn as ad
+from armdyn.cli.options.course import PathConstraintOptions
+from armdyn.cli.options.joints import FastJointOptions, JointOptions
+from armdyn.cli.options.poses import GoalOptions, PoseOptions
+from armdyn.cli.options.robot import PayloadOptions, RobotArgument
+from armdyn.cli.parsing.positions import degrees_are_on
+from armdyn.errors import ProblemError
+
+if TYPE_CHECKING:
+    from armdyn.optimal.problem_files import ProblemFile
+    from armdyn.paper import Kind
+
+
+def is_problem_file(name: str) -> bool:
+    """Whether the name of a robot is that of a problem file."""
+    return name.lower().endswith(".toml")
+
+
+def is_study_file(name: str) -> bool:
+    """Whether a TOML file has neither [robot] nor [problem]: it may be a study file.
+
+    Raises:
+        ArmdynError: it cannot be read.
+    """
+    from armdyn.parsing.toml import read_toml
+
+    return not {"robot", "problem"} & read_toml(name).values.keys()
+
+
+def problem_file(name: str) -> ProblemFile:
+    """The tables of a problem file.
+
+    Raises:
+        ProblemError: it cannot be read.
+    """
+    from armdyn.optimal.problem_files import read_problem_file
+
+    return read_problem_file(name)
+
+
+def refuse_beside_a_file(name: str, *groups: Any) -> None:
+    """Refuse options next to a problem file or a study file that has them itself.
+
+    Args:
+        name: the file.
+        groups: of such options, as they were given.
+
+    Raises:
+        ProblemError: one of them is not as by default; or --degrees was given.
+    """
+    if degrees_are_on():
+        raise ProblemError(f"--degrees: {name} says units itself: 1.57, or '90deg'")
+    for group in groups:
+        for field in fields(group):
+            value = getattr(group, field.name)
+            if is_dataclass(value):
+                refuse_beside_a_file(name, value)
+            elif field.default is not MISSING and value != field.default:
+                option = "arm" if field.name == "part" else field.name.replace("_", "-")
+                raise ProblemError(f"--{option}: {name} says this itself; write it there")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProblemOptions:
+    """A minimum-time problem, or a problem file instead of a robot."""
+
+    goal: GoalOptions
+    payload: PayloadOptions
+    robot: RobotArgument
+    joints: FastJointOptions
+    course: PathConstraintOptions
+
+    def problem(self) -> tuple[ad.MinimumTimeProblem, Mapping[str, Any]]:
+        """The problem, and the solver's options of a file.
+
+        Raises:
+            ArmdynError: there is no such problem; or an option repeats a key of the file.
+        """
+        name = self.robot.robot
+        if is_problem_file(name):
+            refuse_beside_a_file(name, self.goal, self.payload, self.robot.part, self.joints, self.course)
+            file = problem_file(name)
+            return file.made(), file.options
+        arm = self.joints.fit(self.robot.read(self.payload.carried()))
+        given = self.goal.problem_arguments(arm, name) | self.joints.problem_arguments()
+        return ad.MinimumTimeProblem(arm, **given, **self.course.problem_arguments(arm)), {}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmOptions:
+    """An arm that goes from rest at one pose to rest at another, or a problem file instead of a robot."""
+
+    poses: PoseOptions
+    payload: PayloadOptions
+    robot: RobotArgument
+    joints: JointOptions
+
+    @cached_property
+    def file(self) -> ProblemFile | None:
+        """The problem file; None: a robot is named instead.
+
+        Raises:
+            ArmdynError: it cannot be read; or an option repeats one of its keys.
+        """
+        name = self.robot.robot
+        if not is_problem_file(name):
+            return None
+        refuse_beside_a_file(name, self.poses, self.payload, self.robot.part, self.joints)
+        return problem_file(name)
+
+    @cached_property
+    def arm(self) -> ad.Robot:
+        """The arm as a controller knows it.
+
+        Raises:
+            ArmdynError: there is no such arm.
+        """
+        return self.carrying(None) if self._problem is None else self._problem.robot
+
+    @cached_property
+    def _problem(self) -> ad.MinimumTimeProblem | None:
+        return None if self.file is None else self.file.made()
+
+    def carrying(self, mass: float | None) -> ad.Robot:
+        """The arm with another mass [kg] where its payload is; None: with its own."""
+        if self.file is not None:
+            return self.file.made_robot(mass)
+        return self.joints.fit(
+            self.robot.read(self.payload.place.carried(self.payload.payload if mass is None else mass))
+        )
+
+    def ends(self, kind: Kind = "minimum_time") -> tuple[list[float], list[float]]:
+        """Start and goal [rad or m].
+
+        Args:
+            kind: of the paper's example whose poses r, rr and rrr have by default.
+
+        Raises:
+            ProblemError: one is missing, or a problem file has velocities there.
+        """
+        problem, name = self._problem, self.robot.robot
+        if problem is None:
+            return self.poses.start(self.arm, name, kind), self.poses.goal(self.arm, name, kind)
+        import numpy as np
+
+        if np.any(problem.v_start) or np.any(problem.v_goal):
+            raise ProblemError(f"{name} has v_start or v_goal; here the arm goes from rest to rest")
+        return np.asarray(problem.q_start).tolist(), np.asarray(problem.q_goal).tolist()
+
+
+@dataclass(frozen=True, kw_only=True)
+class FastArmOptions(ArmOptions):
+    """An arm from pose to pose, with the limits of its fastest motion."""
+
+    joints: FastJointOptions  # type: ignore[assignment]  # it fits a robot, too
+
+    def fastest(self) -> tuple[ad.MinimumTimeProblem, ad.MinimumTimeOptions]:
+        """The fastest motion as a problem, and how it is searched.
+
+        Raises:
+            ArmdynError: there is no such problem.
+        """
+        if self.file is not None and self._problem is not None:
+            return self._problem, ad.MinimumTimeOptions(**self.file.options)
+        start, goal = self.ends()
+        kept = self.joints.problem_arguments()
+        return ad.MinimumTimeProblem(self.arm, q_start=start, q_goal=goal, **kept), ad.MinimumTimeOptions()

@@ -1,0 +1,45 @@
+"""How a solver of nonlinear programs is set up."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Acceptable:
+    """An error, above the tolerance, at which a solver may stop once it no longer makes progress.
+
+    Attributes:
+        tolerance: of the optimality conditions, on the scaled problem.
+        equations: of the equations.
+        cost: largest relative change of the cost; None: any.
+        after: iterations in a row.
+    """
+
+    tolerance: float
+    equations: float
+    cost: float | None = None
+    after: int = 6
+
+
+@dataclass(frozen=True)
+class SolverSettings:
+    """How accurately, how long and from how near a program is solved.
+
+    Attributes:
+        tolerance: of the optimality conditions and the equations, on the scaled problem.
+        max_iterations: at most.
+        verbose: print the iterations.
+        barrier: first barrier parameter of an interior-point method, by default IPOPT's; others ignore it.
+        acceptable: error at which it may stop early; None: as the solver has it.
+        exact: bounds are not relaxed, and nothing but the tolerance is accepted.
+        push: how far the start may be moved off its bounds; None: as the solver has it.
+        warm: start from the multipliers of a nearly equal program, too.
+    """
+
+    tolerance: float
+    max_iterations: int = 500
+    verbose: bool = False
+    barrier: float = 0.1
+    acceptable: Acceptable | None = None
+    exact: bool = False
+    push: float | None = None
+    warm: bool = False

@@ -1,0 +1,326 @@
+"""Every tuned number is read from the policy of the task: a number that nobody reads, or reads off its class, fails."""
+
+import ast
+import dataclasses
+import sys
+import warnings
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import armdyn as ad
+from armdyn.optimal.arcs.arc import Mode
+from armdyn.optimal.bound.lower_bound import lower_bound
+from armdyn.optimal.flat.refinement import sampled
+from armdyn.optimal.minimum_time import solve_task
+from armdyn.optimal.path_constraints.constraint import Knots
+from armdyn.optimal.path_constraints.tightened import TightenedConstraints
+from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.search.goals import screened
+from armdyn.optimal.search.multistart import in_bunches
+from armdyn.optimal.search.starts import spline, straight_curve, via_guesses
+from armdyn.optimal.switching.extremal.descent import fastest
+from armdyn.optimal.switching.extremal.structure import SwitchingStructure
+from armdyn.optimal.switching.refinement import shooting_problem
+from armdyn.optimal.switching.signs import WrongSign
+from armdyn.optimal.switching.singular import with_singular
+from armdyn.optimal.task.policy import Policy
+from armdyn.optimal.task.task import Task
+from armdyn.studies.tasks import minimum_time
+from armdyn.studies.tasks.task import motion_bytes
+from problems import POSES, cart, gantry_problem, paper_arm, paper_problem, random_problem
+
+SOURCES = Path(ad.__file__).parent
+READ = set()
+"""Names of numbers, `group.field`, that somebody has read from an instance since the set was cleared."""
+
+COPIES = {dataclasses.__file__, "<string>"}
+"""Files of the code that copies, compares and hashes dataclasses: no readers."""
+
+
+def noting(name, group):
+    """The group, as one that notes which of its fields are read."""
+    own = {field.name for field in fields(group)}
+
+    class Noting(type(group)):
+        def __getattribute__(self, field):
+            if field in own and sys._getframe(1).f_code.co_filename not in COPIES:
+                READ.add(f"{name}.{field}")
+            return super().__getattribute__(field)
+
+    return Noting(**{field: getattr(group, field) for field in own})
+
+
+class Noted(Policy):
+    """A policy whose groups note which of their fields are read; those for other problems do so, too."""
+
+    @classmethod
+    def of(cls, problem):
+        policy = super().of(problem)
+        groups = {field.name: getattr(policy, field.name) for field in fields(policy)}
+        return replace(policy, **{name: noting(name, group) for name, group in groups.items() if is_dataclass(group)})
+
+
+def noted(problem, changes=(), **options):
+    """A task with such a policy, perhaps changed."""
+    task, policy = Task.of(problem, ad.MinimumTimeOptions(workers=1, **options)), Noted.of(problem)
+    for group, numbers in changes:
+        policy = policy.changed(group, **numbers)
+    return replace(task, policy=policy).about(problem)
+
+
+def between(arm, robot=None, **more):
+    """The paper's motion of an arm, perhaps of another robot."""
+    start, goal = POSES[arm]
+    return ad.MinimumTimeProblem(robot or paper_arm(arm), q_start=start, q_goal=goal, **more)
+
+
+def rubbing(arm):
+    """An arm of the paper with friction."""
+    return paper_arm(arm).with_friction(friction=0.05, damping=0.02)
+
+
+def posed(arm, **more):
+    """The paper's start, and a place for the tip, which two links reach in two ways and three in many."""
+    return ad.MinimumTimeProblem(
+        paper_arm(arm), q_start=POSES[arm][0], goal_pose=ad.GoalPose("tip", [0.35, 0, 0.1]), **more
+    )
+
+
+CARRIED = ad.MinimumTimeProblem(
+    paper_arm("rrr", 0.2685543656666321),
+    q_start=[1.3538952218800082, -2.962781719364377, 0.5902218077250847],
+    q_goal=[0.2689775131611496, -2.8568124099531347, 1.4650162520040144],
+)
+"""Another joint's torque holds a joint on its position limit."""
+
+INSIDE = {"position_limit": ([-2.0, -0.3], [1.0, 0.3])}
+BALL = ad.Sphere((0.3, 0.0, -0.1), 0.05)
+
+ARCS = ("strategy", {"methods": ("arcs",), "bounded": False})
+
+SOLVES = {
+    "switching times": lambda: noted(between("r")),
+    "the mesh's own motion": lambda: noted(between("r"), arcs=False),
+    "a thorough search": lambda: noted(between("r"), search="thorough"),
+    "position limits": lambda: noted(between("rr", **INSIDE), starts=4),
+    "friction": lambda: noted(between("r", rubbing("r"))),
+    "time and energy, every guess an optimum": lambda: noted(
+        between("r", effort_weight=1.0),
+        [("smooth", {"refined": 1000, "worth": 100.0}), ("same", {"coarse_cost": 0.0})],
+        starts=2,
+    ),
+    "time and energy": lambda: noted(paper_problem("rr", 1.0, effort_weight=1.0), starts=8),
+    "a fine mesh for time and energy": lambda: noted(
+        between("rr", effort_weight=1.0, effort_limit=30.0), [("smooth", {"settled": 1e-12})], starts=2
+    ),
+    "via points": lambda: noted(between("rr", via=[[-0.7, 0.8]]), starts=2),
+    "acceleration limits": lambda: noted(between("rr", acceleration_limit=100.0), starts=2),
+    "velocity limits on a rail": lambda: noted(
+        ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[1.0], velocity_limit=0.5)
+    ),
+    "velocity limits": lambda: noted(gantry_problem(velocity_limit=0.5), starts=2),
+    "two joints, one of which is idle": lambda: noted(gantry_problem(), starts=2),
+    "a velocity limit that is reached where a torque jumps": lambda: noted(
+        between("rr", velocity_limit=20.0), [ARCS, ("refinement", {"rounds": 0, "budget": 20_000})], starts=1
+    ),
+    "a velocity limit that slowing down mends": lambda: noted(
+        between("rr", velocity_limit=8.0), [ARCS, ("refinement", {"rounds": 0, "budget": 20_000})], starts=1
+    ),
+    "arcs that are not resolved": lambda: noted(
+        between("rr", **INSIDE), [("switching", {"rounds": 0}), ("refinement", {"rounds": 0})], starts=2
+    ),
+    "in flight": lambda: noted(between("r", velocity_limit=3.0, v_start=[3.0]), starts=1),
+    "velocity limits and friction": lambda: noted(between("r", rubbing("r"), velocity_limit=3.0), starts=2),
+    "a replay far from its curve": lambda: noted(
+        between("r", rubbing("r"), velocity_limit=3.0),
+        [("curves", {"samples": 1, "steps": 4, "bandwidth": 1.0})],
+        starts=1,
+    ),
+    "curves that do not converge": lambda: noted(
+        ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[1.0], velocity_limit=0.5), [("curves", {"patience": 2})]
+    ),
+    "three joints": lambda: noted(random_problem(2), starts=3),
+    "a contact": lambda: noted(random_problem(5), starts=3),
+    "changes of optima": lambda: noted(paper_problem("rrr", 0.1505), starts=16),
+    "contacts": lambda: noted(random_problem(53), starts=40),
+    "contacts that are too weak": lambda: noted(random_problem(68), starts=40),
+    "contacts that another joint holds": lambda: noted(CARRIED, starts=40),
+    "a search that is done again": lambda: noted(between("rr"), [("search", {"too_coarse": 0.5})], starts=2),
+    "a pose": lambda: noted(posed("rrr"), starts=2),
+}
+"""Tasks of a fraction of a second to two seconds."""
+
+
+def guesses_round_a_ball():
+    problem = between("rr", obstacles=[BALL])
+    via_guesses(problem, 0, 2, policy=Noted.of(problem).search)
+
+
+def constraints_that_are_tightened():
+    """Each asked for more strictly, and at more points, than a straight and hasty motion keeps it."""
+    problem = between("rr", obstacles=[BALL], acceleration_limit=1.0)
+    constraints = TightenedConstraints.of(noted(problem))
+    constraints.values(problem, Knots(np.array([0.0, 0.5, 1.0]), (0, 2)))
+    hasty = spline(problem, [], 0.1)
+    for _ in range(5):
+        constraints = constraints.tightened(problem, constraints.check(problem, hasty, np.empty(0)))
+
+
+def bounds_of_a_pose():
+    problem = posed("rr", velocity_limit=10.0)
+    for policy in (Noted.of(problem), Noted.of(problem).changed("bound", few=0)):
+        lower_bound(problem, policy=policy.bound)
+
+
+def goals_as_coarse_curves():
+    screened(noted(posed("rr", relative_effort_weight=0.5)))
+
+
+def a_curve_after_an_interrupt():
+    task, stop = noted(between("rr", relative_effort_weight=0.5)), Stop()
+    stop.interrupt()
+    sampled(replace(task, stop=stop), straight_curve(task, 4))
+
+
+def guesses_for_two_workers():
+    list(in_bunches([], noted(between("rrr")).with_options(workers=2)))
+
+
+def a_torque_that_hovers():
+    task = noted(between("rr"))
+    solution = solve_task(task)
+    structure = SwitchingStructure.of(solution.phases.arcs, solution.phases.torques)
+    found = fastest(shooting_problem(task, solution.duration), structure, Stop())
+    change, time = found.structure.changes[0], float(found.structure.times[0])
+    with_singular(found, [WrongSign(1e-3, change.joint, Mode.UPPER, time, time, time)])
+
+
+class Neighbours:
+    """The problems of a study whose cases are all the same."""
+
+    def problem(self, settings):
+        return between("r")
+
+
+def a_neighbour_of_a_study():
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(minimum_time, "Policy", Noted)
+        task = minimum_time.MinimumTimeTask(problems=Neighbours(), neighbours="lead")
+        task.work({}, motion_bytes(spline(between("r"), [])))
+
+
+CALLS = (
+    guesses_round_a_ball,
+    constraints_that_are_tightened,
+    bounds_of_a_pose,
+    goals_as_coarse_curves,
+    a_curve_after_an_interrupt,
+    guesses_for_two_workers,
+    a_torque_that_hovers,
+    a_neighbour_of_a_study,
+)
+
+
+@pytest.fixture(scope="module")
+def read():
+    """Names of all numbers that are read in the solves and calls above."""
+    READ.clear()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ad.ArmdynWarning)  # goals that an arm cannot hold
+        for task in SOLVES.values():
+            solve_task(task())
+        for call in CALLS:
+            call()
+    return frozenset(READ)
+
+
+def test_every_number_is_read_from_the_task_s_policy(read):
+    every = {name for name, *_ in Policy.of(between("rr")).rows()}
+    assert sorted(every ^ read) == []
+
+
+CHANGED = {
+    "switching times": {
+        "descent": {"closed": 1e-10},
+        "program": {
+            "coarse_barriers": (2e-3, 2e-2),
+            "coarse_tolerance": 1e-6,
+            "condensed": False,
+            "fine_barrier": 1e-5,
+        },
+        "rollout": {"together": 1},
+        "adjoint": {"samples": 1600},
+        "search": {"haste": 0.5, "starts": 3, "meshes": (30, 50)},
+    },
+    "friction": {
+        "arcs": {"in_layers": 0.05, "layer_reach": 0.3, "layer_samples": 2000, "least_density": 1.5, "per_arc": 5},
+        "refinement": {"intervals": 12},
+    },
+    "velocity limits on a rail": {
+        "curves": {"intervals": 40, "shortest": 1e-3},
+        "bound": {"growth": 2.0, "passes": 1, "shortest": 1e-3},
+    },
+    "three joints": {
+        "descent": {"difference": 1e-7, "flat": 1e-5, "radius": 3e-3, "states": 0.01, "swing": 0.03},
+        "same": {"apart": 3.0, "coarse": 0.02},
+        "search": {"bow": 0.2, "bend": 0.03, "slack": 0.12, "turn": 0.8, "worth": 0.12, "too_coarse": 0.1},
+    },
+    "a contact": {
+        "arcs": {"in_contact": 0.05, "on_interval": 4},
+        "descent": {"near": 1e-4, "stride": 0.01},
+        "refinement": {"glance": 4000, "stray": 1e-7},
+    },
+}
+"""Numbers by their groups that change what a solve of `SOLVES` answers, or how."""
+
+
+def facts(task):
+    """All that may tell two solves apart."""
+    solution = solve_task(task)
+    return [
+        solution.duration, solution.status, solution.certificate, solution.iterations, solution.lower_bound,
+        solution.local_optima, solution.arcs, solution.trajectory.t.size,
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CHANGED)
+def test_another_number_gives_another_answer(name):
+    task = SOLVES[name]()
+    before = repr(facts(task))
+    assert repr(facts(task)) == before
+    changes = [(group, {field: value}) for group, numbers in CHANGED[name].items() for field, value in numbers.items()]
+    others = [replace(task, policy=task.policy.changed(group, **number)) for group, number in changes]
+    assert [change for change, other in zip(changes, others, strict=True) if repr(facts(other)) == before] == []
+
+
+def test_a_copy_is_no_reader():
+    problem = between("rr")
+    policy = Noted.of(problem)
+    READ.clear()
+    other = policy.changed("search", starts=3)
+    assert other == replace(other) and replace(other.arcs).at_switches
+    assert sorted(READ) == ["arcs.refined", "arcs.refined_speed"]  # by the policy's own rule for refined meshes
+    assert other.about(between("r")).search.starts == 3
+    assert sorted(READ) == ["arcs.refined", "arcs.refined_speed", "search.starts"]
+
+
+def test_no_module_reads_a_number_off_a_class():
+    off = []
+    for path in sorted(SOURCES.rglob("*.py")):
+        text = path.read_text()
+        if "Policy" not in text:
+            continue
+        tree = ast.parse(text)
+        imported = (node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom))
+        names = {each.asname or each.name for node in imported if "policy" in str(node.module) for each in node.names}
+        names = {name for name in names if name.endswith("Policy")}
+        off += [
+            f"{path.relative_to(SOURCES)}:{node.lineno}: {node.value.id}.{node.attr}"
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name)
+            if node.value.id in names and node.attr != "of"
+        ]
+    assert off == []
