@@ -54,7 +54,7 @@ class ConvexStep:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class QpSolution:
     """Solution of a `ConvexStep`.
 
     Attributes:
@@ -76,7 +76,7 @@ class Step:
     iterations: int
 
 
-def solve_step(problem: ConvexStep) -> Step:
+def solve_step(problem: ConvexStep) -> QpSolution:
     """Solve a quadratic program."""
     n, counts = problem.gradient.size, [int(np.max(rows.groups, initial=-1)) + 1 for rows in problem.soft]
     slacks = sum(counts)
@@ -105,7 +105,7 @@ def solve_step(problem: ConvexStep) -> Step:
     x, ends = np.array(result.x), np.cumsum([block.shape[0] for block in blocks])[:-1]
     step, slack = x[:n], np.split(prices * x[n:], np.cumsum(counts)[:-1])
     cost = float(problem.gradient @ step + step @ (problem.curvature @ step) / 2 + prices @ x[n:])
-    return Step(
+    return QpSolution(
         found=status in _SOLVED and bool(np.all(np.isfinite(x))),
         step=step,
         cost=cost,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.optimal.flat.clearance_rows import ClearanceRows, Linearised
-from armdyn.optimal.flat.convex_step import ConvexStep, SoftRows, Step, solve_step
+from armdyn.optimal.flat.convex_step import ConvexStep, QpSolution, SoftRows, solve_step
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.program import CurveLayout, build
 from armdyn.optimal.path_constraints.rows import Rows
@@ -106,7 +106,7 @@ class CurveProgram:
 
 
 @dataclass(frozen=True, eq=False)
-class _Point:
+class _Iterate:
     """An iterate: a curve whose torques are those that it takes, and all rows linearised there.
 
     Attributes:
@@ -162,7 +162,9 @@ class Sequential:
                 break
         return self._outcome(at, step, status, word, iterations)
 
-    def _step(self, at: _Point, merit: float, trust: float, eager: bool) -> tuple[_Point | None, Step, float, int]:
+    def _step(
+        self, at: _Iterate, merit: float, trust: float, eager: bool
+    ) -> tuple[_Iterate | None, QpSolution, float, int]:
         """A step that is taken (None: none is better), its quadratic program, the next radius and the iterations."""
         policy, iterations = self.policy, 0
         rows = self._rows(at)
@@ -188,7 +190,7 @@ class Sequential:
             if trust < policy.least_trust or self.stop:
                 return None, step, trust, iterations
 
-    def _point(self, x: Array) -> _Point:
+    def _point(self, x: Array) -> _Iterate:
         """An iterate from unknowns whose torques may be any."""
         problem, p = self.problem, self.problem.numbers.p
         x = x.copy()
@@ -207,7 +209,7 @@ class Sequential:
         reduced = own @ (by_free + by_torque @ load)
         place = sp.csr_matrix((np.ones(rows.size), (rows, np.arange(rows.size))), shape=(values.size, rows.size))
         near = None if problem.clearance is None else problem.clearance.at(problem.guess, problem.shape, x)
-        return _Point(x, values, (reduced + place @ load).tocsr(), near, self._penalties(x, values, near))
+        return _Iterate(x, values, (reduced + place @ load).tocsr(), near, self._penalties(x, values, near))
 
     def _penalties(self, x: Array, g: Array, near: Linearised | None) -> tuple[float, float, float]:
         policy, problem = self.policy, self.problem
@@ -219,27 +221,27 @@ class Sequential:
         missing = 0.0 if near is None else float(np.sum(near.missing))
         return policy.torque * float(np.sum(over)), policy.distance * missing, policy.other * float(np.sum(beside))
 
-    def _merit(self, at: _Point) -> float:
+    def _merit(self, at: _Iterate) -> float:
         return self._value(at.x) + sum(at.penalties)
 
     def _value(self, x: Array) -> float:
         """Cost of the unknowns, in seconds as the guess measures them."""
         return float(self.problem.cost(x, self.problem.numbers.p)[0]) * self._whole
 
-    def _promised(self, at: _Point, step: Step) -> float:
+    def _promised(self, at: _Iterate, step: QpSolution) -> float:
         return self._value(at.x) + step.cost
 
-    def _duration(self, at: _Point) -> float:
+    def _duration(self, at: _Iterate) -> float:
         return float(np.sum(at.x[self.problem.durations]))
 
-    def _kept(self, at: _Point) -> bool:
+    def _kept(self, at: _Iterate) -> bool:
         torque, distance, other = at.penalties
         policy = self.policy
         return (
             torque <= policy.torque * policy.torque_left and distance + other <= policy.distance * policy.distance_left
         )
 
-    def _rows(self, at: _Point) -> tuple[tuple[sp.csr_matrix, Array], tuple[SoftRows, ...]]:
+    def _rows(self, at: _Iterate) -> tuple[tuple[sp.csr_matrix, Array], tuple[SoftRows, ...]]:
         """Hard rows and soft ones of the quadratic program."""
         problem, policy = self.problem, self.policy
         low, high = (side[problem.torques] for side in problem.numbers.x_bounds)
@@ -260,7 +262,7 @@ class Sequential:
             soft.append(SoftRows(-by_free, at.near.spare, at.near.samples, policy.distance))
         return hard, tuple(soft)
 
-    def _sides(self, at: _Point, rows: Index) -> tuple[sp.csr_matrix, Array]:
+    def _sides(self, at: _Iterate, rows: Index) -> tuple[sp.csr_matrix, Array]:
         """Upper and lower sides of equations.
 
         A rate is r = c(points) / T^k, and r <= b is c <= b T^k, linear in T where k is 1 and convex else: the tangent
@@ -283,7 +285,7 @@ class Sequential:
         return sp.vstack(blocks, format="csr"), np.concatenate(tops)
 
     def _convex(
-        self, at: _Point, rows: tuple[tuple[sp.csr_matrix, Array], tuple[SoftRows, ...]], trust: float
+        self, at: _Iterate, rows: tuple[tuple[sp.csr_matrix, Array], tuple[SoftRows, ...]], trust: float
     ) -> ConvexStep:
         problem, policy, free = self.problem, self.policy, self.problem.free
         low, high = problem.numbers.x_bounds
@@ -323,13 +325,13 @@ class Sequential:
                 out = out + matrix.T @ sp.diags(self.policy.smooth * weights.ravel() / velocity[joint] ** 2) @ matrix
         return out.tocsr()
 
-    def _outcome(self, at: _Point, step: Step | None, status: Status, word: str, iterations: int) -> NlpResult:
+    def _outcome(self, at: _Iterate, step: QpSolution | None, status: Status, word: str, iterations: int) -> NlpResult:
         lam_x, lam_g = np.zeros(at.x.size), np.zeros(at.g.size)
         if step is not None:
             self._multipliers(step, lam_x, lam_g)
         return NlpResult(status, word, iterations, at.x, lam_x / self._whole, lam_g / self._whole)
 
-    def _multipliers(self, step: Step, lam_x: Array, lam_g: Array) -> None:
+    def _multipliers(self, step: QpSolution, lam_x: Array, lam_g: Array) -> None:
         """Those of torque limits and of velocity limits, as IPOPT has them."""
         problem = self.problem
         low, high = (side[problem.torques].ravel() for side in problem.numbers.x_bounds)
