@@ -18,6 +18,7 @@ from armdyn.optimal.landing.pace import least_factor
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.task.policy.policy import Policy
 from armdyn.optimal.task.policy.search import SearchPolicy
 from armdyn.optimal.task.policy.sequential import SequentialPolicy
 from armdyn.optimal.task.task import Task
@@ -45,28 +46,28 @@ def plan_path(problem: MinimumTimeProblem, seed: int = 0) -> Array:
     Raises:
         ProblemError: the problem is none, or no path was found.
     """
-    ways = ways_through(expect_problem(problem), whole(seed, "seed", least=0), Stop())
+    ways = ways_through(expect_problem(problem), Policy.of(problem).search, whole(seed, "seed", least=0), Stop())
     if not ways:
         raise ProblemError("no collision-free path was found within the planner's budget of collision checks")
     return np.vstack([leg[bool(k) :] for k, leg in enumerate(ways[0])])
 
 
-def ways_through(problem: MinimumTimeProblem, seed: int, stop: Stop) -> list[list[Array]]:
+def ways_through(problem: MinimumTimeProblem, policy: SearchPolicy, seed: int, stop: Stop) -> list[list[Array]]:
     """Ways through all poses of a problem, the shortest first: for each leg a path of shape (n, nv); empty: none."""
     model, limits, poses = problem.collision_model(), problem.limits, np.asarray(problem.poses)
     lower = np.maximum(limits.position_lower, np.min(poses, axis=0) - _TURN)
     upper = np.minimum(limits.position_upper, np.max(poses, axis=0) + _TURN)
-    speed = _speed(problem)
+    speed = _speed(problem, policy)
     space = JointSpace(model.is_free, lower, upper, speed * min(1.0, _FASTEST / float(np.max(speed))))
     legs = [plan_paths(space, a, b, seed, stop=stop.__bool__) for a, b in pairwise(poses)]
     count = max(map(len, legs)) if all(legs) else 0
     return [[paths[min(k, len(paths) - 1)] for paths in legs] for k in range(count)]
 
 
-def _speed(problem: MinimumTimeProblem) -> Array:
+def _speed(problem: MinimumTimeProblem, policy: SearchPolicy) -> Array:
     """Velocity limits [rad/s or m/s], shape (nv,); of a joint without one its share of a brisk motion."""
     limits = problem.limits.velocity
-    return np.where(np.isfinite(limits), limits, SearchPolicy.brisk)
+    return np.where(np.isfinite(limits), limits, policy.brisk)
 
 
 def refined_ways(task: Task) -> list[RefinedCurve]:
@@ -77,7 +78,8 @@ def refined_ways(task: Task) -> list[RefinedCurve]:
     """
     numbers, bound = task.policy.sequential, task.problem.duration_bound()
     task.progress("ways round the obstacles")
-    ways = [_guess(task, way) for way in ways_through(task.problem, task.options.seed, task.stop)[: numbers.ways]]
+    planned = ways_through(task.problem, task.policy.search, task.options.seed, task.stop)
+    ways = [_guess(task, way) for way in planned[: numbers.ways]]
     ways += [Curve.near(guess, _coarse(numbers)) for guess in task.options.guesses]
     spec = CurveSpec(TightenedConstraints.of(task))
     best: Solved | None = None
@@ -98,7 +100,7 @@ def refined_ways(task: Task) -> list[RefinedCurve]:
 
 def _guess(task: Task, way: Sequence[Array]) -> Curve:
     """A curve along a way, so slow that torques are about within their limits where these shape the motion."""
-    problem, numbers, speed = task.problem, task.policy.sequential, _speed(task.problem)
+    problem, numbers, speed = task.problem, task.policy.sequential, _speed(task.problem, task.policy.search)
     times = [float(np.sum(np.max(np.abs(np.diff(path, axis=0)) / speed, axis=1))) for path in way]
     curve = Curve.along(way, _coarse(numbers), task.policy.curves.slack * np.array(times), speed)
     if task.policy.curves.cruises:

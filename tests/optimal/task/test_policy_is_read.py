@@ -149,6 +149,10 @@ SOLVES = {
     "contacts that are too weak": lambda: noted(random_problem(68), starts=40),
     "contacts that another joint holds": lambda: noted(CARRIED, starts=40),
     "a search that is done again": lambda: noted(between("rr"), [("search", {"too_coarse": 0.5})], starts=2),
+    "a ball in the way": lambda: noted(between("rr", obstacles=[ad.Sphere((0.3, 0, -0.1), 0.06)]), starts=2),
+    "a ball in the way, with steps that are not taken at once": lambda: noted(
+        between("rr", obstacles=[ad.Sphere((0.3, 0, -0.1), 0.06)]), [("sequential", {"eager": 0})], starts=1
+    ),
     "a pose": lambda: noted(posed("rrr"), starts=2),
 }
 """Tasks of a fraction of a second to two seconds."""
