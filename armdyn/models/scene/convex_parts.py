@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
@@ -100,6 +99,8 @@ def _rough_volume(points: Array) -> float:
 
 def _volume(points: Array) -> float:
     """Volume of the hull of points [m³]."""
+    from scipy.spatial import ConvexHull, QhullError  # loaded for meshes alone
+
     try:
         return float(ConvexHull(points).volume)
     except (QhullError, ValueError):  # flat
@@ -108,6 +109,8 @@ def _volume(points: Array) -> float:
 
 def _corners(points: Array) -> Array:
     """Corners of the hull of points, made thicker where it is flat."""
+    from scipy.spatial import ConvexHull, QhullError  # loaded for meshes alone
+
     try:
         return np.asarray(points[ConvexHull(points).vertices])
     except (QhullError, ValueError):
