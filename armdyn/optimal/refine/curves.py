@@ -12,7 +12,7 @@ from armdyn.codegen.deadline import LateError
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.follow import follow
 from armdyn.optimal.flat.nlp_data import CurveSpec
-from armdyn.optimal.flat.refinement import RefinedCurve, constraints_mended, refine_curve, sampled
+from armdyn.optimal.flat.refinement import RefinedCurve, constraints_mended, refine_curve, reports_on, sampled
 from armdyn.optimal.flat.solve import prepare_curve
 from armdyn.optimal.landing.limit_violations import worst_violation
 from armdyn.optimal.landing.pace import can_be_slowed, least_factor
@@ -44,7 +44,8 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
     numbers, crowded = task.policy.curves, task.problem.crowded
     starts = task.policy.search.guesses(task.options, numbers.starts)
     try:
-        found = refined_ways(task) if crowded else _refined(task, _guesses(task, starts))
+        guesses = [] if crowded else _guesses(task, starts)
+        found = _refined(task, guesses) or _clear_of_obstacles(task) or refined_ways(task)
         if len(found) == 1 and not (crowded or task.stop) and _trouble(task, found[0]):
             found += _refined(task, _guesses(task, numbers.more_starts)[1:])
     except LateError:
@@ -97,6 +98,16 @@ def optima_met(durations: Sequence[float], guesses: int, same: float) -> str:
     several = f"{len(optima)} different optima were" if len(optima) > 1 else "one optimum was"
     times = f"the best one {len(optima[0])} times of {guesses} guesses"
     return f"{several} met, {times}; other seeds may find a faster one"
+
+
+def _clear_of_obstacles(task: Task) -> list[RefinedCurve]:
+    """The fastest curve without obstacles, if it keeps all clearances all the same."""
+    task.progress("the way without obstacles")
+    free = task.about(task.problem.variant(obstacles=(), self_collision=False))
+    (best,) = _refined(free, _guesses(free, 1)[:1])
+    constraints = TightenedConstraints.of(task)
+    reports = reports_on(task, best.curve, constraints)
+    return [replace(best, constraints=constraints, reports=reports)] if constraints_mended(task, reports) else []
 
 
 def _trouble(task: Task, refined: RefinedCurve) -> bool:
