@@ -32,13 +32,17 @@ from armdyn.models import Box as Box
 from armdyn.models import Capsule as Capsule
 from armdyn.models import Cylinder as Cylinder
 from armdyn.models import GoalPose as GoalPose
+from armdyn.models import Group as Group
 from armdyn.models import JointLimits as JointLimits
 from armdyn.models import LinkSpec as LinkSpec
+from armdyn.models import Mesh as Mesh
 from armdyn.models import Payload as Payload
 from armdyn.models import Plane as Plane
 from armdyn.models import Robot as Robot
 from armdyn.models import RobotOptions as RobotOptions
+from armdyn.models import Scene as Scene
 from armdyn.models import Sphere as Sphere
+from armdyn.models import load_scene as load_scene
 from armdyn.models import urdf_from_spec as urdf_from_spec
 from armdyn.optimal import Arc as Arc
 from armdyn.optimal import Certificate as Certificate

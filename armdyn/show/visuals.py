@@ -113,27 +113,35 @@ def obstacle_shapes(obstacles: Sequence[Obstacle]) -> list[VisualShape]:
 
     shapes: list[VisualShape] = []
     for obstacle in obstacles:
-        placement, solid = obstacle.solid()
-        if isinstance(solid, coal.Box):
-            shapes.append(VisualShape(0, placement, mg.Box((2 * solid.halfSide).tolist()), _OBSTACLE))
-            continue
-        if isinstance(solid, coal.ConvexBase):
-            hull = trimesh.convex.convex_hull(np.array(solid.points()))
-            shapes.append(VisualShape(0, placement, _NormalGeometry(hull), _OBSTACLE))
-            continue
-        if isinstance(solid, coal.Halfspace):  # a plate below its plane
-            at = placement @ pin.SE3(np.eye(3), np.array([0, 0, -_PLATE[2] / 2])).homogeneous
-            shapes.append(VisualShape(0, at, mg.Box(list(_PLATE)), _OBSTACLE))
-            continue
-        half = 0.0 if isinstance(solid, coal.Sphere) else solid.halfLength
-        a, b = (placement[:3, 3] + side * half * placement[:3, 2] for side in (-1, 1))
-        if not isinstance(solid, coal.Cylinder):
-            for end in [a, b] if half else [a]:
-                ball = np.eye(4)
-                ball[:3, 3] = end
-                shapes.append(VisualShape(0, ball, mg.Sphere(solid.radius), _OBSTACLE))
-        shapes += _rod(0, a, b, solid.radius, _OBSTACLE)
+        polyhedra: list[trimesh.Trimesh] = []
+        for placement, solid in obstacle.solids():
+            if isinstance(solid, coal.Box):
+                polyhedra.append(trimesh.creation.box(2 * solid.halfSide, placement))
+            elif isinstance(solid, coal.ConvexBase):
+                polyhedra.append(trimesh.convex.convex_hull(np.array(solid.points())).apply_transform(placement))
+            elif isinstance(solid, coal.Halfspace):  # a plate below its plane
+                at = placement @ pin.SE3(np.eye(3), np.array([0, 0, -_PLATE[2] / 2])).homogeneous
+                shapes.append(VisualShape(0, at, mg.Box(list(_PLATE)), _OBSTACLE))
+            else:
+                shapes += _round(placement, solid)
+        if polyhedra:  # one geometry: a point cloud has hundreds of boxes
+            whole: Any = trimesh.util.concatenate([trimesh.graph.smooth_shade(one, angle=_CREASE) for one in polyhedra])
+            shapes.append(VisualShape(0, np.eye(4), _NormalGeometry(whole), _OBSTACLE))
     return shapes
+
+
+def _round(placement: Array, solid: Any) -> Iterator[VisualShape]:
+    """A sphere, capsule or cylinder of coal."""
+    import coal
+
+    half = 0.0 if isinstance(solid, coal.Sphere) else solid.halfLength
+    a, b = (placement[:3, 3] + side * half * placement[:3, 2] for side in (-1, 1))
+    if not isinstance(solid, coal.Cylinder):
+        for end in [a, b] if half else [a]:
+            ball = np.eye(4)
+            ball[:3, 3] = end
+            yield VisualShape(0, ball, mg.Sphere(solid.radius), _OBSTACLE)
+    yield from _rod(0, a, b, solid.radius, _OBSTACLE)
 
 
 def _rod(
