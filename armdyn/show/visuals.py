@@ -103,37 +103,40 @@ def robot_shapes(robot: Robot) -> list[VisualShape]:
             stacklevel=3,
         )
     drawn = {shape.joint for shape in shapes}  # a payload alone does not show its link
-    return [*shapes, *_payload_ball(robot), *_bones(robot, drawn)]
+    return [*shapes, *_attached(robot), *_bones(robot, drawn)]
 
 
 def obstacle_shapes(obstacles: Sequence[Obstacle]) -> list[VisualShape]:
-    """Obstacles, fixed to the world, drawn from coal's boxes, spheres, capsules, cylinders and convex hulls."""
-    import coal
-    import trimesh
+    """Obstacles, fixed to the world."""
+    solids = [solid for obstacle in obstacles for solid in obstacle.solids()]
+    return [shape for placement, solid in solids for shape in _solid_shapes(0, placement, solid, _OBSTACLE)]
 
-    shapes: list[VisualShape] = []
-    for obstacle in obstacles:
-        placement, solid = obstacle.solid()
-        if isinstance(solid, coal.Box):
-            shapes.append(VisualShape(0, placement, mg.Box((2 * solid.halfSide).tolist()), _OBSTACLE))
-            continue
-        if isinstance(solid, coal.ConvexBase):
-            hull = trimesh.convex.convex_hull(np.array(solid.points()))
-            shapes.append(VisualShape(0, placement, _NormalGeometry(hull), _OBSTACLE))
-            continue
-        if isinstance(solid, coal.Halfspace):  # a plate below its plane
-            at = placement @ pin.SE3(np.eye(3), np.array([0, 0, -_PLATE[2] / 2])).homogeneous
-            shapes.append(VisualShape(0, at, mg.Box(list(_PLATE)), _OBSTACLE))
-            continue
+
+def _solid_shapes(
+    joint: int, placement: Array, solid: Any, rgba: tuple[float, float, float, float]
+) -> Iterator[VisualShape]:
+    """A box, sphere, capsule, cylinder, convex hull or half space of coal."""
+    import coal
+
+    if isinstance(solid, coal.Box):
+        yield VisualShape(joint, placement, mg.Box((2 * solid.halfSide).tolist()), rgba)
+    elif isinstance(solid, coal.ConvexBase):
+        import trimesh
+
+        hull = trimesh.convex.convex_hull(np.array(solid.points()))
+        yield VisualShape(joint, placement, _NormalGeometry(hull), rgba)
+    elif isinstance(solid, coal.Halfspace):  # a plate below its plane
+        at = placement @ pin.SE3(np.eye(3), np.array([0, 0, -_PLATE[2] / 2])).homogeneous
+        yield VisualShape(joint, at, mg.Box(list(_PLATE)), rgba)
+    else:
         half = 0.0 if isinstance(solid, coal.Sphere) else solid.halfLength
         a, b = (placement[:3, 3] + side * half * placement[:3, 2] for side in (-1, 1))
         if not isinstance(solid, coal.Cylinder):
             for end in [a, b] if half else [a]:
                 ball = np.eye(4)
                 ball[:3, 3] = end
-                shapes.append(VisualShape(0, ball, mg.Sphere(solid.radius), _OBSTACLE))
-        shapes += _rod(0, a, b, solid.radius, _OBSTACLE)
-    return shapes
+                yield VisualShape(joint, ball, mg.Sphere(solid.radius), rgba)
+        yield from _rod(joint, a, b, solid.radius, rgba)
 
 
 def _rod(
@@ -204,15 +207,18 @@ def _mesh_color(mesh: trimesh.Trimesh) -> tuple[float, float, float, float]:
     return r, g, b, a or 1.0
 
 
-def _payload_ball(robot: Robot) -> list[VisualShape]:
-    payload = robot.payload
-    if payload is None or payload.mass <= 0 or robot.model.existFrame("payload", pin.FrameType.BODY):
-        return []
-    frame = robot.frame(payload.frame or robot.tip)
-    placement = frame.placement.homogeneous.copy()
-    placement[:3, 3] = frame.placement.act(np.array(payload.com))
-    radius = max(float(np.cbrt(payload.mass / _DENSITY * 3 / (4 * np.pi))), 0.016)
-    return [VisualShape(frame.parentJoint, placement, mg.Sphere(radius), _PAYLOAD)]
+def _attached(robot: Robot) -> Iterator[VisualShape]:
+    """The shapes of tool and payload; of one without shapes a ball of its mass."""
+    for body in robot.attached:
+        frame, rgba = robot.frame_of(body), _GREY if body is robot.options.tool else _PAYLOAD
+        at, joint = frame.placement.homogeneous, int(frame.parentJoint)
+        for placement, solid in (solid for shape in body.shapes for solid in shape.solids()):
+            yield from _solid_shapes(joint, at @ placement, solid, rgba)
+        if body.mass > 0 and not body.shapes and not robot.model.existFrame(body.name, pin.FrameType.BODY):
+            centre = at.copy()
+            centre[:3, 3] = frame.placement.act(np.array(body.com))
+            radius = max(float(np.cbrt(body.mass / _DENSITY * 3 / (4 * np.pi))), 0.016)
+            yield VisualShape(joint, centre, mg.Sphere(radius), rgba)
 
 
 def _bones(robot: Robot, drawn: set[int]) -> Iterator[VisualShape]:

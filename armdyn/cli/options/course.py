@@ -110,8 +110,8 @@ class PathConstraintOptions:
         }
 
 
-def obstacles_of(texts: Sequence[str]) -> tuple[Obstacle, ...]:
-    """Obstacles as --obstacle says them.
+def obstacles_of(texts: Sequence[str], option: str = "--obstacle") -> tuple[Obstacle, ...]:
+    """Obstacles as --obstacle says them, or shapes of another option.
 
     Raises:
         ProblemError: a text is no shape and no file, or the file has none.
@@ -121,7 +121,7 @@ def obstacles_of(texts: Sequence[str]) -> tuple[Obstacle, ...]:
     found: list[Obstacle] = []
     for text in texts:
         kind, colon, rest = text.partition(":")
-        found += [_shape(kind, rest, f"--obstacle {text}")] if colon and kind in SHAPES else load_obstacles(text)
+        found += [_shape(kind, rest, f"{option} {text}")] if colon and kind in SHAPES else load_obstacles(text)
     return tuple(found)
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from armdyn.arguments import number, shown, text
 from armdyn.errors import FileError, ProblemError
 from armdyn.files import read_json
-from armdyn.models.scene.placement import Placement, Point, homogeneous, point, pose_entry, pose_of
+from armdyn.models.values.placement import Placement, Point, homogeneous, point, pose_entry, pose_of
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ _LONGEST_NAME = 200
 
 
 class Obstacle(ABC):
-    """A convex solid that stands in the world: a frozen dataclass of numbers in metres.
+    """A convex solid that stands in the world, or part of what an arm carries: a frozen dataclass of numbers in metres.
 
     A new shape is a subclass and its line in `SHAPES`. Fields are points or numbers, or `placement`, a pose.
 
@@ -42,6 +42,10 @@ class Obstacle(ABC):
     @abstractmethod
     def solid(self) -> tuple[Array, Any]:
         """The placement in the world, shape (4, 4) [m], and coal's geometry there."""
+
+    def solids(self) -> list[tuple[Array, Any]]:
+        """Convex solids that it consists of, each as `solid` returns it."""
+        return [self.solid()]
 
     @classmethod
     def option(cls) -> str:
