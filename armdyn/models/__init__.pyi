@@ -3,6 +3,8 @@ from armdyn.models.robots.robot import Robot as Robot
 from armdyn.models.scene.obstacles import Box as Box
 from armdyn.models.scene.obstacles import Capsule as Capsule
 from armdyn.models.scene.obstacles import Cylinder as Cylinder
+from armdyn.models.scene.obstacles import Group as Group
+from armdyn.models.scene.obstacles import Mesh as Mesh
 from armdyn.models.scene.obstacles import Plane as Plane
 from armdyn.models.scene.obstacles import Sphere as Sphere
 from armdyn.models.scene.reaching import GoalPose as GoalPose

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any
 
 from armdyn.arguments import shown
@@ -125,7 +126,9 @@ def _arguments(table: Table, robot: Robot) -> dict[str, Any]:
     if "via" in given:
         given["via"] = [positions_of(robot, q, "via") for q in given["via"]]
     if "obstacles" in given:
-        given["obstacles"] = [obstacle_from(one, f"obstacle {i + 1}") for i, one in enumerate(given["obstacles"])]
+        given["obstacles"] = [
+            obstacle_from(one, f"obstacle {i + 1}", Path(table.path).parent) for i, one in enumerate(given["obstacles"])
+        ]
     if "path_constraints" in given:
         texts = given["path_constraints"]
         if not all(isinstance(text, str) for text in texts):

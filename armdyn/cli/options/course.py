@@ -132,8 +132,9 @@ def _shape(kind: str, text: str, what: str) -> Obstacle:
     shape, (sizes, _, places) = SHAPES[kind], text.partition("@")
     values, at = numbers(sizes, what), [numbers(place, what) for place in places.split(";")]
     counts = [metavar.count(",") + 1 for metavar in shape.sizes.values()]
-    if (len(values), len(at)) != (sum(counts), len(shape.places)):
-        raise ProblemError(f"{what}: write {' or '.join(f'{name}:{one.option()}' for name, one in SHAPES.items())}")
+    if not shape.places or (len(values), len(at)) != (sum(counts), len(shape.places)):
+        said = [f"{name}:{one.option()}" for name, one in SHAPES.items() if one.places]
+        raise ProblemError(f"{what}: write {' or '.join(said)}")
     each = [values.pop(0) if count == 1 else [values.pop(0) for _ in range(count)] for count in counts]
     entry = dict(zip((*shape.sizes, *shape.places), (*each, *at), strict=True))
     return obstacle_from({"type": kind, **entry}, what)

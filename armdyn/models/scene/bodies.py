@@ -16,7 +16,7 @@ from armdyn.locks import built_once
 from armdyn.models.reading.meshes import load_meshes, numbers, origin, resolve_mesh
 from armdyn.models.reading.urdf_check import parse_urdf
 from armdyn.models.robots.robot import Robot
-from armdyn.models.scene.convex_parts import convex_parts
+from armdyn.models.scene.convex_parts import convex_hull, convex_parts
 from armdyn.models.scene.obstacles import Capsule
 
 Array = NDArray[np.float64]
@@ -154,16 +154,6 @@ def balls_around(geometry: Any, corners: int) -> tuple[Array, float]:
     if isinstance(geometry, coal.Cylinder):
         return around_cylinder(geometry.radius, geometry.halfLength, corners), 0.0
     return np.array(geometry.points()), 0.0
-
-
-def convex_hull(corners: Array) -> Any:
-    """Geometry of coal around corners, shape (m, 3) [m]."""
-    import coal
-
-    kept = coal.StdVec_Vec3s()
-    for corner in corners:
-        kept.append(corner)
-    return coal.ConvexBase.convexHull(kept, True, "Qt")
 
 
 def around_cylinder(radius: float, half_length: float, corners: int) -> Array:

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -28,7 +29,7 @@ class SceneGeometry:
 
     Attributes:
         model: geometry of Pinocchio, with the pairs.
-        names: of links and obstacles, in the order of `model.geometryObjects`.
+        names: of the link or obstacle that each solid is part of, in the order of `model.geometryObjects`.
         pairs: indices of the two solids of every pair, shape (pairs, 2).
         links: how many of the solids are the arm's; they come first.
     """
@@ -58,16 +59,15 @@ def scene_geometry(
     Raises:
         ProblemError: the robot has no geometry, or a mesh of it cannot be read.
     """
-    own = bodies(robot)
+    own, solids = bodies(robot), [(one.name, solid) for one in obstacles for solid in one.solids()]
     pairs = list(apart(robot)) if self_collision else []
-    pairs += [(i, len(own) + k) for i, body in enumerate(own) if body.joint for k in range(len(obstacles))]
-    return _assembled(robot, own, obstacles, pairs, allowed)
+    pairs += [(i, len(own) + k) for i, body in enumerate(own) if body.joint for k in range(len(solids))]
+    return _assembled(own, solids, pairs, allowed)
 
 
 def _assembled(
-    robot: Robot,
     own: Sequence[Body],
-    obstacles: Sequence[Obstacle],
+    solids: Sequence[tuple[str, tuple[Array, Any]]],
     pairs: Sequence[tuple[int, int]],
     allowed: Collection[tuple[str, str]] = (),
 ) -> SceneGeometry:
@@ -76,10 +76,9 @@ def _assembled(
         model.addGeometryObject(
             pin.GeometryObject(f"{i} {body.name}", body.joint, pin.SE3(body.placement), body.geometry)
         )
-    for k, obstacle in enumerate(obstacles):
-        placement, geometry = obstacle.solid()
+    for k, (_, (placement, geometry)) in enumerate(solids):
         model.addGeometryObject(pin.GeometryObject(f"obstacle {k}", 0, pin.SE3(placement), geometry))
-    names = (*(body.name for body in own), *(obstacle.name for obstacle in obstacles))
+    names = (*(body.name for body in own), *(name for name, _ in solids))
     touching = {frozenset(pair) for pair in allowed}
     kept = [(i, j) for i, j in pairs if frozenset((names[i], names[j])) not in touching]
     for i, j in kept:
@@ -104,7 +103,7 @@ def apart(robot: Robot) -> tuple[tuple[int, int], ...]:
     candidates = [(i, j) for i, j in different if own[i].attached or own[j].attached or not neighbours(i, j)]
     if not candidates:
         return ()
-    scene = _assembled(robot, own, (), candidates)
+    scene = _assembled(own, (), candidates)
     data, geometry = robot.model.createData(), pin.GeometryData(scene.model)
     for request, pair in zip(geometry.collisionRequests, candidates, strict=True):
         request.security_margin = _MOUNTED if neighbours(*pair) else 0.0
