@@ -18,7 +18,7 @@ from armdyn.errors import ArmdynWarning
 from armdyn.models import Robot
 from armdyn.models.reading.meshes import load_meshes, numbers, origin, resolve_mesh
 from armdyn.models.reading.urdf_check import parse_urdf
-from armdyn.models.values.spec import VisualShape
+from armdyn.models.values.spec import BodyShape
 
 if TYPE_CHECKING:
     import trimesh
@@ -108,7 +108,7 @@ def robot_shapes(robot: Robot) -> list[VisualShape]:
 
 
 def obstacle_shapes(
-    bodies: Sequence[VisualShape], joint: int = 0, frame: Array | None = None, rgba: Rgba = _OBSTACLE
+    bodies: Sequence[BodyShape], joint: int = 0, frame: Array | None = None, rgba: Rgba = _OBSTACLE
 ) -> list[VisualShape]:
     """Obstacles, fixed to the world, or the shapes of an attached body.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Annotated, ClassVar
 
 import typer
@@ -104,7 +105,7 @@ class PartOptions:
         table = read_toml(self.tool)
         table.only(TOOL_KEYS)
         with table.telling({}):
-            return tool_from(table.values)
+            return tool_from(table.values, Path(table.path).parent)
 
     def ends(self) -> tuple[str, str] | None:
         """First and last joint or link of the arm that moves."""

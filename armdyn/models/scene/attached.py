@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -18,36 +19,44 @@ _TIP = ("tip", "quaternion", "rpy")
 TOOL_KEYS = (*PAYLOAD_KEYS, *_TIP)
 
 
-def payload_from(entry: Mapping[str, Any]) -> Payload:
+def payload_from(entry: Mapping[str, Any], folder: str | os.PathLike[str] | None = None) -> Payload:
     """A payload from what TOML or JSON says, such as {"mass": 0.5, "shapes": [{"type": "box", …}]}.
+
+    Args:
+        entry: its keys.
+        folder: see `obstacle_from`.
 
     Raises:
         ProblemError: an entry of shapes is no shape.
         TypeError: a key is none of `PAYLOAD_KEYS`.
         SpecError: see `Payload`.
     """
-    return Payload(**_arguments(entry, "payload"))
+    return Payload(**_arguments(entry, "payload", folder))
 
 
-def tool_from(entry: Mapping[str, Any]) -> Tool:
+def tool_from(entry: Mapping[str, Any], folder: str | os.PathLike[str] | None = None) -> Tool:
     """A tool from what TOML or JSON says: that of a payload, and its tip, a position and perhaps quaternion or rpy.
+
+    Args:
+        entry: its keys.
+        folder: see `obstacle_from`.
 
     Raises:
         ProblemError: see `payload_from`.
         TypeError: a key is none of `TOOL_KEYS`.
         SpecError: see `Tool`.
     """
-    given = _arguments(entry, "tool")
+    given = _arguments(entry, "tool", folder)
     tip, quaternion, rpy = (given.pop(key, None) for key in _TIP)
     return Tool(tip=pose_of((0.0, 0.0, 0.0) if tip is None else tip, quaternion, rpy, "the tool's tip"), **given)
 
 
-def _arguments(entry: Mapping[str, Any], what: str) -> dict[str, Any]:
+def _arguments(entry: Mapping[str, Any], what: str, folder: str | os.PathLike[str] | None) -> dict[str, Any]:
     """Arguments of a `Payload`, with its shapes as they are meant."""
     shapes = entry.get("shapes", ())
     if not isinstance(shapes, Sequence) or isinstance(shapes, str):
         raise ProblemError(f"shapes of the {what} is {shown(shapes)}; it must be a list of tables, each with a type")
-    found = [obstacle_from(shape, f"shape {i} of the {what}") for i, shape in enumerate(shapes, start=1)]
+    found = [obstacle_from(shape, f"shape {i} of the {what}", folder) for i, shape in enumerate(shapes, start=1)]
     return {"mass": 0.0, **entry, "shapes": found}
 
 

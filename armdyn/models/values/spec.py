@@ -101,7 +101,7 @@ class ArmSpec:
 
 
 @runtime_checkable
-class Shape(Protocol):
+class BodyShape(Protocol):
     """A shape of `armdyn.models.scene.obstacles`, such as `Box`."""
 
     name: str
@@ -129,7 +129,7 @@ class Payload:
     com: tuple[float, ...]
     inertia: tuple[float, ...]
     frame: str | None
-    shapes: tuple[Shape, ...]
+    shapes: tuple[BodyShape, ...]
     name: str
 
     def __init__(
@@ -139,7 +139,7 @@ class Payload:
         com: ArrayLike = (0.0, 0.0, 0.0),
         inertia: ArrayLike = (0.0, 0.0, 0.0),
         frame: str | None = None,
-        shapes: Iterable[Shape] = (),
+        shapes: Iterable[BodyShape] = (),
         name: str = "payload",
         offset: ArrayLike | None = None,
     ):
@@ -158,7 +158,7 @@ class Payload:
             SpecError: not finite, of another shape, or no body has such an inertia.
         """
         members = several(shapes, "payload shapes", error=SpecError)
-        if wrong := [one for one in members if isinstance(one, type) or not isinstance(one, Shape)]:
+        if wrong := [one for one in members if isinstance(one, type) or not isinstance(one, BodyShape)]:
             raise SpecError(
                 f"payload shapes have {shown(wrong[0])}; they are such as Box((0.1, 0.1, 0.2), (0, 0, 0.1))"
             )
@@ -220,7 +220,7 @@ class Tool(Payload):
         com: ArrayLike = (0.0, 0.0, 0.0),
         inertia: ArrayLike = (0.0, 0.0, 0.0),
         frame: str | None = None,
-        shapes: Iterable[Shape] = (),
+        shapes: Iterable[BodyShape] = (),
         name: str = "tool",
     ):
         """A tool.

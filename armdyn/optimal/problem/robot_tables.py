@@ -44,11 +44,11 @@ def robot_from(table: Table, mass: float | None = None) -> Robot:
     """
     table.only(KEYS)
     with table.telling(_WORDS):
-        given = table.values
+        given, folder = table.values, Path(table.path).parent
         carried = dict(_inner(table, "payload", PAYLOAD_KEYS)) if "payload" in given else {}
         if mass is not None:
             carried = {**carried, "mass": mass} if mass or "shapes" in carried else {}
-        tool = tool_from(_inner(table, "tool", TOOL_KEYS)) if "tool" in given else None
+        tool = tool_from(_inner(table, "tool", TOOL_KEYS), folder) if "tool" in given else None
         lock = (
             {joint: position_of(q, "lock") for joint, q in _inner(table, "lock").items()} if "lock" in given else None
         )
@@ -56,7 +56,7 @@ def robot_from(table: Table, mass: float | None = None) -> Robot:
         if "arm" in given and not (isinstance(ends, list) and len(ends) == 2 and all(isinstance(e, str) for e in ends)):
             raise table.error("arm", f"arm is {shown(ends)}; it is two joints or links: ['first', 'last']")
         numbers: Any = {key: given[key] for key in _NUMBERS if key in given}
-        payload = payload_from(carried) if carried else None
+        payload = payload_from(carried, folder) if carried else None
         options = RobotOptions(payload=payload, tool=tool, lock=lock, arm=ends, **numbers)
         robot = Robot.from_source(_source(table), options)
         if "limits" in given:
