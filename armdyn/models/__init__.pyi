@@ -8,6 +8,8 @@ from armdyn.models.scene.obstacles import Mesh as Mesh
 from armdyn.models.scene.obstacles import Plane as Plane
 from armdyn.models.scene.obstacles import Sphere as Sphere
 from armdyn.models.scene.reaching import GoalPose as GoalPose
+from armdyn.models.scene.scenes import Scene as Scene
+from armdyn.models.scene.scenes import load_scene as load_scene
 from armdyn.models.values.friction import JointFriction as JointFriction
 from armdyn.models.values.joint_limits import JointLimits as JointLimits
 from armdyn.models.values.spec import PLANAR_ARMS as PLANAR_ARMS

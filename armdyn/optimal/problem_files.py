@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from armdyn.arguments import shown
+from armdyn.files import file_inside
 from armdyn.models.robots.poses import positions_of
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.obstacles import obstacle_from
 from armdyn.models.scene.reaching import GoalPose
+from armdyn.models.scene.scenes import load_scene
 from armdyn.models.values.placement import pose_of
 from armdyn.optimal.path_constraints.registry import path_constraint_from
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -107,7 +109,7 @@ def problem_from(table: Table, robot: Robot) -> MinimumTimeProblem:
     Raises:
         ProblemError: a key is unknown or wrong; the message says in which line.
     """
-    table.only(PROBLEM)
+    table.only((*PROBLEM, "scene"))
     with table.telling(_WORDS):
         return MinimumTimeProblem(robot, **_arguments(table, robot))
 
@@ -129,6 +131,11 @@ def _arguments(table: Table, robot: Robot) -> dict[str, Any]:
         given["obstacles"] = [
             obstacle_from(one, f"obstacle {i + 1}", Path(table.path).parent) for i, one in enumerate(given["obstacles"])
         ]
+    if "scene" in given:
+        with table.at("scene"):
+            scene = load_scene(file_inside(Path(table.path).parent, given.pop("scene")), robot)
+        given["obstacles"] = [*given.get("obstacles", ()), *scene.obstacles]
+        given["allowed_contacts"] = [*given.get("allowed_contacts", ()), *scene.allowed_contacts]
     if "path_constraints" in given:
         texts = given["path_constraints"]
         if not all(isinstance(text, str) for text in texts):

@@ -80,6 +80,11 @@ class PathConstraintOptions:
         "capsule:R@X,Y,Z;X,Y,Z, cylinder:R@X,Y,Z;X,Y,Z, plane:NX,NY,NZ@X,Y,Z "
         "(outward normal), or a file of them, boxes turned too (docs/obstacles.md). May be given again.",
     )
+    scene: list[str] | None = option(
+        "FILE",
+        "Scene to keep clear of: a MoveIt planning scene (.yaml, .scene), whose allowed contacts hold, or the URDF of "
+        "a cell (docs/obstacles.md). May be given again.",
+    )
     self_collision: bool = flag("Keep the arm's links clear of each other, too.")
     allow_contact: list[str] | None = option(
         "A,B", "Names of a link and an obstacle, or of two links, that may touch. May be given again."
@@ -97,13 +102,16 @@ class PathConstraintOptions:
         Raises:
             ProblemError: a text does not fit its option.
         """
+        from armdyn.models.scene.scenes import load_scene
         from armdyn.optimal.path_constraints.registry import path_constraint_from
 
+        scenes = [load_scene(file, robot) for file in self.scene or ()]
+        contacts = [tuple(name.strip() for name in text.split(",")) for text in self.allow_contact or ()]
         return {
             "via": [positions(text, "--via", robot) for text in self.via or ()],
-            "obstacles": obstacles_of(self.obstacle or ()),
+            "obstacles": [*obstacles_of(self.obstacle or ()), *(one for scene in scenes for one in scene.obstacles)],
             "self_collision": self.self_collision,
-            "allowed_contacts": [tuple(name.strip() for name in text.split(",")) for text in self.allow_contact or ()],
+            "allowed_contacts": [*contacts, *(pair for scene in scenes for pair in scene.allowed_contacts)],
             "clearance": self.clearance,
             **self.rates.problem_arguments(),
             "path_constraints": [path_constraint_from(text) for text in self.limit or ()],

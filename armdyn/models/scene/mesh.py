@@ -188,3 +188,8 @@ class Group(Obstacle):
     def solids(self) -> list[tuple[Array, Any]]:
         """Those of its members."""
         return [solid for one in self.members for solid in one.solids()]
+
+
+def grouped(pieces: Sequence[Obstacle], name: str) -> Obstacle:
+    """One obstacle of pieces that have its name: the only one, or their group."""
+    return pieces[0] if len(pieces) == 1 else Group(pieces, name=name)

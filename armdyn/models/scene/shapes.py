@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from armdyn.arguments import number, text
+from armdyn.arguments import number, shown, text
 from armdyn.errors import ProblemError
 from armdyn.models.values.placement import Placement, Point, homogeneous, point
 
@@ -224,3 +224,31 @@ class Box(Obstacle):
         import coal
 
         return self.pose, coal.Box(*self.size)
+
+
+def primitive(kind: str, sizes: Array, pose: Array, name: str) -> Obstacle:
+    """A shape as URDFs and MoveIt say it: around the origin of a pose, round ones along its z axis.
+
+    Args:
+        kind: "box", "sphere", "cylinder" or "capsule".
+        sizes: three edges, a radius, or a length and a radius [m].
+        pose: in the world, shape (4, 4) [m].
+        name: what messages call it.
+
+    Raises:
+        ProblemError: another kind, or numbers that are none.
+    """
+    count = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2}.get(kind)
+    if count is None:
+        raise ProblemError(f"a shape is {shown(kind)}; it must be a box, a sphere, a cylinder, a capsule or a mesh")
+    if np.shape(sizes) != (count,):
+        raise ProblemError(f"a {kind} has the sizes {shown(np.ravel(sizes).tolist())}; it must have {count}")
+    x, y, z = pose[:3, 3]
+    if kind == "box":
+        return Box(tuple(sizes.tolist()), pose, name=name)
+    if kind == "sphere":
+        return Sphere((x, y, z), float(sizes[0]), name=name)
+    half = number(sizes[0], f"length of {kind} {name!r}", unit="m", sign="positive") / 2 * pose[:3, 2]
+    round_one: type[Cylinder | Capsule] = Cylinder if kind == "cylinder" else Capsule
+    a, b = (tuple((pose[:3, 3] + side * half).tolist()) for side in (-1, 1))
+    return round_one(a, b, float(sizes[1]), name=name)
