@@ -109,7 +109,7 @@ class PathConstraintOptions:
         contacts = [tuple(name.strip() for name in text.split(",")) for text in self.allow_contact or ()]
         return {
             "via": [positions(text, "--via", robot) for text in self.via or ()],
-            "obstacles": [*obstacles_of(self.obstacle or ()), *(one for scene in scenes for one in scene.obstacles)],
+            "obstacles": (*obstacles_of(self.obstacle or ()), *(one for scene in scenes for one in scene.obstacles)),
             "self_collision": self.self_collision,
             "allowed_contacts": [*contacts, *(pair for scene in scenes for pair in scene.allowed_contacts)],
             "clearance": self.clearance,
