@@ -84,8 +84,11 @@ def solve_task(task: Task, seconds: float | None = None) -> Solution:
     check_pace(problem)
     if problem.goal_pose is not None or len(problem.goals) > 1:
         return _fastest_goal(task)
-    limit = task.options.time_limit if seconds is None else seconds
-    with stopping(limit) as stop, _bounded(replace(task, stop=stop)) as task:
+    limit, numbers = task.options.time_limit if seconds is None else seconds, task.policy.landing
+    with (
+        stopping(limit - min(numbers.check_part * limit, numbers.check_time)) as stop,
+        _bounded(replace(task, stop=stop)) as task,
+    ):
         optima, found = refined(task)
         bound = task.lower_bound()
     elapsed = time.perf_counter() - started
