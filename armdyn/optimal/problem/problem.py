@@ -363,7 +363,12 @@ def _is_default(value: object, default: object) -> bool:
 def _plain(value: Any) -> Any:
     """A field's value in numbers, texts, lists and tables."""
     if isinstance(value, GoalPose):
-        return {"frame": value.frame, **pose_entry(value.pose.homogeneous, turned=value.oriented)}
+        region = {"free": list(value.free), "tolerance": list(value.tolerance)}
+        return {
+            "frame": value.frame,
+            **pose_entry(value.pose.homogeneous, turned=np.ndim(value.placement) == 2),
+            **{name: entries for name, entries in region.items() if entries},
+        }
     if isinstance(value, Obstacle):
         return obstacle_entry(value)
     if isinstance(value, PathConstraintSpec):
