@@ -33,11 +33,13 @@ from armdyn.models import Capsule as Capsule
 from armdyn.models import Cylinder as Cylinder
 from armdyn.models import GoalPose as GoalPose
 from armdyn.models import Group as Group
+from armdyn.models import HeightMap as HeightMap
 from armdyn.models import JointLimits as JointLimits
 from armdyn.models import LinkSpec as LinkSpec
 from armdyn.models import Mesh as Mesh
 from armdyn.models import Payload as Payload
 from armdyn.models import Plane as Plane
+from armdyn.models import PointCloud as PointCloud
 from armdyn.models import Robot as Robot
 from armdyn.models import RobotOptions as RobotOptions
 from armdyn.models import Scene as Scene
