@@ -44,6 +44,7 @@ from armdyn.models import Robot as Robot
 from armdyn.models import RobotOptions as RobotOptions
 from armdyn.models import Scene as Scene
 from armdyn.models import Sphere as Sphere
+from armdyn.models import Tool as Tool
 from armdyn.models import load_scene as load_scene
 from armdyn.models import urdf_from_spec as urdf_from_spec
 from armdyn.optimal import Arc as Arc

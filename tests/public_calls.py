@@ -46,6 +46,7 @@ LOOP, PID = ad.Loop(), ad.Pid()
 PLANTS, ARMS = ad.Plants(), ad.MonteCarloOptions(count=1, duration=0.1, workers=1)
 TUNING = ad.TuneOptions(duration=0.1, members=2, generations=1, time_limit=1.0, workers=1)
 LINK = {"length": 0.25, "com": 0.1, "mass": 0.2, "inertia": 1e-3}
+BODY = {"mass": 1.0, "com": (0, 0, 0), "inertia": (0, 0, 0), "frame": None, "shapes": (), "name": "tool"}
 LIMITS = ("position_lower", "position_upper", "velocity", "effort_lower", "effort_upper")
 READING = {"payload": None, "lock": None, "effort_limit": None, "velocity_limit": None, "armature": None}
 FRICTION = {"damping": 0.0, "friction": 0.0, "friction_width": 0.05, "arm": None}
@@ -85,7 +86,8 @@ def values() -> dict[Callable[..., object], Right]:
         ad.LinkSpec: LINK,
         ad.ArmSpec: {"name": "a", "links": [ad.LinkSpec(**LINK)], "position_limit": 3.0, "velocity_limit": 9.0}
         | {"effort_limit": 3.0},
-        ad.Payload: {"mass": 1.0, "com": (0, 0, 0), "inertia": (0, 0, 0), "frame": None, "offset": None},
+        ad.Payload: BODY | {"offset": None},
+        ad.Tool: BODY | {"tip": (0, 0, 0)},
         ad.Sphere: {"center": (0, 0, 0), "radius": 1.0, "name": "ball"},
         ad.Cylinder: {"a": (0, 0, 0), "b": (0, 0, 1), "radius": 1.0, "name": "drum"},
         ad.Plane: {"point": (0, 0, 0), "normal": (0, 0, 1), "name": "floor"},
@@ -213,6 +215,7 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
         RR.with_armature: {"armature": 1.0},
         RR.with_passive: {"joints": [RR.joint_names[0]]},
         RR.frame: {"name": "tip"},
+        RR.frame_of: {"payload": RR.payload},
         RR.pose: {"name": "zero"},
         RR.configuration: {"q": START},
         RR.holding_torque: {"q": START},

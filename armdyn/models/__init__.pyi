@@ -18,4 +18,5 @@ from armdyn.models.values.spec import PLANAR_ARMS as PLANAR_ARMS
 from armdyn.models.values.spec import ArmSpec as ArmSpec
 from armdyn.models.values.spec import LinkSpec as LinkSpec
 from armdyn.models.values.spec import Payload as Payload
+from armdyn.models.values.spec import Tool as Tool
 from armdyn.models.values.urdf import urdf_from_spec as urdf_from_spec

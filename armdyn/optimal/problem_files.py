@@ -12,20 +12,20 @@ from armdyn.arguments import shown
 from armdyn.files import file_inside
 from armdyn.models.robots.poses import positions_of
 from armdyn.models.robots.robot import Robot
-from armdyn.models.robots.tables import robot_from
 from armdyn.models.scene.obstacles import obstacle_from
-from armdyn.models.scene.placement import pose_of
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.models.scene.scenes import load_scene
+from armdyn.models.values.placement import pose_of
 from armdyn.optimal.path_constraints.registry import path_constraint_from
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.robot_tables import robot_from
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.parsing.toml import Table, read_toml
 
 TABLES = ("robot", "problem", "options")
 OPTIONS = ("search", "starts", "time_limit", "max_intervals", "seed", "smooth")
 PROBLEM = tuple(field.name for field in fields(MinimumTimeProblem) if field.init and field.name != "robot")
-"""The keys of [problem]; those of [robot] are `models.robots.tables.KEYS`."""
+"""The keys of [problem]; those of [robot] are `problem.robot_tables.KEYS`."""
 
 _WORDS = {
     "start": "q_start",

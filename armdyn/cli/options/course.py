@@ -109,7 +109,7 @@ class PathConstraintOptions:
         contacts = [tuple(name.strip() for name in text.split(",")) for text in self.allow_contact or ()]
         return {
             "via": [positions(text, "--via", robot) for text in self.via or ()],
-            "obstacles": [*obstacles_of(self.obstacle or ()), *(one for scene in scenes for one in scene.obstacles)],
+            "obstacles": (*obstacles_of(self.obstacle or ()), *(one for scene in scenes for one in scene.obstacles)),
             "self_collision": self.self_collision,
             "allowed_contacts": [*contacts, *(pair for scene in scenes for pair in scene.allowed_contacts)],
             "clearance": self.clearance,
@@ -118,8 +118,8 @@ class PathConstraintOptions:
         }
 
 
-def obstacles_of(texts: Sequence[str]) -> tuple[Obstacle, ...]:
-    """Obstacles as --obstacle says them.
+def obstacles_of(texts: Sequence[str], option: str = "--obstacle") -> tuple[Obstacle, ...]:
+    """Obstacles as --obstacle says them, or shapes of another option.
 
     Raises:
         ProblemError: a text is no shape and no file, or the file has none.
@@ -129,7 +129,7 @@ def obstacles_of(texts: Sequence[str]) -> tuple[Obstacle, ...]:
     found: list[Obstacle] = []
     for text in texts:
         kind, colon, rest = text.partition(":")
-        found += [_shape(kind, rest, f"--obstacle {text}")] if colon and kind in SHAPES else load_obstacles(text)
+        found += [_shape(kind, rest, f"{option} {text}")] if colon and kind in SHAPES else load_obstacles(text)
     return tuple(found)
 
 

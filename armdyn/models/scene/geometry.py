@@ -19,6 +19,8 @@ Index = NDArray[np.int_]
 _POSES = 60
 _ALWAYS = 0.95
 """Bodies that touch in this part of so many random poses, or more, are built so."""
+_MOUNTED = 0.01
+"""Tool or payload and the link on a neighbouring joint that are so near in as many poses are built so, too [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,20 +88,25 @@ def _assembled(
 
 @built_once(maxsize=16)
 def apart(robot: Robot) -> tuple[tuple[int, int], ...]:
-    """Pairs of the arm's bodies that can touch and need not: neither on neighbouring joints nor always touching."""
+    """Pairs of the arm's bodies that can touch and need not.
+
+    Bodies that touch in nearly all poses are built so. Of links on neighbouring joints that is assumed; tool and
+    payload are compared with the links on neighbouring joints, too, unless these are next to them in nearly all poses.
+    """
     own, parents = bodies(robot), robot.model.parents
-    candidates = [
-        (i, j)
-        for j in range(len(own))
-        for i in range(j)
-        if own[i].joint != own[j].joint
-        and parents[own[j].joint] != own[i].joint
-        and parents[own[i].joint] != own[j].joint
-    ]
+
+    def neighbours(i: int, j: int) -> bool:
+        a, b = own[i].joint, own[j].joint
+        return bool(parents[a] == b or parents[b] == a)
+
+    different = [(i, j) for j in range(len(own)) for i in range(j) if own[i].joint != own[j].joint]
+    candidates = [(i, j) for i, j in different if own[i].attached or own[j].attached or not neighbours(i, j)]
     if not candidates:
         return ()
     scene = _assembled(own, (), candidates)
     data, geometry = robot.model.createData(), pin.GeometryData(scene.model)
+    for request, pair in zip(geometry.collisionRequests, candidates, strict=True):
+        request.security_margin = _MOUNTED if neighbours(*pair) else 0.0
     random, limits = np.random.default_rng(0), robot.limits
     low, high = np.maximum(limits.position_lower, -np.pi), np.minimum(limits.position_upper, np.pi)
     low, high = np.minimum(low, high), np.maximum(low, high)

@@ -16,8 +16,8 @@ from armdyn.arguments import path as path_of
 from armdyn.errors import ProblemError
 from armdyn.models.reading.meshes import load_meshes
 from armdyn.models.scene.convex_parts import convex_hull, convex_parts
-from armdyn.models.scene.placement import Placement
 from armdyn.models.scene.shapes import Obstacle
+from armdyn.models.values.placement import Placement
 
 Array = NDArray[np.float64]
 

@@ -15,8 +15,8 @@ from armdyn.arguments import shown
 from armdyn.errors import ArmdynError, ProblemError
 from armdyn.files import read_bounded
 from armdyn.models.scene.mesh import Mesh, grouped
-from armdyn.models.scene.placement import pose_of
 from armdyn.models.scene.shapes import Obstacle, Plane, primitive
+from armdyn.models.values.placement import pose_of
 from armdyn.parsing.yaml_text import MAX_BYTES, read_yaml
 
 Array = NDArray[np.float64]

@@ -15,9 +15,9 @@ from armdyn.arguments import shown
 from armdyn.errors import ArmdynError, FileError, ProblemError
 from armdyn.files import file_inside, read_json
 from armdyn.models.scene.mesh import Group, Mesh
-from armdyn.models.scene.placement import pose_entry, pose_of
 from armdyn.models.scene.point_cloud import HeightMap, PointCloud
 from armdyn.models.scene.shapes import Box, Capsule, Cylinder, Obstacle, Plane, Sphere
+from armdyn.models.values.placement import pose_entry, pose_of
 
 __all__ = [
     "SHAPES", "Box", "Capsule", "Cylinder", "Group", "HeightMap", "Mesh", "Obstacle", "Plane", "PointCloud", "Sphere",

@@ -17,8 +17,8 @@ from armdyn.arguments import path as path_of
 from armdyn.errors import ProblemError
 from armdyn.files import read_bounded
 from armdyn.locks import built_once
-from armdyn.models.scene.placement import Placement, Point, homogeneous
 from armdyn.models.scene.shapes import Obstacle
+from armdyn.models.values.placement import Placement, Point, homogeneous
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]

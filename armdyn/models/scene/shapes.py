@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from armdyn.arguments import number, shown, text
 from armdyn.errors import ProblemError
-from armdyn.models.scene.placement import Placement, Point, homogeneous, point
+from armdyn.models.values.placement import Placement, Point, homogeneous, point
 
 Array = NDArray[np.float64]
 

@@ -25,6 +25,7 @@ from armdyn.optimal.task.policy.search import SearchPolicy
 from armdyn.optimal.task.policy.sequential import SequentialPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.planning.paths import JointSpace, plan_paths
+from armdyn.planning.rrt_connect import PlannerOptions
 
 Array = NDArray[np.float64]
 
@@ -32,6 +33,7 @@ _TURN = np.pi
 """Bounds of a joint without limits, beyond its given poses [rad or m]: half a turn either way."""
 _FASTEST = 3.2
 """Velocity limit [rad/s or m/s] above which all are scaled down, lest collision checks be more than 0.064 rad apart."""
+NO_WAY = f"no collision-free path was found in {PlannerOptions().checks} collision checks, the planner's budget"
 
 
 def plan_path(problem: MinimumTimeProblem, seed: int = 0) -> Array:
@@ -50,7 +52,7 @@ def plan_path(problem: MinimumTimeProblem, seed: int = 0) -> Array:
     """
     ways = ways_through(expect_problem(problem), Policy.of(problem).search, whole(seed, "seed", least=0), Stop())
     if not ways:
-        raise ProblemError("no collision-free path was found within the planner's budget of collision checks")
+        raise ProblemError(NO_WAY)
     return np.vstack([leg[bool(k) :] for k, leg in enumerate(ways[0])])
 
 
@@ -72,8 +74,8 @@ def _speed(problem: MinimumTimeProblem, policy: SearchPolicy) -> Array:
     return np.where(np.isfinite(limits), limits, policy.brisk)
 
 
-def refined_ways(task: Task) -> list[RefinedCurve]:
-    """The fastest curve along planned ways, refined; empty if no way was found.
+def refined_ways(task: Task) -> tuple[list[RefinedCurve], bool]:
+    """The fastest curve along planned ways and the options' guesses, refined; and whether a way was planned.
 
     Args:
         task: a problem with distances to be kept.
@@ -94,10 +96,10 @@ def refined_ways(task: Task) -> list[RefinedCurve]:
         if best is None or (not solved.converged, solved.curve.duration) < (not best.converged, best.curve.duration):
             best = solved
     if best is None:
-        return []
+        return [], bool(planned)
     fine = Basis(graded(numbers.intervals, numbers.shortest, numbers.longest))
     refined = refine_curve(task, best.curve.on(fine))
-    return [replace(refined, curve=refined.curve.slower(1 + numbers.kept))]
+    return [replace(refined, curve=refined.curve.slower(1 + numbers.kept))], bool(planned)
 
 
 def _guess(task: Task, way: Sequence[Array]) -> Curve:
