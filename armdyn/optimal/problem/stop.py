@@ -10,6 +10,7 @@ from types import FrameType
 
 import numpy as np
 
+from armdyn.codegen.background import abandon
 from armdyn.optimal.problem.status import Status
 
 
@@ -109,6 +110,7 @@ def stopping(seconds: float) -> Iterator[Stop]:
         if stop.interrupted:
             raise KeyboardInterrupt
         stop.interrupt()
+        abandon()
 
     before = signal.signal(signal.SIGINT, on_interrupt)
     try:
