@@ -116,7 +116,7 @@ class CollisionModel:
         """Indices in `robot.model.joints` of the two joints that carry each pair, shape (pairs, 2); 0 is the world."""
         return self._joints
 
-    def is_free(self, q: ArrayLike, least: ArrayLike = 0.0) -> bool:
+    def is_free(self, q: ArrayLike, least: Array | float = 0.0) -> bool:
         """Whether no pair overlaps at joint positions q [rad or m], shape (nv,).
 
         Args:
