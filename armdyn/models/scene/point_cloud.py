@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import os
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass
 from itertools import permutations
 from pathlib import Path
 from typing import Any, Self
@@ -12,13 +12,14 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.arguments import numbers
+from armdyn.arguments import numbers, text
 from armdyn.arguments import path as path_of
 from armdyn.errors import ProblemError
 from armdyn.files import read_bounded
 from armdyn.locks import built_once
 from armdyn.models.scene.shapes import Obstacle
 from armdyn.models.values.placement import Placement, Point, homogeneous
+from armdyn.reprs import brief
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
@@ -33,6 +34,7 @@ _MOST_CELLS = 2**26
 """Of a grid [bytes]."""
 
 
+@brief
 @dataclass(frozen=True)
 class PointCloud(Obstacle):
     """Measured points: the world is divided into cubes, and those that hold a point are solid.
@@ -46,7 +48,7 @@ class PointCloud(Obstacle):
         name: what messages call it.
     """
 
-    points: ArrayLike = field(repr=False)
+    points: ArrayLike
     size: float
     _: KW_ONLY
     name: str = "point cloud"
@@ -97,7 +99,7 @@ class PointCloud(Obstacle):
             ProblemError: the file cannot be read, or has no points.
         """
         file = Path(path_of(path, "path of a point cloud"))
-        name = file.stem if name is None else name
+        name = file.stem if name is None else text(name, "name of an obstacle")
         pose = homogeneous(placement, f"placement of obstacle {name!r}")
         try:
             points = _points(read_bounded(file, _MAX_BYTES), file.suffix.lower())
@@ -129,6 +131,7 @@ def _boxes_of(cells: Index) -> tuple[Index, Index]:
     return low + lowest, high + lowest
 
 
+@brief
 @dataclass(frozen=True)
 class HeightMap(Obstacle):
     """Columns on the cells of a grid in the xy plane, such as terrain or a bin seen from above.
@@ -144,7 +147,7 @@ class HeightMap(Obstacle):
         name: what messages call it.
     """
 
-    heights: ArrayLike = field(repr=False)
+    heights: ArrayLike
     size: float
     origin: Point = (0.0, 0.0, 0.0)
     step: float = 0.01
@@ -157,12 +160,12 @@ class HeightMap(Obstacle):
         heights = numbers(self.heights, what, "heights [m], shape (nx, ny)")
         if heights.ndim != 2 or not np.all(np.abs(heights) < _FARTHEST * self.step):
             raise ProblemError(
-                f"{what} have shape {heights.shape}; they must be finite, of shape (nx, ny): write the greatest "
-                "height that is possible where it is unknown"
+                f"{what} have shape {heights.shape}; they must be finite, of shape (nx, ny), and not a million times "
+                f"the step of {self.step:g} m: write the greatest height that is possible where it is unknown"
             )
         levels = np.maximum(np.ceil(heights / self.step - 1e-6), 0)
         if not np.any(levels):
-            raise ProblemError(f"{what} are none: no column is higher than 0")
+            raise ProblemError(f"{what} are none: no column is higher than 0 by a millionth of the step")
         object.__setattr__(self, "heights", tuple(map(tuple, (levels * self.step).tolist())))
         if levels.size * np.max(levels) > _MOST_CELLS:
             raise ProblemError(f"{what} are {np.max(levels):.2g} times the step of {self.step:g} m: take a larger one")

@@ -92,7 +92,7 @@ def test_a_problem_file_has_them(tmp_path):
     ("make", "says"),
     [
         (lambda: Mesh([]), "0 corners"),
-        (lambda: Mesh([[[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]]), "part 0 of obstacle 'mesh' is flat"),
+        (lambda: Mesh([[[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]]), r"parts\[0\] of obstacle 'mesh' is flat"),
         (lambda: Mesh([[[0, 0, np.nan]] * 4]), "finite corners"),
         (lambda: Mesh(3), "must be a list"),
         (lambda: Mesh.from_triangles([[0, 0, 0]], [[0, 0, 1]]), "indices of its 1 vertices"),
@@ -101,7 +101,7 @@ def test_a_problem_file_has_them(tmp_path):
         (lambda: Mesh.from_triangles(*ball(800.0)), "millimetres"),
         (lambda: Mesh.from_triangles(*ball(1.0), placement=[0, 0]), "placement"),
         (lambda: Group([Group([], name="inner")]), "no group"),
-        (lambda: Group([3]), "member 3"),
+        (lambda: Group([3]), "members"),
     ],
 )
 def test_what_is_wrong_is_named(make, says):
