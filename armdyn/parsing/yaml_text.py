@@ -31,7 +31,7 @@ def read_yaml(path: str | os.PathLike[str]) -> Any:
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if depth > _DEPTH:
                 raise ProblemError(f"{path}: lists and tables lie deeper than {_DEPTH}")
-        documents = [one for one in yaml.load_all(data, loader) if one]  # noqa: S506  # makes texts, lists, dictionaries
+        documents = [one for one in yaml.load_all(data, loader) if one]  # texts, lists and dictionaries
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         if isinstance(error, ProblemError):
             raise
