@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from armdyn.models.scene.collision import CollisionModel, NearPairs
+from armdyn.models.scene.collision import CollisionModel
 from armdyn.optimal.flat.basis import DEGREE
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.program import CurveLayout
@@ -59,37 +59,19 @@ class ClearanceRows:
 
     def at(self, curve: Curve, shape: CurveLayout, x: Array) -> Linearised:
         """Linearise all distances at the unknowns x, shape (shape.size,)."""
-        spare, rows, cols, values, samples = list[float](), list[Index](), list[Index](), list[Array](), list[int]()
-        missing, first = np.zeros(self.poses), 0
+        index, weights = list[Array](), list[Array]()
         for k, (leg, places) in enumerate(zip(curve.legs, self.places, strict=True)):
-            points = shape.points(k)
-            basis, windows = leg.basis.local(places, derivatives=0)[:, 0], leg.basis.interval_of(places)
-            for m, (weights, window) in enumerate(zip(basis, windows, strict=True), start=first):
-                index = points[window : window + DEGREE + 1]
-                near = self.model.near(weights @ x[index], self.within, self.most)
-                left = near.distances - self.asked[near.pairs]
-                missing[m] = max(0.0, float(-np.min(left, initial=0.0)))
-                self._add(near, weights, index, len(spare), (rows, cols, values))
-                spare.extend(left.tolist())
-                samples.extend([m] * left.size)
-            first += len(places)
-        size = (len(spare), shape.size)
-        entries = tuple(np.concatenate(part) if part else np.empty(0) for part in (values, rows, cols))
-        jacobian = csr_matrix((entries[0], (entries[1].astype(int), entries[2].astype(int))), shape=size)
-        return Linearised(np.array(spare), jacobian, np.array(samples, dtype=int), missing)
-
-    @staticmethod
-    def _add(
-        near: NearPairs, weights: Array, index: Index, first: int, entries: tuple[list[Index], list[Index], list[Array]]
-    ) -> None:
-        """Entries of the Jacobian at one pose: B-splines times gradients."""
-        count = near.pairs.size
-        if not count:
-            return
-        rows, cols, values = entries
-        values.append((near.gradients[:, None, :] * weights[None, :, None]).ravel())
-        cols.append(np.tile(index.ravel(), count))
-        rows.append(np.repeat(first + np.arange(count), index.size))
+            weights.append(leg.basis.local(places, derivatives=0)[:, 0])
+            windows = leg.basis.interval_of(places)[:, None] + np.arange(DEGREE + 1)
+            index.append(shape.points(k)[windows])
+        of_pose, basis = np.concatenate(index), np.concatenate(weights)
+        near = self.model.near(np.einsum("pi,pin->pn", basis, x[of_pose]), self.within, self.most)
+        spare, missing = near.distances - self.asked[near.pairs], np.zeros(self.poses)
+        np.maximum.at(missing, near.poses, -spare)
+        columns, values = of_pose[near.poses], near.gradients[:, None] * basis[near.poses][..., None]
+        rows = np.repeat(np.arange(spare.size), columns[0].size if spare.size else 0)
+        jacobian = csr_matrix((values.ravel(), (rows, columns.ravel())), shape=(spare.size, shape.size))
+        return Linearised(spare, jacobian, near.poses, missing)
 
 
 def clearance_rows(asked: AskedDistances, guess: Curve, policy: SequentialPolicy) -> ClearanceRows:

@@ -74,4 +74,4 @@ class KeepsClear(PathConstraint):
 def _model_and_ends(problem: MinimumTimeProblem) -> tuple[CollisionModel, Array]:
     """The scene, and the least distance of every pair at the given poses [m], shape (pairs,)."""
     model = problem.collision_model()
-    return model, np.min([model.distances(q) for q in problem.poses], axis=0)
+    return model, np.min(model.distances(np.asarray(problem.poses)), axis=0)

@@ -21,7 +21,7 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE, certify
 from armdyn.optimal.proof.deciding import Share
 from armdyn.optimal.refine.optimum import Optimum, trajectory_cost
-from armdyn.optimal.refine.ways import refined_ways
+from armdyn.optimal.refine.ways import refined_ways, ways_through
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.search.starts import spline, straight_curve, via_guesses
@@ -44,8 +44,7 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
     numbers, crowded = task.policy.curves, task.problem.crowded
     starts = task.policy.search.guesses(task.options, numbers.starts)
     try:
-        guesses = [] if crowded else _guesses(task, starts)
-        found = _refined(task, guesses) or _clear_of_obstacles(task) or refined_ways(task)
+        found = _among_obstacles(task) if crowded else _refined(task, _guesses(task, starts))
         if len(found) == 1 and not (crowded or task.stop) and _trouble(task, found[0]):
             found += _refined(task, _guesses(task, numbers.more_starts)[1:])
     except LateError:
@@ -98,6 +97,17 @@ def optima_met(durations: Sequence[float], guesses: int, same: float) -> str:
     several = f"{len(optima)} different optima were" if len(optima) > 1 else "one optimum was"
     times = f"the best one {len(optima[0])} times of {guesses} guesses"
     return f"{several} met, {times}; other seeds may find a faster one"
+
+
+def _among_obstacles(task: Task) -> list[RefinedCurve]:
+    """The fastest curve that keeps all distances; empty: no way was found.
+
+    Where the straight line touches nothing the fastest curve without obstacles may do so, too.
+    """
+    task.progress("ways round the obstacles")
+    planned = ways_through(task.problem, task.policy.search, task.options.seed, task.stop)
+    straight = bool(planned) and all(len(leg) == 2 for leg in planned[0])
+    return (_clear_of_obstacles(task) if straight else []) or refined_ways(task, planned)
 
 
 def _clear_of_obstacles(task: Task) -> list[RefinedCurve]:

@@ -72,15 +72,14 @@ def _speed(problem: MinimumTimeProblem, policy: SearchPolicy) -> Array:
     return np.where(np.isfinite(limits), limits, policy.brisk)
 
 
-def refined_ways(task: Task) -> list[RefinedCurve]:
-    """The fastest curve along planned ways, refined; empty if no way was found.
+def refined_ways(task: Task, planned: Sequence[Sequence[Array]]) -> list[RefinedCurve]:
+    """The fastest curve along planned ways, refined; empty if there is no way.
 
     Args:
         task: a problem with distances to be kept.
+        planned: for each way its legs' joint positions, as `ways_through` gives them.
     """
     numbers, bound = task.policy.sequential, task.problem.duration_bound()
-    task.progress("ways round the obstacles")
-    planned = ways_through(task.problem, task.policy.search, task.options.seed, task.stop)
     ways = [_guess(task, way) for way in planned[: numbers.ways]]
     ways += [Curve.near(guess, _coarse(numbers)) for guess in task.options.guesses]
     spec = CurveSpec(TightenedConstraints.of(task))
