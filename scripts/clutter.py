@@ -1,11 +1,11 @@
 """Motions among shelves, boxes and tables: the problems of MotionBenchMaker (Chamzas et al., RA-L 2022), docs/cells.md.
 
 A folder of problems holds one folder for each set, such as box_panda, with request0001.yaml and scene0001.yaml. Each
-problem is solved as a user would: real geometry, self-collision, a clearance of 1 mm; fingers may touch what they hold at
-the goal. A motion is then sampled at 5,000 times, and its distances are computed by coal on the meshes of the URDF as they
-are, which the solver does not use: it takes convex parts. CPU seconds are those of all threads and processes, building what
-later solves find built taken off by solving one problem first. Rows are kept in --out as they come: a run that was ended
-goes on where it stopped.
+problem is solved as a user would: real geometry, self-collision, a clearance of 1 mm; fingers may touch what they hold
+at the goal. A motion is then sampled at 5,000 times, and its distances are computed by coal on the meshes of the URDF
+as they are, which the solver does not use: it takes convex parts. CPU seconds are those of all threads and processes;
+what is built once for an arm is built before. Rows are kept in --out as they come: a run that was ended goes on where
+it stopped.
 
     scripts/clutter.py problems --sets box_panda cage_panda --last 20 --out rows.jsonl
     scripts/clutter.py --table rows.jsonl
@@ -18,6 +18,7 @@ import resource
 import statistics
 import sys
 import time
+from collections.abc import Collection
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -90,9 +91,9 @@ def held(robot: ad.Robot, obstacles: tuple[Any, ...], goal: np.ndarray) -> list[
 
 
 class Meshes:
-    """Distances of an arm from obstacles on the meshes of its URDF, by Pinocchio's own reading of it."""
+    """Distances from obstacles, and of links from each other, on the URDF's meshes as Pinocchio reads them."""
 
-    def __init__(self, robot: ad.Robot, obstacles: tuple[Any, ...]):
+    def __init__(self, robot: ad.Robot, obstacles: tuple[Any, ...], links_apart: Collection[tuple[str, str]] = ()):
         self.robot, self.data = robot, robot.model.createData()
         kind, folders = pin.GeometryType.COLLISION, list(robot.package_dirs)
         self.model = pin.buildGeomFromUrdfString(robot.model, robot.urdf, kind, None, folders)
@@ -104,7 +105,10 @@ class Meshes:
         self.pairs = [
             (i, j) for i in range(len(links)) if solids[i].parentJoint for j in range(len(links), len(solids))
         ]
-        self.names = [(links[i], obstacles[j - len(links)].name) for i, j in self.pairs]
+        own = {frozenset(pair) for pair in links_apart}
+        self.pairs += [(i, j) for j in range(len(links)) for i in range(j) if frozenset((links[i], links[j])) in own]
+        names = [*links, *(obstacle.name for obstacle in obstacles)]
+        self.names = [(names[i], names[j]) for i, j in self.pairs]
         for solid in solids:
             solid.geometry.computeLocalAABB()
         self.centers = np.array([solid.geometry.aabb_center for solid in solids])
@@ -114,7 +118,9 @@ class Meshes:
 
     def place(self, q: np.ndarray) -> np.ndarray:
         """Place the solids; lower bounds on the distances of all pairs [m], by balls around the solids."""
-        pin.updateGeometryPlacements(self.robot.model, self.data, self.model, self.geometry, self.robot.configuration(q))
+        pin.updateGeometryPlacements(
+            self.robot.model, self.data, self.model, self.geometry, self.robot.configuration(q)
+        )
         at = np.array([place.act(center) for place, center in zip(self.geometry.oMg, self.centers, strict=True)])
         first, second = np.array(self.pairs).T
         return np.linalg.norm(at[first] - at[second], axis=1) - self.radii[first] - self.radii[second]
@@ -197,7 +203,8 @@ def solved(folder: Path, name: str, k: int) -> dict[str, Any]:
     free = ad.solve_minimum_time(problem.variant(obstacles=(), self_collision=False))
     row["free"] = free.duration if free.usable else None
     if solution.usable:
-        row["sampled"] = Meshes(problem.robot, problem.obstacles).least(solution.trajectory, problem.allowed_contacts)
+        model = Meshes(problem.robot, problem.obstacles, problem.collision_model().pairs)
+        row["sampled"] = model.least(solution.trajectory, problem.allowed_contacts)
     return row
 
 
@@ -243,8 +250,8 @@ def table(rows: list[dict[str, Any]]) -> str:
     ]
     names = sorted({row["set"] for row in rows}, key=lambda name: name.rsplit("_", 1)[::-1])
     groups = [(name, [row for row in rows if row["set"] == name]) for name in names]
-    for one in sorted({name.rsplit("_", 1)[1] for name in names}):
-        groups.append((f"all of {one}", [row for row in rows if row["set"].endswith(f"_{one}")]))
+    arms = sorted({name.rsplit("_", 1)[1] for name in names})
+    groups += [(f"all of {one}", [row for row in rows if row["set"].endswith(f"_{one}")]) for one in arms]
     for name, group in groups:
         good = [row for row in group if row["usable"]]
         if not good:

@@ -20,6 +20,10 @@ _AT_ENDS = 0.98
 _LEFT = 0.7
 """Part of a pair's distance at a given pose that the program asks of it: the motion need not begin along a wall."""
 
+_AROUND = 5e-3
+"""Beside a time at which a distance was missed it is asked for, too, so far away [of the leg's duration]: a third of
+the usual step; else the next motion misses it there."""
+
 
 @dataclass(frozen=True, eq=False)
 class KeepsClear(PathConstraint):
@@ -68,7 +72,10 @@ class KeepsClear(PathConstraint):
             return self
         own = self.places or tuple(np.empty(0) for _ in problem.poses[1:])
         leg, part = kept.missed.T
-        return replace(self, places=tuple(np.append(places, part[leg == k]) for k, places in enumerate(own)))
+        around = part[:, None] + _AROUND * np.array([-1.0, 0.0, 1.0])
+        more = [around[leg == k].ravel() for k in range(len(own))]
+        kept_in = [new[(new > 0) & (new < 1)] for new in more]
+        return replace(self, places=tuple(np.append(places, new) for places, new in zip(own, kept_in, strict=True)))
 
 
 def _model_and_ends(problem: MinimumTimeProblem) -> tuple[CollisionModel, Array]:

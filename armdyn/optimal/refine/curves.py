@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,8 +107,11 @@ def _among_obstacles(task: Task) -> list[RefinedCurve]:
     """
     task.progress("ways round the obstacles")
     planned = ways_through(task.problem, task.policy.search, task.options.seed, task.stop)
-    straight = bool(planned) and all(len(leg) == 2 for leg in planned[0])
-    return (_clear_of_obstacles(task) if straight else []) or refined_ways(task, planned)
+    first = next(planned, None)
+    if first is None:
+        return []
+    straight = all(len(leg) == 2 for leg in first)
+    return (_clear_of_obstacles(task) if straight else []) or refined_ways(task, chain([first], planned))
 
 
 def _clear_of_obstacles(task: Task) -> list[RefinedCurve]:
