@@ -80,6 +80,22 @@ def _read(handle: int, path: str | os.PathLike[str], most: int) -> bytes:
     return content.getvalue()
 
 
+def file_inside(folder: str | os.PathLike[str], name: object) -> Path:
+    """The file that a stranger's file names, seen from its own folder; links are followed, and lead not out of it.
+
+    Raises:
+        FileError: there is none, or not inside.
+    """
+    home = Path(os.path.realpath(folder))
+    try:
+        found = Path(os.path.realpath(home / path_of(name, "file")))
+        if found.is_relative_to(home) and found.is_file():
+            return found
+    except (OSError, ValueError):  # a null character, a loop of links
+        raise FileError(shown(name), "no path of a file") from None
+    raise FileError(shown(name), f"no file inside {home}")
+
+
 def read_json(path: str | os.PathLike[str], most: int) -> object:
     """Read a JSON file. Its numbers are finite and fit a float; its texts can be written again.
 

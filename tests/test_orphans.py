@@ -77,3 +77,52 @@ def test_in_the_middle_of_the_whole_paper(how, tmp_path):
     owner = owner_of([*ARMDYN, "reproduce", "--payload", "0.5", "--out", str(tmp_path)])
     workers = workers_of(owner, min(os.cpu_count(), 2), 0.2)
     assert_nothing_is_left(owner, workers, how)
+
+
+SOLVE = """
+import armdyn as ad
+start, goal = {poses}
+robot = {robot}
+ad.solve_minimum_time(ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal), ad.MinimumTimeOptions(workers=2))
+print("solved", flush=True)
+{then}
+"""
+UR5 = {"robot": "ad.Robot.from_library('ur5')", "poses": "[0, -1, 1, -1, -1.5, 0], [1, -1.2, 1, -1, -1.5, 0]"}
+RRR = {"robot": "ad.Robot.from_spec(ad.ArmSpec.paper('rrr'))", "poses": "[-1.5, 0, 0], [0.2, 0, 0]"}
+
+
+def compiling(folder, robot, then=""):
+    """A process that solves, and the compiler that it has spawned, which sleeps, with the compiler's child."""
+    child, compiler = folder / "child", folder / "compiler"
+    compiler.write_text(f"#!/bin/sh\nsleep 300 &\necho $$ $! >> {child}.new; mv {child}.new {child}; wait\n")
+    compiler.chmod(0o755)
+    (folder / "cache").mkdir(mode=0o700)
+    own = os.environ | {"CC": str(compiler), "ARMDYN_CACHE": str(folder / "cache")}
+    command = [sys.executable, "-c", SOLVE.format(**robot, then=then)]
+    owner = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=own)
+    until = time.monotonic() + 60
+    while not child.exists():
+        assert time.monotonic() < until and owner.poll() is None
+        time.sleep(0.02)
+    return owner, [int(pid) for pid in child.read_text().split()]
+
+
+def assert_all_end(pids, folder, deadline=5.0):
+    """Compilers, their children and builders; and no mark is left by which others would wait for a library."""
+    until = time.monotonic() + deadline
+    while left := [pid for pid in pids if psutil.pid_exists(pid) and psutil.Process(pid).status() != "zombie"]:
+        assert time.monotonic() < until, left
+        time.sleep(0.02)
+    while list(folder.glob("cache/*.building")):
+        assert time.monotonic() < until
+        time.sleep(0.02)
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("robot", [UR5, RRR], ids=["in the background", "awaited"])
+def test_a_compiler_ends_with_its_owner(robot, how, tmp_path):
+    owner, pids = compiling(tmp_path, robot, then="input()" if how is signal.SIGKILL else "")
+    owner.send_signal(how)
+    assert_all_end(pids, tmp_path)
+    owner.kill()
+    owner.communicate()

@@ -1,10 +1,12 @@
 """Compilation in the background."""
 
+import atexit
 import os
 import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 
 _LONGEST = 90.0
@@ -12,12 +14,15 @@ _LONGEST = 90.0
 
 _awaited: set[Path] = set()
 """Libraries that this process has asked for, or seen others build."""
+_builders: list[tuple["subprocess.Popen[bytes]", int]] = []
+"""Processes spawned by this one, and our ends of the pipes by which they hear that this process has ended."""
 
 
 def build_later(library: Path, compiler: str, source: str) -> None:
-    """Spawn a process that builds a library; it outlives this process and ends when the library is built.
+    """Spawn a process that builds a library, and ends then.
 
-    One builder is enough: a mark beside the library says that there is one.
+    It may outlive this process where that ends by itself. Where this process is killed, or a solve is interrupted
+    (`abandon`), it ends, too. One builder is enough: a mark beside the library says that there is one.
 
     Args:
         library: where it is to be, in a folder that is this user's alone.
@@ -43,17 +48,37 @@ def build_later(library: Path, compiler: str, source: str) -> None:
     with tempfile.TemporaryFile() as file:
         file.write("\n".join((compiler, str(library), source)).encode())
         file.seek(0)
+        theirs, ours = os.pipe()
         # armdyn's own module, no shell; a session of its own hears no Ctrl-C.
-        subprocess.Popen(
-            [sys.executable, "-m", "armdyn.codegen.builder"],
+        builder = subprocess.Popen(  # noqa: S603
+            [sys.executable, "-m", "armdyn.codegen.builder", str(theirs)],
             stdin=file,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             cwd="/",
             env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
             start_new_session=True,
+            pass_fds=[theirs],
         )
+    os.close(theirs)
+    _builders.append((builder, ours))
     _awaited.add(library)
+
+
+def abandon() -> None:
+    """End what is being built, with the compiler."""
+    while _builders:
+        builder, line = _builders.pop()
+        builder.terminate()
+        os.close(line)
+
+
+@atexit.register
+def _leave() -> None:
+    """Tell builders that this process ends by itself: they may go on."""
+    for _, line in _builders:
+        with suppress(OSError):  # it has ended
+            os.write(line, b".")
 
 
 def awaited() -> bool:

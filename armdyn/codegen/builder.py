@@ -1,7 +1,9 @@
 """Process of `build_later`: it builds one library, puts it in its place, and ends."""
 
 import os
+import signal
 import sys
+import threading
 from contextlib import suppress
 from pathlib import Path
 
@@ -13,7 +15,10 @@ _NICE = 10
 
 
 def main() -> None:
-    """Compiler, library and source are on standard input, one after the other."""
+    """Compiler, library and source are on standard input, one after the other; the owner's pipe is the argument."""
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(1))  # all that cleans up is run
+    for line in sys.argv[1:]:
+        threading.Thread(target=_end_with_owner, args=(int(line),), daemon=True).start()
     compiler, library, source = sys.stdin.read().split("\n", 2)
     place = Path(library)
     with suppress(OSError):
@@ -23,6 +28,12 @@ def main() -> None:
             write_sealed(place, built(source, compiler, place.parent))
     finally:
         place.with_suffix(".building").unlink(missing_ok=True)
+
+
+def _end_with_owner(line: int) -> None:
+    """End once the owner was killed: its end of a pipe closes without a word."""
+    if not os.read(line, 1):
+        os.kill(os.getpid(), signal.SIGTERM)
 
 
 if __name__ == "__main__":

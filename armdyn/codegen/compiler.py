@@ -16,9 +16,12 @@ _TIMEOUT = 60.0
 """Longest run of the compiler [s]: six times that of a Panda's curves on an idle core."""
 _MEMORY = 2**20
 """Address space of each of the compiler's processes [KiB], 1 GiB: twice that of a Panda's curves."""
-_LIMITED = f'ulimit -v {_MEMORY} 2>/dev/null; ulimit -t {_TIMEOUT:.0f}; exec "$@"'
-"""The compiler's command line in sh. Its processes inherit the limits, so that they hold also where this one is killed
-meanwhile; without the first where the system has none, as macOS."""
+_LIMITED = (
+    f"ulimit -v {_MEMORY} 2>/dev/null; ulimit -t {_TIMEOUT:.0f}; "
+    'exec 3<&0; (read -r _ <&3; kill -KILL 0) & exec "$@" </dev/null 3<&-'
+)
+"""The compiler's command line in sh. Its processes inherit the limits, the first where the system has it, unlike macOS.
+Standard input is a pipe that we hold: however we end, it closes, and all of the compiler's process group is killed."""
 _LOOK = 0.1
 """How often a running compiler's solve is asked whether it was stopped [s]."""
 
@@ -48,7 +51,7 @@ def built(source: str, compiler: str, folder: Path) -> bytes:
             # Our own text; the compiler is the one on the user's path.
             process = subprocess.Popen(  # noqa: S603
                 ["/bin/sh", "-c", _LIMITED, "sh", *command],
-                stdin=subprocess.DEVNULL,
+                stdin=subprocess.PIPE,
                 stdout=log,
                 stderr=log,
                 cwd=scratch,
@@ -57,9 +60,8 @@ def built(source: str, compiler: str, folder: Path) -> bytes:
             try:
                 code = _exit_code(process, compiler)
             finally:
-                if process.poll() is None:
-                    os.killpg(process.pid, signal.SIGKILL)  # with it the compiler's own children
-                    process.wait()
+                with suppress(ProcessLookupError), process:  # which closes its standard input and waits for it
+                    os.killpg(process.pid, signal.SIGKILL)  # with it the compiler's own children, and who waits for us
         if code or not built.is_file():
             words = said.read_bytes()[:500].decode(errors="replace").replace(scratch, "").split("\n")[0]
             raise CompilerError(f"the C compiler, {compiler}, failed (exit {code}) {words}".strip())

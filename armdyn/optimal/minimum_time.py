@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arguments import expect, listener
-from armdyn.optimal.answer.assembly import assembled, failed, with_certificate
+from armdyn.optimal.answer.assembly import assembled, ended_in_time, failed, with_certificate
 from armdyn.optimal.answer.slid_end import slid_end
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.bound.lower_bound import lower_bound
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.slow_limits import check_pace
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.stop import stopping
+from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.optimal.proof.transversality import transversality
 from armdyn.optimal.refine.bang import minimum_time
 from armdyn.optimal.refine.constrained import constrained, with_clearances, without_obstacles
@@ -73,17 +73,19 @@ def solve_minimum_time(
     return solve_task(Task.of(problem, options, progress=listener(progress)))
 
 
-def solve_task(task: Task) -> Solution:
+def solve_task(task: Task, seconds: float | None = None) -> Solution:
     """Solve a task within its time limit, by its own policy.
 
     Args:
         task: what `solve_minimum_time` makes of its arguments.
+        seconds: how much of the time limit is left [s]; None: all of it.
     """
     started, problem = time.perf_counter(), task.problem
     check_pace(problem)
     if problem.goal_pose is not None or len(problem.goals) > 1:
         return _fastest_goal(task)
-    with stopping(task.options.time_limit) as stop, _bounded(replace(task, stop=stop)) as task:
+    limit = task.options.time_limit if seconds is None else seconds
+    with stopping(limit) as stop, _bounded(replace(task, stop=stop)) as task:
         optima, found = refined(task)
         bound = task.lower_bound()
     elapsed = time.perf_counter() - started
@@ -107,7 +109,8 @@ def refined(task: Task) -> tuple[list[Optimum], Found]:
         near = tuple(one.trajectory for one in optima if one.landed(task.policy.landing.far))
         more, searched = _by(method, task.with_options(guesses=near))
         optima += [slowed(task, one) for one in more]
-        found = replace(found, iterations=found.iterations + searched.iterations)
+        failed, iterations = (*found.failed, *searched.failed), found.iterations + searched.iterations
+        found = replace(found, failed=failed, iterations=iterations)
     return optima, found
 
 
@@ -156,38 +159,38 @@ def _lower_bound(task: Task) -> float | None:
 def _fastest_goal(task: Task) -> Solution:
     """The best of the solutions for the most promising goals, and the durations of all."""
     started, problem, options, numbers = time.perf_counter(), task.problem, task.options, task.policy.goals
+    until = started + options.time_limit
+    task = replace(task, stop=Stop(until))
     branches, tried = screened(task)
     solutions: list[Solution] = []
     for i, branch in enumerate(branches):
-        left = options.time_limit - (time.perf_counter() - started)
-        if solutions and (left <= 0 or solutions[-1].status is Status.INTERRUPTED):
+        if solutions and (task.stop or solutions[-1].status is Status.INTERRUPTED):
             break
         task.progress(f"goal {i + 1} of the {len(branches)} best")
-        solutions.append(solve_task(task.about(branch).with_options(time_limit=max(left, 1e-3))))
+        solutions.append(solve_task(task.about(branch), max(until - time.perf_counter(), 1e-3)))
         tried[i] = GoalTried(tried[i].q, solutions[-1].duration if solutions[-1].success else np.inf, refined=True)
     best = min(solutions, key=lambda solution: (not solution.success, not solution.moves, solution.duration))
-    until = started + options.time_limit
     if problem.goal_pose is not None and best.status is Status.SOLVED:
         best = slid_end(best, problem.goal_pose, numbers, partial(_near, task, until))
     goal = best.problem.x_goal[: problem.robot.nv]
     if best not in solutions:
         tried.append(GoalTried(goal, best.duration, refined=True))
-    bound = _bound_of_all(task, solutions, max(until - time.perf_counter(), numbers.bound))
+    bound = _bound_of_all(task, solutions, max(until - time.perf_counter(), numbers.bound * options.time_limit))
     missed = transversality(problem, problem.goal_pose, goal, best.phases)
     certificate = replace(best.certificate.bounded(bound, best.duration), transversality=missed)
     tried.sort(key=lambda goal: goal.duration)
     elapsed = time.perf_counter() - started
-    return replace(with_certificate(best, certificate), goals=tuple(tried), solve_time=elapsed)
+    answer = replace(with_certificate(best, certificate), goals=tuple(tried), solve_time=elapsed)
+    return ended_in_time(answer, options.time_limit) if task.stop.cut_short else answer
 
 
 def _near(task: Task, until: float, known: Solution, q: Array) -> Solution | None:
     """The solution for a goal near that of another one, from its motion; None: the time is up."""
-    left = until - time.perf_counter()
-    if left <= 0:
+    if task.stop:
         return None
     task.progress("the goal moved along the joint positions that reach its pose")
     near = task.about(known.problem.variant(q_goal=q))
-    return solve_task(near.with_options(guesses=(known.trajectory,), starts=1, time_limit=left))
+    return solve_task(near.with_options(guesses=(known.trajectory,), starts=1), until - time.perf_counter())
 
 
 def _bound_of_all(task: Task, solutions: list[Solution], seconds: float) -> float | None:
@@ -195,4 +198,7 @@ def _bound_of_all(task: Task, solutions: list[Solution], seconds: float) -> floa
     if any(solution.lower_bound is None for solution in solutions):
         return None
     with stopping(seconds) as stop:
-        return _lower_bound(replace(task, stop=stop))
+        bound = _lower_bound(replace(task, stop=stop))
+    if stop.cut_short:
+        task.stop.cut()
+    return bound

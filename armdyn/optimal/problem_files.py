@@ -5,24 +5,27 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any
 
 from armdyn.arguments import shown
+from armdyn.files import file_inside
 from armdyn.models.robots.poses import positions_of
 from armdyn.models.robots.robot import Robot
-from armdyn.models.robots.tables import robot_from
 from armdyn.models.scene.obstacles import obstacle_from
-from armdyn.models.scene.placement import pose_of
 from armdyn.models.scene.reaching import GoalPose
+from armdyn.models.scene.scenes import load_scene
+from armdyn.models.values.placement import pose_of
 from armdyn.optimal.path_constraints.registry import path_constraint_from
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.robot_tables import robot_from
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.parsing.toml import Table, read_toml
 
 TABLES = ("robot", "problem", "options")
 OPTIONS = ("search", "starts", "time_limit", "max_intervals", "seed", "smooth")
 PROBLEM = tuple(field.name for field in fields(MinimumTimeProblem) if field.init and field.name != "robot")
-"""The keys of [problem]; those of [robot] are `models.robots.tables.KEYS`."""
+"""The keys of [problem]; those of [robot] are `problem.robot_tables.KEYS`."""
 
 _WORDS = {
     "start": "q_start",
@@ -106,7 +109,7 @@ def problem_from(table: Table, robot: Robot) -> MinimumTimeProblem:
     Raises:
         ProblemError: a key is unknown or wrong; the message says in which line.
     """
-    table.only(PROBLEM)
+    table.only((*PROBLEM, "scene"))
     with table.telling(_WORDS):
         return MinimumTimeProblem(robot, **_arguments(table, robot))
 
@@ -125,7 +128,14 @@ def _arguments(table: Table, robot: Robot) -> dict[str, Any]:
     if "via" in given:
         given["via"] = [positions_of(robot, q, "via") for q in given["via"]]
     if "obstacles" in given:
-        given["obstacles"] = [obstacle_from(one, f"obstacle {i + 1}") for i, one in enumerate(given["obstacles"])]
+        given["obstacles"] = [
+            obstacle_from(one, f"obstacle {i + 1}", Path(table.path).parent) for i, one in enumerate(given["obstacles"])
+        ]
+    if "scene" in given:
+        with table.at("scene"):
+            scene = load_scene(file_inside(Path(table.path).parent, given.pop("scene")), robot)
+        given["obstacles"] = [*given.get("obstacles", ()), *scene.obstacles]
+        given["allowed_contacts"] = [*given.get("allowed_contacts", ()), *scene.allowed_contacts]
     if "path_constraints" in given:
         texts = given["path_constraints"]
         if not all(isinstance(text, str) for text in texts):

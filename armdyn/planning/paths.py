@@ -15,6 +15,9 @@ NEAR_STRAIGHT = 1.03
 ENOUGH = 8_000
 """Checks [1] after which one path is enough if the next attempts find none: as many as four usual attempts."""
 
+_BETWEEN_STOPS = 100
+"""Checks between two questions whether to stop: some 10 ms."""
+
 
 @dataclass(frozen=True, eq=False)
 class JointSpace:
@@ -36,11 +39,11 @@ class JointSpace:
 class _Budget:
     """Counts collision checks, of one attempt and of all."""
 
-    def __init__(self, space: JointSpace, checks: int):
-        self._space, self.left, self.attempt = space, checks, 0
+    def __init__(self, space: JointSpace, checks: int, stop: Callable[[], bool]):
+        self._space, self.left, self.attempt, self._stop = space, checks, 0, stop
 
     def is_free(self, point: Array) -> bool:
-        if self.attempt <= 0 or self.left <= 0:
+        if self.attempt <= 0 or self.left <= 0 or (self.left % _BETWEEN_STOPS == 0 and self._stop()):
             raise OutOfChecksError
         self.attempt -= 1
         self.left -= 1
@@ -63,7 +66,7 @@ def plan_paths(
         goal: likewise.
         seed: of the random points; the same seed gives the same paths.
         options: how finely and how long.
-        stop: whether to give up.
+        stop: whether to give up, asked within an attempt, too.
 
     Yields:
         Joint positions of each path, shape (m, n); none if there was none within the options' checks.
@@ -71,7 +74,7 @@ def plan_paths(
     options = PlannerOptions() if options is None else options
     ends, bounds = (start / space.speed, goal / space.speed), (space.lower / space.speed, space.upper / space.speed)
     straight = float(np.max(np.abs(ends[1] - ends[0])))
-    budget, checks, attempt = _Budget(space, options.checks), options.first_checks, 0
+    budget, checks, attempt = _Budget(space, options.checks, stop), options.first_checks, 0
     found = 0
     while found < options.paths and budget.left > 0 and not stop():
         path = _attempt(budget, checks, (ends, bounds), [seed, attempt], options)

@@ -14,6 +14,7 @@ import numpy as np
 from armdyn.errors import FileError, ResultError
 from armdyn.files import read_json, write_whole
 from armdyn.models.robots.robot import Robot
+from armdyn.models.scene.attached import payload_entry
 
 _FORMAT = "armdyn-result-1"
 _UNITS = {
@@ -50,9 +51,8 @@ def model_facts(robot: Robot) -> dict[str, object]:
         "hash": robot.model_hash,
         "joints": list(robot.joint_names),
         "tip": robot.tip,
-        "payload": None
-        if payload is None
-        else {"mass": payload.mass, "com": list(payload.com), "inertia": list(payload.inertia), "frame": payload.frame},
+        "payload": None if payload is None else payload_entry(payload) | {"frame": payload.frame},
+        "tool": None if robot.options.tool is None else payload_entry(robot.options.tool),
         "locked": {name: float(q) for name, q in robot.locked.items()},
         "limits": {name: [float(x) if abs(x) < np.inf else None for x in each] for name, each in limits.rows.items()},
         "sliding": robot.slides.tolist(),

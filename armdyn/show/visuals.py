@@ -18,12 +18,13 @@ from armdyn.errors import ArmdynWarning
 from armdyn.models import Robot
 from armdyn.models.reading.meshes import load_meshes, numbers, origin, resolve_mesh
 from armdyn.models.reading.urdf_check import parse_urdf
-from armdyn.models.scene.obstacles import Obstacle
+from armdyn.models.values.spec import BodyShape
 
 if TYPE_CHECKING:
     import trimesh
 
 Array = NDArray[np.float64]
+Rgba = tuple[float, float, float, float]
 
 _GREY = (0.62, 0.66, 0.70, 1.0)
 _BONE = (0.35, 0.42, 0.50, 1.0)
@@ -50,7 +51,7 @@ class VisualShape:
     joint: int
     placement: Array
     geometry: Any
-    rgba: tuple[float, float, float, float]
+    rgba: Rgba
 
 
 class _NormalGeometry(mg.TriangularMeshGeometry):  # type: ignore[misc]
@@ -103,42 +104,58 @@ def robot_shapes(robot: Robot) -> list[VisualShape]:
             stacklevel=3,
         )
     drawn = {shape.joint for shape in shapes}  # a payload alone does not show its link
-    return [*shapes, *_payload_ball(robot), *_bones(robot, drawn)]
+    return [*shapes, *_attached(robot), *_bones(robot, drawn)]
 
 
-def obstacle_shapes(obstacles: Sequence[Obstacle]) -> list[VisualShape]:
-    """Obstacles, fixed to the world, drawn from coal's boxes, spheres, capsules, cylinders and convex hulls."""
+def obstacle_shapes(
+    bodies: Sequence[BodyShape], joint: int = 0, frame: Array | None = None, rgba: Rgba = _OBSTACLE
+) -> list[VisualShape]:
+    """Obstacles, fixed to the world, or the shapes of an attached body.
+
+    Args:
+        bodies: the obstacles or shapes.
+        joint: that carries them; 0 is the world.
+        frame: placement in the joint's frame of the frame that they are placed in, shape (4, 4) [m]; None: the joint's.
+        rgba: their colour.
+    """
     import coal
     import trimesh
 
     shapes: list[VisualShape] = []
-    for obstacle in obstacles:
-        placement, solid = obstacle.solid()
-        if isinstance(solid, coal.Box):
-            shapes.append(VisualShape(0, placement, mg.Box((2 * solid.halfSide).tolist()), _OBSTACLE))
-            continue
-        if isinstance(solid, coal.ConvexBase):
-            hull = trimesh.convex.convex_hull(np.array(solid.points()))
-            shapes.append(VisualShape(0, placement, _NormalGeometry(hull), _OBSTACLE))
-            continue
-        if isinstance(solid, coal.Halfspace):  # a plate below its plane
-            at = placement @ pin.SE3(np.eye(3), np.array([0, 0, -_PLATE[2] / 2])).homogeneous
-            shapes.append(VisualShape(0, at, mg.Box(list(_PLATE)), _OBSTACLE))
-            continue
-        half = 0.0 if isinstance(solid, coal.Sphere) else solid.halfLength
-        a, b = (placement[:3, 3] + side * half * placement[:3, 2] for side in (-1, 1))
-        if not isinstance(solid, coal.Cylinder):
-            for end in [a, b] if half else [a]:
-                ball = np.eye(4)
-                ball[:3, 3] = end
-                shapes.append(VisualShape(0, ball, mg.Sphere(solid.radius), _OBSTACLE))
-        shapes += _rod(0, a, b, solid.radius, _OBSTACLE)
+    for body in bodies:
+        polyhedra: list[trimesh.Trimesh] = []
+        for own, solid in body.solids():
+            placement = own if frame is None else frame @ own
+            if isinstance(solid, coal.Box):
+                polyhedra.append(trimesh.creation.box(2 * solid.halfSide, placement))
+            elif isinstance(solid, coal.ConvexBase):
+                polyhedra.append(trimesh.convex.convex_hull(np.array(solid.points())).apply_transform(placement))
+            elif isinstance(solid, coal.Halfspace):  # a plate below its plane
+                at = placement @ pin.SE3(np.eye(3), np.array([0, 0, -_PLATE[2] / 2])).homogeneous
+                shapes.append(VisualShape(joint, at, mg.Box(list(_PLATE)), rgba))
+            else:
+                shapes += _round(joint, placement, solid, rgba)
+        if polyhedra:  # one geometry: a point cloud has hundreds of boxes
+            whole: Any = trimesh.util.concatenate([trimesh.graph.smooth_shade(one, angle=_CREASE) for one in polyhedra])
+            shapes.append(VisualShape(joint, np.eye(4), _NormalGeometry(whole), rgba))
     return shapes
 
 
-def _rod(
-    joint: int, a: Array, b: Array, radius: float, rgba: tuple[float, float, float, float]
-) -> Iterator[VisualShape]:
+def _round(joint: int, placement: Array, solid: Any, rgba: Rgba) -> Iterator[VisualShape]:
+    """A sphere, capsule or cylinder of coal."""
+    import coal
+
+    half = 0.0 if isinstance(solid, coal.Sphere) else solid.halfLength
+    a, b = (placement[:3, 3] + side * half * placement[:3, 2] for side in (-1, 1))
+    if not isinstance(solid, coal.Cylinder):
+        for end in [a, b] if half else [a]:
+            ball = np.eye(4)
+            ball[:3, 3] = end
+            yield VisualShape(joint, ball, mg.Sphere(solid.radius), rgba)
+    yield from _rod(joint, a, b, solid.radius, rgba)
+
+
+def _rod(joint: int, a: Array, b: Array, radius: float, rgba: Rgba) -> Iterator[VisualShape]:
     """A cylinder between two points in a joint's frame [m]."""
     along = b - a
     length = float(np.linalg.norm(along))
@@ -150,7 +167,7 @@ def _rod(
     yield VisualShape(joint, placement, mg.Cylinder(length, radius), rgba)
 
 
-def _rgba(material: Element) -> tuple[float, float, float, float] | None:
+def _rgba(material: Element) -> Rgba | None:
     color = material.find("color")
     words = [] if color is None else str(color.get("rgba", "")).split()
     try:
@@ -160,9 +177,7 @@ def _rgba(material: Element) -> tuple[float, float, float, float] | None:
     return r, g, b, a
 
 
-def _visual_shapes(
-    visual: Element, folders: tuple[str, ...], rgba: tuple[float, float, float, float] | None
-) -> Iterator[VisualShape]:
+def _visual_shapes(visual: Element, folders: tuple[str, ...], rgba: Rgba | None) -> Iterator[VisualShape]:
     holder = visual.find("geometry")
     for body in () if holder is None else holder:
         placement, geometry = np.eye(4), None
@@ -183,18 +198,18 @@ def _visual_shapes(
             yield VisualShape(0, placement, geometry, rgba or _GREY)
 
 
-def _load_meshes(path: Path, scale: Array) -> Iterator[tuple[trimesh.Trimesh, tuple[float, float, float, float]]]:
+def _load_meshes(path: Path, scale: Array) -> Iterator[tuple[trimesh.Trimesh, Rgba]]:
     """The triangles of a file, one mesh per colour."""
     import trimesh  # slow to import, and planar arms have no meshes
 
-    by_color: dict[tuple[float, float, float, float], list[trimesh.Trimesh]] = {}
+    by_color: dict[Rgba, list[trimesh.Trimesh]] = {}
     for bare, mesh in load_meshes(path, scale):
         by_color.setdefault(_mesh_color(mesh), []).append(bare)
     for color, meshes in by_color.items():
         yield trimesh.graph.smooth_shade(trimesh.util.concatenate(meshes), angle=_CREASE), color
 
 
-def _mesh_color(mesh: trimesh.Trimesh) -> tuple[float, float, float, float]:
+def _mesh_color(mesh: trimesh.Trimesh) -> Rgba:
     visual: Any = mesh.visual
     if visual is None or not visual.defined:
         return _GREY
@@ -204,15 +219,17 @@ def _mesh_color(mesh: trimesh.Trimesh) -> tuple[float, float, float, float]:
     return r, g, b, a or 1.0
 
 
-def _payload_ball(robot: Robot) -> list[VisualShape]:
-    payload = robot.payload
-    if payload is None or payload.mass <= 0 or robot.model.existFrame("payload", pin.FrameType.BODY):
-        return []
-    frame = robot.frame(payload.frame or robot.tip)
-    placement = frame.placement.homogeneous.copy()
-    placement[:3, 3] = frame.placement.act(np.array(payload.com))
-    radius = max(float(np.cbrt(payload.mass / _DENSITY * 3 / (4 * np.pi))), 0.016)
-    return [VisualShape(frame.parentJoint, placement, mg.Sphere(radius), _PAYLOAD)]
+def _attached(robot: Robot) -> Iterator[VisualShape]:
+    """The shapes of tool and payload; of one without shapes a ball of its mass."""
+    for body in robot.attached:
+        frame, rgba = robot.frame_of(body), _GREY if body is robot.options.tool else _PAYLOAD
+        at, joint = frame.placement.homogeneous, int(frame.parentJoint)
+        yield from obstacle_shapes(body.shapes, joint, at, rgba)
+        if body.mass > 0 and not body.shapes and not robot.model.existFrame(body.name, pin.FrameType.BODY):
+            centre = at.copy()
+            centre[:3, 3] = frame.placement.act(np.array(body.com))
+            radius = max(float(np.cbrt(body.mass / _DENSITY * 3 / (4 * np.pi))), 0.016)
+            yield VisualShape(joint, centre, mg.Sphere(radius), rgba)
 
 
 def _bones(robot: Robot, drawn: set[int]) -> Iterator[VisualShape]:

@@ -12,7 +12,6 @@ from armdyn.arguments import MOST_MEMBERS, Sign, interval, number, whole
 from armdyn.errors import ProblemError
 from armdyn.models.robots.arm import payload_inertia
 from armdyn.models.robots.robot import Robot, expect_robot
-from armdyn.models.values.spec import Payload
 
 Array = NDArray[np.float64]
 Range = tuple[float, float]
@@ -169,14 +168,13 @@ def with_payload_times(robot: Robot, factor: float) -> Robot:
     load = robot.payload
     if load is None:
         raise ProblemError(f"{robot.name} carries no payload; give it one: payload=Payload(mass=…)")
-    frame = robot.frame(load.frame or robot.tip)
+    frame = robot.frame_of(load)
     model = robot.model.copy()
     body = model.inertias[frame.parentJoint].toDynamicParameters()
     more = (factor - 1) * frame.placement.act(payload_inertia(load)).toDynamicParameters()
     model.inertias[frame.parentJoint] = pin.Inertia.FromDynamicParameters(body + more)
     moments = tuple(factor * part for part in load.inertia)
-    carried = Payload(mass=factor * load.mass, com=load.com, inertia=moments, frame=load.frame)
-    return replace(robot, model=model, payload=carried)
+    return replace(robot, model=model, payload=replace(load, mass=factor * load.mass, inertia=moments))
 
 
 def _between(ends: Range, part: Array) -> Array:

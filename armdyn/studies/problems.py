@@ -15,8 +15,8 @@ import numpy as np
 from armdyn.errors import ProblemError, did_you_mean
 from armdyn.models.robots.poses import positions_of
 from armdyn.models.robots.robot import Robot
-from armdyn.models.robots.tables import robot_from
 from armdyn.optimal import MinimumTimeProblem
+from armdyn.optimal.problem.robot_tables import robot_from
 from armdyn.optimal.problem_files import PROBLEM, problem_from
 from armdyn.parsing.toml import Table
 from armdyn.studies.rows import Value

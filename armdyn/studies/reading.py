@@ -11,7 +11,7 @@ from armdyn.arguments import shown
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import positions_of
 from armdyn.models.robots.robot import Robot
-from armdyn.models.robots.tables import KEYS, robot_from, robot_table
+from armdyn.optimal.problem.robot_tables import KEYS, robot_from, robot_table
 from armdyn.optimal.problem_files import PROBLEM
 from armdyn.parsing.toml import Table, read_toml
 from armdyn.studies.problems import ARM, POSES, ArmProblems, StudyArm

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arguments import shown
-from armdyn.errors import FileError, MissingPackageError, TrajectoryError
+from armdyn.errors import FileError, TrajectoryError
 from armdyn.files import read_bounded
 
 Array = NDArray[np.float64]
@@ -46,7 +46,6 @@ def read_message(file: Path, joints: Sequence[str]) -> dict[str, Array]:
     Raises:
         FileError: the file cannot be read.
         TrajectoryError: it is no message, or one of another robot.
-        MissingPackageError: it is YAML, and PyYAML is not installed.
     """
     message = _message(file, _content(file))
     names, points = message.get("joint_names"), message.get("points")
@@ -76,10 +75,8 @@ def _content(file: Path) -> object:
             raise TrajectoryError(f"{file}: not JSON ({str(error)[:200]})") from None
     if len(data) > MAX_YAML:
         raise FileError(file, f"YAML larger than {MAX_YAML} bytes; write it as JSON")
-    try:
-        import yaml  # type: ignore[import-untyped]
-    except ImportError:
-        raise MissingPackageError("pyyaml", "YAML", "JSON is read without") from None
+    import yaml  # type: ignore[import-untyped]  # for YAML alone
+
     try:
         documents = [each for each in yaml.safe_load_all(data) if each is not None]
     except (yaml.YAMLError, ValueError, RecursionError, MemoryError) as error:

@@ -2,12 +2,18 @@
 
 import os
 import signal
+from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import armdyn as ad
+from armdyn.cli.motion.words import solution_words, title_words
+from armdyn.optimal.answer.assembly import assembled
+from armdyn.optimal.answer.summary import minimum_time_summary
 from armdyn.optimal.arcs.phases import Unresolved
+from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.refine.smooth import time_energy
 from armdyn.optimal.task.task import Task
 from problems import paper_problem, solved
@@ -37,7 +43,81 @@ def test_nothing_is_built_when_the_time_is_up(more, monkeypatch):
     monkeypatch.setattr("armdyn.optimal.solve.registry._built", lambda *_: pytest.fail("a program is built"))
     solution = ad.solve_minimum_time(paper_problem("rrr", **more), ad.MinimumTimeOptions(time_limit=1e-9))
     assert solution.status is ad.Status.TIME_LIMIT and not solution.moves
-    assert solution.message == "no motion was found: time limit reached"
+    assert solution.message == "no motion was found: the time limit of 1e-09 s ended the search"
+
+
+def timed_out(problem, when, monkeypatch, **options):
+    """The solution of a problem whose time is up when a line of progress says so, whatever the machine's load."""
+    lines = []
+    monkeypatch.setattr(Stop, "late", property(lambda self: any(when in line for line in lines)))
+    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(**options), lines.append)
+    assert any(when in line for line in lines)
+    return solution
+
+
+UR5 = {"q_start": [0, -1.2, 1.0, -1.4, -1.57, 0], "q_goal": [1.2, -0.8, 1.3, -1.8, -1.2, 0.5]}
+ENDED = "the time limit of 300 s ended the search; "
+
+
+def ur5_pose():
+    robot = ad.Robot.from_library("ur5")
+    model, data, wrist = robot.model, robot.model.createData(), robot.frame("tool0")
+    pin.forwardKinematics(model, data, np.array(UR5["q_goal"]))
+    pose = ad.GoalPose("tool0", data.oMi[wrist.parentJoint] * wrist.placement)
+    return ad.MinimumTimeProblem(robot, q_start=UR5["q_start"], goal_pose=pose)
+
+
+def behind_a_post():
+    post = ad.Box((0.12, 0.12, 0.6), (0.55, 0, 0.3), name="post")
+    near = [0.3, 0, -1.9, 0, 2.2, 0.785]
+    return ad.MinimumTimeProblem(
+        ad.Robot.from_library("panda"), q_start=[-0.8, *near], q_goal=[0.8, *near], obstacles=[post]
+    )
+
+
+@pytest.mark.parametrize(
+    ("posed", "when"),
+    [
+        (lambda: ad.MinimumTimeProblem(ad.Robot.from_library("ur5"), **UR5), "round 1"),
+        (lambda: paper_problem("rrr", velocity_limit=6.0), "round 1"),
+        (ur5_pose, "goal 2 of the 2 best"),
+        (behind_a_post, "replaying"),
+    ],
+    ids=["curve", "bounded", "several goals", "ways"],
+)
+def test_a_motion_whose_search_the_time_limit_ended_is_usable_and_not_called_solved(posed, when, monkeypatch):
+    solution = timed_out(posed(), when, monkeypatch)
+    assert solution.status is ad.Status.TIME_LIMIT and solution.message.startswith(ENDED)
+    assert solution.success and solution.usable and not solution.certified
+    summary = minimum_time_summary(solution)
+    assert summary["status"] == "time_limit" and "The time limit ended the search" in summary["assessment"]
+    assert solution_words(solution, wrap=False)["status"] == "time limit"
+    assert title_words(solution).startswith("best so far ")
+
+
+@pytest.mark.parametrize(
+    ("posed", "when"),
+    [
+        (lambda: paper_problem("rrr"), "guess 1 of"),
+        (lambda: paper_problem("rr", obstacles=[ad.Sphere((0.3, 0, -0.1), 0.06)]), "ways round the obstacles"),
+        (ur5_pose, "goal 2 of"),
+    ],
+    ids=["search in processes", "planner", "screening"],
+)
+def test_a_search_that_the_time_limit_ended_with_nothing_says_so(posed, when, monkeypatch):
+    solution = timed_out(posed(), when, monkeypatch, workers=2)
+    assert solution.status is ad.Status.TIME_LIMIT and "the time limit of 300 s ended the search" in solution.message
+    assert not solution.certified
+
+
+def test_what_is_certified_is_solved_whatever_the_clock_says_afterwards(monkeypatch):
+    def cut(task, *found):
+        task.stop.cut()
+        return assembled(task, *found)
+
+    monkeypatch.setattr("armdyn.optimal.minimum_time.assembled", cut)
+    solution = ad.solve_minimum_time(paper_problem("rr"))
+    assert solution.status is ad.Status.SOLVED and solution.certified
 
 
 def test_optima_that_only_a_coarse_mesh_has_are_none_and_a_curve_is_the_answer(monkeypatch):
@@ -70,3 +150,22 @@ def test_interrupt_returns_what_there_is():
     assert not solution.success
     assert len(told) < 100  # of 400 guesses
     assert signal.getsignal(signal.SIGINT) is before
+
+
+BALL = ad.Sphere((0.3, 0, -0.1), 0.06, name="ball")
+
+
+def test_a_crowded_problem_without_a_way_says_so_though_a_motion_that_touches_was_found(monkeypatch):
+    monkeypatch.setattr("armdyn.optimal.refine.ways.plan_paths", lambda *_, **__: ())
+    solution = ad.solve_minimum_time(paper_problem("rr", obstacles=[BALL]))
+    assert solution.status is ad.Status.INFEASIBLE and not solution.success
+    said = "no collision-free path was found in 200000 collision checks, the planner's budget; without obstacles "
+    assert solution.message.startswith(said) and "inside 'ball'" in solution.message
+
+
+@pytest.mark.slow
+def test_walled_in_between_balls():
+    solution = ad.solve_minimum_time(paper_problem("rr", obstacles=[BALL]))
+    assert solution.status is ad.Status.INFEASIBLE and solution.message.startswith("no collision-free path was found")
+    near = replace(BALL, radius=0.03)
+    assert ad.solve_minimum_time(paper_problem("rr", obstacles=[near])).usable

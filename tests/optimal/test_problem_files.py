@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import armdyn as ad
 from armdyn.errors import ProblemError, SpecError
-from armdyn.models.robots.tables import KEYS
+from armdyn.optimal.problem.robot_tables import KEYS
 from armdyn.optimal.problem_files import OPTIONS, PROBLEM, read_problem_file
 from problems import RR_FILE
 

@@ -35,7 +35,7 @@ def test_round_a_disk_a_path_is_nearly_as_short_as_can_be():
         assert np.min(np.linalg.norm(dense(path), axis=1)) > 1 - 0.02**2 / 2 - 1e-3  # checked 0.02 apart
     times = [np.sum(np.max(np.abs(np.diff(path, axis=0)), axis=1)) for path in paths]
     # In the largest component: up to the corner of the square around the disk's quarter and down again, 4 at least.
-    assert len(paths) > 1 and 4 <= min(times) < 4.4
+    assert 4 <= min(times) < 4.4
 
 
 def test_the_same_seed_gives_the_same_paths_in_any_order():
@@ -64,9 +64,9 @@ def test_none_is_found_through_a_wall_and_the_budget_ends_it():
 def test_a_path_that_nobody_asks_for_is_not_planned():
     count = [0]
 
-    def is_free(q):
+    def is_free(q):  # but for a wall, so that a path round it is not nearly straight
         count[0] += 1
-        return bool(np.linalg.norm(q) > 1)
+        return bool(abs(q[0]) > 0.2 or abs(q[1]) > 2.5)
 
     paths = plan_paths(space(is_free), np.array([-2.0, 0]), np.array([2.0, 0]), seed=3)
     next(paths)
@@ -89,5 +89,5 @@ def test_where_there_is_no_path_it_says_so():
     shell = [Sphere(end, 0.03, name=f"bar {k}") for k, end in enumerate(ends)]
     problem = ad.MinimumTimeProblem(paper_arm("rr"), q_start=[0, 0], q_goal=[1.2, 0], obstacles=shell, clearance=0.001)
     problem = problem.variant(position_limit=([-3, -3], [3, 3]))
-    with pytest.raises(ProblemError, match="no collision-free path was found within the planner's budget"):
+    with pytest.raises(ProblemError, match="no collision-free path was found in 200000 collision checks"):
         ad.plan_path(problem)

@@ -13,7 +13,7 @@ from armdyn.cli.console import INTERRUPTED, NOT_AS_REQUIRED, NOT_USABLE, answeri
 from armdyn.cli.motion.requirements import Require, missing_of, requirements_of
 from armdyn.cli.motion.words import missing_words, solution_words, title_words
 from armdyn.cli.options.groups import flag, given, option
-from armdyn.cli.options.joints import friction_facts, friction_words, reserve_words
+from armdyn.cli.options.joints import carried_facts, carried_words, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.task import ProblemOptions
 from armdyn.cli.parsing.panels import SOLVER
@@ -134,14 +134,23 @@ def mintime(
                 folder, arm, {"trajectory": motion}, summary, title, problem.obstacles, progress=progress
             ).with_files([] if results.no_figure else _write_reserves(curve, folder, arm.name))
         missing = missing_of(required, solution)
-        answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, "missing": missing, **written.facts}
+        answer.facts |= {
+            "robot": arm.name,
+            **carried_facts(arm),
+            **friction_facts(arm),
+            **summary,
+            "missing": missing,
+            **written.facts,
+        }
         if solution.status is ad.Status.INTERRUPTED:
             answer.code = INTERRUPTED
         elif not solution.usable:
             answer.code = NOT_USABLE
         elif missing:
             answer.code = NOT_AS_REQUIRED
-        words = friction_words(arm) | reserve_words(problem) | solution_words(solution, problem.wrap)
+        words = (
+            carried_words(arm) | friction_words(arm) | reserve_words(problem) | solution_words(solution, problem.wrap)
+        )
         words |= _reserve_choice(curve) | missing_words(missing) | written.words
         console.print(facts_table(f"{arm.name}: minimum time", words))
 

@@ -23,9 +23,11 @@ def solution_words(solution: Solution, wrap: bool) -> dict[str, str]:
 def title_words(solution: Solution) -> str:
     """A solution as a figure's title shows it."""
     from armdyn.optimal.answer.words import verdict
+    from armdyn.optimal.problem.status import Status
 
     if solution.success:
-        return f"minimum time {solution.duration:.4f} s, {verdict(solution)}"
+        found = "best so far" if solution.status is Status.TIME_LIMIT else "minimum time"
+        return f"{found} {solution.duration:.4f} s, {verdict(solution)}"
     said = str(solution.status).replace("_", " ")
     return f"{said}, best so far {solution.duration:.4f} s" if solution.moves else f"{said}, no motion to the goal"
 

@@ -80,6 +80,11 @@ class PathConstraintOptions:
         "capsule:R@X,Y,Z;X,Y,Z, cylinder:R@X,Y,Z;X,Y,Z, plane:NX,NY,NZ@X,Y,Z "
         "(outward normal), or a file of them, boxes turned too (docs/obstacles.md). May be given again.",
     )
+    scene: list[str] | None = option(
+        "FILE",
+        "Scene to keep clear of: a MoveIt planning scene (.yaml, .scene), whose allowed contacts hold, or the URDF of "
+        "a cell (docs/obstacles.md). May be given again.",
+    )
     self_collision: bool = flag("Keep the arm's links clear of each other, too.")
     allow_contact: list[str] | None = option(
         "A,B", "Names of a link and an obstacle, or of two links, that may touch. May be given again."
@@ -97,21 +102,24 @@ class PathConstraintOptions:
         Raises:
             ProblemError: a text does not fit its option.
         """
+        from armdyn.models.scene.scenes import load_scene
         from armdyn.optimal.path_constraints.registry import path_constraint_from
 
+        scenes = [load_scene(file, robot) for file in self.scene or ()]
+        contacts = [tuple(name.strip() for name in text.split(",")) for text in self.allow_contact or ()]
         return {
             "via": [positions(text, "--via", robot) for text in self.via or ()],
-            "obstacles": obstacles_of(self.obstacle or ()),
+            "obstacles": (*obstacles_of(self.obstacle or ()), *(one for scene in scenes for one in scene.obstacles)),
             "self_collision": self.self_collision,
-            "allowed_contacts": [tuple(name.strip() for name in text.split(",")) for text in self.allow_contact or ()],
+            "allowed_contacts": [*contacts, *(pair for scene in scenes for pair in scene.allowed_contacts)],
             "clearance": self.clearance,
             **self.rates.problem_arguments(),
             "path_constraints": [path_constraint_from(text) for text in self.limit or ()],
         }
 
 
-def obstacles_of(texts: Sequence[str]) -> tuple[Obstacle, ...]:
-    """Obstacles as --obstacle says them.
+def obstacles_of(texts: Sequence[str], option: str = "--obstacle") -> tuple[Obstacle, ...]:
+    """Obstacles as --obstacle says them, or shapes of another option.
 
     Raises:
         ProblemError: a text is no shape and no file, or the file has none.
@@ -121,7 +129,7 @@ def obstacles_of(texts: Sequence[str]) -> tuple[Obstacle, ...]:
     found: list[Obstacle] = []
     for text in texts:
         kind, colon, rest = text.partition(":")
-        found += [_shape(kind, rest, f"--obstacle {text}")] if colon and kind in SHAPES else load_obstacles(text)
+        found += [_shape(kind, rest, f"{option} {text}")] if colon and kind in SHAPES else load_obstacles(text)
     return tuple(found)
 
 
@@ -132,8 +140,9 @@ def _shape(kind: str, text: str, what: str) -> Obstacle:
     shape, (sizes, _, places) = SHAPES[kind], text.partition("@")
     values, at = numbers(sizes, what), [numbers(place, what) for place in places.split(";")]
     counts = [metavar.count(",") + 1 for metavar in shape.sizes.values()]
-    if (len(values), len(at)) != (sum(counts), len(shape.places)):
-        raise ProblemError(f"{what}: write {' or '.join(f'{name}:{one.option()}' for name, one in SHAPES.items())}")
+    if not shape.places or (len(values), len(at)) != (sum(counts), len(shape.places)):
+        said = [f"{name}:{one.option()}" for name, one in SHAPES.items() if one.places]
+        raise ProblemError(f"{what}: write {' or '.join(said)}")
     each = [values.pop(0) if count == 1 else [values.pop(0) for _ in range(count)] for count in counts]
     entry = dict(zip((*shape.sizes, *shape.places), (*each, *at), strict=True))
     return obstacle_from({"type": kind, **entry}, what)

@@ -124,7 +124,7 @@ def goal_pose_of(text: str) -> ad.GoalPose:
     Raises:
         ProblemError: it is none.
     """
-    from armdyn.models.scene.placement import pose_of
+    from armdyn.models.values.placement import pose_of
 
     frame, colon, rest = text.rpartition(":")
     values = numbers(rest, "--goal-pose") if colon and frame else []

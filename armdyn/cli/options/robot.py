@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Annotated, ClassVar
 
 import typer
@@ -41,11 +42,12 @@ RobotName = Annotated[
 
 @dataclass(frozen=True, kw_only=True)
 class PartOptions:
-    """Choice of the moving joints.
+    """Choice of the moving joints, and the tool.
 
     Attributes:
-        lock: JOINT=Q of each joint that does not.
+        lock: JOINT=Q of each joint that does not move.
         part: FIRST,LAST of those that do.
+        tool: a file with the tool.
     """
 
     panel: ClassVar[str] = ROBOT
@@ -58,35 +60,52 @@ class PartOptions:
         "Only the joints from one joint or link to another move, all else is locked; a last link is the tip.",
         name="--arm",
     )
+    tool: str | None = option(
+        "FILE.toml",
+        "Tool at the arm's end: mass, com, inertia, shapes and tip (docs/payloads.md); its tip is the arm's.",
+    )
 
-    def read(self, name: str, payload: ad.Payload | None = None) -> ad.Robot:
-        """The robot of a name, as its URDF or MJCF describes it.
+    def read(self, name: str, payload: ad.Payload | None = None, tool: ad.Tool | None = None) -> ad.Robot:
+        """The robot of a name, as its URDF or MJCF describes it; with the tool of a file if one is named.
 
         Raises:
             ArmdynError: there is none of that name, or the joints are not its own.
         """
+        tool = self._tool() or tool
         if name in models.PLANAR_ARMS:
             if self.lock or self.part:
                 option = "--lock" if self.lock else "--arm"
                 raise SpecError(f"{option}: {name!r} has no joints to lock; it takes a URDF file or a library's robot")
-            return ad.Robot.from_spec(ad.ArmSpec.paper(name), payload)
-        robot = self._read(name, payload)
+            return ad.Robot.from_spec(ad.ArmSpec.paper(name), payload, tool=tool)
+        robot = self._read(name, payload, tool)
         sliding_locks(self.lock or (), robot)
         return robot
 
-    def _read(self, name: str, payload: ad.Payload | None) -> ad.Robot:
+    def _read(self, name: str, payload: ad.Payload | None, tool: ad.Tool | None) -> ad.Robot:
         """The robot of a name that is not one of the paper's."""
         if name.lower().endswith(".toml"):
             raise SpecError(f"{name} is a problem file, which {TAKE_FILES} take; here a robot is needed")
         from armdyn.models.robots.source import RobotSource
 
-        options = ad.RobotOptions(payload=payload, lock=self.locks(), arm=self.ends())
+        options = ad.RobotOptions(payload=payload, tool=tool, lock=self.locks(), arm=self.ends())
         return ad.Robot.from_source(RobotSource.named(name), options)
 
     def locks(self) -> dict[str, float] | None:
         """Joints to fix, and where [rad or m]."""
         pairs = [text.partition("=") for text in self.lock or ()]
         return {joint: position(value, f"--lock {joint}", None) for joint, _, value in pairs} or None
+
+    def _tool(self) -> ad.Tool | None:
+        """The tool that the file describes; None: no file was named."""
+        if self.tool is None:
+            return None
+        from armdyn.models.scene.attached import TOOL_KEYS, tool_from
+        from armdyn.parsing.toml import read_toml
+
+        table = read_toml(self.tool)
+        table.only(TOOL_KEYS)
+        with table.telling({}):
+            return tool_from(table.values, Path(table.path).parent)
 
     def ends(self) -> tuple[str, str] | None:
         """First and last joint or link of the arm that moves."""
@@ -112,11 +131,12 @@ class RobotArgument:
 
 @dataclass(frozen=True, kw_only=True)
 class PayloadPlace:
-    """Place of a payload.
+    """Place and shapes of a payload.
 
     Attributes:
         payload_frame: frame that carries it; None: the tip.
         payload_com: its centre of mass there [m], as text; None: the frame's origin.
+        payload_shape: its shapes there, as --obstacle has them; None: it has no size.
     """
 
     panel: ClassVar[str] = ROBOT
@@ -128,16 +148,30 @@ class PayloadPlace:
         "X,Y,Z", "The payload's centre of mass in that frame \\[m]; by default its origin."
     )
 
+    payload_shape: list[str] | None = option(
+        "SHAPE",
+        "What the payload looks like in that frame, such as box:0.06,0.06,0.2@0,0,0.1 or another shape of --obstacle: "
+        "it is kept clear of obstacles, too. May be given again.",
+    )
+
     def carried(self, mass: float) -> ad.Payload | None:
         """A payload of a mass [kg] at this place.
 
         Raises:
-            ProblemError: its place is given, but not its mass.
+            ProblemError: its place is given, but neither mass nor shape; or a shape is none.
         """
-        if not mass and (self.payload_frame or self.payload_com):
+        if self.payload_shape:
+            from armdyn.cli.options.course import obstacles_of
+
+            shapes = obstacles_of(self.payload_shape, "--payload-shape")
+        else:
+            shapes = ()
+        if not mass and not shapes and (self.payload_frame or self.payload_com):
             raise ProblemError("--payload-frame and --payload-com say where a payload is: give its mass, --payload KG")
         centre = (0.0, 0.0, 0.0) if self.payload_com is None else numbers(self.payload_com, "--payload-com")
-        return ad.Payload(mass=mass, frame=self.payload_frame, com=centre) if mass else None
+        if not mass and not shapes:
+            return None
+        return ad.Payload(mass=mass, frame=self.payload_frame, com=centre, shapes=shapes)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,9 +185,9 @@ class PayloadOptions:
 
     panel: ClassVar[str] = PayloadPlace.panel
 
-    payload: float = option("KG", "Point mass that the arm carries \\[kg].", default=0.0)
+    payload: float = option("KG", "Mass that the arm carries \\[kg].", default=0.0)
     place: PayloadPlace = field(default_factory=PayloadPlace)
 
     def carried(self) -> ad.Payload | None:
-        """The payload; None for a mass of zero."""
+        """The payload; None without mass and shape."""
         return self.place.carried(self.payload)

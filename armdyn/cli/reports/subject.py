@@ -19,6 +19,7 @@ from armdyn.cli.options.robot import PartOptions
 from armdyn.cli.reports.saved import Saved
 from armdyn.errors import ArmdynError, ArmdynWarning, ProblemError, TrajectoryError
 from armdyn.models import PLANAR_ARMS, JointLimits, Payload, Robot
+from armdyn.models.scene.attached import payload_from, tool_from
 from armdyn.models.scene.obstacles import SHAPES, obstacle_from
 from armdyn.show.page.facts import Facts, as_number
 from armdyn.show.page.report import Subject
@@ -117,19 +118,21 @@ def _file(name: str) -> str | None:
 def _built(name: str, facts: Facts, spec: SubjectSpec) -> Robot:
     """The robot as it was when it moved; where the user does not name it, it is looked for in the library only."""
     options, model = facts.part("asked").part("options"), facts.part("model")
-    carried = spec.payload or _payload(model.part("payload"))
+    payload, tool = (_given(model.part(part)) for part in ("payload", "tool"))
+    carried = spec.payload or (payload_from(payload) if payload else None)
     locked = [
         f"{joint}={q!r}"
         for joint, q in list(model.part("locked").values.items())[:_MOST_LOCKS]
         if as_number(q) is not None
     ]
     part = PartOptions(lock=locked or None, part=options.text("part") or None)
+    held = tool_from(tool) if tool else None
     if spec.part.lock or spec.part.part:
         part = spec.part
     if spec.robot is not None or name in PLANAR_ARMS or _file(name):
-        arm = part.read(name, carried)
+        arm = part.read(name, carried, held)
     else:
-        arm = Robot.from_library(name, carried, lock=part.locks(), arm=part.ends())
+        arm = Robot.from_library(name, carried, tool=held, lock=part.locks(), arm=part.ends())
     armature, friction = model.numbers("armature"), model.part("friction")
     if len(armature) == arm.nv and None not in armature:
         arm = arm.with_armature([x or 0.0 for x in armature])
@@ -139,12 +142,9 @@ def _built(name: str, facts: Facts, spec: SubjectSpec) -> Robot:
     return arm
 
 
-def _payload(facts: Facts) -> Payload | None:
-    mass = facts.number("mass")
-    if not mass:
-        return None
-    com, inertia = ([x or 0.0 for x in facts.numbers(name)] for name in ("com", "inertia"))
-    return Payload(mass=mass, com=com, inertia=inertia, frame=facts.text("frame") or None)
+def _given(facts: Facts) -> dict[str, Any]:
+    """What a result says of a payload or a tool."""
+    return {name: value for name, value in facts.values.items() if value is not None}
 
 
 def _limits(model: Facts, count: int) -> JointLimits | None:

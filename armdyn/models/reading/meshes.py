@@ -90,8 +90,13 @@ def resolve_mesh(name: str, folders: tuple[str, ...]) -> Path:
     raise FileNotFoundError(f"no mesh {name[:200]!r}")
 
 
-def load_meshes(path: Path, scale: Array) -> Iterator[tuple[Any, Any]]:
+def load_meshes(path: Path, scale: Array, most: int = _MAX_MESH_BYTES) -> Iterator[tuple[Any, Any]]:
     """The triangle meshes of a file, scaled and placed: bare ones and those they come from, with their looks.
+
+    Args:
+        path: of the file.
+        scale: factors along x, y and z, shape (3,).
+        most: bytes that it may have.
 
     Raises:
         ValueError: the file is no regular one, too large, of no known format, or has no triangles.
@@ -101,7 +106,7 @@ def load_meshes(path: Path, scale: Array) -> Iterator[tuple[Any, Any]]:
     if path.suffix.lower() not in _MESH_FORMATS:
         raise ValueError(f"mesh {path.name!r} is none of {', '.join(_MESH_FORMATS)}")
     try:
-        content = io.BytesIO(read_bounded(path, _MAX_MESH_BYTES))
+        content = io.BytesIO(read_bounded(path, most))
     except FileError as error:
         raise ValueError(f"mesh {path.name!r}: {error.why}") from None
     scene = trimesh.load_scene(content, file_type=path.suffix.lower()[1:], resolver=_beside(path))

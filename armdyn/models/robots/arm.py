@@ -21,7 +21,7 @@ from armdyn.models.robots.source import RobotSource
 from armdyn.models.values.friction import FrictionValue, JointFriction
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.per_joint import per_joint
-from armdyn.models.values.spec import Payload
+from armdyn.models.values.spec import Payload, Tool
 from armdyn.models.values.urdf import TIP, positive_tensor
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called
@@ -57,7 +57,7 @@ class Arm:
         package_dirs: folders in which `package://` is looked up.
         locked: joint name to the position it is locked at [rad or m].
         payload: the added one; None: none was.
-        tip: the frame at the end of the arm.
+        tip: the frame at the end of the arm, or of its tool.
         friction: in its joints; the model itself, and so `pin.aba`, knows nothing of it.
         origin: where it was read from; None: it was put together otherwise.
         options: with which it was read.
@@ -136,6 +136,11 @@ class Arm:
             SpecError: there is none of that name; the message lists all.
         """
         return pose_named(self, name)
+
+    @property
+    def attached(self) -> tuple[Payload, ...]:
+        """The tool and the payload, those that there are."""
+        return tuple(body for body in (self.options.tool, self.payload) if body is not None)
 
     @property
     def passive(self) -> tuple[str, ...]:
@@ -223,18 +228,25 @@ class Arm:
             raise SpecError(f"armature is {shown(armature)} kg m² or kg; it must be {LARGEST:g} at most")
         return replace(self, model=model)
 
-    def _carrying(self, payload: Payload | None) -> Self:
-        """This robot carrying something; the model is copied before it is changed."""
-        model = self.model.copy()
-        if payload is not None:
-            expect(payload, Payload, "payload", "Payload(mass=…)", error=SpecError)
-        if payload is not None and payload.mass > 0:
-            frame_name = payload.frame or self.tip
-            frame = self.frame(frame_name)
+    def _carrying(self, body: Payload | None) -> Self:
+        """This robot with a payload or a tool; the model is copied before it is changed.
+
+        Raises:
+            SpecError: it is none, its frame is none or does not move, or its name is taken.
+        """
+        model, tip = self.model.copy(), self.tip
+        if body is not None:
+            frame = self.frame_of(body)
             if frame.parentJoint == 0:
-                raise SpecError(f"frame {frame_name!r} of {self.source} does not move: no payload can be there")
-            model.appendBodyToJoint(frame.parentJoint, payload_inertia(payload), frame.placement)
-        return replace(self, model=model, payload=payload)
+                raise SpecError(f"frame {frame.name!r} of {self.source} does not move: no {body.name} can be there")
+            if (body.shapes or isinstance(body, Tool)) and model.existFrame(body.name):
+                raise SpecError(f"{self.source} has a frame {body.name!r}: give the {body.name} another name")
+            if body.mass > 0:
+                model.appendBodyToJoint(frame.parentJoint, payload_inertia(body), frame.placement)
+            if isinstance(body, Tool):
+                at, tip = frame.placement * pin.SE3(np.array(body.tip)), body.name
+                model.addFrame(pin.Frame(tip, frame.parentJoint, 0, at, pin.FrameType.OP_FRAME))
+        return replace(self, model=model, tip=tip, payload=self.payload if isinstance(body, Tool) else body)
 
     def _read(self, value: ArrayLike, what: str, unit: str = "", *, finite: bool = True) -> Array:
         """One number, or one per joint, that is not negative, as an array of shape (nv,)."""
@@ -252,6 +264,14 @@ class Arm:
                 return self.model.frames[self.model.getFrameId(name, kind)]
         names = [str(frame.name) for frame in self.model.frames]
         raise SpecError(f"no frame {shown(name)} in {self.source}{did_you_mean(name, names)}")
+
+    def frame_of(self, payload: Payload) -> pin.Frame:
+        """The frame that the payload or the tool is fixed to.
+
+        Raises:
+            SpecError: there is no such frame, or it is neither.
+        """
+        return self.frame(expect(payload, Payload, "payload", "Payload(mass=…)", error=SpecError).frame or self.tip)
 
     def holding_torque(self, q: ArrayLike) -> Array:
         """Torque that holds the arm still at joint positions q [N m or N], both of shape (nv,).

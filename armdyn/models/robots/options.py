@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from armdyn.arguments import expect, path, several, shown
 from armdyn.errors import SpecError
 from armdyn.models.values.friction import FrictionValue
-from armdyn.models.values.spec import Payload
+from armdyn.models.values.spec import Payload, Tool
 from armdyn.reprs import brief
 
 
@@ -20,6 +20,7 @@ class RobotKeywords(TypedDict, total=False):
     """The keywords of every reader of robots besides the payload: the fields of `RobotOptions`, or it as a whole."""
 
     options: RobotOptions | None
+    tool: Tool | None
     lock: Mapping[str, float] | None
     arm: tuple[str, str] | None
     effort_limit: ArrayLike | None
@@ -38,7 +39,9 @@ class RobotOptions:
     """Options of the readers of robots. Every reader takes these fields as keywords, or the whole value as `options`.
 
     Attributes:
-        payload: fixed to `payload.frame`, by default the end of the longest chain.
+        payload: fixed to `payload.frame`, by default the tip: of the tool, or of the arm, the end of the longest
+            chain. Joints behind it that are locked side by side, as a gripper's fingers, are no part of that chain.
+        tool: fixed to `tool.frame`, by default the arm's own tip; the tip is then the tool's.
         lock: joints to fix, name to position [rad or m]; in a model a joint of several coordinates at 0, its neutral.
         arm: (first, last), each a joint or a link (in an MJCF a body or a site, in a model a frame): the joints on the
             way from one to the other move, all others of the robot are locked, at zero or at the bound nearest to it
@@ -57,10 +60,11 @@ class RobotOptions:
             mesh.
 
     Raises:
-        SpecError: lock is no mapping, arm no pair of names, or package_dirs no list of paths.
+        SpecError: tool is none, lock no mapping, arm no pair of names, or package_dirs no list of paths.
     """
 
     payload: Payload | None = None
+    tool: Tool | None = None
     lock: Mapping[str, float] | None = None
     arm: tuple[str, str] | None = None
     effort_limit: ArrayLike | None = None
@@ -73,6 +77,8 @@ class RobotOptions:
     package_dirs: Sequence[str | os.PathLike[str]] = ()
 
     def __post_init__(self) -> None:
+        if self.tool is not None:
+            expect(self.tool, Tool, "tool", "Tool(mass=…, tip=…)", error=SpecError)
         if self.lock is not None:
             right = "joint name to position [rad or m]"
             expect(self.lock, Mapping, "lock", right, error=SpecError)  # type: ignore[type-abstract]

@@ -62,6 +62,8 @@ class Robot(Arm):
         given = robot_options(None, {"options": options})
         parsed = _parsed(source, given)
         reading, own_friction = parsed.reading, None if source.format in ("library", "spec") else "urdf"
+        if given.tool is not None and given.tool.frame is None:
+            given = replace(given, tool=replace(given.tool, frame=reading.tip))
         robot = cls(
             name=source.name if source.format == "model" else str(reading.model.name),
             model=reading.model,
@@ -75,7 +77,10 @@ class Robot(Arm):
             origin=source,
             options=given,
         )
-        robot = replace(robot, payload=given.payload) if source.spec else robot._carrying(given.payload)
+        if source.spec and given.tool is None:  # the payload is one of its links
+            robot = replace(robot, payload=given.payload)
+        else:
+            robot = robot._carrying(given.tool)._carrying(given.payload)
         idle = BENCHMARKS.get(source.name, ()) if source.format == "library" else ()
         robot = robot.with_passive([joint for joint in idle if joint in robot.joint_names])
         robot = robot.with_limits(given.effort_limit, given.velocity_limit).with_armature(given.armature)
@@ -113,9 +118,9 @@ class Robot(Arm):
 
         Args:
             path: the file.
-            payload: fixed to `payload.frame`, by default the end of the longest chain.
-            keywords: the other fields of `RobotOptions`: lock, arm, effort_limit, velocity_limit, armature, damping,
-                friction, friction_width, passive, package_dirs; or `options`, a whole `RobotOptions`.
+            payload: fixed to `payload.frame`, by default the tip.
+            keywords: the other fields of `RobotOptions`: tool, lock, arm, effort_limit, velocity_limit, armature,
+                damping, friction, friction_width, passive, package_dirs; or `options`, a whole `RobotOptions`.
 
         Raises:
             UrdfError: the file cannot be read or is not physical.
@@ -266,7 +271,7 @@ def _parsed(source: RobotSource, options: RobotOptions) -> _Parsed:
         root = read_mjcf(Path(name)) if source.text is None else parse_mjcf(source.text, name)
         return _Parsed(read_mjcf_arm(root, name, lock, arm), source=name)
     if source.spec is not None:
-        urdf = urdf_from_spec(source.spec, options.payload)
+        urdf = urdf_from_spec(source.spec, options.payload if options.tool is None else None)
         return _Parsed(read_arm(urdf, name, lock, arm), urdf, name)
     file, folders = source.file, (*source.package_dirs, *folders)
     if source.format == "library":

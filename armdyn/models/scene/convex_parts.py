@@ -117,3 +117,13 @@ def _corners(points: Array) -> Array:
         cube = np.array(np.meshgrid(*([-0.5, 0.5],) * 3)).reshape(3, -1).T * _THICKNESS
         thick = (points[:, None] + cube).reshape(-1, 3)
         return np.asarray(thick[ConvexHull(thick).vertices])
+
+
+def convex_hull(corners: Array) -> Any:
+    """Geometry of coal around corners, shape (m, 3) [m]."""
+    import coal
+
+    kept = coal.StdVec_Vec3s()
+    for corner in corners:
+        kept.append(corner)
+    return coal.ConvexBase.convexHull(kept, True, "Qt")

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -18,6 +19,8 @@ Index = NDArray[np.int_]
 _POSES = 60
 _ALWAYS = 0.95
 """Bodies that touch in this part of so many random poses, or more, are built so."""
+_MOUNTED = 0.01
+"""Tool or payload and the link on a neighbouring joint that are so near in as many poses are built so, too [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +29,7 @@ class SceneGeometry:
 
     Attributes:
         model: geometry of Pinocchio, with the pairs.
-        names: of links and obstacles, in the order of `model.geometryObjects`.
+        names: of the link or obstacle that each solid is part of, in the order of `model.geometryObjects`.
         pairs: indices of the two solids of every pair, shape (pairs, 2).
         links: how many of the solids are the arm's; they come first.
     """
@@ -56,16 +59,15 @@ def scene_geometry(
     Raises:
         ProblemError: the robot has no geometry, or a mesh of it cannot be read.
     """
-    own = bodies(robot)
+    own, solids = bodies(robot), [(one.name, solid) for one in obstacles for solid in one.solids()]
     pairs = list(apart(robot)) if self_collision else []
-    pairs += [(i, len(own) + k) for i, body in enumerate(own) if body.joint for k in range(len(obstacles))]
-    return _assembled(robot, own, obstacles, pairs, allowed)
+    pairs += [(i, len(own) + k) for i, body in enumerate(own) if body.joint for k in range(len(solids))]
+    return _assembled(own, solids, pairs, allowed)
 
 
 def _assembled(
-    robot: Robot,
     own: Sequence[Body],
-    obstacles: Sequence[Obstacle],
+    solids: Sequence[tuple[str, tuple[Array, Any]]],
     pairs: Sequence[tuple[int, int]],
     allowed: Collection[tuple[str, str]] = (),
 ) -> SceneGeometry:
@@ -74,10 +76,9 @@ def _assembled(
         model.addGeometryObject(
             pin.GeometryObject(f"{i} {body.name}", body.joint, pin.SE3(body.placement), body.geometry)
         )
-    for k, obstacle in enumerate(obstacles):
-        placement, geometry = obstacle.solid()
+    for k, (_, (placement, geometry)) in enumerate(solids):
         model.addGeometryObject(pin.GeometryObject(f"obstacle {k}", 0, pin.SE3(placement), geometry))
-    names = (*(body.name for body in own), *(obstacle.name for obstacle in obstacles))
+    names = (*(body.name for body in own), *(name for name, _ in solids))
     touching = {frozenset(pair) for pair in allowed}
     kept = [(i, j) for i, j in pairs if frozenset((names[i], names[j])) not in touching]
     for i, j in kept:
@@ -87,20 +88,25 @@ def _assembled(
 
 @built_once(maxsize=16)
 def apart(robot: Robot) -> tuple[tuple[int, int], ...]:
-    """Pairs of the arm's bodies that can touch and need not: neither on neighbouring joints nor always touching."""
+    """Pairs of the arm's bodies that can touch and need not.
+
+    Bodies that touch in nearly all poses are built so. Of links on neighbouring joints that is assumed; tool and
+    payload are compared with the links on neighbouring joints, too, unless these are next to them in nearly all poses.
+    """
     own, parents = bodies(robot), robot.model.parents
-    candidates = [
-        (i, j)
-        for j in range(len(own))
-        for i in range(j)
-        if own[i].joint != own[j].joint
-        and parents[own[j].joint] != own[i].joint
-        and parents[own[i].joint] != own[j].joint
-    ]
+
+    def neighbours(i: int, j: int) -> bool:
+        a, b = own[i].joint, own[j].joint
+        return bool(parents[a] == b or parents[b] == a)
+
+    different = [(i, j) for j in range(len(own)) for i in range(j) if own[i].joint != own[j].joint]
+    candidates = [(i, j) for i, j in different if own[i].attached or own[j].attached or not neighbours(i, j)]
     if not candidates:
         return ()
-    scene = _assembled(robot, own, (), candidates)
+    scene = _assembled(own, (), candidates)
     data, geometry = robot.model.createData(), pin.GeometryData(scene.model)
+    for request, pair in zip(geometry.collisionRequests, candidates, strict=True):
+        request.security_margin = _MOUNTED if neighbours(*pair) else 0.0
     random, limits = np.random.default_rng(0), robot.limits
     low, high = np.maximum(limits.position_lower, -np.pi), np.minimum(limits.position_upper, np.pi)
     low, high = np.minimum(low, high), np.maximum(low, high)

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from armdyn.arguments import text
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
-from armdyn.models.scene.placement import Placement, homogeneous
 from armdyn.models.values.joint_limits import JointLimits
+from armdyn.models.values.placement import Placement, homogeneous
 from armdyn.reprs import brief
 
 Array = NDArray[np.float64]

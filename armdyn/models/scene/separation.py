@@ -12,7 +12,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from armdyn.models.robots.robot import Robot
-from armdyn.models.scene.bodies import around_cylinder, bodies
+from armdyn.models.scene.bodies import ROUND_FINE, balls_around, bodies
 from armdyn.models.scene.geometry import SceneGeometry
 from armdyn.trajectory import Trajectory
 
@@ -43,28 +43,15 @@ def hulls(robot: Robot, scene: SceneGeometry) -> tuple[Hull, ...]:
     return (*own, *(_hull(solid) for solid in list(scene.model.geometryObjects)[scene.links :]))
 
 
-_ROUND = 128
-"""Corners of the polygon around an obstacle's circle: 0.03 % larger, and computed once."""
-
-
 def _hull(solid: Any) -> Hull:
     """Of an obstacle, in the world."""
     import coal
 
-    shape, radius = solid.geometry, 0.0
-    if isinstance(shape, coal.Box):
-        points = np.array(np.meshgrid(*([-1.0, 1.0],) * 3)).reshape(3, -1).T * np.array(shape.halfSide)
-    elif isinstance(shape, coal.Sphere):
-        points, radius = np.zeros((1, 3)), float(shape.radius)
-    elif isinstance(shape, coal.Capsule):
-        points, radius = np.array([[0, 0, -shape.halfLength], [0, 0, shape.halfLength]]), float(shape.radius)
-    elif isinstance(shape, coal.Cylinder):
-        points = around_cylinder(shape.radius, shape.halfLength, _ROUND)
-    elif isinstance(shape, coal.Halfspace):
+    shape = solid.geometry
+    if isinstance(shape, coal.Halfspace):
         outward = solid.placement.rotation @ shape.n
         return Hull(0, (solid.placement.translation + shape.d * outward)[None], 0.0, outward)
-    else:
-        points = np.array(shape.points())
+    points, radius = balls_around(shape, ROUND_FINE)
     return Hull(0, points @ solid.placement.rotation.T + solid.placement.translation, radius)
 
 

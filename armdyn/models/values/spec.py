@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal, Self
+from typing import Any, Literal, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, number, numbers, several, shown, text
-from armdyn.errors import SpecError
+from armdyn.errors import ProblemError, SpecError
+from armdyn.models.values.placement import Placement, homogeneous
 from armdyn.reprs import brief
 
 GRAVITY = 9.81
@@ -98,22 +100,37 @@ class ArmSpec:
         return cls(name=arm, links=PLANAR_LINKS[: len(arm)])
 
 
+@runtime_checkable
+class BodyShape(Protocol):
+    """A shape of `armdyn.models.scene.obstacles`, such as `Box`."""
+
+    name: str
+
+    def solids(self) -> list[tuple[NDArray[np.float64], Any]]:
+        """Convex solids that it consists of: placement, shape (4, 4) [m], and coal's geometry."""
+
+
 @brief
 @dataclass(frozen=True, kw_only=True, init=False)
 class Payload:
     """A rigid body fixed to a link; a point mass unless an inertia is given.
 
     Attributes:
-        mass: [kg]; zero is no payload.
+        mass: [kg]; zero: it weighs nothing.
         com: centre of mass in `frame` [m]; at a generated arm's tip x is along the last link.
         inertia: about its centre of mass, along the axes of `frame` [kg m²]: Ixx, Iyy, Izz, Ixy, Ixz, Iyz.
         frame: the link or other frame it is fixed to, any that moves; None: the tip.
+        shapes: solids that it consists of, such as `Box`, placed in `frame`: they are kept clear of obstacles, and
+            with `self_collision` of the links on other joints. None of them: it has no size.
+        name: in messages and `allowed_contacts`.
     """
 
     mass: float
     com: tuple[float, ...]
     inertia: tuple[float, ...]
     frame: str | None
+    shapes: tuple[BodyShape, ...]
+    name: str
 
     def __init__(
         self,
@@ -122,6 +139,8 @@ class Payload:
         com: ArrayLike = (0.0, 0.0, 0.0),
         inertia: ArrayLike = (0.0, 0.0, 0.0),
         frame: str | None = None,
+        shapes: Iterable[BodyShape] = (),
+        name: str = "payload",
         offset: ArrayLike | None = None,
     ):
         """A payload from its mass, and inertia in one of several forms.
@@ -131,11 +150,18 @@ class Payload:
             com: [m], shape (3,).
             inertia: [kg m²]: the three moments, these and the products Ixy, Ixz, Iyz, or the symmetric matrix.
             frame: see above.
+            shapes: see above.
+            name: see above.
             offset: the older name of `com`.
 
         Raises:
             SpecError: not finite, of another shape, or no body has such an inertia.
         """
+        members = several(shapes, "payload shapes", error=SpecError)
+        if wrong := [one for one in members if isinstance(one, type) or not isinstance(one, BodyShape)]:
+            raise SpecError(
+                f"payload shapes have {shown(wrong[0])}; they are such as Box((0.1, 0.1, 0.2), (0, 0, 0.1))"
+            )
         mass = number(mass, "payload mass", unit="kg", sign="not negative", error=SpecError)
         called, given = ("com", com) if offset is None else ("offset", offset)
         centre = numbers(given, f"payload {called}", "three finite numbers [m]", error=SpecError)
@@ -147,6 +173,8 @@ class Payload:
         object.__setattr__(self, "com", tuple(centre.tolist()))
         object.__setattr__(self, "inertia", _moments(inertia))
         object.__setattr__(self, "frame", frame)
+        object.__setattr__(self, "shapes", members)
+        object.__setattr__(self, "name", text(name, "payload name", error=SpecError))
         a, b, c = np.linalg.eigvalsh(self.tensor)
         slack = 1e-9 * max(abs(a), abs(c))
         if a < -slack or a + b < c - slack:
@@ -164,13 +192,57 @@ class Payload:
         return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
     @classmethod
-    def at_last_com(cls, spec: ArmSpec, mass: float) -> Self:
+    def at_last_com(cls, spec: ArmSpec, mass: float) -> Payload:
         """Payload "mM" of Giv and Malek (2024), in one reading: m becomes m + M while l_c and I stay as they are.
 
         That is a point mass at the last link's centre of mass.
         """
         last = expect(spec, ArmSpec, "spec", error=SpecError).links[-1]
-        return cls(mass=mass, com=(last.com - last.length, 0.0, 0.0))
+        return Payload(mass=mass, com=(last.com - last.length, 0.0, 0.0))
+
+
+@brief
+@dataclass(frozen=True, kw_only=True, init=False)
+class Tool(Payload):
+    """A rigid body that stays on the arm, with the arm's tip: a payload hangs there unless it names a frame.
+
+    Attributes:
+        tip: placement of the tip in `frame`, rows of a matrix of shape (4, 4) [m].
+    """
+
+    tip: tuple[tuple[float, ...], ...]
+
+    def __init__(
+        self,
+        *,
+        mass: float,
+        tip: Placement,
+        com: ArrayLike = (0.0, 0.0, 0.0),
+        inertia: ArrayLike = (0.0, 0.0, 0.0),
+        frame: str | None = None,
+        shapes: Iterable[BodyShape] = (),
+        name: str = "tool",
+    ):
+        """A tool.
+
+        Args:
+            mass: [kg].
+            tip: a position in `frame` [m], shape (3,), or a pose, shape (4, 4) or `pin.SE3`.
+            com: see `Payload`.
+            inertia: see `Payload`.
+            frame: see `Payload`; None: the arm's own tip.
+            shapes: see `Payload`.
+            name: in messages and `allowed_contacts`, and of the frame at its tip.
+
+        Raises:
+            SpecError: see `Payload`; or the tip is no placement.
+        """
+        super().__init__(mass=mass, com=com, inertia=inertia, frame=frame, shapes=shapes, name=name)
+        try:
+            pose = homogeneous(tip, f"tip of tool {name!r}")
+        except ProblemError as error:
+            raise SpecError(str(error)) from None
+        object.__setattr__(self, "tip", tuple(map(tuple, pose.tolist())))
 
 
 def _moments(inertia: ArrayLike) -> tuple[float, ...]:

@@ -147,11 +147,15 @@ def _body(link: LinkSpec, name: str) -> yp.Link:
 
 
 def _load(payload: Payload) -> yp.Link:
-    """The payload as a ball of its mass."""
+    """The payload as a ball of its mass, unless it has shapes."""
     import yourdfpy as yp
 
     own = yp.Inertial(origin=np.eye(4), mass=payload.mass, inertia=positive_tensor(payload))
     load = yp.Link(name="payload", inertial=own)
     radius = float(np.cbrt(payload.mass / _DENSITY * 3 / (4 * np.pi)))
-    load.visuals = [_visual("ball", np.eye(4), "payload", sphere=yp.Sphere(radius=round(max(radius, 0.016), 4)))]
+    load.visuals = (
+        []
+        if payload.shapes
+        else [_visual("ball", np.eye(4), "payload", sphere=yp.Sphere(radius=round(max(radius, 0.016), 4)))]
+    )
     return load

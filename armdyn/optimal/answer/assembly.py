@@ -36,16 +36,13 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, b
     """
     best, *others = _certified_first(task, _repeated(task, optima), bound)
     certificate, duration = best.certificate, best.trajectory.duration
-    status = _status(task, best)
-    missed = best.missed
-    if task.stop.late and status is Status.SOLVED and not certificate.ok:
-        missed = (*missed, f"the time limit of {task.options.time_limit:g} s ended the search")
+    status = _status(task, best, found)
     met = "" if certificate.ok else found.met
     known = [duration, *(optimum.trajectory.duration for optimum in others), *found.slower]
     return Solution(
-        success=status is Status.SOLVED,
+        success=not (any(_rank(task, best)) or task.stop.interrupted),
         status=status,
-        message="; ".join((_message(task, status, best), *missed, *([met] if met else []))),
+        message="; ".join((_message(task, status, best, found), *best.missed, *([met] if met else []))),
         problem=task.problem,
         duration=duration,
         trajectory=best.trajectory,
@@ -70,10 +67,12 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, b
 def failed(task: Task, found: Found, elapsed: float) -> Solution:
     """What there is to say where no motion was found. Arguments as of `assembled`."""
     attempt, worst = found.failed[0], found.failed[0].worst_violation
+    ended = task.stop.cut_short and not task.stop.interrupted
+    why = ended_by_time(task.options.time_limit) if ended else attempt.message
     return Solution(
         success=False,
-        status=attempt.status,
-        message=f"no motion was found: {attempt.message}" + (f"; worst: {worst}" if worst else ""),
+        status=Status.TIME_LIMIT if ended else attempt.status,
+        message=f"no motion was found: {why}" + (f"; worst: {worst}" if worst else ""),
         problem=task.problem,
         duration=attempt.trajectory.duration,
         trajectory=attempt.trajectory,
@@ -84,6 +83,13 @@ def failed(task: Task, found: Found, elapsed: float) -> Solution:
         worst_violation=worst,
         moves=False,
     )
+
+
+def ended_in_time(solution: Solution, limit: float) -> Solution:
+    """A solution among several goals of which some were not tried in full, because the time limit [s] ended that."""
+    if solution.status is Status.TIME_LIMIT or not solution.success or solution.certificate.ok:
+        return solution
+    return replace(solution, status=Status.TIME_LIMIT, message=f"{ended_by_time(limit)}; {solution.message}")
 
 
 def _repeated(task: Task, optima: list[Optimum]) -> list[Optimum]:
@@ -147,17 +153,26 @@ def _moves(task: Task, optimum: Optimum) -> bool:
     return optimum.landed(task.options.replay_tolerance) and nearly and not optimum.missed
 
 
-def _status(task: Task, optimum: Optimum) -> Status:
+def _status(task: Task, optimum: Optimum, found: Found) -> Status:
     if task.stop.interrupted:
         return Status.INTERRUPTED
     beyond, outside, missed = _rank(task, optimum)
-    if not (beyond or outside or missed):
-        return Status.SOLVED
-    if task.stop.late:
+    kept = not (beyond or outside or missed)
+    if task.stop.cut_short and not (kept and optimum.certificate.ok):
         return Status.TIME_LIMIT
+    if kept:
+        return Status.SOLVED
     if beyond:
         return Status.REPLAY_MISSED
-    return Status.LIMIT_EXCEEDED if outside else Status.CONDITION_MISSED
+    if outside:
+        return Status.LIMIT_EXCEEDED
+    blocked = task.problem.crowded and any(one.status is Status.INFEASIBLE for one in found.failed[:1])
+    return Status.INFEASIBLE if blocked else Status.CONDITION_MISSED
+
+
+def ended_by_time(limit: float) -> str:
+    """Words for a search that its time limit [s] ended."""
+    return f"the time limit of {limit:g} s ended the search"
 
 
 def _worst(optimum: Optimum) -> Violation | None:
@@ -177,12 +192,15 @@ def _others(task: Task, best: float, known: Iterable[float], listed: Iterable[fl
     return tuple(float(group[0]) for group in groups[1:])
 
 
-def _message(task: Task, status: Status, optimum: Optimum) -> str:
+def _message(task: Task, status: Status, optimum: Optimum, found: Found) -> str:
     certificate, duration = optimum.certificate, optimum.trajectory.duration
-    if status is Status.SOLVED:
+    if status is Status.INFEASIBLE:
+        return f"{found.failed[0].message}; without obstacles the fastest motion found takes {duration:.6g} s"
+    if not any(_rank(task, optimum)) and status is not Status.INTERRUPTED:
         unheld = task.problem.unheld
         stays = "" if unheld is None else f"; not usable: the arm cannot stay at the goal: {unheld.words}"
-        return _solved(certificate, duration) + stays
+        ended = "" if status is Status.SOLVED else f"{ended_by_time(task.options.time_limit)}; "
+        return ended + _solved(certificate, duration) + stays
     if status is Status.REPLAY_MISSED:
         tolerance = f"(tolerance {task.options.replay_tolerance:g} rad)"
         if certificate.replay == "segments" or not certificate.repeats:
@@ -191,7 +209,7 @@ def _message(task: Task, status: Status, optimum: Optimum) -> str:
             f"the torques that collocation found end {certificate.goal_error:.2g} rad from the goal when replayed "
             f"{tolerance}; open-loop growth {certificate.growth:.2g}"
         )
-    said = status.replace("_", " ")
+    said = ended_by_time(task.options.time_limit) if status is Status.TIME_LIMIT else status.replace("_", " ")
     if _moves(task, optimum):
         said += f"; best so far {duration:.6g} s"
     elif status is not Status.CONDITION_MISSED:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import Certificate, percent
 
 if TYPE_CHECKING:
@@ -42,6 +43,8 @@ def assessment(solution: Solution) -> str:
         said = [f"The motion reaches the goal, but the arm cannot stay there: {problem.unheld.words}."]
     elif certificate.replay == "segments":
         said = ["The motion is executable under feedback; open loop it is unstable."]
+    if solution.status is Status.TIME_LIMIT:
+        said.append("The time limit ended the search: with more time a faster motion may be found, or this one proven.")
     if certificate.extremal:
         said.append("Pontryagin's conditions hold along it: no small change makes it faster.")
     if solution.gap is not None and solution.gap_proven:

@@ -228,10 +228,10 @@ def reports_on(task: Task, curve: Curve, constraints: TightenedConstraints) -> C
 
 
 def sampled(task: Task, curve: Curve) -> Trajectory:
-    """Samples of a curve, between which torques are linear; fewer after an interrupt, for an answer within seconds."""
+    """Samples of a curve, between which torques are linear; fewer once the solve is stopped, for an answer soon."""
     numbers, problem = task.policy.curves, task.problem
     finer = numbers.finer_with_friction if np.any(np.asarray(problem.robot.friction.coulomb) > 0) else 1
-    coarser = numbers.coarser_after_interrupt if task.stop.interrupted else 1
+    coarser = numbers.coarser_when_stopped if task.stop else 1
     samples, steps = finer * numbers.samples // coarser, numbers.steps // coarser
     return curve.trajectory(problem.robot, samples, steps, jumps=not problem.continuous_torque)
 

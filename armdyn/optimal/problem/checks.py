@@ -120,7 +120,7 @@ def contacts(pairs: object, robot: Robot, obstacles: Sequence[Obstacle]) -> tupl
     """Pairs of names that may touch; refuse anything else, and names of no link and no obstacle."""
     found = []
     links = [frame.name for frame in robot.model.frames if frame.type == pin.FrameType.BODY]
-    known = {*links, *(obstacle.name for obstacle in obstacles)}
+    known = {*links, *(body.name for body in robot.attached), *(obstacle.name for obstacle in obstacles)}
     for i, pair in enumerate(several(pairs, "allowed_contacts")):
         both = tuple(pair) if isinstance(pair, list | tuple) else ()
         if len(both) != 2 or not all(isinstance(name, str) for name in both):

@@ -15,13 +15,12 @@ from armdyn.arguments import expect, flag, number, path, several
 from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
-from armdyn.models.robots.tables import robot_table
 from armdyn.models.scene.collision import CollisionModel, collision_model
 from armdyn.models.scene.obstacles import Obstacle, obstacle_entry
-from armdyn.models.scene.placement import pose_entry
 from armdyn.models.scene.reaching import GoalPose, poses_reaching
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.per_joint import per_joint
+from armdyn.models.values.placement import pose_entry
 from armdyn.optimal.problem.checks import (
     Unheld,
     check_clear,
@@ -38,6 +37,7 @@ from armdyn.optimal.problem.checks import (
 )
 from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
 from armdyn.optimal.problem.planning_limits import Reserve, resolved_limits
+from armdyn.optimal.problem.robot_tables import robot_table
 from armdyn.optimal.problem.turns import endless, ways_round
 from armdyn.parsing.toml import to_toml
 from armdyn.rendering import renderer

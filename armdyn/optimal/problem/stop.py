@@ -10,13 +10,14 @@ from types import FrameType
 
 import numpy as np
 
+from armdyn.codegen.background import abandon
 from armdyn.optimal.problem.status import Status
 
 
 class Stop:
     """When to stop, and why it was stopped.
 
-    Processes forked after it was made see an interruption, too.
+    Processes forked after it was made share an interruption, and whether the deadline ended some of their work.
 
     Attributes:
         deadline: by `time.perf_counter` [s], a clock that all processes share.
@@ -25,22 +26,31 @@ class Stop:
 
     def __init__(self, deadline: float = np.inf, interrupted: bool = False):
         self.deadline, self.hurried = deadline, False
-        self._flag = mmap.mmap(-1, 1)
-        self._flag[0] = interrupted
+        self._flags = mmap.mmap(-1, 2)
+        self._flags[0] = interrupted
 
     def interrupt(self) -> None:
         """Say that Ctrl-C was pressed."""
-        self._flag[0] = True
+        self._flags[0] = True
 
     @property
     def interrupted(self) -> bool:
         """Ctrl-C was pressed."""
-        return bool(self._flag[0])
+        return bool(self._flags[0])
 
     @property
     def late(self) -> bool:
         """The deadline has passed."""
         return time.perf_counter() > self.deadline
+
+    @property
+    def cut_short(self) -> bool:
+        """The deadline ended some work: somebody asked after it. Work that was done before it needs no such word."""
+        return bool(self._flags[1])
+
+    def cut(self) -> None:
+        """Record that a deadline ended some work."""
+        self._flags[1] = True
 
     @property
     def status(self) -> Status:
@@ -53,6 +63,8 @@ class Stop:
         return "interrupted" if self.interrupted else "time limit reached"
 
     def __bool__(self) -> bool:
+        if self.late:
+            self.cut()
         return self.interrupted or self.late
 
 
@@ -67,7 +79,7 @@ class Budget(Stop):
 
     def __init__(self, stop: Stop, steps: float = np.inf):
         super().__init__(stop.deadline)
-        self._flag, self.left = stop._flag, steps
+        self._flags, self.left = stop._flags, steps
 
     def spend(self, steps: float) -> None:
         """Take steps off the budget."""
@@ -98,6 +110,7 @@ def stopping(seconds: float) -> Iterator[Stop]:
         if stop.interrupted:
             raise KeyboardInterrupt
         stop.interrupt()
+        abandon()
 
     before = signal.signal(signal.SIGINT, on_interrupt)
     try:

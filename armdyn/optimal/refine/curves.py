@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import chain
+from itertools import chain, islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE, certify
 from armdyn.optimal.proof.deciding import Share
 from armdyn.optimal.refine.optimum import Optimum, trajectory_cost
-from armdyn.optimal.refine.ways import refined_ways, ways_through
+from armdyn.optimal.refine.ways import NO_WAY, refined_ways, ways_through
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.search.starts import spline, straight_curve, via_guesses
@@ -45,7 +45,7 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
     numbers, crowded = task.policy.curves, task.problem.crowded
     starts = task.policy.search.guesses(task.options, numbers.starts)
     try:
-        found = _among_obstacles(task) if crowded else _refined(task, _guesses(task, starts))
+        found, planned = _among_obstacles(task) if crowded else (_refined(task, _guesses(task, starts)), True)
         if len(found) == 1 and not (crowded or task.stop) and _trouble(task, found[0]):
             found += _refined(task, _guesses(task, numbers.more_starts)[1:])
     except LateError:
@@ -53,13 +53,15 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
         return [], Found((), failed=(unbegun,))
     if awaited():
         task.progress("its machine code is being built in the background, once: later solves are faster")
+    failed = () if planned else (_no_way(task),)
     if not found:
-        return [], Found((), failed=(_no_way(task),))
+        return [], Found((), failed=failed)
     found.sort(
         key=lambda one: (one.excess > numbers.hopeless, not constraints_mended(task, one.reports), one.curve.duration)
     )
     if found[0].excess > numbers.hopeless:
-        return [], Found((), failed=(_failed(task, found[0]),), iterations=sum(one.iterations for one in found))
+        failed = failed or (_failed(task, found[0]),)
+        return [], Found((), failed=failed, iterations=sum(one.iterations for one in found))
     optima: list[Optimum] = []
     for one in found:
         task.progress(f"replaying a motion of {one.curve.duration:.6f} s")
@@ -69,7 +71,7 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
             break
     others = tuple(one.curve.duration for one in found[len(optima) :])
     iterations = sum(one.iterations for one in found[len(optima) :])
-    return optima, Found((), listed=others, iterations=iterations, met=_met(task, found))
+    return optima, Found((), failed=failed, listed=others, iterations=iterations, met=_met(task, found))
 
 
 def _met(task: Task, found: Sequence[RefinedCurve]) -> str:
@@ -100,18 +102,17 @@ def optima_met(durations: Sequence[float], guesses: int, same: float) -> str:
     return f"{several} met, {times}; other seeds may find a faster one"
 
 
-def _among_obstacles(task: Task) -> list[RefinedCurve]:
-    """The fastest curve that keeps all distances; empty: no way was found.
+def _among_obstacles(task: Task) -> tuple[list[RefinedCurve], bool]:
+    """The fastest curve that keeps all distances, or none, and whether a way was planned.
 
     Where the straight line touches nothing the fastest curve without obstacles may do so, too.
     """
     task.progress("ways round the obstacles")
     planned = ways_through(task.problem, task.policy.search, task.options.seed, task.stop)
-    first = next(planned, None)
-    if first is None:
-        return []
-    straight = all(len(leg) == 2 for leg in first)
-    return (_clear_of_obstacles(task) if straight else []) or refined_ways(task, chain([first], planned))
+    first = list(islice(planned, 1))
+    straight = bool(first) and all(len(leg) == 2 for leg in first[0])
+    found = (_clear_of_obstacles(task) if straight else []) or refined_ways(task, chain(first, planned))
+    return found, bool(first)
 
 
 def _clear_of_obstacles(task: Task) -> list[RefinedCurve]:
@@ -175,9 +176,10 @@ def _enough(task: Task, refined: RefinedCurve) -> bool:
 
 def _no_way(task: Task) -> Attempt:
     """No way round the obstacles was found."""
-    message = "no collision-free path was found within the planner's budget of collision checks"
-    motion = spline(task.problem, [])
-    return Attempt(Status.INFEASIBLE, message, motion, task.policy.curves.intervals, 0, None)
+    motion, intervals = spline(task.problem, []), task.policy.curves.intervals
+    if task.stop:
+        return Attempt.unbegun(task.stop, motion, intervals)
+    return Attempt(Status.INFEASIBLE, NO_WAY, motion, intervals, 0, None)
 
 
 def _failed(task: Task, refined: RefinedCurve) -> Attempt:
@@ -222,6 +224,8 @@ def _deciding(task: Task, refined: RefinedCurve) -> tuple[Share, ...]:
 def _landed(task: Task, refined: RefinedCurve) -> Optimum:
     """A curve's motion, replayed."""
     problem, curve = task.problem, refined.curve
+    if task.stop and can_be_slowed(problem):
+        curve = curve.slower(1 + task.policy.curves.slower_when_stopped)
     # `follow` integrates as `replay_torques` does, sample by sample; `proof.repeat` judges by another integrator.
     replay = follow(task, sampled(task, curve))
     if problem.robot.friction.present and can_be_slowed(problem):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from armdyn.optimal.task.policy.search import SearchPolicy
 from armdyn.optimal.task.policy.sequential import SequentialPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.planning.paths import JointSpace, plan_paths
+from armdyn.planning.rrt_connect import PlannerOptions
 
 Array = NDArray[np.float64]
 Way = list[Array]
@@ -35,6 +36,7 @@ _TURN = np.pi
 """Bounds of a joint without limits, beyond its given poses [rad or m]: half a turn either way."""
 _FASTEST = 3.2
 """Velocity limit [rad/s or m/s] above which all are scaled down, lest collision checks be more than 0.064 rad apart."""
+NO_WAY = f"no collision-free path was found in {PlannerOptions().checks} collision checks, the planner's budget"
 
 
 def plan_path(problem: MinimumTimeProblem, seed: int = 0) -> Array:
@@ -54,7 +56,7 @@ def plan_path(problem: MinimumTimeProblem, seed: int = 0) -> Array:
     numbers = Policy.of(problem).search
     ways = list(ways_through(expect_problem(problem), numbers, whole(seed, "seed", least=0), Stop()))
     if not ways:
-        raise ProblemError("no collision-free path was found within the planner's budget of collision checks")
+        raise ProblemError(NO_WAY)
     best = min(ways, key=partial(_seconds, speed=_speed(problem, numbers)))
     return np.vstack([leg[bool(k) :] for k, leg in enumerate(best)])
 
@@ -90,7 +92,7 @@ def _speed(problem: MinimumTimeProblem, policy: SearchPolicy) -> Array:
 
 
 def refined_ways(task: Task, planned: Iterator[Way]) -> list[RefinedCurve]:
-    """The fastest curve along planned ways, refined; empty if there is no way.
+    """The fastest curve along planned ways and the options' guesses, refined; empty if there is none.
 
     Args:
         task: a problem with distances to be kept.
@@ -117,10 +119,7 @@ def refined_ways(task: Task, planned: Iterator[Way]) -> list[RefinedCurve]:
 def _guesses(task: Task, planned: Iterator[Way]) -> Iterator[Curve]:
     """Curves along the first way and the shortest of the others, then the options' guesses."""
     numbers, speed = task.policy.sequential, _speed(task.problem, task.policy.search)
-    first = next(planned, None)
-    if first is None:
-        return
-    yield _guess(task, first)
+    yield from (_guess(task, way) for way in islice(planned, 1))
     others = sorted(planned, key=partial(_seconds, speed=speed))
     yield from (_guess(task, way) for way in others[: numbers.ways - 1])
     yield from (Curve.near(guess, _coarse(numbers)) for guess in task.options.guesses)

@@ -41,11 +41,12 @@ def screened(task: Task) -> tuple[list[MinimumTimeProblem], list[GoalTried]]:
     """One problem for each of the most promising goals, best first; and all goals with coarse durations.
 
     Args:
-        task: its problem has several `goals`; of its time limit this takes a third at most.
+        task: its problem has several `goals`; of its time limit this takes a third at most, and its `stop` is told
+            where the third was not enough.
     """
     branches: list[MinimumTimeProblem] = []
     durations: list[float] = []
-    problem, numbers = task.problem, task.policy.goals
+    problem, numbers, whole = task.problem, task.policy.goals, task.stop
     with stopping(numbers.tried * task.options.time_limit) as stop:
         task = replace(task, stop=stop)
         goals = [*slid_goals(problem, numbers), *problem.goals]
@@ -57,6 +58,8 @@ def screened(task: Task) -> tuple[list[MinimumTimeProblem], list[GoalTried]]:
                 continue
             task.progress(f"goal {i} of {len(goals)}")
             durations.append(_tried(task.about(branch)))
+    if stop.cut_short:
+        whole.cut()
     order = sorted(range(len(branches)), key=lambda i: (durations[i], i))
     order = sorted(order, key=lambda i: branches[i].unheld is not None)  # those where the arm can stay first
     tried = [GoalTried(goals[i], durations[i]) for i in order]

@@ -18,9 +18,9 @@ from armdyn.optimal.task.solver_settings import SolverSettings
 Array = NDArray[np.float64]
 P = TypeVar("P", bound=Program)
 
-_ASKED, _SMALL = 5, 2000
+_ASKED, _SMALL = 5, 1000
 """Iterations between two questions whether to stop, in programs of so many unknowns: a question costs as much as the
-gradients of a small arm. Larger ones, whose iterations take a tenth of a second, ask after each."""
+gradients of a small arm. Larger ones, whose iterations take up to a tenth of a second, ask after each."""
 
 STATUS = {
     "Solve_Succeeded": Status.SOLVED,

@@ -4,7 +4,7 @@ from collections.abc import Callable, Hashable
 from dataclasses import replace
 from typing import Any, TypeVar
 
-from armdyn.codegen.deadline import NoTimeError, until
+from armdyn.codegen.deadline import LateError, NoTimeError, until
 from armdyn.locks import built_once
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.ipopt import Ipopt
@@ -40,12 +40,16 @@ def in_time(task: Task, build: Callable[[Scheme], S]) -> S:
     """
     stop = task.stop
     with until(stop.deadline, lambda: stop.interrupted):
-        if not stop.hurried:
-            try:
-                return build(task.scheme)
-            except NoTimeError:
-                stop.hurried = True
-        return build(replace(task.scheme, compile=False))
+        try:
+            if not stop.hurried:
+                try:
+                    return build(task.scheme)
+                except NoTimeError:
+                    stop.hurried = True
+            return build(replace(task.scheme, compile=False))
+        except LateError:
+            stop.cut()
+            raise
 
 
 @built_once(maxsize=_KEPT)

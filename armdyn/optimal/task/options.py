@@ -50,7 +50,9 @@ class MinimumTimeOptions:
         tolerance: of IPOPT, on the scaled problem.
         smooth: how much of the duration may be given, among nearly fastest motions of larger arms or such that
             velocity limits shape, for gentle torques: the weight of their mean square against the time; 0: nothing.
-        time_limit: wall time for the whole solve [s].
+        time_limit: wall time for the whole solve [s]. What is tried is a count of work, the same on every machine; the
+            clock only ends it, and then `status` is "time_limit" unless the motion is certified. Checking the motion
+            takes up to 1 s and a tenth of the limit beyond it.
         workers: processes of search and refinement; None: one per core. They make no difference to the answer.
             Threads may solve at once: they take turns at IPOPT, and each gets what it would get alone.
         verbose: let solvers print.

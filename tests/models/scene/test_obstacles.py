@@ -18,7 +18,7 @@ from armdyn.models.scene.obstacles import (
     obstacle_entry,
     obstacle_from,
 )
-from armdyn.models.scene.placement import homogeneous, pose_of
+from armdyn.models.values.placement import homogeneous, pose_of
 
 
 def test_equal_obstacles_are_equal_and_hash_alike():

@@ -72,6 +72,7 @@ def test_what_is_no_motion_has_no_duration(task, wrong, late):
 
 def test_the_best_so_far_is_named_where_it_is_a_motion(task):
     late = replace(task, stop=Stop(deadline=0.0))
+    assert late.stop  # somebody asked, and ended
     solution = answer(late, optimum(late, exceeded=FAST))
     assert solution.status is ad.Status.TIME_LIMIT and "best so far" in solution.message
     assert minimum_time_summary(solution)["duration"] == solution.duration

@@ -1,5 +1,7 @@
 """Distances of a curve as rows: slopes against differences, poses where bodies pass each other."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -34,16 +36,17 @@ def test_slopes_by_the_control_points_against_differences(swing):
     shape = curve_layout(problem, curve, TightenedConstraints.of(Task.of(problem)))
     x = np.zeros(shape.size)
     x[shape.points(0)] = curve.legs[0].points
-    at, h = rows.at(curve, shape, x), 1e-5
-    assert at.spare.size > 20 and at.jacobian.shape == (at.spare.size, shape.size)
-    near = (at.spare > 1e-3) & (at.spare < 0.05)  # not at the edge of what counts as near
     change = np.random.default_rng(0).normal(size=shape.points(0).shape)
     moved = x.copy()
-    moved[shape.points(0)] += h * change
-    after = rows.at(curve, shape, moved)
-    slope = (after.spare - at.spare) / h
-    # The gripper's edges meet the post's: GJK's 1e-6 m are 0.1 in 1e-5 rad, and slopes are some metres.
-    np.testing.assert_allclose(slope[near], (at.jacobian @ (moved - x))[near] / h, atol=0.3)
+    moved[shape.points(0)] += 1e-3 * change
+    every = replace(rows, within=np.inf, most=len(asked.model.pairs))
+    before, after = every.at(curve, shape, x), every.at(curve, shape, moved)
+    poses = (rows.poses, len(asked.model.pairs))
+    expected = np.sort((before.spare + before.jacobian @ (moved - x)).reshape(poses), axis=1)
+    found, unmoved = (np.sort(one.spare.reshape(poses), axis=1) for one in (after, before))
+    # Some millimetres of motion, to second order and GJK's 1e-6 m; nearest points that change add a few hundredths.
+    assert np.max(np.abs(found - unmoved)) > 1e-3
+    np.testing.assert_allclose(found, expected, atol=1e-4)
 
 
 def test_poses_are_where_bodies_pass_each_other(swing):

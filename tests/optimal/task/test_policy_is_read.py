@@ -13,14 +13,14 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Mode
 from armdyn.optimal.bound.lower_bound import lower_bound
-from armdyn.optimal.flat.refinement import sampled
 from armdyn.optimal.minimum_time import solve_task
 from armdyn.optimal.path_constraints.constraint import Knots
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.refine.curves import curves
 from armdyn.optimal.search.goals import screened
 from armdyn.optimal.search.multistart import in_bunches
-from armdyn.optimal.search.starts import spline, straight_curve, via_guesses
+from armdyn.optimal.search.starts import spline, via_guesses
 from armdyn.optimal.switching.extremal.descent import fastest
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.refinement import shooting_problem
@@ -184,9 +184,8 @@ def goals_as_coarse_curves():
 
 
 def a_curve_after_an_interrupt():
-    task, stop = noted(between("rr", relative_effort_weight=0.5)), Stop()
-    stop.interrupt()
-    sampled(replace(task, stop=stop), straight_curve(task, 4))
+    task = replace(noted(between("rr", velocity_limit=5.0)), stop=Stop())
+    curves(replace(task, progress=lambda text: task.stop.interrupt()))
 
 
 def guesses_for_two_workers():

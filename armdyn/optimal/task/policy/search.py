@@ -172,7 +172,7 @@ class GoalPolicy:
     end_first: float = tuned(0.02, "rad or m", "first step of such an end")
     end_farthest: float = tuned(0.3, "rad or m", "any step: the switching structure is to stay the same")
     end_least: float = tuned(1e-5, "rad or m", "step that is worth no solve: it saves about its square")
-    bound: float = tuned(1.0, "s", "least time for the bound of all goals, whatever the search has left", UNRECORDED)
+    bound: float = tuned(0.1, "of the time limit", "for the bound of all goals, at least", UNRECORDED)
 
 
 @dataclass(frozen=True, kw_only=True)

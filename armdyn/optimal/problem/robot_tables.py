@@ -19,15 +19,16 @@ from armdyn.models.robots.options import RobotOptions
 from armdyn.models.robots.poses import position_of
 from armdyn.models.robots.robot import Robot
 from armdyn.models.robots.source import RobotSource
-from armdyn.models.values.spec import PLANAR_ARMS, ArmSpec, LinkSpec, Payload
+from armdyn.models.scene.attached import PAYLOAD_KEYS, TOOL_KEYS, payload_entry, payload_from, tool_from
+from armdyn.models.values.spec import PLANAR_ARMS, ArmSpec, LinkSpec
 from armdyn.parsing.toml import Table
 
 _SOURCES = ("name", "urdf", "mjcf", "spec")
 _NUMBERS = ("effort_limit", "velocity_limit", "armature", "damping", "friction", "friction_width", "passive")
-KEYS = (*_SOURCES, "lock", "arm", "payload", *_NUMBERS, "limits")
+KEYS = (*_SOURCES, "lock", "arm", "payload", "tool", *_NUMBERS, "limits")
 """The keys of [robot]."""
 
-_WORDS = {"payload": "payload", "--lock": "lock", "no robot": "name"}
+_WORDS = {"payload": "payload", "tool": "tool", "--lock": "lock", "no robot": "name"}
 """Words in messages, to the key that they are about."""
 
 
@@ -43,9 +44,11 @@ def robot_from(table: Table, mass: float | None = None) -> Robot:
     """
     table.only(KEYS)
     with table.telling(_WORDS):
-        given = table.values
-        carried = {} if "payload" not in given else _inner(table, "payload", ("mass", "com", "inertia", "frame"))
-        carried = carried if mass is None else {**carried, "mass": mass} if mass else {}
+        given, folder = table.values, Path(table.path).parent
+        carried = dict(_inner(table, "payload", PAYLOAD_KEYS)) if "payload" in given else {}
+        if mass is not None:
+            carried = {**carried, "mass": mass} if mass or "shapes" in carried else {}
+        tool = tool_from(_inner(table, "tool", TOOL_KEYS), folder) if "tool" in given else None
         lock = (
             {joint: position_of(q, "lock") for joint, q in _inner(table, "lock").items()} if "lock" in given else None
         )
@@ -53,7 +56,8 @@ def robot_from(table: Table, mass: float | None = None) -> Robot:
         if "arm" in given and not (isinstance(ends, list) and len(ends) == 2 and all(isinstance(e, str) for e in ends)):
             raise table.error("arm", f"arm is {shown(ends)}; it is two joints or links: ['first', 'last']")
         numbers: Any = {key: given[key] for key in _NUMBERS if key in given}
-        options = RobotOptions(payload=Payload(**carried) if carried else None, lock=lock, arm=ends, **numbers)
+        payload = payload_from(carried, folder) if carried else None
+        options = RobotOptions(payload=payload, tool=tool, lock=lock, arm=ends, **numbers)
         robot = Robot.from_source(_source(table), options)
         if "limits" in given:
             rows = _inner(table, "limits", tuple(robot.limits.rows))
@@ -80,8 +84,11 @@ def robot_table(robot: Robot, folder: str | os.PathLike[str] | None = None) -> d
     if options.arm is not None:
         written["arm"] = list(options.arm)
     if robot.payload is not None:
-        written["payload"] = {name: value for name, value in asdict(robot.payload).items() if value is not None}
-    plain = Robot.from_source(origin, RobotOptions(payload=robot.payload, lock=options.lock, arm=options.arm))
+        written["payload"] = payload_entry(robot.payload)
+    if options.tool is not None:
+        written["tool"] = payload_entry(options.tool)
+    read = RobotOptions(payload=robot.payload, tool=options.tool, lock=options.lock, arm=options.arm)
+    plain = Robot.from_source(origin, read)
     if robot.joint_names != plain.joint_names or robot.tip != plain.tip:
         raise SpecError(f"{robot.source}: joints or tip were changed after it was read: no problem file describes it")
     rows = {name: (own, plain.limits.rows[name]) for name, own in robot.limits.rows.items()}

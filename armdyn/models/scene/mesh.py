@@ -1,0 +1,198 @@
+"""Obstacles of several convex solids: triangle meshes, cut into convex parts, and groups of other obstacles."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armdyn.arguments import numbers, several, shown, text
+from armdyn.arguments import path as path_of
+from armdyn.errors import ProblemError
+from armdyn.models.reading.meshes import load_meshes
+from armdyn.models.scene.convex_parts import convex_hull, convex_parts
+from armdyn.models.scene.shapes import Obstacle
+from armdyn.models.values.placement import Placement
+from armdyn.reprs import brief
+
+Array = NDArray[np.float64]
+
+MAX_TRIANGLES = 100_000
+"""Of a mesh: cutting so many takes up to half a minute."""
+MAX_CORNERS = 20_000
+"""Of all convex parts of a mesh: proofs look at every one, and result files have their numbers."""
+_MAX_BYTES = 64 * 2**20
+_FARTHEST = 100.0
+"""Of a vertex from the mesh's origin along an axis [m]: a mesh beyond it is in millimetres."""
+
+
+@brief
+@dataclass(frozen=True)
+class Mesh(Obstacle):
+    """A body of convex parts: a triangle mesh is cut into parts that contain it.
+
+    Attributes:
+        parts: corners of each convex part in the mesh's frame [m], each of shape (m, 3).
+        placement: of the mesh's frame in the world: a position [m], shape (3,), or a pose, shape (4, 4) or `pin.SE3`.
+            Kept as the rows of the homogeneous matrix.
+        name: what messages call it.
+    """
+
+    parts: Sequence[ArrayLike]
+    placement: Placement = (0.0, 0.0, 0.0)
+    _: KW_ONLY
+    name: str = "mesh"
+
+    def __post_init__(self) -> None:
+        self._check()
+        what = f"obstacle {self.name!r}"
+        parts = [
+            _corners(part, f"parts[{i}] of {what}") for i, part in enumerate(several(self.parts, f"parts of {what}"))
+        ]
+        if not 0 < (count := sum(map(len, parts))) <= MAX_CORNERS:
+            raise ProblemError(f"the convex parts of {what} have {count} corners; they may have 4 to {MAX_CORNERS}")
+        object.__setattr__(self, "parts", tuple(tuple(map(tuple, part.tolist())) for part in parts))
+
+    @classmethod
+    def from_triangles(
+        cls, vertices: ArrayLike, triangles: ArrayLike, placement: Placement = (0.0, 0.0, 0.0), *, name: str = "mesh"
+    ) -> Self:
+        """Cut a closed surface into convex parts that contain it and its inside.
+
+        Args:
+            vertices: in the mesh's frame [m], shape (m, 3).
+            triangles: indices of the vertices of each, shape (k, 3).
+            placement: of the mesh's frame in the world.
+            name: what messages call it.
+
+        Raises:
+            ProblemError: the surface is open, too large, or no surface at all.
+        """
+        import trimesh
+
+        what = f"obstacle {text(name, 'name of an obstacle')!r}"
+        points, faces = numbers(vertices, f"vertices of {what}"), numbers(triangles, f"triangles of {what}")
+        if points.ndim != 2 or points.shape[1] != 3 or not np.all(np.isfinite(points)):
+            raise ProblemError(f"vertices of {what} have shape {points.shape}; they must be finite, of shape (m, 3)")
+        whole = faces.ndim == 2 and faces.shape[1] == 3 and np.all(faces == np.round(faces))
+        if not whole or not faces.size or np.min(faces) < 0 or np.max(faces) >= len(points):
+            raise ProblemError(
+                f"triangles of {what} have shape {faces.shape}; they must be indices of its {len(points)} vertices, "
+                "of shape (k, 3)"
+            )
+        return cls(_cut([trimesh.Trimesh(points, faces.astype(int))], what), placement, name=name)
+
+    @classmethod
+    def from_file(
+        cls,
+        path: str | os.PathLike[str],
+        placement: Placement = (0.0, 0.0, 0.0),
+        *,
+        scale: float | ArrayLike = 1.0,
+        name: str | None = None,
+    ) -> Self:
+        """Read a file of a closed surface, and cut it into convex parts that contain it and its inside.
+
+        Args:
+            path: of an STL, DAE, OBJ, PLY, OFF, GLB or glTF file.
+            placement: of the mesh's frame in the world.
+            scale: metres per unit of the file, one number or one per axis: 0.001 for millimetres.
+            name: what messages call it; None: the file's name.
+
+        Raises:
+            ProblemError: the file cannot be read, or its surface is open or too large.
+        """
+        file = Path(path_of(path, "path of a mesh"))
+        name = file.stem if name is None else text(name, "name of an obstacle")
+        what = f"obstacle {name!r}, {file}"
+        factors = numbers(scale, f"scale of {what}")
+        if factors.shape not in ((), (3,)) or not np.all((factors > 0) & (factors < np.inf)):
+            raise ProblemError(f"scale of {what} is {shown(scale)}; it must be one positive number or three")
+        try:
+            found = [mesh for mesh, _ in load_meshes(file, np.broadcast_to(factors, 3), _MAX_BYTES)]
+        except Exception as error:  # whatever a stranger's mesh provokes
+            raise ProblemError(f"{what}: {error}") from None
+        return cls(_cut(found, what), placement, name=name)
+
+    @property
+    def pose(self) -> Array:
+        """Homogeneous matrix of the mesh's frame in the world, shape (4, 4) [m]."""
+        return np.array(self.placement)
+
+    def solids(self) -> list[tuple[Array, Any]]:
+        """Hulls of its parts."""
+        return [(self.pose, convex_hull(np.array(part))) for part in self.parts]
+
+
+def _cut(meshes: Sequence[Any], what: str) -> list[Array]:
+    """Convex parts of closed meshes of trimesh."""
+    if (count := sum(len(mesh.faces) for mesh in meshes)) > MAX_TRIANGLES:
+        raise ProblemError(f"{what} has {count} triangles; it may have {MAX_TRIANGLES}: simplify the mesh")
+    parts: list[Array] = []
+    for mesh in meshes:
+        if np.max(np.abs(mesh.vertices)) > _FARTHEST:
+            largest = float(np.max(np.abs(mesh.vertices)))
+            raise ProblemError(f"{what} reaches {largest:.4g} m; a mesh in millimetres is read with scale 0.001")
+        if not mesh.is_watertight:
+            edges = np.sum(np.unique(mesh.edges_sorted, axis=0, return_counts=True)[1] == 1)
+            raise ProblemError(
+                f"{what} is open, {edges} of its edges belong to one triangle only: its inside is unknown. Close the "
+                "mesh, or use boxes or a point cloud"
+            )
+        for body in mesh.split(only_watertight=False):  # bodies of an assembly, such as the boards of a shelf
+            parts += convex_parts(body)
+    return parts
+
+
+def _corners(part: object, what: str) -> Array:
+    """Corners of a convex part, shape (m, 3)."""
+    from scipy.spatial import ConvexHull, QhullError  # loaded for meshes alone
+
+    points = numbers(part, what, "corners [m], shape (m, 3)")
+    if points.ndim != 2 or points.shape[1] != 3 or not np.all(np.isfinite(points)) or len(points) > MAX_CORNERS:
+        raise ProblemError(
+            f"{what} is {shown(part)}; it must be finite corners, shape (m, 3), of at most {MAX_CORNERS}"
+        )
+    try:
+        ConvexHull(points)
+    except (QhullError, ValueError):
+        raise ProblemError(f"{what} is flat: its {len(points)} corners enclose no volume") from None
+    return points
+
+
+@brief
+@dataclass(frozen=True)
+class Group(Obstacle):
+    """Several obstacles with one name, such as the boards of a shelf.
+
+    Attributes:
+        members: placed in the world; their names are not used.
+        name: what messages call it.
+    """
+
+    members: Sequence[Obstacle]
+    _: KW_ONLY
+    name: str = "group"
+
+    def __post_init__(self) -> None:
+        self._check()
+        members = several(self.members, f"members of obstacle {self.name!r}")
+        for i, one in enumerate(members):
+            if not isinstance(one, Obstacle) or isinstance(one, Group):
+                what = f"members[{i}] of obstacle {self.name!r}"
+                raise ProblemError(f"{what} is {shown(one)}; it must be an obstacle, no group")
+        object.__setattr__(self, "members", tuple(members))
+
+    def solids(self) -> list[tuple[Array, Any]]:
+        """Those of its members."""
+        return [solid for one in self.members for solid in one.solids()]
+
+
+def grouped(pieces: Sequence[Obstacle], name: str) -> Obstacle:
+    """One obstacle of pieces that have its name: the only one, or their group."""
+    return pieces[0] if len(pieces) == 1 else Group(pieces, name=name)

@@ -1,0 +1,96 @@
+"""Scenes from files: MoveIt's planning scenes, the URDF of a cell, armdyn's own lists of obstacles."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pinocchio as pin
+
+from armdyn.arguments import expect
+from armdyn.arguments import path as path_of
+from armdyn.errors import ArmdynError, ProblemError
+from armdyn.models.robots.robot import Robot
+from armdyn.models.scene.cell import cell_obstacles
+from armdyn.models.scene.moveit import read_planning_scene, read_scene_text
+from armdyn.models.scene.obstacles import Obstacle, load_obstacles
+from armdyn.reprs import brief
+
+
+@brief
+@dataclass(frozen=True)
+class Scene:
+    """What stands around an arm.
+
+    Attributes:
+        obstacles: in the world, each with a name of its own.
+        allowed_contacts: pairs of names, of links and obstacles, that may touch.
+    """
+
+    obstacles: tuple[Obstacle, ...]
+    allowed_contacts: tuple[tuple[str, str], ...] = ()
+
+
+def load_scene(
+    path: str | os.PathLike[str],
+    robot: Robot | None = None,
+    *,
+    lock: Mapping[str, float] | None = None,
+    package_dirs: Sequence[str | os.PathLike[str]] = (),
+) -> Scene:
+    """Read a scene; docs/obstacles.md says what each kind of file may have.
+
+    The file may come from a stranger: it is read up to a size, and its meshes lie inside its folder, the folder of its
+    ROS package, or `package_dirs`.
+
+    Args:
+        path: of a MoveIt planning scene (.yaml, .yml, or .scene, MoveIt's text format), the URDF of a cell (.urdf), or
+            a list of obstacles (.json).
+        robot: objects in the frames of its links that do not move are placed in the world, and allowed contacts of
+            names that neither it nor the scene has are left out. None: all objects are in the frame "world", and all
+            pairs of the file are kept.
+        lock: positions of joints of the cell's URDF that move [rad or m].
+        package_dirs: folders of the ROS packages of the URDF's meshes.
+
+    Raises:
+        ArmdynError: the file cannot be read, or says something else; the message names the file and the object.
+    """
+    file = Path(path_of(path, "path of a scene"))
+    kind = file.suffix.lower()
+    lock = expect({} if lock is None else lock, Mapping, "lock", "a joint's name to its position")  # type: ignore[type-abstract]
+    if robot is not None:
+        expect(robot, Robot, "robot", "Robot.from_urdf reads one")
+    if lock and kind != ".urdf":
+        raise ProblemError(f"{file}: lock is for joints of a URDF; this file has none")
+    if kind == ".json":
+        return Scene(load_obstacles(file))
+    if kind == ".urdf":
+        return Scene(cell_obstacles(file, lock, package_dirs))
+    if kind not in (".yaml", ".yml", ".scene"):
+        raise ProblemError(
+            f"{file}: a scene is a file .yaml or .scene of MoveIt, .urdf, or .json; this is none of them"
+        )
+    frames = {} if robot is None else _fixed_frames(robot)
+    try:
+        read = read_scene_text if kind == ".scene" else read_planning_scene
+        obstacles, pairs = read(file, frames)
+    except ArmdynError as error:
+        said = str(error)
+        raise ProblemError(said if said.startswith(str(file)) else f"{file}: {said}") from None
+    if robot is not None:
+        known = {*links_of(robot), *(one.name for one in obstacles)}
+        pairs = tuple(pair for pair in pairs if known.issuperset(pair))
+    return Scene(obstacles, pairs)
+
+
+def links_of(robot: Robot) -> list[str]:
+    """Names of a robot's links."""
+    return [frame.name for frame in robot.model.frames if frame.type == pin.FrameType.BODY]
+
+
+def _fixed_frames(robot: Robot) -> dict[str, pin.SE3 | None]:
+    """Placements of a robot's links in the world; None: it moves."""
+    frames = [frame for frame in robot.model.frames if frame.type == pin.FrameType.BODY]
+    return {frame.name: None if frame.parentJoint else frame.placement for frame in frames}

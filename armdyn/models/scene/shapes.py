@@ -1,0 +1,254 @@
+"""Obstacles of one convex solid: spheres, capsules, cylinders, boxes and half spaces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from armdyn.arguments import number, shown, text
+from armdyn.errors import ProblemError
+from armdyn.models.values.placement import Placement, Point, homogeneous, point
+
+Array = NDArray[np.float64]
+
+
+class Obstacle:
+    """A body that stands in the world: a frozen dataclass of numbers in metres.
+
+    A new shape is a subclass with `solid`, or `solids` if it is not convex, and its line in `obstacles.SHAPES`. Fields
+    are points or numbers, or `placement`, a pose.
+
+    Attributes:
+        sizes: the keys of `obstacle_from` before the @ of `--obstacle KIND:SIZES@PLACES`, to what messages call their
+            numbers, such as "R" or "SX,SY,SZ".
+        places: the keys behind it, each of three numbers; none: --obstacle does not say the shape.
+        name: what messages call it.
+    """
+
+    sizes: ClassVar[Mapping[str, str]] = {}
+    places: ClassVar[tuple[str, ...]] = ()
+    name: str
+
+    def solid(self) -> tuple[Array, Any]:
+        """The placement in the world, shape (4, 4) [m], and coal's geometry, of a shape that is one convex solid."""
+        raise NotImplementedError
+
+    def solids(self) -> list[tuple[Array, Any]]:
+        """Convex solids that it consists of, each as `solid` returns it."""
+        return [self.solid()]
+
+    @classmethod
+    def option(cls) -> str:
+        """How `--obstacle` says the shape, such as "R@X,Y,Z"."""
+        return f"{','.join(cls.sizes.values())}@{';'.join('X,Y,Z' for _ in cls.places)}"
+
+    def _check(self, points: Sequence[str] = (), lengths: Sequence[str] = ()) -> None:
+        """Check the name, and keep points and positive lengths as numbers.
+
+        Raises:
+            ProblemError: one is none.
+        """
+        text(self.name, "name of an obstacle")
+        for field in points:
+            object.__setattr__(self, field, point(getattr(self, field), f"{field} of obstacle {self.name!r}"))
+        for field in lengths:
+            what = f"{field} of obstacle {self.name!r}"
+            object.__setattr__(self, field, number(getattr(self, field), what, unit="m", sign="positive"))
+        if hasattr(self, "placement"):
+            pose = homogeneous(self.placement, f"placement of obstacle {self.name!r}")
+            object.__setattr__(self, "placement", tuple(map(tuple, pose.tolist())))
+
+
+@dataclass(frozen=True)
+class Sphere(Obstacle):
+    """A ball.
+
+    Attributes:
+        center: in the world [m].
+        radius: [m].
+        name: what messages call it.
+    """
+
+    center: Point
+    radius: float
+    _: KW_ONLY
+    name: str = "sphere"
+
+    sizes, places = {"radius": "R"}, ("center",)
+
+    def __post_init__(self) -> None:
+        self._check(points=["center"], lengths=["radius"])
+
+    def solid(self) -> tuple[Array, Any]:
+        """At its centre."""
+        import coal
+
+        return homogeneous(self.center, "center"), coal.Sphere(self.radius)
+
+
+@dataclass(frozen=True)
+class Capsule(Obstacle):
+    """All points within a radius of a segment: a cylinder with round ends.
+
+    Attributes:
+        a: one end of the segment, in the world [m].
+        b: its other end [m].
+        radius: [m].
+        name: what messages call it.
+    """
+
+    a: Point
+    b: Point
+    radius: float
+    _: KW_ONLY
+    name: str = "capsule"
+
+    sizes, places = {"radius": "R"}, ("a", "b")
+
+    def __post_init__(self) -> None:
+        self._check(points=["a", "b"], lengths=["radius"])
+
+    def solid(self) -> tuple[Array, Any]:
+        """Along z of its placement."""
+        import coal
+
+        a, b = np.array(self.a), np.array(self.b)
+        return _along((a + b) / 2, b - a), coal.Capsule(self.radius, float(np.linalg.norm(b - a)))
+
+
+def _along(place: Array, z: Array) -> Array:
+    """Placement with its z axis along a vector, shape (4, 4); any where the vector is 0."""
+    placement = np.eye(4)
+    placement[:3, 3] = place
+    if np.any(z):
+        placement[:3, :3] = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), z).matrix()
+    return placement
+
+
+@dataclass(frozen=True)
+class Cylinder(Obstacle):
+    """A cylinder with flat ends.
+
+    Attributes:
+        a: centre of one end, in the world [m].
+        b: centre of the other end [m].
+        radius: [m].
+        name: what messages call it.
+    """
+
+    a: Point
+    b: Point
+    radius: float
+    _: KW_ONLY
+    name: str = "cylinder"
+
+    sizes, places = {"radius": "R"}, ("a", "b")
+
+    def __post_init__(self) -> None:
+        self._check(points=["a", "b"], lengths=["radius"])
+        if self.a == self.b:
+            raise ProblemError(f"a and b of obstacle {self.name!r} are the same point; a cylinder has two ends")
+
+    def solid(self) -> tuple[Array, Any]:
+        """Along z of its placement."""
+        import coal
+
+        a, b = np.array(self.a), np.array(self.b)
+        return _along((a + b) / 2, b - a), coal.Cylinder(self.radius, float(np.linalg.norm(b - a)))
+
+
+@dataclass(frozen=True)
+class Plane(Obstacle):
+    """All points behind a plane, such as a floor or a wall: a half space.
+
+    Attributes:
+        point: of the plane, in the world [m].
+        normal: points out of the obstacle, of any length.
+        name: what messages call it.
+    """
+
+    point: Point
+    normal: Point = (0.0, 0.0, 1.0)
+    _: KW_ONLY
+    name: str = "plane"
+
+    sizes, places = {"normal": "NX,NY,NZ"}, ("point",)
+
+    def __post_init__(self) -> None:
+        self._check(points=["point", "normal"])
+        if not 1e-9 < np.linalg.norm(self.normal) < np.inf:
+            raise ProblemError(f"normal of obstacle {self.name!r} is {self.normal}; it must have a length")
+
+    def solid(self) -> tuple[Array, Any]:
+        """Below z of its placement."""
+        import coal
+
+        return _along(np.array(self.point), np.array(self.normal)), coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
+
+
+@dataclass(frozen=True)
+class Box(Obstacle):
+    """A cuboid.
+
+    Attributes:
+        size: full edge lengths along its own axes [m].
+        placement: of its centre in the world: a position [m], shape (3,), or a pose, shape (4, 4) or `pin.SE3`.
+            Kept as the rows of the homogeneous matrix.
+        name: what messages call it.
+    """
+
+    size: Point
+    placement: Placement
+    _: KW_ONLY
+    name: str = "box"
+
+    sizes, places = {"size": "SX,SY,SZ"}, ("position",)
+
+    def __post_init__(self) -> None:
+        self._check(points=["size"])
+        for edge in self.size:
+            number(edge, f"an edge of obstacle {self.name!r}", unit="m", sign="positive")
+
+    @property
+    def pose(self) -> Array:
+        """Homogeneous matrix of its centre in the world, shape (4, 4) [m]."""
+        return np.array(self.placement)
+
+    def solid(self) -> tuple[Array, Any]:
+        """At its centre."""
+        import coal
+
+        return self.pose, coal.Box(*self.size)
+
+
+def primitive(kind: str, sizes: Array, pose: Array, name: str) -> Obstacle:
+    """A shape as URDFs and MoveIt say it: around the origin of a pose, round ones along its z axis.
+
+    Args:
+        kind: "box", "sphere", "cylinder" or "capsule".
+        sizes: three edges, a radius, or a length and a radius [m].
+        pose: in the world, shape (4, 4) [m].
+        name: what messages call it.
+
+    Raises:
+        ProblemError: another kind, or numbers that are none.
+    """
+    count = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2}.get(kind)
+    if count is None:
+        raise ProblemError(f"a shape is {shown(kind)}; it must be a box, a sphere, a cylinder, a capsule or a mesh")
+    if np.shape(sizes) != (count,):
+        raise ProblemError(f"a {kind} has the sizes {shown(np.ravel(sizes).tolist())}; it must have {count}")
+    x, y, z = pose[:3, 3]
+    if kind == "box":
+        return Box(tuple(sizes.tolist()), pose, name=name)
+    if kind == "sphere":
+        return Sphere((x, y, z), float(sizes[0]), name=name)
+    half = number(sizes[0], f"length of {kind} {name!r}", unit="m", sign="positive") / 2 * pose[:3, 2]
+    round_one: type[Cylinder | Capsule] = Cylinder if kind == "cylinder" else Capsule
+    a, b = (tuple((pose[:3, 3] + side * half).tolist()) for side in (-1, 1))
+    return round_one(a, b, float(sizes[1]), name=name)

@@ -1,0 +1,47 @@
+"""Untrusted YAML: bounded in size, depth and references; every scalar stays text."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+from armdyn.errors import ProblemError
+from armdyn.files import read_bounded
+
+MAX_BYTES = 8 * 2**20
+"""A file that is larger is not read [bytes]: a mesh of 30,000 triangles in it, seconds of work."""
+_DEPTH = 40
+_MOST_NODES = 2_000_000
+"""Scalars, lists and tables, one behind many references as often as it is referred to."""
+
+
+def read_yaml(path: str | os.PathLike[str]) -> Any:
+    """The content of a YAML file: dictionaries, lists and texts. Tags make no objects.
+
+    Raises:
+        FileError: the file cannot be read, or is too large.
+        ProblemError: it is no YAML, too deep, or too much once its references are followed.
+    """
+    import yaml  # type: ignore[import-untyped]  # for scenes alone
+
+    data, loader = read_bounded(path, MAX_BYTES), getattr(yaml, "CBaseLoader", yaml.BaseLoader)
+    try:
+        depth = 0
+        for event in yaml.parse(data, loader):  # the depth first: what composes nodes is recursive
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            if depth > _DEPTH:
+                raise ProblemError(f"{path}: lists and tables lie deeper than {_DEPTH}")
+        content = yaml.load(data, loader)  # noqa: S506  # the base loader makes texts, lists and dictionaries alone
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        if isinstance(error, ProblemError):
+            raise
+        raise ProblemError(f"{path}: not YAML ({' '.join(str(error).split())[:200]})") from None
+    left, todo = _MOST_NODES, [(content, 0)]
+    while todo:
+        node, depth = todo.pop()
+        inside = list(node.values()) if isinstance(node, dict) else node if isinstance(node, list) else ()
+        left -= 1 + len(inside)
+        if left < 0 or depth > _DEPTH:
+            raise ProblemError(f"{path}: its references (*name) make more than {_MOST_NODES} values of it")
+        todo += [(one, depth + 1) for one in inside if isinstance(one, dict | list)]
+    return content
