@@ -109,10 +109,10 @@ def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
             excess = max(map(_worst, excesses_of(task, curve)))
         kept = reports_on(task, curve, spec.constraints)
         found.append(RefinedCurve(curve, solved, spec.constraints, iterations, excess, kept))
-        slowed = curve.duration / solved.curve.duration - 1
+        little = curve.duration < (1 + numbers.slowed * 2**k) * solved.curve.duration
         good = not any(rank(found[-1])[:2])
         task.progress(f"round {k + 1}: {curve.duration:.4f} s{'' if good else ', limits are not kept yet'}")
-        if task.stop or (good and slowed < numbers.slowed * 2**k):
+        if task.stop or (good and little):
             break
         more = tuple(_larger_margin(task, margin, here) for margin, here in zip(spec.margins, over, strict=True))
         spec = replace(spec, margins=more, constraints=spec.constraints.tightened(task.problem, kept))
