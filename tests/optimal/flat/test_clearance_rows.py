@@ -22,9 +22,13 @@ from oracles import robot_named
 def swing():
     """A Panda's swing over a post: problem, curve, policy."""
     post = Box((0.1, 0.1, 0.3), (0.7, 0, 0.15), name="post")  # 3 to 20 mm from hand and fingers
-    pose = [0, 0.3, 0, -1.9, 0, 2.2, 0.785]
+    assemble_curve = [0, 0.3, 0, -1.9, 0, 2.2, 0.785]
     problem = ad.MinimumTimeProblem(
-        robot_named("panda"), q_start=[-0.8, *pose[1:]], q_goal=[0.8, *pose[1:]], obstacles=[post], clearance=1e-3
+        robot_named("panda"),
+        q_start=[-0.8, *assemble_curve[1:]],
+        q_goal=[0.8, *assemble_curve[1:]],
+        obstacles=[post],
+        clearance=1e-3,
     )
     return problem, Curve.straight(problem, Basis(graded(40, 3e-3, 0.05)), 1.0), SequentialPolicy()
 
