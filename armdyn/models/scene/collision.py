@@ -20,6 +20,8 @@ Index = NDArray[np.int_]
 
 _BLOCK = 20_000
 """Pairs whose bounds are computed at once: a few megabytes."""
+_TOUCHES = 5e-5
+"""Bodies that are so near each other or overlap by so much touch, in words [m]."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,8 @@ class Clearance:
 
     def bodies(self) -> str:
         """The distance in words."""
+        if abs(self.distance) < _TOUCHES:
+            return f"{self.body!r} touches {self.other!r}"
         how = f"{1e3 * self.distance:.1f} mm from" if self.distance > 0 else f"{-1e3 * self.distance:.1f} mm inside"
         return f"{self.body!r} is {how} {self.other!r}"
 
@@ -73,6 +77,7 @@ class CollisionModel:
         robot: the arm.
         obstacles: in the world.
         pairs: of names, in the order of `distances`.
+        touching: indices of the pairs that may touch at the given poses, shape (m,).
     """
 
     def __init__(
@@ -81,6 +86,7 @@ class CollisionModel:
         obstacles: Sequence[Obstacle] = (),
         self_collision: bool = False,
         allowed: Collection[tuple[str, str]] = (),
+        touching: Collection[tuple[str, str]] = (),
     ):
         """Build the geometry.
 
@@ -88,7 +94,8 @@ class CollisionModel:
             robot: the arm.
             obstacles: in the world.
             self_collision: whether pairs of links count.
-            allowed: pairs of names that may touch.
+            allowed: pairs of names that may touch: they are not compared.
+            touching: pairs of names that may touch at the given poses.
 
         Raises:
             ProblemError: the robot has no geometry, or a mesh of it cannot be read.
@@ -96,6 +103,8 @@ class CollisionModel:
         self.robot, self.obstacles = robot, tuple(obstacles)
         scene = scene_geometry(robot, self.obstacles, self_collision, allowed)
         self.pairs = tuple((scene.names[i], scene.names[j]) for i, j in scene.pairs)
+        known = {frozenset(pair) for pair in touching}
+        self.touching = np.flatnonzero([frozenset(pair) in known for pair in self.pairs])
         self._scene, self._balls = scene, Balls.of(bodies(robot), scene)
         self._hulls = hulls(robot, scene)
         self._joints = np.array([solid.parentJoint for solid in scene.model.geometryObjects], dtype=int)[scene.pairs]
@@ -103,6 +112,8 @@ class CollisionModel:
         for joint in range(1, robot.model.njoints):
             self._carried[joint, np.array(chain_of(robot, joint)) - 1] = 1.0
         self._data, self._geometry = robot.model.createData(), pin.GeometryData(scene.model)
+        for k in self.touching:  # `is_free` compares their distances
+            self._geometry.deactivateCollisionPair(int(k))
         self._broadphase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
             robot.model, scene.model, self._geometry
         )
@@ -112,12 +123,19 @@ class CollisionModel:
         """Indices in `robot.model.joints` of the two joints that carry each pair, shape (pairs, 2); 0 is the world."""
         return self._joints
 
-    def is_free(self, q: ArrayLike) -> bool:
-        """Whether no pair overlaps at joint positions q [rad or m], shape (nv,)."""
+    def is_free(self, q: ArrayLike, least: Array | float = 0.0) -> bool:
+        """Whether no pair overlaps at joint positions q [rad or m], shape (nv,).
+
+        Args:
+            q: joint positions.
+            least: distances of the `touching` pairs above which these count as free [m], one or shape (m,).
+        """
         with one_at_a_time:  # the work space is the model's
             self._place(q)
             self._broadphase.update(False)
-            return not pin.computeCollisions(self._broadphase, True)
+            if pin.computeCollisions(self._broadphase, True):
+                return False
+            return not self.touching.size or bool(np.all(self.distances_of(self.touching, q) >= least))
 
     def distances(self, q: ArrayLike, within: float = np.inf) -> Array:
         """Distances of all pairs.
@@ -192,9 +210,16 @@ class CollisionModel:
         gradients = self._gradients(pairs, np.array(points).reshape(-1, 3, 3), jacobians[which])
         return NearPairs(which, pairs, np.concatenate(found), gradients)
 
-    def nearest(self, q: ArrayLike, time: float = 0.0) -> Clearance:
-        """The pair that is nearest at joint positions q [rad or m], shape (nv,)."""
+    def nearest(self, q: ArrayLike, time: float = 0.0, *, touching: bool = True) -> Clearance:
+        """The pair that is nearest.
+
+        Args:
+            q: joint positions [rad or m], shape (nv,).
+            time: in the motion [s].
+            touching: whether pairs that may touch at the given poses count.
+        """
         distances = self.distances(q)
+        distances[[] if touching else self.touching] = np.inf
         k = int(np.argmin(distances))
         return Clearance(float(distances[k]), time, *self.pairs[k])
 
@@ -246,6 +271,7 @@ def collision_model(
     obstacles: tuple[Obstacle, ...],
     self_collision: bool,
     allowed: tuple[tuple[str, str], ...] = (),
+    touching: tuple[tuple[str, str], ...] = (),
 ) -> CollisionModel:
     """A `CollisionModel`, built once for the same arguments."""
-    return CollisionModel(robot, obstacles, self_collision, allowed)
+    return CollisionModel(robot, obstacles, self_collision, allowed, touching)

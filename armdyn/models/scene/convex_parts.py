@@ -36,13 +36,13 @@ def convex_parts(mesh: Any) -> list[Array]:
     """
     whole: Surface = (np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces))
     saved = _SAVED * _volume(whole[0])
-    parts = _cut(whole, saved, None)
+    parts = cut_where_it_saves(whole, saved)
     if mesh.is_watertight and sum(_volume(part[0]) for part in parts) > _LOOSE * mesh.volume:
-        parts = _cut(whole, saved, _BLIND)
-    return [_corners(points) for points, _ in parts]
+        parts = cut_where_it_saves(whole, saved, _BLIND)
+    return [corners_of_hull(points) for points, _ in parts]
 
 
-def _cut(part: Surface, saved: float, blind: int | None) -> list[Surface]:
+def cut_where_it_saves(part: Surface, saved: float, blind: int | None = None) -> list[Surface]:
     """Pieces of a part whose hulls save volume [m³], or the part alone; blind: halvings left, None: not to halve."""
     gain, axis, at = _best_plane(part)
     left = None if blind is None else _BLIND
@@ -52,7 +52,7 @@ def _cut(part: Surface, saved: float, blind: int | None) -> list[Surface]:
         low, high = np.min(part[0], axis=0), np.max(part[0], axis=0)
         axis, left = int(np.argmax(high - low)), blind - 1
         at = float(low[axis] + high[axis]) / 2
-    pieces = [piece for half in _halves(part, axis, at) for piece in _cut(half, saved, left)]
+    pieces = [piece for half in _halves(part, axis, at) for piece in cut_where_it_saves(half, saved, left)]
     smaller = sum(_volume(piece[0]) for piece in pieces) <= _volume(part[0]) - saved
     return pieces if smaller else [part]
 
@@ -107,7 +107,7 @@ def _volume(points: Array) -> float:
         return 0.0
 
 
-def _corners(points: Array) -> Array:
+def corners_of_hull(points: Array) -> Array:
     """Corners of the hull of points, made thicker where it is flat."""
     from scipy.spatial import ConvexHull, QhullError  # loaded for meshes alone
 

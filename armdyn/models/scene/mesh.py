@@ -16,6 +16,7 @@ from armdyn.arguments import path as path_of
 from armdyn.errors import ProblemError
 from armdyn.models.reading.meshes import load_meshes
 from armdyn.models.scene.convex_parts import convex_hull, convex_parts
+from armdyn.models.scene.grid import hollow_parts
 from armdyn.models.scene.shapes import Obstacle
 from armdyn.models.values.placement import Placement
 from armdyn.reprs import brief
@@ -27,6 +28,8 @@ MAX_TRIANGLES = 100_000
 MAX_CORNERS = 20_000
 """Of all convex parts of a mesh: proofs look at every one, and result files have their numbers."""
 _MAX_BYTES = 64 * 2**20
+_LOOSE = 1.25
+"""Of convex parts to a body's volume, from which a grid is tried: its hollows would be filled."""
 _FARTHEST = 100.0
 """Of a vertex from the mesh's origin along an axis [m]: a mesh beyond it is in millimetres."""
 
@@ -145,8 +148,19 @@ def _cut(meshes: Sequence[Any], what: str) -> list[Array]:
                 "mesh, or use boxes or a point cloud"
             )
         for body in mesh.split(only_watertight=False):  # bodies of an assembly, such as the boards of a shelf
-            parts += convex_parts(body)
+            found = convex_parts(body)
+            if (volume := _volume(found)) > _LOOSE * body.volume:
+                better = hollow_parts(body)
+                found = better if better and _volume(better) < volume else found
+            parts += found
     return parts
+
+
+def _volume(parts: Sequence[Array]) -> float:
+    """Of the hulls of corners, shape (m, 3), together [m³]."""
+    from scipy.spatial import ConvexHull  # loaded for meshes alone
+
+    return float(sum(ConvexHull(part).volume for part in parts))
 
 
 def _corners(part: object, what: str) -> Array:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import os
 from dataclasses import KW_ONLY, dataclass
-from itertools import permutations
 from pathlib import Path
 from typing import Any, Self
 
@@ -17,16 +16,14 @@ from armdyn.arguments import path as path_of
 from armdyn.errors import ProblemError
 from armdyn.files import read_bounded
 from armdyn.locks import built_once
+from armdyn.models.scene.grid import MOST_BOXES, few_boxes
 from armdyn.models.scene.shapes import Obstacle
 from armdyn.models.values.placement import Placement, Point, homogeneous
 from armdyn.reprs import brief
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
-Flags = NDArray[np.bool_]
 
-MOST_BOXES = 1000
-"""Of a point cloud or a height map: a Panda's solve takes 2 s among 60 of them, 15 s among 1,000."""
 _MAX_BYTES = 64 * 2**20
 _FARTHEST = 2**20
 """From the origin, in cells."""
@@ -188,44 +185,6 @@ def _column_boxes(ground: HeightMap) -> tuple[Index, Index]:
     levels = np.rint(np.array(ground.heights) / ground.step).astype(int)[:, :, None]
     steps = np.arange(int(levels.max()))
     return few_boxes(steps < levels, steps <= np.where(levels, levels, -1))
-
-
-def few_boxes(solid: Flags, allowed: Flags) -> tuple[Index, Index]:
-    """Few boxes of cells of a grid that contain all solid cells, and none that is not allowed.
-
-    Every box grows from a cell that no other box contains along one axis after the other, as far as is allowed, and is
-    then cut to the cells that it adds; of the orders of the axes the one that adds most is taken. More boxes than
-    `MOST_BOXES` are not looked for.
-
-    Args:
-        solid: shape (nx, ny, nz).
-        allowed: likewise; True for all solid cells.
-
-    Returns:
-        Lowest index of each box, and highest plus one, each of shape (k, 3).
-    """
-    left = solid.copy()
-    found: list[Any] = []
-    while len(found) <= MOST_BOXES and left.flat[(first := int(np.argmax(left)))]:
-        best: tuple[int, Any, Any] = (0, None, None)
-        for order in permutations(range(3)):
-            low = np.array(np.unravel_index(first, left.shape))
-            high = low + 1
-            for axis in order:
-                across = [slice(a, b) for a, b in zip(low, high, strict=True)]
-                across[axis] = slice(None)
-                blocked = np.flatnonzero(~allowed[tuple(across)].all(axis=tuple({0, 1, 2} - {axis})))
-                at = int(np.searchsorted(blocked, low[axis]))
-                low[axis] = blocked[at - 1] + 1 if at else 0
-                high[axis] = blocked[at] if at < blocked.size else left.shape[axis]
-            added = np.argwhere(left[tuple(map(slice, low, high))])
-            if len(added) > best[0]:
-                best = len(added), low + added.min(axis=0), low + added.max(axis=0) + 1
-        _, low, high = best
-        left[tuple(map(slice, low, high))] = False
-        found.append((low, high))
-    ends = np.array(found, dtype=int).reshape(-1, 2, 3)
-    return ends[:, 0], ends[:, 1]
 
 
 def _placed(low: Any, high: Any) -> list[tuple[Array, Any]]:

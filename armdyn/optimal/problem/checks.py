@@ -116,19 +116,19 @@ def check_scene(obstacles: Sequence[object], clearance: float) -> tuple[Obstacle
     return tuple(named)
 
 
-def contacts(pairs: object, robot: Robot, obstacles: Sequence[Obstacle]) -> tuple[tuple[str, str], ...]:
+def contacts(pairs: object, what: str, robot: Robot, obstacles: Sequence[Obstacle]) -> tuple[tuple[str, str], ...]:
     """Pairs of names that may touch; refuse anything else, and names of no link and no obstacle."""
     found = []
     links = [frame.name for frame in robot.model.frames if frame.type == pin.FrameType.BODY]
     known = {*links, *(body.name for body in robot.attached), *(obstacle.name for obstacle in obstacles)}
-    for i, pair in enumerate(several(pairs, "allowed_contacts")):
+    for i, pair in enumerate(several(pairs, what)):
         both = tuple(pair) if isinstance(pair, list | tuple) else ()
         if len(both) != 2 or not all(isinstance(name, str) for name in both):
-            raise ProblemError(f"allowed_contacts[{i}] is {shown(pair)}; it must be two names of links or obstacles")
+            raise ProblemError(f"{what}[{i}] is {shown(pair)}; it must be two names of links or obstacles")
         for name in both:
             if name not in known:
                 raise ProblemError(
-                    f"allowed_contacts[{i}]: no link of {robot.name} and no obstacle is named {shown(name)}"
+                    f"{what}[{i}]: no link of {robot.name} and no obstacle is named {shown(name)}"
                     f"{did_you_mean(name, known)}"
                 )
         found.append(both)
@@ -151,13 +151,13 @@ def check_path_constraints(path_constraints: object) -> tuple[PathConstraintSpec
 def check_clear(model: CollisionModel, poses: Sequence[tuple[str, Array]], clearance: float) -> None:
     """Refuse a named pose in which something is nearer than the clearance [m]."""
     for name, q in poses:
-        if (near := model.nearest(q)).distance < clearance:
+        if (near := model.nearest(q, touching=False)).distance < clearance:
             raise ProblemError(f"at the {name}, {near.bodies()}; clearance is {1e3 * clearance:g} mm")
 
 
 def clear_goals(model: CollisionModel, goals: Sequence[Array], clearance: float) -> tuple[Array, ...]:
     """Those of the goals in which nothing is nearer than the clearance [m]; one at least."""
-    nearest = [model.nearest(q) for q in goals]
+    nearest = [model.nearest(q, touching=False) for q in goals]
     clear = tuple(q for q, near in zip(goals, nearest, strict=True) if near.distance >= clearance)
     if not clear:
         best = max(nearest, key=lambda near: near.distance)

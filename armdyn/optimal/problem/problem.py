@@ -81,7 +81,9 @@ class MinimumTimeProblem:
         obstacles: what the arm must keep clear of, in the world.
         self_collision: whether its links must keep clear of each other, too.
         clearance: how far, at least [m].
-        allowed_contacts: pairs of names, of links and obstacles, that may touch.
+        allowed_contacts: pairs of names, of links, tool, payload and obstacles, that may touch: they are not compared.
+        end_contacts: pairs of names that may touch at the start, a via point or the goal, such as a payload and the
+            table that it stands on: along the way they keep the clearance, or the least distance at these poses.
         acceleration_limit: [rad/s² or m/s²]: one number or one per joint; None: none.
         jerk_limit: likewise [rad/s³ or m/s³]; with one, the acceleration is zero at both ends.
         path_constraints: what else is asked along the way, such as `FrameSpeedLimit(0.25)` or `TorqueRateLimit(50.0)`.
@@ -118,6 +120,7 @@ class MinimumTimeProblem:
     self_collision: bool = False
     clearance: float = 0.005
     allowed_contacts: Sequence[tuple[str, str]] = ()
+    end_contacts: Sequence[tuple[str, str]] = ()
     acceleration_limit: ArrayLike | None = None
     jerk_limit: ArrayLike | None = None
     path_constraints: Sequence[PathConstraintSpec] = ()
@@ -186,7 +189,12 @@ class MinimumTimeProblem:
 
     def collision_model(self) -> CollisionModel:
         """The arm among its obstacles, and the pairs of bodies that keep a clearance."""
-        return collision_model(self.robot, tuple(self.obstacles), self.self_collision, tuple(self.allowed_contacts))
+        contacts = tuple(self.allowed_contacts), tuple(self.end_contacts)
+        return collision_model(self.robot, tuple(self.obstacles), self.self_collision, *contacts)
+
+    def without_obstacles(self) -> Self:
+        """The same in free space, where the arm may go through itself."""
+        return self.variant(obstacles=(), self_collision=False, allowed_contacts=(), end_contacts=())
 
     @property
     def continuous_torque(self) -> bool:
@@ -309,7 +317,8 @@ class MinimumTimeProblem:
         check_poses(self.poses)
         obstacles = check_scene(several(self.obstacles, "obstacles"), self.clearance)
         object.__setattr__(self, "obstacles", obstacles)
-        object.__setattr__(self, "allowed_contacts", contacts(self.allowed_contacts, self.robot, obstacles))
+        for name in ("allowed_contacts", "end_contacts"):
+            object.__setattr__(self, name, contacts(getattr(self, name), name, self.robot, obstacles))
         for name, unit in (("acceleration_limit", "rad/s²"), ("jerk_limit", "rad/s³")):
             if getattr(self, name) is not None:
                 value = per_joint(

@@ -118,7 +118,7 @@ def _among_obstacles(task: Task) -> tuple[list[RefinedCurve], bool]:
 def _clear_of_obstacles(task: Task) -> list[RefinedCurve]:
     """The fastest curve without obstacles, if it keeps all clearances all the same."""
     task.progress("the way without obstacles")
-    free = task.about(task.problem.variant(obstacles=(), self_collision=False))
+    free = task.about(task.problem.without_obstacles())
     (best,) = _refined(free, _guesses(free, 1)[:1])
     constraints = TightenedConstraints.of(task)
     reports = reports_on(task, best.curve, constraints)

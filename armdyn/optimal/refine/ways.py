@@ -67,7 +67,11 @@ def ways_through(problem: MinimumTimeProblem, policy: SearchPolicy, seed: int, s
     lower = np.maximum(limits.position_lower, np.min(poses, axis=0) - _TURN)
     upper = np.minimum(limits.position_upper, np.max(poses, axis=0) + _TURN)
     speed = _speed(problem, policy)
-    space = JointSpace(model.is_free, lower, upper, speed * min(1.0, _FASTEST / float(np.max(speed))))
+    ends = np.min([model.distances_of(model.touching, q) for q in poses], axis=0)
+    least = np.minimum(ends - problem.clearance, 0.0)  # as of the other pairs, the curve mends the clearance
+    space = JointSpace(
+        lambda q: model.is_free(q, least), lower, upper, speed * min(1.0, _FASTEST / float(np.max(speed)))
+    )
     legs = [plan_paths(space, a, b, seed, stop=stop.__bool__) for a, b in pairwise(poses)]
     way: list[Array | None] = [next(leg, None) for leg in legs]
     while found := [path for path in way if path is not None]:

@@ -9,7 +9,6 @@ import trimesh
 import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.models.scene.obstacles import HeightMap, PointCloud, obstacle_entry, obstacle_from
-from armdyn.models.scene.point_cloud import few_boxes
 from armdyn.show.visuals import obstacle_shapes
 
 
@@ -50,20 +49,6 @@ def test_a_cloud_is_a_value():
     assert cloud == same and hash(cloud) == hash(same) and PointCloud(cloud.points, 0.05, name="seen") == cloud
     assert obstacle_from(json.loads(json.dumps(obstacle_entry(cloud))), "here") == cloud
     assert len(obstacle_shapes([cloud])) == 1
-
-
-def test_few_boxes():
-    random = np.random.default_rng(0)
-    for _ in range(20):
-        solid = random.random((5, 6, 7)) < random.uniform(0.1, 0.9)
-        allowed = solid | (random.random(solid.shape) < 0.2)
-        low, high = few_boxes(solid, allowed)
-        filled = np.zeros_like(solid)
-        for a, b in zip(low, high, strict=True):
-            filled[tuple(map(slice, a, b))] = True
-        assert np.all(filled[solid]) and np.all(allowed[filled])
-    assert len(few_boxes(np.ones((3, 4, 5), dtype=bool), np.ones((3, 4, 5), dtype=bool))[0]) == 1
-    assert len(few_boxes(np.zeros((3, 4, 5), dtype=bool), np.zeros((3, 4, 5), dtype=bool))[0]) == 0
 
 
 PCD = """# .PCD v0.7
