@@ -27,6 +27,7 @@ from armdyn.control import track as track
 from armdyn.dynamics import Dynamics as Dynamics
 from armdyn.errors import ArmdynError as ArmdynError
 from armdyn.errors import ArmdynWarning as ArmdynWarning
+from armdyn.errors import ContactError as ContactError
 from armdyn.models import ArmSpec as ArmSpec
 from armdyn.models import Box as Box
 from armdyn.models import Capsule as Capsule

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -121,7 +122,11 @@ def mintime(
         required = requirements_of(require or ())
         from armdyn.optimal.answer.summary import minimum_time_summary
 
-        problem, options = task.problem()
+        try:
+            problem, options = task.problem()
+        except ad.ContactError as error:
+            _show_contacts(error, task.robot.robot, results)
+            raise
         arm, search = problem.robot, search.over(options)
         folder = results.folder("mintime", task.robot.robot)
         with working(f"minimum time of {arm.name}") as progress:
@@ -153,6 +158,18 @@ def mintime(
         )
         words |= _reserve_choice(curve) | missing_words(missing) | written.words
         console.print(facts_table(f"{arm.name}: minimum time", words))
+
+
+def _show_contacts(error: ad.ContactError, name: str, results: ResultOptions) -> None:
+    """Write a page with the pose for which a problem is refused into the folder of --out; without one, say so."""
+    said = "--out DIR writes a page that shows the pose, with the bodies that touch in red"
+    if results.output.out is not None and not results.no_report:
+        from armdyn.show.contacts import write_contacts
+
+        folder = results.output.folder("mintime", name, ["contacts.html"])
+        folder.mkdir(parents=True, exist_ok=True)
+        said = f"{write_contacts(error, folder / 'contacts.html')} shows the pose, with the bodies that touch in red"
+    warnings.warn(said, ad.ArmdynWarning, stacklevel=2)
 
 
 def _reserve_facts(curve: ReserveCurve | None) -> dict[str, object]:

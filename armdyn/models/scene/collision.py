@@ -14,6 +14,7 @@ from armdyn.models.scene.bodies import bodies
 from armdyn.models.scene.geometry import scene_geometry
 from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.scene.separation import chain_of, gap, hulls
+from armdyn.models.values.placement import Point
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
@@ -34,6 +35,7 @@ class Clearance:
         body: name of the arm's link.
         other: of the obstacle, or of another link.
         sure: whether it is proven that every pair keeps the clearance asked for between the samples, too.
+        points: the nearest points of the two bodies in the world [m]; None: not computed.
     """
 
     distance: float
@@ -41,6 +43,7 @@ class Clearance:
     body: str
     other: str
     sure: bool = False
+    points: tuple[Point, Point] | None = None
 
     def bodies(self) -> str:
         """The distance in words."""
@@ -210,18 +213,31 @@ class CollisionModel:
         gradients = self._gradients(pairs, np.array(points).reshape(-1, 3, 3), jacobians[which])
         return NearPairs(which, pairs, np.concatenate(found), gradients)
 
-    def nearest(self, q: ArrayLike, time: float = 0.0, *, touching: bool = True) -> Clearance:
-        """The pair that is nearest.
+    def nearest(self, q: ArrayLike, time: float = 0.0) -> Clearance:
+        """The pair that is nearest at joint positions q [rad or m], shape (nv,), at a time [s]."""
+        with one_at_a_time:
+            distances = self.distances(q)
+            return self._clearance(int(np.argmin(distances)), time)
+
+    def nearer(self, q: ArrayLike, than: float) -> tuple[Clearance, ...]:
+        """Pairs of names that are nearer than a clearance and may not be, the nearest first.
 
         Args:
             q: joint positions [rad or m], shape (nv,).
-            time: in the motion [s].
-            touching: whether pairs that may touch at the given poses count.
+            than: the clearance [m].
         """
-        distances = self.distances(q)
-        distances[[] if touching else self.touching] = np.inf
-        k = int(np.argmin(distances))
-        return Clearance(float(distances[k]), time, *self.pairs[k])
+        with one_at_a_time:
+            distances = self.distances(q, than)
+            distances[self.touching] = np.inf
+            found = np.flatnonzero(distances < than)
+            near = [self._clearance(int(k), 0.0) for k in found[np.argsort(distances[found], kind="stable")]]
+        return tuple({(one.body, one.other): one for one in reversed(near)}.values())[::-1]
+
+    def _clearance(self, k: int, time: float) -> Clearance:
+        """The distance of a pair that coal computed last."""
+        result = self._geometry.distanceResults[k]
+        x, y = (tuple(map(float, point)) for point in (result.getNearestPoint1(), result.getNearestPoint2()))
+        return Clearance(result.min_distance, time, *self.pairs[k], points=((x[0], x[1], x[2]), (y[0], y[1], y[2])))
 
     def _bounds(self, poses: Array) -> Array:
         """Lower bounds on the distances of all pairs at several poses [m], shape (poses, pairs)."""

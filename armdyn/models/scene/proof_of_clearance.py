@@ -97,7 +97,8 @@ class _Search:
                 _Piece((a, middle), piece.pairs, np.array([piece.distances[0], at])),
                 _Piece((middle, b), piece.pairs, np.array([at, piece.distances[1]])),
             ]
-        nearest = replace(self.nearest, sure=sure and not self.missed)
+        points = self.model.nearest(self.motion(self.nearest.time).q).points
+        nearest = replace(self.nearest, sure=sure and not self.missed, points=points)
         return ClearanceProof(nearest, tuple(sorted(self.missed)))
 
     def _pieces(self) -> list[_Piece]:
