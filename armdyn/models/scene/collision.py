@@ -13,12 +13,14 @@ from armdyn.models.scene.balls import Balls
 from armdyn.models.scene.bodies import bodies
 from armdyn.models.scene.geometry import scene_geometry
 from armdyn.models.scene.obstacles import Obstacle
-from armdyn.models.scene.separation import gap, hulls
+from armdyn.models.scene.separation import chain_of, gap, hulls
 from armdyn.models.values.placement import Point
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
 
+_BLOCK = 20_000
+"""Pairs whose bounds are computed at once: a few megabytes."""
 _TOUCHES = 5e-5
 """Bodies that are so near each other or overlap by so much touch, in words [m]."""
 
@@ -56,14 +58,16 @@ class Clearance:
 
 @dataclass(frozen=True, eq=False)
 class NearPairs:
-    """Pairs of a scene that are near each other at one pose, the nearest first.
+    """Pairs of a scene that are near each other, pose by pose.
 
     Attributes:
-        pairs: their indices, shape (m,).
+        poses: index of the pose at which each is, shape (m,), not decreasing.
+        pairs: their indices, shape (m,); of a pose the nearest first.
         distances: [m], shape (m,); negative: they overlap.
         gradients: of the distances by the joint positions [m/rad or m/m], shape (m, nv).
     """
 
+    poses: Index
     pairs: Index
     distances: Array
     gradients: Array
@@ -107,6 +111,9 @@ class CollisionModel:
         self._scene, self._balls = scene, Balls.of(bodies(robot), scene)
         self._hulls = hulls(robot, scene)
         self._joints = np.array([solid.parentJoint for solid in scene.model.geometryObjects], dtype=int)[scene.pairs]
+        self._carried = np.zeros((robot.model.njoints, robot.model.nv))
+        for joint in range(1, robot.model.njoints):
+            self._carried[joint, np.array(chain_of(robot, joint)) - 1] = 1.0
         self._data, self._geometry = robot.model.createData(), pin.GeometryData(scene.model)
         for k in self.touching:  # `is_free` compares their distances
             self._geometry.deactivateCollisionPair(int(k))
@@ -137,17 +144,19 @@ class CollisionModel:
         """Distances of all pairs.
 
         Args:
-            q: joint positions [rad or m], shape (nv,).
+            q: joint positions [rad or m], shape (nv,), or of several poses, shape (poses, nv).
             within: a pair that is farther apart than this [m] may be given a lower bound on its distance, which is
                 larger than this.
 
         Returns:
-            Distances [m], shape (pairs,); negative: they overlap.
+            Distances [m], shape (pairs,) or (poses, pairs); negative: they overlap.
         """
-        with one_at_a_time:
-            out, near = self._near(q, within)
-            out[near] = [self._geometry.distanceResults[int(k)].min_distance for k in near]
-        return out
+        poses = np.atleast_2d(np.asarray(q, dtype=float))
+        with one_at_a_time:  # the work space is the model's
+            out = self._bounds(poses)
+            for here, pose in zip(out, poses, strict=True):
+                self._measure(here, pose, within)
+        return out if np.ndim(q) == 2 else out[0]
 
     def distances_of(self, pairs: Index, q: ArrayLike) -> Array:
         """Distances of some pairs [m], of the shape of their indices, at joint positions q [rad or m], shape (nv,)."""
@@ -180,22 +189,29 @@ class CollisionModel:
         first, second = self._scene.pairs[k]
         return gap(self._data, self.robot.model, (self._hulls[first], self._hulls[second]), normal, times)
 
-    def near(self, q: ArrayLike, within: float, most: int) -> NearPairs:
-        """The nearest pairs and how their distances change.
+    def near(self, poses: Array, within: float, most: int) -> NearPairs:
+        """The nearest pairs at several poses and how their distances change.
 
         Args:
-            q: joint positions [rad or m], shape (nv,).
+            poses: joint positions [rad or m], shape (poses, nv).
             within: pairs no farther apart than this [m].
-            most: so many pairs at most.
+            most: so many pairs of a pose at most.
         """
+        kept, found, jacobians = list[Index](), list[Array](), np.empty((len(poses), 6, self.robot.model.nv))
+        points, results = list[Array](), self._geometry.distanceResults
         with one_at_a_time:
-            distances, near = self._near(q, within)
-            distances[near] = [self._geometry.distanceResults[int(k)].min_distance for k in near]
-            near = near[np.argsort(distances[near], kind="stable")][:most]
-            near = near[distances[near] <= within]
-            pin.computeJointJacobians(self.robot.model, self._data)
-            gradients = np.array([self._gradient(int(k)) for k in near]).reshape(near.size, self.robot.model.nv)
-        return NearPairs(near, distances[near], gradients)
+            for k, (here, pose) in enumerate(zip(self._bounds(poses), poses, strict=True)):
+                near = self._measure(here, pose, within)
+                near = near[np.argsort(here[near], kind="stable")][:most]
+                kept.append(near[here[near] <= within])
+                found.append(here[kept[-1]])
+                jacobians[k] = pin.computeJointJacobians(self.robot.model, self._data)
+                # coal's normal is a view of what the next pose overwrites
+                points += [np.array((one.normal, one.getNearestPoint1(), one.getNearestPoint2()))
+                           for one in (results[int(i)] for i in kept[-1])]  # fmt: skip
+        which, pairs = np.repeat(np.arange(len(poses)), [one.size for one in kept]), np.concatenate(kept)
+        gradients = self._gradients(pairs, np.array(points).reshape(-1, 3, 3), jacobians[which])
+        return NearPairs(which, pairs, np.concatenate(found), gradients)
 
     def nearest(self, q: ArrayLike, time: float = 0.0) -> Clearance:
         """The pair that is nearest at joint positions q [rad or m], shape (nv,), at a time [s]."""
@@ -223,29 +239,45 @@ class CollisionModel:
         x, y = (tuple(map(float, point)) for point in (result.getNearestPoint1(), result.getNearestPoint2()))
         return Clearance(result.min_distance, time, *self.pairs[k], points=((x[0], x[1], x[2]), (y[0], y[1], y[2])))
 
-    def _near(self, q: ArrayLike, within: float) -> tuple[Array, Index]:
-        """Lower bounds on all distances, and the pairs whose bound is not larger than `within`, computed by coal."""
-        self._place(q)
-        bounds = self._balls.bounds(self._data.oMi)
-        near = np.flatnonzero(bounds <= within)
-        for k in near:
-            pin.computeDistance(self._scene.model, self._geometry, int(k))
-        return bounds, near
+    def _bounds(self, poses: Array) -> Array:
+        """Lower bounds on the distances of all pairs at several poses [m], shape (poses, pairs)."""
+        out, block = np.empty((len(poses), len(self.pairs))), 1 + _BLOCK // max(len(self.pairs), 1)
+        frames = np.empty((len(poses), self.robot.model.njoints, 3, 4))
+        for here, pose in zip(frames, poses, strict=True):
+            pin.forwardKinematics(self.robot.model, self._data, self.robot.configuration(pose))
+            for k, frame in enumerate(self._data.oMi):
+                here[k, :, :3], here[k, :, 3] = frame.rotation, frame.translation
+        for first in range(0, len(poses), block):
+            here = frames[first : first + block]
+            out[first : first + block] = self._balls.bounds(here[..., :3], here[..., 3])
+        return out
+
+    def _measure(self, bounds: Array, pose: Array, within: float) -> Index:
+        """Replace the bounds that are not larger than `within` by distances at a pose; their indices."""
+        self._place(pose)
+        near, results = np.flatnonzero(bounds <= within), self._geometry.distanceResults
+        for k in near.tolist():
+            pin.computeDistance(self._scene.model, self._geometry, k)
+            bounds[k] = results[k].min_distance
+        return near
 
     def _place(self, q: ArrayLike) -> None:
         configuration = self.robot.configuration(np.asarray(q))
         pin.updateGeometryPlacements(self.robot.model, self._data, self._scene.model, self._geometry, configuration)
 
-    def _gradient(self, k: int) -> Array:
-        """Gradient of a pair's distance by q, shape (nv,): the normal times the velocities of the nearest points."""
-        result = self._geometry.distanceResults[k]
-        normal, out = np.array(result.normal), np.zeros(self.robot.model.nv)  # coal's normal is a view
-        ends = (-1.0, result.getNearestPoint1()), (1.0, result.getNearestPoint2())
-        for joint, (sign, point) in zip(self._joints[k], ends, strict=True):
-            if joint:
-                jacobian = pin.getJointJacobian(self.robot.model, self._data, int(joint), pin.LOCAL_WORLD_ALIGNED)
-                arm = point - self._data.oMi[int(joint)].translation
-                out += sign * (normal @ jacobian[:3] + np.cross(arm, normal) @ jacobian[3:])
+    def _gradients(self, pairs: Index, points: Array, jacobians: Array) -> Array:
+        """Gradients of distances by q, shape (m, nv): the normals times the velocities of the nearest points.
+
+        Args:
+            pairs: indices, shape (m,).
+            points: normal, nearest point of the first body and of the second [m], shape (m, 3, 3).
+            jacobians: of the velocities of the world's origin and of the rotations, shape (m, 6, nv).
+        """
+        normal, out = points[:, 0], np.zeros((pairs.size, self.robot.model.nv))
+        for side, sign in ((0, -1.0), (1, 1.0)):
+            turning = np.cross(points[:, 1 + side], normal)  # n . (w x p) = (p x n) . w
+            forward = np.einsum("mi,min->mn", np.concatenate([normal, turning], axis=1), jacobians)
+            out += sign * self._carried[self._joints[pairs, side]] * forward
         return out
 
 

@@ -107,7 +107,8 @@ class _Search:
         every, poses = np.arange(self.asked.size), self.motion(times).q
         # A pair that is farther away than it moves in four pieces needs no more than a bound.
         far = 4 / PIECES * float(np.max(self.moved[-1])) + float(np.max(self.asked))
-        at = [self._look(float(t), every, self.model.distances(q, far)) for t, q in zip(times, poses, strict=True)]
+        found = self.model.distances(poses, far)
+        at = [self._look(float(t), every, here) for t, here in zip(times, found, strict=True)]
         return [
             _Piece((float(a), float(b)), every, np.array(ends))
             for a, b, *ends in zip(times[:-1], times[1:], at[:-1], at[1:], strict=True)
