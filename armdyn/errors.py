@@ -5,6 +5,7 @@ Bad input raises. A solve that does not converge is no bad input: it returns a `
 
 import os
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 _ALIKE = 0.7
 """difflib's ratio from which two names are alike: "ur5e" and "ur5" have 0.86, "rr" and "r" 0.67."""
@@ -98,6 +99,21 @@ class UnknownRobotError(ArmdynError, KeyError):
 
 class ProblemError(ArmdynError, ValueError):
     """A motion problem is ill-posed: wrong length, not finite, outside the limits, start = goal."""
+
+
+class ContactError(ProblemError):
+    """At a given pose bodies touch that may not, or are nearer than the clearance.
+
+    Attributes:
+        robot: the arm.
+        obstacles: in the world.
+        q: joint positions at the pose [rad or m], shape (nv,).
+        contacts: the pairs that are too near, a `Clearance` each, the nearest first.
+    """
+
+    def __init__(self, message: str, robot: Any, obstacles: tuple[Any, ...], q: Any, contacts: tuple[Any, ...]):
+        self.robot, self.obstacles, self.q, self.contacts = robot, obstacles, q, contacts
+        super().__init__(message)
 
 
 class TrajectoryError(ArmdynError, ValueError):

@@ -47,6 +47,8 @@ PLANTS, ARMS = ad.Plants(), ad.MonteCarloOptions(count=1, duration=0.1, workers=
 TUNING = ad.TuneOptions(duration=0.1, members=2, generations=1, time_limit=1.0, workers=1)
 LINK = {"length": 0.25, "com": 0.1, "mass": 0.2, "inertia": 1e-3}
 BODY = {"mass": 1.0, "com": (0, 0, 0), "inertia": (0, 0, 0), "frame": None, "shapes": (), "name": "tool"}
+CORNERS = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+TRIANGLES = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
 LIMITS = ("position_lower", "position_upper", "velocity", "effort_lower", "effort_upper")
 READING = {"payload": None, "lock": None, "effort_limit": None, "velocity_limit": None, "armature": None}
 FRICTION = {"damping": 0.0, "friction": 0.0, "friction_width": 0.05, "arm": None}
@@ -93,6 +95,10 @@ def values() -> dict[Callable[..., object], Right]:
         ad.Plane: {"point": (0, 0, 0), "normal": (0, 0, 1), "name": "floor"},
         ad.Capsule: {"a": (0, 0, 0), "b": (0, 0, 1), "radius": 1.0, "name": "post"},
         ad.Box: {"size": (1, 1, 1), "placement": (0, 0, 0), "name": "box"},
+        ad.Mesh: {"parts": [CORNERS], "placement": (0, 0, 0), "name": "part"},
+        ad.Group: {"members": [ad.Sphere((0, 0, 0), 1.0)], "name": "several"},
+        ad.PointCloud: {"points": CORNERS, "size": 0.1, "name": "seen"},
+        ad.HeightMap: {"heights": [[0.1, 0.2]], "size": 0.1, "origin": (0, 0, 0), "step": 0.01, "name": "ground"},
         ad.GoalPose: {"frame": "tip", "placement": (0, 0, 0)},
         ad.JointLimits: {name: [1.0, 1.0] for name in LIMITS},
         ad.FrameSpeedLimit: {"limit": 1.0, "frame": None, "part": 1.0},
@@ -128,6 +134,7 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
     study, problem = folder / "study.toml", folder / "problem.toml"
     study.write_text(STUDY)
     problem.write_text(PROBLEM.to_toml())
+    (folder / "scene.json").write_text('[{"type": "sphere", "center": [9, 0, 0], "radius": 1}]')
     ad.run_study(squares(1), folder / "done.sqlite")
     return {
         ad.characteristic_polynomial: {"matrix": np.eye(2)},
@@ -139,6 +146,7 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
         ad.least_stable_factor: {"robot": RR, "q_goal": GOAL, "gains": ad.PidGains(1, 1, 1), "form": "torque"}
         | {"factors": (0.9, 1.1)},
         ad.likely_plants: {"robot": RR},
+        ad.load_scene: {"path": folder / "scene.json", "robot": None, "lock": None, "package_dirs": ()},
         ad.loop_margins: {"loop": ad.sampled_loop(RR, GOAL, ad.Lqr(), LOOP)},
         ad.multiloop_disk: {"loop": ad.sampled_loop(RR, GOAL, ad.Lqr(), LOOP)},
         ad.lower_bound: {"problem": PROBLEM, "stop": None},
@@ -191,6 +199,11 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
     arm, pole = folder / "arm.urdf", folder / "pole.xml"
     arm.write_text(two_links())
     pole.write_text(POLE)
+    np.save(folder / "seen.npy", CORNERS)
+    (folder / "part.obj").write_text(
+        "".join(f"v {x} {y} {z}\n" for x, y, z in CORNERS)
+        + "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in TRIANGLES)
+    )
     dynamics = ad.Dynamics(RR)
     ticks, region, study = (
         Ticks.of(RR, MOTION, 1000.0),
@@ -200,6 +213,9 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
     return {
         solution().report: {"path": folder / "report.html"},
         ad.ArmSpec.paper: {"arm": "r"},
+        ad.Mesh.from_file: {"path": folder / "part.obj", "placement": (0, 0, 0), "scale": 1.0, "name": None},
+        ad.Mesh.from_triangles: {"vertices": CORNERS, "triangles": TRIANGLES, "placement": (0, 0, 0), "name": "part"},
+        ad.PointCloud.from_file: {"path": folder / "seen.npy", "size": 0.1, "placement": (0, 0, 0), "name": None},
         ad.Payload.at_last_com: {"spec": SPEC, "mass": 1.0},
         ad.Robot.from_urdf_string: {"text": two_links(), "package_dirs": (), "source": "it"} | READING | FRICTION,
         ad.Robot.from_urdf: {"path": arm, "package_dirs": ()} | READING | FRICTION,

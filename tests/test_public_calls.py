@@ -45,8 +45,8 @@ ALIASES |= {"ki": "gains", "name": "no frame|no pose", "duration": "samples|moti
 """What messages call an argument, besides its name or a word of that; of a file or a name it is enough to say which."""
 RESULTS = {
     *(ad.Arc, ad.Certificate, ad.GainPlane, ad.LowerBound, ad.Margins, ad.MonteCarlo, ad.ReserveCurve),
-    *(ad.RouthTable, ad.Run, ad.Sample, ad.SampledLoop, ad.SampledStability, ad.Samples, ad.Sensitivities),
-    *(ad.Solution, ad.TimeOptimality, ad.Tuned, ad.Status, ad.ArmdynError, ad.ArmdynWarning),
+    *(ad.RouthTable, ad.Run, ad.Sample, ad.SampledLoop, ad.SampledStability, ad.Samples, ad.Scene, ad.Sensitivities),
+    *(ad.Solution, ad.TimeOptimality, ad.Tuned, ad.Status, ad.ArmdynError, ad.ArmdynWarning, ad.ContactError),
 }
 """Made by armdyn alone, of numbers that it has checked."""
 INNER = {

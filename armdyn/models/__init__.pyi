@@ -4,8 +4,10 @@ from armdyn.models.scene.obstacles import Box as Box
 from armdyn.models.scene.obstacles import Capsule as Capsule
 from armdyn.models.scene.obstacles import Cylinder as Cylinder
 from armdyn.models.scene.obstacles import Group as Group
+from armdyn.models.scene.obstacles import HeightMap as HeightMap
 from armdyn.models.scene.obstacles import Mesh as Mesh
 from armdyn.models.scene.obstacles import Plane as Plane
+from armdyn.models.scene.obstacles import PointCloud as PointCloud
 from armdyn.models.scene.obstacles import Sphere as Sphere
 from armdyn.models.scene.reaching import GoalPose as GoalPose
 from armdyn.models.scene.scenes import Scene as Scene

@@ -31,11 +31,14 @@ def read_yaml(path: str | os.PathLike[str]) -> Any:
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if depth > _DEPTH:
                 raise ProblemError(f"{path}: lists and tables lie deeper than {_DEPTH}")
-        content = yaml.load(data, loader)  # noqa: S506  # the base loader makes texts, lists and dictionaries alone
+        documents = [one for one in yaml.load_all(data, loader) if one]  # texts, lists and dictionaries
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         if isinstance(error, ProblemError):
             raise
         raise ProblemError(f"{path}: not YAML ({' '.join(str(error).split())[:200]})") from None
+    if len(documents) > 1:
+        raise ProblemError(f"{path}: {len(documents)} documents; it must be one (ros2 topic echo --once)")
+    content = documents[0] if documents else {}
     left, todo = _MOST_NODES, [(content, 0)]
     while todo:
         node, depth = todo.pop()

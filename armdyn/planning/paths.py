@@ -1,6 +1,6 @@
-"""Several collision-free joint paths between two poses, the shortest first."""
+"""Several collision-free joint paths between two poses."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,8 +57,8 @@ def plan_paths(
     seed: int = 0,
     options: PlannerOptions | None = None,
     stop: Callable[[], bool] = lambda: False,
-) -> tuple[Array, ...]:
-    """Plan collision-free paths.
+) -> Iterator[Array]:
+    """Plan collision-free paths, one when it is asked for.
 
     Args:
         space: joint positions and what is free of them.
@@ -68,16 +68,15 @@ def plan_paths(
         options: how finely and how long.
         stop: whether to give up, asked within an attempt, too.
 
-    Returns:
-        Joint positions of each path, shape (m, n), by the time that they take at the velocity limits; empty if none
-        was found within the options' checks.
+    Yields:
+        Joint positions of each path, shape (m, n); none if there was none within the options' checks.
     """
     options = PlannerOptions() if options is None else options
     ends, bounds = (start / space.speed, goal / space.speed), (space.lower / space.speed, space.upper / space.speed)
     straight = float(np.max(np.abs(ends[1] - ends[0])))
     budget, checks, attempt = _Budget(space, options.checks, stop), options.first_checks, 0
-    found: list[Array] = []
-    while len(found) < options.paths and budget.left > 0 and not stop():
+    found = 0
+    while found < options.paths and budget.left > 0 and not stop():
         path = _attempt(budget, checks, (ends, bounds), [seed, attempt], options)
         attempt += 1
         if path is None:
@@ -85,10 +84,10 @@ def plan_paths(
             if found and options.checks - budget.left > ENOUGH:
                 break
             continue
-        found.append(path)
+        found += 1
+        yield path * space.speed
         if length(path) < NEAR_STRAIGHT * straight:
             break
-    return tuple(path * space.speed for path in sorted(found, key=length))
 
 
 def _attempt(

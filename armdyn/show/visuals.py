@@ -31,6 +31,7 @@ _BONE = (0.35, 0.42, 0.50, 1.0)
 _OBSTACLE = (0.93, 0.62, 0.20, 0.55)
 _PLATE = (3.0, 3.0, 0.005)  # [m]: what is drawn of a half space
 _PAYLOAD = (0.80, 0.15, 0.18, 1.0)
+_CARRIED = (0.20, 0.45, 0.72, 1.0)
 _DENSITY = 2700.0  # [kg/m³], aluminium: how large a payload looks
 _CREASE = np.radians(35.0)  # faces that meet at a sharper angle show an edge
 _THREE_CYLINDER = pin.rpy.rpyToMatrix(np.pi / 2, 0.0, 0.0)
@@ -46,12 +47,14 @@ class VisualShape:
         placement: in the joint's frame, shape (4, 4) [m].
         geometry: meshcat's.
         rgba: each 0..1.
+        name: of its link, or of the tool, the payload or the obstacle.
     """
 
     joint: int
     placement: Array
     geometry: Any
     rgba: Rgba
+    name: str = ""
 
 
 class _NormalGeometry(mg.TriangularMeshGeometry):  # type: ignore[misc]
@@ -92,7 +95,7 @@ def robot_shapes(robot: Robot) -> list[VisualShape]:
             try:
                 at = frame.placement.homogeneous @ origin(visual)
                 shapes += [
-                    replace(shape, joint=frame.parentJoint, placement=at @ shape.placement)
+                    replace(shape, joint=frame.parentJoint, placement=at @ shape.placement, name=name)
                     for shape in _visual_shapes(visual, robot.package_dirs, own)
                 ]
             except Exception as error:  # whatever a stranger's mesh provokes, the motion is still shown
@@ -123,6 +126,7 @@ def obstacle_shapes(
 
     shapes: list[VisualShape] = []
     for body in bodies:
+        first = len(shapes)
         polyhedra: list[trimesh.Trimesh] = []
         for own, solid in body.solids():
             placement = own if frame is None else frame @ own
@@ -138,6 +142,7 @@ def obstacle_shapes(
         if polyhedra:  # one geometry: a point cloud has hundreds of boxes
             whole: Any = trimesh.util.concatenate([trimesh.graph.smooth_shade(one, angle=_CREASE) for one in polyhedra])
             shapes.append(VisualShape(joint, np.eye(4), _NormalGeometry(whole), rgba))
+        shapes[first:] = [replace(shape, name=body.name) for shape in shapes[first:]]
     return shapes
 
 
@@ -222,14 +227,14 @@ def _mesh_color(mesh: trimesh.Trimesh) -> Rgba:
 def _attached(robot: Robot) -> Iterator[VisualShape]:
     """The shapes of tool and payload; of one without shapes a ball of its mass."""
     for body in robot.attached:
-        frame, rgba = robot.frame_of(body), _GREY if body is robot.options.tool else _PAYLOAD
+        frame, rgba = robot.frame_of(body), _GREY if body is robot.options.tool else _CARRIED
         at, joint = frame.placement.homogeneous, int(frame.parentJoint)
-        yield from obstacle_shapes(body.shapes, joint, at, rgba)
+        yield from (replace(shape, name=body.name) for shape in obstacle_shapes(body.shapes, joint, at, rgba))
         if body.mass > 0 and not body.shapes and not robot.model.existFrame(body.name, pin.FrameType.BODY):
             centre = at.copy()
             centre[:3, 3] = frame.placement.act(np.array(body.com))
             radius = max(float(np.cbrt(body.mass / _DENSITY * 3 / (4 * np.pi))), 0.016)
-            yield VisualShape(joint, centre, mg.Sphere(radius), rgba)
+            yield VisualShape(joint, centre, mg.Sphere(radius), _PAYLOAD, body.name)
 
 
 def _bones(robot: Robot, drawn: set[int]) -> Iterator[VisualShape]:

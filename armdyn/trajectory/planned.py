@@ -98,7 +98,6 @@ def read_planned(path: str | os.PathLike[str], joint_names: Sequence[str]) -> Pl
 
     Raises:
         TrajectoryError: it cannot be read, has no times or positions, or a joint is missing.
-        MissingPackageError: it is YAML, and PyYAML is not installed.
     """
     file = Path(path_of(path, "path of a motion", error=TrajectoryError))
     try:

@@ -6,6 +6,7 @@ import numpy as np
 
 import armdyn as ad
 from armdyn.cli.motion.words import solution_words, title_words
+from armdyn.cli.options.joints import carried_facts, carried_words
 from armdyn.optimal.proof.certificate import Certificate
 from problems import solved
 
@@ -76,3 +77,16 @@ def test_what_is_not_usable_says_what_to_do_before_all_else():
     words = solution_words(failure(), wrap=False)
     assert words["verdict"] == "No motion was found: no motion was found." and "lands" not in words
     assert "--time-limit" in words["what you can do"]
+
+
+def test_the_tip_and_what_hangs_where():
+    box = ad.Box((0.1, 0.1, 0.1), (0, 0, 0))
+    payload = ad.Payload(mass=2.0, com=(0, 0, 0.05), shapes=[box])
+    robot = ad.Robot.from_library("panda", payload=payload, tool=ad.Tool(mass=0.5, tip=(0, 0, 0.1)))
+    words = carried_words(robot)
+    assert words["tip"] == "'tool'"
+    hand, load = words["carries"].splitlines()
+    assert hand == "tool of 0.5 kg in the frame 'panda_hand_tcp'"
+    assert load == "payload of 2 kg at (0, 0, 0.05) m in the frame 'tool', 1 shape"
+    assert [body["frame"] for body in carried_facts(robot)["carried"]] == ["panda_hand_tcp", "tool"]
+    assert carried_words(ad.Robot.from_library("panda")) == {"tip": "'panda_hand_tcp'"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from armdyn.cli.console import INTERRUPTED, NOT_AS_REQUIRED, NOT_USABLE, answeri
 from armdyn.cli.motion.requirements import Require, missing_of, requirements_of
 from armdyn.cli.motion.words import missing_words, solution_words, title_words
 from armdyn.cli.options.groups import flag, given, option
-from armdyn.cli.options.joints import friction_facts, friction_words, reserve_words
+from armdyn.cli.options.joints import carried_facts, carried_words, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.task import ProblemOptions
 from armdyn.cli.parsing.panels import SOLVER
@@ -121,7 +122,11 @@ def mintime(
         required = requirements_of(require or ())
         from armdyn.optimal.answer.summary import minimum_time_summary
 
-        problem, options = task.problem()
+        try:
+            problem, options = task.problem()
+        except ad.ContactError as error:
+            _show_contacts(error, task.robot.robot, results)
+            raise
         arm, search = problem.robot, search.over(options)
         folder = results.folder("mintime", task.robot.robot)
         with working(f"minimum time of {arm.name}") as progress:
@@ -134,16 +139,37 @@ def mintime(
                 folder, arm, {"trajectory": motion}, summary, title, problem.obstacles, progress=progress
             ).with_files([] if results.no_figure else _write_reserves(curve, folder, arm.name))
         missing = missing_of(required, solution)
-        answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, "missing": missing, **written.facts}
+        answer.facts |= {
+            "robot": arm.name,
+            **carried_facts(arm),
+            **friction_facts(arm),
+            **summary,
+            "missing": missing,
+            **written.facts,
+        }
         if solution.status is ad.Status.INTERRUPTED:
             answer.code = INTERRUPTED
         elif not solution.usable:
             answer.code = NOT_USABLE
         elif missing:
             answer.code = NOT_AS_REQUIRED
-        words = friction_words(arm) | reserve_words(problem) | solution_words(solution, problem.wrap)
+        words = (
+            carried_words(arm) | friction_words(arm) | reserve_words(problem) | solution_words(solution, problem.wrap)
+        )
         words |= _reserve_choice(curve) | missing_words(missing) | written.words
         console.print(facts_table(f"{arm.name}: minimum time", words))
+
+
+def _show_contacts(error: ad.ContactError, name: str, results: ResultOptions) -> None:
+    """Write a page with the pose for which a problem is refused into the folder of --out; without one, say so."""
+    said = "--out DIR writes a page that shows the pose, with the bodies that touch in red"
+    if results.output.out is not None and not results.no_report:
+        from armdyn.show.contacts import write_contacts
+
+        folder = results.output.folder("mintime", name, ["contacts.html"])
+        folder.mkdir(parents=True, exist_ok=True)
+        said = f"{write_contacts(error, folder / 'contacts.html')} shows the pose, with the bodies that touch in red"
+    warnings.warn(said, ad.ArmdynWarning, stacklevel=2)
 
 
 def _reserve_facts(curve: ReserveCurve | None) -> dict[str, object]:

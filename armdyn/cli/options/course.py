@@ -89,6 +89,9 @@ class PathConstraintOptions:
     allow_contact: list[str] | None = option(
         "A,B", "Names of a link and an obstacle, or of two links, that may touch. May be given again."
     )
+    end_contact: list[str] | None = option(
+        "A,B", "Names that may touch at the start or the goal, as a payload and its table. May be given again."
+    )
     clearance: float = option("M", "From obstacles, and between links \\[m].", default=0.005)
     rates: RateOptions = field(default_factory=RateOptions)
     limit: Limits = None
@@ -106,12 +109,16 @@ class PathConstraintOptions:
         from armdyn.optimal.path_constraints.registry import path_constraint_from
 
         scenes = [load_scene(file, robot) for file in self.scene or ()]
-        contacts = [tuple(name.strip() for name in text.split(",")) for text in self.allow_contact or ()]
+        contacts, at_ends = (
+            [tuple(name.strip() for name in text.split(",")) for text in texts or ()]
+            for texts in (self.allow_contact, self.end_contact)
+        )
         return {
             "via": [positions(text, "--via", robot) for text in self.via or ()],
             "obstacles": (*obstacles_of(self.obstacle or ()), *(one for scene in scenes for one in scene.obstacles)),
             "self_collision": self.self_collision,
             "allowed_contacts": [*contacts, *(pair for scene in scenes for pair in scene.allowed_contacts)],
+            "end_contacts": at_ends,
             "clearance": self.clearance,
             **self.rates.problem_arguments(),
             "path_constraints": [path_constraint_from(text) for text in self.limit or ()],

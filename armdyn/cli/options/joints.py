@@ -128,3 +128,23 @@ def friction_words(robot: Robot) -> dict[str, str]:
     damping, coulomb = (words[0] if len(set(words)) == 1 else ", ".join(words) for words in each)
     text = f"viscous {damping} N m s/rad, Coulomb {coulomb} N m"
     return {"joint friction": f"{text} (over {own.width:g} rad/s)"}
+
+
+def carried_facts(robot: Robot) -> dict[str, object]:
+    """The tip, and what the robot carries, for JSON."""
+    bodies = [
+        {"name": body.name, "mass": body.mass, "frame": robot.frame_of(body).name, "com": list(body.com)}
+        | {"shapes": len(body.shapes)}
+        for body in robot.attached
+    ]
+    return {"tip": robot.tip, "carried": bodies}
+
+
+def carried_words(robot: Robot) -> dict[str, str]:
+    """The tip, and what the robot carries and where, in words."""
+    lines = []
+    for body in robot.attached:
+        size = f", {len(body.shapes)} shape{'s' if len(body.shapes) > 1 else ''}" if body.shapes else ""
+        at = f" at ({', '.join(f'{x:g}' for x in body.com)}) m" if any(body.com) else ""
+        lines.append(f"{body.name} of {body.mass:g} kg{at} in the frame {robot.frame_of(body).name!r}{size}")
+    return {"tip": repr(robot.tip)} | ({"carries": "\n".join(lines)} if lines else {})

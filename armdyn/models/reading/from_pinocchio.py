@@ -276,7 +276,8 @@ def _tip(model: pin.Model, locked: Mapping[str, float], arm: tuple[str, str] | N
     """The frame at the end of the arm; where the last joint has none, an empty name and the joint for a new one.
 
     It is the body furthest from the base, in moving joints and then in all; among equals the one behind the fewest
-    locked joints: a hand rather than its fingers. Behind a last joint that is given there is no locked one.
+    locked joints: a hand rather than its fingers. Joints that are locked side by side end the way: of a gripper that
+    is its palm, or a tool frame between the fingers. Behind a last joint that is given there is no locked one.
 
     Args:
         model: of all joints.
@@ -293,6 +294,10 @@ def _tip(model: pin.Model, locked: Mapping[str, float], arm: tuple[str, str] | N
     ends = [i for i, count in enumerate(moving) if count == max(moving)]
     if arm is not None:
         ends = [_joints(model)[arm[1]] if named is None else int(named.parentJoint)]
+
+    parents = list(model.parents)
+    beside = {i for i in still if sum(parents[j] == parents[i] for j in still) > 1}
+    ends = [i for i in ends if not beside & set(model.supports[i])] or ends
 
     def rank(frame: pin.Frame) -> tuple[int, int]:
         return len(list(_way(model, frame))), -len(still & set(model.supports[frame.parentJoint]))

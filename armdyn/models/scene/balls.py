@@ -64,26 +64,27 @@ class Balls:
             pairs=scene.pairs,
         )
 
-    def bounds(self, frames: Any) -> Array:
-        """Lower bounds on the distances of all pairs [m], shape (pairs,).
+    def bounds(self, rotations: Array, translations: Array) -> Array:
+        """Lower bounds on the distances of all pairs at several poses [m], shape (poses, pairs).
 
         Args:
-            frames: placements of the joints in the world, as `pin.Data.oMi`.
+            rotations: of the joints in the world, shape (poses, joints, 3, 3).
+            translations: likewise [m], shape (poses, joints, 3).
         """
-        turned = np.array([frame.rotation for frame in frames])[self.joints]
-        moved = np.array([frame.translation for frame in frames])[self.joints]
-        centers = np.einsum("bij,bkj->bki", turned, self.centers) + moved[:, None]
+        turned = self.centers @ rotations[:, self.joints].swapaxes(-1, -2)
+        centers = turned + translations[:, self.joints, None]
         links = len(self.joints)
         first, second = self.pairs.T
-        out, own = np.empty(len(self.pairs)), second < links
+        out, own = np.empty((len(centers), len(self.pairs))), second < links
         a, b = first[own], second[own]
-        gaps = centers[a][:, :, None] - centers[b][:, None]
-        out[own] = np.sqrt(np.min(np.sum(gaps**2, axis=-1), axis=(1, 2))) - self.radii[a] - self.radii[b]
+        gaps = centers[:, a, :, None] - centers[:, b, None]
+        out[:, own] = np.sqrt(np.min(np.sum(gaps**2, axis=-1), axis=(2, 3))) - self.radii[a] - self.radii[b]
         if len(self.places):
-            inside = np.einsum("oji,bkoj->bkoi", self.rotations, centers[:, :, None] - self.places)
-            beyond = np.maximum(np.maximum(self.lower - inside, inside - self.upper), 0)
-            away = np.sqrt(np.min(np.sum(beyond**2, axis=-1), axis=1)) - self.radii[:, None]
-            out[~own] = away[first[~own], second[~own] - links]
+            inside = (centers.reshape(-1, 3) - self.places[:, None]) @ self.rotations
+            beyond = np.maximum(np.maximum(self.lower[:, None] - inside, inside - self.upper[:, None]), 0)
+            square = np.sum(beyond**2, axis=-1).reshape(len(self.places), *centers.shape[:3])
+            away = np.sqrt(np.min(square, axis=-1)) - self.radii
+            out[:, ~own] = away[second[~own] - links, :, first[~own]].T
         return out
 
 

@@ -13,10 +13,16 @@ from armdyn.models.scene.balls import Balls
 from armdyn.models.scene.bodies import bodies
 from armdyn.models.scene.geometry import scene_geometry
 from armdyn.models.scene.obstacles import Obstacle
-from armdyn.models.scene.separation import gap, hulls
+from armdyn.models.scene.separation import chain_of, gap, hulls
+from armdyn.models.values.placement import Point
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
+
+_BLOCK = 20_000
+"""Pairs whose bounds are computed at once: a few megabytes."""
+_TOUCHES = 5e-5
+"""Bodies that are so near each other or overlap by so much touch, in words [m]."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +35,7 @@ class Clearance:
         body: name of the arm's link.
         other: of the obstacle, or of another link.
         sure: whether it is proven that every pair keeps the clearance asked for between the samples, too.
+        points: the nearest points of the two bodies in the world [m]; None: not computed.
     """
 
     distance: float
@@ -36,9 +43,12 @@ class Clearance:
     body: str
     other: str
     sure: bool = False
+    points: tuple[Point, Point] | None = None
 
     def bodies(self) -> str:
         """The distance in words."""
+        if abs(self.distance) < _TOUCHES:
+            return f"{self.body!r} touches {self.other!r}"
         how = f"{1e3 * self.distance:.1f} mm from" if self.distance > 0 else f"{-1e3 * self.distance:.1f} mm inside"
         return f"{self.body!r} is {how} {self.other!r}"
 
@@ -48,14 +58,16 @@ class Clearance:
 
 @dataclass(frozen=True, eq=False)
 class NearPairs:
-    """Pairs of a scene that are near each other at one pose, the nearest first.
+    """Pairs of a scene that are near each other, pose by pose.
 
     Attributes:
-        pairs: their indices, shape (m,).
+        poses: index of the pose at which each is, shape (m,), not decreasing.
+        pairs: their indices, shape (m,); of a pose the nearest first.
         distances: [m], shape (m,); negative: they overlap.
         gradients: of the distances by the joint positions [m/rad or m/m], shape (m, nv).
     """
 
+    poses: Index
     pairs: Index
     distances: Array
     gradients: Array
@@ -68,6 +80,7 @@ class CollisionModel:
         robot: the arm.
         obstacles: in the world.
         pairs: of names, in the order of `distances`.
+        touching: indices of the pairs that may touch at the given poses, shape (m,).
     """
 
     def __init__(
@@ -76,6 +89,7 @@ class CollisionModel:
         obstacles: Sequence[Obstacle] = (),
         self_collision: bool = False,
         allowed: Collection[tuple[str, str]] = (),
+        touching: Collection[tuple[str, str]] = (),
     ):
         """Build the geometry.
 
@@ -83,7 +97,8 @@ class CollisionModel:
             robot: the arm.
             obstacles: in the world.
             self_collision: whether pairs of links count.
-            allowed: pairs of names that may touch.
+            allowed: pairs of names that may touch: they are not compared.
+            touching: pairs of names that may touch at the given poses.
 
         Raises:
             ProblemError: the robot has no geometry, or a mesh of it cannot be read.
@@ -91,10 +106,17 @@ class CollisionModel:
         self.robot, self.obstacles = robot, tuple(obstacles)
         scene = scene_geometry(robot, self.obstacles, self_collision, allowed)
         self.pairs = tuple((scene.names[i], scene.names[j]) for i, j in scene.pairs)
+        known = {frozenset(pair) for pair in touching}
+        self.touching = np.flatnonzero([frozenset(pair) in known for pair in self.pairs])
         self._scene, self._balls = scene, Balls.of(bodies(robot), scene)
         self._hulls = hulls(robot, scene)
         self._joints = np.array([solid.parentJoint for solid in scene.model.geometryObjects], dtype=int)[scene.pairs]
+        self._carried = np.zeros((robot.model.njoints, robot.model.nv))
+        for joint in range(1, robot.model.njoints):
+            self._carried[joint, np.array(chain_of(robot, joint)) - 1] = 1.0
         self._data, self._geometry = robot.model.createData(), pin.GeometryData(scene.model)
+        for k in self.touching:  # `is_free` compares their distances
+            self._geometry.deactivateCollisionPair(int(k))
         self._broadphase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
             robot.model, scene.model, self._geometry
         )
@@ -104,28 +126,37 @@ class CollisionModel:
         """Indices in `robot.model.joints` of the two joints that carry each pair, shape (pairs, 2); 0 is the world."""
         return self._joints
 
-    def is_free(self, q: ArrayLike) -> bool:
-        """Whether no pair overlaps at joint positions q [rad or m], shape (nv,)."""
+    def is_free(self, q: ArrayLike, least: Array | float = 0.0) -> bool:
+        """Whether no pair overlaps at joint positions q [rad or m], shape (nv,).
+
+        Args:
+            q: joint positions.
+            least: distances of the `touching` pairs above which these count as free [m], one or shape (m,).
+        """
         with one_at_a_time:  # the work space is the model's
             self._place(q)
             self._broadphase.update(False)
-            return not pin.computeCollisions(self._broadphase, True)
+            if pin.computeCollisions(self._broadphase, True):
+                return False
+            return not self.touching.size or bool(np.all(self.distances_of(self.touching, q) >= least))
 
     def distances(self, q: ArrayLike, within: float = np.inf) -> Array:
         """Distances of all pairs.
 
         Args:
-            q: joint positions [rad or m], shape (nv,).
+            q: joint positions [rad or m], shape (nv,), or of several poses, shape (poses, nv).
             within: a pair that is farther apart than this [m] may be given a lower bound on its distance, which is
                 larger than this.
 
         Returns:
-            Distances [m], shape (pairs,); negative: they overlap.
+            Distances [m], shape (pairs,) or (poses, pairs); negative: they overlap.
         """
-        with one_at_a_time:
-            out, near = self._near(q, within)
-            out[near] = [self._geometry.distanceResults[int(k)].min_distance for k in near]
-        return out
+        poses = np.atleast_2d(np.asarray(q, dtype=float))
+        with one_at_a_time:  # the work space is the model's
+            out = self._bounds(poses)
+            for here, pose in zip(out, poses, strict=True):
+                self._measure(here, pose, within)
+        return out if np.ndim(q) == 2 else out[0]
 
     def distances_of(self, pairs: Index, q: ArrayLike) -> Array:
         """Distances of some pairs [m], of the shape of their indices, at joint positions q [rad or m], shape (nv,)."""
@@ -158,52 +189,95 @@ class CollisionModel:
         first, second = self._scene.pairs[k]
         return gap(self._data, self.robot.model, (self._hulls[first], self._hulls[second]), normal, times)
 
-    def near(self, q: ArrayLike, within: float, most: int) -> NearPairs:
-        """The nearest pairs and how their distances change.
+    def near(self, poses: Array, within: float, most: int) -> NearPairs:
+        """The nearest pairs at several poses and how their distances change.
+
+        Args:
+            poses: joint positions [rad or m], shape (poses, nv).
+            within: pairs no farther apart than this [m].
+            most: so many pairs of a pose at most.
+        """
+        kept, found, jacobians = list[Index](), list[Array](), np.empty((len(poses), 6, self.robot.model.nv))
+        points, results = list[Array](), self._geometry.distanceResults
+        with one_at_a_time:
+            for k, (here, pose) in enumerate(zip(self._bounds(poses), poses, strict=True)):
+                near = self._measure(here, pose, within)
+                near = near[np.argsort(here[near], kind="stable")][:most]
+                kept.append(near[here[near] <= within])
+                found.append(here[kept[-1]])
+                jacobians[k] = pin.computeJointJacobians(self.robot.model, self._data)
+                # coal's normal is a view of what the next pose overwrites
+                points += [np.array((one.normal, one.getNearestPoint1(), one.getNearestPoint2()))
+                           for one in (results[int(i)] for i in kept[-1])]  # fmt: skip
+        which, pairs = np.repeat(np.arange(len(poses)), [one.size for one in kept]), np.concatenate(kept)
+        gradients = self._gradients(pairs, np.array(points).reshape(-1, 3, 3), jacobians[which])
+        return NearPairs(which, pairs, np.concatenate(found), gradients)
+
+    def nearest(self, q: ArrayLike, time: float = 0.0) -> Clearance:
+        """The pair that is nearest at joint positions q [rad or m], shape (nv,), at a time [s]."""
+        with one_at_a_time:
+            distances = self.distances(q)
+            return self._clearance(int(np.argmin(distances)), time)
+
+    def nearer(self, q: ArrayLike, than: float) -> tuple[Clearance, ...]:
+        """Pairs of names that are nearer than a clearance and may not be, the nearest first.
 
         Args:
             q: joint positions [rad or m], shape (nv,).
-            within: pairs no farther apart than this [m].
-            most: so many pairs at most.
+            than: the clearance [m].
         """
         with one_at_a_time:
-            distances, near = self._near(q, within)
-            distances[near] = [self._geometry.distanceResults[int(k)].min_distance for k in near]
-            near = near[np.argsort(distances[near], kind="stable")][:most]
-            near = near[distances[near] <= within]
-            pin.computeJointJacobians(self.robot.model, self._data)
-            gradients = np.array([self._gradient(int(k)) for k in near]).reshape(near.size, self.robot.model.nv)
-        return NearPairs(near, distances[near], gradients)
+            distances = self.distances(q, than)
+            distances[self.touching] = np.inf
+            found = np.flatnonzero(distances < than)
+            near = [self._clearance(int(k), 0.0) for k in found[np.argsort(distances[found], kind="stable")]]
+        return tuple({(one.body, one.other): one for one in reversed(near)}.values())[::-1]
 
-    def nearest(self, q: ArrayLike, time: float = 0.0) -> Clearance:
-        """The pair that is nearest at joint positions q [rad or m], shape (nv,)."""
-        distances = self.distances(q)
-        k = int(np.argmin(distances))
-        return Clearance(float(distances[k]), time, *self.pairs[k])
+    def _clearance(self, k: int, time: float) -> Clearance:
+        """The distance of a pair that coal computed last."""
+        result = self._geometry.distanceResults[k]
+        x, y = (tuple(map(float, point)) for point in (result.getNearestPoint1(), result.getNearestPoint2()))
+        return Clearance(result.min_distance, time, *self.pairs[k], points=((x[0], x[1], x[2]), (y[0], y[1], y[2])))
 
-    def _near(self, q: ArrayLike, within: float) -> tuple[Array, Index]:
-        """Lower bounds on all distances, and the pairs whose bound is not larger than `within`, computed by coal."""
-        self._place(q)
-        bounds = self._balls.bounds(self._data.oMi)
-        near = np.flatnonzero(bounds <= within)
-        for k in near:
-            pin.computeDistance(self._scene.model, self._geometry, int(k))
-        return bounds, near
+    def _bounds(self, poses: Array) -> Array:
+        """Lower bounds on the distances of all pairs at several poses [m], shape (poses, pairs)."""
+        out, block = np.empty((len(poses), len(self.pairs))), 1 + _BLOCK // max(len(self.pairs), 1)
+        frames = np.empty((len(poses), self.robot.model.njoints, 3, 4))
+        for here, pose in zip(frames, poses, strict=True):
+            pin.forwardKinematics(self.robot.model, self._data, self.robot.configuration(pose))
+            for k, frame in enumerate(self._data.oMi):
+                here[k, :, :3], here[k, :, 3] = frame.rotation, frame.translation
+        for first in range(0, len(poses), block):
+            here = frames[first : first + block]
+            out[first : first + block] = self._balls.bounds(here[..., :3], here[..., 3])
+        return out
+
+    def _measure(self, bounds: Array, pose: Array, within: float) -> Index:
+        """Replace the bounds that are not larger than `within` by distances at a pose; their indices."""
+        self._place(pose)
+        near, results = np.flatnonzero(bounds <= within), self._geometry.distanceResults
+        for k in near.tolist():
+            pin.computeDistance(self._scene.model, self._geometry, k)
+            bounds[k] = results[k].min_distance
+        return near
 
     def _place(self, q: ArrayLike) -> None:
         configuration = self.robot.configuration(np.asarray(q))
         pin.updateGeometryPlacements(self.robot.model, self._data, self._scene.model, self._geometry, configuration)
 
-    def _gradient(self, k: int) -> Array:
-        """Gradient of a pair's distance by q, shape (nv,): the normal times the velocities of the nearest points."""
-        result = self._geometry.distanceResults[k]
-        normal, out = np.array(result.normal), np.zeros(self.robot.model.nv)  # coal's normal is a view
-        ends = (-1.0, result.getNearestPoint1()), (1.0, result.getNearestPoint2())
-        for joint, (sign, point) in zip(self._joints[k], ends, strict=True):
-            if joint:
-                jacobian = pin.getJointJacobian(self.robot.model, self._data, int(joint), pin.LOCAL_WORLD_ALIGNED)
-                arm = point - self._data.oMi[int(joint)].translation
-                out += sign * (normal @ jacobian[:3] + np.cross(arm, normal) @ jacobian[3:])
+    def _gradients(self, pairs: Index, points: Array, jacobians: Array) -> Array:
+        """Gradients of distances by q, shape (m, nv): the normals times the velocities of the nearest points.
+
+        Args:
+            pairs: indices, shape (m,).
+            points: normal, nearest point of the first body and of the second [m], shape (m, 3, 3).
+            jacobians: of the velocities of the world's origin and of the rotations, shape (m, 6, nv).
+        """
+        normal, out = points[:, 0], np.zeros((pairs.size, self.robot.model.nv))
+        for side, sign in ((0, -1.0), (1, 1.0)):
+            turning = np.cross(points[:, 1 + side], normal)  # n . (w x p) = (p x n) . w
+            forward = np.einsum("mi,min->mn", np.concatenate([normal, turning], axis=1), jacobians)
+            out += sign * self._carried[self._joints[pairs, side]] * forward
         return out
 
 
@@ -213,6 +287,7 @@ def collision_model(
     obstacles: tuple[Obstacle, ...],
     self_collision: bool,
     allowed: tuple[tuple[str, str], ...] = (),
+    touching: tuple[tuple[str, str], ...] = (),
 ) -> CollisionModel:
     """A `CollisionModel`, built once for the same arguments."""
-    return CollisionModel(robot, obstacles, self_collision, allowed)
+    return CollisionModel(robot, obstacles, self_collision, allowed, touching)

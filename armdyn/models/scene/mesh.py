@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.arguments import numbers, several, shown
+from armdyn.arguments import numbers, several, shown, text
 from armdyn.arguments import path as path_of
 from armdyn.errors import ProblemError
 from armdyn.models.reading.meshes import load_meshes
 from armdyn.models.scene.convex_parts import convex_hull, convex_parts
+from armdyn.models.scene.grid import hollow_parts
 from armdyn.models.scene.shapes import Obstacle
 from armdyn.models.values.placement import Placement
+from armdyn.reprs import brief
 
 Array = NDArray[np.float64]
 
@@ -26,10 +28,13 @@ MAX_TRIANGLES = 100_000
 MAX_CORNERS = 20_000
 """Of all convex parts of a mesh: proofs look at every one, and result files have their numbers."""
 _MAX_BYTES = 64 * 2**20
+_LOOSE = 1.25
+"""Of convex parts to a body's volume, from which a grid is tried: its hollows would be filled."""
 _FARTHEST = 100.0
 """Of a vertex from the mesh's origin along an axis [m]: a mesh beyond it is in millimetres."""
 
 
+@brief
 @dataclass(frozen=True)
 class Mesh(Obstacle):
     """A body of convex parts: a triangle mesh is cut into parts that contain it.
@@ -41,7 +46,7 @@ class Mesh(Obstacle):
         name: what messages call it.
     """
 
-    parts: Sequence[ArrayLike] = field(repr=False)
+    parts: Sequence[ArrayLike]
     placement: Placement = (0.0, 0.0, 0.0)
     _: KW_ONLY
     name: str = "mesh"
@@ -50,7 +55,7 @@ class Mesh(Obstacle):
         self._check()
         what = f"obstacle {self.name!r}"
         parts = [
-            _corners(part, f"part {i} of {what}") for i, part in enumerate(several(self.parts, f"parts of {what}"))
+            _corners(part, f"parts[{i}] of {what}") for i, part in enumerate(several(self.parts, f"parts of {what}"))
         ]
         if not 0 < (count := sum(map(len, parts))) <= MAX_CORNERS:
             raise ProblemError(f"the convex parts of {what} have {count} corners; they may have 4 to {MAX_CORNERS}")
@@ -73,7 +78,7 @@ class Mesh(Obstacle):
         """
         import trimesh
 
-        what = f"obstacle {name!r}"
+        what = f"obstacle {text(name, 'name of an obstacle')!r}"
         points, faces = numbers(vertices, f"vertices of {what}"), numbers(triangles, f"triangles of {what}")
         if points.ndim != 2 or points.shape[1] != 3 or not np.all(np.isfinite(points)):
             raise ProblemError(f"vertices of {what} have shape {points.shape}; they must be finite, of shape (m, 3)")
@@ -106,7 +111,8 @@ class Mesh(Obstacle):
             ProblemError: the file cannot be read, or its surface is open or too large.
         """
         file = Path(path_of(path, "path of a mesh"))
-        what = f"obstacle {(name := file.stem if name is None else name)!r}, {file}"
+        name = file.stem if name is None else text(name, "name of an obstacle")
+        what = f"obstacle {name!r}, {file}"
         factors = numbers(scale, f"scale of {what}")
         if factors.shape not in ((), (3,)) or not np.all((factors > 0) & (factors < np.inf)):
             raise ProblemError(f"scale of {what} is {shown(scale)}; it must be one positive number or three")
@@ -142,8 +148,19 @@ def _cut(meshes: Sequence[Any], what: str) -> list[Array]:
                 "mesh, or use boxes or a point cloud"
             )
         for body in mesh.split(only_watertight=False):  # bodies of an assembly, such as the boards of a shelf
-            parts += convex_parts(body)
+            found = convex_parts(body)
+            if (volume := _volume(found)) > _LOOSE * body.volume:
+                better = hollow_parts(body)
+                found = better if better and _volume(better) < volume else found
+            parts += found
     return parts
+
+
+def _volume(parts: Sequence[Array]) -> float:
+    """Of the hulls of corners, shape (m, 3), together [m³]."""
+    from scipy.spatial import ConvexHull  # loaded for meshes alone
+
+    return float(sum(ConvexHull(part).volume for part in parts))
 
 
 def _corners(part: object, what: str) -> Array:
@@ -162,6 +179,7 @@ def _corners(part: object, what: str) -> Array:
     return points
 
 
+@brief
 @dataclass(frozen=True)
 class Group(Obstacle):
     """Several obstacles with one name, such as the boards of a shelf.
@@ -178,11 +196,10 @@ class Group(Obstacle):
     def __post_init__(self) -> None:
         self._check()
         members = several(self.members, f"members of obstacle {self.name!r}")
-        for one in members:
+        for i, one in enumerate(members):
             if not isinstance(one, Obstacle) or isinstance(one, Group):
-                raise ProblemError(
-                    f"obstacle {self.name!r} has a member {shown(one)}; it must be an obstacle, no group"
-                )
+                what = f"members[{i}] of obstacle {self.name!r}"
+                raise ProblemError(f"{what} is {shown(one)}; it must be an obstacle, no group")
         object.__setattr__(self, "members", tuple(members))
 
     def solids(self) -> list[tuple[Array, Any]]:

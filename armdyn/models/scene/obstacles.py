@@ -15,11 +15,12 @@ from armdyn.arguments import shown
 from armdyn.errors import ArmdynError, FileError, ProblemError
 from armdyn.files import file_inside, read_json
 from armdyn.models.scene.mesh import Group, Mesh
+from armdyn.models.scene.point_cloud import HeightMap, PointCloud
 from armdyn.models.scene.shapes import Box, Capsule, Cylinder, Obstacle, Plane, Sphere
 from armdyn.models.values.placement import pose_entry, pose_of
 
 __all__ = [
-    "SHAPES", "Box", "Capsule", "Cylinder", "Group", "Mesh", "Obstacle", "Plane", "Sphere",
+    "SHAPES", "Box", "Capsule", "Cylinder", "Group", "HeightMap", "Mesh", "Obstacle", "Plane", "PointCloud", "Sphere",
     "load_obstacles", "obstacle_entry", "obstacle_from",
 ]  # fmt: skip
 
@@ -34,6 +35,8 @@ SHAPES: dict[str, type[Obstacle]] = {
     "plane": Plane,
     "mesh": Mesh,
     "group": Group,
+    "point cloud": PointCloud,
+    "height map": HeightMap,
 }
 """All shapes, by the "type" that files have for them, and the word of --obstacle."""
 

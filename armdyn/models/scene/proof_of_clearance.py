@@ -97,7 +97,8 @@ class _Search:
                 _Piece((a, middle), piece.pairs, np.array([piece.distances[0], at])),
                 _Piece((middle, b), piece.pairs, np.array([at, piece.distances[1]])),
             ]
-        nearest = replace(self.nearest, sure=sure and not self.missed)
+        points = self.model.nearest(self.motion(self.nearest.time).q).points
+        nearest = replace(self.nearest, sure=sure and not self.missed, points=points)
         return ClearanceProof(nearest, tuple(sorted(self.missed)))
 
     def _pieces(self) -> list[_Piece]:
@@ -106,7 +107,8 @@ class _Search:
         every, poses = np.arange(self.asked.size), self.motion(times).q
         # A pair that is farther away than it moves in four pieces needs no more than a bound.
         far = 4 / PIECES * float(np.max(self.moved[-1])) + float(np.max(self.asked))
-        at = [self._look(float(t), every, self.model.distances(q, far)) for t, q in zip(times, poses, strict=True)]
+        found = self.model.distances(poses, far)
+        at = [self._look(float(t), every, here) for t, here in zip(times, found, strict=True)]
         return [
             _Piece((float(a), float(b)), every, np.array(ends))
             for a, b, *ends in zip(times[:-1], times[1:], at[:-1], at[1:], strict=True)

@@ -9,14 +9,17 @@ from pathlib import Path
 
 import pinocchio as pin
 
+from armdyn.arguments import expect
 from armdyn.arguments import path as path_of
 from armdyn.errors import ArmdynError, ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.cell import cell_obstacles
 from armdyn.models.scene.moveit import read_planning_scene, read_scene_text
 from armdyn.models.scene.obstacles import Obstacle, load_obstacles
+from armdyn.reprs import brief
 
 
+@brief
 @dataclass(frozen=True)
 class Scene:
     """What stands around an arm.
@@ -56,12 +59,15 @@ def load_scene(
     """
     file = Path(path_of(path, "path of a scene"))
     kind = file.suffix.lower()
+    lock = expect({} if lock is None else lock, Mapping, "lock", "a joint's name to its position")  # type: ignore[type-abstract]
+    if robot is not None:
+        expect(robot, Robot, "robot", "Robot.from_urdf reads one")
     if lock and kind != ".urdf":
         raise ProblemError(f"{file}: lock is for joints of a URDF; this file has none")
     if kind == ".json":
         return Scene(load_obstacles(file))
     if kind == ".urdf":
-        return Scene(cell_obstacles(file, lock or {}, package_dirs))
+        return Scene(cell_obstacles(file, lock, package_dirs))
     if kind not in (".yaml", ".yml", ".scene"):
         raise ProblemError(
             f"{file}: a scene is a file .yaml or .scene of MoveIt, .urdf, or .json; this is none of them"

@@ -82,9 +82,9 @@ def _along(data: pin.Data, model: pin.Model, body: Hull, normal: Array, times: A
     arms = body.points @ frame.rotation.T
     at = arms @ normal + float(frame.translation @ normal)
     if not body.joint:
-        return np.broadcast_to(at, (times.size, at.size))
+        return np.asarray(at[None])
     velocity = pin.getVelocity(model, data, body.joint, pin.LOCAL_WORLD_ALIGNED)
-    turning = np.cross(normal, velocity.angular)  # n . (w x r) = (n x w) . r
+    turning = pin.skew(normal) @ velocity.angular  # n . (w x r) = (n x w) . r
     speed = arms @ turning + float(velocity.linear @ normal)
     return np.asarray(at + times[:, None] * speed)
 

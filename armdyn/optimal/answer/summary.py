@@ -36,7 +36,7 @@ def minimum_time_summary(solution: Solution) -> dict[str, object]:
         "arcs": [{"duration": arc.duration, "modes": [str(mode) for mode in arc.modes]} for arc in solution.arcs],
         "local_optima": list(solution.local_optima),
         "sensitivities": by and _plain(by, "payload_mass", "effort_upper", "effort_lower", "velocity"),
-        "clearance": near and _plain(near, "distance", "time", "body", "other", "sure"),
+        "clearance": near and _plain(near, "distance", "time", "body", "other", "sure", "points"),
         "conditions": [_plain(kept, "name", "share", "said", "reasons") for kept in solution.constraint_reports],
         "reserve": reserve_summary(solution.problem),
         "q_goal": np.asarray(solution.problem.q_goal).tolist(),

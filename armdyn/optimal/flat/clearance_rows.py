@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from armdyn.models.scene.collision import CollisionModel, NearPairs
+from armdyn.models.scene.collision import CollisionModel
 from armdyn.optimal.flat.basis import DEGREE
-from armdyn.optimal.flat.curve import Curve
+from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.program import CurveLayout
 from armdyn.optimal.path_constraints.constraint import AskedDistances
 from armdyn.optimal.task.policy.sequential import SequentialPolicy
@@ -59,44 +59,52 @@ class ClearanceRows:
 
     def at(self, curve: Curve, shape: CurveLayout, x: Array) -> Linearised:
         """Linearise all distances at the unknowns x, shape (shape.size,)."""
-        spare, rows, cols, values, samples = list[float](), list[Index](), list[Index](), list[Array](), list[int]()
-        missing, first = np.zeros(self.poses), 0
+        index, weights = list[Array](), list[Array]()
         for k, (leg, places) in enumerate(zip(curve.legs, self.places, strict=True)):
-            points = shape.points(k)
-            basis, windows = leg.basis.local(places, derivatives=0)[:, 0], leg.basis.interval_of(places)
-            for m, (weights, window) in enumerate(zip(basis, windows, strict=True), start=first):
-                index = points[window : window + DEGREE + 1]
-                near = self.model.near(weights @ x[index], self.within, self.most)
-                left = near.distances - self.asked[near.pairs]
-                missing[m] = max(0.0, float(-np.min(left, initial=0.0)))
-                self._add(near, weights, index, len(spare), (rows, cols, values))
-                spare.extend(left.tolist())
-                samples.extend([m] * left.size)
-            first += len(places)
-        size = (len(spare), shape.size)
-        entries = tuple(np.concatenate(part) if part else np.empty(0) for part in (values, rows, cols))
-        jacobian = csr_matrix((entries[0], (entries[1].astype(int), entries[2].astype(int))), shape=size)
-        return Linearised(np.array(spare), jacobian, np.array(samples, dtype=int), missing)
-
-    @staticmethod
-    def _add(
-        near: NearPairs, weights: Array, index: Index, first: int, entries: tuple[list[Index], list[Index], list[Array]]
-    ) -> None:
-        """Entries of the Jacobian at one pose: B-splines times gradients."""
-        count = near.pairs.size
-        if not count:
-            return
-        rows, cols, values = entries
-        values.append((near.gradients[:, None, :] * weights[None, :, None]).ravel())
-        cols.append(np.tile(index.ravel(), count))
-        rows.append(np.repeat(first + np.arange(count), index.size))
+            weights.append(leg.basis.local(places, derivatives=0)[:, 0])
+            windows = leg.basis.interval_of(places)[:, None] + np.arange(DEGREE + 1)
+            index.append(shape.points(k)[windows])
+        of_pose, basis = np.concatenate(index), np.concatenate(weights)
+        near = self.model.near(np.einsum("pi,pin->pn", basis, x[of_pose]), self.within, self.most)
+        spare, missing = near.distances - self.asked[near.pairs], np.zeros(self.poses)
+        np.maximum.at(missing, near.poses, -spare)
+        columns, values = of_pose[near.poses], near.gradients[:, None] * basis[near.poses][..., None]
+        rows = np.repeat(np.arange(spare.size), columns[0].size if spare.size else 0)
+        jacobian = csr_matrix((values.ravel(), (rows, columns.ravel())), shape=(spare.size, shape.size))
+        return Linearised(spare, jacobian, near.poses, missing)
 
 
 def clearance_rows(asked: AskedDistances, guess: Curve, policy: SequentialPolicy) -> ClearanceRows:
-    """Rows for distances at even places of every leg and where they were missed before."""
+    """Rows at even places of every leg, where distances were missed before, and where pairs pass each other."""
     fine = guess.legs[0].basis.intervals > policy.coarse
-    even = np.linspace(0, 1, (policy.poses if fine else policy.coarse_poses) + 2)[1:-1]
-    places = tuple(np.sort(np.append(even, more)) for more in asked.places)
-    return ClearanceRows(
-        asked.model, np.minimum(asked.clearance + policy.spare, asked.most), places, policy.within, policy.pairs
-    )
+    even = np.linspace(0, 1, (policy.poses if fine else policy.coarse_poses) + 2)
+    least = np.minimum(asked.clearance + policy.spare, asked.most)
+    places = []
+    for leg, more in zip(guess.legs, asked.places, strict=True):
+        passing = _passing(asked.model, leg, even, least + policy.passing) if fine else even[:0]
+        beside = (passing[:, None] + even[1] * policy.beside * np.array([-1, 0, 1])).ravel()
+        # Nearer places than a hundredth of a step tell the program nothing new.
+        all_ = np.unique(np.round(np.concatenate([even, more, beside]) / (0.01 * even[1]))) * 0.01 * even[1]
+        places.append(all_[(all_ > 0) & (all_ < 1 - 1e-9)])
+    return ClearanceRows(asked.model, least, tuple(places), policy.within, policy.pairs)
+
+
+_FINER = 8
+"""Parts of two steps that are looked at for the time of least distance, twice: 1/32 of a step is enough."""
+
+
+def _passing(model: CollisionModel, leg: CurveLeg, even: Array, near: Array) -> Array:
+    """Parts of a leg's duration at which pairs are nearest that come nearer than `near` [m], shape (pairs,)."""
+    distances = model.distances(leg.at(even)[0], float(np.max(near)))
+    before, here, after = distances[:-2], distances[1:-1], distances[2:]
+    steps, pairs = np.nonzero((here <= before) & (here <= after) & (here < near))
+    out = []
+    for step, pair in zip(steps + 1, pairs, strict=True):
+        first, last = even[step - 1], even[step + 1]
+        for _ in range(2):
+            looks = np.linspace(first, last, _FINER + 1)
+            found = [model.distances_of(np.array([pair]), q)[0] for q in leg.at(looks)[0]]
+            k = int(np.clip(np.argmin(found), 1, _FINER - 1))
+            first, last = looks[k - 1], looks[k + 1]
+        out.append((first + last) / 2)
+    return np.array(out)

@@ -13,6 +13,7 @@ from armdyn.optimal.flat.nlp_data import CurveSpec, TorqueMargin, torque_rates
 from armdyn.optimal.flat.solve import Solved, solve_curve
 from armdyn.optimal.landing.pace import can_be_slowed, least_factor, mended
 from armdyn.optimal.path_constraints.tightened import ConstraintReports, TightenedConstraints
+from armdyn.optimal.task.policy.sequential import SequentialPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -81,6 +82,50 @@ def refine_curve(task: Task, guess: Curve) -> RefinedCurve:
         curve = _slowed(task, curve)
     excess = max(map(_worst, excesses_of(task, curve)))
     return RefinedCurve(curve, solved, spec.constraints, iterations, excess, reports_on(task, curve, spec.constraints))
+
+
+def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
+    """The fastest curve near a guess that keeps its distances, slowed down to keep its limits: the best of some rounds.
+
+    Args:
+        task: a problem with distances to be kept.
+        guess: the curve to start from.
+    """
+    numbers, hopeless = task.policy.sequential, task.policy.curves.hopeless
+    constraints = TightenedConstraints.of(task)
+    spec = CurveSpec(constraints, margins=tuple(_at_the_ends(leg, numbers) for leg in guess.legs))
+    found, solved, iterations = list[RefinedCurve](), None, 0
+
+    def rank(one: RefinedCurve) -> tuple[bool, bool, float]:
+        return not constraints_mended(task, one.reports), one.excess > hopeless, one.curve.duration
+
+    for k in range(numbers.rounds):
+        solved = solve_curve(task, guess if solved is None else solved.curve, spec, solved)
+        iterations += solved.result.iterations
+        over, curve = excesses_of(task, solved.curve), solved.curve
+        excess = max(map(_worst, over))
+        if excess > 0 and can_be_slowed(task.problem):
+            curve = _slowed(task, curve)
+            excess = max(map(_worst, excesses_of(task, curve)))
+        kept = reports_on(task, curve, spec.constraints)
+        found.append(RefinedCurve(curve, solved, spec.constraints, iterations, excess, kept))
+        little = curve.duration < (1 + numbers.slowed * 2**k) * solved.curve.duration
+        good = not any(rank(found[-1])[:2])
+        task.progress(f"round {k + 1}: {curve.duration:.4f} s{'' if good else ', limits are not kept yet'}")
+        if task.stop or (good and little):
+            break
+        more = tuple(_larger_margin(task, margin, here) for margin, here in zip(spec.margins, over, strict=True))
+        spec = replace(spec, margins=more, constraints=spec.constraints.tightened(task.problem, kept))
+    return replace(min(found, key=rank), iterations=iterations)
+
+
+def _at_the_ends(leg: CurveLeg, numbers: SequentialPolicy) -> TorqueMargin:
+    """Margins near the ends, where torques change fast, and in the first and the last interval."""
+    margin = np.zeros((POINTS * leg.basis.intervals, leg.points.shape[1]))
+    near = POINTS * numbers.switching
+    margin[:near] = margin[-near:] = numbers.switch_margin
+    margin[:POINTS] = margin[-POINTS:] = numbers.end_margin
+    return TorqueMargin(margin, margin)
 
 
 def excesses_of(task: Task, curve: Curve) -> tuple[TorqueMargin, ...]:

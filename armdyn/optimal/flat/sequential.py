@@ -131,22 +131,24 @@ class Sequential:
         self.problem, self.policy, self.stop = problem, policy, stop
         self._whole = problem.guess.duration
 
-    def solve(self, trust: float, enough: float, beaten: float = np.inf) -> NlpResult:
+    def solve(self, trust: float, enough: float, beaten: float = np.inf, eager: int | None = None) -> NlpResult:
         """Iterate from the program's unknowns.
 
         Args:
             trust: first radius of the trust region [rad or m].
             enough: relative change of the merit at which the sequence ends.
+            eager: first steps that are taken whatever they do; None: the policy's.
             beaten: a duration [s]; a sequence that is not near it after a few steps ends.
         """
         policy, iterations = self.policy, 0
+        eager = policy.eager if eager is None else eager
         at = self._point(self.problem.numbers.x)
         merit, step, status, word = self._merit(at), None, Status.ITERATION_LIMIT, "iteration limit"
         for k in range(policy.steps):
             if self.stop:
                 status, word = Status.INTERRUPTED, "interrupted"
                 break
-            taken, step, trust, tried = self._step(at, merit, trust, eager=k < policy.eager)
+            taken, step, trust, tried = self._step(at, merit, trust, eager=k < eager)
             iterations += tried
             if taken is None:
                 status, word = (
@@ -157,7 +159,7 @@ class Sequential:
             if abs(before - merit) < enough * merit and self._kept(at):
                 status, word = Status.SOLVED, "converged"
                 break
-            if k >= policy.eager and self._duration(at) > policy.hopeless * beaten:
+            if k >= eager and self._duration(at) > policy.hopeless * beaten:
                 word = "another way is faster"
                 break
         return self._outcome(at, step, status, word, iterations)

@@ -61,7 +61,8 @@ def solve_curve(task: Task, guess: Curve, spec: CurveSpec, near: Solved | None =
     shape = curve_layout(task.problem, guess, spec.constraints)
     if spec.constraints.asked_distances(task.problem) is not None:
         numbers = task.policy.sequential
-        return solve_among_obstacles(task, guess, spec, numbers.fine_trust, numbers.enough)
+        trust, eager = (numbers.fine_trust, None) if near is None else (numbers.again_trust, 0)
+        return solve_among_obstacles(task, guess, spec, trust, numbers.enough, eager=eager)
     rows = rows_of(task.problem, spec.constraints)
     near = near if near is not None and (near.shape, near.rows) == (shape, rows) else None
     solver = _solver(task, shape, rows, warm=near is not None)
@@ -71,7 +72,13 @@ def solve_curve(task: Task, guess: Curve, spec: CurveSpec, near: Solved | None =
 
 
 def solve_among_obstacles(
-    task: Task, guess: Curve, spec: CurveSpec, trust: float, enough: float, beaten: float = inf
+    task: Task,
+    guess: Curve,
+    spec: CurveSpec,
+    trust: float,
+    enough: float,
+    beaten: float = inf,
+    eager: int | None = None,
 ) -> Solved:
     """Solve a program of curves that keep distances.
 
@@ -82,6 +89,7 @@ def solve_among_obstacles(
         trust: first radius of the trust region [rad or m].
         enough: relative change of the merit at which the sequence ends.
         beaten: a duration [s]: a sequence that is not near it after a few steps ends.
+        eager: first steps that are taken whatever they do; None: the policy's.
     """
     problem, numbers = task.problem, task.policy.sequential
     shape, rows = curve_layout(problem, guess, spec.constraints), rows_of(problem, spec.constraints)
@@ -90,7 +98,7 @@ def solve_among_obstacles(
     near = None if asked is None else clearance_rows(asked, guess, numbers)
     data = assemble_curve(task, guess, spec, shape)
     own = CurveProgram(program, cost, data, shape, guess, problem.limits.velocity, near)
-    result = Sequential(own, numbers, task.stop).solve(trust, enough, beaten)
+    result = Sequential(own, numbers, task.stop).solve(trust, enough, beaten, eager)
     return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration)
 
 

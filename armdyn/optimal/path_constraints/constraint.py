@@ -98,7 +98,7 @@ class AskedDistances:
     Attributes:
         model: of the scene.
         clearance: that every pair keeps [m].
-        most: that can be asked of each pair [m], shape (pairs,), not less than the clearance.
+        most: that can be asked of each pair [m], shape (pairs,); of pairs that touch at a given pose less than that.
         places: parts of every leg's duration at which they are asked for besides even ones.
     """
 

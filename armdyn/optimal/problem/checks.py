@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from armdyn.arguments import number, several, shown
-from armdyn.errors import ArmdynWarning, ProblemError, did_you_mean
+from armdyn.errors import ArmdynWarning, ContactError, ProblemError, did_you_mean
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.collision import CollisionModel
 from armdyn.models.scene.obstacles import Obstacle
@@ -116,19 +116,19 @@ def check_scene(obstacles: Sequence[object], clearance: float) -> tuple[Obstacle
     return tuple(named)
 
 
-def contacts(pairs: object, robot: Robot, obstacles: Sequence[Obstacle]) -> tuple[tuple[str, str], ...]:
+def contacts(pairs: object, what: str, robot: Robot, obstacles: Sequence[Obstacle]) -> tuple[tuple[str, str], ...]:
     """Pairs of names that may touch; refuse anything else, and names of no link and no obstacle."""
     found = []
     links = [frame.name for frame in robot.model.frames if frame.type == pin.FrameType.BODY]
     known = {*links, *(body.name for body in robot.attached), *(obstacle.name for obstacle in obstacles)}
-    for i, pair in enumerate(several(pairs, "allowed_contacts")):
+    for i, pair in enumerate(several(pairs, what)):
         both = tuple(pair) if isinstance(pair, list | tuple) else ()
         if len(both) != 2 or not all(isinstance(name, str) for name in both):
-            raise ProblemError(f"allowed_contacts[{i}] is {shown(pair)}; it must be two names of links or obstacles")
+            raise ProblemError(f"{what}[{i}] is {shown(pair)}; it must be two names of links or obstacles")
         for name in both:
             if name not in known:
                 raise ProblemError(
-                    f"allowed_contacts[{i}]: no link of {robot.name} and no obstacle is named {shown(name)}"
+                    f"{what}[{i}]: no link of {robot.name} and no obstacle is named {shown(name)}"
                     f"{did_you_mean(name, known)}"
                 )
         found.append(both)
@@ -151,20 +151,24 @@ def check_path_constraints(path_constraints: object) -> tuple[PathConstraintSpec
 def check_clear(model: CollisionModel, poses: Sequence[tuple[str, Array]], clearance: float) -> None:
     """Refuse a named pose in which something is nearer than the clearance [m]."""
     for name, q in poses:
-        if (near := model.nearest(q)).distance < clearance:
-            raise ProblemError(f"at the {name}, {near.bodies()}; clearance is {1e3 * clearance:g} mm")
+        if contacts := model.nearer(q, clearance):
+            rest = len(contacts) - 1
+            more = f", and {rest} more {'pairs are' if rest > 1 else 'pair is'} too near" if rest else ""
+            said = f"at the {name}, {contacts[0].bodies()}{more}; clearance is {1e3 * clearance:g} mm"
+            raise ContactError(said, model.robot, model.obstacles, q, contacts)
 
 
 def clear_goals(model: CollisionModel, goals: Sequence[Array], clearance: float) -> tuple[Array, ...]:
     """Those of the goals in which nothing is nearer than the clearance [m]; one at least."""
-    nearest = [model.nearest(q) for q in goals]
-    clear = tuple(q for q, near in zip(goals, nearest, strict=True) if near.distance >= clearance)
+    contacts = [model.nearer(q, clearance) for q in goals]
+    clear = tuple(q for q, near in zip(goals, contacts, strict=True) if not near)
     if not clear:
-        best = max(nearest, key=lambda near: near.distance)
-        raise ProblemError(
-            f"the goal pose cannot be reached clear of everything: in the best of {len(nearest)} branches "
-            f"{best.bodies()}; clearance is {1e3 * clearance:g} mm"
+        k = max(range(len(goals)), key=lambda k: contacts[k][0].distance)
+        said = (
+            f"the goal pose cannot be reached clear of everything: in the best of {len(goals)} branches "
+            f"{contacts[k][0].bodies()}; clearance is {1e3 * clearance:g} mm"
         )
+        raise ContactError(said, model.robot, model.obstacles, goals[k], contacts[k])
     return clear
 
 

@@ -39,7 +39,7 @@ from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
 from armdyn.optimal.problem.planning_limits import Reserve, resolved_limits
 from armdyn.optimal.problem.robot_tables import robot_table
 from armdyn.optimal.problem.turns import endless, ways_round
-from armdyn.parsing.toml import to_toml
+from armdyn.parsing.toml import MAX_BYTES, to_toml
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called, several_numbers
 from armdyn.trajectory import Trajectory
@@ -81,7 +81,9 @@ class MinimumTimeProblem:
         obstacles: what the arm must keep clear of, in the world.
         self_collision: whether its links must keep clear of each other, too.
         clearance: how far, at least [m].
-        allowed_contacts: pairs of names, of links and obstacles, that may touch.
+        allowed_contacts: pairs of names, of links, tool, payload and obstacles, that may touch: they are not compared.
+        end_contacts: pairs of names that may touch at the start, a via point or the goal, such as a payload and the
+            table that it stands on: along the way they keep the clearance, or the least distance at these poses.
         acceleration_limit: [rad/s² or m/s²]: one number or one per joint; None: none.
         jerk_limit: likewise [rad/s³ or m/s³]; with one, the acceleration is zero at both ends.
         path_constraints: what else is asked along the way, such as `FrameSpeedLimit(0.25)` or `TorqueRateLimit(50.0)`.
@@ -118,6 +120,7 @@ class MinimumTimeProblem:
     self_collision: bool = False
     clearance: float = 0.005
     allowed_contacts: Sequence[tuple[str, str]] = ()
+    end_contacts: Sequence[tuple[str, str]] = ()
     acceleration_limit: ArrayLike | None = None
     jerk_limit: ArrayLike | None = None
     path_constraints: Sequence[PathConstraintSpec] = ()
@@ -186,7 +189,12 @@ class MinimumTimeProblem:
 
     def collision_model(self) -> CollisionModel:
         """The arm among its obstacles, and the pairs of bodies that keep a clearance."""
-        return collision_model(self.robot, tuple(self.obstacles), self.self_collision, tuple(self.allowed_contacts))
+        contacts = tuple(self.allowed_contacts), tuple(self.end_contacts)
+        return collision_model(self.robot, tuple(self.obstacles), self.self_collision, *contacts)
+
+    def without_obstacles(self) -> Self:
+        """The same in free space, where the arm may go through itself."""
+        return self.variant(obstacles=(), self_collision=False, allowed_contacts=(), end_contacts=())
 
     @property
     def continuous_torque(self) -> bool:
@@ -232,7 +240,7 @@ class MinimumTimeProblem:
 
         Raises:
             SpecError: the robot is of Pinocchio's model, or was changed by hand.
-            ProblemError: a condition has no text, see `PathConstraint.option_text`.
+            ProblemError: a condition has no text, see `PathConstraint.option_text`; or the text is larger than is read.
         """
         given = {}
         for own in fields(self):
@@ -242,9 +250,14 @@ class MinimumTimeProblem:
                 given[own.name] = _plain(value)
         if isinstance(self.effort_limit, tuple) and len(self.effort_limit) == 2:
             given["effort_limit"] = [np.broadcast_to(end, self.robot.nv).tolist() for end in self.effort_limit]
-        return to_toml(
-            {"robot": robot_table(self.robot, None if folder is None else path(folder, "folder")), "problem": given}
-        )
+        robot = robot_table(self.robot, None if folder is None else path(folder, "folder"))
+        text = to_toml({"robot": robot, "problem": given})
+        if (size := len(text.encode())) > MAX_BYTES:
+            raise ProblemError(
+                f"the problem file would have {size} bytes, and {MAX_BYTES} are read: write large meshes and point "
+                "clouds as obstacles with a file of their own (docs/obstacles.md)"
+            )
+        return text
 
     def beside_goal(self, motion: Trajectory) -> Array:
         """How far a motion's last state (q, v) is from the goal's, shape (2 nv,)."""
@@ -309,7 +322,8 @@ class MinimumTimeProblem:
         check_poses(self.poses)
         obstacles = check_scene(several(self.obstacles, "obstacles"), self.clearance)
         object.__setattr__(self, "obstacles", obstacles)
-        object.__setattr__(self, "allowed_contacts", contacts(self.allowed_contacts, self.robot, obstacles))
+        for name in ("allowed_contacts", "end_contacts"):
+            object.__setattr__(self, name, contacts(getattr(self, name), name, self.robot, obstacles))
         for name, unit in (("acceleration_limit", "rad/s²"), ("jerk_limit", "rad/s³")):
             if getattr(self, name) is not None:
                 value = per_joint(

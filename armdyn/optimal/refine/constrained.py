@@ -46,7 +46,7 @@ def without_obstacles(task: Task) -> Task | None:
     if not task.problem.crowded:
         return None
     task.progress("the way without obstacles")
-    return task.about(task.problem.variant(obstacles=(), self_collision=False))
+    return task.about(task.problem.without_obstacles())
 
 
 def with_clearances(task: Task, optima: Sequence[Optimum]) -> list[Optimum]:

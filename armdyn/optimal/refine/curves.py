@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import chain, islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE, certify
 from armdyn.optimal.proof.deciding import Share
 from armdyn.optimal.refine.optimum import Optimum, trajectory_cost
-from armdyn.optimal.refine.ways import NO_WAY, refined_ways
+from armdyn.optimal.refine.ways import NO_WAY, refined_ways, ways_through
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.search.starts import spline, straight_curve, via_guesses
@@ -42,11 +43,9 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
         task: any problem.
     """
     numbers, crowded = task.policy.curves, task.problem.crowded
-    starts, planned = task.policy.search.guesses(task.options, numbers.starts), True
+    starts = task.policy.search.guesses(task.options, numbers.starts)
     try:
-        found = _clear_of_obstacles(task) if crowded else _refined(task, _guesses(task, starts))
-        if not found:
-            found, planned = refined_ways(task)
+        found, planned = _among_obstacles(task) if crowded else (_refined(task, _guesses(task, starts)), True)
         if len(found) == 1 and not (crowded or task.stop) and _trouble(task, found[0]):
             found += _refined(task, _guesses(task, numbers.more_starts)[1:])
     except LateError:
@@ -103,10 +102,23 @@ def optima_met(durations: Sequence[float], guesses: int, same: float) -> str:
     return f"{several} met, {times}; other seeds may find a faster one"
 
 
+def _among_obstacles(task: Task) -> tuple[list[RefinedCurve], bool]:
+    """The fastest curve that keeps all distances, or none, and whether a way was planned.
+
+    Where the straight line touches nothing the fastest curve without obstacles may do so, too.
+    """
+    task.progress("ways round the obstacles")
+    planned = ways_through(task.problem, task.policy.search, task.options.seed, task.stop)
+    first = list(islice(planned, 1))
+    straight = bool(first) and all(len(leg) == 2 for leg in first[0])
+    found = (_clear_of_obstacles(task) if straight else []) or refined_ways(task, chain(first, planned))
+    return found, bool(first)
+
+
 def _clear_of_obstacles(task: Task) -> list[RefinedCurve]:
     """The fastest curve without obstacles, if it keeps all clearances all the same."""
     task.progress("the way without obstacles")
-    free = task.about(task.problem.variant(obstacles=(), self_collision=False))
+    free = task.about(task.problem.without_obstacles())
     (best,) = _refined(free, _guesses(free, 1)[:1])
     constraints = TightenedConstraints.of(task)
     reports = reports_on(task, best.curve, constraints)

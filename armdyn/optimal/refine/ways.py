@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
+from functools import partial
+from itertools import islice, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from armdyn.errors import ProblemError
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.nlp_data import CurveSpec
-from armdyn.optimal.flat.refinement import RefinedCurve, refine_curve
+from armdyn.optimal.flat.refinement import RefinedCurve, refine_among_obstacles
 from armdyn.optimal.flat.solve import Solved, solve_among_obstacles
 from armdyn.optimal.landing.pace import least_factor
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
@@ -28,6 +29,8 @@ from armdyn.planning.paths import JointSpace, plan_paths
 from armdyn.planning.rrt_connect import PlannerOptions
 
 Array = NDArray[np.float64]
+Way = list[Array]
+"""For each leg a path, shape (n, nv) [rad or m]."""
 
 _TURN = np.pi
 """Bounds of a joint without limits, beyond its given poses [rad or m]: half a turn either way."""
@@ -50,22 +53,40 @@ def plan_path(problem: MinimumTimeProblem, seed: int = 0) -> Array:
     Raises:
         ProblemError: the problem is none, or no path was found.
     """
-    ways = ways_through(expect_problem(problem), Policy.of(problem).search, whole(seed, "seed", least=0), Stop())
+    numbers = Policy.of(problem).search
+    ways = list(ways_through(expect_problem(problem), numbers, whole(seed, "seed", least=0), Stop()))
     if not ways:
         raise ProblemError(NO_WAY)
-    return np.vstack([leg[bool(k) :] for k, leg in enumerate(ways[0])])
+    best = min(ways, key=partial(_seconds, speed=_speed(problem, numbers)))
+    return np.vstack([leg[bool(k) :] for k, leg in enumerate(best)])
 
 
-def ways_through(problem: MinimumTimeProblem, policy: SearchPolicy, seed: int, stop: Stop) -> list[list[Array]]:
-    """Ways through all poses of a problem, the shortest first: for each leg a path of shape (n, nv); empty: none."""
+def ways_through(problem: MinimumTimeProblem, policy: SearchPolicy, seed: int, stop: Stop) -> Iterator[Way]:
+    """Ways through all poses of a problem, each planned when it is asked for; none: no path was found."""
     model, limits, poses = problem.collision_model(), problem.limits, np.asarray(problem.poses)
     lower = np.maximum(limits.position_lower, np.min(poses, axis=0) - _TURN)
     upper = np.minimum(limits.position_upper, np.max(poses, axis=0) + _TURN)
     speed = _speed(problem, policy)
-    space = JointSpace(model.is_free, lower, upper, speed * min(1.0, _FASTEST / float(np.max(speed))))
+    ends = np.min([model.distances_of(model.touching, q) for q in poses], axis=0)
+    least = np.minimum(ends - problem.clearance, 0.0)  # as of the other pairs, the curve mends the clearance
+    space = JointSpace(
+        lambda q: model.is_free(q, least), lower, upper, speed * min(1.0, _FASTEST / float(np.max(speed)))
+    )
     legs = [plan_paths(space, a, b, seed, stop=stop.__bool__) for a, b in pairwise(poses)]
-    count = max(map(len, legs)) if all(legs) else 0
-    return [[paths[min(k, len(paths) - 1)] for paths in legs] for k in range(count)]
+    way: list[Array | None] = [next(leg, None) for leg in legs]
+    while found := [path for path in way if path is not None]:
+        if len(found) < len(legs):
+            return
+        yield found
+        more = [next(leg, None) for leg in legs]
+        if all(path is None for path in more):
+            return
+        way = [old if new is None else new for old, new in zip(way, more, strict=True)]
+
+
+def _seconds(way: Way, speed: Array) -> float:
+    """Time that a way takes at joint speeds, shape (nv,) [rad/s or m/s]."""
+    return float(sum(np.sum(np.max(np.abs(np.diff(path, axis=0)) / speed, axis=1)) for path in way))
 
 
 def _speed(problem: MinimumTimeProblem, policy: SearchPolicy) -> Array:
@@ -74,35 +95,41 @@ def _speed(problem: MinimumTimeProblem, policy: SearchPolicy) -> Array:
     return np.where(np.isfinite(limits), limits, policy.brisk)
 
 
-def refined_ways(task: Task) -> tuple[list[RefinedCurve], bool]:
-    """The fastest curve along planned ways and the options' guesses, refined; and whether a way was planned.
+def refined_ways(task: Task, planned: Iterator[Way]) -> list[RefinedCurve]:
+    """The fastest curve along planned ways and the options' guesses, refined; empty if there is none.
 
     Args:
         task: a problem with distances to be kept.
+        planned: ways, as `ways_through` gives them: as many are asked for as are tried.
     """
     numbers, bound = task.policy.sequential, task.problem.duration_bound()
-    task.progress("ways round the obstacles")
-    planned = ways_through(task.problem, task.policy.search, task.options.seed, task.stop)
-    ways = [_guess(task, way) for way in planned[: numbers.ways]]
-    ways += [Curve.near(guess, _coarse(numbers)) for guess in task.options.guesses]
     spec = CurveSpec(TightenedConstraints.of(task))
     best: Solved | None = None
-    for k, way in enumerate(ways):
+    for guess in _guesses(task, planned):
         beaten = np.inf if best is None or not best.converged else best.curve.duration
         if task.stop or beaten < numbers.near_bound * bound:
             break
-        solved = solve_among_obstacles(task, way, spec, numbers.trust, numbers.coarse_enough, beaten)
-        task.progress(f"way {k + 1} of {len(ways)}: {solved.curve.duration:.4f} s")
+        solved = solve_among_obstacles(task, guess, spec, numbers.trust, numbers.coarse_enough, beaten)
+        task.progress(f"a way of {solved.curve.duration:.4f} s")
         if best is None or (not solved.converged, solved.curve.duration) < (not best.converged, best.curve.duration):
             best = solved
     if best is None:
-        return [], bool(planned)
+        return []
     fine = Basis(graded(numbers.intervals, numbers.shortest, numbers.longest))
-    refined = refine_curve(task, best.curve.on(fine))
-    return [replace(refined, curve=refined.curve.slower(1 + numbers.kept))], bool(planned)
+    refined = refine_among_obstacles(task, best.curve.on(fine))
+    return [replace(refined, curve=refined.curve.slower(1 + numbers.kept))]
 
 
-def _guess(task: Task, way: Sequence[Array]) -> Curve:
+def _guesses(task: Task, planned: Iterator[Way]) -> Iterator[Curve]:
+    """Curves along the first way and the shortest of the others, then the options' guesses."""
+    numbers, speed = task.policy.sequential, _speed(task.problem, task.policy.search)
+    yield from (_guess(task, way) for way in islice(planned, 1))
+    others = sorted(planned, key=partial(_seconds, speed=speed))
+    yield from (_guess(task, way) for way in others[: numbers.ways - 1])
+    yield from (Curve.near(guess, _coarse(numbers)) for guess in task.options.guesses)
+
+
+def _guess(task: Task, way: Way) -> Curve:
     """A curve along a way, so slow that torques are about within their limits where these shape the motion."""
     problem, numbers, speed = task.problem, task.policy.sequential, _speed(task.problem, task.policy.search)
     times = [float(np.sum(np.max(np.abs(np.diff(path, axis=0)) / speed, axis=1))) for path in way]

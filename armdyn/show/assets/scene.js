@@ -81,6 +81,27 @@ const armdynScene = (pane, data, options) => {
     }
     places.push(mine);
   }
+  // A line between the nearest points of two bodies, seen through all else, with their distance.
+  const marks = (data.marks ?? []).map((mark, k) => {
+    const group = new THREE.Group(), [a, b] = mark.points.map(p => new Vector3(...p));
+    const material = new THREE.MeshBasicMaterial({ color: 0xd11a2a, depthTest: false, transparent: true });
+    const add = (geometry, at) => { const mesh = new THREE.Mesh(geometry, material); mesh.position.copy(at); mesh.renderOrder = 9; group.add(mesh); return mesh; };
+    for (const end of [a, b]) add(new THREE.SphereGeometry(.006 * data.reach, 16, 12), end);
+    const rod = add(new THREE.CylinderGeometry(.003 * data.reach, .003 * data.reach, Math.max(a.distanceTo(b), 1e-6), 8), a.clone().lerp(b, .5));
+    if (a.distanceTo(b) > 1e-6) rod.quaternion.setFromUnitVectors(new Vector3(0, 1, 0), b.clone().sub(a).normalize());
+    const canvas = Object.assign(document.createElement("canvas"), { width: 256, height: 64 }), pen = canvas.getContext("2d");
+    Object.assign(pen, { font: "600 40px system-ui, sans-serif", textAlign: "center", lineWidth: 8, strokeStyle: "#fff", fillStyle: "#b01020" });
+    pen.strokeText(mark.label, 128, 46);
+    pen.fillText(mark.label, 128, 46);
+    const label = new THREE.Sprite(new THREE.SpriteMaterial({ map: new THREE.CanvasTexture(canvas), depthTest: false, transparent: true }));
+    label.scale.set(.16 * data.reach, .04 * data.reach, 1);
+    label.position.copy(a.clone().lerp(b, .5)).add(new Vector3(0, 0, .035 * data.reach));
+    label.renderOrder = 10;
+    group.add(label);
+    viewer.set_object([...root(0), `mark${k}`], group);
+    const near = .03 * data.arms[0].duration, node = object([...root(0), `mark${k}`]);
+    return time => { node.visible = mark.time === null || Math.abs(time - mark.time) <= near; };
+  });
   const lanes = options.overlay ? 1 : data.arms.length;
   const span = axis => Math.max(...places.flat().map(p => p[axis])) - Math.min(...places.flat().map(p => p[axis]));
   const lane = data.planar ? .42 * data.reach : Math.max(span("y") + .35 * data.reach, .6 * data.reach);
@@ -169,6 +190,7 @@ const armdynScene = (pane, data, options) => {
         });
         arm.trail.setDrawRange(0, Math.floor(arm.trail.index.count / 48 * t / (arm.frames - 1)) * 48);
       });
+      marks.forEach(shown => shown(time));
       viewer.set_dirty();
     },
     visible(k, yes) { viewer.set_property(root(k), "visible", yes); viewer.set_dirty(); },

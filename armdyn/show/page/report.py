@@ -30,7 +30,7 @@ from armdyn.show.page.joints import (
     joint_section,
     worth_seeing,
 )
-from armdyn.show.page.scene import playing_speed, scene_data, short_names
+from armdyn.show.page.scene import mark_of, playing_speed, scene_data, short_names
 from armdyn.show.page.sections import (
     Section,
     course_section,
@@ -58,6 +58,7 @@ class Subject:
         sliding: which slide instead of turning.
         robot: drawn in three dimensions; None: it is not at hand.
         obstacles: drawn where they stand.
+        touching: names of links, tool, payload and obstacles that are drawn in red.
     """
 
     name: str
@@ -66,6 +67,7 @@ class Subject:
     sliding: tuple[bool, ...]
     robot: Robot | None = None
     obstacles: tuple[Obstacle, ...] = ()
+    touching: frozenset[str] = frozenset()
 
     @classmethod
     def of(cls, robot: Robot, obstacles: Sequence[Obstacle] = ()) -> Subject:
@@ -194,9 +196,12 @@ def _data(subject: Subject, moves: Sequence[ShownMotion], end: float | None, rep
     packed = None
     if subject.robot is not None:
         options = replay or Replay()
+        facts = moves[0].facts
+        marks = [mark_of(facts.part("clearance")), mark_of(facts.part("contact"), always=True)]
         scene = scene_data(
-            subject.robot, motions, fps=options.fps, slow_motion=options.slow_motion, obstacles=subject.obstacles
-        )
+            subject.robot, motions, fps=options.fps, slow_motion=options.slow_motion, obstacles=subject.obstacles,
+            touching=subject.touching, marks=[mark for mark in marks if mark is not None],
+        )  # fmt: skip
         speed = scene["speed"] if replay else speed
         packed = base64.b64encode(gzip.compress(script_json(scene).encode(), 9, mtime=0)).decode("ascii")
     verdicts = [verdict_of(move.facts) for move in moves]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from itertools import takewhile
 from typing import Any
 
@@ -17,6 +18,7 @@ from armdyn.arguments import number, shown
 from armdyn.errors import ProblemError, TrajectoryError
 from armdyn.models import Robot
 from armdyn.models.scene.obstacles import Obstacle
+from armdyn.show.page.facts import Facts
 from armdyn.show.visuals import VisualShape, obstacle_shapes, robot_shapes
 from armdyn.trajectory import Trajectory
 
@@ -28,6 +30,10 @@ COLORS = ((0.86, 0.20, 0.27), (0.13, 0.45, 0.80), (0.14, 0.62, 0.40), (0.52, 0.3
 WATCHABLE = 4.0
 """Playing time of a replay by default [s]."""
 
+_TOUCHING = (0.90, 0.10, 0.12)
+"""Colour of bodies that touch."""
+_SEEN_THROUGH = 0.75
+"""Least opacity of them [-]."""
 _SPEEDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 LARGEST = 1e12
 _MAX_FRAMES = 4000
@@ -41,6 +47,8 @@ def scene_data(
     fps: float = 60,
     slow_motion: float | None = None,
     obstacles: Sequence[Obstacle] = (),
+    touching: Collection[str] = (),
+    marks: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
     """Input of `assets/scene.js`, ready for JSON.
 
@@ -50,6 +58,8 @@ def scene_data(
         fps: frames per second of playing time that are stored; the page interpolates between them.
         slow_motion: how many times slower than real time it plays at first; None: about 4 s in all.
         obstacles: drawn where they stand.
+        touching: names of links, tool, payload and obstacles that are drawn in red.
+        marks: see `mark_of`.
 
     Raises:
         TrajectoryError: there is no trajectory, or one has another number of joints than the robot.
@@ -70,7 +80,8 @@ def scene_data(
     durations = [trajectory.duration for trajectory in trajectories]
     speed = playing_speed(durations) if slow_motion is None else 1.0 / slow_motion
     step = min(speed, min(durations) / WATCHABLE) / fps
-    shapes = _shape_commands(robot_shapes(robot), obstacle_shapes(obstacles))
+    drawn = (robot_shapes(robot), obstacle_shapes(obstacles))
+    shapes = _shape_commands(*([_red(one) if one.name in touching else one for one in each] for each in drawn))
     return {
         "joints": robot.nv,
         "points": _named_points(robot),
@@ -79,8 +90,27 @@ def scene_data(
         "reach": _reach(robot),
         "speed": speed,
         "commands": [_packed(command) for command in shapes],
+        "marks": list(marks),
         "arms": [_arm(robot, i, trajectory, step) for i, trajectory in enumerate(trajectories)],
     }
+
+
+def mark_of(clearance: Facts, always: bool = False) -> dict[str, Any] | None:
+    """A line between the nearest points of two bodies with their distance; None: the facts do not have the points.
+
+    Args:
+        clearance: facts of a `Clearance`.
+        always: it is shown at all times; else about its own.
+    """
+    distance, points = clearance.number("distance"), clearance.values.get("points")
+    ends = [Facts({"end": end}).numbers("end") for end in points] if isinstance(points, list | tuple) else []
+    if distance is None or len(ends) != 2 or any(len(end) != 3 or None in end for end in ends):
+        return None
+    return {"time": None if always else clearance.number("time"), "points": ends, "label": f"{1e3 * distance:.1f} mm"}
+
+
+def _red(shape: VisualShape) -> VisualShape:
+    return replace(shape, rgba=(*_TOUCHING, max(shape.rgba[3], _SEEN_THROUGH)))
 
 
 def short_names(names: Sequence[str]) -> list[str]:

@@ -168,9 +168,13 @@ def model_section(name: str, facts: Facts) -> Section:
     """The arm: source, payload, friction, hash."""
     model = facts.part("model")
     rows = [("robot", name), ("source", source_name(model.text("source")))]
-    payload = model.part("payload")
-    if (mass := payload.number("mass")) is not None:
-        rows.append(("payload", f"{1e3 * mass:g} g at {payload.text('frame') or model.text('tip') or 'the tip'}"))
+    rows += [("tip", model.text("tip"))] if model.text("tip") else []
+    for part in ("tool", "payload"):
+        body = model.part(part)
+        if (mass := body.number("mass")) is not None:
+            kinds = ", ".join(shape.text("type") for shape in body.parts("shapes"))
+            at = body.text("frame") or model.text("tip") or "the tip"
+            rows.append((part, f"{1e3 * mass:g} g at {at}{f', {kinds}' if kinds else ''}"))
     locked = model.part("locked").values
     if locked:
         told = [f"{joint} = {as_number(q) or 0.0:.4g}" for joint, q in list(locked.items())[:40]]

@@ -79,6 +79,10 @@ def tiles_of(facts: Facts, duration: float) -> list[Tile]:
             tiles.append(Tile("decided most by", f"{100 * part:.3g} %", f"{most.text('joint')}, {most.text('limit')}"))
         if (gram := facts.part("sensitivities").number("payload_mass")) is not None:
             tiles.append(Tile("1 g more at the tip", f"{gram:+.3g} ms"))
+        near = facts.part("clearance")
+        if (distance := near.number("distance")) is not None:
+            where = f"{near.text('body')} to {near.text('other')} at {seconds(near.number('time'))}"
+            tiles.append(Tile("nearest", f"{1e3 * distance:.1f} mm", where))
         others = [x for x in facts.numbers("local_optima") if x is not None]
         if others:
             tiles.append(Tile("other optima met", str(len(others)), f"the next one takes {seconds(min(others))}"))

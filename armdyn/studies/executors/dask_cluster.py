@@ -77,7 +77,7 @@ class DaskCluster:
         self._late: dict[str, int] = {}
         self._batch, self._given = BatchSize(), 0
         self._size = max(_threads(client), 1)
-        self._looked = self._alive = time.monotonic()
+        self._looked, self._without = time.monotonic(), 0.0
 
     @property
     def size(self) -> int:
@@ -117,8 +117,8 @@ class DaskCluster:
         except queue.Empty:
             self._look()
             return []
-        self._alive = time.monotonic()
-        if self._alive - self._looked > _LOOK:
+        self._without = 0.0
+        if time.monotonic() - self._looked > _LOOK:
             self._look()
         while True:
             cases, future = self._under_way[key]
@@ -142,9 +142,10 @@ class DaskCluster:
         """
         if self._client.status != "running":
             self._connect()
-        threads, self._looked = _threads(self._client), time.monotonic()
-        self._alive = self._looked if threads else self._alive
-        if self._looked - self._alive > _GONE:
+        threads, before, self._looked = _threads(self._client), self._looked, time.monotonic()
+        # A computer that slept, or was busy elsewhere, has not looked in the meantime.
+        self._without = 0.0 if threads else self._without + min(self._looked - before, _LOOK)
+        if self._without > _GONE:
             raise ClusterError(f"the cluster at {_address(self._client)} has no workers any more; the rows are kept")
         self._size = max(threads, 1)
 

@@ -217,6 +217,21 @@ def test_locked_fingers_of_a_whole_hand_do_not_make_the_tip(file):
     assert Robot.from_urdf(file(text)).tip == "finger"
 
 
+def test_locked_fingers_side_by_side_end_the_way_to_the_tip(file):
+    text = urdf(
+        '<link name="base"/>',
+        *(link(name) for name in ("arm", "wrist", "palm", "left", "right")),
+        joint("a", "base", "arm"),
+        joint("w", "arm", "wrist"),
+        joint("p", "wrist", "palm", "fixed", ""),
+        joint("l", "palm", "left", "prismatic"),
+        joint("r", "palm", "right", "prismatic"),
+    )
+    gripper = {"l": 0.04, "r": 0.04}
+    assert Robot.from_urdf(file(text), lock=gripper).tip == "palm"
+    assert Robot.from_urdf(file(text), lock={**gripper, "w": 0.0}).tip == "palm"  # a locked wrist is part of the arm
+
+
 def test_library_robot_described_by_sdf():
     with pytest.raises(UrdfError, match="SDF"):
         library_urdf("cassie")

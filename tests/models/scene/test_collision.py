@@ -81,22 +81,19 @@ def test_gradients_of_distances_by_differences():
     model = CollisionModel(robot, [Sphere((0.4, 0.2, 0.5), 0.05), Box((0.1, 0.2, 0.3), (0.5, -0.2, 0.4))], True)
     random, h = np.random.default_rng(1), 1e-4
     low, high = robot.limits.position_lower, robot.limits.position_upper
-    checked = 0
-    for _ in range(20):
-        q = random.uniform(low, high)
-        near = model.near(q, 0.3, 8)
-        apart = near.distances > 1e-3  # where bodies overlap the distance has corners
-        for k, gradient in zip(near.pairs[apart], near.gradients[apart], strict=True):
-            steps = h * np.eye(robot.nv)
-            pair = np.array([k])
-            slopes = [
-                (model.distances_of(pair, q + step)[0] - model.distances_of(pair, q - step)[0]) / (2 * h)
-                for step in steps
-            ]
-            # GJK stops at 1e-6 m of the distance, twice in 2e-4 rad.
-            np.testing.assert_allclose(gradient, slopes, atol=1e-2)
-            checked += 1
-    assert checked > 50
+    poses = random.uniform(low, high, (20, robot.nv))
+    near = model.near(poses, 0.3, 8)
+    apart = np.flatnonzero(near.distances > 1e-3)  # where bodies overlap the distance has corners
+    assert apart.size > 50
+    for k in apart:
+        q, pair = poses[near.poses[k]], near.pairs[[k]]
+        np.testing.assert_allclose(near.distances[k], model.distances_of(pair, q)[0], atol=2e-6)
+        slopes = [
+            (model.distances_of(pair, q + step)[0] - model.distances_of(pair, q - step)[0]) / (2 * h)
+            for step in h * np.eye(robot.nv)
+        ]
+        # GJK stops at 1e-6 m of the distance, twice in 2e-4 rad.
+        np.testing.assert_allclose(near.gradients[k], slopes, atol=1e-2)
 
 
 def test_far_pairs_have_lower_bounds():

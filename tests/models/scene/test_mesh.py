@@ -12,6 +12,7 @@ from armdyn.errors import ProblemError
 from armdyn.models.scene import mesh as module
 from armdyn.models.scene.collision import collision_model
 from armdyn.models.scene.obstacles import Box, Group, Mesh, Sphere, load_obstacles, obstacle_entry, obstacle_from
+from armdyn.models.scene.proof_of_clearance import prove_clearance
 from armdyn.show.visuals import obstacle_shapes
 
 
@@ -92,7 +93,7 @@ def test_a_problem_file_has_them(tmp_path):
     ("make", "says"),
     [
         (lambda: Mesh([]), "0 corners"),
-        (lambda: Mesh([[[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]]), "part 0 of obstacle 'mesh' is flat"),
+        (lambda: Mesh([[[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]]), r"parts\[0\] of obstacle 'mesh' is flat"),
         (lambda: Mesh([[[0, 0, np.nan]] * 4]), "finite corners"),
         (lambda: Mesh(3), "must be a list"),
         (lambda: Mesh.from_triangles([[0, 0, 0]], [[0, 0, 1]]), "indices of its 1 vertices"),
@@ -101,7 +102,7 @@ def test_a_problem_file_has_them(tmp_path):
         (lambda: Mesh.from_triangles(*ball(800.0)), "millimetres"),
         (lambda: Mesh.from_triangles(*ball(1.0), placement=[0, 0]), "placement"),
         (lambda: Group([Group([], name="inner")]), "no group"),
-        (lambda: Group([3]), "member 3"),
+        (lambda: Group([3]), "members"),
     ],
 )
 def test_what_is_wrong_is_named(make, says):
@@ -135,3 +136,17 @@ def test_files_that_are_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "_MAX_BYTES", 200)
     with pytest.raises(ProblemError, match="larger than 200 bytes"):
         Mesh.from_file(tmp_path / "shelf.stl")
+
+
+def test_clearances_from_a_mesh_are_proven():
+    robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
+    ring = trimesh.creation.annulus(0.53, 0.55, 0.2, sections=24).apply_transform(
+        trimesh.transformations.rotation_matrix(np.pi / 2, (1, 0, 0))
+    )
+    around = Mesh.from_triangles(ring.vertices, ring.faces, name="ring")
+    model, motion = collision_model(robot, (around,), False), ad.ramp(robot, [-1.0, 0.3], [1.0, -0.2], 1.0)
+    proof = prove_clearance(model, motion, 0.005)
+    sampled = min(model.distances(q).min() for q in motion(np.linspace(0, 1, 300)).q)
+    assert proof.nearest.sure and proof.nearest.other == "ring" and not proof.missed
+    assert proof.nearest.distance == pytest.approx(sampled, abs=2e-3)  # what the arm moves between samples
+    assert len(around.parts) > 8 and proof.nearest.distance < 0.2  # the hull of a ring would be full

@@ -1,10 +1,12 @@
 """Names of obstacles, and pairs of names that may touch."""
 
+import numpy as np
 import pytest
 
 import armdyn as ad
 from armdyn.cli.options.course import PathConstraintOptions, obstacles_of
 from armdyn.errors import ProblemError
+from armdyn.optimal.path_constraints.clearance import KeepsClear
 from problems import paper_arm
 
 
@@ -39,3 +41,33 @@ def test_on_the_command_line():
     assert given["obstacles"] == (ad.Plane((0.45, 0, 0), (-1, 0, 0)),)
     assert given["allowed_contacts"] == [("payload", "plane")]
     assert obstacles_of(["cylinder:0.1@0,0,0;0,0,1"]) == (ad.Cylinder((0, 0, 0), (0, 0, 1), 0.1),)
+
+
+def test_a_box_leaves_its_table_and_does_not_dig_in():
+    # The arm stretched out above a table: a box under its end stands on it where both joints are at 0.
+    box = ad.Box((0.04, 0.04, 0.1), (0, 0, -0.05))
+    robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), payload=ad.Payload(mass=0.1, shapes=[box]))
+    asked = {"obstacles": [ad.Plane((0, 0, -0.1), name="table")], "q_start": [0.0, 0.0], "q_goal": [0.3, 0.2]}
+    with pytest.raises(ProblemError, match="at the start, 'payload' touches 'table'; clearance is 5 mm"):
+        ad.MinimumTimeProblem(robot, **asked)
+    problem = ad.MinimumTimeProblem(robot, **asked, end_contacts=[("table", "payload")])
+    up = ad.ramp(robot, problem.q_start, problem.q_goal, 1.0)
+    assert KeepsClear().check(problem, up, np.empty(0)).reasons == ()
+    down = ad.ramp(robot, [0.0, 0.0], [-0.01, 0.0], 1.0)  # the box digs in, 5 mm at the end
+    report = KeepsClear().check(problem, down, np.empty(0))
+    assert "inside 'table'" in report.reasons[0]
+    model, least = problem.collision_model(), -problem.clearance
+    assert model.is_free([0.0, 0.0], least) and not model.is_free([-0.1, 0.0], least)
+    free = ad.MinimumTimeProblem(robot, **asked, allowed_contacts=[("table", "payload")]).without_obstacles()
+    assert not (free.obstacles or free.allowed_contacts)
+    with pytest.raises(ProblemError, match=r"end_contacts\[0\].*did you mean 'table'"):
+        ad.MinimumTimeProblem(robot, **asked, end_contacts=[("payload", "tabl")])
+
+
+def test_end_contacts_in_files_and_on_the_command_line(tmp_path):
+    wall = ad.Plane((0.45, 0, 0), (-1, 0, 0), name="wall")  # the payload at the tip touches it at the goal
+    problem = posed(obstacles=[wall], end_contacts=[("payload", "wall"), ("link2", "wall")])
+    (tmp_path / "problem.toml").write_text(problem.to_toml())
+    assert ad.read_problem(tmp_path / "problem.toml").end_contacts == problem.end_contacts
+    given = PathConstraintOptions(end_contact=["payload, plane"]).problem_arguments(paper_arm("rr"))
+    assert given["end_contacts"] == [("payload", "plane")]

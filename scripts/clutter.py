@@ -1,0 +1,296 @@
+"""Motions among shelves, boxes and tables: the problems of MotionBenchMaker (Chamzas et al., RA-L 2022), docs/cells.md.
+
+A folder of problems holds one folder for each set, such as box_panda, with request0001.yaml and scene0001.yaml. Each
+problem is solved as a user would: real geometry, self-collision, a clearance of 1 mm; fingers may touch what they hold
+at the goal. A motion is then sampled at 5,000 times, and its distances are computed by coal on the meshes of the URDF
+as they are, which the solver does not use: it takes convex parts. CPU seconds are those of all threads and processes;
+what is built once for an arm is built before. Rows are kept in --out as they come: a run that was ended goes on where
+it stopped.
+
+    scripts/clutter.py problems --sets box_panda cage_panda --last 20 --out rows.jsonl
+    scripts/clutter.py --table rows.jsonl
+    scripts/clutter.py problems --again rows.jsonl --some 100 --seed 3     # the same durations on another day?
+"""
+
+import argparse
+import json
+import resource
+import statistics
+import sys
+import time
+from collections.abc import Collection
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+import yaml
+
+import armdyn as ad
+
+CLEARANCE = 1e-3
+SAMPLES = 5_000
+GRASPING = ("finger", "hand")
+ARMS = {"panda": {"lock": {"panda_finger_joint1": 0.04, "panda_finger_joint2": 0.04}}, "ur5": {}}
+
+
+@cache
+def arm(name: str) -> ad.Robot:
+    """An arm of example-robot-data; the Panda's fingers are locked, nearly open."""
+    return ad.Robot.from_library(name, **ARMS[name])
+
+
+def read(path: Path) -> Any:
+    """What a YAML file says."""
+    return yaml.load(path.read_text(), yaml.CSafeLoader)
+
+
+def obstacles_of(scene: dict[str, Any]) -> tuple[ad.Box | ad.Cylinder, ...]:
+    """Boxes and cylinders of a MoveIt scene."""
+    out = []
+    for thing in scene["world"]["collision_objects"]:
+        for shape, pose in zip(thing["primitives"], thing["primitive_poses"], strict=True):
+            x, y, z, w = pose["orientation"]
+            at = pin.SE3(pin.Quaternion(w, x, y, z).normalized().matrix(), np.array(pose["position"]))
+            if shape["type"] == "box":
+                out.append(ad.Box(shape["dimensions"], at.homogeneous, name=thing["id"]))
+            else:
+                height, radius = shape["dimensions"]
+                along = at.rotation[:, 2] * height / 2
+                out.append(ad.Cylinder(at.translation - along, at.translation + along, radius, name=thing["id"]))
+    return tuple(out)
+
+
+def problem_of(folder: Path, name: str, k: int) -> ad.MinimumTimeProblem:
+    """Problem number k of a set."""
+    robot = arm(name.rsplit("_", 1)[1])
+    request = read(folder / name / f"request{k:04d}.yaml")
+    obstacles = obstacles_of(read(folder / name / f"scene{k:04d}.yaml"))
+    state = request["start_state"]["joint_state"]
+    start = dict(zip(state["name"], state["position"], strict=True))
+    goal = {one["joint_name"]: one["position"] for one in request["goal_constraints"][0]["joint_constraints"]}
+    poses = [[pose[joint] for joint in robot.joint_names] for pose in (start, goal)]
+    return ad.MinimumTimeProblem(
+        robot,
+        q_start=poses[0],
+        q_goal=poses[1],
+        obstacles=obstacles,
+        self_collision=True,
+        clearance=CLEARANCE,
+        allowed_contacts=held(robot, obstacles, np.array(poses[1])),
+    )
+
+
+def held(robot: ad.Robot, obstacles: tuple[Any, ...], goal: np.ndarray) -> list[tuple[str, str]]:
+    """Pairs of the gripper's links and what they hold: nearer at the goal than the clearance."""
+    model = Meshes(robot, obstacles)
+    near = model.distances(goal, np.array([any(part in link for part in GRASPING) for link, _ in model.names]))
+    return sorted({model.names[k] for k in np.flatnonzero(near <= CLEARANCE)})
+
+
+class Meshes:
+    """Distances from obstacles, and of links from each other, on the URDF's meshes as Pinocchio reads them."""
+
+    def __init__(self, robot: ad.Robot, obstacles: tuple[Any, ...], links_apart: Collection[tuple[str, str]] = ()):
+        self.robot, self.data = robot, robot.model.createData()
+        kind, folders = pin.GeometryType.COLLISION, list(robot.package_dirs)
+        self.model = pin.buildGeomFromUrdfString(robot.model, robot.urdf, kind, None, folders)
+        links = [solid.name.rsplit("_", 1)[0] for solid in self.model.geometryObjects]
+        for k, obstacle in enumerate(obstacles):
+            at, shape = solid_of(obstacle)
+            self.model.addGeometryObject(pin.GeometryObject(f"obstacle {k}", 0, at, shape))
+        solids = list(self.model.geometryObjects)
+        self.pairs = [
+            (i, j) for i in range(len(links)) if solids[i].parentJoint for j in range(len(links), len(solids))
+        ]
+        own = {frozenset(pair) for pair in links_apart}
+        self.pairs += [(i, j) for j in range(len(links)) for i in range(j) if frozenset((links[i], links[j])) in own]
+        names = [*links, *(obstacle.name for obstacle in obstacles)]
+        self.names = [(names[i], names[j]) for i, j in self.pairs]
+        for solid in solids:
+            solid.geometry.computeLocalAABB()
+        self.centers = np.array([solid.geometry.aabb_center for solid in solids])
+        self.radii = np.array([solid.geometry.aabb_radius for solid in solids])
+        self.hulls = [hull_of(solid.geometry) for solid in solids]
+        self.geometry = pin.GeometryData(self.model)
+
+    def place(self, q: np.ndarray) -> np.ndarray:
+        """Place the solids; lower bounds on the distances of all pairs [m], by balls around the solids."""
+        pin.updateGeometryPlacements(
+            self.robot.model, self.data, self.model, self.geometry, self.robot.configuration(q)
+        )
+        at = np.array([place.act(center) for place, center in zip(self.geometry.oMg, self.centers, strict=True)])
+        first, second = np.array(self.pairs).T
+        return np.linalg.norm(at[first] - at[second], axis=1) - self.radii[first] - self.radii[second]
+
+    def distance(self, k: int, below: float = np.inf) -> float:
+        """Distance of a pair where the solids are [m]; a lower bound if that is not below a distance."""
+        (i, j), places = self.pairs[k], self.geometry.oMg
+        out = np.inf
+        for solids in (self.hulls, [solid.geometry for solid in self.model.geometryObjects]):
+            result = coal.DistanceResult()
+            out = coal.distance(
+                solids[i], to_coal(places[i]), solids[j], to_coal(places[j]), coal.DistanceRequest(), result
+            )
+            if out >= below or solids[i] is self.model.geometryObjects[i].geometry:
+                break
+        return float(out)
+
+    def distances(self, q: np.ndarray, which: np.ndarray) -> np.ndarray:
+        """Distances of some pairs at joint positions q [m]; infinite for the others."""
+        self.place(q)
+        return np.array([self.distance(k) if which[k] else np.inf for k in range(len(self.pairs))])
+
+    def least(self, motion: ad.Trajectory, allowed: tuple[tuple[str, str], ...]) -> float:
+        """Least distance of pairs that may not touch at even times of a motion [m]."""
+        least, kept = np.inf, np.array([name not in set(allowed) for name in self.names])
+        for q in motion(np.linspace(motion.t[0], motion.t[-1], SAMPLES)).q:
+            bounds = np.where(kept, self.place(q), np.inf)
+            for k in np.argsort(bounds):
+                if bounds[k] >= least:
+                    break
+                least = min(least, self.distance(int(k), least))
+        return float(least)
+
+
+def solid_of(obstacle: ad.Box | ad.Cylinder) -> tuple[pin.SE3, Any]:
+    """Placement and geometry of an obstacle, from its numbers."""
+    if isinstance(obstacle, ad.Box):
+        return pin.SE3(np.array(obstacle.placement)), coal.Box(*obstacle.size)
+    a, b = np.array(obstacle.a), np.array(obstacle.b)
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), b - a).matrix()
+    return pin.SE3(turn, (a + b) / 2), coal.Cylinder(obstacle.radius, float(np.linalg.norm(b - a)))
+
+
+def hull_of(geometry: Any) -> Any:
+    """A mesh's convex hull; another solid itself."""
+    if not isinstance(geometry, coal.BVHModelBase):
+        return geometry
+    geometry.buildConvexHull(True, "Qt")
+    return geometry.convex
+
+
+def to_coal(place: pin.SE3) -> coal.Transform3s:
+    """A placement, as coal takes it."""
+    return coal.Transform3s(place.rotation, place.translation)
+
+
+def cpu() -> float:
+    """CPU seconds of this process and of those that ended under it."""
+    return sum(
+        used.ru_utime + used.ru_stime
+        for used in map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    )
+
+
+def solved(folder: Path, name: str, k: int) -> dict[str, Any]:
+    """Solve one problem; its row."""
+    row: dict[str, Any] = {"set": name, "problem": k}
+    try:
+        problem = problem_of(folder, name, k)
+        before, started = cpu(), time.perf_counter()
+        solution = ad.solve_minimum_time(problem)
+    except ad.ArmdynError as error:
+        return row | {"usable": False, "why": str(error)}
+    row |= {"cpu": cpu() - before, "wall": time.perf_counter() - started}
+    clearance = solution.clearance
+    row |= {"status": solution.status.name, "usable": solution.usable, "duration": solution.duration}
+    row |= {"bound": solution.lower_bound, "sure": clearance is not None and clearance.sure}
+    if not solution.usable:
+        row["why"] = solution.message
+    free = ad.solve_minimum_time(problem.variant(obstacles=(), self_collision=False))
+    row["free"] = free.duration if free.usable else None
+    if solution.usable:
+        model = Meshes(problem.robot, problem.obstacles, problem.collision_model().pairs)
+        row["sampled"] = model.least(solution.trajectory, problem.allowed_contacts)
+    return row
+
+
+def run(given: argparse.Namespace) -> None:
+    """Solve what --out has no row of."""
+    rows = lines(given.out) if given.out.exists() else []
+    done = {(row["set"], row["problem"]) for row in rows}
+    todo = [(name, k) for k in range(given.first, given.last + 1) for name in given.sets if (name, k) not in done]
+    for one in {name.rsplit("_", 1)[1]: (name, k) for name, k in todo}.values():
+        solved(given.folder, *one)  # builds what later solves find built
+    with given.out.open("a") as out:
+        for name, k in todo:
+            row = solved(given.folder, name, k)
+            out.write(json.dumps(row) + "\n")
+            out.flush()
+            said = f"{row['duration']:.4f} s, CPU {row['cpu']:.2f} s" if row["usable"] else row["why"]
+            print(f"{name} {k}: {said}", file=sys.stderr)
+
+
+def again(given: argparse.Namespace) -> None:
+    """Solve some problems again, and compare the durations."""
+    rows = [row for row in lines(given.again) if row["usable"]]
+    random, worst = np.random.default_rng(given.seed), 0.0
+    for k in random.choice(len(rows), min(given.some, len(rows)), replace=False):
+        row = rows[k]
+        duration = ad.solve_minimum_time(problem_of(given.folder, row["set"], row["problem"])).duration
+        worst = max(worst, abs(duration / row["duration"] - 1))
+        print(f"{row['set']} {row['problem']}: {row['duration']:.6f} s, again {duration:.6f} s", file=sys.stderr)
+    print(f"largest relative difference of {min(given.some, len(rows))} durations: {worst:.1e}")
+
+
+def lines(path: Path) -> list[dict[str, Any]]:
+    """Rows of a file."""
+    return [json.loads(line) for line in path.read_text().splitlines()]
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    """A row for each set and one for each arm, then what failed."""
+    out = [
+        "| set | usable | time: mean, 98 % [s] | to free: median, worst | gap: median | CPU: median, 95 %, worst [s] "
+        "| least distance [mm] |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    names = sorted({row["set"] for row in rows}, key=lambda name: name.rsplit("_", 1)[::-1])
+    groups = [(name, [row for row in rows if row["set"] == name]) for name in names]
+    arms = sorted({name.rsplit("_", 1)[1] for name in names})
+    groups += [(f"all of {one}", [row for row in rows if row["set"].endswith(f"_{one}")]) for one in arms]
+    for name, group in groups:
+        good = [row for row in group if row["usable"]]
+        if not good:
+            out.append(f"| {name} | 0 of {len(group)} | | | | | |")
+            continue
+        times, cpus = [row["duration"] for row in good], [row["cpu"] for row in group if "cpu" in row]
+        ratios = [row["duration"] / row["free"] for row in good if row["free"]]
+        gaps = [row["duration"] / row["bound"] - 1 for row in good if row["bound"]]
+        out.append(
+            f"| {name} | {len(good)} of {len(group)} | {statistics.mean(times):.3f}, {np.percentile(times, 98):.2f} | "
+            f"{statistics.median(ratios):.3f}, {max(ratios):.2f} | {100 * statistics.median(gaps):.2g} % | "
+            f"{statistics.median(cpus):.2f}, {np.percentile(cpus, 95):.2f}, {max(cpus):.2f} | "
+            f"{1e3 * min(row['sampled'] for row in good):.2f} |"
+        )
+    failures = [f"- {row['set']} {row['problem']}: {row['why']}" for row in rows if not row["usable"]]
+    return "\n".join([*out, "", *failures])
+
+
+def main() -> None:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", nargs="?", type=Path, help="of problems: a folder for each set")
+    parser.add_argument("--sets", nargs="+", metavar="SET", help="such as box_panda; all by default")
+    parser.add_argument("--first", type=int, default=1, help="problem of each set (1)")
+    parser.add_argument("--last", type=int, default=60, help="problem of each set (60)")
+    parser.add_argument("--out", type=Path, default=Path("clutter.jsonl"), help="rows, kept as they come")
+    parser.add_argument("--table", type=Path, metavar="ROWS", help="print the table of rows")
+    parser.add_argument("--again", type=Path, metavar="ROWS", help="solve some of them again and compare")
+    parser.add_argument("--some", type=int, default=100, help="how many of --again (100)")
+    parser.add_argument("--seed", type=int, default=0, help="of the choice of --again (0)")
+    given = parser.parse_args()
+    if given.table:
+        print(table(lines(given.table)))
+        return
+    if given.folder is None:
+        parser.error("name the folder of problems, or --table ROWS")
+    given.sets = given.sets or sorted(path.name for path in given.folder.iterdir() if path.is_dir())
+    (again if given.again else run)(given)
+
+
+if __name__ == "__main__":
+    main()
