@@ -67,4 +67,5 @@ def _deviations(stages: Stages, pose: ca.SX, frame: str, limited: tuple[int, ...
         across, cosine = ca.cross(ca.DM.eye(3)[:, axis], turned[:, axis]), turned[axis, axis]
     sine = ca.sqrt(ca.sumsqr(across) + 1e-20)  # differentiable where there is no deviation
     deviations = ca.vertcat(back @ (origin - pose[9:]), across * ca.atan2(sine, cosine) / sine)
-    return ca.vertcat(*(deviations[k] for k in limited))
+    column: ca.SX = ca.vertcat(*(deviations[k] for k in limited))
+    return column

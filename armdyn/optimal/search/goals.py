@@ -110,8 +110,7 @@ def _apart(goals: Sequence[_Screened], distinct: float) -> list[_Screened]:
     """Goals without those of which no joint is further off than so much [rad or m] from one before."""
     kept: list[_Screened] = []
     for one in goals:
-        away = (np.subtract(one.branch.q_goal, other.branch.q_goal) for other in kept)
-        if all(np.max(np.abs(each)) > distinct for each in away):
+        if all(np.max(np.abs(one.tried.q - other.tried.q)) > distinct for other in kept):
             kept.append(one)
     return kept
 
@@ -119,8 +118,7 @@ def _apart(goals: Sequence[_Screened], distinct: float) -> list[_Screened]:
 def _tried(task: Task) -> _Screened:
     """One coarse solve from the straight way; no duration: it did not converge, or was not begun."""
     if not task.policy.strategy.curves_alone:
-        guess, intervals = spline(task.problem, []), task.meshes[0]
-        attempt = solve_on_mesh(task, guess, intervals, task.coarse()[-1])
+        attempt = solve_on_mesh(task, spline(task.problem, []), task.meshes[0], task.coarse()[-1])
         return _Screened(task.problem, attempt.trajectory.duration if attempt.usable else np.inf)
     guess = straight_curve(task, task.policy.curves.coarse)
     with suppress(LateError):
