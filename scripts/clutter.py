@@ -42,32 +42,11 @@ def arm(name: str) -> ad.Robot:
     return ad.Robot.from_library(name, **ARMS[name])
 
 
-def read(path: Path) -> Any:
-    """What a YAML file says."""
-    return yaml.load(path.read_text(), yaml.CSafeLoader)
-
-
-def obstacles_of(scene: dict[str, Any]) -> tuple[ad.Box | ad.Cylinder, ...]:
-    """Boxes and cylinders of a MoveIt scene."""
-    out = []
-    for thing in scene["world"]["collision_objects"]:
-        for shape, pose in zip(thing["primitives"], thing["primitive_poses"], strict=True):
-            x, y, z, w = pose["orientation"]
-            at = pin.SE3(pin.Quaternion(w, x, y, z).normalized().matrix(), np.array(pose["position"]))
-            if shape["type"] == "box":
-                out.append(ad.Box(shape["dimensions"], at.homogeneous, name=thing["id"]))
-            else:
-                height, radius = shape["dimensions"]
-                along = at.rotation[:, 2] * height / 2
-                out.append(ad.Cylinder(at.translation - along, at.translation + along, radius, name=thing["id"]))
-    return tuple(out)
-
-
 def problem_of(folder: Path, name: str, k: int) -> ad.MinimumTimeProblem:
     """Problem number k of a set."""
     robot = arm(name.rsplit("_", 1)[1])
-    request = read(folder / name / f"request{k:04d}.yaml")
-    obstacles = obstacles_of(read(folder / name / f"scene{k:04d}.yaml"))
+    request = yaml.load((folder / name / f"request{k:04d}.yaml").read_text(), yaml.CSafeLoader)
+    obstacles = ad.load_scene(folder / name / f"scene{k:04d}.yaml").obstacles
     state = request["start_state"]["joint_state"]
     start = dict(zip(state["name"], state["position"], strict=True))
     goal = {one["joint_name"]: one["position"] for one in request["goal_constraints"][0]["joint_constraints"]}
@@ -200,7 +179,7 @@ def solved(folder: Path, name: str, k: int) -> dict[str, Any]:
     row |= {"bound": solution.lower_bound, "sure": clearance is not None and clearance.sure}
     if not solution.usable:
         row["why"] = solution.message
-    free = ad.solve_minimum_time(problem.variant(obstacles=(), self_collision=False))
+    free = ad.solve_minimum_time(problem.variant(obstacles=(), self_collision=False, allowed_contacts=()))
     row["free"] = free.duration if free.usable else None
     if solution.usable:
         model = Meshes(problem.robot, problem.obstacles, problem.collision_model().pairs)
