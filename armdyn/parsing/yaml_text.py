@@ -11,7 +11,7 @@ from armdyn.files import read_bounded
 MAX_BYTES = 8 * 2**20
 """A file that is larger is not read [bytes]: a mesh of 30,000 triangles in it, seconds of work."""
 _DEPTH = 40
-_MOST_NODES = 2_000_000
+_MOST_NODES = 1_000_000
 """Scalars, lists and tables, one behind many references as often as it is referred to."""
 
 
@@ -27,15 +27,20 @@ def read_yaml(path: str | os.PathLike[str]) -> Any:
     data, loader = read_bounded(path, MAX_BYTES), getattr(yaml, "CBaseLoader", yaml.BaseLoader)
     try:
         depth = 0
-        for event in yaml.parse(data, loader):  # the depth first: what composes nodes is recursive
+        for count, event in enumerate(yaml.parse(data, loader)):  # first: composing is recursive, and takes memory
+            if count > _MOST_NODES:
+                raise ProblemError(f"{path}: more than {_MOST_NODES} values")
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if depth > _DEPTH:
                 raise ProblemError(f"{path}: lists and tables lie deeper than {_DEPTH}")
-        content = yaml.load(data, loader)  # noqa: S506  # the base loader makes texts, lists and dictionaries alone
+        documents = [one for one in yaml.load_all(data, loader) if one]  # texts, lists and dictionaries
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         if isinstance(error, ProblemError):
             raise
         raise ProblemError(f"{path}: not YAML ({' '.join(str(error).split())[:200]})") from None
+    if len(documents) > 1:
+        raise ProblemError(f"{path}: {len(documents)} documents; it must be one (ros2 topic echo --once)")
+    content = documents[0] if documents else {}
     left, todo = _MOST_NODES, [(content, 0)]
     while todo:
         node, depth = todo.pop()

@@ -74,7 +74,7 @@ def test_version_does_without_rich():
 
 def test_completion_does_without_the_sciences():
     there, said = loaded(_ARMDYN_COMPLETE="complete_bash", COMP_WORDS="armdyn mintime --pay", COMP_CWORD="2")
-    assert said.split() == ["--payload", "--payload-frame", "--payload-com"]
+    assert said.split() == ["--payload", "--payload-frame", "--payload-com", "--payload-shape"]
     assert not there & set(HEAVY)
 
 

@@ -82,7 +82,6 @@ def motion_of(robot: ad.Robot, file: Path) -> Trajectory:
 
     Raises:
         TrajectoryError: it cannot be read, or is of another robot.
-        MissingPackageError: it is YAML, and PyYAML is not installed.
     """
     if is_own(file):
         return Trajectory.load(file)

@@ -4,10 +4,18 @@ The hull of a mesh's surface on one side of a plane contains the surface there, 
 that the parts contain the mesh by construction. The hulls of V-HACD leave parts of a UR5's surface 18 mm outside.
 """
 
+import hashlib
+import io
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from armdyn.codegen.cache import cache_directory, protected
+from armdyn.errors import ArmdynError, SettingError
+from armdyn.files import read_sealed, write_sealed
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
@@ -24,6 +32,8 @@ _PLANES = 12
 """Places tried along each axis."""
 _THICKNESS = 1e-4
 """Of a part that is flat [m]: a hull must have a volume."""
+_LARGEST = 2**24
+"""Bytes of stored parts that are read at most."""
 _DIRECTIONS = np.random.default_rng(0).normal(size=(64, 3))
 """The hull of a surface's farthest points in these directions has most of its volume, at a tenth of the time."""
 
@@ -31,10 +41,28 @@ _DIRECTIONS = np.random.default_rng(0).normal(size=(64, 3))
 def convex_parts(mesh: Any) -> list[Array]:
     """Corners of convex solids that together contain a mesh, each of shape (m, 3) [m]; its hull alone if it is convex.
 
+    They are stored in the cache folder, if it is protected: cutting an arm's meshes takes seconds.
+
     Args:
         mesh: of trimesh.
     """
-    whole: Surface = (np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces))
+    surface: Surface = (np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=np.int64))
+    content = b"".join((Path(__file__).read_bytes(), *(part.tobytes() for part in surface)))  # other code, other parts
+    try:
+        place = protected(cache_directory() / "convex_parts") / f"{hashlib.sha256(content).hexdigest()}.npz"
+    except (OSError, SettingError):
+        return _cut(mesh, surface)
+    if (stored := read_sealed(place, _LARGEST)) is not None:
+        with np.load(io.BytesIO(stored), allow_pickle=False) as arrays:
+            return [arrays[name] for name in arrays.files]
+    parts, packed = _cut(mesh, surface), io.BytesIO()
+    np.savez(packed, *parts)
+    with suppress(OSError, ArmdynError):  # a full disk
+        write_sealed(place, packed.getvalue())
+    return parts
+
+
+def _cut(mesh: Any, whole: Surface) -> list[Array]:
     saved = _SAVED * _volume(whole[0])
     parts = cut_where_it_saves(whole, saved)
     if mesh.is_watertight and sum(_volume(part[0]) for part in parts) > _LOOSE * mesh.volume:

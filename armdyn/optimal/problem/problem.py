@@ -39,7 +39,7 @@ from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
 from armdyn.optimal.problem.planning_limits import Reserve, resolved_limits
 from armdyn.optimal.problem.robot_tables import robot_table
 from armdyn.optimal.problem.turns import endless, ways_round
-from armdyn.parsing.toml import to_toml
+from armdyn.parsing.toml import MAX_BYTES, to_toml
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called, several_numbers
 from armdyn.trajectory import Trajectory
@@ -240,7 +240,7 @@ class MinimumTimeProblem:
 
         Raises:
             SpecError: the robot is of Pinocchio's model, or was changed by hand.
-            ProblemError: a condition has no text, see `PathConstraint.option_text`.
+            ProblemError: a condition has no text, see `PathConstraint.option_text`; or the text is larger than is read.
         """
         given = {}
         for own in fields(self):
@@ -250,9 +250,14 @@ class MinimumTimeProblem:
                 given[own.name] = _plain(value)
         if isinstance(self.effort_limit, tuple) and len(self.effort_limit) == 2:
             given["effort_limit"] = [np.broadcast_to(end, self.robot.nv).tolist() for end in self.effort_limit]
-        return to_toml(
-            {"robot": robot_table(self.robot, None if folder is None else path(folder, "folder")), "problem": given}
-        )
+        robot = robot_table(self.robot, None if folder is None else path(folder, "folder"))
+        text = to_toml({"robot": robot, "problem": given})
+        if (size := len(text.encode())) > MAX_BYTES:
+            raise ProblemError(
+                f"the problem file would have {size} bytes, and {MAX_BYTES} are read: write large meshes and point "
+                "clouds as obstacles with a file of their own (docs/obstacles.md)"
+            )
+        return text
 
     def beside_goal(self, motion: Trajectory) -> Array:
         """How far a motion's last state (q, v) is from the goal's, shape (2 nv,)."""
@@ -372,7 +377,12 @@ def _is_default(value: object, default: object) -> bool:
 def _plain(value: Any) -> Any:
     """A field's value in numbers, texts, lists and tables."""
     if isinstance(value, GoalPose):
-        return {"frame": value.frame, **pose_entry(value.pose.homogeneous, turned=value.oriented)}
+        region = {"free": list(value.free), "tolerance": list(value.tolerance)}
+        return {
+            "frame": value.frame,
+            **pose_entry(value.pose.homogeneous, turned=np.ndim(value.placement) == 2),
+            **{name: entries for name, entries in region.items() if entries},
+        }
     if isinstance(value, Obstacle):
         return obstacle_entry(value)
     if isinstance(value, PathConstraintSpec):

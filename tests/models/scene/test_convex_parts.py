@@ -6,6 +6,7 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull
 
+from armdyn.models.scene import convex_parts as cutting
 from armdyn.models.scene.bodies import bodies
 from armdyn.models.scene.convex_parts import convex_parts
 from oracles import robot_named
@@ -53,3 +54,16 @@ def test_a_ur5_has_few_parts():
     own = bodies(robot_named("ur5"))
     meshes = [body for body in own if isinstance(body.geometry, coal.ConvexBase)]
     assert len({body.name for body in meshes}) == 7 and len(meshes) == 12
+
+
+def test_parts_are_cut_once(tmp_path, monkeypatch):
+    monkeypatch.setenv("ARMDYN_CACHE", str(tmp_path))
+    ring = trimesh.creation.annulus(0.08, 0.1, 0.2)
+    parts = cutting.convex_parts(ring)
+    (file,) = (tmp_path / "convex_parts").iterdir()
+    monkeypatch.setattr(cutting, "_cut", lambda *given: [])
+    again = cutting.convex_parts(ring)
+    assert len(parts) == len(again) > 1 and all(map(np.array_equal, parts, again))
+    assert cutting.convex_parts(trimesh.creation.annulus(0.08, 0.1, 0.21)) == []  # another mesh
+    file.write_bytes(file.read_bytes()[:-1])
+    assert cutting.convex_parts(ring) == []  # a damaged file is not read

@@ -12,6 +12,7 @@ from armdyn.errors import ProblemError
 from armdyn.models.scene import mesh as module
 from armdyn.models.scene.collision import collision_model
 from armdyn.models.scene.obstacles import Box, Group, Mesh, Sphere, load_obstacles, obstacle_entry, obstacle_from
+from armdyn.models.scene.proof_of_clearance import prove_clearance
 from armdyn.show.visuals import obstacle_shapes
 
 
@@ -135,3 +136,17 @@ def test_files_that_are_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "_MAX_BYTES", 200)
     with pytest.raises(ProblemError, match="larger than 200 bytes"):
         Mesh.from_file(tmp_path / "shelf.stl")
+
+
+def test_clearances_from_a_mesh_are_proven():
+    robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
+    ring = trimesh.creation.annulus(0.53, 0.55, 0.2, sections=24).apply_transform(
+        trimesh.transformations.rotation_matrix(np.pi / 2, (1, 0, 0))
+    )
+    around = Mesh.from_triangles(ring.vertices, ring.faces, name="ring")
+    model, motion = collision_model(robot, (around,), False), ad.ramp(robot, [-1.0, 0.3], [1.0, -0.2], 1.0)
+    proof = prove_clearance(model, motion, 0.005)
+    sampled = min(model.distances(q).min() for q in motion(np.linspace(0, 1, 300)).q)
+    assert proof.nearest.sure and proof.nearest.other == "ring" and not proof.missed
+    assert proof.nearest.distance == pytest.approx(sampled, abs=2e-3)  # what the arm moves between samples
+    assert len(around.parts) > 8 and proof.nearest.distance < 0.2  # the hull of a ring would be full

@@ -137,3 +137,17 @@ def test_a_pose_inside_a_cloud_is_refused_by_its_name():
     cloud = PointCloud(noisy_table() / 4, 0.02, name="camera 1")
     with pytest.raises(ProblemError, match=r"at the start, 'link\d' is .* mm inside 'camera 1'"):
         ad.MinimumTimeProblem(robot, q_start=[0.0, 0.0], q_goal=[1.0, 0.0], obstacles=[cloud])
+
+
+def test_a_problem_file_that_would_be_too_large_is_not_written(tmp_path):
+    robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
+    wall = np.array(np.meshgrid(2.0, np.arange(-1, 1, 0.01), np.arange(-1, 1, 0.01))).reshape(3, -1).T
+    cloud = PointCloud(wall, 0.01)
+    problem = ad.MinimumTimeProblem(robot, q_start=[0, 0], q_goal=[1, 0], obstacles=[cloud])
+    with pytest.raises(ProblemError, match=r"would have \d+ bytes, and 262144 are read"):
+        problem.to_toml()
+    np.save(tmp_path / "wall.npy", wall)
+    told = problem.variant(obstacles=()).to_toml()
+    told += '[[problem.obstacles]]\ntype = "point cloud"\nname = "point cloud"\nfile = "wall.npy"\nsize = 0.01\n'
+    (tmp_path / "problem.toml").write_text(told)
+    assert ad.read_problem(tmp_path / "problem.toml").obstacles == (cloud,)

@@ -68,6 +68,12 @@ def test_shapes_of_a_planning_scene(tmp_path):
     assert corners[-1] == (0, 0, 0.1) and np.linalg.norm(corners[0]) > np.hypot(0.1, 0.1)
 
 
+def test_a_message_as_it_is_echoed(tmp_path):
+    path = written(tmp_path, BALL)
+    path.write_text(path.read_text() + "---\n")
+    assert [one.name for one in ad.load_scene(path).obstacles] == ["ball"]
+
+
 def test_allowed_contacts(tmp_path):
     matrix = {
         "entry_names": ["link1", "can", "elsewhere"],
@@ -157,8 +163,9 @@ def test_hostile_yaml(tmp_path):
         ("world: !!python/object/apply:os.system [touch hacked]", "no planning scene"),
         ("", "no planning scene"),
         ("a: 1", "no planning scene"),
-        ("a: 1\n---\nb: 2", "not YAML"),
+        ("a: 1\n---\nb: 2", "2 documents"),
         (f"# {'x' * 2**23}", "larger than"),
+        (f"[{'1,' * 1_000_001}]", "more than 1000000 values"),
     ):
         path.write_text(text)
         with pytest.raises(ArmdynError, match=says):
