@@ -11,7 +11,7 @@ from armdyn.files import read_bounded
 MAX_BYTES = 8 * 2**20
 """A file that is larger is not read [bytes]: a mesh of 30,000 triangles in it, seconds of work."""
 _DEPTH = 40
-_MOST_NODES = 2_000_000
+_MOST_NODES = 1_000_000
 """Scalars, lists and tables, one behind many references as often as it is referred to."""
 
 
@@ -27,7 +27,9 @@ def read_yaml(path: str | os.PathLike[str]) -> Any:
     data, loader = read_bounded(path, MAX_BYTES), getattr(yaml, "CBaseLoader", yaml.BaseLoader)
     try:
         depth = 0
-        for event in yaml.parse(data, loader):  # the depth first: what composes nodes is recursive
+        for count, event in enumerate(yaml.parse(data, loader)):  # first: composing is recursive, and takes memory
+            if count > _MOST_NODES:
+                raise ProblemError(f"{path}: more than {_MOST_NODES} values")
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if depth > _DEPTH:
                 raise ProblemError(f"{path}: lists and tables lie deeper than {_DEPTH}")

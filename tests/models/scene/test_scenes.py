@@ -165,6 +165,7 @@ def test_hostile_yaml(tmp_path):
         ("a: 1", "no planning scene"),
         ("a: 1\n---\nb: 2", "2 documents"),
         (f"# {'x' * 2**23}", "larger than"),
+        (f"[{'1,' * 1_000_001}]", "more than 1000000 values"),
     ):
         path.write_text(text)
         with pytest.raises(ArmdynError, match=says):
