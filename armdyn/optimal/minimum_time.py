@@ -84,8 +84,11 @@ def solve_task(task: Task, seconds: float | None = None) -> Solution:
     check_pace(problem)
     if problem.goal_pose is not None or len(problem.goals) > 1:
         return _fastest_goal(task)
-    limit = task.options.time_limit if seconds is None else seconds
-    with stopping(limit) as stop, _bounded(replace(task, stop=stop)) as task:
+    limit, numbers = task.options.time_limit if seconds is None else seconds, task.policy.landing
+    with (
+        stopping(limit - min(numbers.check_part * limit, numbers.check_time)) as stop,
+        _bounded(replace(task, stop=stop)) as task,
+    ):
         optima, found = refined(task)
         bound = task.lower_bound()
     elapsed = time.perf_counter() - started
@@ -161,14 +164,15 @@ def _fastest_goal(task: Task) -> Solution:
     started, problem, options, numbers = time.perf_counter(), task.problem, task.options, task.policy.goals
     until = started + options.time_limit
     task = replace(task, stop=Stop(until))
-    branches, tried = screened(task)
+    tasks, tried = screened(task)
     solutions: list[Solution] = []
-    for i, branch in enumerate(branches):
+    for i, branch in enumerate(tasks):
         if solutions and (task.stop or solutions[-1].status is Status.INTERRUPTED):
             break
-        task.progress(f"goal {i + 1} of the {len(branches)} best")
-        solutions.append(solve_task(task.about(branch), max(until - time.perf_counter(), 1e-3)))
-        tried[i] = GoalTried(tried[i].q, solutions[-1].duration if solutions[-1].success else np.inf, refined=True)
+        task.progress(f"goal {i + 1} of the {len(tasks)} best")
+        solutions.append(solve_task(branch, max(until - time.perf_counter(), 1e-3)))
+        found = solutions[-1].duration if solutions[-1].success else np.inf
+        tried[i] = GoalTried(np.asarray(branch.problem.q_goal), found, refined=True)
     best = min(solutions, key=lambda solution: (not solution.success, not solution.moves, solution.duration))
     if problem.goal_pose is not None and best.status is Status.SOLVED:
         best = slid_end(best, problem.goal_pose, numbers, partial(_near, task, until))

@@ -148,9 +148,10 @@ def _arguments(table: Table, robot: Robot) -> dict[str, Any]:
         given["effort_limit"] = tuple(limit)  # (lower, upper)
     if "goal_pose" in given:
         pose = table.table("goal_pose")
-        pose.only(("frame", "position", "quaternion", "rpy"))
+        pose.only(("frame", "position", "quaternion", "rpy", "free", "tolerance"))
         at, quaternion, rpy = (pose.values.get(key) for key in ("position", "quaternion", "rpy"))
         at = () if at is None else at
         placed = at if quaternion is None and rpy is None else pose_of(at, quaternion, rpy, "goal_pose")
-        given["goal_pose"] = GoalPose(pose.values.get("frame", robot.tip), placed)
+        region = {key: pose.values.get(key, ()) for key in ("free", "tolerance")}
+        given["goal_pose"] = GoalPose(pose.values.get("frame", robot.tip), placed, **region)
     return given

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import armdyn as ad
@@ -76,7 +76,7 @@ class GoalOptions:
 
     Attributes:
         poses: as joint positions.
-        goal_pose: instead of a goal as joint positions.
+        goal_pose: instead of a goal as joint positions; goal_free, goal_tolerance: the region around it.
         v_start: velocities at the start, as text; v_goal: at the goal.
         wrap: goals of endless joints count modulo 2π.
     """
@@ -88,6 +88,14 @@ class GoalOptions:
         "FRAME:X,Y,Z[,QX,QY,QZ,QW]",
         "Instead of --q-goal: where a frame ends in the world \\[m], with its orientation as a quaternion if "
         "that matters. Inverse kinematics find the joint positions; the fastest to reach of several is kept.",
+    )
+    goal_free: str | None = option(
+        "AXIS,…",
+        "Directions in which --goal-pose is free, of x, y, z, rx, ry, rz along its own axes: rz lets a tool turn about "
+        "its z axis. The fastest end is chosen.",
+    )
+    goal_tolerance: str | None = option(
+        "X,Y,Z,RX,RY,RZ", "How far the end may be from --goal-pose either way, along and about its own axes \\[m, rad]."
     )
     v_start: str | None = option("V,V,…", "Joint velocities at the start \\[rad/s]; by default it is at rest.")
     v_goal: str | None = option("V,V,…", "At the goal, like --v-start.")
@@ -107,7 +115,13 @@ class GoalOptions:
         """
         if self.goal_pose is not None and self.poses.q_goal is not None:
             raise ProblemError("--q-goal and --goal-pose both say where to: give one of them")
+        if self.goal_pose is None and (self.goal_free or self.goal_tolerance):
+            raise ProblemError("--goal-free and --goal-tolerance belong to --goal-pose, which is not given")
         goal = None if self.goal_pose is None else goal_pose_of(self.goal_pose)
+        if goal is not None:
+            free = tuple(part.strip() for part in self.goal_free.split(",")) if self.goal_free else ()
+            within = numbers(self.goal_tolerance, "--goal-tolerance") if self.goal_tolerance else ()
+            goal = replace(goal, free=free, tolerance=tuple(within))
         return {
             "q_start": self.poses.start(robot, name, "minimum_time"),
             "q_goal": self.poses.goal(robot, name, "minimum_time") if goal is None else None,

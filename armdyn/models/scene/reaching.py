@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.arguments import text
+from armdyn.arguments import number, numbers, shown, text
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
@@ -23,6 +23,7 @@ REACHED = 1e-9
 """Error of a pose [m and rad] that counts as none: far below any encoder's, far above rounding."""
 _DEPENDENT = 1e-6
 """Singular values of a frame's Jacobian below this share of the greatest: joints that move together leave it there."""
+_DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 _DISTINCT = 0.3
 """Solutions of which no joint is further off than this [rad or m] are one branch."""
 
@@ -30,27 +31,56 @@ _DISTINCT = 0.3
 @brief
 @dataclass(frozen=True)
 class GoalPose:
-    """Where a frame of an arm is to be.
+    """Where a frame of an arm is to be: at a pose, or in a region around it.
+
+    Deviations are measured along the axes of `placement`: of the position [m], and of the orientation as a rotation
+    vector [rad]. With one free rotation it is the vector of the turn that brings that axis to the frame's.
 
     Attributes:
         frame: its name; a link or a joint of the URDF.
         placement: in the world: a pose, shape (4, 4) or `pin.SE3`, or a position [m], shape (3,), which leaves
             the orientation open (a planar arm cannot choose it). Kept as rows of numbers.
+        free: directions without a limit: of "x", "y", "z", "rx", "ry", "rz", with one rotation or all three. ("rz",)
+            lets a tool turn about its own z axis.
+        tolerance: largest deviation either way along and about x, y, z [m, rad], six numbers; () stands for zeros.
     """
 
     frame: str
     placement: Placement
+    free: tuple[str, ...] = ()
+    tolerance: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         text(self.frame, "frame of a goal pose")
         pose = homogeneous(self.placement, f"placement of the goal pose of {self.frame!r}")
         rows = pose[:3, 3].tolist() if np.shape(self.placement) == (3,) else map(tuple, pose.tolist())
         object.__setattr__(self, "placement", tuple(rows))
+        object.__setattr__(self, "free", _free_of(self.free, self.placement))
+        object.__setattr__(self, "tolerance", _tolerance_of(self.tolerance, self.free, self.placement))
+
+    @property
+    def deviations(self) -> Array:
+        """Largest deviations along and about x, y, z [m, rad], shape (6,); inf where they are free."""
+        most = np.array(self.tolerance or (0.0,) * 6)
+        most[[_DIRECTIONS.index(name) for name in self.free]] = np.inf
+        most[3:] = np.inf if np.ndim(self.placement) == 1 else most[3:]
+        return most
 
     @property
     def oriented(self) -> bool:
         """Whether it says an orientation, too."""
-        return np.ndim(self.placement) == 2
+        return not np.all(np.isinf(self.deviations[3:]))
+
+    @property
+    def axis(self) -> int | None:
+        """Number of the axis about which the frame may turn; None: it may not, or about any."""
+        turns = np.flatnonzero(np.isinf(self.deviations[3:]))
+        return int(turns[0]) if turns.size == 1 else None
+
+    @property
+    def exact(self) -> bool:
+        """Whether it has neither tolerances nor free directions, but perhaps a free orientation."""
+        return not (self.free or any(self.tolerance))
 
     @property
     def pose(self) -> pin.SE3:
@@ -121,6 +151,8 @@ def free_directions(robot: Robot, goal: GoalPose, q: Array) -> Array:
         q: joint positions that reach it [rad or m], shape (nv,).
     """
     _, jacobian = _error(robot, goal, robot.frame(goal.frame), robot.model.createData(), q)
+    if not np.any(jacobian):  # in the midst of a region
+        return np.eye(robot.nv)
     _, sizes, rows = np.linalg.svd(jacobian)
     rank = int(np.sum(sizes > _DEPENDENT * sizes[0]))
     return np.asarray(rows[rank:].T)
@@ -133,16 +165,72 @@ def slid(robot: Robot, goal: GoalPose, q: Array, step: Array, limits: JointLimit
 
 
 def _error(robot: Robot, goal: GoalPose, frame: pin.Frame, data: pin.Data, q: Array) -> tuple[Array, Array]:
-    """The frame's pose error in its own axes [m, rad], and its Jacobian by q."""
+    """How far a frame is from its goal or its region [m, rad], and the Jacobian of the way there by q."""
     model = robot.model
     pin.computeJointJacobians(model, data, robot.configuration(q))
     here = data.oMi[frame.parentJoint] * frame.placement
     jacobian = pin.getJointJacobian(model, data, frame.parentJoint, pin.ReferenceFrame.LOCAL)
     jacobian = frame.placement.toActionMatrixInverse() @ jacobian
+    if not goal.exact:
+        return _outside(goal, goal.pose.actInv(here), jacobian)
     if goal.oriented:
         off = here.actInv(goal.pose)
         return pin.log6(off).vector, pin.Jlog6(off.inverse()) @ jacobian
     return here.actInv(goal.pose.translation), jacobian[:3]
+
+
+def _outside(goal: GoalPose, off: pin.SE3, jacobian: Array) -> tuple[Array, Array]:
+    """Deviations beyond a region, with the sign that leads back; rows of those within it are zero.
+
+    Args:
+        goal: the region.
+        off: the frame's placement in that of the goal.
+        jacobian: of the frame in its own axes, shape (6, nv).
+    """
+    turned = jacobian[3:]
+    if goal.axis is None:
+        vector, by = pin.log3(off.rotation), pin.Jlog3(off.rotation) @ turned
+    else:
+        axis = np.eye(3)[goal.axis]
+        vector = swing(axis, off.rotation @ axis)
+        # Exact where the axes agree, and near enough elsewhere for a method that compares errors.
+        by = (np.eye(3) - np.outer(axis, axis)) @ off.rotation @ turned
+    deviation, most = np.concatenate([off.translation, vector]), goal.deviations
+    error = np.clip(deviation, -most, most) - deviation
+    rows = np.vstack([off.rotation @ jacobian[:3], by])
+    return error, np.where((np.abs(deviation) >= most - REACHED)[:, None], rows, 0.0)
+
+
+def swing(axis: Array, turned: Array) -> Array:
+    """Rotation vector of the shortest turn from one direction to another [rad], shape (3,)."""
+    across = np.cross(axis, turned)
+    sine = float(np.linalg.norm(across))
+    return across * (np.arctan2(sine, axis @ turned) / sine if sine > 0 else 1.0)
+
+
+def _free_of(free: object, placement: Placement) -> tuple[str, ...]:
+    if not isinstance(free, tuple | list) or not all(name in _DIRECTIONS for name in free):
+        raise ProblemError(f"free is {shown(free)}; it is a tuple of some of {', '.join(_DIRECTIONS)}")
+    names = tuple(free)
+    turns = {name for name in names if name.startswith("r")}
+    if len(turns) == 2 or (turns and np.ndim(placement) == 1):
+        raise ProblemError("a goal pose has one free rotation or three, and a position alone has none to be named")
+    return tuple(name for name in _DIRECTIONS if name in names)
+
+
+def _tolerance_of(tolerance: object, free: tuple[str, ...], placement: Placement) -> tuple[float, ...]:
+    values = tuple(
+        number(value, "a tolerance of a goal pose", sign="not negative")
+        for value in numbers(tolerance, "tolerance of a goal pose").tolist()
+    )
+    if len(values) not in (0, 6):
+        raise ProblemError(f"the tolerance of a goal pose has {len(values)} numbers; it takes x, y, z, rx, ry, rz")
+    if any(values[3:]) and np.ndim(placement) == 1:
+        raise ProblemError("the goal pose is a position: its tolerance is of x, y, z alone, with zeros for rotations")
+    both = [name for name, value in zip(_DIRECTIONS, values, strict=False) if value and name in free]
+    if both:
+        raise ProblemError(f"{both[0]} of a goal pose is free and has a tolerance: give one of these")
+    return values if any(values) else ()
 
 
 def _approach(robot: Robot, goal: GoalPose, frame: pin.Frame, start: Array, limits: JointLimits) -> tuple[Array, Array]:

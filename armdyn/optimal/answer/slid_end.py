@@ -30,7 +30,13 @@ def slid_end(
     for _ in range(numbers.end_solves):
         q = best.problem.x_goal[: best.problem.robot.nv]
         missed = transversality(best.problem, goal, q, best.phases)
-        if best.phases is None or missed is None or missed <= TRANSVERSALITY_TOLERANCE / 10 or step < numbers.end_least:
+        if (
+            best.phases is None
+            or missed is None
+            or missed == np.inf
+            or missed <= TRANSVERSALITY_TOLERANCE / 10
+            or step < numbers.end_least
+        ):
             break
         slope = end_gradient(best.problem.robot, goal, q, best.phases)
         steepest = float(np.linalg.norm(slope))

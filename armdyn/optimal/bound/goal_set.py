@@ -3,8 +3,10 @@
 A frame is at its goal if the chain of joints closes: with the chain cut at a joint between, R_A, p_A the placement of
 that joint in the world, R_B, p_B the frame's in it, and R, p the goal's,
 
-    R_Aᵀ (p − p_A) = p_B    and, with an orientation,    R_A = R R_Bᵀ.
+    R_Aᵀ (p − p_A) = p_B    and, with an orientation,    R_A = R R_Bᵀ,
 
+or R_Aᵀ R e = R_B e where the frame may turn about its axis e. In a region around the goal, p is off by the length of
+its largest deviations at most, and a direction by the angle of its own: by so much the equations may be violated.
 No term has joints of both halves, which leaves affine forms a small part of the second-order terms that the whole
 chain has. Over a box every equation is c + Σ s_k ε_k ± r = 0; combinations of them, such as those that solve for one
 joint, narrow the box or leave nothing of it (R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval
@@ -62,7 +64,7 @@ class GoalSet:
 
     @cached_property
     def levers(self) -> Array:
-        """How far, roughly, each joint moves the frame [m/rad or 1] or turns it [1], shape (nv,): what is cut first."""
+        """Rough distance that each joint moves the frame [m/rad or 1] or turns it [1], shape (nv,)."""
         robot, levers = self.dynamics.robot, np.zeros(self.dynamics.nv)
         beyond, offset = float(self.goal.oriented), robot.frame(self.goal.frame).placement.translation
         for joint in reversed(_chain(robot, self.goal)):
@@ -72,7 +74,7 @@ class GoalSet:
         return levers
 
     def times(self, boxes: Interval) -> Array:
-        """What every joint needs at its greatest speed to enter a box [s], rounded down, shape (boxes, nv)."""
+        """Time of every joint at its greatest speed to enter a box [s], rounded down, shape (boxes, nv)."""
         away = (boxes - Interval.at(self.q_start)).mignitude
         return np.maximum(down(away / self.velocity), 0.0)
 
@@ -109,7 +111,7 @@ class GoalSet:
             order = np.argsort(np.max(self.times(boxes), axis=1), kind="stable")
             now, later = boxes[order[:_BATCH]], boxes[order[_BATCH:]]
             examined += len(now.lower)
-            now = narrowed(now, closing(Affine.over(now.turned((1, 0)))), self.policy)
+            now = narrowed(now, self._widened(closing(Affine.over(now.turned((1, 0))))), self.policy)
             now = now[np.max(self.times(now), axis=1) < duration]
             reach = (now.upper - now.lower) * levers
             wide = np.max(reach, axis=1, initial=0.0) > small
@@ -127,12 +129,21 @@ class GoalSet:
 
     def closure_over(self, box: Interval) -> Affine:
         """The equations over one box, shape (nv,), as affine forms that hold zero where the frame is at its goal."""
-        forms = _closure(self.dynamics, self.goal)(Affine.over(box[:, None]))
+        forms = self._widened(_closure(self.dynamics, self.goal)(Affine.over(box[:, None])))
         return Affine(forms.centre, forms.slopes, forms.rest + _TOLERANCE)
+
+    def _widened(self, forms: Affine) -> Affine:
+        """Equations that hold everywhere in the region, by what they may be violated there."""
+        if self.goal.exact:
+            return forms
+        most = self.goal.deviations
+        sizes = np.linalg.norm(most[:3]), np.linalg.norm(most[3:][np.isfinite(most[3:])])
+        by = np.where(np.arange(len(forms.rest)) < 3, *sizes)
+        return Affine(forms.centre, forms.slopes, forms.rest + by.reshape(-1, *(1,) * (forms.rest.ndim - 1)))
 
 
 def narrowed(boxes: Interval, forms: Affine, numbers: BoundPolicy) -> Interval:
-    """What is left of boxes where equations hold: those without any such point are dropped.
+    """Boxes narrowed to where equations may hold; boxes without such a point are dropped.
 
     Args:
         boxes: shape (boxes, nv).
@@ -225,6 +236,9 @@ def _closure(dynamics: Dynamics, goal: GoalPose) -> LevelledFunction:
     back = ca.SX(fixed[:, :3].T.copy())
     rotation, origin = back @ rotation, back @ (origin - fixed[:, 3])
     rows = [inner[:, :3].T @ (goal.pose.translation - inner[:, 3]) - origin]
-    if goal.oriented:
+    if goal.axis is not None:
+        axis = ca.SX.eye(3)[:, goal.axis]
+        rows.append(inner[:, :3].T @ (ca.SX(goal.pose.rotation.copy()) @ axis) - rotation @ axis)
+    elif goal.oriented:
         rows.append(ca.vec(inner[:, :3] - ca.SX(goal.pose.rotation.copy()) @ rotation.T))
     return LevelledFunction.of(ca.Function("closure", [q], [ca.cse(ca.densify(ca.vertcat(*rows)))]))

@@ -32,9 +32,12 @@ def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: Stop) -> tuple[
         stop: polled now and then; once it is true, the bound that is proven so far is returned.
 
     Returns:
-        The bound [s], the joint that decides it, and the bound by velocity limits alone [s]; 0 says nothing.
+        The bound [s], the joint that decides it, and the bound by velocity limits alone [s]; 0 says nothing, as where
+        the position is free along an axis.
     """
     numbers, pose = leg.policy, expect(problem.goal_pose, GoalPose, "goal_pose")
+    if not np.all(np.isfinite(pose.deviations[:3])):
+        return 0.0, 0, 0.0  # a position that is free along an axis closes no chain
     goals = GoalSet(leg.dynamics, pose, leg.q_start, leg.velocity, leg.position, numbers)
     near = min((replace(leg, q_goal=Interval.at(q)) for q in problem.goals), key=lambda one: one.shortest)
     kinematic = _kinematic(goals, near.shortest, stop)
@@ -70,7 +73,7 @@ def _kinematic(goals: GoalSet, near: float, stop: Stop) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Region:
-    """Some boxes that touch, and what is proven of all goals in them.
+    """Boxes that touch, and a duration bound proven for all goals in them.
 
     Attributes:
         bound: lower bound on the duration [s], and the joint that decides it.

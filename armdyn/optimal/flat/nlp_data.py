@@ -12,6 +12,7 @@ from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.equations import POINTS, CurveInterval
 from armdyn.optimal.flat.program import CurveLayout
 from armdyn.optimal.path_constraints.constraint import Knots, PathConstraint
+from armdyn.optimal.path_constraints.goal_region import GoalRegion
 from armdyn.optimal.path_constraints.rows import Rows, RowValues, spread
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -126,7 +127,7 @@ def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout
         lower[shape.duration(k)] = max(float(problem.leg_bounds()[k]), 1e-3 * leg.duration)
         x[points], x[shape.duration(k)] = leg.points, leg.duration
         x[torques] = np.clip(leg.torques(problem.robot, s.ravel()) / half, _CAUTIOUS * least, _CAUTIOUS * most)
-        _fix_ends(problem, k, points, (lower, upper))
+        _fix_ends(problem, k, points, (lower, upper), free=_ends_free(spec.constraints))
     for k in shape.legs[1:]:
         for order in range(1, shape.smooth + 1):
             sides = _factors(guess.legs[k - 1].basis, order)[-1], _factors(guess.legs[k].basis, order)[0]
@@ -171,11 +172,14 @@ def _add_rates(
                 lower[place] = upper[place] = np.asarray(v) / scale
             elif order == 2 and problem.jerk_limit is not None:
                 lower[place] = upper[place] = 0
+        if order == 1 and leg == shape.legs[-1] and _ends_free(constraints):  # at rest, wherever that is
+            rest = 1 + _begins_gently(problem, np.asarray(problem.q_goal))
+            lower[-rest:] = upper[-rest:] = np.asarray(problem.v_goal) / scale
         numbers.add(np.hstack([factors, np.tile(1 / scale, (len(factors), 1))]), lower, upper)
 
 
 def _add_torque_rates(numbers: _Numbers, task: Task, spec: CurveSpec, guess: Curve) -> None:
-    """Limits of how fast torques change: leg by leg, where legs meet, and from and to what holds the arm."""
+    """Limits of torque rates: within legs, where legs meet, and from and to the holding torques."""
     problem = task.problem
     rates = torque_rates(task, spec.constraints)
     if rates is None:
@@ -200,10 +204,19 @@ def _add_torque_rates(numbers: _Numbers, task: Task, spec: CurveSpec, guess: Cur
         numbers.add(np.concatenate([hold / half, [part], over]), -free, free)
 
 
-def _fix_ends(problem: MinimumTimeProblem, leg: int, points: NDArray[np.int_], sides: tuple[Array, Array]) -> None:
-    """Give a leg's ends their poses, and rest where the motion begins and ends."""
+def _ends_free(constraints: TightenedConstraints) -> bool:
+    """Whether the motion ends anywhere in a region."""
+    return any(isinstance(each, GoalRegion) for each in constraints.path_constraints)
+
+
+def _fix_ends(
+    problem: MinimumTimeProblem, leg: int, points: NDArray[np.int_], sides: tuple[Array, Array], free: bool
+) -> None:
+    """Give a leg's ends their poses, unless the goal is free, and rest where the motion begins and ends."""
     ends = ((0, 1, leg == 0, problem.v_start), (-1, -1, leg == len(problem.poses) - 2, problem.v_goal))
     for place, inward, outer, v in ends:
+        if free and outer and place:
+            continue
         q = problem.poses[leg if place == 0 else leg + 1]
         at_rest = outer and not np.any(v)
         count = 1 + at_rest + (at_rest and _begins_gently(problem, q))
@@ -213,7 +226,7 @@ def _fix_ends(problem: MinimumTimeProblem, leg: int, points: NDArray[np.int_], s
 
 
 def _begins_gently(problem: MinimumTimeProblem, q: Array) -> bool:
-    """Whether acceleration is zero where the arm is at rest: jerks are limited, or torques begin with what holds it."""
+    """Whether acceleration is zero at rest: jerks are limited, or torques begin at the holding torques."""
     if problem.jerk_limit is not None or not problem.continuous_torque:
         return problem.jerk_limit is not None
     hold = problem.robot.holding_torque(q)

@@ -40,7 +40,7 @@ def transversality(problem: MinimumTimeProblem, goal: GoalPose | None, q: Array,
     """
     if goal is None or not free_directions(problem.robot, goal, q).size:
         return None
-    if phases is None:
+    if phases is None or any(goal.tolerance):  # multipliers of a tolerance's bounds are not checked
         return float("inf")
     way = np.linalg.norm(q - problem.poses[-2])
     return float(np.linalg.norm(end_gradient(problem.robot, goal, q, phases)) * way / phases.duration)

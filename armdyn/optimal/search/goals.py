@@ -1,5 +1,6 @@
 """Several joint positions that reach one goal: which is reached fastest."""
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -7,8 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.codegen.deadline import LateError
+from armdyn.models.scene.reaching import GoalPose, free_directions, slid
+from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.nlp_data import CurveSpec
 from armdyn.optimal.flat.solve import solve_curve
+from armdyn.optimal.path_constraints.goal_region import GoalRegion
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import stopping
@@ -37,45 +41,122 @@ class GoalTried:
     refined: bool = False
 
 
-def screened(task: Task) -> tuple[list[MinimumTimeProblem], list[GoalTried]]:
-    """One problem for each of the most promising goals, best first; and all goals with coarse durations.
+@dataclass(frozen=True, eq=False)
+class _Screened:
+    """A problem with one of the goals, and the duration of a coarse motion [s], inf: none; its curve, if it is one.
+
+    Attributes:
+        chosen: its goal is the end that a curve's program chose.
+    """
+
+    branch: MinimumTimeProblem
+    duration: float = np.inf
+    curve: Curve | None = None
+    chosen: bool = False
+
+    @property
+    def tried(self) -> GoalTried:
+        return GoalTried(np.asarray(self.branch.q_goal), self.duration)
+
+    def rank(self) -> tuple[bool, float]:
+        """Sorts: those where the arm can stay first, of those the fast ones."""
+        return self.branch.unheld is not None, self.duration
+
+    def under(self, task: Task) -> Task:
+        """The task of solving it in full, from the curve that chose its goal, too."""
+        task = task.about(self.branch)
+        if self.curve is None or not self.chosen:
+            return task
+        motion = self.curve.trajectory(self.branch.robot, 1, 0)
+        return task.with_options(guesses=(*task.options.guesses, motion))
+
+
+def screened(task: Task) -> tuple[list[Task], list[GoalTried]]:
+    """A task for each of the most promising goals, best first; and all goals with coarse durations, these first.
+
+    A curve's program moves its end along the joint positions that reach the pose: on a coarse mesh from every goal, on
+    a fine one from the best. The best goal as it was sampled is among the tasks, too.
 
     Args:
         task: its problem has several `goals`; of its time limit this takes a third at most, and its `stop` is told
             where the third was not enough.
     """
-    branches: list[MinimumTimeProblem] = []
-    durations: list[float] = []
     problem, numbers, whole = task.problem, task.policy.goals, task.stop
+    sampled: list[_Screened] = []
     with stopping(numbers.tried * task.options.time_limit) as stop:
         task = replace(task, stop=stop)
         goals = [*slid_goals(problem, numbers), *problem.goals]
         for i, q in enumerate(goals, start=1):
-            branch = problem.variant(q_goal=q, goal_pose=None, wrap=False)
-            branches.append(branch)
-            if stop or branch.unheld or branch.duration_bound() > numbers.hopeless * min(durations, default=np.inf):
-                durations.append(np.inf)
-                continue
-            task.progress(f"goal {i} of {len(goals)}")
-            durations.append(_tried(task.about(branch)))
+            one = _Screened(problem.variant(q_goal=q, goal_pose=None, wrap=False))
+            least = min((other.duration for other in sampled), default=np.inf)
+            if not (stop or one.branch.unheld or one.branch.duration_bound() > numbers.hopeless * least):
+                task.progress(f"goal {i} of {len(goals)}")
+                one = _tried(task.about(one.branch))
+            sampled.append(one)
+        sampled.sort(key=_Screened.rank)
+        moved = sorted((_with_free_end(task, one, task.policy.curves.coarse) for one in sampled), key=_Screened.rank)
+        held = [one for one in (moved[0], sampled[0], *moved[1:]) if one.branch.unheld is None] or moved
+        best = _apart(held, numbers.distinct)[: numbers.solved]
+        tried = [one.tried for one in best] + [one.tried for one in moved if one not in best]
+        best = [
+            _with_free_end(task, one, task.policy.curves.intervals) if one is not sampled[0] else one for one in best
+        ]
     if stop.cut_short:
         whole.cut()
-    order = sorted(range(len(branches)), key=lambda i: (durations[i], i))
-    order = sorted(order, key=lambda i: branches[i].unheld is not None)  # those where the arm can stay first
-    tried = [GoalTried(goals[i], durations[i]) for i in order]
-    held = [i for i in order if branches[i].unheld is None] or order
-    return [branches[i] for i in held[: numbers.solved]], tried
+    return [one.under(task) for one in best], tried
 
 
-def _tried(task: Task) -> float:
-    """The duration of one coarse solve from the straight way [s]; inf: it did not converge, or was not begun."""
+def _apart(goals: Sequence[_Screened], distinct: float) -> list[_Screened]:
+    """Goals without those of which no joint is further off than so much [rad or m] from one before."""
+    kept: list[_Screened] = []
+    for one in goals:
+        if all(np.max(np.abs(one.tried.q - other.tried.q)) > distinct for other in kept):
+            kept.append(one)
+    return kept
+
+
+def _tried(task: Task) -> _Screened:
+    """One coarse solve from the straight way; no duration: it did not converge, or was not begun."""
     if not task.policy.strategy.curves_alone:
-        guess, intervals = spline(task.problem, []), task.meshes[0]
-        attempt = solve_on_mesh(task, guess, intervals, task.coarse()[-1])
-        return attempt.trajectory.duration if attempt.usable else np.inf
+        attempt = solve_on_mesh(task, spline(task.problem, []), task.meshes[0], task.coarse()[-1])
+        return _Screened(task.problem, attempt.trajectory.duration if attempt.usable else np.inf)
+    guess = straight_curve(task, task.policy.curves.coarse)
     with suppress(LateError):
-        smooth = 0.0 if task.problem.pays_effort else task.options.smooth
-        spec = CurveSpec(TightenedConstraints.of(task), smooth=smooth)
-        solved = solve_curve(task, straight_curve(task, task.policy.curves.coarse), spec)
-        return solved.curve.duration if solved.converged else np.inf
-    return np.inf
+        solved = solve_curve(task, guess, _spec(task))
+        if solved.converged:
+            return _Screened(task.problem, solved.curve.duration, solved.curve)
+    return _Screened(task.problem, curve=guess)
+
+
+def _spec(task: Task) -> CurveSpec:
+    return CurveSpec(TightenedConstraints.of(task), smooth=0.0 if task.problem.pays_effort else task.options.smooth)
+
+
+def _with_free_end(task: Task, one: _Screened, intervals: int) -> _Screened:
+    """The goal that a curve chooses among all that reach the pose, near one of these; that one if there is no choice.
+
+    Args:
+        task: its problem has the pose.
+        one: with the curve to start from.
+        intervals: of the curve's legs.
+    """
+    pose, problem, spec = task.problem.goal_pose, one.branch, _spec(task.about(one.branch))
+    if task.stop or pose is None or one.curve is None or not _chooses(problem, pose, spec):
+        return one
+    regions = (*spec.constraints.path_constraints, GoalRegion(pose))
+    spec = replace(spec, constraints=replace(spec.constraints, path_constraints=regions))
+    guess = one.curve.on(straight_curve(task.about(problem), intervals).legs[0].basis)
+    with suppress(LateError):
+        solved = solve_curve(task.about(problem), guess, spec)
+        nothing, end = np.zeros(problem.robot.nv), solved.curve.legs[-1].points[-1]
+        exact = slid(problem.robot, pose, end, nothing, problem.limits) if solved.converged else None
+        if exact is not None and (one.chosen or solved.curve.duration < one.duration):
+            return _Screened(problem.variant(q_goal=exact), solved.curve.duration, solved.curve, chosen=True)
+    return one
+
+
+def _chooses(problem: MinimumTimeProblem, pose: GoalPose, spec: CurveSpec) -> bool:
+    """Whether a curve may end at other joint positions near its goal: at rest, and among obstacles not."""
+    fixed = spec.constraints.asked_distances(problem) is not None or problem.continuous_torque
+    at_rest = problem.from_rest_to_rest and not fixed
+    return at_rest and free_directions(problem.robot, pose, np.asarray(problem.q_goal)).size > 0

@@ -6,7 +6,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError, SpecError
-from armdyn.models.scene.reaching import GoalPose, poses_reaching
+from armdyn.models.scene.reaching import GoalPose, free_directions, poses_reaching
 from oracles import robot_named
 
 
@@ -63,3 +63,50 @@ def test_a_problem_takes_a_goal_pose():
     np.testing.assert_array_equal(problem.q_goal, problem.goals[0])
     with pytest.raises(ProblemError, match="q_goal or goal_pose"):
         ad.MinimumTimeProblem(robot, q_start=[0.0, 0.0])
+
+
+PLACE = [0.4, -0.9, 1.1, -1.7, -1.4, 0.3]
+WITHIN = (0.01, 0.02, 0.0, 0.0, 0.1, 0.05)
+
+
+def test_a_region_is_reached_by_other_joint_positions_than_its_pose():
+    robot = robot_named("ur5")
+    pose = placement(robot, robot.tip, np.array(PLACE))
+    free = GoalPose(robot.tip, pose, free=("rz",))
+    angles = set()
+    for q in poses_reaching(robot, free, np.zeros(6) + 0.3, robot.limits):
+        off = pose.actInv(placement(robot, robot.tip, q))
+        np.testing.assert_allclose(off.translation, 0, atol=1e-8)
+        np.testing.assert_allclose(off.rotation[:, 2], [0, 0, 1], atol=1e-8)
+        angles.add(round(float(np.arctan2(off.rotation[1, 0], off.rotation[0, 0])), 3))
+        assert free_directions(robot, free, q).shape == (6, 1)
+    assert len(angles) > 2
+    for q in poses_reaching(robot, GoalPose(robot.tip, pose, tolerance=WITHIN), np.zeros(6) + 0.3, robot.limits):
+        off = pose.actInv(placement(robot, robot.tip, q))
+        assert np.all(np.abs([*off.translation, *pin.log3(off.rotation)]) <= np.array(WITHIN) + 1e-8)
+
+
+def test_a_tilted_tool_that_may_turn_is_within_its_tolerance():
+    robot = robot_named("ur5")
+    pose = placement(robot, robot.tip, np.array(PLACE))
+    goal = GoalPose(robot.tip, pose, free=("rz",), tolerance=(0, 0, 0, 0.3, 0.0, 0))
+    for q in poses_reaching(robot, goal, np.zeros(6) + 0.3, robot.limits):
+        axis = pose.actInv(placement(robot, robot.tip, q)).rotation[:, 2]
+        assert abs(axis[0]) < 1e-8 and np.arctan2(abs(axis[1]), axis[2]) <= 0.3 + 1e-8
+
+
+@pytest.mark.parametrize(
+    ("region", "said"),
+    [
+        ({"free": "rz"}, "free is 'rz'; it is a tuple of some of x, y, z, rx, ry, rz"),
+        ({"free": ("rx", "ry")}, "one free rotation or three"),
+        ({"tolerance": (0.1,)}, "has 1 numbers; it takes x, y, z, rx, ry, rz"),
+        ({"tolerance": (0, 0, 0, 0, 0, -1)}, "tolerance of a goal pose is -1"),
+        ({"tolerance": (0, 0, 0, 0, 0, 1), "free": ("rz",)}, "rz of a goal pose is free and has a tolerance"),
+    ],
+)
+def test_bad_regions(region, said):
+    with pytest.raises(ProblemError, match=said):
+        GoalPose("tool0", np.eye(4), **region)
+    with pytest.raises(ProblemError, match="position"):
+        GoalPose("tool0", [0, 0, 0], **(region | {"free": ("rz",), "tolerance": ()}))

@@ -65,6 +65,34 @@ def test_no_joint_position_that_reaches_the_pose_is_lost(name, seed, oriented):
         assert np.any(np.all((boxes.lower <= q) & (q <= boxes.upper), axis=1))
 
 
+@pytest.mark.parametrize("region", ["beside", "turned"])
+def test_no_joint_position_in_a_region_is_lost(region):
+    """The goal lies at the region's edge, or is turned about the axis that is free."""
+    robot = ARMS["ur5"]()
+    start, pose, members = reaching(robot, 101, oriented=True)
+    off = pin.SE3(pin.exp3(np.array([0.1, -0.05, 0.2])), np.array([0.02, -0.01, 0.03]))
+    more = {"tolerance": np.abs([*off.inverse().translation, *pin.log3(off.rotation)]) * (1 + 1e-9)}
+    if region == "turned":
+        off, more = pin.SE3(pin.exp3(np.array([0, 0, 2.0])), np.zeros(3)), {"free": ("rz",)}
+    goal, limits = ad.GoalPose(robot.tip, pose.pose * off, **more), robot.limits
+    goals = GoalSet(
+        Dynamics(robot), goal, start, limits.velocity, Interval(limits.position_lower, limits.position_upper),
+        BoundPolicy(),
+    )  # fmt: skip
+    times = np.max(np.abs(members - start) / limits.velocity, axis=1)
+    longest = float(np.quantile(times, 0.1)) * (1 + 1e-9)
+    boxes, least = goals.enclosed(goals.within(longest), longest, 0.5, lambda: False)
+    assert least <= np.min(times)
+    for q in members[times < longest]:
+        assert np.any(np.all((boxes.lower <= q) & (q <= boxes.upper), axis=1))
+
+
+def test_a_position_that_is_free_along_an_axis_has_no_bound():
+    robot = ARMS["ur5"]()
+    goal = ad.GoalPose(robot.tip, [0.4, 0.2, 0.3], free=("x",))
+    assert ad.lower_bound(ad.MinimumTimeProblem(robot, q_start=np.zeros(6), goal_pose=goal)) is None
+
+
 def issue():
     """A position that a UR5 reaches in 0.2451 s, where sampled inverse kinematics take 0.3929 s."""
     robot = ad.Robot.from_library("ur5")

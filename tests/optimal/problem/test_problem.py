@@ -100,9 +100,9 @@ def test_of_a_goal_pose_the_branches_that_can_be_held_are_solved():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         problem = free.variant(effort_limit=sum(needed) / 2)
-    branches, tried = screened(Task.of(problem))
-    assert len(branches) == 1 and branches[0].unheld is None and len(tried) == 2
-    np.testing.assert_array_equal(branches[0].q_goal, free.goals[int(np.argmin(needed))])
+    tasks, tried = screened(Task.of(problem))
+    assert len(tasks) == 1 and tasks[0].problem.unheld is None and len(tried) == 2
+    np.testing.assert_array_equal(tasks[0].problem.q_goal, free.goals[int(np.argmin(needed))])
 
 
 def test_values_are_frozen():

@@ -29,21 +29,44 @@ def test_a_goal_that_velocity_limits_put_far_behind_is_not_tried():
     place = ad.GoalPose(robot.tip, placement(robot, near).translation)
     problem = ad.MinimumTimeProblem(robot, q_start=near - 0.3, goal_pose=place, velocity_limit=1.0)
     told = []
-    branches, tried = screened(Task.of(problem, progress=told.append))
-    assert len(told) == 1 and len(tried) == len(branches) == 2
+    tasks, tried = screened(Task.of(problem, progress=told.append))
+    assert len(told) == 1 and len(tried) == len(tasks) == 2
     # 0.3 rad at no more than 1 rad/s, gained and lost; the other elbow is 0.7 rad away.
     np.testing.assert_allclose(tried[0].q, near, atol=1e-8)
     assert 0.3 < tried[0].duration < 0.5 and tried[1].duration == np.inf
-    assert tried[1].q[1] == pytest.approx(-0.5, abs=1e-8) and branches[1].duration_bound() > 0.7 - 1e-8
+    assert tried[1].q[1] == pytest.approx(-0.5, abs=1e-8) and tasks[1].problem.duration_bound() > 0.7 - 1e-8
+
+
+@pytest.mark.parametrize("region", [{"free": ("rz",)}, {"tolerance": (0.02, 0.02, 0.02, 0.1, 0.1, 0.1)}])
+def test_a_curve_chooses_its_end_within_a_region(region):
+    robot = ad.Robot.from_library("ur5")
+    at = placement(robot, GOAL)
+    goal = ad.GoalPose(robot.tip, at, **region)
+    problem = ad.MinimumTimeProblem(robot, q_start=START, goal_pose=goal)
+    tasks, _ = screened(Task.of(problem))
+    chosen = [task for task in tasks if task.options.guesses]
+    assert chosen  # by its program, and no sample
+    for task in chosen:
+        q = np.asarray(task.problem.q_goal)
+        assert min(np.max(np.abs(q - sample)) for sample in problem.goals) > 1e-3
+        off = at.actInv(placement(robot, q))
+        beside = np.abs([*off.translation, *pin.log3(off.rotation)])
+        if goal.axis is not None:
+            beside[3:] = np.abs(off.rotation[:, 2] - [0, 0, 1])
+        assert np.all(beside <= goal.deviations + 1e-8)
+        # Ends at rest there, no later than the samples do.
+        motion = task.options.guesses[0]
+        np.testing.assert_allclose(motion.v[-1], 0, atol=1e-6)
+        np.testing.assert_allclose(motion.q[-1], q, atol=1e-6)
 
 
 @pytest.mark.slow
 def test_eight_branches_of_a_ur5_are_compared_as_coarse_curves():
     robot = ad.Robot.from_library("ur5")
     problem = ad.MinimumTimeProblem(robot, q_start=START, goal_pose=ad.GoalPose(robot.tip, placement(robot, GOAL)))
-    branches, tried = screened(Task.of(problem))
-    assert len(tried) == len(problem.goals) == 8 and len(branches) == 2
-    np.testing.assert_array_equal(branches[0].q_goal, tried[0].q)
+    tasks, tried = screened(Task.of(problem))
+    assert len(tried) == len(problem.goals) == 8 and len(tasks) == 2
+    np.testing.assert_array_equal(tasks[0].problem.q_goal, tried[0].q)
     solution = ad.solve_minimum_time(problem)
     assert solution.success and solution.goals[0].refined
     # 16 intervals instead of 56.

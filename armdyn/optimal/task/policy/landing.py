@@ -15,6 +15,10 @@ class LandingPolicy:
     rounds: int = tuned(8, "rounds", "of Newton's method on the torques", PLANAR)
     landed: float = tuned(1e-9, "rad or m", "miss of the goal that is a few of the integrator's own", PLANAR)
     far: float = tuned(0.1, "rad or m", "miss beyond which a replay is no neighbour of what is sought")
+    check_part: float = tuned(
+        0.3, "of the time limit", "kept for replay and checks of what the search has", "Panda, xArm6"
+    )
+    check_time: float = tuned(1.0, "s", "the same, at most", "Panda, xArm6")
     steps: int = tuned(600, "steps", "of the variational equations: 1 ms resolves a turn through dry friction", "Panda")
     samples: int = tuned(8, "samples", "of the motion under each constant torque", PLANAR)
     below: float = tuned(1e-8, "of a limit", "kept from a velocity limit: what interpolation may be off")
